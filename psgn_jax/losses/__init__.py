@@ -1,0 +1,1 @@
+"""Distances between point clouds: pure functions on one pair; callers vmap."""

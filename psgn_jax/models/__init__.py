@@ -1,0 +1,1 @@
+"""Networks: linen modules whose init and apply are pure functions."""
