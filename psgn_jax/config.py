@@ -1,0 +1,424 @@
+"""The configuration: frozen dataclasses, and the only place that checks one.
+
+`parse` turns an `ml_collections.ConfigDict` (or any nested mapping) into a `Config`. It reads the
+dataclasses below: their field names, annotations and defaults are the whole specification, so a
+new tunable is one line here. Whatever is wrong ends in a `ConfigError` whose message is one line
+naming the field, its value and what would be accepted.
+
+Lengths are in the project's unit, the radius of the object's bounding hemisphere; image sizes are
+(height, width) in pixels.
+"""
+
+import dataclasses
+import difflib
+import json
+import math
+import os
+import pathlib
+import types
+import typing
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+T = TypeVar("T")
+
+
+class ConfigError(ValueError):
+    """A wrong configuration; the message is one line fit for a user."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """Accepted interval of a number; `open_low` leaves out the lower end."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    open_low: bool = False
+
+    def holds(self, value: float) -> bool:
+        """Whether `value` lies in the interval."""
+        above = value > self.low if self.open_low else value >= self.low
+        return above and value <= self.high
+
+    def __str__(self) -> str:
+        low = f"{'>' if self.open_low else '>='} {self.low:g}"
+        if math.isinf(self.high):
+            return low
+        return f"{low} and <= {self.high:g}" if math.isfinite(self.low) else f"<= {self.high:g}"
+
+
+Count = Annotated[int, Bounds(low=0)]
+PositiveInt = Annotated[int, Bounds(low=1)]
+NonNegative = Annotated[float, Bounds(low=0)]
+Positive = Annotated[float, Bounds(low=0, open_low=True)]
+Fraction = Annotated[float, Bounds(low=0, high=1)]
+# Adam's decay rates and the averaging rate: at 1 nothing would ever be forgotten (or learned).
+Decay = Annotated[float, Bounds(low=0, high=1 - 1e-9)]
+Channel = Literal["rgb", "mask", "depth"]
+
+CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 1})
+
+
+@dataclasses.dataclass(frozen=True)
+class DataConfig:
+    """Where samples come from and how they become batches.
+
+    Attributes:
+      path: folder of records; empty = the default data set (analytic solids drawn by numpy).
+      train_split, eval_split: names of the splits.
+      image_size: (height, width) the network sees; images are resized to it.
+      inputs: what the network sees, of "rgb", "mask" and "depth".
+      num_points: ground-truth points drawn per sample and training step.
+      num_eval_points: ground-truth points per sample in an evaluation.
+      flip: mirror half of the training samples (y to -y).
+      stretch: largest relative change of width, s uniform in [1 - stretch, 1 + stretch].
+      colour_jitter: strength of the change of brightness, contrast and channel gains; 0 = off.
+      num_workers: decoding processes; 0 = threads in this process.
+      cache: keep decoded samples in memory.
+    """
+
+    path: str = ""
+    train_split: str = "train"
+    eval_split: str = "validation"
+    image_size: tuple[PositiveInt, PositiveInt] = (192, 256)
+    inputs: tuple[Channel, ...] = ("rgb", "mask")
+    num_points: PositiveInt = 4096
+    num_eval_points: PositiveInt = 4096
+    flip: bool = False
+    stretch: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
+    colour_jitter: Fraction = 0.0
+    num_workers: Count = 0
+    cache: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelConfig:
+    """The network (REFERENCE: the authors' network; paper, section 4.1).
+
+    Attributes:
+      name: an entry of `registry.MODELS`.
+      widths: feature maps at each resolution level, full size first; each level halves the size.
+      width_multiplier: factor on every width, rounded to at least one feature map.
+      fc_points: points from the fully connected branch; all points of `vanilla`.
+      deconv_level: level at which the deconv branch ends (3 = an eighth of the image size).
+      deconv_channels: channels of its last layer, 3 per point of a cell.
+      fc_widths: hidden widths of the fully connected branch.
+      random_size: components of the random input r; 0 = none.
+      compute_dtype: arithmetic inside the network; parameters are float32 always.
+      image_size, in_channels: filled in from `data`; not keys of a config file.
+    """
+
+    name: str = "two_branch"
+    widths: tuple[PositiveInt, ...] = (16, 32, 64, 128, 256, 512, 512)
+    width_multiplier: Positive = 1.0
+    fc_points: Count = 256
+    deconv_level: Count = 3
+    deconv_channels: PositiveInt = 3
+    fc_widths: tuple[PositiveInt, ...] = (2048, 1024)
+    random_size: Count = 0
+    compute_dtype: Literal["float32", "bfloat16"] = "float32"
+    image_size: tuple[int, int] = dataclasses.field(default=(192, 256), metadata={"derived": True})
+    in_channels: int = dataclasses.field(default=4, metadata={"derived": True})
+
+    @property
+    def divisor(self) -> int:
+        """Both image sides must be multiples of this."""
+        return 2 ** (len(self.widths) - 1)
+
+    @property
+    def num_deconv_points(self) -> int:
+        """Points of the deconv branch: 768 at the default configuration."""
+        height, width = (side >> self.deconv_level for side in self.image_size)
+        return height * width * self.deconv_channels // 3
+
+    @property
+    def num_points(self) -> int:
+        """Points of one prediction: 1,024 at the default configuration."""
+        return self.fc_points + (0 if self.name == "vanilla" else self.num_deconv_points)
+
+
+@dataclasses.dataclass(frozen=True)
+class LossConfig:
+    """What is minimised.
+
+    Attributes:
+      name: an entry of `registry.LOSSES`.
+      l2: "authors" adds `l2_scale` times their sum of L2 terms by layer type (REFERENCE 2).
+      l2_scale: their 0.1.
+    """
+
+    name: str = "chamfer_sq_mean"
+    l2: Literal["none", "authors"] = "none"
+    l2_scale: NonNegative = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class OptimConfig:
+    """Adam and its schedule.
+
+    Attributes:
+      learning_rate: the peak; 3e-5 is the authors'.
+      schedule: after the warm-up, constant or half a cosine down to `final_fraction` of the peak.
+      warmup_steps: linear from 0.
+      final_fraction: learning rate at the last step over the peak (cosine only).
+      b1, b2, eps: Adam's.
+      clip_norm: largest global norm of the gradient; 0 = off.
+      ema_decay: decay per step of the averaged parameters, which evaluation then uses; 0 = off.
+    """
+
+    learning_rate: Positive = 3e-5
+    schedule: Literal["constant", "cosine"] = "constant"
+    warmup_steps: Count = 0
+    final_fraction: Fraction = 0.0
+    b1: Decay = 0.9
+    b2: Decay = 0.999
+    eps: Positive = 1e-8
+    clip_norm: NonNegative = 0.0
+    ema_decay: Decay = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainConfig:
+    """How long, and what is written when. An interval of 0 switches its action off.
+
+    Attributes:
+      batch_size: samples a step, over all devices and processes.
+      steps: updates in total; the paper's 300,000.
+      log_every: steps between lines of metrics.
+      eval_every: steps between evaluations on `data.eval_split` (and one at the end).
+      checkpoint_every: steps between checkpoints (and one at the end).
+      images_every: steps between pictures of predictions in tensorboard (and at the end).
+      num_images: samples in such a picture.
+      keep_checkpoints: newest checkpoints kept, besides the best one.
+    """
+
+    batch_size: PositiveInt = 32
+    steps: PositiveInt = 300_000
+    log_every: PositiveInt = 100
+    eval_every: Count = 5_000
+    checkpoint_every: Count = 1_000
+    images_every: Count = 5_000
+    num_images: PositiveInt = 6
+    keep_checkpoints: PositiveInt = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class EvalConfig:
+    """Evaluation, during training and afterwards.
+
+    Attributes:
+      batch_size: samples a step.
+      max_samples: evaluate the first so many samples during training; 0 = all.
+      fscore_threshold: distance in units below which a point counts as correct.
+    """
+
+    batch_size: PositiveInt = 32
+    max_samples: Count = 0
+    fscore_threshold: Positive = 0.01
+
+
+@dataclasses.dataclass(frozen=True)
+class Config:
+    """Everything a run depends on; `seed` is the root of every random number."""
+
+    seed: Count = 0
+    data: DataConfig = dataclasses.field(default_factory=DataConfig)
+    model: ModelConfig = dataclasses.field(default_factory=ModelConfig)
+    loss: LossConfig = dataclasses.field(default_factory=LossConfig)
+    optim: OptimConfig = dataclasses.field(default_factory=OptimConfig)
+    train: TrainConfig = dataclasses.field(default_factory=TrainConfig)
+    eval: EvalConfig = dataclasses.field(default_factory=EvalConfig)
+
+
+def parse(config: Any) -> Config:
+    """Checks a nested mapping and makes it a `Config`; keys left out take their defaults.
+
+    Args:
+      config: an `ml_collections.ConfigDict` or a nested mapping (lists count as tuples).
+
+    Raises:
+      ConfigError: for an unknown key, a wrong type, a value out of range or fields that do not
+        fit together; one line naming field, value and what is accepted.
+    """
+    parsed = _build(Config, config, "")
+    parsed = dataclasses.replace(
+        parsed,
+        model=dataclasses.replace(
+            parsed.model,
+            image_size=parsed.data.image_size,
+            in_channels=sum(CHANNELS_OF[name] for name in parsed.data.inputs),
+        ),
+    )
+    _check_together(parsed)
+    return parsed
+
+
+def check_paths(config: Config) -> None:
+    """Raises `ConfigError` if the data that the configuration names is not there."""
+    path = config.data.path
+    if path and not pathlib.Path(path).is_dir():
+        what = "is not a folder" if os.path.exists(path) else "does not exist"
+        raise ConfigError(
+            f"data.path={path!r} {what}; accepted: a folder of records, "
+            "or '' for the default data set"
+        )
+
+
+def to_dict(config: Any) -> dict[str, Any]:
+    """Nested dict of a configuration dataclass, without derived fields; inverse of `parse`."""
+    return {
+        field.name: to_dict(value) if dataclasses.is_dataclass(value) else value
+        for field in dataclasses.fields(config)
+        if not field.metadata.get("derived")
+        for value in [getattr(config, field.name)]
+    }
+
+
+def to_json(config: Config) -> str:
+    """The text of a run's `config.json`."""
+    return json.dumps(to_dict(config), indent=2) + "\n"
+
+
+def from_json(text: str) -> Config:
+    """Reads `to_json`'s text; raises `ConfigError` for anything else."""
+    try:
+        raw = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ConfigError(f"config.json is not JSON: {error}") from None
+    return parse(raw)
+
+
+def flatten(config: Config) -> dict[str, Any]:
+    """`{"train.steps": 2000, ...}`, without derived fields."""
+
+    def walk(node: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+        flat: dict[str, Any] = {}
+        for key, value in node.items():
+            if isinstance(value, Mapping):
+                flat |= walk(value, f"{prefix}{key}.")
+            else:
+                flat[prefix + key] = value
+        return flat
+
+    return walk(to_dict(config), "")
+
+
+def suggestion(name: str, choices: typing.Iterable[str]) -> str:
+    """`"did you mean 'x'? "` where one of `choices` is near `name`, else nothing."""
+    near = difflib.get_close_matches(name, list(choices), n=1)
+    return f"did you mean {near[0]!r}? " if near else ""
+
+
+def _build(cls: type[T], node: Any, prefix: str) -> T:
+    """Walks one dataclass: every key known, every value converted by its annotation."""
+    if hasattr(node, "to_dict"):
+        node = node.to_dict()
+    if not isinstance(node, Mapping):
+        raise _wrong(prefix.rstrip("."), node, f"a section with {_listed(_keys(cls))}")
+    keys = _keys(cls)
+    for key in node:
+        if key in keys:
+            continue
+        path = f"{prefix}{key}"
+        if any(field.name == key for field in dataclasses.fields(cls)):  # type: ignore[arg-type]
+            raise ConfigError(f"{path} follows from data.image_size and data.inputs; remove it")
+        raise ConfigError(
+            f"{path} is no field; {suggestion(str(key), keys)}accepted: {_listed(keys)}"
+        )
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return cls(**{key: _convert(hints[key], value, prefix + key) for key, value in node.items()})
+
+
+def _convert(hint: Any, value: Any, path: str) -> Any:
+    """`value` as the annotation `hint` wants it, or a `ConfigError`."""
+    if dataclasses.is_dataclass(hint):
+        return _build(typing.cast(type, hint), value, path + ".")
+    origin, args = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        converted = _convert(args[0], value, path)
+        for bounds in args[1:]:
+            if not bounds.holds(converted):
+                raise _wrong(path, value, f"a number {bounds}")
+        return converted
+    if origin is Literal:
+        if not isinstance(value, str) or value not in args:
+            hint_text = suggestion(value, args) if isinstance(value, str) else ""
+            raise _wrong(path, value, _listed(map(repr, args)), hint_text)
+        return value
+    if origin is tuple:
+        return _convert_tuple(args, value, path)
+    if hint is bool or hint is str:
+        if not isinstance(value, hint):
+            raise _wrong(path, value, "True or False" if hint is bool else "a string")
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise _wrong(path, value, "an integer" if hint is int else "a number")
+    if hint is int:
+        if not isinstance(value, int):
+            raise _wrong(path, value, "an integer")
+        return value
+    if not math.isfinite(value):
+        raise _wrong(path, value, "a finite number")
+    return float(value)
+
+
+def _convert_tuple(args: tuple[Any, ...], value: Any, path: str) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        raise _wrong(path, value, "a tuple")
+    if args[-1] is Ellipsis:
+        hints = args[:1] * len(value)
+    elif len(value) == len(args):
+        hints = args
+    else:
+        raise _wrong(path, value, f"a tuple of {len(args)}")
+    return tuple(
+        _convert(hint, item, f"{path}[{i}]")
+        for i, (hint, item) in enumerate(zip(hints, value, strict=True))
+    )
+
+
+def _check_together(config: Config) -> None:
+    """Checks that need more than one field, or more of one than its annotation says."""
+    data, model, optim, train = config.data, config.model, config.optim, config.train
+    if len(set(data.inputs)) < len(data.inputs) or "rgb" not in data.inputs:
+        raise _wrong("data.inputs", data.inputs, "'rgb' and any of 'mask', 'depth', each once")
+    if len(model.widths) < 2:
+        raise _wrong("model.widths", model.widths, "at least two resolution levels")
+    if any(side % model.divisor for side in data.image_size):
+        fitting = tuple(max(1, round(s / model.divisor)) * model.divisor for s in data.image_size)
+        raise _wrong(
+            "data.image_size",
+            data.image_size,
+            f"multiples of {model.divisor} in both directions (model.widths has "
+            f"{len(model.widths)} levels), such as {fitting}",
+        )
+    if model.name == "vanilla":
+        if not model.fc_points:
+            raise _wrong("model.fc_points", 0, "at least 1 (all the points of 'vanilla')")
+    else:
+        if model.deconv_level > len(model.widths) - 2:
+            raise _wrong(
+                "model.deconv_level",
+                model.deconv_level,
+                f"0 to {len(model.widths) - 2} (model.widths has {len(model.widths)} levels)",
+            )
+        if model.deconv_channels % 3:
+            raise _wrong("model.deconv_channels", model.deconv_channels, "a multiple of 3")
+    if optim.warmup_steps >= train.steps:
+        raise _wrong(
+            "optim.warmup_steps", optim.warmup_steps, f"fewer than train.steps={train.steps}"
+        )
+
+
+def _keys(cls: Any) -> list[str]:
+    return [f.name for f in dataclasses.fields(cls) if not f.metadata.get("derived")]
+
+
+def _listed(names: typing.Iterable[str]) -> str:
+    return ", ".join(names)
+
+
+def _wrong(path: str, value: Any, accepted: str, hint: str = "") -> ConfigError:
+    shown = " ".join(repr(value).split())
+    shown = shown if len(shown) <= 80 else shown[:77] + "..."
+    return ConfigError(f"{path or 'config'}={shown}: {hint}accepted: {accepted}")
