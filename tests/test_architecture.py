@@ -1,0 +1,104 @@
+"""The dependency rule: imports go only downward, heavy packages enter by one door each."""
+
+import ast
+import pathlib
+import subprocess
+import sys
+
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "psgn_jax"
+
+# From the bottom to the top. A module may import from its own layer and from the ones above it
+# in this list, never from one below. The longest matching prefix decides.
+LAYERS: list[tuple[str, ...]] = [
+    ("psgn_jax", "psgn_jax.types"),
+    ("psgn_jax.config", "psgn_jax.data.schema", "psgn_jax.data.camera", "psgn_jax.data.records"),
+    ("psgn_jax.losses", "psgn_jax.models", "psgn_jax.data"),
+    ("psgn_jax.metrics", "psgn_jax.registry"),
+    ("psgn_jax.state", "psgn_jax.step", "psgn_jax.checkpoint", "psgn_jax.writer"),
+    ("psgn_jax.train", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.viewing",
+     "psgn_jax.studies"),
+    ("psgn_jax.main",),
+]  # fmt: skip
+
+# Packages that are heavy or optional, and the only modules that may import them.
+DOORS = {
+    "orbax": {"psgn_jax.checkpoint"},
+    "tensorboardX": {"psgn_jax.writer"},
+    "grain": {"psgn_jax.data.loader"},
+    "array_record": {"psgn_jax.data.records"},
+    "mitsuba": set(),
+    "torch": set(),
+    "scipy": set(),
+    "matplotlib": set(),
+}
+
+
+def modules() -> dict[str, pathlib.Path]:
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imported_names(path: pathlib.Path) -> set[str]:
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(), str(path))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names.add(str(node.module))
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def layer_of(name: str) -> int:
+    matches = [
+        (len(prefix), index)
+        for index, prefixes in enumerate(LAYERS)
+        for prefix in prefixes
+        if name == prefix or name.startswith(prefix + ".")
+    ]
+    return max(matches)[1]
+
+
+@pytest.mark.parametrize("name", list(modules()))
+def test_imports_go_downward(name):
+    known = modules()
+    for imported in imported_names(known[name]) & set(known):
+        if imported == "psgn_jax":
+            continue
+        assert layer_of(imported) <= layer_of(name), f"{name} imports {imported}, a layer above it"
+
+
+@pytest.mark.parametrize("name", list(modules()))
+def test_heavy_packages_enter_by_one_door(name):
+    tops = {imported.split(".")[0] for imported in imported_names(modules()[name])}
+    for package, doors in DOORS.items():
+        assert package not in tops or name in doors, f"{name} imports {package}"
+
+
+def test_every_layer_entry_is_a_module_or_planned():
+    for name in modules():
+        assert name == "psgn_jax" or layer_of(name) > 0 or name == "psgn_jax.types", name
+
+
+def test_losses_import_is_light():
+    code = (
+        "import sys, psgn_jax.losses, psgn_jax.losses.chamfer\n"
+        "heavy = {'flax', 'orbax', 'tensorboardX', 'optax', 'grain', 'mitsuba', 'ml_collections'}\n"
+        "loaded = {m.split('.')[0] for m in sys.modules} & heavy\n"
+        "assert not loaded, loaded\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
+def test_records_need_no_jax():
+    code = (
+        "import sys, psgn_jax.data.schema, psgn_jax.data.records\nassert 'jax' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
