@@ -1,0 +1,116 @@
+"""Projection between the project's frame and the image, in numpy.
+
+Conventions of frame, camera and pixel centres: `psgn_jax.data.schema`.
+"""
+
+import numpy as np
+
+
+def default_camera(
+    image_size: tuple[int, int] = (192, 256),
+    *,
+    focal: float = 400.0,
+    tilt_degrees: float = 20.0,
+    distance: float = 3.6,
+    shift_down: float = 0.252,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The authors' camera, fitted on the silhouettes of their images (half a pixel).
+
+    It looks down by `tilt_degrees` at the object from +x. `focal` is in pixels at 192x256 and
+    follows `image_size`.
+
+    Args:
+      image_size: (H, W) in pixels.
+      focal: focal length in pixels of an image 192x256.
+      tilt_degrees: angle of the optical axis below the horizon.
+      distance: from the origin along the optical axis, unit of the frame.
+      shift_down: how far the origin lies below the optical axis, unit of the frame.
+
+    Returns:
+      intrinsics float32 [3, 3] and extrinsics float32 [3, 4].
+    """
+    height, width = image_size
+    intrinsics = np.array([[focal, 0, 128.0], [0, focal, 96.0], [0, 0, 1]])
+    sine, cosine = np.sin(np.deg2rad(tilt_degrees)), np.cos(np.deg2rad(tilt_degrees))
+    extrinsics = np.array(
+        [[0, 1, 0, 0], [sine, 0, -cosine, shift_down], [-cosine, 0, -sine, distance]]
+    )
+    scaled = scale_intrinsics(intrinsics, (192, 256), (height, width))
+    return scaled, extrinsics.astype(np.float32)
+
+
+def scale_intrinsics(
+    intrinsics: np.ndarray, old_size: tuple[int, int], new_size: tuple[int, int]
+) -> np.ndarray:
+    """Intrinsics of an image resized from `old_size` to `new_size`, both (H, W)."""
+    factor = np.array([new_size[1] / old_size[1], new_size[0] / old_size[0], 1.0])
+    return (factor[:, None] * intrinsics).astype(np.float32)
+
+
+def to_camera(points: np.ndarray, extrinsics: np.ndarray) -> np.ndarray:
+    """Points [n, 3] of the project's frame in the camera's frame, [n, 3]."""
+    return points @ extrinsics[:, :3].T + extrinsics[:, 3]
+
+
+def project(
+    points: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Projects points [n, 3] of the project's frame.
+
+    Returns:
+      pixels [n, 2] as continuous (column, row), and the depth [n] along the optical axis. Points
+      at or behind the camera (depth <= 0) get pixels that are not finite or meaningless.
+    """
+    camera = to_camera(points, extrinsics)
+    depth = camera[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = (camera @ intrinsics[:2].T) / depth[:, None]
+    return pixels, depth
+
+
+def back_project(depth: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray) -> np.ndarray:
+    """Surface points of all pixels with a depth, in the project's frame.
+
+    Args:
+      depth: [H, W] along the optical axis, 0 = no surface.
+      intrinsics: [3, 3].
+      extrinsics: [3, 4].
+
+    Returns:
+      float32 [n, 3], one point per pixel with depth > 0 (its centre), in row-major order.
+    """
+    rows, columns = np.nonzero(depth > 0)
+    z = depth[rows, columns].astype(np.float64)
+    rays = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
+    camera = (np.linalg.inv(intrinsics.astype(np.float64)) @ rays) * z
+    rotation, translation = extrinsics[:, :3].astype(np.float64), extrinsics[:, 3:]
+    return (rotation.T @ (camera - translation)).T.astype(np.float32)
+
+
+def inside_mask(pixels: np.ndarray, mask: np.ndarray, radius: int = 0) -> np.ndarray:
+    """Whether each of `pixels` [n, 2] (column, row) lies on the mask.
+
+    Args:
+      pixels: continuous coordinates as from `project`.
+      mask: bool [H, W].
+      radius: accepts pixels within this many pixels of the mask, along rows and columns.
+
+    Returns:
+      bool [n]; False outside the image (further than `radius`) and for coordinates not finite.
+    """
+    padded = np.pad(mask, radius + 1)
+    grown = padded.copy()
+    for shift in range(1, radius + 1):
+        grown[shift:] |= padded[:-shift]
+        grown[:-shift] |= padded[shift:]
+    across = grown.copy()
+    for shift in range(1, radius + 1):
+        across[:, shift:] |= grown[:, :-shift]
+        across[:, :-shift] |= grown[:, shift:]
+    height, width = across.shape
+    finite = np.isfinite(pixels).all(axis=1)
+    cells = np.floor(np.where(finite[:, None], pixels, -1e6)) + (radius + 1)
+    columns = np.clip(cells[:, 0], 0, width - 1).astype(np.intp)
+    rows = np.clip(cells[:, 1], 0, height - 1).astype(np.intp)
+    # Growing leaves the outermost ring of the padding False, so clipped coordinates read False.
+    return across[rows, columns] & finite
