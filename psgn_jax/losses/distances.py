@@ -1,0 +1,59 @@
+"""Squared distances, safe square roots and the checks shared by all losses."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from psgn_jax.types import Array, Float
+
+
+def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
+    """Returns one point cloud as float32 (float64 stays), or says what is wrong with it.
+
+    The values are looked at only where they are at hand: inside `jit`, `vmap` or `grad` they are
+    not, and a non-finite coordinate then reaches the loss as NaN or infinity.
+
+    Args:
+      points: [n, 3] coordinates of a floating dtype, n >= 1; any unit and frame.
+      name: what the caller calls this argument; it begins the error messages.
+
+    Raises:
+      ValueError: the shape is not [n, 3] with n >= 1, the dtype is not floating, or a concrete
+        coordinate is NaN or infinite.
+    """
+    if not isinstance(points, jax.Array | np.ndarray):
+        raise ValueError(f"{name}: got {type(points).__name__}, expected an array [n, 3] of floats")
+    if points.ndim != 2 or points.shape[-1] != 3 or points.shape[0] < 1:
+        raise ValueError(
+            f"{name}: got shape {tuple(points.shape)}, expected [n, 3] with n >= 1"
+            " (one cloud; use jax.vmap or losses.batched for a batch)"
+        )
+    if not jnp.issubdtype(points.dtype, jnp.floating):
+        raise ValueError(f"{name}: got dtype {points.dtype}, expected a floating dtype")
+    if not isinstance(points, jax.core.Tracer) and (
+        not isinstance(points, jax.Array) or points.is_fully_addressable
+    ):
+        finite = np.isfinite(np.asarray(points, np.float32)).all(axis=-1)
+        if not finite.all():
+            row = int(np.argmin(finite))
+            raise ValueError(
+                f"{name}: point {row} of {len(finite)} is {np.asarray(points[row]).tolist()},"
+                f" expected finite coordinates ({int((~finite).sum())} points are not)"
+            )
+    points = jnp.asarray(points)
+    return points.astype(jnp.promote_types(points.dtype, jnp.float32))
+
+
+def pairwise_sq(a: Float[Array, "n 3"], b: Float[Array, "m 3"]) -> Float[Array, "n m"]:
+    """|a_i - b_j|^2 from coordinate differences (unit^2); it holds the whole [n, m] matrix.
+
+    No expansion into |a|^2 - 2ab + |b|^2, which loses the digits of near points: every entry is
+    right to a few units in its last place, wherever the clouds lie.
+    """
+    return sum(jnp.square(a[:, None, axis] - b[None, :, axis]) for axis in range(a.shape[-1]))
+
+
+def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """sqrt(x) for x >= 0 with gradient 0 at x = 0 in place of infinity; NaN stays NaN."""
+    is_zero = x == 0
+    return jnp.where(is_zero, 0, jnp.sqrt(jnp.where(is_zero, 1, x)))
