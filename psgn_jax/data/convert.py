@@ -67,11 +67,8 @@ def convert_authors(
             path = destination / shard.file
             if path.is_file() and path.stat().st_size == shard.size:
                 done.setdefault(shard.inputs, []).append(shard)
-    elif any(destination.iterdir()):
-        if not all(
-            p.name.startswith(".") and p.name.endswith(".tmp") for p in destination.iterdir()
-        ):
-            raise ValueError(f"DST {str(destination)!r}: not empty and not a data set")
+    elif any(not (p.name[0] == "." and p.suffix == ".tmp") for p in destination.iterdir()):
+        raise ValueError(f"DST {str(destination)!r}: not empty and not a data set")
     for left in destination.glob(".*.tmp"):
         left.unlink()  # of a run that was killed
 

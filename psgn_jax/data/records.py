@@ -5,14 +5,15 @@ A data set is a folder with a `manifest.json` (format, version, splits, shards, 
 CRC-32 (little-endian) over the rest, which is one msgpack map, a key per field of
 `psgn_jax.data.schema.Sample`. Nothing is ever pickled.
 
-| field | stored as | error |
-|---|---|---|
-| image | PNG | none |
-| mask | bits, deflated | none |
-| depth | 16-bit codes of the pixels with a depth, `z = offset + scale * code` | none for 16-bit sources given as `DepthCodes`, else (max - min) / 131070 |
-| points | unsigned lattice coordinates and the affine map [3, 4] to the project's frame, sorted, differences deflated | none for sources on a lattice given as `PointLattice`, else half a lattice step: extent / 8190 on each axis at 12 bits |
-| normals | octahedral, 2 x 8 bits | under 1 degree |
-| occupancy | bits, deflated | none |
+image      PNG, exact.
+mask       Bits, deflated, exact.
+depth      16-bit codes of the pixels with a depth, z = offset + scale * code. Exact for 16-bit
+           sources given as `DepthCodes`; else the error is at most (max - min) / 131070.
+points     Unsigned lattice coordinates and the affine map [3, 4] to the project's frame; sorted,
+           differences deflated. Exact for sources given as `PointLattice`; else the error is at
+           most half a lattice step, extent / 8190 on each axis at 12 bits.
+normals    Octahedral, 2 x 8 bits, in the order of the points; the error is under 1 degree.
+occupancy  Bits, deflated, exact.
 
 Points keep their multiplicity and lose their order, which carries no meaning. PNG was chosen over
 lossless WebP on the authors' images: 12.7 kB against 8.8 kB, the same decoding time, a quarter of

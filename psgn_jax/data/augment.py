@@ -1,0 +1,149 @@
+"""Random changes of a training sample that keep image, mask, depth, camera and points consistent.
+
+After any of them, the points still project onto the object in the image with the sample's camera,
+which stays a proper one (right-handed rotation, positive focal lengths).
+"""
+
+import dataclasses
+
+import numpy as np
+
+from psgn_jax.data import schema
+
+# How far the image's x axis may be from the frame's y axis for a stretch to be exact.
+_ALIGNED = 1e-4
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class View:
+    """What an augmentation changes; fields as in `schema.Sample`, `points` [P, 3] any subset."""
+
+    image: np.ndarray
+    mask: np.ndarray
+    depth: np.ndarray | None
+    points: np.ndarray
+    intrinsics: np.ndarray
+    extrinsics: np.ndarray
+
+
+def flip(view: View) -> View:
+    """Mirrors the world, y to -y, and the image, left to right. Twice is the identity.
+
+    With M = diag(-1, 1, 1) and N = diag(1, -1, 1) the camera (R, t) becomes (M R N, M t), a proper
+    rotation again, and column cx becomes W - cx (pixel edges are at integers).
+    """
+    intrinsics = view.intrinsics.copy()
+    intrinsics[0, 1] *= -1
+    intrinsics[0, 2] = view.image.shape[1] - intrinsics[0, 2]
+    extrinsics = view.extrinsics.copy()
+    extrinsics[0] *= -1
+    extrinsics[:, 1] *= -1
+    return View(
+        image=view.image[:, ::-1],
+        mask=view.mask[:, ::-1],
+        depth=None if view.depth is None else view.depth[:, ::-1],
+        points=view.points * np.array([1, -1, 1], np.float32),
+        intrinsics=intrinsics + np.float32(0),  # no -0 for the skew
+        extrinsics=extrinsics + np.float32(0),
+    )
+
+
+def stretch(view: View, factor: float) -> View:
+    """Scales y by `factor`, and the image about its principal column.
+
+    Exact where the image's x axis is parallel to the frame's y axis: then y moves only columns,
+    column - cx = fx (+-y + t0) / z, and t0 scales along. Colours are interpolated between columns,
+    mask and depth take the nearest column, vacated columns become background.
+
+    Args:
+      view: the sample.
+      factor: positive.
+
+    Raises:
+      ValueError: the camera is rolled or skewed (no sample in the project's frame has to be: +y
+        is the image's right), so that a stretch is not a change of columns.
+    """
+    if not factor > 0:
+        raise ValueError(f"stretch factor: got {factor}, expected a positive number")
+    across = view.extrinsics[0, :3]
+    if abs(abs(across[1]) - 1) > _ALIGNED or max(abs(across[0]), abs(across[2])) > _ALIGNED:
+        raise ValueError(
+            f"stretch: the image's x axis is {across.tolist()} in the frame, which must be y; "
+            "set data.stretch = 0 for this data set"
+        )
+    if view.intrinsics[0, 1]:
+        raise ValueError("stretch: the camera has skew; set data.stretch = 0 for this data set")
+    width = view.image.shape[1]
+    centre = float(view.intrinsics[0, 2])
+    # Source coordinate of each column's centre; a column i has its centre at i + 0.5.
+    source = centre + (np.arange(width) + 0.5 - centre) / factor
+    nearest = np.floor(source).astype(np.intp)
+    vacated = (nearest < 0) | (nearest >= width)
+    nearest = np.clip(nearest, 0, width - 1)
+    left = np.floor(source - 0.5).astype(np.intp)
+    weight = np.rint((source - 0.5 - left) * 256).astype(np.uint16)[:, None]
+    lower = view.image[:, np.clip(left, 0, width - 1)].astype(np.uint16)
+    upper = view.image[:, np.clip(left + 1, 0, width - 1)].astype(np.uint16)
+    image = ((lower * (256 - weight) + upper * weight + 128) >> 8).astype(np.uint8)
+    image[:, vacated] = schema.BACKGROUND_GREY
+    depth = None
+    if view.depth is not None:
+        depth = np.where(vacated, np.float32(0), view.depth[:, nearest])
+    extrinsics = view.extrinsics.copy()
+    extrinsics[0, 3] *= np.float32(factor)
+    return View(
+        image=image,
+        mask=view.mask[:, nearest] & ~vacated,
+        depth=depth,
+        points=view.points * np.array([1, factor, 1], np.float32),
+        intrinsics=view.intrinsics,
+        extrinsics=extrinsics,
+    )
+
+
+def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View:
+    """Changes brightness, contrast (about middle grey) and each channel's gain on the object.
+
+    Each is uniform within +-`strength` (channel gains within half of it), brightness in units of a
+    quarter of the full range. The background keeps its colour.
+
+    Args:
+      view: the sample.
+      rng: source of the draws.
+      strength: 0 (nothing happens) to 1.
+    """
+    brightness, contrast = rng.uniform(-strength, strength, 2)
+    gains = 1 + rng.uniform(-strength, strength, 3) / 2
+    values = np.arange(256)[:, None]
+    table = ((values - 127.5) * (1 + contrast) + 127.5 + 64 * brightness) * gains
+    table = np.clip(np.rint(table), 0, 255).astype(np.uint8)
+    image = view.image.copy()
+    image[view.mask] = table[image[view.mask], np.arange(3)]
+    return dataclasses.replace(view, image=image)
+
+
+def augment(
+    view: View,
+    rng: np.random.Generator,
+    *,
+    flip_half: bool = False,
+    stretch_range: float = 0.0,
+    jitter: float = 0.0,
+) -> View:
+    """All augmentations in turn, each drawn from `rng`.
+
+    Args:
+      view: the sample.
+      rng: source of the draws; the same draws are made whatever is switched on.
+      flip_half: mirror with probability 1/2.
+      stretch_range: a; the factor is uniform in [1 - a, 1 + a].
+      jitter: strength of the colour jitter.
+    """
+    mirrored, factor = rng.random(), 1 + stretch_range * rng.uniform(-1, 1)
+    if flip_half and mirrored < 0.5:
+        view = flip(view)
+    if stretch_range:
+        view = stretch(view, factor)
+    if jitter:
+        view = colour_jitter(view, rng, jitter)
+    return view

@@ -1,0 +1,341 @@
+"""Records to batches: deterministic, resumable at any step, sharded by process.
+
+The batch of step s depends on (records, configuration, batch size, seed, s) alone. Row j of the
+global batch is record `order[s * B + j]`, where `order` is an endless concatenation of
+permutations of the split, one per epoch; its randomness comes from the seeds (seed, s, j). So a
+run that resumes at step s replays nothing, and neither the number of threads, of worker processes
+nor of training processes changes a bit of any row.
+
+A batch is decoded as one unit of work: by threads in this process (decoding releases Python's
+lock most of the time), or by `num_workers` processes.
+"""
+
+import dataclasses
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import grain
+import numpy as np
+from absl import flags
+
+from psgn_jax.config import DataConfig
+from psgn_jax.data import augment, camera, records, resize
+
+Batch = dict[str, Any]
+
+# Streams of random numbers that must not meet.
+_ORDER, _TRAIN, _EVAL = 0, 1, 2
+
+MAX_THREADS = 8
+"""Decoding threads in one process, at most; no more than there are cores."""
+
+CACHE_BYTES = 4 << 30
+"""What `DataConfig.cache` may hold, over all workers of one process. Samples decoded and resized,
+points in their compact form: about 100 kB a sample of the authors' data at half size, 250 kB at
+full size. What does not fit is decoded each time."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Item:
+    """One record decoded and resized: what does not depend on the step."""
+
+    image: np.ndarray
+    mask: np.ndarray
+    depth: np.ndarray | None
+    points: records.PointLattice
+    intrinsics: np.ndarray
+    extrinsics: np.ndarray
+    category: str
+    model_id: str
+
+    def nbytes(self) -> int:
+        arrays = (self.image, self.mask, self.depth, self.points.codes)
+        return sum(a.nbytes for a in arrays if a is not None)
+
+
+class _Items:
+    """Record number to `_Item`; keeps items if asked to, up to a bound."""
+
+    def __init__(self, cfg: DataConfig, reader: records.RecordReader) -> None:
+        self._reader = reader
+        self._size = tuple(cfg.image_size)
+        self._fields = ["image", "mask", "points"]
+        self._depth = "depth" in cfg.inputs
+        if self._depth:
+            self._fields.append("depth")
+        self._bound = CACHE_BYTES // max(1, cfg.num_workers) if cfg.cache else 0
+        self.__setstate__({})
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {k: v for k, v in self.__dict__.items() if k not in ("_kept", "_held", "_lock")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._kept: dict[int, _Item] = {}
+        self._held = 0
+        self._lock = threading.Lock()
+
+    def __getitem__(self, index: int) -> _Item:
+        item = self._kept.get(index)
+        if item is None:
+            item = self._decode(index)
+            with self._lock:
+                if self._held + item.nbytes() <= self._bound and index not in self._kept:
+                    self._kept[index] = item
+                    self._held += item.nbytes()
+        return item
+
+    def _decode(self, index: int) -> _Item:
+        stored = self._reader.stored(index, self._fields)
+        if stored.image is None or stored.mask is None or stored.points is None:
+            raise self._lacks(index, "image, mask or points")
+        mask = resize.resize_mask(stored.mask, self._size)
+        depth = None
+        if self._depth:
+            if stored.depth is None:
+                raise self._lacks(index, "depth")
+            depth = resize.resize_depth(stored.depth.depth(), mask)
+        return _Item(
+            image=resize.resize_image(stored.image, self._size),
+            mask=mask,
+            depth=depth,
+            points=stored.points,
+            intrinsics=camera.scale_intrinsics(
+                stored.intrinsics, stored.image.shape[:2], self._size
+            ),
+            extrinsics=stored.extrinsics,
+            category=stored.category,
+            model_id=stored.model_id,
+        )
+
+    def _lacks(self, index: int, what: str) -> records.RecordError:
+        path, position = self._reader.locate(index)
+        return records.RecordError(f"record {position} of {path} has no {what}")
+
+
+def _subset(rng: np.random.Generator, available: int, wanted: int) -> np.ndarray | slice:
+    """Random indices without replacement; each index equally often (+-1) where too few exist."""
+    if wanted == available:
+        return slice(None)
+    whole, rest = divmod(wanted, available)
+    # The order of a cloud's points carries no meaning: shuffling the choice would be wasted.
+    part = rng.choice(available, rest, replace=False, shuffle=False)
+    return np.concatenate([np.tile(np.arange(available), whole), part]) if whole else part
+
+
+def _empty_batch(cfg: DataConfig, rows: int, num_points: int) -> Batch:
+    height, width = cfg.image_size
+    batch: Batch = {
+        "image": np.empty((rows, height, width, 3), np.uint8),
+        "mask": np.empty((rows, height, width), np.bool_),
+        "points": np.empty((rows, num_points, 3), np.float32),
+        "intrinsics": np.empty((rows, 3, 3), np.float32),
+        "extrinsics": np.empty((rows, 3, 4), np.float32),
+    }
+    if "depth" in cfg.inputs:
+        batch["depth"] = np.empty((rows, height, width), np.float32)
+    return batch
+
+
+def _view(item: _Item, rng: np.random.Generator, num_points: int) -> augment.View:
+    chosen = _subset(rng, len(item.points.codes), num_points)
+    return augment.View(
+        item.image,
+        item.mask,
+        item.depth,
+        item.points.points(chosen),
+        item.intrinsics,
+        item.extrinsics,
+    )
+
+
+def _fill(batch: Batch, row: int, view: augment.View) -> None:
+    for key in ("image", "mask", "depth", "points", "intrinsics", "extrinsics"):
+        if key in batch:
+            batch[key][row] = getattr(view, key)
+
+
+class _TrainBatch:
+    """Step number to the local rows of its batch."""
+
+    def __init__(
+        self, cfg: DataConfig, items: _Items, count: int, batch_size: int, seed: int, rows: range
+    ) -> None:
+        self._cfg, self._items, self._seed = cfg, items, seed
+        self._batch_size, self._rows = batch_size, rows
+        order_seed = int(np.random.SeedSequence([seed, _ORDER]).generate_state(1)[0])
+        self._order = grain.MapDataset.range(count).seed(order_seed).shuffle().repeat()
+
+    def __call__(self, step: int) -> Batch:
+        cfg = self._cfg
+        batch = _empty_batch(cfg, len(self._rows), cfg.num_points)
+        for local, row in enumerate(self._rows):
+            rng = np.random.default_rng([self._seed, _TRAIN, step, row])
+            item = self._items[int(self._order[step * self._batch_size + row])]
+            view = augment.augment(
+                _view(item, rng, cfg.num_points),
+                rng,
+                flip_half=cfg.flip,
+                stretch_range=cfg.stretch,
+                jitter=cfg.colour_jitter,
+            )
+            _fill(batch, local, view)
+        return batch
+
+
+class _EvalBatch:
+    """Batch number to the batch, padded with copies of the last sample."""
+
+    def __init__(
+        self, cfg: DataConfig, items: _Items, count: int, batch_size: int, seed: int
+    ) -> None:
+        self._cfg, self._items, self._count = cfg, items, count
+        self._batch_size, self._seed = batch_size, seed
+
+    def __call__(self, number: int) -> Batch:
+        cfg = self._cfg
+        start = number * self._batch_size
+        filled = min(self._batch_size, self._count - start)
+        batch = _empty_batch(cfg, self._batch_size, cfg.num_eval_points)
+        categories, names = [""] * self._batch_size, [""] * self._batch_size
+        for row in range(filled):
+            rng = np.random.default_rng([self._seed, _EVAL, start + row])
+            item = self._items[start + row]
+            _fill(batch, row, _view(item, rng, cfg.num_eval_points))
+            categories[row], names[row] = item.category, item.model_id
+        for values in batch.values():
+            values[filled:] = values[filled - 1]
+        batch["valid"] = np.arange(self._batch_size) < filled
+        batch["category"], batch["model_id"] = categories, names
+        return batch
+
+
+def _open(cfg: DataConfig, split: str) -> records.RecordReader:
+    path = cfg.path
+    if not path:
+        from psgn_jax.data import solids
+
+        path = solids.default_dataset()
+    reader = records.RecordReader(path, split)
+    if not len(reader):
+        raise records.RecordError(f"data set {str(path)!r}: split {split!r} is empty")
+    if "depth" in cfg.inputs and any("depth" not in s.fields for s in reader.shards):
+        raise records.RecordError(
+            f"data set {str(path)!r}: data.inputs asks for depth, which not every record of split "
+            f"{split!r} has; remove 'depth' from data.inputs"
+        )
+    return reader
+
+
+def _iterate(
+    cfg: DataConfig, start: int, stop: int, make: Callable[[int], Batch]
+) -> Iterator[Batch]:
+    """Batches start, start + 1, ... stop - 1 in order, made ahead of their use."""
+    numbers = grain.MapDataset.range(start, stop).map(make)
+    if cfg.num_workers:
+        # Grain hands absl flags to its workers and fails where nobody has parsed any: in a
+        # notebook, in a test, in a program without absl.
+        if not flags.FLAGS.is_parsed():
+            flags.FLAGS.mark_as_parsed()
+        read = grain.ReadOptions(num_threads=1, prefetch_buffer_size=1)
+        dataset = numbers.to_iter_dataset(read).mp_prefetch(
+            grain.MultiprocessingOptions(num_workers=cfg.num_workers, per_worker_buffer_size=2)
+        )
+    else:
+        threads = min(MAX_THREADS, len(os.sched_getaffinity(0)))
+        read = grain.ReadOptions(num_threads=threads, prefetch_buffer_size=threads + 1)
+        dataset = numbers.to_iter_dataset(read)
+    iterator = iter(dataset)
+    try:
+        yield from iterator
+    finally:
+        close = getattr(iterator, "close", None)
+        if close is not None:
+            close()
+
+
+def _check_positive(name: str, value: int) -> None:
+    if value < 1:
+        raise ValueError(f"{name}: got {value}, expected 1 or more")
+
+
+def num_samples(cfg: DataConfig, split: str) -> int:
+    """Number of samples in a split.
+
+    Raises:
+      RecordError: there is no such data set or split.
+    """
+    return len(_open(cfg, split))
+
+
+def train_batches(
+    cfg: DataConfig,
+    *,
+    batch_size: int,
+    seed: int,
+    start_step: int,
+    process_index: int = 0,
+    process_count: int = 1,
+) -> Iterator[Batch]:
+    """Endless training batches, beginning with that of `start_step`.
+
+    Within an epoch no sample comes twice; each epoch has its own order. Augmentations are those of
+    the configuration.
+
+    Args:
+      cfg: where the samples come from and what a batch holds.
+      batch_size: B of the global batch.
+      seed: of the order, the choice of points and the augmentations.
+      start_step: first step; earlier ones are not replayed.
+      process_index: which contiguous part of each global batch is yielded.
+      process_count: number of parts; divides B.
+
+    Yields:
+      image uint8 [b, H, W, 3]; mask bool [b, H, W]; points float32 [b, num_points, 3]; intrinsics
+      float32 [b, 3, 3]; extrinsics float32 [b, 3, 4]; depth float32 [b, H, W] if among the inputs;
+      b = B / process_count.
+
+    Raises:
+      ValueError: an argument is out of range.
+      RecordError: the data set is missing or damaged, from the call or while iterating.
+    """
+    _check_positive("batch_size", batch_size)
+    if seed < 0 or start_step < 0:
+        raise ValueError(f"seed {seed} and start_step {start_step}: expected 0 or more")
+    if not 0 <= process_index < process_count:
+        raise ValueError(f"process_index: got {process_index}, expected 0 to {process_count - 1}")
+    if batch_size % process_count:
+        raise ValueError(
+            f"batch_size: got {batch_size}, expected a multiple of the {process_count} processes"
+        )
+    reader = _open(cfg, cfg.train_split)
+    local = batch_size // process_count
+    rows = range(process_index * local, (process_index + 1) * local)
+    make = _TrainBatch(cfg, _Items(cfg, reader), len(reader), batch_size, seed, rows)
+    return _iterate(cfg, start_step, sys.maxsize // batch_size, make)
+
+
+def eval_batches(cfg: DataConfig, *, split: str, batch_size: int, seed: int = 0) -> Iterator[Batch]:
+    """Every sample of a split exactly once, in the order of the records, never augmented.
+
+    Args:
+      cfg: where the samples come from and what a batch holds.
+      split: name of the split.
+      batch_size: B; the last batch is padded to it with copies of the last sample.
+      seed: of the choice of points.
+
+    Yields:
+      as `train_batches` with num_eval_points points, and valid bool [B] (False on padding),
+      category and model_id (lists of B strings).
+
+    Raises:
+      ValueError: an argument is out of range.
+      RecordError: the data set is missing or damaged, from the call or while iterating.
+    """
+    _check_positive("batch_size", batch_size)
+    reader = _open(cfg, split)
+    make = _EvalBatch(cfg, _Items(cfg, reader), len(reader), batch_size, seed)
+    return _iterate(cfg, 0, -(-len(reader) // batch_size), make)
