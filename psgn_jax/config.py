@@ -23,28 +23,36 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 T = TypeVar("T")
 
 
-class ConfigError(ValueError):
-    """A wrong configuration; the message is one line fit for a user."""
+class UserError(ValueError):
+    """Something a user can mend; the message is one line, shown without a traceback."""
+
+    exit_code = 2
+
+
+class ConfigError(UserError):
+    """A wrong configuration."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Bounds:
-    """Accepted interval of a number; `open_low` leaves out the lower end."""
+    """Accepted interval of a number; `open_low` and `open_high` leave out an end."""
 
     low: float = -math.inf
     high: float = math.inf
     open_low: bool = False
+    open_high: bool = False
 
     def holds(self, value: float) -> bool:
         """Whether `value` lies in the interval."""
         above = value > self.low if self.open_low else value >= self.low
-        return above and value <= self.high
+        return above and (value < self.high if self.open_high else value <= self.high)
 
     def __str__(self) -> str:
-        low = f"{'>' if self.open_low else '>='} {self.low:g}"
-        if math.isinf(self.high):
-            return low
-        return f"{low} and <= {self.high:g}" if math.isfinite(self.low) else f"<= {self.high:g}"
+        ends = [
+            (self.low, ">" if self.open_low else ">="),
+            (self.high, "<" if self.open_high else "<="),
+        ]
+        return " and ".join(f"{sign} {end:g}" for end, sign in ends if math.isfinite(end))
 
 
 Count = Annotated[int, Bounds(low=0)]
@@ -53,7 +61,7 @@ NonNegative = Annotated[float, Bounds(low=0)]
 Positive = Annotated[float, Bounds(low=0, open_low=True)]
 Fraction = Annotated[float, Bounds(low=0, high=1)]
 # Adam's decay rates and the averaging rate: at 1 nothing would ever be forgotten (or learned).
-Decay = Annotated[float, Bounds(low=0, high=1 - 1e-9)]
+Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Channel = Literal["rgb", "mask", "depth"]
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 1})
@@ -66,7 +74,8 @@ class DataConfig:
     Attributes:
       path: folder of records; empty = the default data set (analytic solids drawn by numpy).
       train_split, eval_split: names of the splits.
-      image_size: (height, width) the network sees; images are resized to it.
+      image_size: (height, width) the network sees; images are resized to it. The network pads
+        sides that are no multiples of 2 ** (levels of `model.widths` - 1).
       inputs: what the network sees, of "rgb", "mask" and "depth".
       num_points: ground-truth points drawn per sample and training step.
       num_eval_points: ground-truth points per sample in an evaluation.
@@ -122,19 +131,8 @@ class ModelConfig:
 
     @property
     def divisor(self) -> int:
-        """Both image sides must be multiples of this."""
+        """The network pads both image sides to multiples of this."""
         return 2 ** (len(self.widths) - 1)
-
-    @property
-    def num_deconv_points(self) -> int:
-        """Points of the deconv branch: 768 at the default configuration."""
-        height, width = (side >> self.deconv_level for side in self.image_size)
-        return height * width * self.deconv_channels // 3
-
-    @property
-    def num_points(self) -> int:
-        """Points of one prediction: 1,024 at the default configuration."""
-        return self.fc_points + (0 if self.name == "vanilla" else self.num_deconv_points)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -181,12 +179,14 @@ class OptimConfig:
 class TrainConfig:
     """How long, and what is written when. An interval of 0 switches its action off.
 
+    A checkpoint is also written with each evaluation, and at the end whatever the intervals say.
+
     Attributes:
       batch_size: samples a step, over all devices and processes.
       steps: updates in total; the paper's 300,000.
       log_every: steps between lines of metrics.
       eval_every: steps between evaluations on `data.eval_split` (and one at the end).
-      checkpoint_every: steps between checkpoints (and one at the end).
+      checkpoint_every: steps between checkpoints.
       images_every: steps between pictures of predictions in tensorboard (and at the end).
       num_images: samples in such a picture.
       keep_checkpoints: newest checkpoints kept, besides the best one.
@@ -384,13 +384,13 @@ def _check_together(config: Config) -> None:
         raise _wrong("data.inputs", data.inputs, "'rgb' and any of 'mask', 'depth', each once")
     if len(model.widths) < 2:
         raise _wrong("model.widths", model.widths, "at least two resolution levels")
-    if any(side % model.divisor for side in data.image_size):
-        fitting = tuple(max(1, round(s / model.divisor)) * model.divisor for s in data.image_size)
+    # Smaller ones would be mostly padding (the network pads to multiples of the divisor).
+    if min(data.image_size) < max(8, model.divisor // 2):
         raise _wrong(
             "data.image_size",
             data.image_size,
-            f"multiples of {model.divisor} in both directions (model.widths has "
-            f"{len(model.widths)} levels), such as {fitting}",
+            f"(height, width) of at least {max(8, model.divisor // 2)} pixels each (model.widths "
+            f"has {len(model.widths)} levels); multiples of {model.divisor} need no padding",
         )
     if model.name == "vanilla":
         if not model.fc_points:

@@ -1,0 +1,321 @@
+"""Evaluation of a run: `python -m psgn_jax.evaluate --workdir W`.
+
+Every sample of a split is predicted and counted once. Metrics are those of
+`metrics.evaluate_pair`; the unit is the radius of an object's bounding hemisphere. Two averages
+are given and named: over samples, and over categories (each category counts the same).
+
+Files, below `W/eval_<split>_<best|last>/`: `table.txt`, `table.csv`, `table.json` with one row per
+category and the two averages, and `samples.csv` with one row per sample.
+"""
+
+import csv
+import dataclasses
+import functools
+import io
+import json
+import pathlib
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from absl import app, flags, logging
+
+from psgn_jax import metrics as metrics_lib
+from psgn_jax import registry
+from psgn_jax import step as step_lib
+from psgn_jax.checkpoint import CheckpointError, Checkpoints
+from psgn_jax.config import Config, ConfigError, check_paths, from_json
+from psgn_jax.state import params_from_named_leaves
+from psgn_jax.writer import exit_on_user_error, log_to_terminal, write_atomic
+
+OVER_SAMPLES, OVER_CATEGORIES = "mean over samples", "mean over categories"
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One line of the table: a category (or an average), its samples, its mean metrics."""
+
+    name: str
+    count: int
+    metrics: dict[str, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluation:
+    """Metrics of every sample of a split, in order.
+
+    Attributes:
+      split: the split's name.
+      names: (category, model id) per sample.
+      metrics: name -> float64 [samples].
+      threshold: the F-score's distance, unit.
+    """
+
+    split: str
+    names: list[tuple[str, str]]
+    metrics: dict[str, np.ndarray]
+    threshold: float
+
+    @property
+    def means(self) -> dict[str, float]:
+        """Every metric's mean over samples."""
+        return {name: float(np.mean(values)) for name, values in self.metrics.items()}
+
+    def rows(self) -> list[Row]:
+        """A row per category by name, then the mean over samples and over categories."""
+        members: dict[str, list[int]] = {}
+        for i, (category, _) in enumerate(self.names):
+            members.setdefault(category or "(none)", []).append(i)
+        rows = [
+            Row(
+                name, len(indices), {k: float(np.mean(v[indices])) for k, v in self.metrics.items()}
+            )
+            for name, indices in sorted(members.items())
+        ]
+        over_categories = {k: float(np.mean([r.metrics[k] for r in rows])) for k in self.metrics}
+        return [
+            *rows,
+            Row(OVER_SAMPLES, len(self.names), self.means),
+            Row(OVER_CATEGORIES, len(rows), over_categories),
+        ]
+
+    def header(self, metric: str) -> str:
+        """A metric's name with its unit, as it heads a column."""
+        if metric.startswith("fscore"):
+            return f"F-score at {self.threshold:g} [%]"
+        return {
+            "cd_sq": "CD squared [unit^2]",
+            "cd_l1": "CD-L1 [unit]",
+        }.get(metric, metric)
+
+    def text(self) -> str:
+        """The table as text."""
+        names = list(self.metrics)
+        head = ["category", "samples", *map(self.header, names)]
+        body = [
+            [row.name, str(row.count), *(_number(name, row.metrics[name]) for name in names)]
+            for row in self.rows()
+        ]
+        body[-1][1] = f"({body[-1][1]})"
+        widths = [max(map(len, column)) for column in zip(head, *body, strict=True)]
+        lines = [_aligned(head, widths), "-" * (sum(widths) + 2 * len(widths) - 2)]
+        lines += [_aligned(line, widths) for line in body[:-2]]
+        lines += [lines[1], *(_aligned(line, widths) for line in body[-2:])]
+        note = (
+            f"split {self.split}; unit = radius of the bounding hemisphere; CD squared: mean over "
+            "predicted points of the squared distance to the nearest true point, plus the same "
+            f"the other way; F-score: points within {self.threshold:g} unit; the number of samples "
+            "in brackets is that of categories"
+        )
+        return "\n".join([*lines, "", note, ""])
+
+    def csv(self) -> str:
+        """The table as CSV; an F-score is a fraction here."""
+        rows = [[r.name, r.count, *r.metrics.values()] for r in self.rows()]
+        return _csv(["category", "samples", *self.metrics], rows)
+
+    def samples_csv(self) -> str:
+        """One row per sample."""
+        columns = [values.tolist() for values in self.metrics.values()]
+        rows = [[*name, *numbers] for name, *numbers in zip(self.names, *columns, strict=True)]
+        return _csv(["category", "model_id", *self.metrics], rows)
+
+    def json(self, **more: Any) -> str:
+        """The table as JSON; `more` is stored beside it."""
+        *categories, over_samples, over_categories = self.rows()
+        document = {
+            **more,
+            "split": self.split,
+            "samples": over_samples.count,
+            "fscore_threshold": self.threshold,
+            "units": {name: self.header(name) for name in self.metrics},
+            "categories": {r.name: {"samples": r.count, **r.metrics} for r in categories},
+            OVER_SAMPLES.replace(" ", "_"): over_samples.metrics,
+            OVER_CATEGORIES.replace(" ", "_"): over_categories.metrics,
+        }
+        return json.dumps(document, indent=2) + "\n"
+
+
+def make_step(config: Config, model: Any) -> Callable[..., Any]:
+    """The compiled evaluation step, over the local devices if they divide the batch."""
+    devices = jax.local_devices()
+    if config.eval.batch_size % len(devices):
+        devices = devices[:1]
+    pair = functools.partial(metrics_lib.evaluate_pair, threshold=config.eval.fscore_threshold)
+    mesh = step_lib.data_mesh(devices)
+    step = step_lib.make_eval_step(config, model, pair, mesh)
+    keys = step_lib.input_keys(config)
+
+    def run(params: Any, batch: Any, index: int) -> Any:
+        device_batch = jax.device_put(
+            {k: batch[k] for k in keys}, jax.sharding.NamedSharding(mesh, step_lib.P("data"))
+        )
+        return step(params, device_batch, np.int32(index))
+
+    return run
+
+
+def evaluate(
+    config: Config,
+    params: Any,
+    *,
+    split: str | None = None,
+    max_samples: int = 0,
+    eval_step: Callable[..., Any] | None = None,
+    on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
+) -> Evaluation:
+    """Metrics of a network on a split, every sample counted once.
+
+    Args:
+      config: the run's configuration.
+      params: parameters of the network.
+      split: default `config.data.eval_split`.
+      max_samples: only the first so many; 0 = all.
+      eval_step: from `make_step`, to compile it once for several evaluations.
+      on_batch: called with (index of the batch, batch, points [B,N,3]).
+
+    Raises:
+      ConfigError: if the split has no samples.
+    """
+    split = split or config.data.eval_split
+    source = registry.data_source()
+    eval_step = eval_step or make_step(config, registry.build_model(config.model))
+    names: list[tuple[str, str]] = []
+    parts: list[dict[str, np.ndarray]] = []
+    batches = source.eval_batches(
+        config.data, split=split, batch_size=config.eval.batch_size, seed=config.seed
+    )
+    for index, batch in enumerate(batches):
+        points, values = eval_step(params, batch, index)
+        keep = np.flatnonzero(batch["valid"])
+        if max_samples:
+            keep = keep[: max_samples - len(names)]
+        names += [(batch["category"][i], batch["model_id"][i]) for i in keep]
+        parts.append({k: np.asarray(v, np.float64)[keep] for k, v in values.items()})
+        if on_batch:
+            on_batch(index, batch, np.asarray(points))
+        if max_samples and len(names) >= max_samples:
+            break
+    if not names:
+        raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
+    merged = {k: np.concatenate([part[k] for part in parts]) for k in parts[0]}
+    return Evaluation(split, names, merged, config.eval.fscore_threshold)
+
+
+def evaluate_workdir(
+    workdir: str | pathlib.Path,
+    *,
+    checkpoint: str = "best",
+    split: str | None = None,
+    data: str | None = None,
+    out: str | pathlib.Path | None = None,
+) -> Evaluation:
+    """Evaluates a checkpoint of a run and writes the tables.
+
+    Args:
+      workdir: the run's folder.
+      checkpoint: "best" (on the validation metric; the last one if there is none) or "last".
+      split: default the configuration's `data.eval_split`.
+      data: folder of records in place of the configuration's `data.path`.
+      out: folder for the files, default `workdir/eval_<split>_<checkpoint>`.
+
+    Raises:
+      ConfigError, CheckpointError: one line on what is missing.
+    """
+    workdir = pathlib.Path(workdir)
+    config = load_config(workdir)
+    if data is not None:
+        config = dataclasses.replace(config, data=dataclasses.replace(config.data, path=data))
+    check_paths(config)
+    split = split or config.data.eval_split
+    step, params = load_params(workdir, checkpoint)
+    logging.info("evaluating %s, step %d, split %s", workdir, step, split)
+    result = evaluate(config, params, split=split)
+    folder = pathlib.Path(out) if out else workdir / f"eval_{split}_{checkpoint}"
+    write_atomic(folder / "table.txt", result.text())
+    write_atomic(folder / "table.csv", result.csv())
+    write_atomic(folder / "samples.csv", result.samples_csv())
+    write_atomic(
+        folder / "table.json", result.json(workdir=str(workdir), step=step, checkpoint=checkpoint)
+    )
+    logging.info("tables written to %s", folder)
+    return result
+
+
+def load_config(workdir: str | pathlib.Path) -> Config:
+    """The configuration of a run; raises `ConfigError` if there is none."""
+    path = pathlib.Path(workdir) / "config.json"
+    try:
+        return from_json(path.read_text())
+    except FileNotFoundError:
+        raise ConfigError(f"--workdir={workdir}: no run there ({path} does not exist)") from None
+
+
+def load_params(workdir: str | pathlib.Path, which: str = "best") -> tuple[int, Any]:
+    """(step, parameters to evaluate with) of a run's best or last checkpoint.
+
+    Raises:
+      CheckpointError: if there is none that can be read.
+    """
+    checkpoints = Checkpoints(pathlib.Path(workdir) / "checkpoints", read_only=True)
+    try:
+        found = None
+        best = checkpoints.best_step() if which == "best" else None
+        if best is not None:
+            found = checkpoints.restore(best)
+        else:
+            if which == "best":
+                logging.warning("no checkpoint has been evaluated yet; using the last one")
+            found = checkpoints.restore_newest()
+    finally:
+        checkpoints.close()
+    if found is None:
+        raise CheckpointError(f"--workdir={workdir}: no checkpoint there")
+    return found.step, params_from_named_leaves(found.leaves)
+
+
+def _number(metric: str, value: float) -> str:
+    if metric.startswith("fscore"):
+        return f"{100 * value:.2f}"
+    return f"{value:.5f}"
+
+
+def _aligned(cells: Sequence[str], widths: Sequence[int]) -> str:
+    first, *rest = (
+        cell.ljust(w) if i == 0 else cell.rjust(w)
+        for i, (cell, w) in enumerate(zip(cells, widths, strict=True))
+    )
+    return "  ".join([first, *rest])
+
+
+def _csv(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows([head, *rows])
+    return buffer.getvalue()
+
+
+def _main(argv: Sequence[str]) -> None:
+    log_to_terminal()
+    if len(argv) > 1:
+        sys.exit(f"error: unexpected argument {argv[1]!r}")
+    values = flags.FLAGS
+    with exit_on_user_error():
+        result = evaluate_workdir(
+            values.workdir,
+            checkpoint=values.checkpoint,
+            split=values.split,
+            data=values.data,
+            out=values.out,
+        )
+    sys.stdout.write(result.text())
+
+
+if __name__ == "__main__":
+    flags.DEFINE_string("workdir", None, "Folder of the run.", required=True)
+    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
+    flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
+    flags.DEFINE_string("data", None, "Folder of records in place of the run's data.path.")
+    flags.DEFINE_string("out", None, "Folder for the tables; default: inside the workdir.")
+    app.run(_main)

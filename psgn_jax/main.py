@@ -1,0 +1,55 @@
+"""Trains: `python -m psgn_jax.main --config=configs/base.py --workdir=runs/base`.
+
+Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same
+command goes on with a run that was stopped. Exit codes: 0 done; 2 a wrong configuration (one line
+says what); 3 a loss that is not finite; 143 and 130 stopped by SIGTERM or Ctrl-C after saving.
+"""
+
+import os
+import pathlib
+import sys
+from collections.abc import Sequence
+
+from absl import app, flags
+from ml_collections import config_flags
+
+from psgn_jax.config import ConfigError, check_paths, parse
+from psgn_jax.writer import exit_on_user_error, log_to_terminal
+
+_CONFIG = config_flags.DEFINE_config_file(
+    "config", None, "Path of a configuration, such as configs/base.py.", lock_config=True
+)
+_WORKDIR = flags.DEFINE_string(
+    "workdir", None, "Folder of the run; default: runs/<name of the configuration file>."
+)
+flags.mark_flag_as_required("config")
+
+
+def main(argv: Sequence[str]) -> None:
+    """Checks the configuration, then trains."""
+    log_to_terminal()
+    with exit_on_user_error():
+        if len(argv) > 1:
+            raise ConfigError(f"unexpected argument {argv[1]!r}; a field is --config.NAME=VALUE")
+        config = parse(_CONFIG.value)
+        check_paths(config)
+        # Only now, so that a wrong configuration is answered before JAX is even imported.
+        from psgn_jax.train import train
+
+        path = config_flags.get_config_filename(flags.FLAGS["config"])
+        outcome = train(config, _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem))
+    if outcome.stopped_by:
+        sys.exit(128 + outcome.stopped_by)
+
+
+def _parse_flags(argv: list[str]) -> list[str]:
+    """Parses as absl does, but ends with one line whatever is wrong with a flag."""
+    with exit_on_user_error():
+        try:
+            return flags.FLAGS(argv)
+        except (flags.Error, AttributeError, KeyError, TypeError, ValueError, OSError) as error:
+            raise ConfigError(str(error)) from error
+
+
+if __name__ == "__main__":
+    app.run(main, flags_parser=_parse_flags)

@@ -1,0 +1,194 @@
+"""One training step and one evaluation step, compiled for a mesh of devices.
+
+The batch is split over the mesh's one axis, `data`; the state is replicated. Each device runs the
+plain single-device computation on its share (`jax.shard_map`) and the gradients are averaged: the
+loops inside the losses and convolutions are never partitioned behind our back.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from flax import linen as nn
+from jax.sharding import Mesh, NamedSharding
+from jax.sharding import PartitionSpec as P
+
+from psgn_jax.config import Config, ConfigError
+from psgn_jax.losses.chamfer import batched
+from psgn_jax.models.inputs import network_input
+from psgn_jax.state import TrainState, random_key, schedule
+from psgn_jax.types import Array
+
+WATCHED = ("loss", "gradient norm")
+"""What must stay finite; `TrainState.bad_metric` is an index into it."""
+
+# Weights of the authors' L2 terms (REFERENCE 2), each w * sum(kernel**2) / 2 as in tf.nn.l2_loss.
+L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
+
+Batch = Mapping[str, Any]
+PairFunction = Callable[[Array, Array], Any]
+
+
+def data_mesh(devices: list[jax.Device] | None = None) -> Mesh:
+    """One axis, `data`, over all devices of all processes."""
+    return Mesh(np.asarray(devices or jax.devices()), ("data",))
+
+
+def check_batch_size(config: Config, mesh: Mesh) -> None:
+    """Raises `ConfigError` if the training batch does not split evenly over the devices."""
+    if config.train.batch_size % mesh.size:
+        raise ConfigError(
+            f"train.batch_size={config.train.batch_size}: accepted: a multiple of the "
+            f"{mesh.size} devices"
+        )
+
+
+def put_batch(batch: Batch, mesh: Mesh, keys: tuple[str, ...]) -> dict[str, jax.Array]:
+    """This process's share of a batch -> arrays split over the mesh along their first axis."""
+    sharding = NamedSharding(mesh, P("data"))
+    return {k: jax.make_array_from_process_local_data(sharding, batch[k]) for k in keys}
+
+
+def input_keys(config: Config) -> tuple[str, ...]:
+    """Keys of a batch that the device needs."""
+    depth = ("depth",) if "depth" in config.data.inputs else ()
+    return ("image", "mask", "points", *depth)
+
+
+def l2_authors(params: Any) -> Array:
+    """The authors' L2 terms: half the sum of squares of each kernel, weighted by layer type.
+
+    Convolutions 1e-5, dense layers 1e-3, the dense layer that carries the hourglass's first pass
+    into its second 1e-4; biases are left out.
+    """
+    total = jnp.float32(0)
+    for path, leaf in jax.tree_util.tree_flatten_with_path(params)[0]:
+        names = [str(getattr(entry, "key", entry)) for entry in path]
+        if names[-1] != "kernel":
+            continue
+        dense = L2_CARRY if any("carry" in name for name in names) else L2_DENSE
+        total += (L2_CONV if leaf.ndim == 4 else dense) * 0.5 * jnp.sum(jnp.square(leaf))
+    return total
+
+
+def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Array | None) -> Array:
+    """Points [B,N,3] of a batch's images."""
+    x = network_input(
+        batch["image"], batch["mask"], batch.get("depth"), channels=config.data.inputs
+    )
+    return model.apply({"params": params}, x, r)
+
+
+def make_train_step(
+    config: Config,
+    model: nn.Module,
+    loss: PairFunction,
+    tx: optax.GradientTransformation,
+    mesh: Mesh,
+) -> Callable[[TrainState, Batch], tuple[TrainState, dict[str, Array]]]:
+    """Compiled `(state, batch) -> (state, metrics)`; the state is donated.
+
+    Metrics are scalars: `loss` (mean over the steps since the last multiple of `train.log_every`),
+    `loss_step`, `l2` (if on), `grad_norm` (before clipping), `learning_rate`, `bad_step` and
+    `bad_metric` (see `TrainState`).
+    """
+    rate = schedule(config.optim, config.train.steps)
+    replicated, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
+
+    def objective(params: Any, batch: Batch, r: Array | None) -> tuple[Array, dict[str, Array]]:
+        pred = predict(config, model, params, batch, r)
+        value = jnp.mean(batched(loss)(pred, batch["points"]))
+        if config.loss.l2 == "none":
+            return value, {"loss_step": value}
+        l2 = config.loss.l2_scale * l2_authors(params)
+        return value + l2, {"loss_step": value, "l2": l2}
+
+    def gradients(params: Any, batch: Batch, r: Array | None) -> Any:
+        (total, metrics), grads = jax.value_and_grad(objective, has_aux=True)(params, batch, r)
+        return jax.lax.pmean((total, metrics, grads), "data")
+
+    sharded_gradients = jax.shard_map(
+        gradients,
+        mesh=mesh,
+        in_specs=(P(), P("data"), P("data")),
+        out_specs=P(),
+        check_vma=False,  # the custom gradients carry no types of varying axes
+    )
+
+    def train_step(state: TrainState, batch: Batch) -> tuple[TrainState, dict[str, Array]]:
+        r = draw_r(config, state.step, config.train.batch_size, train=True)
+        total, metrics, grads = sharded_gradients(state.params, batch, r)
+        grad_norm = optax.global_norm(grads)
+        updates, opt_state = tx.update(grads, state.opt_state, state.params)
+        params = optax.apply_updates(state.params, updates)
+        decay = config.optim.ema_decay
+        ema = (
+            jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
+            if decay
+            else ()
+        )
+        since_log = state.step % config.train.log_every
+        loss_sum = jnp.where(since_log == 0, 0, state.loss_sum) + metrics["loss_step"]
+        bad = jnp.stack([~jnp.isfinite(total), ~jnp.isfinite(grad_norm)])
+        first_bad = bad.any() & (state.bad_step < 0)
+        new = TrainState(
+            step=state.step + 1,
+            params=params,
+            opt_state=opt_state,
+            ema=ema,
+            loss_sum=loss_sum,
+            bad_step=jnp.where(first_bad, state.step + 1, state.bad_step),
+            bad_metric=jnp.where(first_bad, jnp.argmax(bad).astype(jnp.int32), state.bad_metric),
+        )
+        metrics |= {
+            "loss": loss_sum / (since_log + 1),
+            "grad_norm": grad_norm,
+            "learning_rate": jnp.asarray(rate(state.step), jnp.float32),
+            "bad_step": new.bad_step,
+            "bad_metric": new.bad_metric,
+        }
+        return new, metrics
+
+    return jax.jit(
+        train_step,
+        donate_argnums=0,
+        in_shardings=(replicated, split),
+        out_shardings=(replicated, replicated),
+    )
+
+
+def make_eval_step(
+    config: Config, model: nn.Module, metrics: PairFunction, mesh: Mesh
+) -> Callable[[Any, Batch, int], tuple[Array, dict[str, Array]]]:
+    """Compiled `(params, batch, index) -> (points [B,N,3], metrics of shape [B])`.
+
+    `index` numbers the batch within the evaluation: the random input follows from it.
+    """
+
+    def on_one_device(params: Any, batch: Batch, r: Array | None) -> Any:
+        pred = predict(config, model, params, batch, r)
+        return pred, batched(metrics)(pred, batch["points"])
+
+    sharded = jax.shard_map(
+        on_one_device,
+        mesh=mesh,
+        in_specs=(P(), P("data"), P("data")),
+        out_specs=P("data"),
+        check_vma=False,
+    )
+
+    def eval_step(params: Any, batch: Batch, index: Array) -> Any:
+        return sharded(params, batch, draw_r(config, index, len(batch["image"]), train=False))
+
+    return jax.jit(eval_step)
+
+
+def draw_r(config: Config, step: Array | int, batch_size: int, *, train: bool) -> Array | None:
+    """Random input r ~ N(0, I) [B, random_size] (paper, section 3.3), or None without one."""
+    if not config.model.random_size:
+        return None
+    key = random_key(config.seed, step, train=train)
+    return jax.random.normal(key, (batch_size, config.model.random_size))

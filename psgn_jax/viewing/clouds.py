@@ -1,0 +1,115 @@
+"""Clouds drawn into an image with numpy: points as small squares, near ones over far ones.
+
+A picture of one case has five panels: the input image; prediction and truth from the camera of the
+image; prediction and truth from the side, turned by 90 degrees about the vertical axis. Colour is
+the height of a point (blue at the ground, red at z = 1), darker with distance from the viewer.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from psgn_jax.data.camera import project
+
+# A colour map from blue over green and yellow to red, at equal steps of height.
+_COLOURS = np.array(
+    [[49, 54, 149], [69, 144, 190], [102, 189, 99], [253, 190, 80], [215, 48, 39]], np.float64
+)
+_PANEL_HEIGHT = 192
+
+
+def draw_cloud(
+    points: np.ndarray,
+    intrinsics: np.ndarray,
+    extrinsics: np.ndarray,
+    size: tuple[int, int],
+    *,
+    radius: int = 1,
+) -> np.ndarray:
+    """One cloud seen by a camera.
+
+    Args:
+      points: [n, 3] in the project's frame; those that are not finite are left out.
+      intrinsics: [3, 3] in pixels of an image of `size`.
+      extrinsics: [3, 4], project's frame to camera.
+      size: (height, width) of the picture.
+      radius: a point is a square of 2 * radius + 1 pixels.
+
+    Returns:
+      uint8 [height, width, 3] on white.
+    """
+    points = points[np.isfinite(points).all(axis=1)].astype(np.float64)
+    pixels, depth = project(points, intrinsics, extrinsics)
+    front = depth > 1e-3
+    points, pixels, depth = points[front], pixels[front], depth[front]
+    far_first = np.argsort(-depth, kind="stable")
+    points, pixels, depth = points[far_first], pixels[far_first], depth[far_first]
+    height, width = size
+    position = np.clip(points[:, 2], 0, 1) * (len(_COLOURS) - 1)
+    low = np.minimum(position.astype(int), len(_COLOURS) - 2)
+    colour = _COLOURS[low] + (position - low)[:, None] * (_COLOURS[low + 1] - _COLOURS[low])
+    centre = 0.5 * (depth.min() + depth.max()) if len(depth) else 0.0
+    # Objects are about 2 units deep: full brightness in front, .55 behind.
+    colour *= np.clip(0.8 - 0.25 * (depth - centre), 0.55, 1.0)[:, None]
+    shade = colour.astype(np.uint8)
+    picture = np.full((height, width, 3), 255, np.uint8)
+    # Pixels beyond any picture are clipped before they become integers.
+    corner = np.floor(np.clip(pixels, -1e6, 1e6)).astype(int)
+    offsets = range(-radius, radius + 1)
+    square = np.array([(dx, dy) for dx in offsets for dy in offsets])
+    column = corner[:, None, 0] + square[None, :, 0]
+    row = corner[:, None, 1] + square[None, :, 1]
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    flat = (row * width + column)[inside]
+    # Of several points on a pixel the last, nearest one wins: keep each pixel's last occurrence.
+    order = np.broadcast_to(np.arange(len(points))[:, None], inside.shape)[inside]
+    winner = np.full(height * width, -1)
+    np.maximum.at(winner, flat, order)
+    hit = winner >= 0
+    picture.reshape(-1, 3)[hit] = shade[winner[hit]]
+    return picture
+
+
+def draw_case(
+    image: np.ndarray,
+    pred: np.ndarray,
+    gt: np.ndarray,
+    intrinsics: np.ndarray,
+    extrinsics: np.ndarray,
+) -> np.ndarray:
+    """The five panels of one case side by side, uint8 [h, 5 w, 3].
+
+    Args:
+      image: uint8 [H, W, 3], as the network sees it.
+      pred: [n, 3].
+      gt: [m, 3].
+      intrinsics: [3, 3] for `image`.
+      extrinsics: [3, 4].
+    """
+    scale = max(1, round(_PANEL_HEIGHT / image.shape[0]))
+    size = (image.shape[0] * scale, image.shape[1] * scale)
+    enlarged = np.asarray(Image.fromarray(image).resize(size[::-1], Image.Resampling.BICUBIC))
+    camera = np.diag([scale, scale, 1.0]) @ intrinsics
+    side = _turned(extrinsics)
+    # A truth of many more points would look denser than the prediction for no merit of its own.
+    gt = gt[:: max(1, len(gt) // max(1, len(pred)))]
+    clouds = [
+        draw_cloud(cloud, camera, view, size) for view in (extrinsics, side) for cloud in (pred, gt)
+    ]
+    return np.concatenate([enlarged, *clouds], axis=1)
+
+
+def draw_cases(batch: Mapping[str, Any], pred: np.ndarray, indices: Sequence[int]) -> np.ndarray:
+    """Pictures of several samples of a batch, one below the other."""
+    keys = ("points", "intrinsics", "extrinsics")
+    return np.concatenate(
+        [draw_case(batch["image"][i], pred[i], *(batch[k][i] for k in keys)) for i in indices]
+    )
+
+
+def _turned(extrinsics: np.ndarray) -> np.ndarray:
+    """The same camera after the object has turned by 90 degrees about the vertical axis."""
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    return np.concatenate([extrinsics[:, :3] @ quarter, extrinsics[:, 3:]], axis=1)

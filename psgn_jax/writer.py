@@ -1,0 +1,140 @@
+"""What a run writes: JSON lines, tensorboard, progress on a terminal, files whole or not at all.
+
+The only importer of tensorboardX. `metrics.jsonl` has one JSON object per line with `step`, `kind`
+("train" or "eval") and numbers. A resumed run drops the lines past its first step, since it will
+write them again; so lines are neither lost nor doubled.
+"""
+
+import contextlib
+import json
+import logging as python_logging
+import math
+import os
+import pathlib
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from absl import logging
+
+from psgn_jax.config import UserError
+
+
+def log_to_terminal() -> None:
+    """Shows this package's progress, and of others only warnings, on standard error."""
+    logging.set_verbosity(logging.INFO)
+    logging.set_stderrthreshold(logging.INFO)
+    handler = logging.get_absl_handler()
+    handler.setFormatter(python_logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    own = f"{os.sep}psgn_jax{os.sep}"
+    handler.addFilter(lambda r: r.levelno >= python_logging.WARNING or own in r.pathname)
+
+
+@contextlib.contextmanager
+def exit_on_user_error() -> Iterator[None]:
+    """Ends the process with one line and the error's exit code for what a user can mend."""
+    try:
+        yield
+    except UserError as error:
+        line = " ".join(str(error).split())
+        sys.stderr.write(f"error: {line}\n")
+        sys.exit(error.exit_code)
+
+
+def write_atomic(path: str | pathlib.Path, content: str | bytes) -> None:
+    """Writes a file under a temporary name, syncs it to the disk and renames it."""
+    path = pathlib.Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
+    """Lines of a `metrics.jsonl`; those torn by a kill are left out. No file, no lines."""
+    with contextlib.suppress(FileNotFoundError), open(path, encoding="utf-8") as file:
+        return [entry for line in file if (entry := _entry(line)) is not None]
+    return []
+
+
+class MetricsWriter:
+    """Writes the metrics of one run below `workdir`.
+
+    Args:
+      workdir: gets `metrics.jsonl` and the folder `tensorboard`.
+      step: step at which the run (re)starts; everything later is dropped.
+      evaluated: whether the evaluation at `step` is done; if not, its line is dropped too.
+    """
+
+    def __init__(self, workdir: str | pathlib.Path, step: int = 0, *, evaluated: bool = True):
+        self._workdir = pathlib.Path(workdir)
+        self._workdir.mkdir(parents=True, exist_ok=True)
+        self._step = step
+        self._tensorboard: Any = None
+        path = self._workdir / "metrics.jsonl"
+        if path.exists():
+            kept = [
+                entry
+                for entry in read_metrics(path)
+                if entry["step"] < step
+                or (entry["step"] == step and (evaluated or entry.get("kind") != "eval"))
+            ]
+            write_atomic(path, "".join(map(_line, kept)))
+        self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+
+    def scalars(self, step: int, kind: str, values: Mapping[str, float]) -> None:
+        """One line of numbers, and the same to tensorboard as `kind/name`."""
+        # One write of a whole line in append mode: a kill leaves all of it or (rarely) a torn end.
+        os.write(self._file, _line({"step": step, "kind": kind, **values}).encode())
+        board = self._board()
+        for name, value in values.items():
+            board.add_scalar(f"{kind}/{name}", value, step)
+
+    def image(self, step: int, name: str, image: np.ndarray) -> None:
+        """A picture uint8 [H,W,3] to tensorboard."""
+        self._board().add_image(name, image, step, dataformats="HWC")
+
+    def flush(self) -> None:
+        """Hands everything to the operating system."""
+        if self._tensorboard is not None:
+            self._tensorboard.flush()
+
+    def close(self) -> None:
+        """Flushes and closes the files."""
+        os.close(self._file)
+        if self._tensorboard is not None:
+            self._tensorboard.close()
+
+    def _board(self) -> Any:
+        if self._tensorboard is None:
+            import tensorboardX  # not at the top: it delays the first step by its import
+
+            self._tensorboard = tensorboardX.SummaryWriter(
+                str(self._workdir / "tensorboard"),
+                # What a killed run wrote past its checkpoint is hidden by tensorboard.
+                purge_step=self._step + 1 if self._step else None,
+            )
+        return self._tensorboard
+
+
+def _line(entry: Mapping[str, Any]) -> str:
+    # JSON has no NaN: null stands for what is not finite.
+    clean = {
+        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in entry.items()
+    }
+    return json.dumps(clean) + "\n"
+
+
+def _entry(line: str) -> dict[str, Any] | None:
+    try:
+        entry = json.loads(line)
+    except json.JSONDecodeError:
+        return None
+    return entry if isinstance(entry, dict) and isinstance(entry.get("step"), int) else None
