@@ -230,6 +230,16 @@ def _open(cfg: DataConfig, split: str) -> records.RecordReader:
     return reader
 
 
+def _num_cores() -> int:
+    if hasattr(os, "sched_getaffinity"):  # what this process may use; Linux alone knows
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _plain(batch: Batch) -> Batch:
+    return {k: np.array(v) if isinstance(v, np.ndarray) else v for k, v in batch.items()}
+
+
 def _iterate(
     cfg: DataConfig, start: int, stop: int, make: Callable[[int], Batch]
 ) -> Iterator[Batch]:
@@ -245,12 +255,16 @@ def _iterate(
             grain.MultiprocessingOptions(num_workers=cfg.num_workers, per_worker_buffer_size=2)
         )
     else:
-        threads = min(MAX_THREADS, len(os.sched_getaffinity(0)))
+        threads = min(MAX_THREADS, _num_cores())
         read = grain.ReadOptions(num_threads=threads, prefetch_buffer_size=threads + 1)
         dataset = numbers.to_iter_dataset(read)
     iterator = iter(dataset)
     try:
-        yield from iterator
+        for batch in iterator:
+            # Workers hand arrays over in shared memory, which must not outlive the iterator (and a
+            # device may alias a host array): the consumer gets its own copy.
+            yield _plain(batch) if cfg.num_workers else batch
+            del batch
     finally:
         close = getattr(iterator, "close", None)
         if close is not None:

@@ -1,0 +1,389 @@
+"""The default data set: analytic solids on the ground, drawn with plain numpy.
+
+Boxes, ellipsoids, cylinders, cones and tori of random proportions and poses, seen by the authors'
+camera (`camera.default_camera`) on their grey background, with exact depth, mask, surface points
+and normals. It needs no download and no renderer. The first use draws it into a cache folder.
+"""
+
+import dataclasses
+import os
+import pathlib
+import shutil
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from absl import logging
+
+from psgn_jax.data import camera, records, schema
+
+# Part of the folder's name: a change of what is drawn must change it.
+_VERSION = 1
+
+DEFAULT_TRAIN, DEFAULT_VALIDATION = 512, 64
+DEFAULT_IMAGE_SIZE = (192, 256)
+NUM_POINTS = 4096
+
+_MISS = np.inf
+
+
+@dataclasses.dataclass(frozen=True)
+class Solid:
+    """A solid around the origin of its own frame; its axis is z.
+
+    Attributes:
+      category: name of its kind.
+      height: its extent along z.
+      sample: (rng, n) -> points [n, 3] uniform on the surface, and outward normals [n, 3].
+      cast: (origin [3], directions [n, 3]) -> parameter t [n] of the first hit at
+        origin + t * direction (inf = none) and outward normals [n, 3] there. The origin is outside.
+    """
+
+    category: str
+    height: float
+    sample: Callable[[np.random.Generator, int], tuple[np.ndarray, np.ndarray]]
+    cast: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)
+
+
+def _smaller_root(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """First root of a t^2 + 2 b t + c with a > 0; inf where there is none or it is behind."""
+    discriminant = b * b - a * c
+    root = (-b - np.sqrt(np.maximum(discriminant, 0))) / np.maximum(a, 1e-12)
+    return np.where((discriminant > 0) & (root > 0), root, _MISS)
+
+
+def _disc(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Uniform points [n, 2] in the unit disc."""
+    angle, radius = rng.uniform(0, 2 * np.pi, n), np.sqrt(rng.random(n))
+    return radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def box(half: np.ndarray) -> Solid:
+    """A box of half extents `half` [3]."""
+
+    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+        areas = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]])
+        axis = rng.choice(3, n, p=areas / areas.sum())
+        sign = rng.choice([-1.0, 1.0], n)
+        points = rng.uniform(-1, 1, (n, 3)) * half
+        normals = np.zeros((n, 3))
+        normals[np.arange(n), axis] = sign
+        points[np.arange(n), axis] = sign * half[axis]
+        return points, normals
+
+    def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        safe = np.where(np.abs(directions) < 1e-12, 1e-12, directions)
+        ends = (np.stack([-half, half])[:, None] - origin) / safe
+        near, far = ends.min(axis=0), ends.max(axis=0)
+        axis = near.argmax(axis=1)
+        t = near.max(axis=1)
+        hit = (t <= far.min(axis=1)) & (t > 0)
+        normals = np.zeros_like(directions)
+        rows = np.arange(len(directions))
+        normals[rows, axis] = -np.sign(directions[rows, axis])
+        return np.where(hit, t, _MISS), normals
+
+    return Solid("box", 2 * float(half[2]), sample, cast)
+
+
+def ellipsoid(half: np.ndarray) -> Solid:
+    """An ellipsoid of half axes `half` [3]."""
+
+    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+        # A patch of the unit sphere around u grows by abc * |u / half|: accept in proportion.
+        kept: list[np.ndarray] = []
+        while sum(map(len, kept)) < n:
+            u = _unit(rng.normal(size=(2 * n, 3)))
+            accept = rng.random(2 * n) < np.linalg.norm(u / half, axis=1) * half.min()
+            kept.append(u[accept])
+        u = np.concatenate(kept)[:n]
+        return u * half, _unit(u / half)
+
+    def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        o, d = origin / half, directions / half
+        t = _smaller_root((d * d).sum(axis=1), d @ o, np.asarray(o @ o - 1))
+        where = np.where(np.isfinite(t), t, 0)[:, None]
+        return t, _unit((o + where * d) / half)
+
+    return Solid("ellipsoid", 2 * float(half[2]), sample, cast)
+
+
+def _cap(origin: np.ndarray, directions: np.ndarray, height: float, radius: float) -> np.ndarray:
+    """Hits of the horizontal disc of `radius` at z = `height`."""
+    down = np.where(np.abs(directions[:, 2]) < 1e-12, 1e-12, directions[:, 2])
+    t = (height - origin[2]) / down
+    across = origin[:2] + t[:, None] * directions[:, :2]
+    hit = ((across**2).sum(axis=1) <= radius**2) & (t > 0)
+    return np.where(hit, t, _MISS)
+
+
+def cylinder(radius: float, height: float) -> Solid:
+    """A closed cylinder."""
+    up = np.array([0.0, 0, 1])
+
+    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+        on_side = rng.random(n) < height / (height + radius)
+        angle = rng.uniform(0, 2 * np.pi, n)
+        ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        top = rng.choice([-1.0, 1.0], n)
+        side = np.concatenate([radius * ring, rng.uniform(-0.5, 0.5, (n, 1)) * height], axis=1)
+        cap = np.concatenate([radius * _disc(rng, n), top[:, None] * height / 2], axis=1)
+        outward = np.concatenate([ring, np.zeros((n, 1))], axis=1)
+        return (
+            np.where(on_side[:, None], side, cap),
+            np.where(on_side[:, None], outward, top[:, None] * up),
+        )
+
+    def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        o, d = origin[:2], directions[:, :2]
+        side = _smaller_root((d * d).sum(axis=1), d @ o, np.asarray(o @ o - radius**2))
+        z = origin[2] + np.where(np.isfinite(side), side, 0) * directions[:, 2]
+        side = np.where(np.abs(z) <= height / 2, side, _MISS)
+        top = _cap(origin, directions, height / 2, radius)
+        bottom = _cap(origin, directions, -height / 2, radius)
+        t = np.minimum(side, np.minimum(top, bottom))
+        where = origin + np.where(np.isfinite(t), t, 0)[:, None] * directions
+        normals = _unit(where * [1, 1, 0])
+        normals[t == bottom] = -up
+        normals[t == top] = up
+        normals[t == side] = _unit(where * [1, 1, 0])[t == side]
+        return t, normals
+
+    return Solid("cylinder", height, sample, cast)
+
+
+def cone(radius: float, height: float) -> Solid:
+    """A closed cone, its tip up."""
+    slope = radius / height
+    slant = np.hypot(radius, height)
+
+    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+        on_side = rng.random(n) < slant / (slant + radius)
+        disc = _disc(rng, n)  # the side's projection to the ground is uniform, too
+        reach = np.linalg.norm(disc, axis=1)
+        z = np.where(on_side, height / 2 - reach * height, -height / 2)
+        outward = _unit(np.concatenate([_unit(disc), np.full((n, 1), slope)], axis=1))
+        normals = np.where(on_side[:, None], outward, [0.0, 0, -1])
+        return np.concatenate([radius * disc, z[:, None]], axis=1), normals
+
+    def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        # x^2 + y^2 = slope^2 (z - tip)^2, of which only the lower half is the cone.
+        o = origin - [0, 0, height / 2]
+        metric = np.array([1, 1, -(slope**2)])
+        a, b = (directions**2) @ metric, directions @ (metric * o)
+        c = float((o**2) @ metric)
+        root = np.sqrt(np.maximum(b * b - a * c, 0))
+        safe = np.where(np.abs(a) < 1e-12, 1e-12, a)
+        side = np.full(len(directions), _MISS)
+        for t in ((-b - root) / safe, (-b + root) / safe):
+            z = o[2] + t * directions[:, 2]
+            hit = (b * b > a * c) & (z <= 0) & (z >= -height) & (t > 0)
+            side = np.where(hit, np.minimum(side, t), side)
+        base = _cap(origin, directions, -height / 2, radius)
+        t = np.minimum(side, base)
+        where = origin + np.where(np.isfinite(t), t, 0)[:, None] * directions
+        normals = _unit(np.concatenate([_unit(where[:, :2]), np.full((len(t), 1), slope)], axis=1))
+        normals[base < side] = [0, 0, -1]
+        return t, normals
+
+    return Solid("cone", height, sample, cast)
+
+
+def torus(ring: float, tube: float) -> Solid:
+    """A torus: distance `ring` from the axis to the tube's centre, `tube` its radius."""
+
+    def towards(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Offset [n, 3] from the tube's centre line, and its length."""
+        across = np.hypot(p[:, 0], p[:, 1])
+        offset = p - p * [1, 1, 0] * (ring / np.maximum(across, 1e-12))[:, None]
+        return offset, np.linalg.norm(offset, axis=1)
+
+    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+        around = rng.uniform(0, 2 * np.pi, 4 * n)
+        accept = rng.random(4 * n) < (ring + tube * np.cos(around)) / (ring + tube)
+        around = around[accept][:n]
+        along = rng.uniform(0, 2 * np.pi, n)
+        out, up = np.cos(around), np.sin(around)
+        normals = np.stack([out * np.cos(along), out * np.sin(along), up], axis=1)
+        centre = np.stack([np.cos(along), np.sin(along), np.zeros(n)], axis=1)
+        return ring * centre + tube * normals, normals
+
+    def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        # Sphere tracing: the distance to the surface is known exactly, so it may always be walked.
+        speed = np.linalg.norm(directions, axis=1)
+        start = max(float(np.linalg.norm(origin)) - ring - tube, 0) / speed
+        end = (np.linalg.norm(origin) + ring + tube) / speed
+        result = np.full(len(directions), _MISS)
+        active = np.arange(len(directions))
+        t = start.copy()
+        for _ in range(200):
+            where = origin + t[active, None] * directions[active]
+            distance = towards(where)[1] - tube
+            t[active] += distance / speed[active]
+            found = distance < 1e-6
+            result[active[found]] = t[active[found]]
+            active = active[~found & (t[active] < end[active])]
+            if not len(active):
+                break
+        where = origin + np.where(np.isfinite(result), result, 0)[:, None] * directions
+        return result, _unit(towards(where)[0])
+
+    return Solid("torus", 2 * tube, sample, cast)
+
+
+CATEGORIES = ("box", "cone", "cylinder", "ellipsoid", "torus")
+"""Categories of the default data set."""
+
+
+def random_solid(category: str, rng: np.random.Generator) -> Solid:
+    """A solid of random proportions; its size means nothing yet."""
+    if category == "box":
+        return box(rng.uniform(0.25, 1.0, 3))
+    if category == "ellipsoid":
+        return ellipsoid(rng.uniform(0.3, 1.0, 3))
+    if category == "cylinder":
+        return cylinder(rng.uniform(0.2, 1.0), rng.uniform(0.4, 2.0))
+    if category == "cone":
+        return cone(rng.uniform(0.3, 1.0), rng.uniform(0.5, 2.0))
+    if category == "torus":
+        return torus(1.0, rng.uniform(0.12, 0.45))
+    raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
+
+
+def draw(
+    solid: Solid,
+    rng: np.random.Generator,
+    *,
+    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+    num_points: int = NUM_POINTS,
+    model_id: str = "",
+) -> schema.Sample:
+    """One sample: the solid upright or lying, turned, on the ground, lit from a random side.
+
+    Lambert shading without shadows: colour = albedo * (0.35 + 0.65 max(n . l, 0)). The unit is the
+    distance from the origin to the farthest of the drawn points.
+
+    Args:
+      solid: what to draw.
+      rng: source of pose, colour, light and points.
+      image_size: (H, W).
+      num_points: points on the surface.
+      model_id: for the sample.
+    """
+    turn = rng.uniform(0, 2 * np.pi)
+    cosine, sine = np.cos(turn), np.sin(turn)
+    rotation = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+    points, normals = solid.sample(rng, num_points)
+    # A cone does not lie on its side without tipping.
+    if solid.category != "cone" and rng.random() < 0.3:
+        rotation = rotation @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+        # Half the extent along the new vertical, the solid's y, along which all are symmetric.
+        lift = float(np.abs(points[:, 1]).max())
+    else:
+        lift = solid.height / 2
+    world = points @ rotation.T + [0, 0, lift]
+    scale = 1 / float(np.linalg.norm(world, axis=1).max())
+
+    intrinsics, extrinsics = camera.default_camera(image_size)
+    height, width = image_size
+    rows, columns = np.mgrid[:height, :width]
+    pixels = np.stack([columns + 0.5, rows + 0.5, np.ones_like(rows)], axis=-1).reshape(-1, 3)
+    # Directions with a component of 1 along the optical axis: the ray's parameter is the depth.
+    in_camera = pixels @ np.linalg.inv(intrinsics.astype(np.float64)).T
+    turned = extrinsics[:, :3].astype(np.float64)
+    directions = in_camera @ turned
+    eye = -turned.T @ extrinsics[:, 3]
+    depth, facing = solid.cast((eye / scale - [0, 0, lift]) @ rotation, directions @ rotation)
+    depth = depth * scale
+    mask = np.isfinite(depth)
+    facing = facing @ rotation.T
+
+    light = _unit(np.array([rng.uniform(0.2, 1), rng.uniform(-1, 1), rng.uniform(0.3, 1)]))
+    albedo = rng.uniform(0.25, 0.95, 3)
+    shade = 0.35 + 0.65 * np.maximum(facing @ light, 0)
+    colour = np.rint(255 * albedo * shade[:, None])
+    image = np.where(mask[:, None], colour, schema.BACKGROUND_GREY).astype(np.uint8)
+    return schema.Sample(
+        image=image.reshape(height, width, 3),
+        mask=mask.reshape(height, width),
+        depth=np.where(mask, depth, 0).astype(np.float32).reshape(height, width),
+        points=(world * scale).astype(np.float32),
+        normals=(normals @ rotation.T).astype(np.float32),
+        intrinsics=intrinsics,
+        extrinsics=extrinsics,
+        category=solid.category,
+        model_id=model_id,
+        source="solids",
+    )
+
+
+def samples(
+    count: int, *, seed: int, image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE
+) -> Iterator[schema.Sample]:
+    """`count` samples, the categories in turn; the same seed draws the same samples."""
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        category = CATEGORIES[number % len(CATEGORIES)]
+        name = f"{category}-{seed}-{number:05d}"
+        yield draw(random_solid(category, rng), rng, image_size=image_size, model_id=name)
+
+
+def cache_folder() -> pathlib.Path:
+    """Where data made on first use is kept: $PSGN_CACHE, or ~/.cache/psgn_jax."""
+    return pathlib.Path(os.environ.get("PSGN_CACHE") or pathlib.Path.home() / ".cache" / "psgn_jax")
+
+
+def _with_progress(
+    items: Iterator[schema.Sample], count: int, what: str
+) -> Iterator[schema.Sample]:
+    start = time.monotonic()
+    for number, item in enumerate(items, 1):
+        yield item
+        if number % 128 == 0 or number == count:
+            logging.info(
+                "drawing %s samples: %d of %d, %.0f s",
+                what,
+                number,
+                count,
+                time.monotonic() - start,
+            )
+
+
+def default_dataset(
+    num_train: int = DEFAULT_TRAIN,
+    num_validation: int = DEFAULT_VALIDATION,
+    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+) -> str:
+    """Folder of the default data set; draws it where it is missing (half a minute on one core).
+
+    The folder appears whole or not at all, also when several processes ask at once.
+    """
+    height, width = image_size
+    name = f"solids-{_VERSION}-{num_train}-{num_validation}-{height}x{width}"
+    folder = cache_folder() / name
+    if (folder / records.MANIFEST).is_file():
+        return str(folder)
+    logging.info("drawing the default data set of analytic solids into %s", folder)
+    temporary = folder.with_name(f".{name}.{os.getpid()}.tmp")
+    shutil.rmtree(temporary, ignore_errors=True)
+    try:
+        splits = {
+            split: _with_progress(samples(n, seed=seed, image_size=image_size), n, split)
+            for seed, (split, n) in enumerate(
+                {"train": num_train, "validation": num_validation}.items()
+            )
+        }
+        records.write_dataset(temporary, splits, source="solids")
+        try:
+            temporary.rename(folder)
+        except OSError:
+            # Another process was faster: its data are the same.
+            if not (folder / records.MANIFEST).is_file():
+                raise
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return str(folder)
