@@ -8,7 +8,7 @@ hemisphere); what has `sq` in its name is in unit^2, the others in unit.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -30,7 +30,7 @@ class Nearest(NamedTuple):
 
 
 def _first_min(x: Array) -> tuple[Array, Array]:
-    """Minimum over the last axis and its lowest position; a NaN row gives (NaN, some position).
+    """Minimum over the last axis and its lowest position; a NaN leaves both undefined.
 
     XLA's argmin on a CPU is two to four times slower than a minimum and an equality pass.
     """
@@ -51,7 +51,9 @@ def _search(rows: Array, cols: Array) -> tuple[Array, Array, Array, Array]:
     cols = _pad(cols, _BLOCK)
     tiles = _pad(rows, _TILE).reshape(-1, _TILE, 3)
 
-    def step(carry, inputs):
+    def step(
+        carry: tuple[Array, Array], inputs: tuple[Array, Array]
+    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         best, best_tile = carry
         number, tile = inputs
         # The barrier makes XLA write the tile once instead of computing it for each minimum.
@@ -61,12 +63,16 @@ def _search(rows: Array, cols: Array) -> tuple[Array, Array, Array, Array]:
         winner = jnp.take_along_axis(blocks, block[:, None, None], axis=1)[:, 0]
         _, offset = _first_min(winner)
         col_min = d.min(axis=0)
-        # `not >=` and not `<`: a NaN must get through.
-        better = ~(col_min >= best)
+        better = col_min < best
         carry = jnp.where(better, col_min, best), jnp.where(better, number, best_tile)
         return carry, (row_min, block * _BLOCK + offset)
 
-    start = jnp.full(len(cols), jnp.inf, rows.dtype), jnp.zeros(len(cols), jnp.int32)
+    # Constants, written with the data so that inside shard_map they vary along the same axes.
+    anything = cols[:, 0] == rows[0, 0]
+    start = (
+        jnp.where(anything, jnp.inf, jnp.full_like(cols[:, 0], jnp.inf)),
+        jnp.where(anything, 0, 0),
+    )
     numbers = jnp.arange(len(tiles), dtype=jnp.int32)
     (col_min, tile), (row_min, row_index) = jax.lax.scan(step, start, (numbers, tiles))
     # Which row of the winning tile: once more the exact distances, of _TILE rows for each col.
@@ -81,17 +87,22 @@ def _search(rows: Array, cols: Array) -> tuple[Array, Array, Array, Array]:
 def _nearest_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
     # The longer cloud is cut into tiles, the shorter one is a tile's width.
     if len(a) >= len(b):
-        return _search(a, b)
-    from_b, index_b, from_a, index_a = _search(b, a)
-    return from_a, index_a, from_b, index_b
+        from_a, index_a, from_b, index_b = _search(a, b)
+    else:
+        from_b, index_b, from_a, index_a = _search(b, a)
+    # XLA's minimum may drop a NaN: without this a broken point would simply not be counted.
+    finite = jnp.isfinite(a).all() & jnp.isfinite(b).all()
+    return jnp.where(finite, from_a, jnp.nan), index_a, jnp.where(finite, from_b, jnp.nan), index_b
 
 
-def _nearest_both_fwd(a, b):
+def _nearest_both_fwd(a: Array, b: Array) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
     out = _nearest_both(a, b)
     return out, (a, b, out[1], out[3])
 
 
-def _nearest_both_bwd(residuals, cotangents):
+def _nearest_both_bwd(
+    residuals: tuple[Array, ...], cotangents: tuple[Array, ...]
+) -> tuple[Array, Array]:
     a, b, index_a, index_b = residuals
     weight_a, _, weight_b, _ = cotangents
     pull_a = 2 * weight_a[:, None] * (a - b[index_a])
@@ -103,7 +114,7 @@ _nearest_both.defvjp(_nearest_both_fwd, _nearest_both_bwd)
 
 
 @jax.jit
-def _nearest_both_jit(a, b):
+def _nearest_both_jit(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
     return _nearest_both(a, b)
 
 
@@ -129,7 +140,7 @@ def nearest_both(
 
     Raises:
       ValueError: wrong shape or dtype, an empty cloud, or non-finite coordinates outside `jit`;
-        inside, the affected distances become NaN or infinite.
+        inside, one non-finite coordinate makes every distance of the pair NaN.
     """
     a, b = check_points(a, names[0]), check_points(b, names[1])
     dtype = jnp.promote_types(a.dtype, b.dtype)
@@ -224,7 +235,7 @@ def batched(function: Callable, *, platform: str | None = None) -> Callable:
       (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array.
     """
 
-    def over_batch(pred, gt):
+    def over_batch(pred: Array, gt: Array) -> Any:
         if (platform or jax.default_backend()) == "cpu":
             return jax.lax.map(lambda pair: function(*pair), (pred, gt))
         return jax.vmap(function)(pred, gt)

@@ -11,7 +11,7 @@ def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
     """Returns one point cloud as float32 (float64 stays), or says what is wrong with it.
 
     The values are looked at only where they are at hand: inside `jit`, `vmap` or `grad` they are
-    not, and a non-finite coordinate then reaches the loss as NaN or infinity.
+    not, and a non-finite coordinate then reaches the loss as NaN.
 
     Args:
       points: [n, 3] coordinates of a floating dtype, n >= 1; any unit and frame.

@@ -1,0 +1,265 @@
+import importlib.util
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax import losses
+from psgn_jax.losses import chamfer
+
+_spec = importlib.util.spec_from_file_location(
+    "reference", pathlib.Path(__file__).resolve().parents[1] / "reference.py"
+)
+reference = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(reference)
+
+NAMES = [
+    "chamfer_sq",
+    "chamfer_sq_mean",
+    "chamfer_sq_pred_to_gt_mean",
+    "chamfer_sq_gt_to_pred_mean",
+    "chamfer_l1_mean",
+    "chamfer_authors",
+]
+# Sizes on both sides of the search's block (32) and tile boundaries.
+SIZES = [(1, 1), (1, 40), (40, 1), (31, 32), (33, 31), (63, 65), (129, 127), (256, 70), (300, 1025)]
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+def clouds(rng, n, m, scale=1.0, offset=0.0):
+    a = rng.normal(size=(n, 3)) * scale + offset
+    b = rng.normal(size=(m, 3)) * scale + offset
+    return a.astype(np.float32), b.astype(np.float32)
+
+
+def check_nearest(a, b):
+    for got, (x, y) in zip(losses.nearest_both(a, b), ((a, b), (b, a)), strict=True):
+        want_sq, _ = reference.nearest(x, y)
+        np.testing.assert_allclose(got.distance_sq, want_sq, rtol=2e-6, atol=0)
+        # The index may differ where two points are equally near in float arithmetic.
+        at_index = reference.pairwise_sq(x, y)[np.arange(len(x)), np.asarray(got.index)]
+        np.testing.assert_allclose(at_index, want_sq, rtol=2e-6, atol=0)
+
+
+@pytest.mark.parametrize(("n", "m"), SIZES)
+def test_nearest_equals_reference(rng, n, m):
+    check_nearest(*clouds(rng, n, m))
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1.0, 1e6])
+@pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
+def test_nearest_at_any_scale_and_offset(rng, scale, offset):
+    # Also where the offset swallows all digits: then the clouds are full of coincident points.
+    check_nearest(*clouds(rng, 100, 210, scale, offset))
+
+
+def test_near_points_keep_their_digits(rng):
+    # Neighbours at 1e-6 in a cloud of radius 1: an expansion would return noise of 1e-7.
+    a, _ = clouds(rng, 500, 1)
+    check_nearest(a, a[rng.permutation(500)] + np.float32(1e-6))
+
+
+def test_ties_take_the_lowest_index(rng):
+    grid = np.stack(np.meshgrid(*[np.arange(5)] * 3), -1).reshape(-1, 3).astype(np.float32)
+    middle = grid[:90] + 0.5
+    for a, b in ((middle, np.tile(grid, (2, 1))), (np.tile(grid, (2, 1)), middle), (grid, grid)):
+        to_b, to_a = losses.nearest_both(a, b)
+        np.testing.assert_array_equal(to_b.index, reference.nearest(a, b)[1])
+        np.testing.assert_array_equal(to_a.index, reference.nearest(b, a)[1])
+
+
+def test_nearest_is_the_first_direction(rng):
+    a, b = clouds(rng, 50, 77)
+    got = losses.nearest(a, b)
+    np.testing.assert_array_equal(got.index, reference.nearest(a, b)[1])
+    assert got.index.dtype == jnp.int32
+    assert got.distance_sq.shape == (50,)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("n", "m"), [(40, 130), (1, 1)])
+def test_losses_equal_reference(rng, name, n, m):
+    a, b = clouds(rng, n, m)
+    value = getattr(losses, name)(a, b)
+    assert value.shape == ()
+    assert value.dtype == jnp.float32
+    np.testing.assert_allclose(value, getattr(reference, name)(a, b), rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gradient_equals_directional_difference(rng, name):
+    a, b = clouds(rng, 70, 33)
+    grads = jax.grad(getattr(losses, name), argnums=(0, 1))(a, b)
+    slow = getattr(reference, name)
+    for _ in range(3):
+        u, v = clouds(rng, 70, 33)
+        h = 1e-6  # in float64; small enough that no neighbour changes
+        a64, b64 = a.astype(np.float64), b.astype(np.float64)
+        want = (slow(a64 + h * u, b64 + h * v) - slow(a64 - h * u, b64 - h * v)) / (2 * h)
+        got = np.vdot(grads[0], u) + np.vdot(grads[1], v)
+        np.testing.assert_allclose(got, want, rtol=1e-4, atol=1e-4 * abs(want))
+
+
+def test_gradient_is_that_of_the_matrix(rng):
+    a, b = clouds(rng, 45, 200)
+
+    def naive(a, b):
+        d = jnp.square(a[:, None] - b[None]).sum(-1)
+        return d.min(1).mean() + d.min(0).mean()
+
+    for got, want in zip(
+        jax.grad(losses.chamfer_sq_mean, (0, 1))(a, b), jax.grad(naive, (0, 1))(a, b), strict=True
+    ):
+        np.testing.assert_allclose(got, want, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["chamfer_sq", "chamfer_l1_mean"])
+def test_coincident_points_have_zero_gradient(rng, name):
+    a, _ = clouds(rng, 40, 1)
+    value, grads = jax.value_and_grad(getattr(losses, name), argnums=(0, 1))(a, a[::-1])
+    assert value == 0
+    assert not np.any(grads)
+
+
+@pytest.mark.parametrize("name", ["chamfer_sq", "chamfer_l1_mean"])
+def test_invariances(rng, name):
+    loss = getattr(losses, name)
+    a, b = clouds(rng, 60, 90)
+    value = loss(a, b)
+    # The order of the points.
+    np.testing.assert_allclose(loss(rng.permutation(a), rng.permutation(b)), value, rtol=1e-5)
+    # Rigid motion.
+    rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    moved = [(x @ rotation + [1, -2, 3]).astype(np.float32) for x in (a, b)]
+    np.testing.assert_allclose(loss(*moved), value, rtol=1e-4)
+    # A point more of the same place changes no distance of the other cloud.
+    np.testing.assert_allclose(
+        losses.chamfer_sq_gt_to_pred_mean(np.concatenate([a, a]), b),
+        losses.chamfer_sq_gt_to_pred_mean(a, b),
+    )
+    # Scale.
+    power = 1 if name == "chamfer_l1_mean" else 2
+    np.testing.assert_allclose(loss(8 * a, 8 * b), value * 8.0**power, rtol=1e-5)
+
+
+def test_all_points_equal():
+    a, b = np.zeros((70, 3), np.float32), np.ones((40, 3), np.float32)
+    np.testing.assert_allclose(losses.chamfer_sq_mean(a, b), 6)
+    assert np.isfinite(jax.grad(losses.chamfer_l1_mean)(a, b)).all()
+
+
+def test_jit_vmap_map_and_batched_agree(rng):
+    a = rng.normal(size=(3, 40, 3)).astype(np.float32)
+    b = rng.normal(size=(3, 150, 3)).astype(np.float32)
+    loss = losses.chamfer_sq_mean
+    want = [reference.chamfer_sq_mean(x, y) for x, y in zip(a, b, strict=True)]
+    versions = [
+        jax.vmap(loss),
+        losses.batched(loss),
+        losses.batched(loss, platform="gpu"),
+    ]
+    single = np.stack([jax.grad(loss)(x, y) for x, y in zip(a, b, strict=True)])
+    for version in versions:
+        np.testing.assert_allclose(jax.jit(version)(a, b), want, rtol=1e-5)
+        grad = jax.jit(jax.grad(lambda a, b, version=version: version(a, b).sum()))(a, b)
+        np.testing.assert_allclose(grad, single, rtol=1e-4, atol=1e-7)
+
+
+def test_shard_map(rng):
+    mesh = jax.make_mesh((1,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
+    spec = jax.sharding.PartitionSpec("data")
+    a = rng.normal(size=(4, 40, 3)).astype(np.float32)
+    b = rng.normal(size=(4, 70, 3)).astype(np.float32)
+    local = jax.value_and_grad(lambda a, b: losses.batched(losses.chamfer_sq_mean)(a, b).sum())
+
+    def one_device(a, b):
+        value, grad = local(a, b)
+        return value[None], grad
+
+    values, grads = jax.jit(
+        jax.shard_map(one_device, mesh=mesh, in_specs=(spec, spec), out_specs=(spec, spec))
+    )(a, b)
+    want, want_grad = local(a, b)
+    np.testing.assert_allclose(values.sum(), want, rtol=1e-5)
+    np.testing.assert_allclose(grads, want_grad, atol=1e-6)
+
+
+def test_bfloat16_is_computed_in_float32(rng):
+    a, b = (jnp.asarray(x, jnp.bfloat16) for x in clouds(rng, 40, 50))
+    value, grad = jax.value_and_grad(losses.chamfer_sq_mean)(a, b)
+    assert value.dtype == jnp.float32
+    assert grad.dtype == jnp.bfloat16
+    np.testing.assert_allclose(value, reference.chamfer_sq_mean(a, b), rtol=1e-5)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("argument", ["pred", "gt"])
+@pytest.mark.parametrize("name", NAMES[2:5])
+def test_non_finite(rng, bad, argument, name):
+    loss = getattr(losses, name)
+    pair = dict(zip(("pred", "gt"), clouds(rng, 70, 140), strict=True))
+    pair[argument][33, 1] = bad
+    with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
+        loss(**pair)
+    # Inside jit the values are not at hand: the loss must not look healthy.
+    assert np.isnan(jax.jit(loss)(pair["pred"], pair["gt"]))
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (5, 2), (3,), (2, 5, 3)])
+def test_wrong_shape(shape):
+    good = np.ones((4, 3), np.float32)
+    for call in (losses.chamfer_sq_mean, jax.jit(losses.chamfer_sq_mean)):
+        with pytest.raises(ValueError, match=r"pred: got shape .* expected \[n, 3\]"):
+            call(np.ones(shape, np.float32), good)
+        with pytest.raises(ValueError, match=r"gt: got shape .* expected \[n, 3\]"):
+            call(good, np.ones(shape, np.float32))
+
+
+def test_wrong_type():
+    good = np.ones((4, 3), np.float32)
+    with pytest.raises(ValueError, match="gt: got dtype uint8, expected a floating"):
+        losses.chamfer_sq(good, np.ones((4, 3), np.uint8))
+    with pytest.raises(ValueError, match="a: got list, expected an array"):
+        losses.nearest(good.tolist(), good)
+
+
+def test_memory_is_bounded():
+    # 1024 x 16384 distances are 64 MB a pair.
+    a, b = jnp.zeros((4, 1024, 3)), jnp.zeros((4, 16384, 3))
+    step = jax.jit(jax.grad(lambda a, b: losses.batched(losses.chamfer_sq_mean)(a, b).sum()))
+    memory = step.lower(a, b).compile().memory_analysis()
+    assert memory.temp_size_in_bytes < 16e6
+
+
+def test_same_bits_every_time(rng):
+    a, b = clouds(rng, 200, 300)
+    first, second = (jax.jit(jax.grad(losses.chamfer_sq_mean))(a, b) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_import_is_light():
+    code = (
+        "import jax, json, sys; import psgn_jax.losses, psgn_jax.metrics;"
+        "print(json.dumps([m for m in ('flax', 'orbax', 'tensorboard', 'tensorboardX', 'mitsuba',"
+        "'optax', 'scipy.spatial', 'psgn_jax.models') if m in sys.modules]))"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    )
+    assert json.loads(done.stdout) == []
+
+
+def test_search_never_returns_padding(rng):
+    # Two points each, the other side of a tile full of copies of the last one.
+    a, b = clouds(rng, 2, 3)
+    for got, limit in zip(
+        chamfer._search(jnp.asarray(a), jnp.asarray(b))[1::2], (3, 2), strict=True
+    ):
+        assert np.all(np.asarray(got) < limit)

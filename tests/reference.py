@@ -1,0 +1,50 @@
+"""Slow, obvious float64 versions of what the package computes fast."""
+
+import numpy as np
+
+
+def pairwise_sq(a, b):
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    return ((a[:, None, :] - b[None, :, :]) ** 2).sum(-1)
+
+
+def nearest(a, b):
+    """(squared distance, lowest index of the nearest) for every point of a."""
+    d = pairwise_sq(a, b)
+    return d.min(1), d.argmin(1)
+
+
+def chamfer_sq(pred, gt):
+    d = pairwise_sq(pred, gt)
+    return d.min(1).sum() + d.min(0).sum()
+
+
+def chamfer_sq_pred_to_gt_mean(pred, gt):
+    return pairwise_sq(pred, gt).min(1).mean()
+
+
+def chamfer_sq_gt_to_pred_mean(pred, gt):
+    return pairwise_sq(pred, gt).min(0).mean()
+
+
+def chamfer_sq_mean(pred, gt):
+    d = pairwise_sq(pred, gt)
+    return d.min(1).mean() + d.min(0).mean()
+
+
+def chamfer_l1_mean(pred, gt):
+    d = np.sqrt(pairwise_sq(pred, gt))
+    return (d.min(1).mean() + d.min(0).mean()) / 2
+
+
+def chamfer_authors(pred, gt):
+    d = pairwise_sq(pred, gt)
+    return 1e4 * (d.min(0).mean() + d.min(1).mean() / 2)
+
+
+def fscore(pred, gt, threshold):
+    d = np.sqrt(pairwise_sq(pred, gt))
+    precision, recall = (d.min(1) <= threshold).mean(), (d.min(0) <= threshold).mean()
+    if precision + recall == 0:
+        return 0.0, precision, recall
+    return 2 * precision * recall / (precision + recall), precision, recall

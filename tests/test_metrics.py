@@ -1,0 +1,92 @@
+import importlib.util
+import pathlib
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax import losses, metrics
+
+_spec = importlib.util.spec_from_file_location(
+    "reference", pathlib.Path(__file__).resolve().parent / "reference.py"
+)
+reference = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(reference)
+
+
+@pytest.fixture
+def pair(rng):
+    # Spacing near the threshold, so that the scores lie between 0 and 1.
+    return tuple(rng.uniform(0, 0.1, (n, 3)).astype(np.float32) for n in (150, 210))
+
+
+def test_metrics_equal_reference(pair):
+    np.testing.assert_allclose(metrics.cd_sq(*pair), reference.chamfer_sq_mean(*pair), rtol=1e-5)
+    np.testing.assert_allclose(metrics.cd_l1(*pair), reference.chamfer_l1_mean(*pair), rtol=1e-5)
+    np.testing.assert_allclose(
+        metrics.cd_sq_pred_to_gt(*pair), reference.chamfer_sq_pred_to_gt_mean(*pair), rtol=1e-5
+    )
+    np.testing.assert_allclose(
+        metrics.cd_sq_gt_to_pred(*pair), reference.chamfer_sq_gt_to_pred_mean(*pair), rtol=1e-5
+    )
+    for threshold in (0.005, 0.01, 0.02):
+        score = metrics.fscore(*pair, threshold)
+        np.testing.assert_allclose(score, reference.fscore(*pair, threshold), rtol=1e-5)
+        assert 0 < score.fscore < 1
+
+
+def test_evaluate_pair_agrees_with_the_single_functions(pair):
+    got = metrics.evaluate_pair(*pair, threshold=0.02)
+    score = metrics.fscore(*pair, 0.02)
+    want = {
+        "cd_sq_radius2": metrics.cd_sq(*pair),
+        "cd_sq_pred_to_gt_radius2": metrics.cd_sq_pred_to_gt(*pair),
+        "cd_sq_gt_to_pred_radius2": metrics.cd_sq_gt_to_pred(*pair),
+        "cd_l1_radius": metrics.cd_l1(*pair),
+        "fscore": score.fscore,
+        "precision": score.precision,
+        "recall": score.recall,
+    }
+    assert got.keys() == want.keys()
+    for name, value in want.items():
+        np.testing.assert_allclose(got[name], value, rtol=1e-6, err_msg=name)
+
+
+def test_scores_of_equal_and_of_distant_clouds(pair):
+    cloud = pair[0]
+    assert metrics.fscore(cloud, cloud) == (1, 1, 1)
+    assert metrics.fscore(cloud, cloud + 5) == (0, 0, 0)
+
+
+def test_precision_is_of_pred():
+    gt = np.array([[0, 0, 0], [1, 0, 0]], np.float32)
+    score = metrics.fscore(gt[:1], gt)
+    assert score.precision == 1
+    assert score.recall == 0.5
+
+
+def test_batched_under_jit(pair):
+    pred, gt = (np.stack([x, x[::-1] + 0.01]) for x in pair)
+    got = jax.jit(losses.batched(metrics.evaluate_pair))(pred, gt)
+    for i in range(2):
+        for name, value in metrics.evaluate_pair(pred[i], gt[i]).items():
+            np.testing.assert_allclose(got[name][i], value, rtol=1e-5)
+
+
+def test_nan_is_never_a_score(pair):
+    pred = pair[0].copy()
+    pred[3] = np.nan
+    with pytest.raises(ValueError, match="pred: point 3 of 150"):
+        metrics.evaluate_pair(pred, pair[1])
+    got = jax.jit(metrics.evaluate_pair)(pred, pair[1])
+    for name in ("cd_sq_radius2", "cd_l1_radius", "precision", "fscore"):
+        assert jnp.isnan(got[name]), name
+
+
+@pytest.mark.parametrize("threshold", [0, -1.0, float("nan"), float("inf")])
+def test_wrong_threshold(pair, threshold):
+    with pytest.raises(ValueError, match="threshold: got"):
+        metrics.fscore(*pair, threshold)
+    with pytest.raises(ValueError, match="threshold: got"):
+        metrics.evaluate_pair(*pair, threshold=threshold)
