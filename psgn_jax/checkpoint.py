@@ -51,7 +51,7 @@ class Checkpoints:
         self,
         directory: str | pathlib.Path,
         keep: int = 2,
-        metric: str = "cd_sq",
+        metric: str = "cd_sq_radius2",
         *,
         read_only: bool = False,
     ):

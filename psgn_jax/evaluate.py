@@ -30,6 +30,7 @@ from psgn_jax.config import Config, ConfigError, check_paths, from_json
 from psgn_jax.state import params_from_named_leaves
 from psgn_jax.writer import exit_on_user_error, log_to_terminal, write_atomic
 
+_COLUMNS = ("cd_sq_radius2", "cd_l1_radius", "fscore")
 OVER_SAMPLES, OVER_CATEGORIES = "mean over samples", "mean over categories"
 
 
@@ -83,16 +84,17 @@ class Evaluation:
 
     def header(self, metric: str) -> str:
         """A metric's name with its unit, as it heads a column."""
-        if metric.startswith("fscore"):
-            return f"F-score at {self.threshold:g} [%]"
         return {
-            "cd_sq": "CD squared [unit^2]",
-            "cd_l1": "CD-L1 [unit]",
-        }.get(metric, metric)
+            "cd_sq_radius2": "CD squared [radius^2]",
+            "cd_sq_pred_to_gt_radius2": "pred to truth [radius^2]",
+            "cd_sq_gt_to_pred_radius2": "truth to pred [radius^2]",
+            "cd_l1_radius": "CD-L1 [radius]",
+            "fscore": f"F-score at {self.threshold:g} radius [%]",
+        }.get(metric, f"{metric} [fraction]")
 
     def text(self) -> str:
         """The table as text."""
-        names = list(self.metrics)
+        names = [name for name in _COLUMNS if name in self.metrics]
         head = ["category", "samples", *map(self.header, names)]
         body = [
             [row.name, str(row.count), *(_number(name, row.metrics[name]) for name in names)]
@@ -103,16 +105,16 @@ class Evaluation:
         lines = [_aligned(head, widths), "-" * (sum(widths) + 2 * len(widths) - 2)]
         lines += [_aligned(line, widths) for line in body[:-2]]
         lines += [lines[1], *(_aligned(line, widths) for line in body[-2:])]
-        note = (
-            f"split {self.split}; unit = radius of the bounding hemisphere; CD squared: mean over "
-            "predicted points of the squared distance to the nearest true point, plus the same "
-            f"the other way; F-score: points within {self.threshold:g} unit; the number of samples "
-            "in brackets is that of categories"
-        )
-        return "\n".join([*lines, "", note, ""])
+        note = f"""
+Split {self.split!r}. radius = that of an object's bounding hemisphere, the unit of all coordinates.
+CD squared: mean over predicted points of the squared distance to the nearest true point, plus the
+mean over true points of that to the nearest predicted one. CD-L1: half the sum of both means of the
+distances themselves. (n): number of categories.
+"""
+        return "\n".join(lines) + "\n" + note
 
     def csv(self) -> str:
-        """The table as CSV; an F-score is a fraction here."""
+        """The table as CSV; the F-score, precision and recall are fractions here."""
         rows = [[r.name, r.count, *r.metrics.values()] for r in self.rows()]
         return _csv(["category", "samples", *self.metrics], rows)
 
@@ -123,14 +125,13 @@ class Evaluation:
         return _csv(["category", "model_id", *self.metrics], rows)
 
     def json(self, **more: Any) -> str:
-        """The table as JSON; `more` is stored beside it."""
+        """The table as JSON, with fractions as `csv`; `more` is stored beside it."""
         *categories, over_samples, over_categories = self.rows()
         document = {
             **more,
             "split": self.split,
             "samples": over_samples.count,
             "fscore_threshold": self.threshold,
-            "units": {name: self.header(name) for name in self.metrics},
             "categories": {r.name: {"samples": r.count, **r.metrics} for r in categories},
             OVER_SAMPLES.replace(" ", "_"): over_samples.metrics,
             OVER_CATEGORIES.replace(" ", "_"): over_categories.metrics,
