@@ -254,6 +254,20 @@ def random_solid(category: str, rng: np.random.Generator) -> Solid:
     raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
 
 
+def _window(
+    points: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray, size: tuple[int, int]
+) -> tuple[slice, slice]:
+    """Rows and columns that the projection of a cloud's bounding box, a tenth larger, covers."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.05 * (high - low) + 0.01
+    ends = np.stack([low - margin, high + margin])
+    corners = np.stack(np.meshgrid(*ends.T), axis=-1).reshape(-1, 3)
+    pixels, _ = camera.project(corners, intrinsics, extrinsics)
+    first = np.clip(np.floor(pixels.min(axis=0)).astype(int), 0, [size[1] - 1, size[0] - 1])
+    last = np.clip(np.ceil(pixels.max(axis=0)).astype(int), first + 1, [size[1], size[0]])
+    return slice(first[1], last[1]), slice(first[0], last[0])
+
+
 def draw(
     solid: Solid,
     rng: np.random.Generator,
@@ -290,27 +304,29 @@ def draw(
 
     intrinsics, extrinsics = camera.default_camera(image_size)
     height, width = image_size
-    rows, columns = np.mgrid[:height, :width]
-    pixels = np.stack([columns + 0.5, rows + 0.5, np.ones_like(rows)], axis=-1).reshape(-1, 3)
+    window = _window(world * scale, intrinsics, extrinsics, image_size)
+    rows, columns = np.mgrid[window]
+    pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(rows.shape)], axis=-1)
     # Directions with a component of 1 along the optical axis: the ray's parameter is the depth.
-    in_camera = pixels @ np.linalg.inv(intrinsics.astype(np.float64)).T
+    in_camera = pixels.reshape(-1, 3) @ np.linalg.inv(intrinsics.astype(np.float64)).T
     turned = extrinsics[:, :3].astype(np.float64)
     directions = in_camera @ turned
     eye = -turned.T @ extrinsics[:, 3]
-    depth, facing = solid.cast((eye / scale - [0, 0, lift]) @ rotation, directions @ rotation)
-    depth = depth * scale
-    mask = np.isfinite(depth)
-    facing = facing @ rotation.T
+    reach, facing = solid.cast((eye / scale - [0, 0, lift]) @ rotation, directions @ rotation)
+    hit = np.isfinite(reach)
 
     light = _unit(np.array([rng.uniform(0.2, 1), rng.uniform(-1, 1), rng.uniform(0.3, 1)]))
     albedo = rng.uniform(0.25, 0.95, 3)
-    shade = 0.35 + 0.65 * np.maximum(facing @ light, 0)
+    shade = 0.35 + 0.65 * np.maximum(facing @ (light @ rotation), 0)
     colour = np.rint(255 * albedo * shade[:, None])
-    image = np.where(mask[:, None], colour, schema.BACKGROUND_GREY).astype(np.uint8)
+    image = np.full((height, width, 3), schema.BACKGROUND_GREY, np.uint8)
+    depth = np.zeros((height, width), np.float32)
+    image[window][hit.reshape(rows.shape)] = colour[hit]
+    depth[window][hit.reshape(rows.shape)] = scale * reach[hit]
     return schema.Sample(
-        image=image.reshape(height, width, 3),
-        mask=mask.reshape(height, width),
-        depth=np.where(mask, depth, 0).astype(np.float32).reshape(height, width),
+        image=image,
+        mask=depth > 0,
+        depth=depth,
         points=(world * scale).astype(np.float32),
         normals=(normals @ rotation.T).astype(np.float32),
         intrinsics=intrinsics,
