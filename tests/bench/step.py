@@ -1,0 +1,275 @@
+"""Time of a training step of the two-branch network on a CPU, against PyTorch.
+
+One step = forward and backward with respect to all parameters; the loss is a fixed linear
+function of the points, which costs nothing. Each competitor lives in a process of its own (so that
+its peak memory is its own) and they take turns, so that what else the machine does hits all alike.
+
+    python tests/bench/step.py                  # the full network, batch 32
+    python tests/bench/step.py --small          # the half-size network of configs/authors_small.py
+    python tests/bench/step.py --layers         # a table of layers instead
+
+Prints seconds per step (the median and the fastest), the ratio to PyTorch channels last, samples
+per second, the latency of one image forward, and the peak memory of each process.
+"""
+
+import multiprocessing
+import resource
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from absl import app, flags
+
+_BATCH = flags.DEFINE_integer("batch", 0, "images in a batch; 0 = 32, or 16 with --small")
+_SMALL = flags.DEFINE_bool("small", False, "the network and image size of authors_small.py")
+_REPEATS = flags.DEFINE_integer("repeats", 5, "timed steps of each competitor")
+_THREADS = flags.DEFINE_integer("threads", 2, "threads that PyTorch uses")
+_LAYERS = flags.DEFINE_bool("layers", False, "time the convolutions one by one instead")
+_DEFAULT_LAYOUT = flags.DEFINE_bool("default_layout", True, "PyTorch's default layout as well")
+
+FULL: dict[str, Any] = {
+    "image_size": (192, 256),
+    "widths": (16, 32, 64, 128, 256, 512, 512),
+    "deconv_level": 3,
+    "fc_widths": (2048, 1024),
+}
+SMALL: dict[str, Any] = {
+    "image_size": (96, 128),
+    "widths": (16, 32, 64, 128, 256, 256),
+    "deconv_level": 2,
+    "fc_widths": (1024, 512),
+}
+IN_CHANNELS, FC_POINTS, DECONV_CHANNELS = 4, 256, 3
+
+
+class Competitor:
+    """A process that takes a step when told to."""
+
+    def __init__(self, build: Callable[..., Any], *args: Any):
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, build, args), daemon=True)
+        self._process.start()
+        self.num_params: int = self._pipe.recv()
+        self.seconds: list[float] = []
+
+    def ask(self, what: str) -> float:
+        """Runs "step" or "latency"; returns seconds. "peak" returns peak memory in bytes."""
+        self._pipe.send(what)
+        return self._pipe.recv()
+
+
+def _serve(pipe: Any, build: Callable[..., Any], args: tuple[Any, ...]) -> None:
+    runs = build(*args)
+    for run in ("step", "latency"):
+        runs[run]()  # compiles
+    pipe.send(runs["num_params"])
+    while True:
+        what = pipe.recv()
+        if what == "peak":
+            pipe.send(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+            continue
+        start = time.perf_counter()
+        runs[what]()
+        pipe.send(time.perf_counter() - start)
+
+
+def build_jax(network: dict[str, Any], batch: int) -> dict[str, Any]:
+    """The step of this project's network."""
+    import jax
+    import jax.numpy as jnp
+
+    from psgn_jax import registry
+    from psgn_jax.config import ModelConfig
+
+    model = registry.build_model(
+        ModelConfig(in_channels=IN_CHANNELS, fc_points=FC_POINTS, **network)
+    )
+    x = _images(network, batch)
+    params = jax.jit(model.init)(jax.random.key(0), x[:1])["params"]
+
+    def loss(params: Any, x: Any) -> Any:
+        points = model.apply({"params": params}, x)
+        return jnp.sum(points * jnp.cos(jnp.arange(points.size)).reshape(points.shape))
+
+    step = jax.jit(jax.grad(loss))
+    forward = jax.jit(lambda params, x: model.apply({"params": params}, x))
+    x, one = jax.device_put(x), jax.device_put(x[:1])
+    return {
+        "num_params": sum(p.size for p in jax.tree.leaves(params)),
+        "step": lambda: jax.block_until_ready(step(params, x)),
+        "latency": lambda: jax.block_until_ready(forward(params, one)),
+    }
+
+
+def build_torch(
+    network: dict[str, Any], batch: int, threads: int, channels_last: bool
+) -> dict[str, Any]:
+    """The step of the same network in PyTorch."""
+    import torch
+    from torch_point_out_net import TwoBranch
+
+    torch.set_num_threads(threads)
+    layout = torch.channels_last if channels_last else torch.contiguous_format
+    net = TwoBranch(
+        IN_CHANNELS, fc_points=FC_POINTS, deconv_channels=DECONV_CHANNELS, **network
+    ).to(memory_format=layout)
+    x = torch.from_numpy(_images(network, batch).transpose(0, 3, 1, 2).copy())
+    x = x.to(memory_format=layout)
+    with torch.no_grad():
+        shape = net(x[:1]).shape[1:]
+    weights = torch.cos(torch.arange(batch * shape.numel())).reshape(batch, *shape)
+
+    def step() -> None:
+        net.zero_grad()
+        (net(x) * weights).sum().backward()
+
+    def latency() -> None:
+        with torch.no_grad():
+            net(x[:1])
+
+    return {
+        "num_params": sum(p.numel() for p in net.parameters()),
+        "step": step,
+        "latency": latency,
+    }
+
+
+def _images(network: dict[str, Any], batch: int) -> np.ndarray:
+    shape = (batch, *network["image_size"], IN_CHANNELS)
+    return np.random.default_rng(0).random(shape, np.float32)
+
+
+def compare(network: dict[str, Any], batch: int) -> None:
+    """Prints the table of whole steps."""
+    competitors = {
+        "psgn_jax": Competitor(build_jax, network, batch),
+        "PyTorch channels last": Competitor(build_torch, network, batch, _THREADS.value, True),
+    }
+    if _DEFAULT_LAYOUT.value:
+        competitors["PyTorch default layout"] = Competitor(
+            build_torch, network, batch, _THREADS.value, False
+        )
+    sizes = {name: c.num_params for name, c in competitors.items()}
+    if len(set(sizes.values())) > 1:
+        raise ValueError(f"parameters={sizes}: accepted: the same number in every network")
+    print(f"{sizes['psgn_jax']:,} parameters, images {network['image_size']}, batch {batch}")
+    for _ in range(_REPEATS.value):
+        for competitor in competitors.values():
+            competitor.seconds.append(competitor.ask("step"))
+    print(f"{'':24}{'median s':>9}{'fastest':>9}{'ratio':>7}{'samples/s':>11}", end="")
+    print(f"{'1 image':>10}{'peak GB':>9}")
+    # Ratios within a round, since the load of the machine changes between rounds.
+    reference = competitors["PyTorch channels last"].seconds
+    for name, c in competitors.items():
+        ratio = statistics.median(t / r for t, r in zip(c.seconds, reference, strict=True))
+        latency = min(c.ask("latency") for _ in range(5))
+        median = statistics.median(c.seconds)
+        print(
+            f"{name:24}{median:9.3f}{min(c.seconds):9.3f}{ratio:7.2f}{batch / median:11.1f}"
+            f"{1e3 * latency:7.1f} ms{c.ask('peak') / 1e9:9.2f}"
+        )
+
+
+def layers(network: dict[str, Any]) -> Iterator[tuple[str, int, int, int, int, int, int]]:
+    """The convolutions: (kind, height, width, input channels, output channels, kernel, stride)."""
+    (h, w), widths, top = network["image_size"], network["widths"], network["deconv_level"]
+    last, channels = len(widths) - 1, IN_CHANNELS
+    for level, c in enumerate(widths):
+        if level:
+            size = 5 if level == last else 3
+            yield "conv", h >> (level - 1), w >> (level - 1), channels, c, size, 2
+        else:
+            yield "conv", h, w, channels, c, 3, 1
+        channels = c
+        if level < last:
+            yield "conv", h >> level, w >> level, c, c, 3, 1
+    for level in reversed(range(top, last)):
+        half = widths[level] // 2
+        yield "up", h >> (level + 1), w >> (level + 1), channels, half, 5, 2
+        yield "conv", h >> level, w >> level, widths[level], half, 3, 1
+        yield "conv", h >> level, w >> level, half, half, 3, 1
+        channels = half
+
+
+def compare_layers(network: dict[str, Any], batch: int) -> None:
+    """Prints, by layer, milliseconds of the three passes here and in PyTorch channels last."""
+    import jax
+    import torch
+
+    from psgn_jax.models import convolution
+
+    torch.set_num_threads(_THREADS.value)
+    rng = np.random.default_rng(0)
+    print("milliseconds here / PyTorch channels last, fastest of the repeats")
+    print(f"{'':34}{'forward':>16}{'input gradient':>18}{'kernel gradient':>18}")
+    for kind, h, w, c_in, c_out, k, s in layers(network):
+        function = convolution.conv2d if kind == "conv" else convolution.conv2d_transpose
+        x = jax.numpy.asarray(rng.standard_normal((batch, h, w, c_in), np.float32))
+        kernel = jax.numpy.asarray(rng.standard_normal((k, k, c_in, c_out), np.float32))
+
+        def forward(x: Any, kernel: Any, f: Any = function, s: int = s) -> Any:
+            return f(x, kernel, stride=s)
+
+        def backward_x(x: Any, kernel: Any, dy: Any, f: Any = forward) -> Any:
+            return jax.vjp(lambda x: f(x, kernel), x)[1](dy)
+
+        def backward_kernel(x: Any, kernel: Any, dy: Any, f: Any = forward) -> Any:
+            return jax.vjp(lambda kernel: f(x, kernel), kernel)[1](dy)
+
+        y = jax.jit(forward)(x, kernel)
+        ours = [
+            _thunk(jax.jit(forward), x, kernel),
+            _thunk(jax.jit(backward_x), x, kernel, y),
+            _thunk(jax.jit(backward_kernel), x, kernel, y),
+        ]
+        theirs = _torch_passes(kind, batch, h, w, c_in, c_out, k, s)
+        best = np.full((2, 3), np.inf)
+        for _ in range(_REPEATS.value + 1):
+            for i, runs in enumerate((ours, theirs)):
+                for j, run in enumerate(runs):
+                    start = time.perf_counter()
+                    run()
+                    best[i, j] = min(best[i, j], time.perf_counter() - start)
+        label = f"{kind} {k}x{k} / {s}, {h}x{w}, {c_in} to {c_out}"
+        cells = [f"{1e3 * a:9.1f} /{1e3 * b:6.1f}" for a, b in best.T]
+        print(f"{label:34}" + "  ".join(cells), flush=True)
+
+
+def _thunk(function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
+    import jax
+
+    return lambda: jax.block_until_ready(function(*args))
+
+
+def _torch_passes(
+    kind: str, batch: int, h: int, w: int, c_in: int, c_out: int, k: int, s: int
+) -> list[Callable[[], Any]]:
+    import torch
+
+    up = kind == "up"
+    x = torch.randn(batch, c_in, h, w).to(memory_format=torch.channels_last)
+    shape = (c_in, c_out, k, k) if up else (c_out, c_in, k, k)
+    kernel = torch.randn(shape).to(memory_format=torch.channels_last)
+    geometry = ([s, s], [k // 2, k // 2], [1, 1], up, [s - 1, s - 1] if up else [0, 0], 1)
+    dy = torch.ops.aten.convolution(x, kernel, None, *geometry)
+    backward = torch.ops.aten.convolution_backward
+    return [
+        lambda: torch.ops.aten.convolution(x, kernel, None, *geometry),
+        lambda: backward(dy, x, kernel, None, *geometry, [True, False, False]),
+        lambda: backward(dy, x, kernel, None, *geometry, [False, True, False]),
+    ]
+
+
+def main(argv: list[str]) -> None:
+    if len(argv) > 1:
+        raise app.UsageError(f"arguments={argv[1:]}: accepted: none")
+    network = SMALL if _SMALL.value else FULL
+    batch = _BATCH.value or (16 if _SMALL.value else 32)
+    (compare_layers if _LAYERS.value else compare)(network, batch)
+
+
+if __name__ == "__main__":
+    app.run(main)
