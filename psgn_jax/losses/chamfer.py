@@ -1,7 +1,8 @@
 """Nearest neighbours between two point clouds, and the Chamfer distances built on them.
 
-Everything takes one pair, `pred` [n, 3] and `gt` [m, 3], any n, m >= 1; callers batch, best with
-`batched`, which was measured (tests/bench/losses.py).
+Everything takes one pair, `pred` [n, 3] and `gt` [m, 3], any n, m >= 1; callers batch, on a CPU
+best with `batched`: for 32 pairs and their gradient on one core, `lax.map` took .033 s at
+1024 x 1024 and .45 s at 1024 x 16384, `vmap` .051 and .63 s (tests/bench/losses.py).
 
 Units: coordinates are in the unit of the caller's clouds (the project's: radius of the bounding
 hemisphere); what has `sq` in its name is in unit^2, the others in unit.
@@ -26,7 +27,7 @@ class Nearest(NamedTuple):
     """The nearest neighbour of each of n points: squared distance (unit^2) and index."""
 
     distance_sq: Float[Array, " n"]
-    index: Int[Array, " n"]
+    index: Int[Array, " n"]  # type: ignore[assignment]  # hides tuple.index
 
 
 def _first_min(x: Array) -> tuple[Array, Array]:
@@ -95,7 +96,9 @@ def _nearest_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
     return jnp.where(finite, from_a, jnp.nan), index_a, jnp.where(finite, from_b, jnp.nan), index_b
 
 
-def _nearest_both_fwd(a: Array, b: Array) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+def _nearest_both_fwd(
+    a: Array, b: Array
+) -> tuple[tuple[Array, Array, Array, Array], tuple[Array, ...]]:
     out = _nearest_both(a, b)
     return out, (a, b, out[1], out[3])
 
@@ -225,7 +228,7 @@ def batched(function: Callable, *, platform: str | None = None) -> Callable:
     """Turns a function of one pair into one of a batch of pairs, the fast way for the platform.
 
     On a CPU one pair after the other (`jax.lax.map`): a pair's tile then stays in the cache. On
-    accelerators all at once (`jax.vmap`). The values are the same.
+    accelerators all at once (`jax.vmap`; not measured there). The values agree within rounding.
 
     Args:
       function: of one pair, (pred [n, 3], gt [m, 3]) -> any pytree of arrays.

@@ -33,7 +33,7 @@ def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
     if not isinstance(points, jax.core.Tracer) and (
         not isinstance(points, jax.Array) or points.is_fully_addressable
     ):
-        finite = np.isfinite(np.asarray(points, np.float32)).all(axis=-1)
+        finite = np.asarray(np.isfinite(np.asarray(points, np.float32)).all(axis=-1))
         if not finite.all():
             row = int(np.argmin(finite))
             raise ValueError(
@@ -50,7 +50,8 @@ def pairwise_sq(a: Float[Array, "n 3"], b: Float[Array, "m 3"]) -> Float[Array, 
     No expansion into |a|^2 - 2ab + |b|^2, which loses the digits of near points: every entry is
     right to a few units in its last place, wherever the clouds lie.
     """
-    return sum(jnp.square(a[:, None, axis] - b[None, :, axis]) for axis in range(a.shape[-1]))
+    x, y, z = (jnp.square(a[:, None, axis] - b[None, :, axis]) for axis in range(3))
+    return x + y + z
 
 
 def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
