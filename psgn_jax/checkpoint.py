@@ -59,7 +59,10 @@ class Checkpoints:
         self._keep = keep
         self._metric = metric
         self._read_only = read_only
-        self._orbax: ocp.CheckpointManager | None = None
+        self._saver: ocp.AsyncCheckpointer | None = None
+        if self._directory.is_dir() and not read_only:
+            for leftover in [*self._directory.glob("*.orbax-checkpoint-tmp*"), *self._deleting()]:
+                shutil.rmtree(leftover, ignore_errors=True)  # of a process that was killed
         try:
             raw = json.loads((self._directory / "scores.json").read_text())
         except (FileNotFoundError, json.JSONDecodeError):
@@ -108,8 +111,10 @@ class Checkpoints:
         items = ocp.args.Composite(
             state=ocp.args.StandardSave(arrays), meta=ocp.args.JsonSave(document)
         )
-        if not self._manager().save(step, args=items):
-            raise RuntimeError(f"checkpoint {step} was not written: it is not newer than the last")
+        if self._saver is None:
+            self._saver = ocp.AsyncCheckpointer(ocp.CompositeCheckpointHandler())
+        self._directory.mkdir(parents=True, exist_ok=True)
+        self._saver.save(self._directory / str(step), args=items)
 
     def restore_newest(self) -> Checkpoint | None:
         """The newest intact checkpoint, or None without any.
@@ -131,7 +136,7 @@ class Checkpoints:
             for name, leaf in document["leaves"].items()
         }
         items = ocp.args.Composite(state=ocp.args.StandardRestore(template))
-        restored = self._manager().restore(step, args=items).state
+        restored = self._read(step, items).state
         leaves = {name: np.asarray(restored[name]) for name in template}
         for name, leaf in leaves.items():
             if _checksum(leaf) != document["leaves"][name]["crc32"]:
@@ -140,37 +145,38 @@ class Checkpoints:
 
     def wait(self) -> None:
         """Waits until the last save is complete, then removes what is no longer kept."""
-        if self._orbax is None or self._read_only:
+        if self._saver is None:
             return
-        self._orbax.wait_until_finished()
+        self._saver.wait_until_finished()
         steps = self.steps()
         kept = {*steps[-self._keep :], self.best_step()}
         for step in steps:
             if step not in kept:
-                self._orbax.delete(step)
+                # Renamed first: a kill must not leave half a checkpoint under its own name.
+                doomed = self._directory / f"{step}.deleting"
+                (self._directory / str(step)).rename(doomed)
+                shutil.rmtree(doomed, ignore_errors=True)
 
     def close(self) -> None:
         """Waits for the last save and releases the threads."""
         self.wait()
-        if self._orbax is not None:
-            self._orbax.close()
-            self._orbax = None
+        if self._saver is not None:
+            self._saver.close()
+            self._saver = None
 
-    def _manager(self) -> ocp.CheckpointManager:
-        if self._orbax is None:
-            self._orbax = ocp.CheckpointManager(
-                self._directory,
-                options=ocp.CheckpointManagerOptions(
-                    read_only=self._read_only,
-                    create=not self._read_only,
-                    cleanup_tmp_directories=not self._read_only,
-                ),
-            )
-        return self._orbax
+    def _deleting(self) -> list[pathlib.Path]:
+        return list(self._directory.glob("*.deleting"))
+
+    def _read(self, step: int, items: ocp.args.Composite) -> Any:
+        reader = ocp.Checkpointer(ocp.CompositeCheckpointHandler())
+        try:
+            return reader.restore(self._directory / str(step), args=items)
+        finally:
+            reader.close()
 
     def _read_meta(self, step: int) -> dict[str, Any]:
         items = ocp.args.Composite(meta=ocp.args.JsonRestore())
-        document = self._manager().restore(step, args=items).meta
+        document = self._read(step, items).meta
         if document.get("format") != FORMAT:
             raise ValueError(f"format {document.get('format')!r} of a checkpoint is not {FORMAT}")
         return document
@@ -180,9 +186,6 @@ class Checkpoints:
         if self._read_only:
             logging.warning("checkpoint %d is damaged (%s); passed over", step, why)
             return
-        if self._orbax is not None:  # it keeps a list of steps; a new one reads the folder again
-            self._orbax.close()
-            self._orbax = None
         self.scores.pop(step, None)
         target = self._directory / "damaged" / str(step)
         target.parent.mkdir(exist_ok=True)

@@ -299,10 +299,10 @@ def _csv(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 def _main(argv: Sequence[str]) -> None:
     log_to_terminal()
-    if len(argv) > 1:
-        sys.exit(f"error: unexpected argument {argv[1]!r}")
     values = flags.FLAGS
     with exit_on_user_error():
+        if len(argv) > 1:
+            raise ConfigError(f"unexpected argument {argv[1]!r}")
         result = evaluate_workdir(
             values.workdir,
             checkpoint=values.checkpoint,
@@ -313,10 +313,18 @@ def _main(argv: Sequence[str]) -> None:
     sys.stdout.write(result.text())
 
 
+def _parse_flags(argv: list[str]) -> list[str]:
+    with exit_on_user_error():
+        try:
+            return flags.FLAGS(argv)
+        except flags.Error as error:
+            raise ConfigError(str(error)) from error
+
+
 if __name__ == "__main__":
     flags.DEFINE_string("workdir", None, "Folder of the run.", required=True)
     flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
     flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
     flags.DEFINE_string("data", None, "Folder of records in place of the run's data.path.")
     flags.DEFINE_string("out", None, "Folder for the tables; default: inside the workdir.")
-    app.run(_main)
+    app.run(_main, flags_parser=_parse_flags)

@@ -9,6 +9,7 @@ import os
 import pathlib
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from absl import app, flags
 from ml_collections import config_flags
@@ -31,15 +32,25 @@ def main(argv: Sequence[str]) -> None:
     with exit_on_user_error():
         if len(argv) > 1:
             raise ConfigError(f"unexpected argument {argv[1]!r}; a field is --config.NAME=VALUE")
-        config = parse(_CONFIG.value)
+        config = parse(_config())
         check_paths(config)
         # Only now, so that a wrong configuration is answered before JAX is even imported.
-        from psgn_jax.train import train
+        from psgn_jax.train import keep_compiled, train
 
+        keep_compiled()
         path = config_flags.get_config_filename(flags.FLAGS["config"])
         outcome = train(config, _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem))
     if outcome.stopped_by:
         sys.exit(128 + outcome.stopped_by)
+
+
+def _config() -> Any:
+    """The flag's value; where its file could not be loaded, the flag raises only when read."""
+    try:
+        _CONFIG.value.to_dict()
+    except OSError as error:
+        raise ConfigError(f"--config: {error}") from error
+    return _CONFIG.value
 
 
 def _parse_flags(argv: list[str]) -> list[str]:
@@ -47,7 +58,10 @@ def _parse_flags(argv: list[str]) -> list[str]:
     with exit_on_user_error():
         try:
             return flags.FLAGS(argv)
-        except (flags.Error, AttributeError, KeyError, TypeError, ValueError, OSError) as error:
+        except (AttributeError, KeyError) as error:
+            given = next((a for a in argv if str(error.args[0]).split("'")[1] in a), "--config")
+            raise ConfigError(f"{given}: no such field: {error.args[0]}") from error
+        except (flags.Error, TypeError, ValueError, OSError) as error:
             raise ConfigError(str(error)) from error
 
 

@@ -121,7 +121,7 @@ def make_train_step(
     def train_step(state: TrainState, batch: Batch) -> tuple[TrainState, dict[str, Array]]:
         r = draw_r(config, state.step, config.train.batch_size, train=True)
         total, metrics, grads = sharded_gradients(state.params, batch, r)
-        grad_norm = optax.global_norm(grads)
+        grad_norm = optax.tree.norm(grads)
         updates, opt_state = tx.update(grads, state.opt_state, state.params)
         params = optax.apply_updates(state.params, updates)
         decay = config.optim.ema_decay

@@ -6,6 +6,7 @@ the last bit of the parameters, is what an uninterrupted run would have done on 
 """
 
 import collections
+import os
 import pathlib
 import signal
 import time
@@ -202,6 +203,18 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     else:
         logging.info("done: step %d of %d, results in %s", step, config.train.steps, workdir)
     return Outcome(state, stop.signal)
+
+
+def keep_compiled() -> None:
+    """Lets JAX keep compiled programs in `~/.cache/psgn_jax`, for faster starts, on accelerators.
+
+    Not on a CPU: XLA then warns that what it reads back was "compiled for another machine" even on
+    the same one (jax 0.10), and with a home folder shared by unlike machines it may be right.
+    Whoever sets JAX_COMPILATION_CACHE_DIR decides for themselves.
+    """
+    if jax.default_backend() != "cpu" and not jax.config.jax_compilation_cache_dir:
+        base = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
+        jax.config.update("jax_compilation_cache_dir", str(pathlib.Path(base) / "psgn_jax"))
 
 
 class _Stopped(Exception):  # noqa: N818 - not an error

@@ -1,0 +1,130 @@
+"""Configurations: every mistake ends in one line naming field, value and what is accepted."""
+
+import runpy
+import subprocess
+import sys
+
+import ml_collections
+import pytest
+
+from psgn_jax.config import (
+    Config,
+    ConfigError,
+    check_paths,
+    flatten,
+    from_json,
+    parse,
+    to_dict,
+    to_json,
+)
+
+
+def test_defaults_are_the_dataclasses():
+    assert parse({}) == Config()
+    assert parse(ml_collections.ConfigDict(to_dict(Config()))) == Config()
+
+
+def test_round_trip_through_json():
+    config = parse({"data": {"image_size": [96, 128], "inputs": ["rgb", "depth", "mask"]}})
+    assert from_json(to_json(config)) == config
+    assert config.model.image_size == (96, 128)
+    assert config.model.in_channels == 5
+    assert "in_channels" not in to_dict(config)["model"]
+
+
+def test_flatten_names_every_field():
+    flat = flatten(Config())
+    assert flat["train.steps"] == 300_000
+    assert flat["seed"] == 0
+    assert "model.image_size" not in flat
+
+
+WRONG = [
+    ({"modle": {}}, "modle is no field; did you mean 'model'? accepted: seed, data"),
+    ({"model": {"widhts": (1, 2)}}, "model.widhts is no field; did you mean 'widths'?"),
+    ({"model": {"in_channels": 3}}, "model.in_channels follows from data"),
+    ({"model": 3}, "model=3: accepted: a section with name"),
+    ({"train": {"steps": 1.5}}, "train.steps=1.5: accepted: an integer"),
+    ({"train": {"steps": "many"}}, "train.steps='many': accepted: an integer"),
+    ({"train": {"steps": True}}, "train.steps=True: accepted: an integer"),
+    ({"train": {"steps": 0}}, "train.steps=0: accepted: a number >= 1"),
+    ({"optim": {"learning_rate": 0}}, "optim.learning_rate=0: accepted: a number > 0"),
+    ({"optim": {"learning_rate": float("nan")}}, "accepted: a finite number"),
+    ({"optim": {"b1": 1.0}}, "optim.b1=1.0: accepted: a number >= 0 and < 1"),
+    ({"optim": {"schedule": "cosin"}}, "did you mean 'cosine'? accepted: 'constant', 'cosine'"),
+    ({"optim": {"warmup_steps": 9}, "train": {"steps": 9}}, "fewer than train.steps=9"),
+    ({"data": {"flip": 1}}, "data.flip=1: accepted: True or False"),
+    ({"data": {"path": None}}, "data.path=None: accepted: a string"),
+    ({"data": {"inputs": "rgb"}}, "data.inputs='rgb': accepted: a tuple"),
+    ({"data": {"inputs": ("rgb", "msk")}}, "data.inputs[1]='msk': did you mean 'mask'?"),
+    ({"data": {"inputs": ("rgb", "rgb")}}, "each once"),
+    ({"data": {"inputs": ("mask",)}}, "'rgb' and any of"),
+    ({"data": {"image_size": (64,)}}, "data.image_size=(64,): accepted: a tuple of 2"),
+    ({"data": {"image_size": (16, 256)}}, "data.image_size=(16, 256): accepted: (height, width)"),
+    ({"data": {"image_size": (192, -1)}}, "data.image_size[1]=-1: accepted: a number >= 1"),
+    ({"model": {"widths": (8,)}}, "at least two resolution levels"),
+    ({"model": {"deconv_level": 6}}, "model.deconv_level=6: accepted: 0 to 5"),
+    ({"model": {"deconv_channels": 4}}, "a multiple of 3"),
+    ({"model": {"name": "vanilla", "fc_points": 0}}, "model.fc_points=0: accepted: at least 1"),
+]
+
+
+@pytest.mark.parametrize(("tree", "message"), WRONG, ids=[m for _, m in WRONG])
+def test_mistakes_are_named(tree, message):
+    with pytest.raises(ConfigError) as caught:
+        parse(tree)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_and_wrong_paths(tmp_path):
+    with pytest.raises(ConfigError, match=r"data.path='/no/such' does not exist"):
+        check_paths(parse({"data": {"path": "/no/such"}}))
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(ConfigError, match="is not a folder"):
+        check_paths(parse({"data": {"path": str(file)}}))
+    check_paths(parse({}))
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"model": {"nam": 1}}'])
+def test_foreign_json_is_refused(text):
+    with pytest.raises(ConfigError):
+        from_json(text)
+
+
+@pytest.mark.parametrize("name", ["base", "debug"])
+def test_config_files_parse(name, request):
+    root = request.config.rootpath
+    parse(runpy.run_path(str(root / "configs" / f"{name}.py"))["get_config"]())
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (["--config.train.stps=3"], "train.stps"),
+        (["--config.train.steps=many"], "many"),
+        (["--config.train.steps=-1"], "train.steps=-1: accepted: a number >= 1"),
+        (["--config.data.image_size=(4,4)"], "data.image_size=(4, 4): accepted"),
+        (["--config.data.path=/no/such"], "data.path='/no/such' does not exist"),
+        (["--config.model.name=pointnet"], "model.name='pointnet' is unknown; accepted: vanilla"),
+        (["--config=configs/none.py"], "configs/none.py"),
+        (["--nonsense"], "nonsense"),
+        (["stray"], "unexpected argument 'stray'"),
+    ],
+)
+def test_wrong_command_lines_end_in_one_line(flags, message, request, tmp_path):
+    root = request.config.rootpath
+    command = [sys.executable, "-m", "psgn_jax.main", "--config=configs/debug.py"]
+    result = subprocess.run(
+        [*command, f"--workdir={tmp_path / 'run'}", *flags],
+        capture_output=True,
+        text=True,
+        cwd=root,
+    )
+    assert result.returncode == 2, result.stderr
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("error: ")
+    assert message in lines[0]
+    assert not (tmp_path / "run").exists()

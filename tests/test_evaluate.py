@@ -1,0 +1,114 @@
+"""Evaluation counts every sample once and says which average is which."""
+
+import csv
+import json
+import pathlib
+import runpy
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax import evaluate as lib
+from psgn_jax import registry
+from psgn_jax.checkpoint import CheckpointError
+from psgn_jax.config import ConfigError, to_json
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
+
+
+@pytest.fixture(autouse=True)
+def source(monkeypatch):
+    monkeypatch.setitem(registry.DATA_SOURCES, "records", STANDIN["SOURCE"])
+
+
+def fake_step(params, batch, index):
+    """One number per sample, known in advance."""
+    value = np.asarray(batch["points"], np.float64).mean(axis=(1, 2))
+    return np.zeros((len(value), 2, 3)), {"cd_sq_radius2": value, "fscore": value / 2}
+
+
+def expected(config):
+    rows = [
+        STANDIN["sample"](
+            config.data, 1000 + n, config.data.num_eval_points, np.random.default_rng(n)
+        )
+        for n in range(STANDIN["SIZES"]["validation"])
+    ]
+    return np.array([row["points"].astype(np.float64).mean() for row in rows])
+
+
+@pytest.mark.parametrize("batch_size", [1, 4, 11, 16])
+def test_every_sample_counts_once(batch_size):
+    config = STANDIN["config"](eval__batch_size=batch_size)
+    result = lib.evaluate(config, {}, eval_step=fake_step)
+    np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config))
+    assert [model for _, model in result.names] == [f"model{n}" for n in range(11)]
+
+
+def test_first_samples_only_and_hook():
+    config = STANDIN["config"](eval__batch_size=4)
+    seen = []
+    result = lib.evaluate(
+        config, {}, eval_step=fake_step, max_samples=6, on_batch=lambda *a: seen.append(a[0])
+    )
+    np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config)[:6])
+    assert seen == [0, 1]
+
+
+def test_compiled_step_agrees_across_batch_sizes():
+    configs = [STANDIN["config"](eval__batch_size=b, model__random_size=0) for b in (4, 11)]
+    model = registry.build_model(configs[0].model)
+    size = (*configs[0].model.image_size, configs[0].model.in_channels)
+    params = jax.jit(lambda: model.init(jax.random.key(0), jnp.zeros((1, *size)), None))()["params"]
+    results = [lib.evaluate(config, params) for config in configs]
+    for name, values in results[0].metrics.items():
+        np.testing.assert_allclose(values, results[1].metrics[name], rtol=1e-5, err_msg=name)
+
+
+@pytest.fixture
+def table():
+    names = [("car", "a"), ("car", "b"), ("car", "c"), ("lamp", "d")]
+    metrics = {
+        "cd_sq_radius2": np.array([1.0, 2.0, 3.0, 6.0]),
+        "precision": np.array([0.0, 0.0, 0.0, 1.0]),
+        "fscore": np.array([0.1, 0.2, 0.3, 0.6]),
+    }
+    return lib.Evaluation("validation", names, metrics, 0.01)
+
+
+def test_averages_are_labelled(table):
+    rows = {row.name: row for row in table.rows()}
+    assert list(rows) == ["car", "lamp", "mean over samples", "mean over categories"]
+    assert rows["car"].metrics["cd_sq_radius2"] == 2
+    assert rows["mean over samples"].metrics["cd_sq_radius2"] == 3
+    assert rows["mean over categories"].metrics["cd_sq_radius2"] == 4
+    assert rows["mean over samples"].count == 4
+
+
+def test_table_as_text_csv_and_json(table):
+    text = table.text()
+    head = text.splitlines()[0]
+    assert "CD squared [radius^2]" in head
+    assert "F-score at 0.01 radius [%]" in head
+    (line,) = [line for line in text.splitlines() if line.startswith("mean over samples")]
+    assert line.split() == ["mean", "over", "samples", "4", "3.00000", "30.00"]
+    rows = list(csv.DictReader(table.csv().splitlines()))
+    assert float(rows[1]["cd_sq_radius2"]) == 6
+    assert [r["model_id"] for r in csv.DictReader(table.samples_csv().splitlines())] == list("abcd")
+    document = json.loads(table.json(step=7))
+    assert document["mean_over_samples"]["fscore"] == pytest.approx(0.3)
+    assert document["categories"]["car"]["samples"] == 3
+    assert document["step"] == 7
+
+
+def test_missing_runs_and_checkpoints_are_named(tmp_path):
+    with pytest.raises(ConfigError, match=r"no run there"):
+        lib.evaluate_workdir(tmp_path)
+    (tmp_path / "config.json").write_text(to_json(STANDIN["config"]()))
+    with pytest.raises(CheckpointError, match="no checkpoint there"):
+        lib.evaluate_workdir(tmp_path)
+    with pytest.raises(ConfigError, match=r"data.path='/no/such' does not exist"):
+        lib.evaluate_workdir(tmp_path, data="/no/such")

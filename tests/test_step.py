@@ -1,0 +1,171 @@
+"""The training step: golden numbers, one device and eight, non-finite values, L2, schedules."""
+
+import pathlib
+import runpy
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax import registry, state, step
+from psgn_jax.config import ConfigError, OptimConfig
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
+QUICK = {"xla_backend_optimization_level": 0}
+
+
+def run(config, steps, devices=None, spoil=None):
+    """Trains from scratch; returns the state and the metrics of every step, as numpy."""
+    mesh = step.data_mesh(devices)
+    model = registry.build_model(config.model)
+    tx = state.optimizer(config.optim, config.train.steps)
+    current = jax.jit(lambda: state.create(config, model, tx), compiler_options=QUICK)()
+    current = jax.device_put(current, jax.sharding.NamedSharding(mesh, step.P()))
+    train_step = step.make_train_step(config, model, registry.loss(config.loss.name), tx, mesh)
+    batches = STANDIN["train_batches"](
+        config.data, batch_size=config.train.batch_size, seed=config.seed, start_step=0
+    )
+    history = []
+    for number in range(1, steps + 1):
+        batch = dict(next(batches))
+        if number == spoil:
+            batch["points"] = np.full_like(batch["points"], np.nan)
+        current, metrics = train_step(current, step.put_batch(batch, mesh, step.input_keys(config)))
+        history.append({k: float(v) for k, v in metrics.items()})
+    return jax.tree.map(np.asarray, current), history
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    return STANDIN["config"](model__widths=(4, 6, 8), train__log_every=2)
+
+
+@pytest.fixture(scope="module")
+def trained(tiny):
+    return run(tiny, 4)
+
+
+def test_golden_metrics(trained):
+    _, history = trained
+    have = [(h["loss_step"], h["l2"], h["grad_norm"]) for h in history[:2]]
+    want = GOLDEN
+    np.testing.assert_allclose(
+        have,
+        want,
+        rtol=2e-4,
+        err_msg="The first steps of a tiny run changed. If the change of network, loss, "
+        "initial values, input or optimiser was meant, put the new numbers into GOLDEN "
+        "(tests/test_step.py) and say in CHANGELOG that trainings are no longer comparable.",
+    )
+
+
+def test_state_counts_and_averages(tiny, trained):
+    final, history = trained
+    assert final.step == 4
+    assert final.bad_step == -1
+    mean = (history[2]["loss_step"] + history[3]["loss_step"]) / 2
+    assert history[3]["loss"] == pytest.approx(mean, rel=1e-6)
+    assert history[2]["loss"] == history[2]["loss_step"]
+    differ = jax.tree.map(lambda a, b: not np.array_equal(a, b), final.ema, final.params)
+    assert any(jax.tree.leaves(differ))
+    assert state.eval_params(final) is final.ema
+    assert history[0]["learning_rate"] == pytest.approx(tiny.optim.learning_rate)
+
+
+def test_first_non_finite_step_and_metric_are_remembered(tiny):
+    final, history = run(tiny, 4, spoil=2)
+    assert final.bad_step == 2
+    assert step.WATCHED[int(final.bad_metric)] == "loss"
+    assert [h["bad_step"] for h in history] == [-1, 2, 2, 2]
+
+
+def test_random_input_depends_on_seed_step_and_purpose(tiny):
+    def draw(s, train):
+        return np.asarray(step.draw_r(tiny, s, 4, train=train))
+
+    assert draw(0, True).shape == (4, tiny.model.random_size)
+    np.testing.assert_array_equal(draw(7, True), draw(7, True))
+    for other in (draw(8, True), draw(7, False)):
+        assert not np.array_equal(draw(7, True), other)
+    assert step.draw_r(STANDIN["config"](model__random_size=0), 0, 4, train=True) is None
+
+
+def test_l2_of_the_authors_by_layer_type():
+    params = {
+        "conv": {"kernel": jnp.full((3, 3, 2, 2), 2.0), "bias": jnp.ones(2)},
+        "fc": {
+            "dense": {"kernel": jnp.full((4, 5), 3.0)},
+            "carry": {"kernel": jnp.full((2, 2), 1.0)},
+        },
+    }
+    want = 1e-5 * 36 * 4 / 2 + 1e-3 * 20 * 9 / 2 + 1e-4 * 4 / 2
+    np.testing.assert_allclose(step.l2_authors(params), want, rtol=1e-6)
+
+
+def test_l2_reaches_the_layer_that_carries_the_hourglass():
+    config = STANDIN["config"](model__name="hourglass")
+    model = registry.build_model(config.model)
+    tx = state.optimizer(config.optim, 5)
+    shapes = jax.eval_shape(lambda: state.create(config, model, tx)).params
+    carry = [n for n in state.named_leaves(shapes) if "carry" in n and n.endswith("kernel")]
+    assert len(carry) == 1
+
+
+def test_schedules():
+    constant = state.schedule(OptimConfig(learning_rate=2.0, warmup_steps=4), 100)
+    assert [float(constant(s)) for s in (0, 2, 4, 99)] == [0, 1, 2, 2]
+    cosine = state.schedule(
+        OptimConfig(learning_rate=2.0, schedule="cosine", warmup_steps=10, final_fraction=0.1), 110
+    )
+    np.testing.assert_allclose([cosine(5), cosine(10), cosine(60), cosine(110)], [1, 2, 1.1, 0.2])
+
+
+def test_uneven_batch_is_refused(tiny):
+    class Mesh:
+        size = 3
+
+    with pytest.raises(ConfigError, match=r"train.batch_size=8: accepted: a multiple of the 3"):
+        step.check_batch_size(tiny, Mesh())
+
+
+def test_leaves_of_a_checkpoint_are_checked(trained):
+    final, _ = trained
+    leaves = state.named_leaves(final)
+    again = state.from_named_leaves(final, leaves)
+    assert jax.tree.structure(again) == jax.tree.structure(final)
+    with pytest.raises(ValueError, match="is missing"):
+        state.from_named_leaves(final, {k: v for k, v in leaves.items() if k != "step"})
+    with pytest.raises(ValueError, match=r"leaf step is float32\[2\]"):
+        state.from_named_leaves(final, leaves | {"step": np.zeros(2, np.float32)})
+    params = state.params_from_named_leaves(leaves)
+    jax.tree.map(np.testing.assert_array_equal, params, dict(final.ema))
+
+
+def test_eight_devices_give_the_same_numbers_as_one(tmp_path):
+    code = f"""
+import jax, runpy, numpy as np
+jax.config.update("jax_num_cpu_devices", 8)
+here = runpy.run_path({str(ROOT / "tests" / "test_step.py")!r})
+config = here["STANDIN"]["config"](model__widths=(4, 6, 8), optim__eps=1e-3)
+assert len(jax.devices()) == 8
+one, one_history = here["run"](config, 4, jax.devices()[:1])
+all_, all_history = here["run"](config, 4, jax.devices())
+for a, b in zip(one_history, all_history):
+    for name in a:
+        np.testing.assert_allclose(a[name], b[name], rtol=1e-5, err_msg=name)
+for (path, a), b in zip(jax.tree_util.tree_leaves_with_path(one.params), jax.tree.leaves(all_.params)):
+    np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6, err_msg=str(path))
+"""
+    environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"}
+    environment["XLA_FLAGS"] = "--xla_backend_optimization_level=0"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT
+    )
+    assert result.returncode == 0, result.stderr[-3000:]
+
+
+GOLDEN = [(1, 1, 1), (1, 1, 1)]
