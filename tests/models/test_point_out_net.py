@@ -1,0 +1,474 @@
+import dataclasses
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax.config import ModelConfig
+from psgn_jax.models import blocks, point_out_net
+from psgn_jax.models.point_out_net import branch_of_point, build, num_points, output_grid
+
+# Compiling takes most of the time of these tests, running them almost none.
+quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
+
+# Layers of the authors' published networks, in order: (kind, kernel, inputs, outputs). Read off the
+# layer lists of github.com/fanhqme/PointSetGeneration: demo/runsingleimage.py (two branches) and
+# depthestimate/train_nn.py (hourglass).
+_TO_24X32 = [
+    ("conv", 3, 4, 16),
+    ("conv", 3, 16, 16),
+    ("conv", 3, 16, 32),
+    ("conv", 3, 32, 32),
+    ("conv", 3, 32, 32),
+    ("conv", 3, 32, 64),
+    ("conv", 3, 64, 64),
+    ("conv", 3, 64, 64),
+    ("conv", 3, 64, 128),
+    ("conv", 3, 128, 128),
+    ("conv", 3, 128, 128),
+]
+_AT_12X16 = [("conv", 3, 256, 256)] * 2
+_AT_6X8 = [("conv", 3, 512, 512)] * 3
+_ENCODER_TWO_BRANCH = [
+    *_TO_24X32,
+    ("conv", 3, 128, 256),
+    *_AT_12X16,
+    ("conv", 3, 256, 512),
+    *_AT_6X8,
+    ("conv", 5, 512, 512),
+]
+_ENCODER_HOURGLASS = [
+    *_TO_24X32,
+    ("conv", 5, 128, 256),
+    *_AT_12X16,
+    ("conv", 5, 256, 512),
+    *_AT_6X8,
+    ("conv", 5, 512, 512),
+]
+_UP_TO_24X32 = [
+    ("transposed", 5, 512, 256),
+    ("conv", 3, 512, 256),
+    ("conv", 3, 256, 256),
+    ("transposed", 5, 256, 128),
+    ("conv", 3, 256, 128),
+    ("conv", 3, 128, 128),
+    ("transposed", 5, 128, 64),
+    ("conv", 3, 128, 64),
+    ("conv", 3, 64, 64),
+]
+_UP_TO_96X128 = [
+    ("transposed", 5, 64, 32),
+    ("conv", 3, 64, 32),
+    ("conv", 3, 32, 32),
+    ("transposed", 5, 32, 16),
+    ("conv", 3, 32, 16),
+    ("conv", 3, 16, 16),
+]
+_DOWN_AGAIN = [
+    ("conv", 3, 16, 32),
+    ("conv", 3, 32, 32),
+    ("conv", 3, 32, 32),
+    ("conv", 3, 32, 64),
+    ("conv", 3, 64, 64),
+    ("conv", 3, 64, 64),
+    ("conv", 5, 64, 128),
+    ("conv", 3, 128, 128),
+    ("conv", 3, 128, 128),
+    ("conv", 5, 128, 256),
+    ("conv", 3, 256, 256),
+    ("conv", 3, 256, 256),
+    ("conv", 5, 256, 512),
+]
+_UP_AGAIN = [  # the skips now carry the decoder's widths
+    ("transposed", 5, 512, 256),
+    ("conv", 3, 256, 256),
+    ("conv", 3, 256, 256),
+    ("transposed", 5, 256, 128),
+    ("conv", 3, 128, 128),
+    ("conv", 3, 128, 128),
+    ("transposed", 5, 128, 64),
+    ("conv", 3, 64, 64),
+    ("conv", 3, 64, 64),
+]
+_HEAD = [("conv", 3, 64, 64), ("conv", 3, 64, 3)]
+_FC_IN = ("dense", 1, 3 * 4 * 512, 2048)
+_FC_HIDDEN = ("dense", 1, 2048, 1024)
+_FC_OUT = ("dense", 1, 1024, 256 * 3)
+
+PUBLISHED = {
+    # Never published: the two-branch network without its deconv branch, all points from fc.
+    "vanilla": [*_ENCODER_TWO_BRANCH, _FC_IN, _FC_HIDDEN, ("dense", 1, 1024, 1024 * 3)],
+    "two_branch": [*_ENCODER_TWO_BRANCH, _FC_IN, _FC_HIDDEN, _FC_OUT, *_UP_TO_24X32, *_HEAD],
+    "hourglass": [
+        *_ENCODER_HOURGLASS,
+        _FC_IN,
+        *_UP_TO_24X32,
+        *_UP_TO_96X128,
+        *_DOWN_AGAIN,
+        ("dense", 1, 2048, 2048),
+        _FC_IN,
+        *_UP_AGAIN,
+        _FC_HIDDEN,
+        _FC_OUT,
+        *_HEAD,
+    ],
+}
+FULL_COUNT = {"vanilla": 34_608_384, "two_branch": 38_910_019, "hourglass": 70_154_419}
+
+
+def full_config(name: str, **changes) -> ModelConfig:
+    return ModelConfig(name=name, fc_points=1024 if name == "vanilla" else 256, **changes)
+
+
+def tiny_config(name: str = "two_branch", **changes) -> ModelConfig:
+    """Five levels at 32x48, widths of 8 to 16, deconv branch 8x12: quick to compile."""
+    small = {
+        "widths": (8, 8, 8, 16, 16),
+        "image_size": (32, 48),
+        "fc_widths": (32, 16),
+        "fc_points": 16,
+        "deconv_level": 2,
+    }
+    return ModelConfig(name=name, **(small | changes))
+
+
+def arguments(config: ModelConfig, batch: int = 2, seed: int = 0):
+    keys = jax.random.split(jax.random.key(seed), 2)
+    x = jax.random.uniform(keys[0], (batch, *config.image_size, config.in_channels))
+    r = jax.random.normal(keys[1], (batch, config.random_size)) if config.random_size else None
+    return x, r
+
+
+@functools.cache
+def initialised(config: ModelConfig):
+    """The network and random parameters, drawn by numpy: compiling the init of each takes long.
+
+    No bias is zero, lest a test miss its use.
+    """
+    network = build(config)
+    shapes = jax.eval_shape(network.init, jax.random.key(1), *arguments(config, batch=1))["params"]
+    rng = np.random.default_rng(1)
+
+    def draw(leaf):
+        scale = 0.05 if len(leaf.shape) == 1 else np.sqrt(2 / np.prod(leaf.shape[:-1]))
+        return jnp.asarray(scale * rng.standard_normal(leaf.shape), leaf.dtype)
+
+    return network, jax.tree.map(draw, shapes)
+
+
+@functools.cache
+def _jitted(config: ModelConfig, intermediates: bool):
+    network = build(config)
+    return quick_jit(functools.partial(network.apply, capture_intermediates=intermediates))
+
+
+def apply(config: ModelConfig, params, x, r=None, *, intermediates=False):
+    return _jitted(config, intermediates)({"params": params}, x, r)
+
+
+@pytest.mark.parametrize("name", point_out_net.VERSIONS)
+def test_full_size_is_the_published_network(name):
+    config = full_config(name)
+    network = build(config)
+    x = jax.ShapeDtypeStruct((2, 192, 256, 4), jnp.float32)
+    params = jax.eval_shape(network.init, jax.random.key(0), x)["params"]
+    flat = jax.tree_util.tree_flatten_with_path(params)[0]
+    kernels = {path[:-1]: leaf.shape for path, leaf in flat if path[-1].key == "kernel"}
+    biases = {path[:-1]: leaf.shape for path, leaf in flat if path[-1].key == "bias"}
+    assert kernels.keys() == biases.keys()
+    assert len(kernels) + len(biases) == len(flat)
+
+    def described(path, shape):
+        if len(shape) == 2:
+            return ("dense", 1, *shape)
+        assert shape[0] == shape[1]
+        return ("transposed" if path[-1].key == "up" else "conv", *shape[1:])
+
+    layers = sorted(described(path, shape) for path, shape in kernels.items())
+    assert layers == sorted(PUBLISHED[name])
+    assert all(biases[path] == shape[-1:] for path, shape in kernels.items())
+    expected = sum(k * k * c_in * c_out + c_out for _, k, c_in, c_out in PUBLISHED[name])
+    assert sum(leaf.size for _, leaf in flat) == expected == FULL_COUNT[name]
+    out = jax.eval_shape(network.apply, {"params": params}, x)
+    assert out.shape == (2, 1024, 3)
+    assert num_points(config) == 1024
+
+
+def test_random_input_adds_one_dense_layer_per_pass():
+    def count(config):
+        x, r = arguments(config, batch=1)
+        return sum(
+            p.size
+            for p in jax.tree.leaves(jax.eval_shape(build(config).init, jax.random.key(0), x, r))
+        )
+
+    for name, passes in [("vanilla", 1), ("two_branch", 1), ("hourglass", 2)]:
+        extra = count(full_config(name, random_size=128)) - FULL_COUNT[name]
+        assert extra == passes * 128 * 3 * 4 * 512
+
+
+def test_branches_of_the_default_configuration():
+    config = ModelConfig()
+    assert output_grid(config) == (24, 32, 1)
+    assert branch_of_point(config) == (range(256), range(256, 1024))
+    vanilla = full_config("vanilla")
+    assert branch_of_point(vanilla) == (range(1024), range(1024, 1024))
+    assert output_grid(vanilla) == (0, 0, 0)
+
+
+def test_layout_of_the_3d_r2n2_variant():
+    """REFERENCE section 2: 128x128, 3 channels, widths 32 to 512, deconv branch 16x16x9."""
+    config = ModelConfig(
+        image_size=(128, 128),
+        in_channels=3,
+        widths=(32, 64, 128, 256, 512, 512),
+        deconv_channels=9,
+    )
+    assert output_grid(config) == (16, 16, 3)
+    assert num_points(config) == 1024
+
+
+@pytest.mark.parametrize("name", ["two_branch", "hourglass"])
+def test_output_order(name):
+    config = tiny_config(name, deconv_channels=6)
+    _, params = initialised(config)
+    x, _ = arguments(config)
+    points, captured = apply(config, params, x, intermediates=True)
+    outputs = captured["intermediates"]
+    fc = outputs["fc"]["points"]["__call__"][0]
+    cells = outputs["deconv_points"]["__call__"][0]
+    grid, (fc_range, deconv_range) = output_grid(config), branch_of_point(config)
+    assert cells.shape == (2, grid.height, grid.width, 3 * grid.points_per_cell)
+    assert points.shape == (2, num_points(config), 3)
+    np.testing.assert_array_equal(points[:, 5], fc[:, 15:18])
+    assert deconv_range[0] == fc_range[-1] + 1
+    for row, column, k in [(0, 0, 1), (3, 5, 0), (7, 11, 1)]:
+        index = deconv_range[(row * grid.width + column) * 2 + k]
+        np.testing.assert_array_equal(points[:, index], cells[:, row, column, 3 * k : 3 * k + 3])
+
+
+def test_coordinates_can_be_negative():
+    for name in point_out_net.VERSIONS:
+        config = tiny_config(name)
+        _, params = initialised(config)
+        points = apply(config, params, arguments(config)[0])
+        for branch in branch_of_point(config):
+            if branch:
+                assert points[:, branch.start : branch.stop].min() < 0
+
+
+@pytest.mark.parametrize("name", point_out_net.VERSIONS)
+def test_every_pixel_and_every_random_number_reach_the_output(name):
+    config = ModelConfig(name=name, random_size=5, width_multiplier=1 / 64, fc_points=16)
+    _, params = initialised(config)
+    x, r = arguments(config, batch=1)
+
+    def weighted(x, r):
+        points = build(config).apply({"params": params}, x, r)
+        return jnp.sum(points * jax.random.normal(jax.random.key(3), points.shape))
+
+    by_pixel, by_random = quick_jit(jax.grad(weighted, argnums=(0, 1)))(x, r)
+    assert jnp.all(jnp.any(by_pixel != 0, axis=-1))
+    assert jnp.all(jnp.any(by_pixel != 0, axis=(0, 1, 2)))
+    assert jnp.all(by_random != 0)
+
+
+def test_random_input_enters_both_passes_of_the_hourglass():
+    config = tiny_config("hourglass", random_size=5)
+    _, params = initialised(config)
+    x, r = arguments(config)
+    out = apply(config, params, x, r)
+    for part in ("encoder", "reencoder"):
+        bottleneck = params[part]["bottleneck"]
+        random = {"kernel": jnp.zeros_like(bottleneck["random"]["kernel"])}
+        changed = params | {part: params[part] | {"bottleneck": bottleneck | {"random": random}}}
+        assert jnp.abs(apply(config, changed, x, r) - out).max() > 1e-6
+        assert jnp.abs(apply(config, changed, x, 2 * r) - apply(config, changed, x, r)).max() > 1e-6
+
+
+@pytest.mark.parametrize("name", ["two_branch", "hourglass"])
+@pytest.mark.parametrize(
+    ("changes", "points"),
+    [
+        ({"image_size": (96, 128), "widths": (8,) * 6, "deconv_level": 3}, 16 + 12 * 16),
+        ({"image_size": (96, 128), "widths": (8,) * 6, "deconv_level": 2}, 16 + 24 * 32),
+        ({"in_channels": 3, "deconv_channels": 9, "fc_points": 7}, 7 + 8 * 12 * 3),
+        ({"in_channels": 5, "deconv_level": 3, "fc_points": 0}, 4 * 6),
+        (
+            {"image_size": (16, 24), "widths": (8, 8, 8), "deconv_level": 0, "fc_widths": (8,)},
+            16 + 16 * 24,
+        ),
+        ({"image_size": (8, 8), "widths": (8, 8), "deconv_level": 0}, 16 + 64),
+        ({"image_size": (40, 70), "widths": (8, 8, 8, 8), "deconv_level": 1}, 16 + 20 * 36),
+    ],
+)
+def test_other_sizes(name, changes, points):
+    config = tiny_config(name, **changes)
+    x, r = arguments(config)
+    assert num_points(config) == points
+    variables = jax.eval_shape(build(config).init, jax.random.key(0), x, r)
+    out = jax.eval_shape(build(config).apply, variables, x, r)
+    assert (out.shape, out.dtype) == ((2, points, 3), jnp.float32)
+
+
+def test_hourglass_with_five_halvings_runs():
+    config = tiny_config(
+        "hourglass", image_size=(96, 128), widths=(8, 8, 8, 8, 16, 16), deconv_level=2
+    )
+    _, params = initialised(config)
+    assert set(params["first_decoder"]) == {"level4", "level3", "level2", "level1"}
+    assert set(params["reencoder"]) == {"level2", "level3", "level4", "bottleneck"}
+    assert set(params["decoder"]) == {"level4", "level3", "level2"}
+    points = apply(config, params, *arguments(config))
+    assert points.shape == (2, 16 + 768, 3)
+    assert jnp.all(jnp.isfinite(points))
+    assert jnp.all(jnp.any(points[0] != points[1], axis=-1))
+
+
+def test_padding_repeats_the_border_on_both_sides():
+    config = tiny_config(image_size=(29, 37))
+    assert point_out_net.padded_size((29, 37), 5) == (32, 48)
+    assert point_out_net.padded_size((61, 100), 7) == (64, 128)
+    assert point_out_net.padded_size((192, 256), 7) == (192, 256)
+    assert point_out_net.padded_size((32, 65), 7) == (64, 128)
+    x, _ = arguments(config)
+    padded = np.pad(x, [(0, 0), (1, 2), (5, 6), (0, 0)], mode="edge")
+    whole = dataclasses.replace(config, image_size=(32, 48))
+    _, params = initialised(whole)
+    np.testing.assert_allclose(
+        apply(config, params, x), apply(whole, params, padded), rtol=1e-5, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("name", ["two_branch", "hourglass"])
+def test_bfloat16_is_near_float32(name):
+    config = tiny_config(name, random_size=4)
+    _, params = initialised(config)
+    x, r = arguments(config)
+    half = dataclasses.replace(config, compute_dtype="bfloat16")
+    variables = jax.eval_shape(build(half).init, jax.random.key(0), x, r)
+    assert all(leaf.dtype == jnp.float32 for leaf in jax.tree.leaves(variables))
+    assert jax.tree.map(jnp.shape, variables["params"]) == jax.tree.map(jnp.shape, params)
+
+    points, captured = apply(half, params, x, r, intermediates=True)
+    hidden = captured["intermediates"]["deconv_conv"]["__call__"][0]
+    assert hidden.dtype == jnp.bfloat16
+    assert points.dtype == jnp.float32
+    exact = apply(config, params, x, r)
+    # A bfloat16 has steps of 2^-8; a dozen layers of rounding add up to about 1 % here.
+    assert jnp.sqrt(jnp.mean((points - exact) ** 2)) < 0.03 * exact.std()
+    assert jnp.abs(points - exact).max() < 0.15 * exact.std()
+    assert not jnp.array_equal(points, exact)
+    grads = quick_jit(jax.grad(lambda p: jnp.sum(build(half).apply({"params": p}, x, r) ** 2)))(
+        params
+    )
+    for leaf in jax.tree.leaves(grads):
+        assert leaf.dtype == jnp.float32
+        assert jnp.all(jnp.isfinite(leaf))
+
+
+@pytest.mark.parametrize("name", point_out_net.VERSIONS)
+def test_samples_are_independent_and_every_parameter_has_a_gradient(name):
+    config = tiny_config(name, random_size=4)
+    network, params = initialised(config)
+    x, r = arguments(config, batch=3)
+
+    def loss(params, x, r):
+        points = network.apply({"params": params}, x[None], r[None])[0]
+        return jnp.sum((points - 0.5) ** 2), points
+
+    single = jax.vmap(jax.grad(loss, has_aux=True), in_axes=(None, 0, 0))
+    grads, points = quick_jit(single)(params, x, r)
+    np.testing.assert_allclose(points, apply(config, params, x, r), rtol=1e-4, atol=1e-5)
+    for path, leaf in jax.tree_util.tree_flatten_with_path(grads)[0]:
+        assert jnp.any(leaf != 0), jax.tree_util.keystr(path)
+
+
+def test_several_random_vectors_for_one_image():
+    config = tiny_config(random_size=4)
+    network, params = initialised(config)
+    x, _ = arguments(config, batch=1)
+    rs = jax.random.normal(jax.random.key(4), (3, 1, 4))
+    clouds = quick_jit(jax.vmap(lambda r: network.apply({"params": params}, x, r)))(rs)
+    assert clouds.shape == (3, 1, num_points(config), 3)
+    assert jnp.abs(clouds[0] - clouds[1]).max() > 1e-4
+
+
+def test_first_clouds_are_around_the_object_and_repeat_with_the_key():
+    config = tiny_config(widths=(8, 8), image_size=(16, 24), deconv_level=0, fc_points=256)
+    x, _ = arguments(config)
+    init = quick_jit(build(config).init)
+    first, second = (init(jax.random.key(7), x) for _ in range(2))
+    assert jax.tree.all(jax.tree.map(jnp.array_equal, first, second))
+    points = apply(config, first["params"], x)[0]
+    fc, deconv = points[:256], points[256:]
+    np.testing.assert_allclose(fc.mean(0), blocks.CLOUD_CENTRE, atol=0.1)
+    np.testing.assert_allclose(fc.std(0), blocks.CLOUD_SPREAD, atol=0.1)
+    assert jnp.abs(deconv - jnp.asarray(blocks.CLOUD_CENTRE)[None]).max() < 1.5
+
+
+def test_initial_variances():
+    """A unit input gives the variances that `blocks` states, also where a stride spreads it."""
+    x = jax.random.normal(jax.random.key(0), (2, 16, 16, 64))
+    cases = [
+        (blocks.Conv(64, 3, kernel_init=blocks.RELU), 2.0),
+        (blocks.Conv(64, 3, kernel_init=blocks.SUMMED), 1.0),
+        (blocks.Conv(64, 5, stride=2, kernel_init=blocks.SUMMED), 1.0),
+        (blocks.ConvTranspose(64), 1.0),
+    ]
+    for layer, variance in cases:
+        y, _ = quick_jit(layer.init_with_output)(jax.random.key(1), x)
+        np.testing.assert_allclose(y[:, 3:-3, 3:-3].var(), variance, rtol=0.1)
+
+
+def test_scaled_widths():
+    widths = (16, 20, 512)
+    assert point_out_net.scaled_widths(widths, 1.0) == widths
+    assert point_out_net.scaled_widths(widths, 0.5) == (8, 8, 256)
+    assert point_out_net.scaled_widths(widths, 0.01) == (8, 8, 8)
+    assert point_out_net.scaled_widths(widths, 1.5) == (24, 32, 768)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": "three_branch"}, "model.name='three_branch'.*two_branch"),
+        ({"image_size": (31, 256)}, r"model.image_size=\(31, 256\).*at least 32 pixels"),
+        ({"widths": (16,)}, "model.widths.*two levels"),
+        ({"widths": (16, 0, 16), "deconv_level": 1}, "model.widths.*positive"),
+        ({"width_multiplier": 0.0}, "model.width_multiplier=0.0"),
+        ({"deconv_level": 6}, "model.deconv_level=6: accepted: 0 to 5"),
+        ({"deconv_channels": 4}, "model.deconv_channels=4: accepted: a positive multiple of 3"),
+        ({"deconv_channels": 0}, "model.deconv_channels=0"),
+        ({"fc_points": -1}, "model.fc_points=-1"),
+        ({"name": "vanilla", "fc_points": 0}, "model.fc_points=0: accepted: at least 1"),
+        ({"fc_widths": ()}, "model.fc_widths"),
+        ({"random_size": -1}, "model.random_size=-1"),
+        ({"in_channels": 0}, "model.in_channels=0"),
+        ({"compute_dtype": "float16"}, "model.compute_dtype='float16'.*bfloat16"),
+    ],
+)
+def test_wrong_configurations(changes, message):
+    with pytest.raises(ValueError, match=message):
+        build(dataclasses.replace(ModelConfig(), **changes))
+
+
+def test_wrong_arrays():
+    plain, random = tiny_config(), tiny_config(random_size=4)
+    x, r = arguments(random)
+
+    def trace(config, *args):
+        return jax.eval_shape(build(config).init, jax.random.key(0), *args)
+
+    with pytest.raises(ValueError, match=r"x has the shape.*accepted: \(batch, \*\(32, 48, 4\)"):
+        trace(plain, x[:, :16])
+    with pytest.raises(ValueError, match="x has the shape"):
+        trace(plain, x[0])
+    with pytest.raises(ValueError, match="r=None"):
+        trace(random, x)
+    with pytest.raises(ValueError, match=r"r has the shape .*None"):
+        trace(plain, x, r)
+    with pytest.raises(ValueError, match=r"r has the shape .*\(2, 4\)"):
+        trace(random, x, r[:1])
