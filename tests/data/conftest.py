@@ -1,0 +1,108 @@
+"""Small samples, data sets and batch files that the tests make themselves."""
+
+import pathlib
+import zlib
+
+import numpy as np
+import pytest
+
+from psgn_jax.data import camera, records, schema, solids
+
+
+def random_sample(rng, *, size=(24, 32), num_points=200, optional=True, **changes):
+    mask = rng.random(size) < 0.4
+    normals = rng.normal(size=(num_points, 3))
+    intrinsics, extrinsics = camera.default_camera(size)
+    fields = {
+        "image": rng.integers(0, 256, (*size, 3), np.uint8),
+        "mask": mask,
+        "depth": np.where(mask, rng.uniform(2, 5, size), 0).astype(np.float32),
+        "points": rng.uniform(-1, 1, (num_points, 3)).astype(np.float32),
+        "normals": (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        "occupancy": rng.random((32, 32, 32)) < 0.3,
+        "intrinsics": intrinsics,
+        "extrinsics": extrinsics,
+        "category": "chair",
+        "model_id": "m1",
+        "view": 3,
+        "source": "test",
+    }
+    if not optional:
+        fields |= dict.fromkeys(schema.OPTIONAL_FIELDS)
+    return schema.Sample(**(fields | changes))
+
+
+@pytest.fixture
+def sample(rng):
+    return random_sample(rng)
+
+
+@pytest.fixture(scope="session")
+def dataset(tmp_path_factory) -> pathlib.Path:
+    """37 training samples in 4 shards and 11 for validation, drawn solids, 48x64 pixels."""
+    folder = tmp_path_factory.mktemp("solids")
+    splits = {
+        "train": solids.samples(37, seed=0, image_size=(48, 64)),
+        "validation": solids.samples(11, seed=1, image_size=(48, 64)),
+    }
+    records.write_dataset(folder, splits, source="solids", records_per_shard=10)
+    return folder
+
+
+def authors_content(seed=0, validation=False):
+    """What one of the authors' files holds: a torus seen by their camera, in their layout."""
+    rng = np.random.default_rng(seed)
+    angle, cosine, sine = 0.3 + seed, np.cos(np.deg2rad(20)), np.sin(np.deg2rad(20))
+    tilt = np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
+    turn = np.array(
+        [[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]]
+    )
+    rotation = (turn @ tilt).astype(np.float32)
+    # The model's frame: axis 0 points down, the ground is where it is 0 (points / 255 = 0.7).
+    points, _ = solids.torus(0.7, 0.2).sample(rng, 16384)
+    model = np.stack([-0.2 - points[:, 2], points[:, 0], points[:, 1]], axis=1)
+    codes = np.clip(np.rint((model * 0.4 + [0.7, 0.5, 0.5]) * 255), 0, 255).astype(np.uint8)
+    # Splat the exact points, by the formulas of the reference and not by the package's.
+    p = (codes / 255 - [0.7, 0.5, 0.5]) / 0.4 @ rotation @ np.linalg.inv(tilt) + [1, 0, 0]
+    q = (p - [1, 0, 0]) @ tilt
+    z = 3.6 - q[:, 2]
+    column = np.floor(128 + 400 * q[:, 1] / z).astype(int)
+    row = np.floor(96 + 400 * (q[:, 0] + 0.252) / z).astype(int)
+    depth = np.zeros((192, 256), np.uint16)
+    order = np.argsort(-z)
+    code = np.rint((3 - z / 1.8) / 2 * 65535).astype(np.uint16)
+    depth[row[order], column[order]] = code[order]
+    colour = np.full((192, 256, 3), 191, np.uint8)
+    colour[depth > 0] = [10, 20, 200]  # BGR: red
+    names = [f"{'f' if validation else 'a'}{seed:03d}{i:028x}" for i in range(32)]
+    return {
+        "colour": np.repeat(colour[None], 32, 0),
+        "depth": np.repeat(depth[None], 32, 0),
+        "rotation": np.repeat(rotation[None], 32, 0),
+        "points": np.repeat(codes[None], 32, 0),
+        "other": np.zeros((32, 1024, 4), np.uint16),
+        "names": "\n".join(names).encode(),
+    }
+
+
+def authors_bytes(content):
+    return b"".join(v if isinstance(v, bytes) else v.tobytes() for v in content.values())
+
+
+@pytest.fixture(scope="session")
+def authors_file(tmp_path_factory) -> pathlib.Path:
+    path = tmp_path_factory.mktemp("authors") / "0.gz"
+    path.write_bytes(zlib.compress(authors_bytes(authors_content()), 1))
+    return path
+
+
+@pytest.fixture(scope="session")
+def make():
+    """The makers above, for tests that want variations."""
+
+    class Make:
+        sample = staticmethod(random_sample)
+        content = staticmethod(authors_content)
+        content_bytes = staticmethod(authors_bytes)
+
+    return Make

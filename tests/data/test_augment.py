@@ -1,0 +1,141 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from psgn_jax.data import augment, camera, schema, solids
+
+
+def view_of(category, size=(96, 128), seed=0):
+    rng = np.random.default_rng(seed)
+    s = solids.draw(solids.random_solid(category, rng), rng, image_size=size)
+    return augment.View(s.image, s.mask, s.depth, s.points, s.intrinsics, s.extrinsics)
+
+
+def rolled(view):
+    """A view by a camera in general position (its image is not redrawn)."""
+    a = np.deg2rad(30)
+    roll = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+    extrinsics = (roll @ view.extrinsics).astype(np.float32)
+    extrinsics[:, 3] += np.float32([0.1, 0.2, 0])
+    intrinsics = view.intrinsics.copy()
+    intrinsics[0, 1], intrinsics[0, 2] = 2.0, 50.0
+    return dataclasses.replace(view, intrinsics=intrinsics, extrinsics=extrinsics)
+
+
+def assert_consistent(view):
+    schema.check_camera(view.intrinsics, view.extrinsics)
+    pixels, _ = camera.project(view.points, view.intrinsics, view.extrinsics)
+    width = view.mask.shape[1]
+    shown = (pixels[:, 0] > 0) & (pixels[:, 0] < width)
+    assert camera.inside_mask(pixels, view.mask).mean() > 0.9
+    assert camera.inside_mask(pixels, view.mask, 1)[shown].all()
+    # And no pixel of the mask is far from every point.
+    rows, columns = np.nonzero(view.mask)
+    centres = np.stack([columns, rows], 1)[::37] + 0.5
+    gaps = np.linalg.norm(centres[:, None] - pixels, axis=2).min(axis=1)
+    assert gaps.max() < 6
+    surface = camera.back_project(view.depth, view.intrinsics, view.extrinsics)[::53]
+    nearest = np.linalg.norm(surface[:, None] - view.points, axis=2).min(axis=1)
+    assert np.median(nearest) < 0.03
+    assert ((view.image != schema.BACKGROUND_GREY).any(2) <= view.mask).mean() > 0.98
+
+
+@pytest.mark.parametrize("category", solids.CATEGORIES)
+def test_drawn_views_are_consistent(category):
+    assert_consistent(view_of(category))
+
+
+@pytest.mark.parametrize("category", ["box", "cone"])
+def test_flip(category):
+    view = view_of(category)
+    flipped = augment.flip(view)
+    assert_consistent(flipped)
+    np.testing.assert_array_equal(flipped.points[:, 1], -view.points[:, 1])
+    assert not np.array_equal(flipped.image, view.image)
+
+
+def test_flip_mirrors_the_projection_of_any_camera():
+    view = rolled(view_of("box"))
+    flipped = augment.flip(view)
+    schema.check_camera(flipped.intrinsics, flipped.extrinsics)
+    before, depth = camera.project(view.points, view.intrinsics, view.extrinsics)
+    after, depth_after = camera.project(flipped.points, flipped.intrinsics, flipped.extrinsics)
+    np.testing.assert_allclose(after[:, 0], view.image.shape[1] - before[:, 0], atol=1e-3)
+    np.testing.assert_allclose(after[:, 1], before[:, 1], atol=1e-3)
+    np.testing.assert_allclose(depth_after, depth, rtol=1e-5)
+
+
+def test_flip_twice_is_the_identity():
+    view = rolled(view_of("torus"))
+    twice = augment.flip(augment.flip(view))
+    for field in dataclasses.fields(view):
+        np.testing.assert_array_equal(getattr(twice, field.name), getattr(view, field.name))
+
+
+@pytest.mark.parametrize("factor", [0.7, 0.95, 1.0, 1.2])
+@pytest.mark.parametrize("mirror", [False, True])
+def test_stretch(factor, mirror):
+    view = view_of("box", seed=3)
+    if mirror:
+        view = augment.flip(view)
+    stretched = augment.stretch(view, factor)
+    assert_consistent(stretched)
+    np.testing.assert_allclose(stretched.points[:, 1], factor * view.points[:, 1], rtol=1e-6)
+    if factor == 1:
+        np.testing.assert_array_equal(stretched.image, view.image)
+        np.testing.assert_array_equal(stretched.mask, view.mask)
+
+
+def test_stretch_keeps_a_sideways_camera_exact():
+    view = view_of("cone")
+    extrinsics = view.extrinsics.copy()
+    extrinsics[0, 3] = 0.2
+    view = dataclasses.replace(view, extrinsics=extrinsics)
+    stretched = augment.stretch(view, 0.8)
+    before, _ = camera.project(view.points, view.intrinsics, view.extrinsics)
+    after, _ = camera.project(stretched.points, stretched.intrinsics, stretched.extrinsics)
+    centre = view.intrinsics[0, 2]
+    np.testing.assert_allclose(after[:, 0] - centre, 0.8 * (before[:, 0] - centre), atol=1e-3)
+    np.testing.assert_allclose(after[:, 1], before[:, 1], atol=1e-3)
+
+
+def test_vacated_columns_are_background():
+    view = view_of("box")
+    view = dataclasses.replace(view, mask=np.ones_like(view.mask))
+    stretched = augment.stretch(view, 0.5)
+    assert (stretched.image[:, :31] == schema.BACKGROUND_GREY).all()
+    assert not stretched.mask[:, :31].any()
+    assert not stretched.depth[:, -31:].any()
+    assert stretched.mask[:, 33:95].all()
+
+
+def test_stretch_refuses_what_it_cannot_do():
+    view = view_of("box")
+    with pytest.raises(ValueError, match=r"must be y; set data\.stretch = 0"):
+        augment.stretch(rolled(view), 1.1)
+    with pytest.raises(ValueError, match="stretch factor: got -1"):
+        augment.stretch(view, -1)
+
+
+def test_colour_jitter_stays_on_the_object():
+    view = view_of("ellipsoid")
+    jittered = augment.colour_jitter(view, np.random.default_rng(1), 0.4)
+    assert (jittered.image[~view.mask] == schema.BACKGROUND_GREY).all()
+    assert (jittered.image[view.mask] != view.image[view.mask]).any()
+    same = augment.colour_jitter(view, np.random.default_rng(1), 0.0)
+    np.testing.assert_array_equal(same.image, view.image)
+
+
+def test_augment_is_a_function_of_its_generator():
+    view = view_of("cylinder")
+    options = {"flip_half": True, "stretch_range": 0.2, "jitter": 0.3}
+    flips = 0
+    for seed in range(20):
+        a = augment.augment(view, np.random.default_rng(seed), **options)
+        b = augment.augment(view, np.random.default_rng(seed), **options)
+        np.testing.assert_array_equal(a.image, b.image)
+        np.testing.assert_array_equal(a.points, b.points)
+        flips += np.sign(a.points[0, 1]) != np.sign(view.points[0, 1])
+    assert 3 < flips < 17
+    assert augment.augment(view, np.random.default_rng(0)) is view

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from psgn_jax.data import camera, schema
+
+
+def test_default_camera_is_the_authors(rng):
+    """The formulas of their data: tilt, 400 px, distance 3.6, 0.252 down."""
+    intrinsics, extrinsics = camera.default_camera()
+    schema.check_camera(intrinsics, extrinsics)
+    points = rng.uniform(-1, 1, (50, 3))
+    target = np.stack([1 - points[:, 2], points[:, 1], points[:, 0]], axis=1)
+    b = np.deg2rad(20)
+    tilt = np.array([[np.cos(b), 0, -np.sin(b)], [0, 1, 0], [np.sin(b), 0, np.cos(b)]])
+    q = (target - [1, 0, 0]) @ tilt
+    pixels, depth = camera.project(points, intrinsics, extrinsics)
+    np.testing.assert_allclose(depth, 3.6 - q[:, 2], atol=1e-6)
+    np.testing.assert_allclose(pixels[:, 0], 128 + 400 * q[:, 1] / depth, atol=1e-4)
+    np.testing.assert_allclose(pixels[:, 1], 96 + 400 * (q[:, 0] + 0.252) / depth, atol=1e-4)
+
+
+def test_y_is_right_z_is_up_x_is_near():
+    intrinsics, extrinsics = camera.default_camera()
+    pixels, depth = camera.project(np.vstack([np.zeros(3), np.eye(3) / 2]), intrinsics, extrinsics)
+    assert depth[1] < depth[0]
+    assert pixels[2, 0] > pixels[0, 0]
+    assert pixels[2, 1] == pytest.approx(pixels[0, 1], abs=1e-4)
+    assert pixels[3, 1] < pixels[0, 1]
+
+
+def test_back_projection_inverts_projection(rng):
+    intrinsics, extrinsics = camera.default_camera((48, 64))
+    depth = np.where(rng.random((48, 64)) < 0.3, rng.uniform(2, 5, (48, 64)), 0)
+    points = camera.back_project(depth, intrinsics, extrinsics)
+    pixels, z = camera.project(points, intrinsics, extrinsics)
+    rows, columns = np.nonzero(depth)
+    np.testing.assert_allclose(pixels, np.stack([columns, rows], 1) + 0.5, atol=1e-3)
+    np.testing.assert_allclose(z, depth[rows, columns], rtol=1e-5)
+
+
+def test_scaled_intrinsics_scale_pixels(rng):
+    intrinsics, extrinsics = camera.default_camera()
+    points = rng.uniform(-1, 1, (20, 3))
+    half = camera.scale_intrinsics(intrinsics, (192, 256), (96, 64))
+    full_pixels, _ = camera.project(points, intrinsics, extrinsics)
+    half_pixels, _ = camera.project(points, half, extrinsics)
+    np.testing.assert_allclose(half_pixels, full_pixels * [0.25, 0.5], rtol=1e-5)
+
+
+def test_inside_mask():
+    mask = np.zeros((10, 12), np.bool_)
+    mask[4, 5] = True
+    pixels = np.array(
+        [[5.0, 4.0], [5.99, 4.99], [6.0, 4.5], [4.99, 4.5], [7.9, 6.9], [8.1, 4.5], [np.nan, 4]]
+    )
+    assert camera.inside_mask(pixels, mask).tolist() == [True, True] + [False] * 5
+    assert camera.inside_mask(pixels, mask, 2).tolist() == [True] * 5 + [False] * 2
+    outside = np.array([[-1e30, 4.5], [1e30, 4.5], [5.5, -np.inf]])
+    assert not camera.inside_mask(outside, np.ones_like(mask), 2).any()

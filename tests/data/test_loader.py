@@ -1,0 +1,272 @@
+import dataclasses
+import itertools
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from psgn_jax.config import DataConfig
+from psgn_jax.data import augment, camera, loader, records, solids
+
+
+@pytest.fixture
+def cfg(dataset):
+    return DataConfig(
+        path=str(dataset),
+        image_size=(24, 32),
+        inputs=("rgb", "mask", "depth"),
+        num_points=100,
+        num_eval_points=150,
+        flip=True,
+        stretch=0.1,
+        colour_jitter=0.2,
+    )
+
+
+def take(count, cfg, **options):
+    options = {"batch_size": 6, "seed": 7, "start_step": 0} | options
+    batches = loader.train_batches(cfg, **options)
+    try:
+        return list(itertools.islice(batches, count))
+    finally:
+        batches.close()
+
+
+def assert_same(a, b):
+    assert a.keys() == b.keys()
+    for key in a:
+        np.testing.assert_array_equal(a[key], b[key], err_msg=key)
+
+
+def test_shapes_and_types(cfg):
+    (batch,) = take(1, cfg)
+    assert {k: (v.dtype.name, v.shape) for k, v in batch.items()} == {
+        "image": ("uint8", (6, 24, 32, 3)),
+        "mask": ("bool", (6, 24, 32)),
+        "depth": ("float32", (6, 24, 32)),
+        "points": ("float32", (6, 100, 3)),
+        "intrinsics": ("float32", (6, 3, 3)),
+        "extrinsics": ("float32", (6, 3, 4)),
+    }
+    (batch,) = take(1, dataclasses.replace(cfg, inputs=("rgb", "mask")))
+    assert "depth" not in batch
+
+
+def test_batches_are_consistent(cfg):
+    for batch in take(3, cfg):
+        for row in range(6):
+            pixels, _ = camera.project(
+                *(batch[k][row] for k in ("points", "intrinsics", "extrinsics"))
+            )
+            assert camera.inside_mask(pixels, batch["mask"][row], 1).mean() > 0.97
+            # A pixel's depth may come from a quarter of it, and a stretch moves by half a column.
+            assert (batch["depth"][row] > 0).tolist() == batch["mask"][row].tolist()
+
+
+def test_resume_replays_nothing_and_changes_nothing(cfg):
+    whole = take(20, cfg)
+    for start in (1, 7, 19):
+        for got, want in zip(take(20 - start, cfg, start_step=start), whole[start:], strict=True):
+            assert_same(got, want)
+    # Far into the run: nothing is replayed, so this is immediate.
+    take(1, cfg, start_step=10**7)
+
+
+def test_seeds_differ(cfg):
+    (a,), (b,) = take(1, cfg), take(1, cfg, seed=8)
+    assert not np.array_equal(a["points"], b["points"])
+
+
+def _identity(batch):
+    return [image.tobytes() for image in batch["image"]]
+
+
+def test_each_epoch_holds_every_sample_once_in_a_new_order(cfg):
+    plain = dataclasses.replace(cfg, flip=False, stretch=0.0, colour_jitter=0.0)
+    rows = list(itertools.chain.from_iterable(map(_identity, take(19, plain))))  # 114 rows
+    epochs = [rows[i : i + 37] for i in (0, 37, 74)]
+    assert len(set(epochs[0])) == 37
+    assert all(set(e) == set(epochs[0]) for e in epochs)
+    assert epochs[0] != epochs[1] != epochs[2]
+
+
+def test_batch_larger_than_the_data_set(cfg):
+    (batch,) = take(1, cfg, batch_size=50)
+    assert batch["image"].shape[0] == 50
+
+
+def test_processes_get_parts_of_the_same_batch(cfg):
+    for step in (0, 8):
+        (whole,) = take(1, cfg, start_step=step)
+        for count in (2, 3, 6):
+            parts = [
+                take(1, cfg, start_step=step, process_index=i, process_count=count)[0]
+                for i in range(count)
+            ]
+            assert_same({k: np.concatenate([p[k] for p in parts]) for k in whole}, whole)
+
+
+def test_cache_changes_nothing(cfg, monkeypatch):
+    want = take(15, cfg)
+    cached = dataclasses.replace(cfg, cache=True)
+    for got, one in zip(take(15, cached), want, strict=True):
+        assert_same(got, one)
+    monkeypatch.setattr(loader, "CACHE_BYTES", 50_000)  # a few samples fit
+    for got, one in zip(take(15, cached), want, strict=True):
+        assert_same(got, one)
+
+
+def test_cache_is_bounded(cfg):
+    cached = dataclasses.replace(cfg, cache=True)
+    items = loader._Items(cached, records.RecordReader(cfg.path, "train"))
+    items._bound = 100_000
+    for i in range(37):
+        items[i]
+    assert 0 < items._held <= 100_000
+    assert len(items._kept) < 37
+
+
+def test_worker_processes_equal_threads(cfg):
+    want = take(5, cfg, start_step=4)
+    got = take(5, dataclasses.replace(cfg, num_workers=2), start_step=4)
+    for a, b in zip(got, want, strict=True):
+        assert_same(a, b)
+        assert all(type(v) is np.ndarray for v in a.values())  # no shared memory is handed out
+
+
+SCRIPT = """
+import itertools, sys
+from psgn_jax.config import DataConfig
+from psgn_jax.data import loader
+
+if __name__ == "__main__":
+    cfg = DataConfig(path=sys.argv[1], image_size=(24, 32), num_eval_points=50, num_workers=1)
+    batches = list(loader.eval_batches(cfg, split="validation", batch_size=4))
+    print(sum(int(b["valid"].sum()) for b in batches), type(batches[0]["category"]).__name__)
+"""
+
+
+def test_workers_start_where_no_flags_were_parsed(dataset, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    environment = os.environ | {"PYTHONPATH": os.getcwd(), "PYTHONWARNINGS": "error"}
+    done = subprocess.run(
+        [sys.executable, str(script), str(dataset)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["11", "list"]
+    assert "Exception" not in done.stderr
+
+
+def test_evaluation_sees_every_sample_once(cfg, dataset):
+    names = [s.model_id for s in records.RecordReader(dataset, "validation")]
+    for batch_size in (1, 4, 11, 16):
+        seen, categories = [], []
+        for batch in loader.eval_batches(cfg, split="validation", batch_size=batch_size):
+            assert batch["image"].shape == (batch_size, 24, 32, 3)
+            assert batch["points"].shape == (batch_size, 150, 3)
+            assert batch["valid"].shape == (batch_size,)
+            assert np.isfinite(batch["points"]).all()
+            seen += [n for n, v in zip(batch["model_id"], batch["valid"], strict=True) if v]
+            categories += [n for n, v in zip(batch["category"], batch["valid"], strict=True) if v]
+            assert all(isinstance(c, str) for c in batch["category"])
+        assert seen == names
+        assert categories == [n.split("-")[0] for n in names]
+
+
+def test_evaluation_does_not_depend_on_the_batch_size(cfg):
+    def clouds(batch_size):
+        batches = list(loader.eval_batches(cfg, split="validation", batch_size=batch_size))
+        return np.concatenate([b["points"][b["valid"]] for b in batches])
+
+    np.testing.assert_array_equal(clouds(3), clouds(11))
+
+
+def test_subsets(rng):
+    drawn = loader._subset(rng, 100, 60)
+    assert len(set(drawn.tolist())) == 60
+    assert loader._subset(rng, 100, 100) == slice(None)
+    counts = np.bincount(loader._subset(rng, 10, 34), minlength=10)
+    assert counts.sum() == 34
+    assert set(counts) == {3, 4}
+
+
+def test_num_samples(cfg):
+    assert loader.num_samples(cfg, "train") == 37
+    assert loader.num_samples(cfg, "validation") == 11
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"batch_size": 0}, "batch_size: got 0"),
+        ({"batch_size": 7, "process_count": 2}, "multiple of the 2 processes"),
+        ({"process_index": 2, "process_count": 2}, "process_index: got 2"),
+        ({"start_step": -1}, "start_step -1"),
+        ({"seed": -1}, "seed -1"),
+    ],
+)
+def test_wrong_arguments_fail_at_the_call(cfg, options, message):
+    with pytest.raises(ValueError, match=message):
+        loader.train_batches(cfg, **({"batch_size": 6, "seed": 0, "start_step": 0} | options))
+
+
+def test_missing_data_fail_at_the_call(cfg, make, rng, tmp_path):
+    with pytest.raises(records.RecordError, match="no split 'test'"):
+        loader.eval_batches(cfg, split="test", batch_size=2)
+    with pytest.raises(records.RecordError, match="no such folder"):
+        loader.num_samples(dataclasses.replace(cfg, path="/nowhere"), "train")
+    records.write_dataset(tmp_path, {"train": [make.sample(rng, optional=False)]}, source="test")
+    bare = dataclasses.replace(cfg, path=str(tmp_path))
+    with pytest.raises(records.RecordError, match=r"remove 'depth' from data\.inputs"):
+        loader.train_batches(bare, batch_size=1, seed=0, start_step=0)
+
+
+@pytest.mark.parametrize("num_workers", [0, 1])
+def test_a_damaged_record_is_named_while_iterating(cfg, dataset, tmp_path, num_workers):
+    for path in dataset.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    shard = tmp_path / "validation-00000.arrayrecord"
+    data = bytearray(shard.read_bytes())
+    at = data.find(records.RecordReader(tmp_path, "validation").read(5))
+    data[at + 100] ^= 1
+    shard.write_bytes(data)
+    cfg = dataclasses.replace(cfg, path=str(tmp_path), num_workers=num_workers)
+    batches = loader.eval_batches(cfg, split="validation", batch_size=4)
+    next(batches)
+    with pytest.raises(ValueError, match=r"record 5 of .*validation-00000\.arrayrecord is damaged"):
+        list(batches)
+
+
+def test_default_data_set(tmp_path, monkeypatch):
+    monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
+    monkeypatch.setattr(solids.default_dataset, "__defaults__", (6, 3, (48, 64)))
+    cfg = DataConfig(image_size=(48, 64))
+    assert loader.num_samples(cfg, "train") == 6
+    (folder,) = tmp_path.iterdir()
+    changed = folder.stat().st_mtime_ns
+    assert loader.num_samples(cfg, "validation") == 3
+    assert folder.stat().st_mtime_ns == changed
+
+
+def test_augmentation_is_that_of_the_module(cfg):
+    """Row j of step s: record order[s B + j], augmented by the generator of (seed, s, j)."""
+    plain = dataclasses.replace(cfg, flip=False, stretch=0.0, colour_jitter=0.0)
+    for clean, full in zip(take(4, plain), take(4, cfg), strict=True):
+        mirrored = stretched = 0
+        for row in range(6):
+            extents = [np.ptp(b["points"][row, :, 1]) for b in (clean, full)]
+            stretched += abs(extents[0] - extents[1]) > 1e-6
+            mirrored += full["extrinsics"][row, 0, 1] < 0 or (
+                np.sign(clean["points"][row, 0, 1]) != np.sign(full["points"][row, 0, 1])
+            )
+        assert stretched >= 5
+        assert mirrored <= 6
+    assert augment.View  # the same camera stays proper, as its own tests show

@@ -1,0 +1,298 @@
+import dataclasses
+import json
+import pickle
+import random
+import zlib
+
+import msgpack
+import numpy as np
+import pytest
+
+from psgn_jax.data import records, schema
+
+
+def sorted_rows(points):
+    return points[np.lexsort(points.T)]
+
+
+def test_round_trip_of_every_field(sample):
+    back = records.decode(records.encode(sample))
+    schema.validate(back)
+    for field in ("image", "mask", "occupancy", "intrinsics", "extrinsics"):
+        np.testing.assert_array_equal(getattr(back, field), getattr(sample, field))
+    for field in ("category", "model_id", "view", "source"):
+        assert getattr(back, field) == getattr(sample, field)
+    span = sample.depth[sample.mask].max() - sample.depth[sample.mask].min()
+    np.testing.assert_allclose(back.depth, sample.depth, atol=span / 131070 + 1e-6)
+    assert (back.depth > 0).tolist() == sample.mask.tolist()
+
+
+def test_optional_fields_stay_absent(make, rng):
+    back = records.decode(records.encode(make.sample(rng, optional=False)))
+    assert back.depth is None
+    assert back.normals is None
+    assert back.occupancy is None
+
+
+@pytest.mark.parametrize("bits", [1, 8, 9, 12, 16])
+def test_point_error_is_half_a_lattice_step(make, rng, bits):
+    sample = make.sample(rng, num_points=500)
+    back = records.decode(records.encode(sample, point_bits=bits, normal_bits=16))
+    # Normals came along in the same order: they identify the points.
+    distance = np.linalg.norm(back.normals[:, None] - sample.normals, axis=2)
+    match = distance.argmin(axis=1)
+    assert sorted(match) == list(range(500))
+    step = np.ptp(sample.points, axis=0) / (2**bits - 1)
+    assert (np.abs(back.points - sample.points[match]) <= step / 2 * (1 + 1e-4) + 1e-6).all()
+
+
+def test_normal_error_is_under_a_degree(make, rng):
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    more = rng.normal(size=(20000, 3))
+    normals = np.concatenate([axes, more / np.linalg.norm(more, axis=1, keepdims=True)])
+    points = np.arange(len(normals))[:, None] * np.ones(3)  # a lattice that keeps the order
+    lattice = records.PointLattice(
+        np.stack([np.zeros(len(points)), points[:, 0] // 65536, points[:, 0]], 1).astype(np.uint16),
+        np.eye(3, 4),
+    )
+    sample = make.sample(
+        rng, points=lattice.points(), normals=normals.astype(np.float32), num_points=4
+    )
+    back = records.decode(records.encode(sample, points=lattice))
+    cosine = np.clip((back.normals * normals).sum(1), -1, 1)
+    assert np.rad2deg(np.arccos(cosine)).max() < 1
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_lattice_points_are_exact_and_keep_multiplicity(make, rng, dtype):
+    top = np.iinfo(dtype).max
+    codes = rng.integers(0, top + 1, (300, 3)).astype(dtype)
+    codes[100:200] = codes[:100]
+    codes[0], codes[1] = 0, top
+    matrix = rng.normal(size=(3, 4))
+    lattice = records.PointLattice(codes, matrix)
+    sample = make.sample(rng, points=lattice.points(), normals=None)
+    back = records.decode_stored(records.encode(sample, points=lattice))
+    np.testing.assert_array_equal(sorted_rows(back.points.codes), sorted_rows(codes))
+    np.testing.assert_array_equal(back.points.matrix, matrix)
+    np.testing.assert_array_equal(
+        sorted_rows(records.decode(records.encode(sample, points=lattice)).points),
+        sorted_rows(sample.points),
+    )
+
+
+def test_one_repeated_point(make, rng):
+    sample = make.sample(rng, num_points=50, normals=None)
+    sample = dataclasses.replace(sample, points=np.full((50, 3), 0.25, np.float32))
+    np.testing.assert_array_equal(records.decode(records.encode(sample)).points, sample.points)
+
+
+@pytest.mark.parametrize("everywhere", [True, False])
+def test_sixteen_bit_depth_is_exact(make, rng, everywhere):
+    codes = rng.integers(0, 65536, (24, 32)).astype(np.uint16)
+    mask = rng.random((24, 32)) < 0.4
+    valid = np.ones_like(mask) if everywhere else mask
+    depth = records.DepthCodes(codes, valid, -3.6 / 65535, 5.4)
+    sample = make.sample(rng, mask=mask, depth=depth.depth())
+    back = records.decode_stored(records.encode(sample, depth=depth)).depth
+    np.testing.assert_array_equal(back.codes[valid], codes[valid])
+    np.testing.assert_array_equal(back.depth(), sample.depth)
+
+
+def test_empty_mask_and_depth(make, rng):
+    nothing = np.zeros((24, 32), np.bool_)
+    sample = make.sample(rng, mask=nothing, depth=np.zeros((24, 32), np.float32))
+    back = records.decode(records.encode(sample))
+    assert not back.mask.any()
+    assert not back.depth.any()
+
+
+def test_fields_asked_for_alone_are_decoded(sample):
+    stored = records.decode_stored(records.encode(sample), ("points",))
+    assert stored.points is not None
+    assert stored.image is None
+    assert stored.mask is None
+    assert stored.model_id == "m1"
+
+
+def test_records_of_other_makers_are_refused(sample):
+    data = records.encode(sample)
+    content = msgpack.unpackb(data[4:])
+
+    def with_changes(**changes):
+        body = msgpack.packb(content | changes)
+        return zlib.crc32(body).to_bytes(4, "little") + body
+
+    bomb = zlib.compress(bytes(50_000_000))
+    for changes in (
+        {"mask": bomb},
+        {"points": content["points"] | {"steps": bomb}},
+        {"points": content["points"] | {"count": 1 << 40}},
+        {"points": content["points"] | {"planes": 99}},
+        {"points": content["points"] | {"matrix": b"12"}},
+        {"points": 5},
+        {"image": content["image"] | {"size": [1 << 30, 1 << 30]}},
+        {"image": content["image"] | {"size": [24, 33]}},
+        {"image": content["image"] | {"png": b"no image"}},
+        {"image": content["image"] | {"png": content["image"]["png"][:60]}},
+        {"intrinsics": b""},
+        {"mask": "text"},
+    ):
+        with pytest.raises(ValueError, match="."):
+            records.decode(with_changes(**changes))
+
+
+def test_data_set_round_trip(dataset):
+    train = records.RecordReader(dataset, "train")
+    assert len(train) == 37
+    assert [s.count for s in train.shards] == [10, 10, 10, 7]
+    assert [train[i].model_id for i in (0, 9, 10, 36)] == [
+        "box-0-00000",
+        "torus-0-00009",
+        "box-0-00010",
+        "cone-0-00036",
+    ]
+    assert train.locate(29) == (dataset / "train-00002.arrayrecord", 9)
+    train.verify()
+    with pytest.raises(IndexError):
+        train.read(37)
+    copy = pickle.loads(pickle.dumps(train))
+    assert copy.read(20) == train.read(20)
+    manifest = records.load_manifest(dataset)
+    assert "normals" in manifest.fields()
+    assert "occupancy" not in manifest.fields()
+    assert sum(train.shards[0].categories.values()) == 10
+
+
+@pytest.fixture
+def copied(dataset, tmp_path):
+    for path in dataset.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    return tmp_path
+
+
+def test_not_a_data_set(tmp_path):
+    with pytest.raises(records.RecordError, match="no such folder"):
+        records.RecordReader(tmp_path / "missing", "train")
+    with pytest.raises(records.RecordError, match="not a data set of this project"):
+        records.RecordReader(tmp_path, "train")
+
+
+def test_unknown_split_lists_the_others(dataset):
+    with pytest.raises(records.RecordError, match=r"no split 'test'.*'train', 'validation'"):
+        records.RecordReader(dataset, "test")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"version": 99}, "format version 99, this version of psgn_jax reads 1"),
+        ({"format": "other"}, "format 'other'"),
+        ({"complete": False}, "its writing has not ended"),
+        ({"shards": [{"file": "../evil"}]}, "damaged"),
+        ({"shards": 3}, "damaged"),
+    ],
+)
+def test_wrong_manifests(copied, changes, message):
+    path = copied / records.MANIFEST
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+    with pytest.raises(records.RecordError, match=message):
+        records.RecordReader(copied, "train")
+
+
+def test_a_shard_name_cannot_leave_the_folder(copied):
+    path = copied / records.MANIFEST
+    content = json.loads(path.read_text())
+    content["shards"][0]["file"] = "../train-00000.arrayrecord"
+    path.write_text(json.dumps(content))
+    with pytest.raises(records.RecordError, match="damaged"):
+        records.load_manifest(copied)
+
+
+def test_damaged_manifest_text(copied):
+    (copied / records.MANIFEST).write_text('{"format": ')
+    with pytest.raises(records.RecordError, match=r"manifest\.json: damaged"):
+        records.load_manifest(copied)
+
+
+def test_missing_and_truncated_shards(copied):
+    shard = copied / "train-00001.arrayrecord"
+    data = shard.read_bytes()
+    shard.write_bytes(data[:-1])
+    with pytest.raises(records.RecordError, match=r"train-00001\.arrayrecord has \d+ bytes"):
+        records.RecordReader(copied, "train")
+    shard.unlink()
+    with pytest.raises(records.RecordError, match=r"train-00001\.arrayrecord is missing"):
+        records.RecordReader(copied, "train")
+
+
+def test_damage_names_file_and_record_and_spares_the_others(copied):
+    shard = copied / "train-00001.arrayrecord"
+    data = bytearray(shard.read_bytes())
+    good = records.RecordReader(copied, "train").read(13)
+    at = data.find(good)
+    assert at > 0
+    data[at + len(good) // 2] ^= 4
+    shard.write_bytes(data)
+    reader = records.RecordReader(copied, "train")
+    with pytest.raises(
+        records.RecordError, match=r"record 3 of .*train-00001\.arrayrecord is damaged.*again"
+    ):
+        reader[13]
+    with pytest.raises(records.RecordError, match="checksum does not fit"):
+        reader.verify()
+    assert all(reader[i].model_id for i in range(37) if i != 13)
+
+
+def test_no_damage_goes_unseen_or_ends_the_process(copied):
+    shard = copied / "train-00003.arrayrecord"
+    data = shard.read_bytes()
+    want = [records.RecordReader(copied, "train").read(i) for i in range(30, 37)]
+    choose = random.Random(0)
+    for trial in range(150):
+        bad = bytearray(data)
+        at = choose.randrange(len(bad))
+        if trial % 3 == 0:  # keep the size: a truncated file is seen before it is opened
+            bad[at:] = bytes(len(bad) - at)
+        elif trial % 3 == 1:
+            bad[at] ^= 1 << choose.randrange(8)
+        else:
+            end = min(at + 4096, len(bad))
+            bad[at:end] = choose.randbytes(end - at)
+        shard.write_bytes(bad)
+        reader = records.RecordReader(copied, "train")
+        for i in range(30, 37):
+            try:
+                got = reader.stored(i)
+            except records.RecordError as error:
+                assert "train-00003.arrayrecord" in str(error)
+            else:
+                assert reader.read(i) == want[i - 30]
+                assert got.model_id
+
+
+def test_failed_writing_leaves_nothing_under_the_name(tmp_path, sample):
+    with pytest.raises(RuntimeError, match="stop"):
+        _write_and_fail(tmp_path, sample)
+    assert not list(tmp_path.iterdir())
+
+
+def _write_and_fail(folder, sample):
+    with records.ShardWriter(folder, "train", 0) as writer:
+        writer.write(records.encode(sample), sample)
+        raise RuntimeError("stop")
+
+
+def test_writing_is_reproducible(tmp_path, make):
+    for name in "ab":
+        rng = np.random.default_rng(5)
+        records.write_dataset(
+            tmp_path / name, {"train": [make.sample(rng) for _ in range(5)]}, source="test"
+        )
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
+def test_bad_split_names(tmp_path):
+    with pytest.raises(ValueError, match="split"):
+        records.shard_name("../train", 0)

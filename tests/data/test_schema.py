@@ -1,0 +1,46 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from psgn_jax.data import schema
+
+
+def test_valid_samples_pass(make, rng):
+    schema.validate(make.sample(rng))
+    schema.validate(make.sample(rng, optional=False))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("image", np.zeros((24, 32, 3), np.float32)),
+        ("image", np.zeros((24, 32), np.uint8)),
+        ("mask", np.zeros((24, 31), np.bool_)),
+        ("mask", np.zeros((24, 32), np.uint8)),
+        ("depth", np.full((24, 32), -1, np.float32)),
+        ("depth", np.full((24, 32), np.nan, np.float32)),
+        ("points", np.zeros((0, 3), np.float32)),
+        ("points", np.zeros((5, 3), np.float64)),
+        ("points", np.full((200, 3), np.inf, np.float32)),
+        ("points", [[0.0, 0, 0]]),
+        ("normals", np.zeros((200, 3), np.float32)),
+        ("normals", np.zeros((7, 3), np.float32)),
+        ("occupancy", np.zeros((16, 16, 16), np.bool_)),
+        ("intrinsics", np.diag([-1, 1, 1]).astype(np.float32)),
+        ("intrinsics", np.diag([1, 1, 2]).astype(np.float32)),
+        ("extrinsics", np.zeros((3, 4), np.float32)),
+        ("extrinsics", np.eye(3, 4, dtype=np.float32) * np.float32([[-1], [1], [1]])),
+        ("category", None),
+        ("model_id", 7),
+        ("view", -1),
+        ("view", 1.5),
+    ],
+)
+def test_each_wrong_field_is_named(sample, field, value):
+    with pytest.raises(ValueError, match=f"sample field '{field}': got .* expected"):
+        schema.validate(dataclasses.replace(sample, **{field: value}))
+
+
+def test_fields_are_those_of_the_sample():
+    assert set(schema.FIELDS) == {f.name for f in dataclasses.fields(schema.Sample)}

@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+
+from psgn_jax.data import inspect, records, schema, solids
+
+
+@pytest.mark.parametrize("category", solids.CATEGORIES)
+def test_samples_are_valid_and_agree_with_their_images(category):
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        sample = solids.draw(
+            solids.random_solid(category, rng), rng, image_size=(96, 128), num_points=8192
+        )
+        schema.validate(sample)
+        found = inspect.check(sample)
+        assert found.near == 1.0
+        assert found.inside > 0.85
+        assert found.depth_median < 0.02
+        assert found.reach == pytest.approx(1, abs=1e-5)
+        assert -1e-6 < found.lowest < 0.01
+        assert (sample.image[~sample.mask] == schema.BACKGROUND_GREY).all()
+        rows, columns = np.nonzero(sample.mask)
+        assert rows.min() > 0
+        assert columns.min() > 0
+        assert rows.max() < 95
+        assert columns.max() < 127
+
+
+@pytest.mark.parametrize("category", solids.CATEGORIES)
+def test_rays_end_on_the_surface_with_its_normal(category, rng):
+    """A ray from far outside to a surface point that faces it ends there, unless hidden."""
+    solid = solids.random_solid(category, rng)
+    points, normals = solid.sample(rng, 2000)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-9)
+    eye = np.array([5.0, 3.0, 4.0])
+    t, found = solid.cast(eye, points - eye)
+    assert (t < 1 + 1e-4).all()  # something is hit, at the point or before
+    facing = ((eye - points) * normals).sum(1) > 0.2
+    direct = facing & (t > 1 - 1e-4)
+    assert direct.sum() > 0.3 * facing.sum()
+    assert ((found * normals).sum(1)[direct] > 0.999).mean() > 0.99
+    if category != "torus":  # convex: what faces the eye is seen
+        assert direct.sum() == facing.sum()
+    missed, _ = solid.cast(eye, np.array([[1.0, 0.5, 0.5], [0, 0, 1]]))
+    assert np.isinf(missed).all()
+
+
+def test_points_are_uniform_on_the_surface(rng):
+    """The share of points in a part of the surface is its share of the area."""
+    points, _ = solids.torus(1.0, 0.4).sample(rng, 40000)
+    outer = (np.hypot(points[:, 0], points[:, 1]) > 1).mean()
+    assert outer == pytest.approx(0.5 + 0.4 / np.pi, abs=0.01)
+    points, _ = solids.ellipsoid(np.array([1.0, 1.0, 0.5])).sample(rng, 40000)
+    # Oblate spheroid: area of |z| < h by integration of 2 pi r ds.
+    z = np.linspace(0, 0.5, 20001)
+    element = np.sqrt(1 - 4 * z**2 + 16 * z**2)
+    share = element[z < 0.25].sum() / element.sum()
+    assert (np.abs(points[:, 2]) < 0.25).mean() == pytest.approx(share, abs=0.01)
+
+
+def test_unknown_category(rng):
+    with pytest.raises(ValueError, match="expected one of"):
+        solids.random_solid("teapot", rng)
+
+
+def test_same_seed_same_samples():
+    a, b = (list(solids.samples(3, seed=4, image_size=(24, 32))) for _ in range(2))
+    for x, y in zip(a, b, strict=True):
+        np.testing.assert_array_equal(x.image, y.image)
+        np.testing.assert_array_equal(x.points, y.points)
+
+
+def test_default_data_set_appears_whole_or_not_at_all(tmp_path, monkeypatch):
+    monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
+    with monkeypatch.context() as patch:
+        patch.setattr(records, "save_manifest", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            solids.default_dataset(4, 2, (24, 32))
+    assert not list(tmp_path.iterdir())
+    path = solids.default_dataset(4, 2, (24, 32))
+    assert len(records.RecordReader(path, "train")) == 4
+    assert solids.default_dataset(4, 2, (24, 32)) == path
