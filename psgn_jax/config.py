@@ -162,6 +162,7 @@ class OptimConfig:
       b1, b2, eps: Adam's.
       clip_norm: largest global norm of the gradient; 0 = off.
       ema_decay: decay per step of the averaged parameters, which evaluation then uses; 0 = off.
+        Step t (from 0) uses the smaller of this and (t + 1) / (t + 10).
     """
 
     learning_rate: Positive = 3e-5

@@ -124,12 +124,11 @@ def make_train_step(
         grad_norm = optax.tree.norm(grads)
         updates, opt_state = tx.update(grads, state.opt_state, state.params)
         params = optax.apply_updates(state.params, updates)
-        decay = config.optim.ema_decay
-        ema = (
-            jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
-            if decay
-            else ()
-        )
+        ema: Any = ()
+        if config.optim.ema_decay:
+            # The horizon grows with the run, so that the first, useless parameters soon drop out.
+            decay = jnp.minimum(config.optim.ema_decay, (state.step + 1) / (state.step + 10))
+            ema = jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
         since_log = state.step % config.train.log_every
         loss_sum = jnp.where(since_log == 0, 0, state.loss_sum) + metrics["loss_step"]
         bad = jnp.stack([~jnp.isfinite(total), ~jnp.isfinite(grad_norm)])
