@@ -1,31 +1,50 @@
 """Resizing of images, masks and depth maps on the host."""
 
+import functools
+
 import numpy as np
 from PIL import Image
 
 
-def _area_average(picture: Image.Image, size: tuple[int, int]) -> np.ndarray:
-    height, width = size
-    across, across_rest = divmod(picture.width, width)
-    down, down_rest = divmod(picture.height, height)
-    if not across_rest and not down_rest:
-        return np.asarray(picture.reduce((across, down)))
-    return np.asarray(picture.resize((width, height), Image.Resampling.BOX))
+@functools.lru_cache(maxsize=16)
+def _area_weights(old: int, new: int) -> np.ndarray:
+    """Matrix [new, old] of the share that each old cell has in each new one."""
+    edges = np.arange(new + 1) * (old / new)
+    cells = np.arange(old)
+    overlap = np.minimum(edges[1:, None], cells + 1) - np.maximum(edges[:-1, None], cells)
+    return (np.maximum(overlap, 0) * (new / old)).astype(np.float32)
+
+
+def _whole_factors(old: tuple[int, ...], new: tuple[int, int]) -> tuple[int, int] | None:
+    down, across = old[0] // new[0], old[1] // new[1]
+    return (down, across) if (down * new[0], across * new[1]) == old[:2] else None
+
+
+def _area_average(array: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Float32 averages over the areas of the new cells, for any factors; [H, W, ...]."""
+    rows = _area_weights(array.shape[0], size[0])
+    columns = _area_weights(array.shape[1], size[1])
+    down = np.tensordot(rows, array.astype(np.float32), 1)
+    return np.swapaxes(np.tensordot(columns, down, ((1,), (1,))), 0, 1)
 
 
 def resize_image(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Resizes uint8 [H, W, 3] to `size` (H', W') by area averaging (repeats pixels to enlarge)."""
+    """Resizes uint8 [H, W, 3] to `size` (H', W') by area averaging."""
     if image.shape[:2] == tuple(size):
         return image
-    return _area_average(Image.fromarray(image), size)
+    if factors := _whole_factors(image.shape, size):
+        return np.asarray(Image.fromarray(image).reduce(factors[::-1]))
+    return np.rint(_area_average(image, size)).astype(np.uint8)
 
 
 def resize_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """Resizes bool [H, W] to `size` (H', W') by majority of the area; a tie counts as object."""
     if mask.shape == tuple(size):
         return mask
-    coverage = _area_average(Image.fromarray(mask.view(np.uint8) * np.uint8(255)), size)
-    return coverage >= 127  # 127.5 is the tie, whichever way it was rounded
+    if factors := _whole_factors(mask.shape, size):
+        levels = Image.fromarray(mask.view(np.uint8) * np.uint8(255)).reduce(factors[::-1])
+        return np.asarray(levels) > 127  # a tie, 127.5, is rounded up
+    return _area_average(mask, size) > 0.5 - 1e-6
 
 
 def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -220,11 +220,11 @@ def torus(ring: float, tube: float) -> Solid:
         result = np.full(len(directions), _MISS)
         active = np.arange(len(directions))
         t = start.copy()
-        for _ in range(200):
+        for _ in range(400):  # rays that graze the surface approach it slowly
             where = origin + t[active, None] * directions[active]
             distance = towards(where)[1] - tube
             t[active] += distance / speed[active]
-            found = distance < 1e-6
+            found = distance < 1e-5
             result[active[found]] = t[active[found]]
             active = active[~found & (t[active] < end[active])]
             if not len(active):

@@ -96,6 +96,15 @@ def authors_file(tmp_path_factory) -> pathlib.Path:
     return path
 
 
+def damage(shard, record):
+    """Flips a bit of a record in its file (which splits long records at block boundaries)."""
+    data = bytearray(shard.read_bytes())
+    at = data.find(record[:16])
+    assert at > 0
+    data[at + 10] ^= 4
+    shard.write_bytes(data)
+
+
 @pytest.fixture(scope="session")
 def make():
     """The makers above, for tests that want variations."""
@@ -104,5 +113,6 @@ def make():
         sample = staticmethod(random_sample)
         content = staticmethod(authors_content)
         content_bytes = staticmethod(authors_bytes)
+        damage = staticmethod(damage)
 
     return Make

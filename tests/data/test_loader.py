@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from psgn_jax.config import DataConfig
-from psgn_jax.data import augment, camera, loader, records, solids
+from psgn_jax.data import camera, loader, records, solids
 
 
 @pytest.fixture
@@ -230,14 +230,11 @@ def test_missing_data_fail_at_the_call(cfg, make, rng, tmp_path):
 
 
 @pytest.mark.parametrize("num_workers", [0, 1])
-def test_a_damaged_record_is_named_while_iterating(cfg, dataset, tmp_path, num_workers):
+def test_a_damaged_record_is_named_while_iterating(make, cfg, dataset, tmp_path, num_workers):
     for path in dataset.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     shard = tmp_path / "validation-00000.arrayrecord"
-    data = bytearray(shard.read_bytes())
-    at = data.find(records.RecordReader(tmp_path, "validation").read(5))
-    data[at + 100] ^= 1
-    shard.write_bytes(data)
+    make.damage(shard, records.RecordReader(tmp_path, "validation").read(5))
     cfg = dataclasses.replace(cfg, path=str(tmp_path), num_workers=num_workers)
     batches = loader.eval_batches(cfg, split="validation", batch_size=4)
     next(batches)
@@ -256,17 +253,15 @@ def test_default_data_set(tmp_path, monkeypatch):
     assert folder.stat().st_mtime_ns == changed
 
 
-def test_augmentation_is_that_of_the_module(cfg):
-    """Row j of step s: record order[s B + j], augmented by the generator of (seed, s, j)."""
+def test_augmentation_reaches_the_batches(cfg):
     plain = dataclasses.replace(cfg, flip=False, stretch=0.0, colour_jitter=0.0)
-    for clean, full in zip(take(4, plain), take(4, cfg), strict=True):
-        mirrored = stretched = 0
-        for row in range(6):
-            extents = [np.ptp(b["points"][row, :, 1]) for b in (clean, full)]
-            stretched += abs(extents[0] - extents[1]) > 1e-6
-            mirrored += full["extrinsics"][row, 0, 1] < 0 or (
-                np.sign(clean["points"][row, 0, 1]) != np.sign(full["points"][row, 0, 1])
-            )
-        assert stretched >= 5
-        assert mirrored <= 6
-    assert augment.View  # the same camera stays proper, as its own tests show
+    mirrored = stretched = 0
+    for clean, full in zip(take(8, plain), take(8, cfg), strict=True):
+        scale = full["points"][:, :, 1] / clean["points"][:, :, 1]  # one number for each row
+        np.testing.assert_allclose(scale, np.median(scale, 1)[:, None] * np.ones(100), rtol=1e-4)
+        np.testing.assert_array_equal(full["points"][:, :, 2], clean["points"][:, :, 2])
+        mirrored += (scale[:, 0] < 0).sum()
+        stretched += (np.abs(np.abs(scale[:, 0]) - 1) > 1e-4).sum()
+        assert (np.abs(np.abs(scale) - 1) <= 0.1 + 1e-4).all()
+    assert 12 < mirrored < 36
+    assert stretched > 44

@@ -133,12 +133,13 @@ def test_records_of_other_makers_are_refused(sample):
         {"points": 5},
         {"image": content["image"] | {"size": [1 << 30, 1 << 30]}},
         {"image": content["image"] | {"size": [24, 33]}},
-        {"image": content["image"] | {"png": b"no image"}},
-        {"image": content["image"] | {"png": content["image"]["png"][:60]}},
+        {"image": content["image"] | {"webp": b"no image"}},
+        {"image": content["image"] | {"webp": content["image"]["webp"][:60]}},
+        {"image": {"size": [24, 32], "png": b"no image"}},
         {"intrinsics": b""},
         {"mask": "text"},
     ):
-        with pytest.raises(ValueError, match="."):
+        with pytest.raises(ValueError, match=r"expected|inflate|image|buffer|reshape|bytes"):
             records.decode(with_changes(**changes))
 
 
@@ -226,14 +227,9 @@ def test_missing_and_truncated_shards(copied):
         records.RecordReader(copied, "train")
 
 
-def test_damage_names_file_and_record_and_spares_the_others(copied):
+def test_damage_names_file_and_record_and_spares_the_others(make, copied):
     shard = copied / "train-00001.arrayrecord"
-    data = bytearray(shard.read_bytes())
-    good = records.RecordReader(copied, "train").read(13)
-    at = data.find(good)
-    assert at > 0
-    data[at + len(good) // 2] ^= 4
-    shard.write_bytes(data)
+    make.damage(shard, records.RecordReader(copied, "train").read(13))
     reader = records.RecordReader(copied, "train")
     with pytest.raises(
         records.RecordError, match=r"record 3 of .*train-00001\.arrayrecord is damaged.*again"
@@ -262,10 +258,13 @@ def test_no_damage_goes_unseen_or_ends_the_process(copied):
         shard.write_bytes(bad)
         reader = records.RecordReader(copied, "train")
         for i in range(30, 37):
+            message = ""
             try:
                 got = reader.stored(i)
             except records.RecordError as error:
-                assert "train-00003.arrayrecord" in str(error)
+                message = str(error)
+            if message:
+                assert "train-00003.arrayrecord" in message
             else:
                 assert reader.read(i) == want[i - 30]
                 assert got.model_id
