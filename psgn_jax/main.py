@@ -7,6 +7,7 @@ says what); 3 a loss that is not finite; 143 and 130 stopped by SIGTERM or Ctrl-
 
 import os
 import pathlib
+import re
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -59,8 +60,12 @@ def _parse_flags(argv: list[str]) -> list[str]:
         try:
             return flags.FLAGS(argv)
         except (AttributeError, KeyError) as error:
-            given = next((a for a in argv if str(error.args[0]).split("'")[1] in a), "--config")
-            raise ConfigError(f"{given}: no such field: {error.args[0]}") from error
+            # The message is a repr inside a repr: its quotes and escapes go.
+            text = re.sub(r"\\n", " ", str(error.args[0])).translate(str.maketrans("", "", "\\'\""))
+            text = " ".join(text.split())
+            name = next(iter(re.findall(r"\w+", text)), "")
+            given = next((a for a in argv if re.search(rf"\b{name}\b", a)), "--config")
+            raise ConfigError(f"{given}: no such field: {text}") from error
         except (flags.Error, TypeError, ValueError, OSError) as error:
             raise ConfigError(str(error)) from error
 

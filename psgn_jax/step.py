@@ -6,7 +6,7 @@ loops inside the losses and convolutions are never partitioned behind our back.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -79,7 +79,7 @@ def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Arra
     x = network_input(
         batch["image"], batch["mask"], batch.get("depth"), channels=config.data.inputs
     )
-    return model.apply({"params": params}, x, r)
+    return cast(Array, model.apply({"params": params}, x, r))
 
 
 def make_train_step(
@@ -161,7 +161,7 @@ def make_train_step(
 
 def make_eval_step(
     config: Config, model: nn.Module, metrics: PairFunction, mesh: Mesh
-) -> Callable[[Any, Batch, int], tuple[Array, dict[str, Array]]]:
+) -> Callable[[Any, Batch, Any], tuple[Array, dict[str, Array]]]:
     """Compiled `(params, batch, index) -> (points [B,N,3], metrics of shape [B])`.
 
     `index` numbers the batch within the evaluation: the random input follows from it.

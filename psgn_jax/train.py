@@ -135,11 +135,14 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     writer = MetricsWriter(workdir, start, evaluated=evaluated) if _is_first() else None
     log = _Log(config, writer, start)
     stop = _Stop()
+    saved = start
 
     def save() -> None:
+        nonlocal saved
         log.drain()
         meta = {"config": to_dict(config), "seed": config.seed, "data_position": step}
         checkpoints.save(step, state_lib.named_leaves(state), meta)
+        saved = step
 
     def evaluate() -> None:
         with log.pause():
@@ -172,14 +175,9 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
                 state, metrics = train_step(state, batch)
                 step += 1
                 log.add(step, metrics)
-                last = step == config.train.steps
+                ending = step == config.train.steps or bool(stop.signal)
                 due_eval = _due(config.train.eval_every, step, config)
-                if (
-                    last
-                    or stop.signal
-                    or due_eval
-                    or _due(config.train.checkpoint_every, step, config)
-                ):
+                if ending or due_eval or _due(config.train.checkpoint_every, step, config):
                     with log.pause():
                         save()
                 if due_eval and not stop.signal:
@@ -187,6 +185,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
                 if _due(config.train.images_every, step, config) and not stop.signal:
                     pictures()
             log.drain()
+            if saved < step:  # the signal came while the last step was being wound up
+                save()
     finally:
         close = getattr(batches, "close", None)
         if close:
@@ -212,7 +212,7 @@ def keep_compiled() -> None:
     the same one (jax 0.10), and with a home folder shared by unlike machines it may be right.
     Whoever sets JAX_COMPILATION_CACHE_DIR decides for themselves.
     """
-    if jax.default_backend() != "cpu" and not jax.config.jax_compilation_cache_dir:
+    if jax.default_backend() != "cpu" and not jax.config.values["jax_compilation_cache_dir"]:
         base = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
         jax.config.update("jax_compilation_cache_dir", str(pathlib.Path(base) / "psgn_jax"))
 
@@ -315,10 +315,10 @@ class _Log:
         if steps:  # none where the first step, which compiles, is itself logged
             values["samples_per_second"] = steps * self._config.train.batch_size / seconds
         self._line(step, values, seconds / max(1, steps))
-        self._restart_clock(step)
         if self._writer:
             self._writer.scalars(step, "train", values)
             self._writer.flush()
+        self._restart_clock(step)
 
     def _restart_clock(self, step: int) -> None:
         self._last_step, self._last_time, self._paused = step, time.monotonic(), 0.0

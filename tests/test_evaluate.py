@@ -59,7 +59,8 @@ def test_first_samples_only_and_hook():
 
 
 def test_compiled_step_agrees_across_batch_sizes():
-    configs = [STANDIN["config"](eval__batch_size=b, model__random_size=0) for b in (4, 11)]
+    small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
+    configs = [STANDIN["config"](eval__batch_size=b, **small) for b in (4, 11)]
     model = registry.build_model(configs[0].model)
     size = (*configs[0].model.image_size, configs[0].model.in_channels)
     params = jax.jit(lambda: model.init(jax.random.key(0), jnp.zeros((1, *size)), None))()["params"]
