@@ -87,7 +87,8 @@ class PointLattice:
     def points(self, index: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Points in the project's frame, float32 [n, 3]; all of them, or those of `index`."""
         matrix = self.matrix.astype(np.float32)
-        return self.codes[index].astype(np.float32) @ matrix[:, :3].T + matrix[:, 3]
+        codes = self.codes[index] if isinstance(index, slice) else self.codes.take(index, axis=0)
+        return codes.astype(np.float32) @ matrix[:, :3].T + matrix[:, 3]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
