@@ -61,7 +61,7 @@ class _Items:
 
     def __init__(self, cfg: DataConfig, reader: records.RecordReader) -> None:
         self._reader = reader
-        self._size = tuple(cfg.image_size)
+        self._size = cfg.image_size[0], cfg.image_size[1]
         self._fields = ["image", "mask", "points"]
         self._depth = "depth" in cfg.inputs
         if self._depth:

@@ -41,7 +41,7 @@ import numpy as np
 from array_record.python import array_record_module
 from PIL import Image
 
-from psgn_jax.data import schema
+import psgn_jax.data.schema as schema
 from psgn_jax.data.schema import Sample
 
 FORMAT = "psgn_jax records"
