@@ -26,8 +26,8 @@ def get_config() -> ml_collections.ConfigDict:
     config.optim.clip_norm = 1.0
     config.optim.ema_decay = 0.998
     config.train.batch_size = 16
-    config.train.steps = 4000
-    config.train.log_every = 10
+    config.train.steps = 5000
+    config.train.log_every = 50
     config.train.eval_every = 500
     config.train.checkpoint_every = 500
     config.train.images_every = 1000
