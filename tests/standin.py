@@ -14,9 +14,7 @@ import numpy as np
 SIZES = {"train": 24, "validation": 11}
 CATEGORIES = ("bench", "car", "lamp")
 INTRINSICS = np.array([[100.0, 0, 32], [0, 100.0, 24], [0, 0, 1]], np.float32)
-EXTRINSICS = np.array(
-    [[0, 1, 0, 0], [0.342, 0, -0.94, 0.252], [-0.94, 0, -0.342, 3.6]], np.float32
-)
+EXTRINSICS = np.array([[0, 1, 0, 0], [0.342, 0, -0.94, 0.252], [-0.94, 0, -0.342, 3.6]], np.float32)
 
 
 def sample(cfg, number, num_points, rng):

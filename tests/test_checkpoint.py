@@ -8,6 +8,10 @@ import pytest
 
 from psgn_jax.checkpoint import Checkpoints
 
+# Where one array cannot be read, orbax closes its event loop under the reads of the others; these
+# then complain from their threads, to nobody's harm.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
 
 def leaves(value):
     return {
