@@ -37,12 +37,12 @@ class ConfigError(UserError):
 class Bounds:
     """Accepted interval of a number; `open_low` and `open_high` leave out an end."""
 
-    low: float = -math.inf
-    high: float = math.inf
+    low: float | int = -math.inf
+    high: float | int = math.inf
     open_low: bool = False
     open_high: bool = False
 
-    def holds(self, value: float) -> bool:
+    def holds(self, value: float | int) -> bool:
         """Whether `value` lies in the interval."""
         above = value > self.low if self.open_low else value >= self.low
         return above and (value < self.high if self.open_high else value <= self.high)
