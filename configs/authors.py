@@ -6,9 +6,10 @@ Hardware: a GPU; on two CPU cores a step takes some seconds (see BUILD.md).
 Time: not measured to its end.
 Expect: less than `configs/authors_small.py` gives; not measured to its end.
 
-The recipe is that of `authors_small.py` (which see) with the published network. `--config.loss.name=
-chamfer_authors --config.loss.l2=authors --config.optim.schedule=constant
---config.optim.learning_rate=3e-5` is the authors' own.
+The recipe is that of `authors_small.py` with the published two-branch network. The authors' own is
+    --config.loss.name=chamfer_authors --config.loss.l2=authors
+    --config.optim.schedule=constant --config.optim.warmup_steps=0
+    --config.optim.learning_rate=3e-5 --config.optim.clip_norm=0 --config.optim.ema_decay=0
 """
 
 import ml_collections

@@ -1,15 +1,14 @@
 """The paper's recipe under the Chamfer distance: 300,000 steps of Adam at batch 32, with input r.
 
-Command: python -m psgn_jax.main --config=configs/mo2_cd.py --workdir=runs/mo2_cd \\
-             --config.data.path=RECORDS
+Command: python -m psgn_jax.main --config=configs/mo2_cd.py --config.data.path=RECORDS
 Hardware: a GPU.
 Time: not measured.
 Expect: not measured. Without `--config.data.path` it trains on the default data set.
 
 Source: paper, sections 4 and 5 and "Implementation details": the network takes an image and a
 random vector r ~ N(0, I); the loss is the paper's sum over both directions of squared distances.
-For now one draw of r is trained on for each sample; the minimum over two draws ("Mo2") will be the
-field `loss.num_draws`, set here to 2. The paper names no learning rate; 3e-5 is the authors'.
+One draw of r is trained on for each sample; the minimum over two draws, which gives the recipe its
+name, is not built yet. The paper names no learning rate; 3e-5 is the authors'.
 """
 
 import ml_collections

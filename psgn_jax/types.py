@@ -1,7 +1,16 @@
 """Array types used in signatures: the dtype, the rank and the name of each axis."""
 
+from typing import TYPE_CHECKING
+
 import jax
-from jaxtyping import Array, Bool, Float, Int, UInt8
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+if TYPE_CHECKING:
+    from jax import Array
+else:
+    # What a checker at run time accepts: as in JAX itself, NumPy's arrays serve as well.
+    Array = jax.Array | np.ndarray
 
 Points = Float[Array, "n 3"]
 """One point cloud in the project's frame; unit = radius of the bounding hemisphere."""

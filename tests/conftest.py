@@ -5,11 +5,15 @@ import pathlib
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
-import jax  # noqa: E402
-import numpy as np  # noqa: E402
-import pytest  # noqa: E402
+import jax
+import numpy as np
+import pytest
+from jaxtyping import install_import_hook
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+# The shapes and dtypes that annotations promise are checked at every call, in tests only.
+install_import_hook(["psgn_jax.losses", "psgn_jax.models", "psgn_jax.metrics"], "beartype.beartype")
 
 _AUTHORS = pathlib.Path(__file__).resolve().parents[2] / "shared" / "psgn_batches"
 
