@@ -8,6 +8,7 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 import jax
 import numpy as np
 import pytest
+from jaxtyping import config as jaxtyping_config
 from jaxtyping import install_import_hook
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -30,3 +31,9 @@ def authors_batches() -> pathlib.Path:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(0)
+
+
+@pytest.fixture
+def unchecked_annotations(monkeypatch):
+    """What a user has, who runs without the hook: the library's own errors for wrong arguments."""
+    monkeypatch.setattr(jaxtyping_config, "jaxtyping_disable", True)

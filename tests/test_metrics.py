@@ -85,6 +85,7 @@ def test_nan_is_never_a_score(pair):
 
 
 @pytest.mark.parametrize("threshold", [0, -1.0, float("nan"), float("inf")])
+@pytest.mark.usefixtures("unchecked_annotations")
 def test_wrong_threshold(pair, threshold):
     with pytest.raises(ValueError, match="threshold: got"):
         metrics.fscore(*pair, threshold)

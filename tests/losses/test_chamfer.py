@@ -211,6 +211,7 @@ def test_non_finite(rng, bad, argument, name):
 
 
 @pytest.mark.parametrize("shape", [(0, 3), (5, 2), (3,), (2, 5, 3)])
+@pytest.mark.usefixtures("unchecked_annotations")
 def test_wrong_shape(shape):
     good = np.ones((4, 3), np.float32)
     for call in (losses.chamfer_sq_mean, jax.jit(losses.chamfer_sq_mean)):
@@ -220,6 +221,7 @@ def test_wrong_shape(shape):
             call(good, np.ones(shape, np.float32))
 
 
+@pytest.mark.usefixtures("unchecked_annotations")
 def test_wrong_type():
     good = np.ones((4, 3), np.float32)
     with pytest.raises(ValueError, match="gt: got dtype uint8, expected a floating"):

@@ -69,6 +69,7 @@ def test_leading_axes_and_jit(sample):
         ({"depth": jnp.zeros((8, 6))}, "depth has the shape .8, 6.*6, 8"),
     ],
 )
+@pytest.mark.usefixtures("unchecked_annotations")
 def test_wrong_arguments(sample, change, message):
     image, mask, depth = sample
     arrays = {"image": image, "mask": mask, "depth": depth}

@@ -455,6 +455,7 @@ def test_wrong_configurations(changes, message):
         build(dataclasses.replace(ModelConfig(), **changes))
 
 
+@pytest.mark.usefixtures("unchecked_annotations")
 def test_wrong_arrays():
     plain, random = tiny_config(), tiny_config(random_size=4)
     x, r = arguments(random)
