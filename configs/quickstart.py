@@ -1,0 +1,33 @@
+"""A first run on the default data set (solids of five kinds), half-size images.
+
+Command: python -m psgn_jax.main --config=configs/quickstart.py --workdir=runs/quickstart
+Hardware: two CPU cores.
+Time: TIME_PLACEHOLDER
+Expect: EXPECT_PLACEHOLDER
+"""
+
+import ml_collections
+
+from psgn_jax.config import Config, to_dict
+
+
+def get_config() -> ml_collections.ConfigDict:
+    config = ml_collections.ConfigDict(to_dict(Config()))
+    config.data.image_size = (96, 128)
+    config.data.num_points = 2048
+    config.data.flip = True
+    config.model.widths = (8, 16, 32, 64, 128, 256)
+    config.model.deconv_level = 2
+    config.model.fc_widths = (512, 512)
+    config.optim.learning_rate = 1e-3
+    config.optim.schedule = "cosine"
+    config.optim.warmup_steps = 50
+    config.optim.final_fraction = 0.01
+    config.optim.clip_norm = 1.0
+    config.train.batch_size = 16
+    config.train.steps = 400
+    config.train.log_every = 20
+    config.train.eval_every = 200
+    config.train.checkpoint_every = 100
+    config.train.images_every = 200
+    return config
