@@ -10,6 +10,7 @@ The recipe is that of `authors_small.py` with the published two-branch network. 
     --config.loss.name=chamfer_authors --config.loss.l2=authors
     --config.optim.schedule=constant --config.optim.warmup_steps=0
     --config.optim.learning_rate=3e-5 --config.optim.clip_norm=0 --config.optim.ema_decay=0
+    --config.data.flip=False --config.data.stretch=0 --config.data.num_points=16384
 """
 
 import ml_collections

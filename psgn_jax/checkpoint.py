@@ -117,15 +117,30 @@ class Checkpoints:
         self._saver.save(self._directory / str(step), args=items)
 
     def restore_newest(self) -> Checkpoint | None:
-        """The newest intact checkpoint, or None without any.
+        """The newest intact checkpoint, or None if there are none at all.
 
         Damaged ones are passed over with a warning, and moved into `damaged/` unless read-only.
+
+        Raises:
+          CheckpointError: if there are some and none can be read, which more likely is the fault of
+            a disk, a permission or a version than of them all; nothing is moved then.
         """
+        unreadable: list[tuple[int, Exception]] = []
         for step in reversed(self.steps()):
             try:
-                return self.restore(step)
+                found = self.restore(step)
             except Exception as error:  # whatever orbax raises for what it cannot read
-                self._set_aside(step, error)
+                unreadable.append((step, error))
+                continue
+            for newer, error in unreadable:
+                self._set_aside(newer, error)
+            return found
+        if unreadable:
+            step, error = unreadable[0]
+            raise CheckpointError(
+                f"none of the {len(unreadable)} checkpoints in {self._directory} can be read "
+                f"(step {step}: {_one_line(error)}); mend that, or move the folder away to start over"
+            )
         return None
 
     def restore(self, step: int) -> Checkpoint:
@@ -182,7 +197,7 @@ class Checkpoints:
         return document
 
     def _set_aside(self, step: int, error: Exception) -> None:
-        why = " ".join(str(error).split())[:200]
+        why = _one_line(error)
         if self._read_only:
             logging.warning("checkpoint %d is damaged (%s); passed over", step, why)
             return
@@ -192,6 +207,10 @@ class Checkpoints:
         shutil.rmtree(target, ignore_errors=True)
         (self._directory / str(step)).rename(target)
         logging.warning("checkpoint %d is damaged (%s); moved to %s", step, why, target)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]
 
 
 def _checksum(array: np.ndarray) -> int:

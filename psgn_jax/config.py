@@ -107,7 +107,7 @@ class ModelConfig:
     Attributes:
       name: an entry of `registry.MODELS`.
       widths: feature maps at each resolution level, full size first; each level halves the size.
-      width_multiplier: factor on every width, rounded to at least one feature map.
+      width_multiplier: factor on every hidden width, rounded to multiples of 8, at least 8.
       fc_points: points from the fully connected branch; all points of `vanilla`.
       deconv_level: level at which the deconv branch ends (3 = an eighth of the image size).
       deconv_channels: channels of its last layer, 3 per point of a cell.
@@ -393,6 +393,8 @@ def _check_together(config: Config) -> None:
             f"(height, width) of at least {max(8, model.divisor // 2)} pixels each (model.widths "
             f"has {len(model.widths)} levels); multiples of {model.divisor} need no padding",
         )
+    if model.fc_points and not model.fc_widths:
+        raise _wrong("model.fc_widths", (), "at least one width, such as (1024,)")
     if model.name == "vanilla":
         if not model.fc_points:
             raise _wrong("model.fc_points", 0, "at least 1 (all the points of 'vanilla')")

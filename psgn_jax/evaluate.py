@@ -149,10 +149,13 @@ def make_step(config: Config, model: Any) -> Callable[..., Any]:
     step = step_lib.make_eval_step(config, model, pair, mesh)
     keys = step_lib.input_keys(config)
 
+    replicated = jax.sharding.NamedSharding(mesh, step_lib.P())
+    split = jax.sharding.NamedSharding(mesh, step_lib.P("data"))
+
     def run(params: Any, batch: Any, index: int) -> Any:
-        device_batch = jax.device_put(
-            {k: batch[k] for k in keys}, jax.sharding.NamedSharding(mesh, step_lib.P("data"))
-        )
+        # The parameters may come from a training on more devices than share an evaluation.
+        params = jax.device_put(params, replicated)
+        device_batch = jax.device_put({k: batch[k] for k in keys}, split)
         return step(params, device_batch, np.int32(index))
 
     return run
@@ -265,10 +268,14 @@ def load_params(workdir: str | pathlib.Path, which: str = "best") -> tuple[int, 
         found = None
         best = checkpoints.best_step() if which == "best" else None
         if best is not None:
-            found = checkpoints.restore(best)
-        else:
+            try:
+                found = checkpoints.restore(best)
+            except Exception as error:  # whatever orbax raises for what it cannot read
+                why = " ".join(str(error).split())[:200]
+                logging.warning("the best checkpoint (step %d) is damaged: %s", best, why)
+        if found is None:
             if which == "best":
-                logging.warning("no checkpoint has been evaluated yet; using the last one")
+                logging.warning("no best checkpoint to evaluate; using the last one")
             found = checkpoints.restore_newest()
     finally:
         checkpoints.close()

@@ -344,8 +344,8 @@ class _Log:
             metric = step_lib.WATCHED[int(self._last["bad_metric"])]
             raise NonFiniteError(
                 f"the {metric} is not finite at step {int(self._last['bad_step'])}; stopped, the "
-                "checkpoints are from before; a lower optim.learning_rate or optim.clip_norm=1 "
-                "may help"
+                "checkpoints are from before; in a new --workdir, a lower optim.learning_rate or "
+                "optim.clip_norm=1 may help"
             )
 
 

@@ -18,8 +18,6 @@ from typing import Any
 import numpy as np
 from absl import logging
 
-from psgn_jax.config import UserError
-
 
 def log_to_terminal() -> None:
     """Shows this package's progress, and of others only warnings, on standard error."""
@@ -27,19 +25,30 @@ def log_to_terminal() -> None:
     logging.set_stderrthreshold(logging.INFO)
     handler = logging.get_absl_handler()
     handler.setFormatter(python_logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
-    own = f"{os.sep}psgn_jax{os.sep}"
-    handler.addFilter(lambda r: r.levelno >= python_logging.WARNING or own in r.pathname)
+    own = str(pathlib.Path(__file__).resolve().parent) + os.sep
+    handler.addFilter(
+        lambda r: (
+            r.levelno >= python_logging.WARNING or os.path.realpath(r.pathname).startswith(own)
+        )
+    )
 
 
 @contextlib.contextmanager
 def exit_on_user_error() -> Iterator[None]:
-    """Ends the process with one line and the error's exit code for what a user can mend."""
+    """Ends the process with one line and the error's exit code for what a user can mend.
+
+    Those are the errors that have an `exit_code`: `UserError` and, since the records' code does not
+    depend on the configuration's, `RecordError`.
+    """
     try:
         yield
-    except UserError as error:
+    except ValueError as error:
+        exit_code = getattr(error, "exit_code", None)
+        if exit_code is None:
+            raise
         line = " ".join(str(error).split())
         sys.stderr.write(f"error: {line}\n")
-        sys.exit(error.exit_code)
+        sys.exit(exit_code)
 
 
 def write_atomic(path: str | pathlib.Path, content: str | bytes) -> None:

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.checkpoint import Checkpoints
+from psgn_jax.checkpoint import CheckpointError, Checkpoints
 
 # Where one array cannot be read, orbax closes its event loop under the reads of the others; these
 # then complain from their threads, to nobody's harm.
@@ -117,3 +117,16 @@ def test_saved_arrays_may_be_overwritten_at_once(tmp_path):
     array[:] = 1
     checkpoints.close()
     assert not checkpoints.restore(1).leaves["a"].any()
+
+
+def test_none_readable_is_an_error_and_moves_nothing(tmp_path):
+    folder = tmp_path / "checkpoints"
+    checkpoints = Checkpoints(folder)
+    checkpoints.save(1, {"a": np.arange(3.0)}, {})
+    checkpoints.close()
+    for path in [p for p in (folder / "1").rglob("*") if p.is_file()]:
+        path.write_bytes(b"")
+    again = Checkpoints(folder)
+    with pytest.raises(CheckpointError, match="none of the 1 checkpoints in"):
+        again.restore_newest()
+    assert again.steps() == [1]

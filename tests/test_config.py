@@ -93,7 +93,9 @@ def test_foreign_json_is_refused(text):
         from_json(text)
 
 
-@pytest.mark.parametrize("name", ["base", "debug"])
+@pytest.mark.parametrize(
+    "name", ["authors", "authors_small", "base", "debug", "mo2_cd", "quickstart"]
+)
 def test_config_files_parse(name, request):
     root = request.config.rootpath
     parse(runpy.run_path(str(root / "configs" / f"{name}.py"))["get_config"]())

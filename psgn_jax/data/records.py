@@ -68,6 +68,8 @@ _SPLIT_NAME = re.compile(r"[a-z0-9_]+")
 class RecordError(ValueError):
     """A data set, a shard or a record that is missing, damaged or of another format."""
 
+    exit_code = 2  # commands end with the message alone and this code
+
 
 # --- Lattices: what is stored of points and depth ---------------------------------------------
 

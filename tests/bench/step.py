@@ -37,9 +37,9 @@ FULL: dict[str, Any] = {
 }
 SMALL: dict[str, Any] = {
     "image_size": (96, 128),
-    "widths": (16, 32, 64, 128, 256, 256),
+    "widths": (8, 16, 32, 64, 128, 256),
     "deconv_level": 2,
-    "fc_widths": (1024, 512),
+    "fc_widths": (768, 512),
 }
 IN_CHANNELS, FC_POINTS, DECONV_CHANNELS = 4, 256, 3
 
