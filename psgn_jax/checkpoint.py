@@ -139,7 +139,8 @@ class Checkpoints:
             step, error = unreadable[0]
             raise CheckpointError(
                 f"none of the {len(unreadable)} checkpoints in {self._directory} can be read "
-                f"(step {step}: {_one_line(error)}); mend that, or move the folder away to start over"
+                f"(step {step}: {_one_line(error)}); mend that, or move the folder away to start "
+                "over"
             )
         return None
 
