@@ -52,6 +52,7 @@ class Competitor:
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, build, args), daemon=True)
         self._process.start()
+        theirs.close()  # so that the end of a process that failed is noticed
         self.num_params: int = self._pipe.recv()
         self.seconds: list[float] = []
 
