@@ -2,6 +2,9 @@
 
 Command: python -m psgn_jax.data.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small
+Hardware: two CPU cores (5.2 M parameters; about .3 s a step).
+Time: 24 minutes on cores that had other work too.
+Expect: cd_sq_radius2 of .0104 on the validation split at the last step.
 """
 
 import ml_collections
@@ -15,8 +18,7 @@ def get_config() -> ml_collections.ConfigDict:
     config.data.image_size = (96, 128)
     config.data.num_points = 2048
     config.data.flip = True
-    config.data.stretch = 0.2
-    config.data.colour_jitter = 0.2
+    config.data.stretch = 0.15
     config.model.widths = (8, 16, 32, 64, 128, 256)
     config.model.deconv_level = 2
     config.model.fc_widths = (768, 512)
@@ -27,9 +29,9 @@ def get_config() -> ml_collections.ConfigDict:
     config.optim.clip_norm = 1.0
     config.optim.ema_decay = 0.998
     config.train.batch_size = 16
-    config.train.steps = 3600
+    config.train.steps = 3000
     config.train.log_every = 50
-    config.train.eval_every = 400
-    config.train.checkpoint_every = 400
+    config.train.eval_every = 300
+    config.train.checkpoint_every = 300
     config.train.images_every = 1000
     return config
