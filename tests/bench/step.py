@@ -68,7 +68,10 @@ def _serve(pipe: Any, build: Callable[..., Any], args: tuple[Any, ...]) -> None:
         runs[run]()  # compiles
     pipe.send(runs["num_params"])
     while True:
-        what = pipe.recv()
+        try:
+            what = pipe.recv()
+        except EOFError:
+            return
         if what == "peak":
             pipe.send(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
             continue
