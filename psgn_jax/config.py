@@ -102,7 +102,7 @@ class DataConfig:
 
 @dataclasses.dataclass(frozen=True)
 class ModelConfig:
-    """The network (REFERENCE: the authors' network; paper, section 4.1).
+    """The network (paper, section 4.1; sizes of the authors' published network).
 
     Attributes:
       name: an entry of `registry.MODELS`.
@@ -141,7 +141,7 @@ class LossConfig:
 
     Attributes:
       name: an entry of `registry.LOSSES`.
-      l2: "authors" adds `l2_scale` times their sum of L2 terms by layer type (REFERENCE 2).
+      l2: "authors" adds `l2_scale` times the L2 terms of `step.l2_authors`.
       l2_scale: their 0.1.
     """
 

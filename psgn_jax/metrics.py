@@ -30,29 +30,8 @@ def _both(pred: Array, gt: Array) -> tuple[Nearest, Nearest]:
     return nearest_both(pred, gt, names=("pred", "gt"))
 
 
-def cd_sq_pred_to_gt(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """Mean over pred of the squared distance to gt (unit^2)."""
-    return _both(pred, gt)[0].distance_sq.mean()
-
-
-def cd_sq_gt_to_pred(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """Mean over gt of the squared distance to pred (unit^2)."""
-    return _both(pred, gt)[1].distance_sq.mean()
-
-
-def cd_sq(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """The project's CD: mean squared distance pred to gt plus the same gt to pred (unit^2)."""
-    to_gt, to_pred = _both(pred, gt)
-    return to_gt.distance_sq.mean() + to_pred.distance_sq.mean()
-
-
 def _cd_l1(to_gt: Nearest, to_pred: Nearest) -> Array:
     return 0.5 * (safe_sqrt(to_gt.distance_sq).mean() + safe_sqrt(to_pred.distance_sq).mean())
-
-
-def cd_l1(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """Half the sum of both mean Euclidean distances (unit); `losses.chamfer_l1_mean`."""
-    return _cd_l1(*_both(pred, gt))
 
 
 def _fscore(to_gt: Nearest, to_pred: Nearest, threshold: float | Array) -> FScore:

@@ -19,7 +19,7 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax.metrics", "psgn_jax.registry"),
     ("psgn_jax.state", "psgn_jax.step", "psgn_jax.checkpoint", "psgn_jax.writer"),
     ("psgn_jax.train", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.viewing",
-     "psgn_jax.studies"),
+     "psgn_jax.studies", "psgn_jax.data.inspect"),  # inspect draws
     ("psgn_jax.main",),
 ]  # fmt: skip
 

@@ -45,7 +45,10 @@ def test_every_sample_counts_once(batch_size):
     config = STANDIN["config"](eval__batch_size=batch_size)
     result = lib.evaluate(config, {}, eval_step=fake_step)
     np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config))
-    assert [model for _, model in result.names] == [f"model{n}" for n in range(11)]
+    assert result.names == [
+        lib.SampleName(n, STANDIN["CATEGORIES"][n % 3], f"model{n}", n) for n in range(11)
+    ]
+    assert result.num_points == (2, 64)
 
 
 def test_first_samples_only_and_hook():
@@ -71,13 +74,14 @@ def test_compiled_step_agrees_across_batch_sizes():
 
 @pytest.fixture
 def table():
-    names = [("car", "a"), ("car", "b"), ("car", "c"), ("lamp", "d")]
+    models = [("car", "a"), ("car", "b"), ("car", "c"), ("lamp", "d")]
+    names = [lib.SampleName(i, *name, view=7) for i, name in enumerate(models)]
     metrics = {
         "cd_sq_radius2": np.array([1.0, 2.0, 3.0, 6.0]),
         "precision": np.array([0.0, 0.0, 0.0, 1.0]),
         "fscore": np.array([0.1, 0.2, 0.3, 0.6]),
     }
-    return lib.Evaluation("validation", names, metrics, 0.01)
+    return lib.Evaluation("validation", names, metrics, 0.01, (1024, 4096))
 
 
 def test_averages_are_labelled(table):
@@ -98,11 +102,29 @@ def test_table_as_text_csv_and_json(table):
     assert line.split() == ["mean", "over", "samples", "4", "3.00000", "30.00"]
     rows = list(csv.DictReader(table.csv().splitlines()))
     assert float(rows[1]["cd_sq_radius2"]) == 6
-    assert [r["model_id"] for r in csv.DictReader(table.samples_csv().splitlines())] == list("abcd")
+    samples = list(csv.DictReader(table.samples_csv().splitlines()))
+    assert [r["model_id"] for r in samples] == list("abcd")
+    assert [r["record"] for r in samples] == list("0123")
+    assert samples[3]["view"] == "7"
+    assert rows[-1]["category"] == "mean over categories"
+    assert rows[-1]["samples"] == "4"
+    assert "1024 predicted points against 4096 true ones" in text
     document = json.loads(table.json(step=7))
     assert document["mean_over_samples"]["fscore"] == pytest.approx(0.3)
     assert document["categories"]["car"]["samples"] == 3
     assert document["step"] == 7
+    assert document["num_pred_points"] == 1024
+
+
+def test_json_of_what_is_not_finite_is_json(table):
+    table.metrics["fscore"][0] = np.nan
+
+    def refuse(word):
+        raise AssertionError(word)
+
+    document = json.loads(table.json(), parse_constant=refuse)
+    assert document["categories"]["car"]["fscore"] is None
+    assert document["categories"]["lamp"]["fscore"] == 0.6
 
 
 def test_missing_runs_and_checkpoints_are_named(tmp_path):
