@@ -81,6 +81,8 @@ class DataConfig:
       num_eval_points: ground-truth points per sample in an evaluation.
       flip: mirror half of the training samples (y to -y).
       stretch: largest relative change of width, s uniform in [1 - stretch, 1 + stretch].
+      zoom: largest relative change of scale, another crop of the image, in [1 - zoom, 1 + zoom].
+      shift: largest move of that crop over the image's height and width.
       colour_jitter: strength of the change of brightness, contrast and channel gains; 0 = off.
       num_workers: decoding processes; 0 = threads in this process.
       cache: keep decoded samples in memory.
@@ -95,6 +97,8 @@ class DataConfig:
     num_eval_points: PositiveInt = 4096
     flip: bool = False
     stretch: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
+    zoom: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
+    shift: Annotated[float, Bounds(low=0, high=0.5)] = 0.0
     colour_jitter: Fraction = 0.0
     num_workers: Count = 0
     cache: bool = False

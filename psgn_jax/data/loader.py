@@ -184,6 +184,8 @@ class _TrainBatch:
                 flip_half=cfg.flip,
                 stretch_range=cfg.stretch,
                 jitter=cfg.colour_jitter,
+                zoom_range=cfg.zoom,
+                shift_range=cfg.shift,
             )
             _fill(batch, local, view)
         return batch

@@ -255,7 +255,9 @@ def figure(results: Mapping[str, dict], size: int = 300, shapes: int = 5) -> Ima
     """A column per distribution: random shapes, the mean shape under EMD, that under CD."""
     scale, margin = 2, 16  # drawn larger, then reduced: smooth dots
 
-    def dots(panel: Image.Image, points: np.ndarray, colour: tuple[int, ...], radius: float) -> None:
+    def dots(
+        panel: Image.Image, points: np.ndarray, colour: tuple[int, ...], radius: float
+    ) -> None:
         pen = ImageDraw.Draw(panel)
         for x, y in (points * [1, -1] + 0.6) / 1.2 * size * scale:
             r = radius * scale
