@@ -1,6 +1,6 @@
 """Distances between point clouds: pure functions on one pair; callers vmap (or use `batched`)."""
 
-from psgn_jax.losses.auction import Assignment, auction
+from psgn_jax.losses.auction import Assignment, assign
 from psgn_jax.losses.chamfer import (
     Nearest,
     batched,
@@ -27,7 +27,7 @@ __all__ = [
     "ExactAssignment",
     "MatchedDistances",
     "Nearest",
-    "auction",
+    "assign",
     "batched",
     "chamfer_authors",
     "chamfer_l1_mean",

@@ -53,10 +53,11 @@ TOLERANCE = 0.01
 # Bids a point at most. Real pairs of 1,024 points need 5 to 40 of them at 1 %.
 BIDS_PER_POINT = 2000
 
-_FACTOR = 5.0  # epsilon falls by it from phase to phase
+_FACTOR = 8.0  # epsilon falls by it from phase to phase
+_AIM = 0.8  # or less, when this part of the tolerance seems in reach
 _RAISE = 4.0  # and rises by it when the budget runs out, _RAISES times at most
 _RAISES = 16
-_START = 0.25  # first epsilon, in extents of the clouds
+_START = 0.1  # first epsilon, in extents of the clouds
 _FLOOR = 2.0**-20  # last one: a few units in the last place of the prices
 _TILE = 32  # targets a step of a pass over all distances
 _UNIT = 2.0**-24  # unit roundoff of float32
@@ -74,8 +75,8 @@ class Assignment(NamedTuple):
     """A bijection of two clouds, the prices that prove it good, and how it was reached.
 
     `a[i]` is matched with `b[index[i]]`. `prices` are those of the points of b (unit, least 0).
-    `gap` >= (cost - OPT) / OPT, proven; infinite where no positive lower bound is known. `converged`
-    says gap <= tolerance. `iterations` counts bids.
+    `gap` >= (cost - OPT) / OPT, proven; infinite where no positive lower bound is known.
+    `converged` says gap <= tolerance. `iterations` counts bids.
     """
 
     index: Int[Array, " n"]  # type: ignore[assignment]  # hides tuple.index
@@ -189,7 +190,9 @@ def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) 
     )
 
 
-def _bid_all(a: Array, b: Array, epsilon: Array, limit: Array, state: _Bidding) -> _Bidding:
+def _bid_all(
+    a: Array, b: Array, epsilon: Array, limit: Array, state: _Bidding, *, fused: bool
+) -> _Bidding:
     """Bids until everybody has an object or `limit` bids were made in total."""
     n, width = len(a), _width(len(a))
     padding = -n % width
@@ -208,11 +211,14 @@ def _bid_all(a: Array, b: Array, epsilon: Array, limit: Array, state: _Bidding) 
         prices=jnp.pad(state.prices, (0, padding), constant_values=jnp.inf).reshape(-1, width),
         owner=jnp.pad(state.owner, (0, padding), constant_values=-1),
     )
-    # A bid is a microsecond of arithmetic in a dozen small operations. The attribute makes XLA's
-    # CPU compiler emit the loop as one function instead of launching them one by one (four times
-    # as long); other compilers ignore it.
-    with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
-        state = jax.jit(loop)(a, columns, epsilon, limit, state)
+    if fused:
+        # A bid is a microsecond of arithmetic in a dozen small operations. The attributes make
+        # XLA's CPU compiler emit the loop as one function, instead of launching them one by one,
+        # which takes four times as long.
+        with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
+            state = jax.jit(loop)(a, columns, epsilon, limit, state)
+    else:
+        state = loop(a, columns, epsilon, limit, state)
     return state._replace(prices=state.prices.reshape(-1)[:n], owner=state.owner[:n])
 
 
@@ -270,13 +276,15 @@ def _prepare(a: Array, b: Array) -> _Problem:
     high = jnp.maximum(a.max(axis=0), b.max(axis=0))
     # A power of two: scaling is exact.
     extent = (high - low).max()
+    finite &= jnp.isfinite(extent)
+    extent = jnp.where(finite, extent, 0)
     _, exponent = jnp.frexp(jnp.where(extent > 0, extent, 1))
     middle = low + (high - low) / 2
 
     def scale(x: Array) -> Array:
         return jnp.ldexp(x, -exponent)
 
-    centred = (scale(x - middle[None]).astype(jnp.float32) for x in (a, b))
+    centred = [scale(x - middle[None]).astype(jnp.float32) for x in (a, b)]
     unit = jnp.ldexp(jnp.ones((), jnp.float32), exponent)
     return _Problem(scale(a), scale(b), *centred, unit, finite)
 
@@ -319,7 +327,7 @@ def _gap(cost: Array, lower: Array, n: int) -> Array:
 
 
 def _solve(
-    a: Array, b: Array, tolerance: Array, max_bids: Array, authors: bool
+    a: Array, b: Array, tolerance: Array, max_bids: Array, *, authors: bool, fused: bool
 ) -> tuple[Array, Array, Array, Array]:
     """index, prices, bids, gap of one pair; the loops around the bids."""
     n = len(a)
@@ -367,7 +375,7 @@ def _solve(
 
     def unfinished(s: _Phase) -> Array:
         if authors:
-            more = (s.waiting > 0) & (s.raises <= 3)
+            more = (s.waiting > 0) & (s.raises < 3)
         else:
             # Complete at the last epsilon, or only because epsilon was raised: no better comes.
             more = (s.waiting > 0) | ((s.raises == 0) & (s.epsilon > 0))
@@ -388,7 +396,7 @@ def _solve(
         if authors:
             return s._replace(gap=gap)
         # Aim a little below the tolerance once it is near; never crawl, never jump.
-        aim = jnp.where(jnp.isfinite(gap), 0.8 * tolerance / gap, 0)
+        aim = jnp.where(jnp.isfinite(gap), _AIM * tolerance / gap, 0)
         epsilon = s.epsilon * jnp.clip(aim, 1 / _FACTOR, 0.7)
         floor = _FLOOR * (1 + s.prices.max())
         last = s.epsilon <= floor
@@ -410,7 +418,7 @@ def _solve(
     def phase(s: _Phase) -> _Phase:
         limit = jnp.minimum(quiet + patience * s.raises, max_bids)
         state = _Bidding(s.prices, s.owner, s.stack, s.waiting, s.bids)
-        state = _bid_all(problem.a, problem.b, s.epsilon, limit, state)
+        state = _bid_all(problem.a, problem.b, s.epsilon, limit, state, fused=fused)
         s = s._replace(**state._asdict())
         return lax.cond(s.waiting == 0, judge, hurry, s)
 
@@ -422,18 +430,22 @@ def _solve(
 
 
 def _solver(authors: bool) -> Any:
-    def default(a: Array, b: Array, tolerance: Array, max_bids: Array) -> Any:
-        return _solve(a, b, tolerance, max_bids, authors)
-
     # In lock step the pairs of a batch would all take as long as the slowest, and every bid would
     # copy the state of all: on a CPU a batch is solved one pair after the other.
-    return sequential_vmap(default), default
+    @sequential_vmap
+    def cpu(a: Array, b: Array, tolerance: Array, max_bids: Array) -> Any:
+        return _solve(a, b, tolerance, max_bids, authors=authors, fused=True)
+
+    def default(a: Array, b: Array, tolerance: Array, max_bids: Array) -> Any:
+        return _solve(a, b, tolerance, max_bids, authors=authors, fused=False)
+
+    return cpu, default
 
 
 _SOLVERS = {authors: _solver(authors) for authors in (False, True)}
 
 
-def auction(
+def assign(
     a: Float[Array, "n 3"],
     b: Float[Array, "n 3"],
     *,

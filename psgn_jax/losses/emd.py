@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from psgn_jax.losses.auction import TOLERANCE, Assignment, Schedule, auction
+from psgn_jax.losses.auction import TOLERANCE, Assignment, Schedule, assign
 from psgn_jax.losses.distances import check_points, safe_sqrt
 from psgn_jax.types import Array, Float, Int
 
@@ -48,16 +48,14 @@ def matched_distances(
     Args:
       pred: [n, 3].
       gt: [n, 3].
-      tolerance: as for `auction`, like the other arguments.
+      tolerance: as for `assign`, like the other arguments.
       max_bids: the budget.
       schedule: "scaling" or "authors".
 
     Raises:
-      ValueError: as `auction`. Inside `jit` a non-finite coordinate makes all distances NaN.
+      ValueError: as `assign`. Inside `jit` a non-finite coordinate makes all distances NaN.
     """
-    found = auction(
-        pred, gt, tolerance=tolerance, max_bids=max_bids, schedule=schedule, names=_PAIR
-    )
+    found = assign(pred, gt, tolerance=tolerance, max_bids=max_bids, schedule=schedule, names=_PAIR)
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     square = jnp.square(pred - gt[found.index]).sum(axis=-1)
     healthy = lax.stop_gradient(~jnp.isnan(found.gap))
@@ -110,7 +108,7 @@ def emd_exact(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"]) -> ExactAssign
     grows like n^3: about .1 to 1 s at 1,024 points. `cost` is right to about 1e-12 of the extent.
 
     Raises:
-      ValueError: as `auction`; or the clouds are traced.
+      ValueError: as `assign`; or the clouds are traced.
     """
     if isinstance(pred, jax.core.Tracer) or isinstance(gt, jax.core.Tracer):
         raise ValueError("emd_exact: got traced clouds, expected arrays (it runs on the host)")
