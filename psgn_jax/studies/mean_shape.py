@@ -11,11 +11,12 @@ time. Written are `mean_shape.png` (shapes in grey, the mean shapes in red) and 
 with the numbers that the command prints.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 4.3 and its figure on mean shapes, which show the clouds
-and no numbers; sizes and measures here are **ours**. The unit is that of the drawings, about 1 wide.
+and no numbers; sizes and measures here are **ours**. The unit is that of the drawings, 1.2 wide.
 """
 
 import json
 import pathlib
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -48,7 +49,7 @@ def _uniform(key: PRNGKey, n: int, low: Sequence[float], high: Sequence[float]) 
 
 
 def circle(key: PRNGKey, n: int) -> Plane:
-    """n points on a circle about the origin; the radius is uniform in `RADII`."""
+    """A circle about the origin, n points; the radius is uniform in `RADII`."""
     of_radius, of_points = jax.random.split(key)
     radius = jax.random.uniform(of_radius, (), minval=RADII[0], maxval=RADII[1])
     angle = 2 * jnp.pi * jax.random.uniform(of_points, (n,))
@@ -63,7 +64,7 @@ def arc_at(angle: Array) -> Array:
 
 
 def arc(key: PRNGKey, n: int) -> Plane:
-    """n points on the spiky arc, moved along the diagonal to a place uniform in `PLACES`."""
+    """The spiky arc, n points, moved along the diagonal to a place uniform in `PLACES`."""
     of_place, of_points = jax.random.split(key)
     place = jax.random.uniform(of_place, (), minval=PLACES[0], maxval=PLACES[1])
     return arc_at(jnp.pi / 2 * jax.random.uniform(of_points, (n,))) + place
@@ -85,7 +86,7 @@ def corners() -> np.ndarray:
 
 
 def bar_with_square(key: PRNGKey, n: int) -> Plane:
-    """n points uniform over the bar and a square at one of its corners."""
+    """The bar and a square at one of its corners, n points uniform over both."""
     of_corner, of_points = jax.random.split(key)
     centre = jnp.asarray(corners())[jax.random.randint(of_corner, (), 0, 4)]
     half = (SIDE / 2, SIDE / 2)
@@ -97,7 +98,7 @@ def bar_with_square(key: PRNGKey, n: int) -> Plane:
 
 
 def bar_with_disk(key: PRNGKey, n: int) -> Plane:
-    """n points uniform over the bar and, with probability 1/2, a disk above it."""
+    """The bar and, with probability 1/2, a disk above it, n points uniform over all."""
     of_presence, of_points = jax.random.split(key)
 
     def disk(key: PRNGKey) -> Plane:
@@ -125,7 +126,7 @@ def measure_circle(mean: np.ndarray) -> dict[str, float]:
 
 
 def measure_arc(mean: np.ndarray) -> dict[str, float]:
-    """Distance of the points from the arc at the mean place: small where the arc's shape is kept."""
+    """Distance of the points from the arc at its mean place: small where the shape is kept."""
     curve = np.asarray(arc_at(jnp.linspace(0, jnp.pi / 2, 2001)))
     distance = np.linalg.norm(mean[:, None] - curve[None], axis=-1).min(axis=1)
     return {
@@ -314,7 +315,7 @@ def _main(argv: Sequence[str]) -> None:
         if len(argv) > 1:
             raise ConfigError(f"unexpected argument {argv[1]!r}")
         text = run(values.out, values.points, values.steps, values.seed)
-    print(text, end="")
+    sys.stdout.write(text)
 
 
 if __name__ == "__main__":
