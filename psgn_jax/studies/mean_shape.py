@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from absl import app, flags, logging
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 from psgn_jax import losses
 from psgn_jax.config import ConfigError
@@ -227,7 +227,7 @@ def mean_shape(
     return descend(start)
 
 
-def study(num_points: int = 256, steps: int = 600, seed: int = 0) -> dict[str, dict]:
+def study(num_points: int = 256, steps: int = 400, seed: int = 0) -> dict[str, dict]:
     """{distribution: {"EMD" or "CD": {"points": [n, 2], "measures": {name: number}}}}."""
     results: dict[str, dict] = {}
     for row, (name, draw, measure) in enumerate(DISTRIBUTIONS):
@@ -255,6 +255,7 @@ def table(results: Mapping[str, dict]) -> str:
 def figure(results: Mapping[str, dict], size: int = 300, shapes: int = 5) -> Image.Image:
     """A column per distribution: random shapes, the mean shape under EMD, that under CD."""
     scale, margin = 2, 16  # drawn larger, then reduced: smooth dots
+    font = ImageFont.load_default(size=15)
 
     def dots(
         panel: Image.Image, points: np.ndarray, colour: tuple[int, ...], radius: float
@@ -281,9 +282,8 @@ def figure(results: Mapping[str, dict], size: int = 300, shapes: int = 5) -> Ima
                     dots(panel, cloud[:120], (222, 222, 222), 1.0)
                 dots(panel, found[label]["points"], (205, 30, 30), 2.2)
             panels.append(panel.resize((size, size), Image.Resampling.LANCZOS))
-            ImageDraw.Draw(panels[-1]).text(
-                (6, 4), name if label == "shapes" else f"mean shape, {label}", fill="black"
-            )
+            title = name if label == "shapes" else f"mean shape, {label}"
+            ImageDraw.Draw(panels[-1]).text((6, 4), title, fill="black", font=font)
         columns.append(panels)
     step = size + margin
     sheet = Image.new("RGB", (step * len(columns) - margin, step * 3 - margin), "white")
@@ -293,7 +293,7 @@ def figure(results: Mapping[str, dict], size: int = 300, shapes: int = 5) -> Ima
     return sheet
 
 
-def run(out: str | pathlib.Path, num_points: int = 256, steps: int = 600, seed: int = 0) -> str:
+def run(out: str | pathlib.Path, num_points: int = 256, steps: int = 400, seed: int = 0) -> str:
     """The whole study; writes the figure and the numbers into `out` and returns the table."""
     out = pathlib.Path(out)
     out.mkdir(parents=True, exist_ok=True)
@@ -321,6 +321,6 @@ def _main(argv: Sequence[str]) -> None:
 if __name__ == "__main__":
     flags.DEFINE_string("out", "runs/mean_shape", "Folder for the figure and the numbers.")
     flags.DEFINE_integer("points", 256, "Points of a cloud.", lower_bound=1)
-    flags.DEFINE_integer("steps", 600, "Steps of descent.", lower_bound=1)
+    flags.DEFINE_integer("steps", 400, "Steps of descent.", lower_bound=1)
     flags.DEFINE_integer("seed", 0, "Seed of shapes and starts.")
     app.run(_main, flags_parser=parse_flags)
