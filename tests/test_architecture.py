@@ -31,7 +31,7 @@ DOORS = {
     "array_record": {"psgn_jax.data.records"},
     "mitsuba": set(),
     "torch": set(),
-    "scipy": set(),
+    "scipy": {"psgn_jax.losses.emd"},
     "matplotlib": set(),
 }
 

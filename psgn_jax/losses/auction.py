@@ -106,7 +106,7 @@ class _Phase(NamedTuple):
     stack: Array
     bids: Array
     raises: Array
-    index: Array  # [n] the cheapest bijection so far
+    index: Array  # type: ignore[assignment]  # [n] the cheapest bijection so far
     cost: Array  # and its cost
     proof: Array  # [n] prices of the best lower bound
     lower: Array  # and the bound
@@ -286,7 +286,7 @@ def _prepare(a: Array, b: Array) -> _Problem:
 
     centred = [scale(x - middle[None]).astype(jnp.float32) for x in (a, b)]
     unit = jnp.ldexp(jnp.ones((), jnp.float32), exponent)
-    return _Problem(scale(a), scale(b), *centred, unit, finite)
+    return _Problem(scale(a), scale(b), centred[0], centred[1], unit, finite)
 
 
 def _cost(problem: _Problem, index: Array) -> Array:
@@ -339,18 +339,20 @@ def _solve(
     index = jnp.where(here, numbers, 0)
     first = _judge(problem, index, jnp.where(here, jnp.zeros(n), 0))
 
+    start: Array
+    quiet: Array  # bids before epsilon is raised for the first time
+    patience: Array  # and from then on between raises
     if authors:
         # Their numbers are in the unit of their clouds.
-        start = _AUTHORS_START / problem.unit
-        cap = _AUTHORS_CAP / problem.unit
-        raise_by, quiet, patience = _AUTHORS_RAISE, _AUTHORS_BIDS * n, _AUTHORS_BIDS * n
-        start_prices = jnp.zeros_like(first.prices)
+        start, cap = _AUTHORS_START / problem.unit, _AUTHORS_CAP / problem.unit
+        raise_by, start_prices = _AUTHORS_RAISE, jnp.zeros_like(first.prices)
+        quiet = patience = jnp.int32(_AUTHORS_BIDS * n)
     else:
-        start, cap, raise_by = jnp.where(here, _START, 0.0), jnp.inf, _RAISE
+        start, cap = jnp.where(here, _START, 0.0), jnp.float32(jnp.inf)
+        raise_by, start_prices = _RAISE, first.prices
         # Half of the budget for the tolerance, half to come to an end.
         quiet = max_bids - max_bids // 2
         patience = jnp.maximum(max_bids // 2 // _RAISES, 1)
-        start_prices = first.prices
     keep = first.slack <= start if not authors else jnp.zeros(n, bool) & here
 
     def begin(judged: _Judged, index: Array, keep: Array) -> tuple[Array, Array, Array]:
