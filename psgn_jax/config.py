@@ -147,11 +147,15 @@ class LossConfig:
       name: an entry of `registry.LOSSES`.
       l2: "authors" adds `l2_scale` times the L2 terms of `step.l2_authors`.
       l2_scale: their 0.1.
+      emd_tolerance: of the losses that are an EMD: accepted relative error of the assignment.
+      emd_schedule: how their auction sets epsilon, see `losses.assign`.
     """
 
     name: str = "chamfer_sq_mean"
     l2: Literal["none", "authors"] = "none"
     l2_scale: NonNegative = 0.1
+    emd_tolerance: Positive = 0.01
+    emd_schedule: Literal["scaling", "authors"] = "scaling"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -215,11 +219,14 @@ class EvalConfig:
       batch_size: samples a step.
       max_samples: evaluate the first so many samples during training; 0 = all.
       fscore_threshold: distance in units below which a point counts as correct.
+      emd_tolerance: proven relative error of the earth mover's distance, which compares a
+        prediction with as many of the ground-truth points; 0 = no EMD.
     """
 
     batch_size: PositiveInt = 32
     max_samples: Count = 0
     fscore_threshold: Positive = 0.01
+    emd_tolerance: NonNegative = 0.01
 
 
 @dataclasses.dataclass(frozen=True)

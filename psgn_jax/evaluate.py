@@ -10,7 +10,6 @@ category and the two averages, and `samples.csv` with one row per sample.
 
 import csv
 import dataclasses
-import functools
 import io
 import json
 import pathlib
@@ -36,7 +35,7 @@ from psgn_jax.writer import (
     write_atomic,
 )
 
-_COLUMNS = ("cd_sq_radius2", "cd_l1_radius", "fscore")
+_COLUMNS = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
 OVER_SAMPLES, OVER_CATEGORIES = "mean over samples", "mean over categories"
 
 
@@ -106,6 +105,7 @@ class Evaluation:
             "cd_sq_pred_to_gt_radius2": "pred to truth [radius^2]",
             "cd_sq_gt_to_pred_radius2": "truth to pred [radius^2]",
             "cd_l1_radius": "CD-L1 [radius]",
+            "emd_radius": "EMD [radius]",
             "fscore": f"F-score at {self.threshold:g} radius [%]",
         }.get(metric, f"{metric} [fraction]")
 
@@ -121,12 +121,17 @@ class Evaluation:
         lines = [_aligned(head, widths), "-" * (sum(widths) + 2 * len(widths) - 2)]
         lines += [_aligned(line, widths) for line in body[:-2]]
         lines += [lines[1], *(_aligned(line, widths) for line in body[-2:])]
+        emd = ""
+        if "emd_gap" in self.metrics:
+            gap = 100 * float(np.max(self.metrics["emd_gap"]))
+            emd = f""" EMD: mean distance of matched points,
+each used once, of the prediction and as many true points; at most {gap:.2f} % above the least."""
         note = f"""
 Split {self.split!r}, {self.num_points[0]} predicted points against {self.num_points[1]} true ones.
 radius = that of an object's bounding hemisphere, the unit of all coordinates.
 CD squared: mean over predicted points of the squared distance to the nearest true point, plus the
 mean over true points of that to the nearest predicted one. CD-L1: half the sum of both means of the
-distances themselves.
+distances themselves.{emd}
 """
         return "\n".join(lines) + "\n" + note
 
@@ -168,7 +173,17 @@ def make_step(config: Config, model: Any) -> Callable[..., Any]:
     devices = jax.local_devices()
     if config.eval.batch_size % len(devices):
         devices = devices[:1]
-    pair = functools.partial(metrics_lib.evaluate_pair, threshold=config.eval.fscore_threshold)
+
+    def pair(pred: Any, gt: Any) -> Any:
+        # A bijection wants at least as many true points; without them there is no EMD.
+        emd_tolerance = config.eval.emd_tolerance if len(pred) <= len(gt) else 0
+        return metrics_lib.evaluate_pair(
+            pred,
+            gt,
+            threshold=config.eval.fscore_threshold,
+            emd_tolerance=emd_tolerance or None,
+        )
+
     mesh = step_lib.data_mesh(devices)
     step = step_lib.make_eval_step(config, model, pair, mesh)
     keys = step_lib.input_keys(config)

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from absl import logging
+from flax import linen as nn
 from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
@@ -56,6 +57,7 @@ MAY_CHANGE = frozenset(
         "eval.batch_size",
         "eval.max_samples",
         "eval.fscore_threshold",
+        "eval.emd_tolerance",
     }
 )
 """Fields that a resumed run may have changed; any other one is an error."""
@@ -94,8 +96,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     check_paths(config)
     mesh = step_lib.data_mesh()
     step_lib.check_batch_size(config, mesh)
-    registry.build_model(config.model)
-    registry.loss(config.loss.name)
+    _check_loss(config, registry.build_model(config.model), registry.loss(config.loss))
     sizes = _check_data(config, registry.data_source())
     with locked(workdir) if _is_first() else contextlib.nullcontext():
         return _train(config, workdir, mesh, sizes)
@@ -104,7 +105,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 def _train(config: Config, workdir: pathlib.Path, mesh: Mesh, sizes: Mapping[str, int]) -> Outcome:
     """`train` after its checks, alone in `workdir`."""
     model = registry.build_model(config.model)
-    loss = registry.loss(config.loss.name)
+    loss = registry.loss(config.loss)
     source = registry.data_source()
     tx = state_lib.optimizer(config.optim, config.train.steps)
 
@@ -300,7 +301,7 @@ class _Log:
 
     def evaluation(self, step: int, means: Mapping[str, float]) -> None:
         """Logs an evaluation."""
-        main = ("cd_sq_radius2", "cd_l1_radius", "fscore")
+        main = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
         numbers = ", ".join(f"{name} {means[name]:.5f}" for name in main if name in means)
         logging.info("step %d: evaluation: %s", step, numbers)
         if self._writer:
@@ -383,6 +384,26 @@ def _local(params: Any) -> Any:
     if jax.process_count() == 1:
         return params
     return jax.tree.map(lambda leaf: np.asarray(leaf.addressable_data(0)), params)
+
+
+def _check_loss(config: Config, model: nn.Module, loss: step_lib.PairFunction) -> None:
+    """Raises `ConfigError` if the loss does not take the network's points and the ground truth's.
+
+    An EMD wants as many of one as of the other.
+    """
+    height, width = config.model.image_size
+    image = jax.ShapeDtypeStruct((1, height, width, config.model.in_channels), np.float32)
+    size = config.model.random_size
+    r = jax.ShapeDtypeStruct((1, size), np.float32) if size else None
+    pred, _ = jax.eval_shape(lambda x, r: model.init_with_output(jax.random.key(0), x, r), image, r)
+    gt = jax.ShapeDtypeStruct((config.data.num_points, 3), np.float32)
+    try:
+        jax.eval_shape(loss, jax.ShapeDtypeStruct(pred.shape[1:], pred.dtype), gt)
+    except ValueError as error:
+        raise ConfigError(
+            f"loss.name={config.loss.name!r} with data.num_points={config.data.num_points} and a "
+            f"network of {pred.shape[1]} points: {error}"
+        ) from error
 
 
 def _check_data(config: Config, source: Any) -> dict[str, int]:

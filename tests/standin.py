@@ -116,7 +116,7 @@ def config(**changes):
             "images_every": 0,
             "num_images": 2,
         },
-        "eval": {"batch_size": 4},
+        "eval": {"batch_size": 4, "emd_tolerance": 0},
     }
     for name, value in changes.items():
         section, _, field = name.partition("__")

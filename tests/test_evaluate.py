@@ -1,6 +1,7 @@
 """Evaluation counts every sample once and says which average is which."""
 
 import csv
+import dataclasses
 import json
 import pathlib
 import runpy
@@ -70,6 +71,20 @@ def test_compiled_step_agrees_across_batch_sizes():
     results = [lib.evaluate(config, params) for config in configs]
     for name, values in results[0].metrics.items():
         np.testing.assert_allclose(values, results[1].metrics[name], rtol=1e-5, err_msg=name)
+
+
+def test_emd_is_measured_where_there_are_points_enough():
+    small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
+    config = STANDIN["config"](eval__emd_tolerance=0.05, data__num_eval_points=12, **small)
+    model = registry.build_model(config.model)
+    size = (*config.model.image_size, config.model.in_channels)
+    params = jax.jit(lambda: model.init(jax.random.key(0), jnp.zeros((1, *size)), None))()["params"]
+    result = lib.evaluate(config, params, max_samples=4)
+    assert (result.metrics["emd_radius"] > 0.1).all()
+    assert (result.metrics["emd_gap"] <= 0.05).all()
+    assert "EMD [radius]" in result.text()
+    few = dataclasses.replace(config, data=dataclasses.replace(config.data, num_eval_points=7))
+    assert "emd_radius" not in lib.evaluate(few, params, max_samples=4).metrics
 
 
 @pytest.fixture

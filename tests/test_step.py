@@ -30,7 +30,7 @@ def compiled(config, devices):
     create = jax.jit(lambda: state.create(config, model, tx), compiler_options=QUICK)
     return (
         create,
-        step.make_train_step(config, model, registry.loss(config.loss.name), tx, mesh),
+        step.make_train_step(config, model, registry.loss(config.loss), tx, mesh),
         mesh,
     )
 

@@ -1,5 +1,6 @@
 """Training end to end in one process, on a stand-in data set."""
 
+import dataclasses
 import json
 import os
 import pathlib
@@ -123,6 +124,19 @@ train(config, {str(tmp_path / "run")!r})
     assert result.returncode == 0, result.stderr[-3000:]
     lines = (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()
     assert [json.loads(line)["kind"] for line in lines] == ["train", "eval"]
+
+
+def test_emd_wants_equal_sizes_and_trains(config, tmp_path):
+    wrong = STANDIN["config"](loss__name="emd_mean", data__num_points=33)
+    with pytest.raises(ConfigError, match=r"loss.name='emd_mean' with data.num_points=33 and a"):
+        train(wrong, tmp_path / "wrong")
+    assert not (tmp_path / "wrong").exists()
+    changes = {"train": dataclasses.replace(config.train, steps=4, eval_every=0, images_every=0)}
+    changes["loss"] = dataclasses.replace(config.loss, name="emd_mean", emd_tolerance=0.05)
+    changes["data"] = dataclasses.replace(config.data, num_points=config.model.fc_points)
+    train(dataclasses.replace(config, **changes), tmp_path / "run")
+    lines = (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()
+    assert json.loads(lines[-1])["loss"] > 0
 
 
 def test_durations():

@@ -5,6 +5,7 @@ which stays a proper one (right-handed rotation, positive focal lengths).
 """
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -144,7 +145,7 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     down, right = offsets
     inverse = (1 / factor, 0, -right / factor, 0, 1 / factor, -down / factor)
 
-    def resample(plane: np.ndarray, how: Image.Resampling, fill: object) -> np.ndarray:
+    def resample(plane: np.ndarray, how: Image.Resampling, fill: Any) -> np.ndarray:
         picture = Image.fromarray(plane)
         return np.asarray(
             picture.transform((width, height), Image.Transform.AFFINE, inverse, how, fillcolor=fill)
