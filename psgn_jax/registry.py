@@ -22,6 +22,8 @@ LOSSES: dict[str, str | Callable[..., Any]] = {
     "chamfer_sq_mean": "psgn_jax.losses.chamfer:chamfer_sq_mean",
     "chamfer_l1_mean": "psgn_jax.losses.chamfer:chamfer_l1_mean",
     "chamfer_authors": "psgn_jax.losses.chamfer:chamfer_authors",
+    "emd_sum": "psgn_jax.losses.emd:emd_sum",
+    "emd_mean": "psgn_jax.losses.emd:emd_mean",
 }
 """Losses of one pair `(pred [n,3], gt [m,3]) -> scalar`; callers vmap."""
 
