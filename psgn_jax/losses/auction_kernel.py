@@ -15,8 +15,8 @@ goes on with the bidder it displaced; one that took a free object draws the next
 bidders the phase has yet to place. K falls from 8 over 2 to 1 as the list runs out: the tail of a
 phase is serial, and the tile should not be wider than it.
 
-Cost of a round at 1,024 points and 4 warps, from the machine code of Triton 3.6 for sm_90: 2,588
-instructions a warp for K = 8, 594 for K = 2, 301 for K = 1, and 12 to 16 barriers, no spills inside
+Cost of a round at 1,024 points and 4 warps, from the machine code of Triton 3.6 for sm_90: 2,630
+instructions a warp for K = 8, 641 for K = 2, 340 for K = 1, and 12 to 16 barriers, no spills inside
 the rounds. A warp per scheduler issues at best one a cycle, and four reductions across the program
 depend on each other (some 150 cycles each): about 3,400, 1,500 and 1,100 cycles. Real pairs of
 1,024 points at 1 % took (interpreted) 2,500 to 3,600 rounds of 8, 300 to 1,400 of 2 and 700 to
@@ -119,14 +119,14 @@ def _kernel(  # type: ignore[no-untyped-def]
             rows = block * wide + lax.iota(jnp.int32, wide)
             return step(rows, rows < n, distances(rows), *carry)
 
-        return lax.fori_loop(0, -(-n // wide), body, start)
+        return lax.fori_loop(zero, jnp.int32(-(-n // wide)), body, start)
 
     def count(condition: Array) -> Array:
-        return jnp.sum(condition.astype(jnp.int32))
+        return jnp.sum(condition.astype(jnp.int32), dtype=jnp.int32)
 
     def places(condition: Array, axis: int) -> Array:
         # Where the chosen entries go if they are moved to the front, in order.
-        place = jnp.cumsum(condition.astype(jnp.int32), axis=axis) - 1
+        place = jnp.cumsum(condition.astype(jnp.int32), axis=axis, dtype=jnp.int32) - 1
         return jnp.where(condition, place, nowhere)
 
     def opening(rows, live, cost, column, row_sum, widest):  # type: ignore[no-untyped-def]
@@ -157,7 +157,7 @@ def _kernel(  # type: ignore[no-untyped-def]
             return ((s.head < waiting) | (s.active > until)) & (s.bids < budget)
 
         def round_of_bids(s: _Rounds) -> _Rounds:
-            place = s.head + jnp.cumsum((s.who < 0).astype(jnp.int32)) - 1
+            place = s.head + jnp.cumsum((s.who < 0).astype(jnp.int32), dtype=jnp.int32) - 1
             draw = (s.who < 0) & (place < waiting)
             drawn = plgpu.load(list_ref.at[jnp.where(draw, place, nowhere)], mask=draw, other=-1)
             who = jnp.where(draw, drawn, s.who)
@@ -259,7 +259,12 @@ def _kernel(  # type: ignore[no-untyped-def]
 
 
 def solve(
-    a: Array, b: Array, tolerance: Array, max_bids: Array, *, interpret: bool = False
+    a: Array,
+    b: Array,
+    tolerance: float | Array,
+    max_bids: int | Array,
+    *,
+    interpret: bool = False,
 ) -> Matching:
     """Bids until the matching is within about `tolerance`, or `max_bids` bids were made.
 
@@ -310,7 +315,12 @@ def _no_barrier() -> None:
 
 
 def solve_pair(
-    a: Array, b: Array, tolerance: Array, max_bids: Array, *, interpret: bool = False
+    a: Array,
+    b: Array,
+    tolerance: float | Array,
+    max_bids: int | Array,
+    *,
+    interpret: bool = False,
 ) -> tuple[Array, Array, Array, Array]:
     """index, prices, bids and proven gap of one pair, as the solvers of `auction.py` return them.
 

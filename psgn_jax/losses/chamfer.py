@@ -101,7 +101,7 @@ def _trial() -> bool:
 
 @jax.custom_vjp
 def _nearest_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
-    if use_kernels(_trial):
+    if a.dtype == jnp.float32 and use_kernels(_trial):
         # Imported where it is used: Pallas takes a while, and a CPU has no need of it.
         from psgn_jax.losses import chamfer_kernel
 

@@ -1,5 +1,6 @@
 """The auction's kernel, interpreted on a CPU and lowered for CUDA; no GPU is needed."""
 
+import functools
 import importlib.util
 import pathlib
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
+from psgn_jax import losses
 from psgn_jax.losses import auction_kernel
 
 _spec = importlib.util.spec_from_file_location(
@@ -20,9 +22,11 @@ _spec.loader.exec_module(lowering)
 TOLERANCE = 0.01
 
 
-@jax.jit
+interpreted = jax.jit(functools.partial(auction_kernel.solve, interpret=True))
+
+
 def solve(a, b, tolerance=TOLERANCE, budget=10**6):
-    return auction_kernel.solve(a, b, tolerance, budget, interpret=True)
+    return interpreted(a, b, np.float32(tolerance), np.int32(budget))
 
 
 def distances(a, b):
@@ -71,7 +75,7 @@ def test_within_the_tolerance(rng, kind):
         check(a, b, solve(a, b))
 
 
-@pytest.mark.parametrize("n", [2, 3, 33])
+@pytest.mark.parametrize("n", [2, 33])
 def test_small(rng, n):
     a, b = clouds(rng, n, "far")
     check(a, b, solve(a, b))
@@ -158,7 +162,6 @@ def test_lowers_for_cuda_in_a_batch():
 
 @pytest.mark.parametrize("kind", ["near", "grid", "equal"])
 def test_the_certificate_is_that_of_the_plain_auction(rng, kind):
-    pytest.importorskip("psgn_jax.losses.auction")
     a, b = clouds(rng, 100, kind)
     pair = jax.jit(lambda a, b: auction_kernel.solve_pair(a, b, TOLERANCE, 10**6, interpret=True))
     for scale in (1.0, 1e-6, 1e6):
@@ -173,3 +176,13 @@ def test_the_certificate_is_that_of_the_plain_auction(rng, kind):
     np.testing.assert_array_equal(index, np.arange(100))
     assert bids == 0
     assert np.isnan(gap)
+
+
+def test_the_loss_lowers_for_cuda_with_the_kernel_and_for_a_cpu_without(monkeypatch):
+    jax.clear_caches()
+    monkeypatch.setenv("PSGN_KERNELS", "on")
+    loss = jax.grad(lambda a, b: jax.vmap(losses.emd_mean)(a, b).sum())
+    assert lowering.kernels(loss, *[((4, 100, 3), "f")] * 2) == ["auction"]
+    a, b = np.zeros((2, 5, 3), np.float32), np.ones((2, 5, 3), np.float32)
+    np.testing.assert_allclose(jax.jit(loss)(a, b), np.full_like(a, -0.2 / 3**0.5), rtol=1e-5)
+    jax.clear_caches()
