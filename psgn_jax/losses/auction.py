@@ -44,6 +44,7 @@ from jax.custom_batching import sequential_vmap
 from jax.experimental.xla_metadata import set_xla_metadata
 
 from psgn_jax.losses.distances import check_points
+from psgn_jax.losses.kernels import use_kernels
 from psgn_jax.types import Array, Bool, Float, Int
 
 Schedule = Literal["scaling", "authors"]
@@ -447,6 +448,22 @@ def _solver(authors: bool) -> Any:
 _SOLVERS = {authors: _solver(authors) for authors in (False, True)}
 
 
+def _trial() -> bool:
+    from psgn_jax.losses import auction_kernel
+
+    return auction_kernel.trial()
+
+
+def _kernels(n: int, schedule: Schedule) -> dict[str, Any]:
+    """The solver in one launch for CUDA, where there is one and it works."""
+    if schedule != "scaling" or not use_kernels(_trial):
+        return {}
+    # Imported where it is used: Pallas takes a while, and a CPU has no need of it.
+    from psgn_jax.losses import auction_kernel
+
+    return {"cuda": auction_kernel.solve_pair} if n <= auction_kernel.MAX_POINTS else {}
+
+
 def assign(
     a: Float[Array, "n 3"],
     b: Float[Array, "n 3"],
@@ -497,6 +514,12 @@ def assign(
     tolerance = jnp.asarray(tolerance, jnp.float32)
     cpu, other = _SOLVERS[schedule == "authors"]
     index, prices, bids, gap = lax.platform_dependent(
-        a, b, tolerance, jnp.asarray(max_bids, jnp.int32), cpu=cpu, default=other
+        a,
+        b,
+        tolerance,
+        jnp.asarray(max_bids, jnp.int32),
+        cpu=cpu,
+        default=other,
+        **_kernels(len(a), schedule),
     )
     return Assignment(index, prices, gap <= tolerance, bids, gap)
