@@ -18,7 +18,10 @@ def get_config() -> ml_collections.ConfigDict:
     config.data.image_size = (96, 128)
     config.data.num_points = 2048
     config.data.flip = True
-    config.data.stretch = 0.15
+    config.data.stretch = 0.2
+    config.data.zoom = 0.05
+    config.data.shift = 0.04
+    config.data.colour_jitter = 0.2
     config.model.widths = (8, 16, 32, 64, 128, 256)
     config.model.deconv_level = 2
     config.model.fc_widths = (768, 512)
@@ -29,9 +32,9 @@ def get_config() -> ml_collections.ConfigDict:
     config.optim.clip_norm = 1.0
     config.optim.ema_decay = 0.998
     config.train.batch_size = 16
-    config.train.steps = 3000
+    config.train.steps = 3200
     config.train.log_every = 50
-    config.train.eval_every = 300
-    config.train.checkpoint_every = 300
+    config.train.eval_every = 400
+    config.train.checkpoint_every = 400
     config.train.images_every = 1000
     return config

@@ -216,7 +216,8 @@ def _kernel(  # type: ignore[no-untyped-def]
         aim = _SAFETY * tolerance * bound
         # At the last epsilon, or once it had to be raised, nothing better comes.
         last = (state.epsilon <= _FLOOR) | (state.bids > budget - budget // 2)
-        done = (primal - bound <= aim) | last
+        # Written so that NaN ends it.
+        done = jnp.logical_not(primal - bound > aim) | last
         goal = aim / n
         lower = state.epsilon / _FACTOR
         epsilon = jnp.where(state.epsilon > goal, jnp.maximum(lower, goal), lower)
