@@ -494,9 +494,12 @@ def assign(
             raise ValueError(f"{name}: got {value}, expected >= 0")
     dtype = jnp.promote_types(a.dtype, b.dtype)
     a, b = (lax.stop_gradient(x.astype(dtype)) for x in (a, b))
-    tolerance = jnp.asarray(tolerance, jnp.float32)
     cpu, other = _SOLVERS[schedule == "authors"]
+    # Written with the data: under vmap inside shard_map they vary along the axes it does.
+    here = a[0, 0] == b[0, 0]
+    limits = jnp.asarray(tolerance, jnp.float32), jnp.asarray(max_bids, jnp.int32)
+    tolerance, budget = (jnp.where(here, x, x) for x in limits)
     index, prices, bids, gap = lax.platform_dependent(
-        a, b, tolerance, jnp.asarray(max_bids, jnp.int32), cpu=cpu, default=other
+        a, b, tolerance, budget, cpu=cpu, default=other
     )
     return Assignment(index, prices, gap <= tolerance, bids, gap)
