@@ -133,7 +133,7 @@ def import_seconds():
     return float(done.stdout)
 
 
-def emd_pairs(whole, n, kind, rng):
+def emd_pairs(whole, pairs, n, kind, rng):
     """Pairs of n points for the table of the EMD; see the top of the file."""
     a, b = [], []
     for cloud in whole:
@@ -143,6 +143,7 @@ def emd_pairs(whole, n, kind, rng):
     a, b = np.stack(a), np.stack(b)
     if kind != "near":
         a = np.roll(a, 1, axis=0)
+    a, b = a[:pairs], b[:pairs]
     if kind == "init":
         a = rng.normal(0, 3e-4, a.shape)
     if kind == "dup":
@@ -237,7 +238,7 @@ def emd_table(args, whole):
         for kind in args.emd_kinds:
             # The truth grows like n^3: fewer pairs of the larger sizes.
             pairs = max(min(args.emd_pairs, len(whole)), len(whole) * 1024**2 // max(n, 1024) ** 2)
-            a, b = emd_pairs(whole[:pairs], n, kind, np.random.default_rng(0))
+            a, b = emd_pairs(whole, pairs, n, kind, np.random.default_rng(0))
             k = min(args.emd_pairs, pairs)
             best, matrices, built, solved = [], [], 0.0, 0.0
             for x, y in zip(a.astype(np.float64), b.astype(np.float64), strict=True):
