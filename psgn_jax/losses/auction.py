@@ -348,7 +348,7 @@ def _solve(
         raise_by, start_prices = _AUTHORS_RAISE, jnp.zeros_like(first.prices)
         quiet = patience = jnp.int32(_AUTHORS_BIDS * n)
     else:
-        start, cap = jnp.where(here, _START, 0.0), jnp.float32(jnp.inf)
+        start, cap = jnp.where(here, _START, 0.0), jnp.where(here, jnp.inf, jnp.inf)
         raise_by, start_prices = _RAISE, first.prices
         # Half of the budget for the tolerance, half to come to an end.
         quiet = max_bids - max_bids // 2
@@ -499,7 +499,6 @@ def assign(
     here = a[0, 0] == b[0, 0]
     limits = jnp.asarray(tolerance, jnp.float32), jnp.asarray(max_bids, jnp.int32)
     tolerance, budget = (jnp.where(here, x, x) for x in limits)
-    index, prices, bids, gap = lax.platform_dependent(
-        a, b, tolerance, budget, cpu=cpu, default=other
-    )
+    solver = cpu if jax.default_backend() == "cpu" else other
+    index, prices, bids, gap = solver(a, b, tolerance, budget)
     return Assignment(index, prices, gap <= tolerance, bids, gap)
