@@ -35,6 +35,7 @@ Guibas, CVPR 2017, section 4.2 use it with a fixed time per instance, the error 
 it ends.
 """
 
+import functools
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -349,7 +350,7 @@ def _solve(
         raise_by, start_prices = _AUTHORS_RAISE, jnp.zeros_like(first.prices)
         quiet = patience = jnp.int32(_AUTHORS_BIDS * n)
     else:
-        start, cap = jnp.where(here, _START, 0.0), jnp.float32(jnp.inf)
+        start, cap = jnp.where(here, _START, 0.0), jnp.where(here, jnp.inf, jnp.inf)
         raise_by, start_prices = _RAISE, first.prices
         # Half of the budget for the tolerance, half to come to an end.
         quiet = max_bids - max_bids // 2
@@ -454,14 +455,18 @@ def _trial() -> bool:
     return auction_kernel.trial()
 
 
-def _kernels(n: int, schedule: Schedule) -> dict[str, Any]:
-    """The solver in one launch for CUDA, where there is one and it works."""
+def _for_platform(solver: Any, n: int, schedule: Schedule) -> Any:
+    """The solver in one launch for CUDA, where there is one and it works; else the given one."""
     if schedule != "scaling" or not use_kernels(_trial):
-        return {}
+        return solver
     # Imported where it is used: Pallas takes a while, and a CPU has no need of it.
     from psgn_jax.losses import auction_kernel
 
-    return {"cuda": auction_kernel.solve_pair} if n <= auction_kernel.MAX_POINTS else {}
+    if n > auction_kernel.MAX_POINTS:
+        return solver
+    if jax.default_backend() == "gpu":
+        return auction_kernel.solve_pair
+    return functools.partial(lax.platform_dependent, cuda=auction_kernel.solve_pair, default=solver)
 
 
 def assign(
@@ -516,13 +521,6 @@ def assign(
     here = a[0, 0] == b[0, 0]
     limits = jnp.asarray(tolerance, jnp.float32), jnp.asarray(max_bids, jnp.int32)
     tolerance, budget = (jnp.where(here, x, x) for x in limits)
-    index, prices, bids, gap = lax.platform_dependent(
-        a,
-        b,
-        tolerance,
-        budget,
-        cpu=cpu,
-        default=other,
-        **_kernels(len(a), schedule),
-    )
+    solver = cpu if jax.default_backend() == "cpu" else other
+    index, prices, bids, gap = _for_platform(solver, len(a), schedule)(a, b, tolerance, budget)
     return Assignment(index, prices, gap <= tolerance, bids, gap)
