@@ -126,7 +126,7 @@ train(config, {str(tmp_path / "run")!r})
     assert [json.loads(line)["kind"] for line in lines] == ["train", "eval"]
 
 
-def test_emd_wants_equal_sizes_and_trains(config, tmp_path):
+def test_emd_wants_equal_sizes_and_trains(config, tmp_path, unchecked_annotations):
     wrong = STANDIN["config"](loss__name="emd_mean", data__num_points=33)
     with pytest.raises(ConfigError, match=r"loss.name='emd_mean' with data.num_points=33 and a"):
         train(wrong, tmp_path / "wrong")

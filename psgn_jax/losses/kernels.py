@@ -61,7 +61,10 @@ def select(kernel: Callable, plain: Callable, *arguments: Array) -> Any:
 
 def varying_like(shape: tuple[int, ...], dtype: Any, *arguments: Array) -> jax.ShapeDtypeStruct:
     """An output of a kernel that, inside `shard_map`, varies along the axes its inputs vary on."""
-    axes: frozenset = frozenset()
-    for argument in arguments:
-        axes |= getattr(jax.typeof(argument), "vma", frozenset())
-    return jax.ShapeDtypeStruct(shape, dtype, **({"vma": axes} if axes else {}))
+    # jax 0.8 and 0.9 call the set of those axes vma; from 0.10 on it is part of a larger type.
+    for name, axes_of in (("manual_axis_type", lambda kind: kind.varying), ("vma", frozenset)):
+        kinds = [getattr(jax.typeof(argument), name, None) for argument in arguments]
+        if known := [kind for kind in kinds if kind is not None]:
+            most = max(known, key=lambda kind: len(axes_of(kind)))
+            return jax.ShapeDtypeStruct(shape, dtype, **{name: most} if axes_of(most) else {})
+    return jax.ShapeDtypeStruct(shape, dtype)

@@ -239,6 +239,7 @@ def test_output_order(name):
     outputs = captured["intermediates"]
     fc = outputs["fc"]["points"]["__call__"][0]
     cells = outputs["deconv_points"]["__call__"][0]
+    cells = cells + blocks.grid_offset(*output_grid(config))[None]
     grid, (fc_range, deconv_range) = output_grid(config), branch_of_point(config)
     assert cells.shape == (2, grid.height, grid.width, 3 * grid.points_per_cell)
     assert points.shape == (2, num_points(config), 3)
