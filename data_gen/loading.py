@@ -9,6 +9,7 @@ faces (counted before they are built wherever the format permits), pixels decode
 """
 
 import abc
+import dataclasses
 import io
 import json
 import os
@@ -200,8 +201,6 @@ def _with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.nda
 
 def _bounded(materials: Sequence[Material], notes: _Notes) -> tuple[Material, ...]:
     """The materials with the largest textures halved until all together fit."""
-    import dataclasses
-
     result = list(materials)
 
     def size(index: int) -> int:
@@ -371,7 +370,7 @@ def _indices(tokens: list[str]) -> np.ndarray:
     if slashes == {2}:
         parts = [p or "0" for p in "/".join(tokens).split("/")]
     else:
-        parts = [p or "0" for t in tokens for p in (t.split("/") + ["0", "0"])[:3]]
+        parts = [p or "0" for t in tokens for p in [*t.split("/"), "0", "0"][:3]]
     return np.array(parts).astype(np.int64).reshape(-1, 3)
 
 
@@ -411,38 +410,8 @@ def _triangles(
             # Dropping an axis keeps or turns the orientation.
             if (total[index, axis] > 0) == (axis == 1):
                 flat = flat[:, ::-1]
-            result[polygon == index] = span[cut_ears(flat)]
+            result[polygon == index] = span[meshes.cut_ears(flat)]
     return result, polygon
-
-
-def cut_ears(outline: np.ndarray) -> np.ndarray:
-    """Triangulates a simple polygon [n, 2], counter-clockwise, by cutting ears: int [n - 2, 3].
-
-    A polygon that crosses itself gives some triangles, as many.
-    """
-    rest = list(range(len(outline)))
-    result = []
-
-    def cross(o: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-        return float((a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]))
-
-    while len(rest) > 3:
-        best = 0
-        for k in range(len(rest)):
-            before, here, after = rest[k - 1], rest[k], rest[(k + 1) % len(rest)]
-            a, b, c = outline[before], outline[here], outline[after]
-            if cross(a, b, c) <= 0:
-                continue
-            others = [i for i in rest if i not in (before, here, after)]
-            if not any(
-                cross(a, b, p) >= 0 and cross(b, c, p) >= 0 and cross(c, a, p) >= 0
-                for p in outline[others]
-            ):
-                best = k
-                break
-        result.append((rest[best - 1], rest[best], rest[(best + 1) % len(rest)]))
-        del rest[best]
-    return np.array([*result, tuple(rest)])
 
 
 def _resolve(index: np.ndarray, count: np.ndarray | int) -> np.ndarray:
@@ -824,8 +793,11 @@ def load(
     Args:
       name: path; with `files`, a name there.
       files: where the file and what it refers to lie; None = the folder of `name`.
-      up, front: the file's axes, see `meshes.orient`.
-      category, model_id, parameters: for the model. An empty `model_id` becomes the file's name.
+      up: the file's axis that points up, see `meshes.orient`.
+      front: the file's axis that the object's front points to.
+      category: of the object.
+      model_id: of the object; empty = the file's name.
+      parameters: for the model.
       texture_side: see `TEXTURE_SIDE`.
       max_faces: more are refused.
       crease_degrees: see `meshes.crease_normals`.

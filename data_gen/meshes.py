@@ -178,7 +178,10 @@ def build(
       face_material: [F], None = all 0.
       normals: [F, 3, 3] for corners, or None.
       uv: [F, 3, 2] for corners, or None.
-      category, model_id, parameters, warnings: see `Model`.
+      category: see `Model`.
+      model_id: see `Model`.
+      parameters: see `Model`.
+      warnings: see `Model`; more are added.
       crease_degrees: see `crease_normals`.
       max_faces: more are refused.
 
@@ -352,6 +355,36 @@ def crease_normals(
     lost = (result == 0).all(axis=1)
     result[lost] = each[lost]
     return result.reshape(count, 3, 3)
+
+
+def cut_ears(outline: np.ndarray) -> np.ndarray:
+    """Triangulates a simple polygon [n, 2], counter-clockwise, by cutting ears: int [n - 2, 3].
+
+    A polygon that crosses itself gives some triangles, as many.
+    """
+    rest = list(range(len(outline)))
+    result = []
+
+    def cross(o: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
+        return float((a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]))
+
+    while len(rest) > 3:
+        best = 0
+        for k in range(len(rest)):
+            before, here, after = rest[k - 1], rest[k], rest[(k + 1) % len(rest)]
+            a, b, c = outline[before], outline[here], outline[after]
+            if cross(a, b, c) <= 0:
+                continue
+            others = [i for i in rest if i not in (before, here, after)]
+            if not any(
+                cross(a, b, p) >= 0 and cross(b, c, p) >= 0 and cross(c, a, p) >= 0
+                for p in outline[others]
+            ):
+                best = k
+                break
+        result.append((rest[best - 1], rest[best], rest[(best + 1) % len(rest)]))
+        del rest[best]
+    return np.array([*result, tuple(rest)])
 
 
 # --- The project's frame ----------------------------------------------------------------------
