@@ -642,11 +642,11 @@ def _from_trimesh_material(material: Any, side: int, notes: _Notes) -> Material:
     plain = (1.0, 1.0, 1.0, 1.0) if texture is not None else (*_GREY, 1.0)
     base = rgba(getattr(material, "diffuse", None), plain)
     high = rgba(getattr(material, "specular", None), (0.0, 0.0, 0.0, 1.0))
-    shininess = _floats([str(getattr(material, "glossiness", None) or 20.0)], 1) or [20.0]
+    gloss = _floats([str(getattr(material, "glossiness", None) or 20.0)], 1) or [20.0]
     return Material(
         diffuse=(base[0], base[1], base[2]),
         specular=(high[0], high[1], high[2]),
-        shininess=min(max(shininess[0], 1.0), 1000.0),
+        shininess=min(max(gloss[0], 1.0), 1000.0),
         opacity=base[3],
         texture=texture,
         name=name,
@@ -731,7 +731,7 @@ def _read_trimesh(
         if np.linalg.det(linear) < 0:
             corner = corner[:, ::-1]
             normals[-1] = normals[-1][:, ::-1]
-        visual = mesh.visual
+        visual: Any = mesh.visual
         uv = np.zeros((len(corner), 3, 2))
         if visual.kind == "texture":
             coordinates = getattr(visual, "uv", None)

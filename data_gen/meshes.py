@@ -629,7 +629,7 @@ def solid_occupancy(
     shell = surface.reshape(fine, fine, fine)
 
     blocks = (size, _FINE, size, _FINE, size, _FINE)
-    touched = shell.reshape(blocks).any(axis=(1, 3, 5))
+    touched: np.ndarray = np.any(shell.reshape(blocks), axis=(1, 3, 5))
     # The flood runs in the part of the grid that the object fills, with air around it.
     if not touched.any():
         return touched

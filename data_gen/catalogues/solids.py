@@ -21,10 +21,10 @@ class Solid(NamedTuple):
 
     def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
         """Moved."""
-        return Solid(self.vertices + [x, y, z], self.faces)
+        return Solid(self.vertices + np.array([x, y, z]), self.faces)
 
     def turned(self, axis: str, degrees: float) -> "Solid":
-        """Turned about a coordinate axis through the origin, counter-clockwise seen from its tip."""
+        """Turned about a coordinate axis, counter-clockwise seen from the axis's tip."""
         a, b = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
         cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
         vertices = self.vertices.copy()
@@ -72,7 +72,9 @@ def loft(rings: np.ndarray | Sequence[np.ndarray]) -> Solid:
         cap = _cap(points[ring])
         if cap is None:
             around = np.arange(size)
-            cap = np.stack([around, (around + 1) % size, np.full(size, extra - ring * size)], axis=1)
+            cap = np.stack(
+                [around, (around + 1) % size, np.full(size, extra - ring * size)], axis=1
+            )
             vertices.append(points[ring].mean(axis=0)[None])
             extra += 1
         cap = cap + ring * size
@@ -140,7 +142,9 @@ def pillow(x: float, y: float, z: float, radius: float, steps: int = 3) -> Solid
     return stack(levels).at(z=-z / 2)
 
 
-def tray(outline: Callable[[float], np.ndarray], height: float, wall: float, recess: float) -> Solid:
+def tray(
+    outline: Callable[[float], np.ndarray], height: float, wall: float, recess: float
+) -> Solid:
     """A slab from z = 0 to `height` that is hollow from below.
 
     Args:
@@ -206,7 +210,9 @@ def prism(outline: Sequence[Sequence[float]], thickness: float, bevel: float = 0
 def inset(outline: np.ndarray, distance: float) -> np.ndarray:
     """A polygon [N, 2] with its edges moved inward, for distances that are small."""
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
-    area = (outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(outline[:, 0], -1)).sum()
+    area = (
+        outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(outline[:, 0], -1)
+    ).sum()
     turn = np.array([[0.0, 1.0], [-1.0, 0.0]]) * np.sign(area)
     a = before / np.maximum(np.linalg.norm(before, axis=1, keepdims=True), 1e-12) @ turn
     b = after / np.maximum(np.linalg.norm(after, axis=1, keepdims=True), 1e-12) @ turn
@@ -250,7 +256,5 @@ def tube(
         normal = normal - t * (normal @ t)
         normal = normal / max(float(np.linalg.norm(normal)), 1e-12)
         side = np.cross(t, normal)
-        rings.append(
-            point + r * (np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * side)
-        )
+        rings.append(point + r * (np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * side))
     return loft(rings)
