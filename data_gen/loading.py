@@ -724,7 +724,7 @@ def _read_trimesh(
         # Normals are kept where the file had them: only then are they in the cache already.
         given = mesh._cache.cache.get("vertex_normals")
         if given is not None and len(given) == len(mesh.vertices) and np.linalg.det(linear):
-            turned = np.asarray(given) @ np.linalg.inv(linear) * np.sign(np.linalg.det(linear))
+            turned = np.asarray(given) @ np.linalg.inv(linear)
             normals.append(turned[corner])
         else:
             normals.append(np.zeros((len(corner), 3, 3)))

@@ -135,7 +135,7 @@ class Model:
                 f"matrix: got {np.asarray(matrix).tolist()}, expected an invertible one"
             )
         # Normals go with the inverse transpose.
-        normals = _unit(self.normals @ (np.linalg.inv(linear) * np.sign(determinant)))
+        normals = _unit(self.normals @ np.linalg.inv(linear))
         turn = slice(None, None, -1 if determinant < 0 else 1)
         return dataclasses.replace(
             self,

@@ -93,7 +93,10 @@ def _cap(ring: np.ndarray) -> np.ndarray | None:
     edge = np.roll(flat, -1, axis=0) - flat
     after = np.roll(edge, -1, axis=0)
     if (edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0] >= -1e-12).all():
-        return None
+        if len(ring) > 4:
+            return None
+        second = np.arange(1, len(ring) - 1)
+        return np.stack([0 * second, second, second + 1], axis=1)
     triangles = meshes.cut_ears(flat)
     return triangles if total[axis] != 0 else None
 

@@ -1,5 +1,7 @@
 """Chairs, benches, cabinets, tables, couches, lamps."""
 
+import itertools
+
 import numpy as np
 
 from data_gen.catalogues import solids
@@ -536,7 +538,7 @@ def cabinet(kit: Kit) -> None:
                     if tall_door
                     else (0.02, min(0.16, w * 0.4), 0.014)
                 )
-                kit.add(knob, box(*size, bevel=0.004).at(depth / 2 + 0.012, hy, z))
+                kit.add(knob, box(size[0], size[1], size[2], 0.004).at(depth / 2 + 0.012, hy, z))
     if kind == "locker":
         for i in range(columns):
             for k in range(4):

@@ -666,7 +666,7 @@ def plane(kit: Kit) -> None:
         kit.add(RUBBER, cylinder(0.016, 0.012, 12).turned("x", 90).at(-long * 0.9, 0, 0.1))
         kit.add(CHROME, rod((-long * 0.9, 0, 0.1), (-long * 0.88, 0, z + 0.01), 0.005, 6))
         if kind == "propeller" and not high:
-            tank, place = 0.008, (long * 0.2, w * 1.15, wing_z - 0.01)
+            tank, place = 0.006, (long * 0.2, w * 1.05, wing_z - 0.01)
         else:
             # No room under the wing: a hollow tail cone, open at its underside's flat.
             tank, place = (
@@ -1344,25 +1344,25 @@ def watercraft(kit: Kit) -> None:
             .scaled(1.4, 1, 1)
             .at(-long * 0.28, 0, top + deep * 0.9),
         )
-        for place, s in ((0.5, 1), (0.32, 1), (-0.66, -1))[: kit.choose("turrets", 2, 3)]:
-            level = top + (deep * 0.3 if place == 0.32 else 0)
-            if place == 0.32:
+        for spot, aim in ((0.5, 1.0), (0.32, 1.0), (-0.66, -1.0))[: kit.choose("turrets", 2, 3)]:
+            level = top + (deep * 0.3 if spot == 0.32 else 0)
+            if spot == 0.32:
                 kit.add(
                     grey,
-                    cylinder(beam * 0.5, deep * 0.4, 18).at(long * place, 0, top + deep * 0.15),
+                    cylinder(beam * 0.5, deep * 0.4, 18).at(long * spot, 0, top + deep * 0.15),
                 )
             kit.add(
                 grey,
                 pillow(long * 0.14, beam * 0.85, deep * 0.36, 0.03).at(
-                    long * place, 0, level + deep * 0.22
+                    long * spot, 0, level + deep * 0.22
                 ),
             )
             for y in (-0.2, 0.2):
                 kit.add(
                     BLACK,
                     rod(
-                        (long * place, y * beam, level + deep * 0.26),
-                        (long * (place + s * 0.22), y * beam, level + deep * 0.32),
+                        (long * spot, y * beam, level + deep * 0.26),
+                        (long * (spot + aim * 0.22), y * beam, level + deep * 0.32),
                         0.01 * long,
                     ),
                 )
