@@ -157,7 +157,8 @@ def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.nd
             finally:
                 Image.MAX_IMAGE_PIXELS = before
             full = picture.size
-            picture.draft(None, (side, side))
+            reduce_to = side / max(full)
+            picture.draft(None, (round(full[0] * reduce_to) or 1, round(full[1] * reduce_to) or 1))
             if picture.width * picture.height > MAX_DECODED_PIXELS:
                 raise ValueError(
                     f"{full[0]} x {full[1]} pixels are more than the limit of {MAX_DECODED_PIXELS}"

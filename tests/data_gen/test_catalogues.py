@@ -33,10 +33,8 @@ def test_splits_are_stable_and_of_the_sizes_asked_for():
     count = collections.Counter(catalogues.split_of(n) for n in names)
     assert count["train"] == pytest.approx(2400, abs=80)
     assert count["test"] == pytest.approx(300, abs=60)
-    # These must never change: data sets made before would be split differently.
-    assert [catalogues.split_of(f"model-{k}") for k in range(8)] == [
-        "train", "train", "train", "train", "train", "train", "train", "train"
-    ] or True  # fmt: skip
+    # This must never change: data sets made before would be split differently.
+    assert "".join(catalogues.split_of(n)[1] for n in names[:12]) == "errrrraarrrr"
     assert {catalogues.split_of(n, (0.0, 0.0, 1.0)) for n in names[:50]} == {"test"}
     assert {catalogues.split_of(n, (1.0, 0.0, 0.0)) for n in names[:50]} == {"train"}
     with pytest.raises(ValueError, match="split fractions"):
@@ -228,7 +226,8 @@ def loading_box():
 def test_properties():
     text = "a=1\nb : 2\nc 3\n! no\n  d\\ e=x\\\n   y\\u0041\\n\nempty=\n=nothing\nslash=\\\\\nlast"
     assert sh3f.parse_properties(text) == {
-        "a": "1", "b": "2", "c": "3", "d e": "xyA\n", "empty": "", "": "nothing", "slash": "\\", "last": "",
+        "a": "1", "b": "2", "c": "3", "d e": "xyA\n", "empty": "", "": "nothing",
+        "slash": "\\", "last": "",
     }  # fmt: skip
 
 
@@ -253,7 +252,7 @@ def test_a_member_that_lies_about_its_size_is_cut_off(tmp_path):
                 data[at + offset : at + offset + 4] = struct.pack("<I", 64)
     path.write_bytes(data)
     files = sh3f.ZipFiles(path)
-    with pytest.raises(UnusableModelError, match="damaged|more bytes"):
+    with pytest.raises(UnusableModelError, match=r"damaged|more bytes"):
         files.read("liar.obj", 1000)
 
 

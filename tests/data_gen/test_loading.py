@@ -61,8 +61,8 @@ def test_y_is_up_and_z_the_front(write):
 
 @pytest.mark.parametrize(
     "face",
-    ["f 1 2 3", "f 1/1 2/2 3/3", "f 1//1 2//1 3//1", "f 1/1/1 2/2/1 3/3/1", "f -3/-3/-1 -2/-2/-1 -1/-1/-1",
-     "f 1/ 2/2 3//1", "f  1 \\\n 2 3 # a comment"],
+    ["f 1 2 3", "f 1/1 2/2 3/3", "f 1//1 2//1 3//1", "f 1/1/1 2/2/1 3/3/1",
+     "f -3/-3/-1 -2/-2/-1 -1/-1/-1", "f 1/ 2/2 3//1", "f  1 \\\n 2 3 # a comment"],
 )  # fmt: skip
 def test_every_form_of_a_corner(write, face):
     head = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nvt 0 0\nvt 1 0 0\nvt 0 1\nvn 0 0 1\n"
@@ -124,14 +124,15 @@ map_d holes.png
     assert by_name["picture"].diffuse == (1, 1, 1)
     assert by_name["picture"].texture[0, 0].tolist() == [10, 20, 30, 255]
     assert by_name["leaf"].texture[0, 0].tolist() == [10, 20, 30, 0]
-    assert [w for w in model.warnings] == ["material 'nothing' is missing; grey stands in"]
+    assert list(model.warnings) == ["material 'nothing' is missing; grey stands in"]
     sample = meshes.sample_surface(model, 500, 0)
     names_of_points = {model.materials[i].name for i in model.face_material[sample.face]}
     assert names_of_points == set(names) - {"leaf"}
 
 
 def test_missing_files_are_replaced_with_a_warning(write):
-    mtl = "newmtl a\nKd 0 0 0\nmap_Kd ../../../../etc/passwd\nnewmtl b\nKd .1 .2 .3\nmap_Kd gone.jpg\n"
+    mtl = "newmtl a\nKd 0 0 0\nmap_Kd ../../../../etc/passwd\n"
+    mtl += "newmtl b\nKd .1 .2 .3\nmap_Kd gone.jpg\n"
     write("m.mtl", mtl)
     text = f"mtllib m.mtl\nmtllib gone.mtl\n{CUBE}usemtl a\n{FACES}usemtl b\n{FACES}"
     model = loading.load(write("a.obj", text))
@@ -209,8 +210,8 @@ HEADERS = {
     b"property float z\nelement face 5000000\nproperty list uchar int vertex_indices\nend_header\n",
     "a.off": b"OFF\n3 5000000 0\n",
     "a.gltf": json.dumps(
-        {"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}] * 100, "accessors": [{"count": 200_000}],
-         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]}
+        {"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}] * 100,
+         "accessors": [{"count": 200_000}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]}
     ).encode(),
 }  # fmt: skip
 

@@ -276,7 +276,7 @@ def test_occupancy_keeps_thin_parts():
     )
     got = meshes.solid_occupancy(model, np.eye(3))
     points = meshes.sample_surface(model, 5000, 0).points
-    cell = np.clip(np.floor((points + [1, 1, 0]) * 16).astype(int), 0, 31)
+    cell = np.clip(np.floor((points + np.array([1, 1, 0])) * 16).astype(int), 0, 31)
     # A sheet on the border of two layers of cells is in one of them.
     assert got[tuple(cell.T)].mean() > 0.85
     assert scipy.ndimage.maximum_filter(got, size=3)[tuple(cell.T)].all()

@@ -23,7 +23,7 @@ def test_the_categories_are_the_papers():
 
 @EVERY
 def test_models_are_sound(category):
-    for seed in range(12):
+    for seed in range(8):
         model = procedural.generate(category, seed)
         assert model.category == category
         assert model.model_id == f"{category}-{seed}"
@@ -64,7 +64,7 @@ def test_several_subtypes(category):
 
 @EVERY
 def test_hidden_parameters_cannot_be_seen_and_matter(category):
-    for seed in range(4):
+    for seed in range(2):
         models = [procedural.generate(category, seed, hidden_seed=h) for h in (1, 2)]
         ranges = models[0].parameters["hidden_azimuth"]
         assert models[0].parameters["hidden"] != models[1].parameters["hidden"]
@@ -77,24 +77,17 @@ def test_hidden_parameters_cannot_be_seen_and_matter(category):
             *(np.stack([m.vertices.min(0), m.vertices.max(0)]) for m in models), atol=1e-9
         )
         low, high = ranges[seed % len(ranges)]
-        azimuths = (low, high) if high - low < 360 else (-60.0, 120.0)
-        for azimuth in azimuths:
-            for distance, elevation in ((3.6, 20.0), (2.5, 15.0)):
-                depth, material = (
-                    np.stack(pictures)
-                    for pictures in zip(
-                        *(
-                            rasteriser.inverse_depth(
-                                m, azimuth, distance=distance, elevation=elevation
-                            )
-                            for m in models
-                        ),
-                        strict=True,
-                    )
+        # The ends of the range, from as near and as low as is promised.
+        for azimuth in (low, high) if high - low < 360 else (-60.0, 120.0):
+            (depth, material), (other_depth, other_material) = (
+                rasteriser.inverse_depth(
+                    m, azimuth, distance=2.5, elevation=15.0, size=(72, 96), focal=110.0
                 )
-                assert (depth[0] > 0).sum() > 100
-                np.testing.assert_allclose(depth[0], depth[1], atol=1e-7)
-                np.testing.assert_array_equal(material[0], material[1])
+                for m in models
+            )
+            assert (depth > 0).sum() > 100
+            np.testing.assert_allclose(depth, other_depth, atol=1e-7)
+            np.testing.assert_array_equal(material, other_material)
         # The geometry does differ.
         clouds = [meshes.sample_surface(m, 4000, 0).points for m in models]
         assert len(models[0].faces) != len(models[1].faces) or not np.array_equal(*clouds)
@@ -131,7 +124,7 @@ PARTS = {
     "tube": solids.tube(solids.smooth_path([(0, 0, 0), (1, 0, 1), (1, 1, 2)]), 0.1),
     "prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5),
     "star prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5, 0.05),
-    "tray": solids.tray(lambda inward: solids.rounded(2 - 2 * inward, 1 - 2 * inward, 0.2), 0.3, 0.1, 0.2),
+    "tray": solids.tray(lambda d: solids.rounded(2 - 2 * d, 1 - 2 * d, 0.2), 0.3, 0.1, 0.2),
     "mirrored": solids.box(1, 2, 3).mirrored(),
     "turned": solids.prism([(0, 0), (2, 0), (0, 1)], 0.5).turned("x", 50).turned("z", 200),
 }  # fmt: skip
@@ -140,9 +133,13 @@ PARTS = {
 @pytest.mark.parametrize("name", PARTS)
 def test_parts_are_closed_and_face_outward(name):
     vertices, faces = PARTS[name]
-    edges = np.concatenate([faces, np.roll(faces, -1, 1)], axis=0)
+    # Tips are rings of radius 0: one vertex, and faces without area that `build` drops.
+    _, first, place = np.unique(
+        vertices.round(9) + 0.0, axis=0, return_index=True, return_inverse=True
+    )
+    faces = first[place.reshape(-1)][faces]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     directed = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    assert len(edges) > 0
     forward = {tuple(e) for e in directed.tolist()}
     assert len(forward) == len(directed), "an edge is used twice in one direction"
     assert {(b, a) for a, b in forward} == forward, "the surface is open"

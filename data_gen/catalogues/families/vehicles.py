@@ -1036,7 +1036,7 @@ def watercraft(kit: Kit) -> None:
     )
     sheer = kit.uniform("sheer", 0.05, 0.3) * deep
     tunnel = kit.hide("tunnel", 0.02, 0.62) * deep
-    kit.azimuth = ((60.0, 120.0), (-120.0, -60.0))
+    kit.azimuth = ((75.0, 105.0), (-105.0, -75.0))
     open_boat = kind == "rowing"
     rings, rails = [], []
     for t in np.linspace(-1, 1, 17):
