@@ -53,20 +53,23 @@ def _outward(vertices: np.ndarray, faces: np.ndarray) -> Solid:
     return Solid(vertices, faces[:, ::-1] if volume < 0 else faces)
 
 
-def loft(rings: np.ndarray | Sequence[np.ndarray]) -> Solid:
+def loft(rings: np.ndarray | Sequence[np.ndarray], loop: bool = False) -> Solid:
     """The skin over rings [K, N, 3] of as many points each, with a cap on the first and the last.
+
+    With `loop`, the last ring is skinned to the first instead, and there are no caps.
 
     The faces between ring i and i + 1 at point j are numbers 2 (i N + j) and the next.
     """
     points = np.asarray(rings, np.float64)
     count, size = points.shape[:2]
-    i, j = np.mgrid[: count - 1, :size]
+    i, j = np.mgrid[: count if loop else count - 1, :size]
     here, right = i * size + j, i * size + (j + 1) % size
-    quads = np.stack([here, right, right + size, here, right + size, here + size], axis=-1)
+    above, diagonal = (here + size) % (count * size), (right + size) % (count * size)
+    quads = np.stack([here, right, diagonal, here, diagonal, above], axis=-1)
     faces = [quads.reshape(-1, 3)]
     vertices = [points.reshape(-1, 3)]
     extra = count * size
-    for ring, flip in ((0, True), (count - 1, False)):
+    for ring, flip in () if loop else ((0, True), (count - 1, False)):
         if np.ptp(points[ring], axis=0).max() < 1e-9:
             continue  # it ends in a point
         cap = _cap(points[ring])
@@ -163,11 +166,11 @@ def tray(
     return stack([(inner, depth), (inner, 0.0), (edge, 0.0), *top])
 
 
-def lathe(profile: Sequence[tuple[float, float]], sides: int = 24) -> Solid:
-    """A profile of (radius, z) turned about the z axis; a closed one makes a ring."""
+def lathe(profile: Sequence[tuple[float, float]], sides: int = 24, loop: bool = False) -> Solid:
+    """A profile of (radius, z) turned about the z axis; a `loop` makes a ring with a hole."""
     angle = np.arange(sides) / sides * 2 * np.pi
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return stack([(circle * max(r, 0.0), z) for r, z in profile])
+    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    return loft([circle * max(r, 0.0) + np.array([0, 0, z]) for r, z in profile], loop)
 
 
 def cylinder(radius: float, height: float, sides: int = 20, bevel: float = 0.0) -> Solid:

@@ -211,7 +211,8 @@ HEADERS = {
     "a.off": b"OFF\n3 5000000 0\n",
     "a.gltf": json.dumps(
         {"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}] * 100,
-         "accessors": [{"count": 200_000}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]}
+         "accessors": [{"count": 200_000}],
+         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]}
     ).encode(),
 }  # fmt: skip
 

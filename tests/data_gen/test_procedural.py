@@ -120,6 +120,7 @@ PARTS = {
     "pillow": solids.pillow(1, 2, 3, 0.3),
     "cylinder": solids.cylinder(1, 2, 40),
     "ball": solids.ball(1, 2, 3, 40),
+    "ring": solids.lathe([(1, 0), (2, 0), (2, 1), (1, 1)], 40, loop=True),
     "rod": solids.rod((0, 0, 0), (1, 2, 3), 0.1),
     "tube": solids.tube(solids.smooth_path([(0, 0, 0), (1, 0, 1), (1, 1, 2)]), 0.1),
     "prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5),
@@ -150,5 +151,7 @@ def test_parts_are_closed_and_face_outward(name):
         assert volume == pytest.approx(6)
     if name == "ball":
         assert volume == pytest.approx(np.pi, rel=0.03)
+    if name == "ring":
+        assert volume == pytest.approx(3 * np.pi, rel=0.01)
     if name == "prism":
         assert volume == pytest.approx(1.5)

@@ -69,13 +69,15 @@ def speaker(kit: Kit) -> None:
     front = depth / 2
 
     def driver(radius: float, y: float, z: float) -> None:
-        ring = lathe(
-            [(radius, 0), (radius, 0.006), (radius * 0.93, 0.01), (radius * 0.9, 0.004)], 28
-        )
-        edge = lathe([(radius * 0.92, 0.003), (radius * 0.86, 0.009), (radius * 0.78, 0.002)], 28)
-        funnel = lathe([(radius * 0.8, 0.004), (radius * 0.3, 0.0012), (radius * 0.3, 0.0011)], 28)
+        d = 0.1 * radius + 0.003
+        outer, soft = 0.9 * radius, 0.8 * radius
+        ring = [(outer, 0), (radius, 0), (radius, d), (0.93 * radius, 1.3 * d), (outer, d)]
+        rim = lathe(ring, 28, loop=True)
+        edge = [(soft, 0), (outer, 0), (outer, 0.6 * d), (0.86 * radius, 1.1 * d), (soft, 0.8 * d)]
+        surround = lathe(edge, 28, loop=True)
+        funnel = lathe([(soft, 0), (soft, 0.8 * d), (0.3 * radius, 0.0035)], 28)
         dome = ball(radius * 0.5, radius * 0.5, radius * 0.3, 14).at(z=0.003)
-        for material, part in ((CHROME, ring), (RUBBER, edge), (cone, funnel), (BLACK, dome)):
+        for material, part in ((CHROME, rim), (RUBBER, surround), (cone, funnel), (BLACK, dome)):
             kit.add(material, part.turned("y", 90).at(front, y, z))
 
     kit.add(grille, box(0.004, width * 0.94, height * 0.96, 0.001).at(front, 0, lift + height / 2))

@@ -116,7 +116,7 @@ def screen(rng: np.random.Generator) -> Material:
 
 RUBBER = Material((0.09, 0.09, 0.09), (0.08, 0.08, 0.08), 15.0, name="rubber")
 DARK_GLASS = Material((0.1, 0.13, 0.16), (0.6, 0.6, 0.6), 120.0, name="dark glass")
-GLASS = Material((0.62, 0.76, 0.78), (0.6, 0.6, 0.6), 120.0, opacity=0.4, name="glass")
+GLASS = Material((0.42, 0.6, 0.6), (0.6, 0.6, 0.6), 120.0, opacity=0.5, name="glass")
 BLACK = Material((0.07, 0.07, 0.07), name="black")
 WHITE = Material((0.92, 0.92, 0.9), (0.2, 0.2, 0.2), 30.0, name="white")
 CHROME = Material((0.75, 0.76, 0.78), (0.7, 0.7, 0.7), 90.0, name="chrome")

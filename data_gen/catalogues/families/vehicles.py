@@ -49,6 +49,7 @@ def _wheel(radius: float, width: float, spokes: int, hub: Material) -> list[tupl
             (radius * 0.62, w),
         ],
         24,
+        loop=True,
     )
     parts = [
         (RUBBER, tyre.turned("x", -90)),
@@ -64,6 +65,7 @@ def _wheel(radius: float, width: float, spokes: int, hub: Material) -> list[tupl
             (radius * 0.54, 0),
         ],
         24,
+        loop=True,
     )
     parts.append((hub, rim.turned("x", -90).at(y=w * 0.7)))
     for angle in around(spokes):
