@@ -132,14 +132,14 @@ class Checkpoints:
             except Exception as error:  # whatever orbax raises for what it cannot read
                 unreadable.append((step, error))
                 continue
-            for newer, error in unreadable:
-                self._set_aside(newer, error)
+            for newer, why in unreadable:
+                self._set_aside(newer, why)
             return found
         if unreadable:
-            step, error = unreadable[0]
+            step, why = unreadable[0]
             raise CheckpointError(
                 f"none of the {len(unreadable)} checkpoints in {self._directory} can be read "
-                f"(step {step}: {_one_line(error)}); mend that, or move the folder away to start "
+                f"(step {step}: {_one_line(why)}); mend that, or move the folder away to start "
                 "over"
             )
         return None

@@ -81,6 +81,8 @@ class DataConfig:
       num_eval_points: ground-truth points per sample in an evaluation.
       flip: mirror half of the training samples (y to -y).
       stretch: largest relative change of width, s uniform in [1 - stretch, 1 + stretch].
+      zoom: largest relative change of scale, another crop of the image, in [1 - zoom, 1 + zoom].
+      shift: largest move of that crop over the image's height and width.
       colour_jitter: strength of the change of brightness, contrast and channel gains; 0 = off.
       num_workers: decoding processes; 0 = threads in this process.
       cache: keep decoded samples in memory.
@@ -95,6 +97,8 @@ class DataConfig:
     num_eval_points: PositiveInt = 4096
     flip: bool = False
     stretch: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
+    zoom: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
+    shift: Annotated[float, Bounds(low=0, high=0.5)] = 0.0
     colour_jitter: Fraction = 0.0
     num_workers: Count = 0
     cache: bool = False
@@ -102,7 +106,7 @@ class DataConfig:
 
 @dataclasses.dataclass(frozen=True)
 class ModelConfig:
-    """The network (REFERENCE: the authors' network; paper, section 4.1).
+    """The network (paper, section 4.1; sizes of the authors' published network).
 
     Attributes:
       name: an entry of `registry.MODELS`.
@@ -141,13 +145,17 @@ class LossConfig:
 
     Attributes:
       name: an entry of `registry.LOSSES`.
-      l2: "authors" adds `l2_scale` times their sum of L2 terms by layer type (REFERENCE 2).
+      l2: "authors" adds `l2_scale` times the L2 terms of `step.l2_authors`.
       l2_scale: their 0.1.
+      emd_tolerance: of the losses that are an EMD: accepted relative error of the assignment.
+      emd_schedule: how their auction sets epsilon, see `losses.assign`.
     """
 
     name: str = "chamfer_sq_mean"
     l2: Literal["none", "authors"] = "none"
     l2_scale: NonNegative = 0.1
+    emd_tolerance: Positive = 0.01
+    emd_schedule: Literal["scaling", "authors"] = "scaling"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -211,11 +219,14 @@ class EvalConfig:
       batch_size: samples a step.
       max_samples: evaluate the first so many samples during training; 0 = all.
       fscore_threshold: distance in units below which a point counts as correct.
+      emd_tolerance: proven relative error of the earth mover's distance, which compares a
+        prediction with as many of the ground-truth points; 0 = no EMD.
     """
 
     batch_size: PositiveInt = 32
     max_samples: Count = 0
     fscore_threshold: Positive = 0.01
+    emd_tolerance: NonNegative = 0.01
 
 
 @dataclasses.dataclass(frozen=True)

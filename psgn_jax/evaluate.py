@@ -10,13 +10,12 @@ category and the two averages, and `samples.csv` with one row per sample.
 
 import csv
 import dataclasses
-import functools
 import io
 import json
 import pathlib
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -28,9 +27,15 @@ from psgn_jax import step as step_lib
 from psgn_jax.checkpoint import CheckpointError, Checkpoints
 from psgn_jax.config import Config, ConfigError, check_paths, from_json
 from psgn_jax.state import params_from_named_leaves
-from psgn_jax.writer import exit_on_user_error, log_to_terminal, write_atomic
+from psgn_jax.writer import (
+    exit_on_user_error,
+    finite_or_none,
+    log_to_terminal,
+    parse_flags,
+    write_atomic,
+)
 
-_COLUMNS = ("cd_sq_radius2", "cd_l1_radius", "fscore")
+_COLUMNS = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
 OVER_SAMPLES, OVER_CATEGORIES = "mean over samples", "mean over categories"
 
 
@@ -43,21 +48,32 @@ class Row:
     metrics: dict[str, float]
 
 
+class SampleName(NamedTuple):
+    """Which sample a row of `samples.csv` is about; `record` counts those of the split."""
+
+    record: int
+    category: str
+    model_id: str
+    view: int
+
+
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
     """Metrics of every sample of a split, in order.
 
     Attributes:
       split: the split's name.
-      names: (category, model id) per sample.
+      names: one per sample.
       metrics: name -> float64 [samples].
       threshold: the F-score's distance, unit.
+      num_points: points of a prediction, points of a truth; most metrics depend on both.
     """
 
     split: str
-    names: list[tuple[str, str]]
+    names: list[SampleName]
     metrics: dict[str, np.ndarray]
     threshold: float
+    num_points: tuple[int, int]
 
     @property
     def means(self) -> dict[str, float]:
@@ -67,8 +83,8 @@ class Evaluation:
     def rows(self) -> list[Row]:
         """A row per category by name, then the mean over samples and over categories."""
         members: dict[str, list[int]] = {}
-        for i, (category, _) in enumerate(self.names):
-            members.setdefault(category or "(none)", []).append(i)
+        for i, name in enumerate(self.names):
+            members.setdefault(name.category or "(none)", []).append(i)
         rows = [
             Row(
                 name, len(indices), {k: float(np.mean(v[indices])) for k, v in self.metrics.items()}
@@ -79,7 +95,7 @@ class Evaluation:
         return [
             *rows,
             Row(OVER_SAMPLES, len(self.names), self.means),
-            Row(OVER_CATEGORIES, len(rows), over_categories),
+            Row(OVER_CATEGORIES, len(self.names), over_categories),
         ]
 
     def header(self, metric: str) -> str:
@@ -89,6 +105,7 @@ class Evaluation:
             "cd_sq_pred_to_gt_radius2": "pred to truth [radius^2]",
             "cd_sq_gt_to_pred_radius2": "truth to pred [radius^2]",
             "cd_l1_radius": "CD-L1 [radius]",
+            "emd_radius": "EMD [radius]",
             "fscore": f"F-score at {self.threshold:g} radius [%]",
         }.get(metric, f"{metric} [fraction]")
 
@@ -100,16 +117,21 @@ class Evaluation:
             [row.name, str(row.count), *(_number(name, row.metrics[name]) for name in names)]
             for row in self.rows()
         ]
-        body[-1][1] = f"({body[-1][1]})"
         widths = [max(map(len, column)) for column in zip(head, *body, strict=True)]
         lines = [_aligned(head, widths), "-" * (sum(widths) + 2 * len(widths) - 2)]
         lines += [_aligned(line, widths) for line in body[:-2]]
         lines += [lines[1], *(_aligned(line, widths) for line in body[-2:])]
+        emd = ""
+        if "emd_gap" in self.metrics:
+            gap = 100 * float(np.max(self.metrics["emd_gap"]))
+            emd = f""" EMD: mean distance of matched points,
+each used once, of the prediction and as many true points; at most {gap:.2f} % above the least."""
         note = f"""
-Split {self.split!r}. radius = that of an object's bounding hemisphere, the unit of all coordinates.
+Split {self.split!r}, {self.num_points[0]} predicted points against {self.num_points[1]} true ones.
+radius = that of an object's bounding hemisphere, the unit of all coordinates.
 CD squared: mean over predicted points of the squared distance to the nearest true point, plus the
 mean over true points of that to the nearest predicted one. CD-L1: half the sum of both means of the
-distances themselves. (n): number of categories.
+distances themselves.{emd}
 """
         return "\n".join(lines) + "\n" + note
 
@@ -122,21 +144,28 @@ distances themselves. (n): number of categories.
         """One row per sample."""
         columns = [values.tolist() for values in self.metrics.values()]
         rows = [[*name, *numbers] for name, *numbers in zip(self.names, *columns, strict=True)]
-        return _csv(["category", "model_id", *self.metrics], rows)
+        return _csv([*SampleName._fields, *self.metrics], rows)
 
     def json(self, **more: Any) -> str:
-        """The table as JSON, with fractions as `csv`; `more` is stored beside it."""
+        """The table as JSON, with fractions as `csv`; `more` is stored beside it.
+
+        JSON has no NaN: null stands for what is not finite.
+        """
         *categories, over_samples, over_categories = self.rows()
         document = {
             **more,
             "split": self.split,
             "samples": over_samples.count,
+            "num_pred_points": self.num_points[0],
+            "num_gt_points": self.num_points[1],
             "fscore_threshold": self.threshold,
-            "categories": {r.name: {"samples": r.count, **r.metrics} for r in categories},
-            OVER_SAMPLES.replace(" ", "_"): over_samples.metrics,
-            OVER_CATEGORIES.replace(" ", "_"): over_categories.metrics,
+            "categories": {
+                r.name: {"samples": r.count, **finite_or_none(r.metrics)} for r in categories
+            },
+            OVER_SAMPLES.replace(" ", "_"): finite_or_none(over_samples.metrics),
+            OVER_CATEGORIES.replace(" ", "_"): finite_or_none(over_categories.metrics),
         }
-        return json.dumps(document, indent=2) + "\n"
+        return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def make_step(config: Config, model: Any) -> Callable[..., Any]:
@@ -144,7 +173,17 @@ def make_step(config: Config, model: Any) -> Callable[..., Any]:
     devices = jax.local_devices()
     if config.eval.batch_size % len(devices):
         devices = devices[:1]
-    pair = functools.partial(metrics_lib.evaluate_pair, threshold=config.eval.fscore_threshold)
+
+    def pair(pred: Any, gt: Any) -> Any:
+        # A bijection wants at least as many true points; without them there is no EMD.
+        emd_tolerance = config.eval.emd_tolerance if len(pred) <= len(gt) else 0
+        return metrics_lib.evaluate_pair(
+            pred,
+            gt,
+            threshold=config.eval.fscore_threshold,
+            emd_tolerance=emd_tolerance or None,
+        )
+
     mesh = step_lib.data_mesh(devices)
     step = step_lib.make_eval_step(config, model, pair, mesh)
     keys = step_lib.input_keys(config)
@@ -186,7 +225,8 @@ def evaluate(
     split = split or config.data.eval_split
     source = registry.data_source()
     eval_step = eval_step or make_step(config, registry.build_model(config.model))
-    names: list[tuple[str, str]] = []
+    names: list[SampleName] = []
+    num_pred = 0
     parts: list[dict[str, np.ndarray]] = []
     batches = source.eval_batches(
         config.data, split=split, batch_size=config.eval.batch_size, seed=config.seed
@@ -196,7 +236,11 @@ def evaluate(
         keep = np.flatnonzero(batch["valid"])
         if max_samples:
             keep = keep[: max_samples - len(names)]
-        names += [(batch["category"][i], batch["model_id"][i]) for i in keep]
+        num_pred, start = points.shape[1], index * config.eval.batch_size
+        names += [
+            SampleName(start + i, batch["category"][i], batch["model_id"][i], batch["view"][i])
+            for i in keep.tolist()
+        ]
         parts.append({k: np.asarray(v, np.float64)[keep] for k, v in values.items()})
         if on_batch:
             on_batch(index, batch, np.asarray(points))
@@ -205,7 +249,8 @@ def evaluate(
     if not names:
         raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
     merged = {k: np.concatenate([part[k] for part in parts]) for k in parts[0]}
-    return Evaluation(split, names, merged, config.eval.fscore_threshold)
+    num_points = num_pred, config.data.num_eval_points
+    return Evaluation(split, names, merged, config.eval.fscore_threshold, num_points)
 
 
 def evaluate_workdir(
@@ -320,18 +365,10 @@ def _main(argv: Sequence[str]) -> None:
     sys.stdout.write(result.text())
 
 
-def _parse_flags(argv: list[str]) -> list[str]:
-    with exit_on_user_error():
-        try:
-            return flags.FLAGS(argv)
-        except flags.Error as error:
-            raise ConfigError(str(error)) from error
-
-
 if __name__ == "__main__":
     flags.DEFINE_string("workdir", None, "Folder of the run.", required=True)
     flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
     flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
     flags.DEFINE_string("data", None, "Folder of records in place of the run's data.path.")
     flags.DEFINE_string("out", None, "Folder for the tables; default: inside the workdir.")
-    app.run(_main, flags_parser=_parse_flags)
+    app.run(_main, flags_parser=parse_flags)

@@ -7,7 +7,6 @@ says what); 3 a loss that is not finite; 143 and 130 stopped by SIGTERM or Ctrl-
 
 import os
 import pathlib
-import re
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -16,7 +15,7 @@ from absl import app, flags
 from ml_collections import config_flags
 
 from psgn_jax.config import ConfigError, check_paths, parse
-from psgn_jax.writer import exit_on_user_error, log_to_terminal
+from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags
 
 _CONFIG = config_flags.DEFINE_config_file(
     "config", None, "Path of a configuration, such as configs/base.py.", lock_config=True
@@ -54,21 +53,5 @@ def _config() -> Any:
     return _CONFIG.value
 
 
-def _parse_flags(argv: list[str]) -> list[str]:
-    """Parses as absl does, but ends with one line whatever is wrong with a flag."""
-    with exit_on_user_error():
-        try:
-            return flags.FLAGS(argv)
-        except (AttributeError, KeyError) as error:
-            # The message is a repr inside a repr: its quotes and escapes go.
-            text = re.sub(r"\\n", " ", str(error.args[0])).translate(str.maketrans("", "", "\\'\""))
-            text = " ".join(text.split())
-            name = next(iter(re.findall(r"\w+", text)), "")
-            given = next((a for a in argv if re.search(rf"\b{name}\b", a)), "--config")
-            raise ConfigError(f"{given}: no such field: {text}") from error
-        except (flags.Error, TypeError, ValueError, OSError) as error:
-            raise ConfigError(str(error)) from error
-
-
 if __name__ == "__main__":
-    app.run(main, flags_parser=_parse_flags)
+    app.run(main, flags_parser=parse_flags)

@@ -8,10 +8,12 @@ coordinates; in the project's frame that is the radius of the object's bounding 
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from psgn_jax.losses.chamfer import Nearest, nearest_both
-from psgn_jax.losses.distances import safe_sqrt
+from psgn_jax.losses.distances import check_points, safe_sqrt
+from psgn_jax.losses.emd import matched_distances
 from psgn_jax.types import Array, Float
 
 # "F-score at 1 %": see `fscore`.
@@ -30,29 +32,8 @@ def _both(pred: Array, gt: Array) -> tuple[Nearest, Nearest]:
     return nearest_both(pred, gt, names=("pred", "gt"))
 
 
-def cd_sq_pred_to_gt(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """Mean over pred of the squared distance to gt (unit^2)."""
-    return _both(pred, gt)[0].distance_sq.mean()
-
-
-def cd_sq_gt_to_pred(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """Mean over gt of the squared distance to pred (unit^2)."""
-    return _both(pred, gt)[1].distance_sq.mean()
-
-
-def cd_sq(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """The project's CD: mean squared distance pred to gt plus the same gt to pred (unit^2)."""
-    to_gt, to_pred = _both(pred, gt)
-    return to_gt.distance_sq.mean() + to_pred.distance_sq.mean()
-
-
 def _cd_l1(to_gt: Nearest, to_pred: Nearest) -> Array:
     return 0.5 * (safe_sqrt(to_gt.distance_sq).mean() + safe_sqrt(to_pred.distance_sq).mean())
-
-
-def cd_l1(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """Half the sum of both mean Euclidean distances (unit); `losses.chamfer_l1_mean`."""
-    return _cd_l1(*_both(pred, gt))
 
 
 def _fscore(to_gt: Nearest, to_pred: Nearest, threshold: float | Array) -> FScore:
@@ -100,28 +81,70 @@ def fscore(
     return _fscore(*_both(pred, gt), threshold)
 
 
+class Emd(NamedTuple):
+    """Mean distance of matched points (unit) and the proven bound on its relative error."""
+
+    emd: Float[Array, ""]
+    gap: Float[Array, ""]
+
+
+def emd(
+    pred: Float[Array, "n 3"], gt: Float[Array, "m 3"], *, tolerance: float | Array = 0.01
+) -> Emd:
+    """Earth mover's distance per point (unit): `losses.emd_mean` with its certificate.
+
+    A bijection needs equal sizes. Where gt has more points, n of them are drawn, always the same
+    ones for the same n and m. The value then has a floor that no prediction goes below, the
+    distance of one random sample of the object to another, and depends on n: state it.
+
+    `gap` >= (emd - optimum) / optimum, at most `tolerance` unless the budget ran out.
+
+    Raises:
+      ValueError: pred has more points than gt; else as `losses.assign`.
+    """
+    pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
+    if len(pred) > len(gt):
+        raise ValueError(
+            f"gt: got {len(gt)} points, expected at least as many as pred has ({len(pred)})"
+        )
+    if len(pred) < len(gt):
+        gt = gt[jax.random.permutation(jax.random.key(0), len(gt))[: len(pred)]]
+    matched = matched_distances(pred, gt, tolerance=tolerance)
+    return Emd(matched.distance.mean(), matched.assignment.gap)
+
+
 def evaluate_pair(
     pred: Float[Array, "n 3"],
     gt: Float[Array, "m 3"],
     *,
     threshold: float | Array = FSCORE_THRESHOLD,
+    emd_tolerance: float | None = None,
 ) -> dict[str, Float[Array, ""]]:
     """All metrics of one pair from one nearest-neighbour search.
+
+    Args:
+      pred: [n, 3].
+      gt: [m, 3].
+      threshold: as for `fscore`.
+      emd_tolerance: where given, `emd` is computed too, to this relative error; some 20 ms of a
+        CPU core at n = 1,024 and 1 %.
 
     Returns:
       `cd_sq_radius2`, `cd_sq_pred_to_gt_radius2`, `cd_sq_gt_to_pred_radius2` (unit^2),
       `cd_l1_radius` (unit), and the fractions `fscore`, `precision`, `recall` at `threshold`.
-      "radius" is the project's unit, the radius of the bounding hemisphere.
+      With `emd_tolerance`: `emd_radius` (unit, a mean over the points) and `emd_gap`, the proven
+      bound on its relative error. "radius" is the project's unit, the radius of the bounding
+      hemisphere.
 
     Raises:
-      ValueError: as `fscore`.
+      ValueError: as `fscore`, and as `emd`.
     """
     if isinstance(threshold, int | float) and not 0 < threshold < float("inf"):
         raise ValueError(f"threshold: got {threshold}, expected a finite distance > 0")
     to_gt, to_pred = _both(pred, gt)
     forth, back = to_gt.distance_sq.mean(), to_pred.distance_sq.mean()
     score = _fscore(to_gt, to_pred, threshold)
-    return {
+    metrics = {
         "cd_sq_radius2": forth + back,
         "cd_sq_pred_to_gt_radius2": forth,
         "cd_sq_gt_to_pred_radius2": back,
@@ -130,3 +153,7 @@ def evaluate_pair(
         "precision": score.precision,
         "recall": score.recall,
     }
+    if emd_tolerance is not None:
+        found = emd(pred, gt, tolerance=emd_tolerance)
+        metrics |= {"emd_radius": found.emd, "emd_gap": found.gap}
+    return metrics

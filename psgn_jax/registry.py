@@ -4,11 +4,13 @@ An entry is `"module:attribute"`, imported when it is asked for: to name a loss 
 flax. A project that uses this one as a library adds its own entries to the dictionaries.
 """
 
+import functools
 import importlib
+import inspect
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
-from psgn_jax.config import ConfigError, ModelConfig, suggestion
+from psgn_jax.config import ConfigError, LossConfig, ModelConfig, suggestion
 
 MODELS: dict[str, str | Callable[[ModelConfig], Any]] = {
     "vanilla": "psgn_jax.models.point_out_net:build",
@@ -22,6 +24,8 @@ LOSSES: dict[str, str | Callable[..., Any]] = {
     "chamfer_sq_mean": "psgn_jax.losses.chamfer:chamfer_sq_mean",
     "chamfer_l1_mean": "psgn_jax.losses.chamfer:chamfer_l1_mean",
     "chamfer_authors": "psgn_jax.losses.chamfer:chamfer_authors",
+    "emd_sum": "psgn_jax.losses.emd:emd_sum",
+    "emd_mean": "psgn_jax.losses.emd:emd_mean",
 }
 """Losses of one pair `(pred [n,3], gt [m,3]) -> scalar`; callers vmap."""
 
@@ -34,9 +38,14 @@ def build_model(config: ModelConfig) -> Any:
     return _look_up(MODELS, config.name, "model.name")(config)
 
 
-def loss(name: str) -> Callable[..., Any]:
-    """The loss of one pair of clouds that `loss.name` names."""
-    return _look_up(LOSSES, name, "loss.name")
+def loss(config: LossConfig) -> Callable[..., Any]:
+    """The loss of one pair of clouds that `loss.name` names, with the options of its kind."""
+    function = _look_up(LOSSES, config.name, "loss.name")
+    if "schedule" in inspect.signature(function).parameters:
+        return functools.partial(
+            function, tolerance=config.emd_tolerance, schedule=config.emd_schedule
+        )
+    return cast(Callable[..., Any], function)
 
 
 def data_source(name: str = "records") -> Any:

@@ -28,6 +28,7 @@ class TrainState(NamedTuple):
       opt_state: state of the optimiser.
       ema: averaged parameters, or `()` when `optim.ema_decay` is 0.
       loss_sum: float32, sum of the losses since the last multiple of `train.log_every`.
+      loss_count: int32, how many these are.
       bad_step: int32, first step with a non-finite loss or gradient, -1 = none.
       bad_metric: int32, index into `step.WATCHED` of what was not finite there.
     """
@@ -37,6 +38,7 @@ class TrainState(NamedTuple):
     opt_state: Any
     ema: Any
     loss_sum: Array
+    loss_count: Array
     bad_step: Array
     bad_metric: Array
 
@@ -87,6 +89,7 @@ def create(config: Config, model: nn.Module, tx: optax.GradientTransformation) -
         opt_state=tx.init(params),
         ema=params if config.optim.ema_decay else (),
         loss_sum=jnp.float32(0),
+        loss_count=jnp.int32(0),
         bad_step=jnp.int32(-1),
         bad_metric=jnp.int32(0),
     )

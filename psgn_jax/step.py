@@ -25,7 +25,8 @@ from psgn_jax.types import Array
 WATCHED = ("loss", "gradient norm")
 """What must stay finite; `TrainState.bad_metric` is an index into it."""
 
-# Weights of the authors' L2 terms (REFERENCE 2), each w * sum(kernel**2) / 2 as in tf.nn.l2_loss.
+# Weights of the L2 terms in the authors' published training code, each w * sum(kernel**2) / 2 as in
+# tf.nn.l2_loss.
 L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
 
 Batch = Mapping[str, Any]
@@ -129,8 +130,9 @@ def make_train_step(
             # The horizon grows with the run, so that the first, useless parameters soon drop out.
             decay = jnp.minimum(config.optim.ema_decay, (state.step + 1) / (state.step + 10))
             ema = jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
-        since_log = state.step % config.train.log_every
-        loss_sum = jnp.where(since_log == 0, 0, state.loss_sum) + metrics["loss_step"]
+        first = state.step % config.train.log_every == 0
+        loss_sum = jnp.where(first, 0, state.loss_sum) + metrics["loss_step"]
+        loss_count = jnp.where(first, 0, state.loss_count) + 1
         bad = jnp.stack([~jnp.isfinite(total), ~jnp.isfinite(grad_norm)])
         first_bad = bad.any() & (state.bad_step < 0)
         new = TrainState(
@@ -139,11 +141,12 @@ def make_train_step(
             opt_state=opt_state,
             ema=ema,
             loss_sum=loss_sum,
+            loss_count=loss_count,
             bad_step=jnp.where(first_bad, state.step + 1, state.bad_step),
             bad_metric=jnp.where(first_bad, jnp.argmax(bad).astype(jnp.int32), state.bad_metric),
         )
         metrics |= {
-            "loss": loss_sum / (since_log + 1),
+            "loss": loss_sum / loss_count,
             "grad_norm": grad_norm,
             "learning_rate": jnp.asarray(rate(state.step), jnp.float32),
             "bad_step": new.bad_step,

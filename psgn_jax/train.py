@@ -6,7 +6,7 @@ the last bit of the parameters, is what an uninterrupted run would have done on 
 """
 
 import collections
-import os
+import contextlib
 import pathlib
 import signal
 import time
@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from absl import logging
-from jax.sharding import NamedSharding
+from flax import linen as nn
+from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from psgn_jax import evaluate as evaluate_lib
@@ -35,8 +36,9 @@ from psgn_jax.config import (
     to_dict,
     to_json,
 )
+from psgn_jax.data.solids import cache_folder
 from psgn_jax.viewing.clouds import draw_cases
-from psgn_jax.writer import MetricsWriter, write_atomic
+from psgn_jax.writer import MetricsWriter, locked, write_atomic
 
 MAY_CHANGE = frozenset(
     {
@@ -55,6 +57,7 @@ MAY_CHANGE = frozenset(
         "eval.batch_size",
         "eval.max_samples",
         "eval.fscore_threshold",
+        "eval.emd_tolerance",
     }
 )
 """Fields that a resumed run may have changed; any other one is an error."""
@@ -84,7 +87,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
     Raises:
       ConfigError: before anything is compiled, for a wrong configuration, or one that differs from
-        that of the checkpoint in a field that is not in `MAY_CHANGE`.
+        that of the checkpoint in a field that is not in `MAY_CHANGE`, or while another process
+        trains there.
       NonFiniteError: naming metric and step, if the loss or the gradient's norm is not finite.
     """
     config = config if isinstance(config, Config) else parse(config)
@@ -92,10 +96,17 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     check_paths(config)
     mesh = step_lib.data_mesh()
     step_lib.check_batch_size(config, mesh)
+    _check_loss(config, registry.build_model(config.model), registry.loss(config.loss))
+    sizes = _check_data(config, registry.data_source())
+    with locked(workdir) if _is_first() else contextlib.nullcontext():
+        return _train(config, workdir, mesh, sizes)
+
+
+def _train(config: Config, workdir: pathlib.Path, mesh: Mesh, sizes: Mapping[str, int]) -> Outcome:
+    """`train` after its checks, alone in `workdir`."""
     model = registry.build_model(config.model)
-    loss = registry.loss(config.loss.name)
+    loss = registry.loss(config.loss)
     source = registry.data_source()
-    sizes = _check_data(config, source)
     tx = state_lib.optimizer(config.optim, config.train.steps)
 
     checkpoints = Checkpoints(workdir / "checkpoints", config.train.keep_checkpoints)
@@ -206,15 +217,14 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
 
 def keep_compiled() -> None:
-    """Lets JAX keep compiled programs in `~/.cache/psgn_jax`, for faster starts, on accelerators.
+    """Lets JAX keep compiled programs in the cache folder, for faster starts, on accelerators.
 
     Not on a CPU: XLA then warns that what it reads back was "compiled for another machine" even on
     the same one (jax 0.10), and with a home folder shared by unlike machines it may be right.
     Whoever sets JAX_COMPILATION_CACHE_DIR decides for themselves.
     """
     if jax.default_backend() != "cpu" and not jax.config.values["jax_compilation_cache_dir"]:
-        base = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
-        jax.config.update("jax_compilation_cache_dir", str(pathlib.Path(base) / "psgn_jax"))
+        jax.config.update("jax_compilation_cache_dir", str(cache_folder() / "compiled"))
 
 
 class _Stopped(Exception):  # noqa: N818 - not an error
@@ -291,7 +301,7 @@ class _Log:
 
     def evaluation(self, step: int, means: Mapping[str, float]) -> None:
         """Logs an evaluation."""
-        main = ("cd_sq_radius2", "cd_l1_radius", "fscore")
+        main = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
         numbers = ", ".join(f"{name} {means[name]:.5f}" for name in main if name in means)
         logging.info("step %d: evaluation: %s", step, numbers)
         if self._writer:
@@ -374,6 +384,26 @@ def _local(params: Any) -> Any:
     if jax.process_count() == 1:
         return params
     return jax.tree.map(lambda leaf: np.asarray(leaf.addressable_data(0)), params)
+
+
+def _check_loss(config: Config, model: nn.Module, loss: step_lib.PairFunction) -> None:
+    """Raises `ConfigError` if the loss does not take the network's points and the ground truth's.
+
+    An EMD wants as many of one as of the other.
+    """
+    height, width = config.model.image_size
+    image = jax.ShapeDtypeStruct((1, height, width, config.model.in_channels), np.float32)
+    size = config.model.random_size
+    r = jax.ShapeDtypeStruct((1, size), np.float32) if size else None
+    pred, _ = jax.eval_shape(lambda x, r: model.init_with_output(jax.random.key(0), x, r), image, r)
+    gt = jax.ShapeDtypeStruct((config.data.num_points, 3), np.float32)
+    try:
+        jax.eval_shape(loss, jax.ShapeDtypeStruct(pred.shape[1:], pred.dtype), gt)
+    except ValueError as error:
+        raise ConfigError(
+            f"loss.name={config.loss.name!r} with data.num_points={config.data.num_points} and a "
+            f"network of {pred.shape[1]} points: {error}"
+        ) from error
 
 
 def _check_data(config: Config, source: Any) -> dict[str, int]:

@@ -12,9 +12,6 @@ else:
     # What a checker at run time accepts: as in JAX itself, NumPy's arrays serve as well.
     Array = jax.Array | np.ndarray
 
-Points = Float[Array, "n 3"]
-"""One point cloud in the project's frame; unit = radius of the bounding hemisphere."""
-
 PRNGKey = jax.Array
 
-__all__ = ["Array", "Bool", "Float", "Int", "PRNGKey", "Points", "UInt8"]
+__all__ = ["Array", "Bool", "Float", "Int", "PRNGKey", "UInt8"]

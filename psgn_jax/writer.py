@@ -6,21 +6,28 @@ write them again; so lines are neither lost nor doubled.
 """
 
 import contextlib
+import fcntl
 import json
 import logging as python_logging
 import math
 import os
 import pathlib
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from absl import logging
+from absl import flags, logging
+
+from psgn_jax.config import ConfigError
 
 
 def log_to_terminal() -> None:
     """Shows this package's progress, and of others only warnings, on standard error."""
+    logging.use_absl_handler()
+    if not flags.FLAGS.is_parsed():  # in a notebook: absl would complain with the first line
+        flags.FLAGS.mark_as_parsed()
     logging.set_verbosity(logging.INFO)
     logging.set_stderrthreshold(logging.INFO)
     handler = logging.get_absl_handler()
@@ -49,6 +56,54 @@ def exit_on_user_error() -> Iterator[None]:
         line = " ".join(str(error).split())
         sys.stderr.write(f"error: {line}\n")
         sys.exit(exit_code)
+
+
+def parse_flags(argv: list[str]) -> list[str]:
+    """Parses flags as absl does, but ends with one line whatever is wrong with one.
+
+    For `app.run(..., flags_parser=parse_flags)`.
+    """
+    with exit_on_user_error():
+        try:
+            return flags.FLAGS(argv)
+        except (AttributeError, KeyError) as error:
+            # An unknown field; the message is a repr inside a repr: its quotes and escapes go.
+            text = re.sub(r"\\n", " ", str(error.args[0])).translate(str.maketrans("", "", "\\'\""))
+            text = " ".join(text.split())
+            name = next(iter(re.findall(r"\w+", text)), "")
+            given = next((a for a in argv if re.search(rf"\b{name}\b", a)), "--config")
+            raise ConfigError(f"{given}: no such field: {text}") from error
+        except (flags.Error, TypeError, ValueError, OSError) as error:
+            raise ConfigError(str(error)) from error
+
+
+def finite_or_none(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """JSON has no NaN: None, its null, in place of floats that are not finite."""
+    return {
+        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in entry.items()
+    }
+
+
+@contextlib.contextmanager
+def locked(workdir: str | pathlib.Path) -> Iterator[None]:
+    """Keeps a second process from writing into a run's folder; the lock ends with the process.
+
+    Raises:
+      ConfigError: another process holds the folder.
+    """
+    path = pathlib.Path(workdir) / ".lock"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "a") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ConfigError(
+                f"--workdir={workdir}: another training is running there; wait for it, end it, "
+                "or give another folder"
+            ) from None
+        except OSError as error:  # file systems without locks
+            logging.warning("%s cannot be locked (%s): start no second training there", path, error)
+        yield
 
 
 def write_atomic(path: str | pathlib.Path, content: str | bytes) -> None:
@@ -125,20 +180,17 @@ class MetricsWriter:
         if self._tensorboard is None:
             import tensorboardX  # not at the top: it delays the first step by its import
 
+            folder = self._workdir / "tensorboard"
             self._tensorboard = tensorboardX.SummaryWriter(
-                str(self._workdir / "tensorboard"),
+                str(folder),
                 # What a killed run wrote past its checkpoint is hidden by tensorboard.
-                purge_step=self._step + 1 if self._step else None,
+                purge_step=self._step + 1 if folder.exists() else None,
             )
         return self._tensorboard
 
 
 def _line(entry: Mapping[str, Any]) -> str:
-    # JSON has no NaN: null stands for what is not finite.
-    clean = {
-        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in entry.items()
-    }
-    return json.dumps(clean) + "\n"
+    return json.dumps(finite_or_none(entry), allow_nan=False) + "\n"
 
 
 def _entry(line: str) -> dict[str, Any] | None:

@@ -48,3 +48,25 @@ def fscore(pred, gt, threshold):
     if precision + recall == 0:
         return 0.0, precision, recall
     return 2 * precision * recall / (precision + recall), precision, recall
+
+
+def distances(a, b):
+    return np.sqrt(pairwise_sq(a, b))
+
+
+def emd_sum(pred, gt):
+    """The least sum of distances of all bijections, by scipy."""
+    from scipy.optimize import linear_sum_assignment
+
+    d = distances(pred, gt)
+    return d[linear_sum_assignment(d)].sum()
+
+
+def matching_cost(pred, gt, index):
+    return distances(pred, gt)[np.arange(len(index)), np.asarray(index)].sum()
+
+
+def emd_lower_bound(pred, gt, prices):
+    """What prices of gt prove, whoever found them: sum_i min_j (c_ij + p_j) - sum_j p_j."""
+    prices = np.asarray(prices, np.float64)
+    return (distances(pred, gt) + prices[None]).min(1).sum() - prices.sum()

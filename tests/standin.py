@@ -1,5 +1,7 @@
 """A data source without files, and a command that trains on it: `python tests/standin.py FLAGS`.
 
+A configuration that names a `data.path` is trained on those records.
+
 Samples are coloured boxes: images and points follow from the sample's number alone.
 """
 
@@ -44,6 +46,12 @@ def stack(samples):
 
 
 def train_batches(cfg, *, batch_size, seed, start_step, process_index=0, process_count=1):
+    if cfg.path:
+        from psgn_jax.data import loader
+
+        yield from loader.train_batches(
+            cfg, batch_size=batch_size, seed=seed, start_step=start_step
+        )
     step = start_step
     delay = float(os.environ.get("PSGN_STANDIN_DELAY", "0"))
     while True:
@@ -55,6 +63,11 @@ def train_batches(cfg, *, batch_size, seed, start_step, process_index=0, process
 
 
 def eval_batches(cfg, *, split, batch_size, seed=0):
+    if cfg.path:
+        from psgn_jax.data import loader
+
+        yield from loader.eval_batches(cfg, split=split, batch_size=batch_size, seed=seed)
+        return
     total = SIZES[split]
     for start in range(0, total, batch_size):
         numbers = [min(n, total - 1) for n in range(start, start + batch_size)]
@@ -65,6 +78,7 @@ def eval_batches(cfg, *, split, batch_size, seed=0):
             "valid": np.arange(start, start + batch_size) < total,
             "category": [CATEGORIES[n % 3] for n in numbers],
             "model_id": [f"model{n}" for n in numbers],
+            "view": numbers,
         }
 
 
@@ -102,7 +116,7 @@ def config(**changes):
             "images_every": 0,
             "num_images": 2,
         },
-        "eval": {"batch_size": 4},
+        "eval": {"batch_size": 4, "emd_tolerance": 0},
     }
     for name, value in changes.items():
         section, _, field = name.partition("__")
@@ -118,7 +132,7 @@ if __name__ == "__main__":
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     from absl import app
 
-    from psgn_jax import main, registry
+    from psgn_jax import main, registry, writer
 
     registry.DATA_SOURCES["records"] = SOURCE
-    app.run(main.main, flags_parser=main._parse_flags)
+    app.run(main.main, flags_parser=writer.parse_flags)

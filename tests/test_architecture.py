@@ -20,7 +20,7 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax.metrics", "psgn_jax.registry"),
     ("psgn_jax.state", "psgn_jax.step", "psgn_jax.checkpoint", "psgn_jax.writer"),
     ("psgn_jax.train", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.viewing",
-     "psgn_jax.studies"),
+     "psgn_jax.studies", "psgn_jax.data.inspect"),  # inspect draws
     ("psgn_jax.main",),
 ]  # fmt: skip
 
@@ -32,7 +32,7 @@ DOORS = {
     "array_record": {"psgn_jax.data.records"},
     "mitsuba": set(),
     "torch": set(),
-    "scipy": set(),
+    "scipy": {"psgn_jax.losses.emd"},
     "matplotlib": set(),
 }
 

@@ -1,12 +1,15 @@
 """Configurations: every mistake ends in one line naming field, value and what is accepted."""
 
+import pathlib
 import runpy
 import subprocess
 import sys
 
+import jax
 import ml_collections
 import pytest
 
+from psgn_jax import registry
 from psgn_jax.config import (
     Config,
     ConfigError,
@@ -130,3 +133,26 @@ def test_wrong_command_lines_end_in_one_line(flags, message, request, tmp_path):
     assert lines[0].startswith("error: ")
     assert message in lines[0]
     assert not (tmp_path / "run").exists()
+
+
+FILES = sorted((pathlib.Path(__file__).resolve().parents[1] / "configs").glob("*.py"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_every_configuration_file_is_valid_and_says_what_to_expect(path):
+    module = runpy.run_path(str(path))
+    parse(module["get_config"]())
+    text = module["__doc__"]
+    assert f"python -m psgn_jax.main --config=configs/{path.name}" in text
+    for word in ("Hardware", "ime", "xpect"):
+        assert word in text, word
+
+
+def test_size_of_the_small_network():
+    """`authors_small.py` promises at most 10 M parameters."""
+    (path,) = [p for p in FILES if p.stem == "authors_small"]
+    config = parse(runpy.run_path(str(path))["get_config"]())
+    model = registry.build_model(config.model)
+    image = jax.ShapeDtypeStruct((1, *config.model.image_size, 4), "float32")
+    params = jax.eval_shape(lambda x: model.init(jax.random.key(0), x, None), image)["params"]
+    assert sum(leaf.size for leaf in jax.tree.leaves(params)) < 10e6

@@ -1,6 +1,7 @@
 """Evaluation counts every sample once and says which average is which."""
 
 import csv
+import dataclasses
 import json
 import pathlib
 import runpy
@@ -45,7 +46,10 @@ def test_every_sample_counts_once(batch_size):
     config = STANDIN["config"](eval__batch_size=batch_size)
     result = lib.evaluate(config, {}, eval_step=fake_step)
     np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config))
-    assert [model for _, model in result.names] == [f"model{n}" for n in range(11)]
+    assert result.names == [
+        lib.SampleName(n, STANDIN["CATEGORIES"][n % 3], f"model{n}", n) for n in range(11)
+    ]
+    assert result.num_points == (2, 64)
 
 
 def test_first_samples_only_and_hook():
@@ -69,15 +73,30 @@ def test_compiled_step_agrees_across_batch_sizes():
         np.testing.assert_allclose(values, results[1].metrics[name], rtol=1e-5, err_msg=name)
 
 
+def test_emd_is_measured_where_there_are_points_enough():
+    small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
+    config = STANDIN["config"](eval__emd_tolerance=0.05, data__num_eval_points=12, **small)
+    model = registry.build_model(config.model)
+    size = (*config.model.image_size, config.model.in_channels)
+    params = jax.jit(lambda: model.init(jax.random.key(0), jnp.zeros((1, *size)), None))()["params"]
+    result = lib.evaluate(config, params, max_samples=4)
+    assert (result.metrics["emd_radius"] > 0.1).all()
+    assert (result.metrics["emd_gap"] <= 0.05).all()
+    assert "EMD [radius]" in result.text()
+    few = dataclasses.replace(config, data=dataclasses.replace(config.data, num_eval_points=7))
+    assert "emd_radius" not in lib.evaluate(few, params, max_samples=4).metrics
+
+
 @pytest.fixture
 def table():
-    names = [("car", "a"), ("car", "b"), ("car", "c"), ("lamp", "d")]
+    models = [("car", "a"), ("car", "b"), ("car", "c"), ("lamp", "d")]
+    names = [lib.SampleName(i, *name, view=7) for i, name in enumerate(models)]
     metrics = {
         "cd_sq_radius2": np.array([1.0, 2.0, 3.0, 6.0]),
         "precision": np.array([0.0, 0.0, 0.0, 1.0]),
         "fscore": np.array([0.1, 0.2, 0.3, 0.6]),
     }
-    return lib.Evaluation("validation", names, metrics, 0.01)
+    return lib.Evaluation("validation", names, metrics, 0.01, (1024, 4096))
 
 
 def test_averages_are_labelled(table):
@@ -98,11 +117,29 @@ def test_table_as_text_csv_and_json(table):
     assert line.split() == ["mean", "over", "samples", "4", "3.00000", "30.00"]
     rows = list(csv.DictReader(table.csv().splitlines()))
     assert float(rows[1]["cd_sq_radius2"]) == 6
-    assert [r["model_id"] for r in csv.DictReader(table.samples_csv().splitlines())] == list("abcd")
+    samples = list(csv.DictReader(table.samples_csv().splitlines()))
+    assert [r["model_id"] for r in samples] == list("abcd")
+    assert [r["record"] for r in samples] == list("0123")
+    assert samples[3]["view"] == "7"
+    assert rows[-1]["category"] == "mean over categories"
+    assert rows[-1]["samples"] == "4"
+    assert "1024 predicted points against 4096 true ones" in text
     document = json.loads(table.json(step=7))
     assert document["mean_over_samples"]["fscore"] == pytest.approx(0.3)
     assert document["categories"]["car"]["samples"] == 3
     assert document["step"] == 7
+    assert document["num_pred_points"] == 1024
+
+
+def test_json_of_what_is_not_finite_is_json(table):
+    table.metrics["fscore"][0] = np.nan
+
+    def refuse(word):
+        raise AssertionError(word)
+
+    document = json.loads(table.json(), parse_constant=refuse)
+    assert document["categories"]["car"]["fscore"] is None
+    assert document["categories"]["lamp"]["fscore"] == 0.6
 
 
 def test_missing_runs_and_checkpoints_are_named(tmp_path):

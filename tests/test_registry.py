@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import pytest
 
 from psgn_jax import registry
-from psgn_jax.config import ConfigError, ModelConfig, parse
+from psgn_jax.config import ConfigError, LossConfig, ModelConfig, parse
 
 
 @pytest.mark.parametrize("name", list(registry.MODELS))
@@ -15,9 +15,16 @@ def test_every_model_can_be_built(name):
 
 @pytest.mark.parametrize("name", list(registry.LOSSES))
 def test_every_loss_is_a_number_of_one_pair(name):
-    value = registry.loss(name)(jnp.zeros((4, 3)), jnp.ones((5, 3)))
+    # A bijection wants equal sizes.
+    others = 4 if name.startswith("emd") else 5
+    value = registry.loss(LossConfig(name=name))(jnp.zeros((4, 3)), jnp.ones((others, 3)))
     assert value.shape == ()
     assert float(value) > 0
+
+
+def test_options_reach_the_loss():
+    config = LossConfig(name="emd_mean", emd_tolerance=0.25, emd_schedule="authors")
+    assert registry.loss(config).keywords == {"tolerance": 0.25, "schedule": "authors"}
 
 
 def test_data_source_has_the_three_functions():
@@ -28,8 +35,8 @@ def test_data_source_has_the_three_functions():
 def test_unknown_names_list_the_choices():
     with pytest.raises(ConfigError, match=r"did you mean 'two_branch'\? accepted: vanilla, two_b"):
         registry.build_model(ModelConfig(name="two_brunch"))
-    with pytest.raises(ConfigError, match=r"loss.name='emd' is unknown; accepted: chamfer_sq,"):
-        registry.loss("emd")
+    with pytest.raises(ConfigError, match=r"loss.name='hausdorff' is unknown; accepted: chamf"):
+        registry.loss(LossConfig(name="hausdorff"))
 
 
 def test_entries_can_be_added(monkeypatch):

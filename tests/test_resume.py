@@ -16,6 +16,8 @@ import pytest
 
 from psgn_jax.checkpoint import Checkpoints
 from psgn_jax.config import to_dict
+from psgn_jax.data import records, solids
+from psgn_jax.writer import locked
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
@@ -169,6 +171,37 @@ def test_killed_many_times_ends_bit_identical(command, undisturbed, tmp_path, se
     kills = random.Random(seed).choices(["writing", "term", "any"], k=7)
     disturb(command, workdir, kills, seed)
     assert_same_end(workdir, undisturbed)
+
+
+def test_killed_run_on_records_ends_bit_identical(command, tmp_path):
+    """The real loader: decoding, augmentation and the choice of points go on where they were."""
+    splits = {
+        "train": solids.samples(20, seed=0, image_size=(48, 64)),
+        "validation": solids.samples(5, seed=1, image_size=(48, 64)),
+    }
+    records.write_dataset(tmp_path / "records", splits, source="solids", records_per_shard=7)
+    flags = [
+        f"--config.data.path={tmp_path / 'records'}",
+        "--config.data.flip=True",
+        "--config.data.stretch=0.2",
+        "--config.data.colour_jitter=0.3",
+    ]
+
+    def start(workdir):
+        return command(workdir, *flags)
+
+    assert start(tmp_path / "whole").wait() == 0, log_of(tmp_path / "whole")
+    disturb(start, tmp_path / "run", ["any", "term", "any"], seed=4)
+    assert_same_end(tmp_path / "run", tmp_path / "whole")
+
+
+def test_two_trainings_in_one_folder_are_refused(command, undisturbed):
+    with locked(undisturbed):
+        process = command(undisturbed)
+        assert process.wait() == 2
+    last = log_of(undisturbed).strip().splitlines()[-1]
+    assert last.startswith("error: --workdir=")
+    assert "another training is running there" in last
 
 
 def test_finished_run_has_nothing_to_do(command, undisturbed):

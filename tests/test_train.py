@@ -1,8 +1,12 @@
 """Training end to end in one process, on a stand-in data set."""
 
+import dataclasses
 import json
+import os
 import pathlib
 import runpy
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -94,6 +98,45 @@ def test_training_batch_must_fit_the_devices(tmp_path, monkeypatch):
     monkeypatch.setattr(step, "check_batch_size", refuse)
     with pytest.raises(ConfigError, match="batch_size"):
         train(STANDIN["config"](), tmp_path / "run")
+
+
+def test_evaluation_where_the_devices_do_not_divide_its_batch(tmp_path):
+    code = f"""
+import jax, runpy
+jax.config.update("jax_num_cpu_devices", 2)
+from psgn_jax import registry
+from psgn_jax.train import train
+standin = runpy.run_path({str(ROOT / "tests" / "standin.py")!r})
+registry.DATA_SOURCES["records"] = standin["SOURCE"]
+config = standin["config"](
+    model__name="vanilla", model__widths=(4, 6, 8), eval__batch_size=3, train__steps=2,
+    train__eval_every=2, train__images_every=2, train__log_every=2, optim__warmup_steps=0,
+)
+train(config, {str(tmp_path / "run")!r})
+"""
+    environment = os.environ | {
+        "JAX_PLATFORMS": "cpu",
+        "XLA_FLAGS": "--xla_backend_optimization_level=0",
+    }
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT
+    )
+    assert result.returncode == 0, result.stderr[-3000:]
+    lines = (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()
+    assert [json.loads(line)["kind"] for line in lines] == ["train", "eval"]
+
+
+def test_emd_wants_equal_sizes_and_trains(config, tmp_path):
+    wrong = STANDIN["config"](loss__name="emd_mean", data__num_points=33)
+    with pytest.raises(ConfigError, match=r"loss.name='emd_mean' with data.num_points=33 and a"):
+        train(wrong, tmp_path / "wrong")
+    assert not (tmp_path / "wrong").exists()
+    changes = {"train": dataclasses.replace(config.train, steps=4, eval_every=0, images_every=0)}
+    changes["loss"] = dataclasses.replace(config.loss, name="emd_mean", emd_tolerance=0.05)
+    changes["data"] = dataclasses.replace(config.data, num_points=config.model.fc_points)
+    train(dataclasses.replace(config, **changes), tmp_path / "run")
+    lines = (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()
+    assert json.loads(lines[-1])["loss"] > 0
 
 
 def test_durations():

@@ -1,14 +1,20 @@
 """Metrics survive kills: no line is lost, none comes twice."""
 
 import json
+import pathlib
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+import tensorboardX
 
 from psgn_jax import writer as writer_lib
-from psgn_jax.config import UserError
-from psgn_jax.writer import MetricsWriter, read_metrics, write_atomic
+from psgn_jax.config import ConfigError, UserError
+from psgn_jax.writer import MetricsWriter, locked, read_metrics, write_atomic
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
 
 
 def test_lines_and_tensorboard(tmp_path):
@@ -51,6 +57,51 @@ def test_torn_and_foreign_lines_are_passed_over(tmp_path):
     path.write_text('{"step": 1}\n[]\n{"step": "x"}\nnoise\n{"step": 2}\n{"st')
     assert [e["step"] for e in read_metrics(path)] == [1, 2]
     assert read_metrics(tmp_path / "none") == []
+
+
+def test_a_killed_run_is_purged_from_tensorboard_also_before_its_first_checkpoint(
+    tmp_path, monkeypatch
+):
+    purged = []
+
+    class Board:
+        def __init__(self, folder, purge_step):
+            purged.append(purge_step)
+            pathlib.Path(folder).mkdir(exist_ok=True)
+
+        def add_scalar(self, *_):
+            pass
+
+        close = add_scalar
+
+    monkeypatch.setattr(tensorboardX, "SummaryWriter", Board)
+    for step in (0, 0, 5):
+        writer = MetricsWriter(tmp_path, step)
+        writer.scalars(step + 1, "train", {"loss": 0.5})
+        writer.close()
+    assert purged == [None, 1, 6]
+
+
+def test_terminal_shows_own_progress_and_others_warnings():
+    code = """
+from absl import logging
+from psgn_jax import writer
+from psgn_jax.data import authors, convert
+writer.log_to_terminal()
+logging.info("of another package")
+logging.warning("their warning")
+exec(compile("logging.info('own progress')", convert.__file__, "exec"))
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    lines = [line.partition(" ")[2] for line in result.stderr.splitlines()]
+    assert lines == ["their warning", "own progress"], result.stderr
+
+
+def test_a_folder_is_locked_until_its_owner_ends(tmp_path):
+    with locked(tmp_path / "run"), pytest.raises(ConfigError, match="another training is running"):
+        locked(tmp_path / "run").__enter__()
+    with locked(tmp_path / "run"):
+        pass
 
 
 def test_write_atomic_replaces_whole_files(tmp_path, monkeypatch):

@@ -5,8 +5,10 @@ which stays a proper one (right-handed rotation, positive focal lengths).
 """
 
 import dataclasses
+from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from psgn_jax.data import schema
 
@@ -110,6 +112,59 @@ def stretch(view: View, factor: float) -> View:
     )
 
 
+def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
+    """Scales the image about its middle, then moves it: another crop of the same scene.
+
+    The points stay; the camera's focal length is multiplied by `factor`, its principal point goes
+    along. Colours are interpolated, mask and depth take the nearest pixel, vacated pixels become
+    background. Where part of the object would leave the image, the scale and the move are made
+    smaller until none does.
+
+    Args:
+      view: the sample.
+      factor: positive; above 1 enlarges.
+      shift: (down, right) in pixels.
+
+    Raises:
+      ValueError: a factor that is not positive.
+    """
+    if not factor > 0:
+        raise ValueError(f"recrop factor: got {factor}, expected a positive number")
+    height, width = view.mask.shape
+    # Per axis, for output coordinate o and input coordinate i (edges at integers): o = s i + t.
+    moves = []
+    for size, occupied in ((height, view.mask.any(axis=1)), (width, view.mask.any(axis=0))):
+        inside = np.flatnonzero(occupied)
+        low, high = (inside[0], inside[-1] + 1) if len(inside) else (0, size)
+        factor = min(factor, size / (high - low))
+        moves.append((size, low, high))
+    offsets = []
+    for (size, low, high), move in zip(moves, shift, strict=True):
+        offset = (1 - factor) * size / 2 + move
+        offsets.append(float(np.clip(offset, -factor * low, size - factor * high)))
+    down, right = offsets
+    inverse = (1 / factor, 0, -right / factor, 0, 1 / factor, -down / factor)
+
+    def resample(plane: np.ndarray, how: Image.Resampling, fill: Any) -> np.ndarray:
+        picture = Image.fromarray(plane)
+        return np.asarray(
+            picture.transform((width, height), Image.Transform.AFFINE, inverse, how, fillcolor=fill)
+        )
+
+    nearest, grey = Image.Resampling.NEAREST, (schema.BACKGROUND_GREY,) * 3
+    intrinsics = view.intrinsics.copy()
+    intrinsics[:2] *= np.float32(factor)
+    intrinsics[:2, 2] += np.array([right, down], np.float32)
+    return View(
+        image=resample(view.image, Image.Resampling.BILINEAR, grey),
+        mask=resample(view.mask.view(np.uint8), nearest, 0).astype(np.bool_),
+        depth=None if view.depth is None else resample(view.depth, nearest, 0.0),
+        points=view.points,
+        intrinsics=intrinsics,
+        extrinsics=view.extrinsics,
+    )
+
+
 def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View:
     """Changes brightness, contrast (about middle grey) and each channel's gain on the object.
 
@@ -143,6 +198,8 @@ def augment(
     flip_half: bool = False,
     stretch_range: float = 0.0,
     jitter: float = 0.0,
+    zoom_range: float = 0.0,
+    shift_range: float = 0.0,
 ) -> View:
     """All augmentations in turn, each drawn from `rng`.
 
@@ -152,12 +209,18 @@ def augment(
       flip_half: mirror with probability 1/2.
       stretch_range: a; the factor is uniform in [1 - a, 1 + a].
       jitter: strength of the colour jitter.
+      zoom_range: a; the scale of a `recrop` is uniform in [1 - a, 1 + a].
+      shift_range: its move is uniform within this share of the image's height and width.
     """
     mirrored, factor = rng.random(), 1 + stretch_range * rng.uniform(-1, 1)
+    zoom, move = rng.uniform(-1, 1), rng.uniform(-1, 1, 2)
     if flip_half and mirrored < 0.5:
         view = flip(view)
     if stretch_range:
         view = stretch(view, factor)
+    if zoom_range or shift_range:
+        down, right = shift_range * move * view.mask.shape
+        view = recrop(view, 1 + zoom_range * zoom, (down, right))
     if jitter:
         view = colour_jitter(view, rng, jitter)
     return view

@@ -55,7 +55,9 @@ def convert_authors(
     if not paths:
         raise ValueError(f"SRC {str(source)!r}: no *.gz file there")
     destination.mkdir(parents=True, exist_ok=True)
-    done: dict[tuple[str, ...], list[records.Shard]] = {}
+    # A finished shard is kept where its number and its inputs are what this run would give it: one
+    # of another number could be overwritten by the group that now has that number.
+    done: dict[tuple[str, tuple[str, ...]], list[records.Shard]] = {}
     if (destination / records.MANIFEST).exists():
         previous = records.load_manifest(destination, allow_incomplete=True)
         if previous.source != "authors":
@@ -66,7 +68,7 @@ def convert_authors(
         for shard in previous.shards:
             path = destination / shard.file
             if path.is_file() and path.stat().st_size == shard.size:
-                done.setdefault(shard.inputs, []).append(shard)
+                done.setdefault((_number(shard.file), shard.inputs), []).append(shard)
     elif any(not (p.name[0] == "." and p.suffix == ".tmp") for p in destination.iterdir()):
         raise ValueError(f"DST {str(destination)!r}: not empty and not a data set")
     for left in destination.glob(".*.tmp"):
@@ -77,8 +79,9 @@ def convert_authors(
     for number, start in enumerate(range(0, len(paths), FILES_PER_SHARD)):
         group = paths[start : start + FILES_PER_SHARD]
         inputs = tuple(_input_tag(p) for p in group)
-        if inputs in done:
-            shards += done[inputs]
+        key = _number(records.shard_name("train", number)), inputs
+        if key in done:
+            shards += done[key]
             continue
         made, messages = _convert_group(group, inputs, destination, number)
         refused += messages
@@ -89,7 +92,15 @@ def convert_authors(
         raise ValueError(f"SRC {str(source)!r}: no file could be read; the first: {refused[0]}")
     manifest = records.Manifest("authors", True, tuple(shards))
     records.save_manifest(destination, manifest)
+    for left in destination.glob("*.arrayrecord"):
+        if left.name not in {shard.file for shard in shards}:
+            left.unlink()  # of inputs that are no longer there
     return manifest, refused
+
+
+def _number(file: str) -> str:
+    """The number in a shard's file name."""
+    return pathlib.PurePath(file).stem.rpartition("-")[2]
 
 
 def _convert_group(

@@ -12,6 +12,7 @@ lock most of the time), or by `num_workers` processes.
 
 import dataclasses
 import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -50,6 +51,7 @@ class _Item:
     extrinsics: np.ndarray
     category: str
     model_id: str
+    view: int
 
     def nbytes(self) -> int:
         arrays = (self.image, self.mask, self.depth, self.points.codes)
@@ -109,6 +111,7 @@ class _Items:
             extrinsics=stored.extrinsics,
             category=stored.category,
             model_id=stored.model_id,
+            view=stored.view,
         )
 
     def _lacks(self, index: int, what: str) -> records.RecordError:
@@ -181,6 +184,8 @@ class _TrainBatch:
                 flip_half=cfg.flip,
                 stretch_range=cfg.stretch,
                 jitter=cfg.colour_jitter,
+                zoom_range=cfg.zoom,
+                shift_range=cfg.shift,
             )
             _fill(batch, local, view)
         return batch
@@ -200,16 +205,18 @@ class _EvalBatch:
         start = number * self._batch_size
         filled = min(self._batch_size, self._count - start)
         batch = _empty_batch(cfg, self._batch_size, cfg.num_eval_points)
-        categories, names = [""] * self._batch_size, [""] * self._batch_size
+        items = []
         for row in range(filled):
             rng = np.random.default_rng([self._seed, _EVAL, start + row])
             item = self._items[start + row]
             _fill(batch, row, _view(item, rng, cfg.num_eval_points))
-            categories[row], names[row] = item.category, item.model_id
+            items.append(item)
         for values in batch.values():
             values[filled:] = values[filled - 1]
         batch["valid"] = np.arange(self._batch_size) < filled
-        batch["category"], batch["model_id"] = categories, names
+        items += items[-1:] * (self._batch_size - filled)
+        for key in ("category", "model_id", "view"):
+            batch[key] = [getattr(item, key) for item in items]
         return batch
 
 
@@ -236,6 +243,11 @@ def _num_cores() -> int:
     return os.cpu_count() or 1
 
 
+def _leave_interrupts_to_the_trainer(*_: int) -> None:
+    """Ctrl-C goes to every process of a terminal; the trainer ends the workers when it is done."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def _plain(batch: Batch) -> Batch:
     return {k: np.array(v) if isinstance(v, np.ndarray) else v for k, v in batch.items()}
 
@@ -252,7 +264,8 @@ def _iterate(
             flags.FLAGS.mark_as_parsed()
         read = grain.ReadOptions(num_threads=1, prefetch_buffer_size=1)
         dataset = numbers.to_iter_dataset(read).mp_prefetch(
-            grain.MultiprocessingOptions(num_workers=cfg.num_workers, per_worker_buffer_size=2)
+            grain.MultiprocessingOptions(num_workers=cfg.num_workers, per_worker_buffer_size=2),
+            worker_init_fn=_leave_interrupts_to_the_trainer,
         )
     else:
         threads = min(MAX_THREADS, _num_cores())
@@ -343,7 +356,7 @@ def eval_batches(cfg: DataConfig, *, split: str, batch_size: int, seed: int = 0)
 
     Yields:
       as `train_batches` with num_eval_points points, and valid bool [B] (False on padding),
-      category and model_id (lists of B strings).
+      category and model_id (lists of B strings), view (list of B integers).
 
     Raises:
       ValueError: an argument is out of range.

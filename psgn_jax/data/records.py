@@ -5,7 +5,7 @@ A data set is a folder with a `manifest.json` (format, version, splits, shards, 
 CRC-32 (little-endian) over the rest, which is one msgpack map, a key per field of
 `psgn_jax.data.schema.Sample`. Nothing is ever pickled.
 
-image      Lossless WebP, exact (PNG is read as well).
+image      Lossless WebP, exact.
 mask       Bits, deflated, exact.
 depth      16-bit codes of the pixels with a depth, z = offset + scale * code. Exact for 16-bit
            sources given as `DepthCodes`; else the error is at most (max - min) / 131070.
@@ -195,8 +195,7 @@ def _image_size(stored: Mapping[str, Any]) -> tuple[int, int]:
 
 def _decode_image(stored: Mapping[str, Any]) -> np.ndarray:
     size = _image_size(stored)
-    codec = "webp" if "webp" in stored["image"] else "png"
-    picture = Image.open(io.BytesIO(stored["image"][codec]), formats=(codec.upper(),))
+    picture = Image.open(io.BytesIO(stored["image"]["webp"]), formats=("WEBP",))
     # Before any pixel is decoded: the header alone decides how much memory that takes.
     if picture.size != size[::-1] or picture.mode != "RGB":
         raise ValueError(
@@ -665,19 +664,29 @@ def write_dataset(
     source: str,
     records_per_shard: int = 512,
     point_bits: int = DEFAULT_POINT_BITS,
+    overwrite: bool = False,
 ) -> Manifest:
     """Writes a whole data set; samples are taken one at a time.
 
     Args:
-      folder: made where missing; shards of the same names are replaced.
+      folder: made where missing.
       splits: samples of each split.
       source: of the data set, for the manifest.
       records_per_shard: at most this many records in a file.
       point_bits: resolution of the points' lattice, see `lattice_of`.
+      overwrite: whether to replace a data set that is there already, from the first record on.
+
+    Raises:
+      RecordError: there is a data set already, and `overwrite` is not set.
     """
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / MANIFEST).unlink(missing_ok=True)
+    if (folder / MANIFEST).exists():
+        if not overwrite:
+            raise RecordError(
+                f"data set {str(folder)!r} exists; give another folder, or overwrite=True"
+            )
+        (folder / MANIFEST).unlink()
     shards: list[Shard] = []
     for split, samples in splits.items():
         iterator = iter(samples)

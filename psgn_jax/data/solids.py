@@ -369,6 +369,16 @@ def _with_progress(
             )
 
 
+def _is_running(pid: str) -> bool:
+    try:
+        os.kill(int(pid), 0)
+    except (ValueError, ProcessLookupError):
+        return False
+    except PermissionError:
+        return True
+    return int(pid) != os.getpid()
+
+
 def default_dataset(
     num_train: int = DEFAULT_TRAIN,
     num_validation: int = DEFAULT_VALIDATION,
@@ -385,7 +395,9 @@ def default_dataset(
         return str(folder)
     logging.info("drawing the default data set of analytic solids into %s", folder)
     temporary = folder.with_name(f".{name}.{os.getpid()}.tmp")
-    shutil.rmtree(temporary, ignore_errors=True)
+    for left in folder.parent.glob(f".{name}.*.tmp"):
+        if not _is_running(left.name.split(".")[-2]):
+            shutil.rmtree(left, ignore_errors=True)  # of a run that was killed
     try:
         splits = {
             split: _with_progress(samples(n, seed=seed, image_size=image_size), n, split)

@@ -1,5 +1,6 @@
 """Distances between point clouds: pure functions on one pair; callers vmap (or use `batched`)."""
 
+from psgn_jax.losses.auction import Assignment, assign
 from psgn_jax.losses.chamfer import (
     Nearest,
     batched,
@@ -12,9 +13,21 @@ from psgn_jax.losses.chamfer import (
     nearest,
     nearest_both,
 )
+from psgn_jax.losses.emd import (
+    ExactAssignment,
+    MatchedDistances,
+    emd_exact,
+    emd_mean,
+    emd_sum,
+    matched_distances,
+)
 
 __all__ = [
+    "Assignment",
+    "ExactAssignment",
+    "MatchedDistances",
     "Nearest",
+    "assign",
     "batched",
     "chamfer_authors",
     "chamfer_l1_mean",
@@ -22,6 +35,10 @@ __all__ = [
     "chamfer_sq_gt_to_pred_mean",
     "chamfer_sq_mean",
     "chamfer_sq_pred_to_gt_mean",
+    "emd_exact",
+    "emd_mean",
+    "emd_sum",
+    "matched_distances",
     "nearest",
     "nearest_both",
 ]

@@ -114,15 +114,17 @@ def _conv_adjoint(y: Array, kernel: Array, geometry: _Geometry, size: tuple[int,
 
 def _conv_vjp(geometry: _Geometry, saved: tuple[Array, Array], dy: Array) -> tuple[Array, Array]:
     x, kernel = saved
-    dx = _conv_adjoint(dy, kernel, geometry, x.shape[1:3])
-    return dx, _kernel_gradient(x, dy, kernel.shape[:2], geometry)
+    (h, w), (kh, kw) = x.shape[1:3], kernel.shape[:2]
+    dx = _conv_adjoint(dy, kernel, geometry, (h, w))
+    return dx, _kernel_gradient(x, dy, (kh, kw), geometry)
 
 
 def _conv_adjoint_vjp(
     geometry: _Geometry, _: tuple[int, int], saved: tuple[Array, Array], dx: Array
 ) -> tuple[Array, Array]:
     y, kernel = saved
-    return _conv(dx, kernel, geometry), _kernel_gradient(dx, y, kernel.shape[:2], geometry)
+    kh, kw = kernel.shape[:2]
+    return _conv(dx, kernel, geometry), _kernel_gradient(dx, y, (kh, kw), geometry)
 
 
 _conv.defvjp(lambda x, kernel, geometry: (_conv(x, kernel, geometry), (x, kernel)), _conv_vjp)

@@ -8,12 +8,11 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from psgn_jax.config import CHANNELS_OF
 from psgn_jax.types import Array, Bool, Float, UInt8
 
-CHANNELS = ("rgb", "mask", "depth")
-
 # The authors' files: background colour, and the range of depth that their 16 bits span
-# (REFERENCE, sections 2 and 3).
+# (github.com/fanhqme/PointSetGeneration).
 BACKGROUND = 191 / 255
 NEAREST_DEPTH = 1.8
 FARTHEST_DEPTH = 5.4
@@ -45,7 +44,7 @@ def network_input(
       ValueError: for channels that are unknown, repeated or missing their array, for shapes that
         disagree and for an image that is not uint8 or a mask that is not bool.
 
-    Source: REFERENCE section 2 (the authors' network; they order the colours BGR), section 3.
+    Source: the authors' published code and data, which order the colours BGR.
     """
     _check(image, mask, depth, channels)
     image, mask = jnp.asarray(image), jnp.asarray(mask)
@@ -65,8 +64,10 @@ def network_input(
 
 def _check(image: Any, mask: Any, depth: Any, channels: Sequence[str]) -> None:
     """Raises ValueError for arguments of `network_input` that do not fit."""
-    if not channels or len(set(channels)) < len(channels) or not set(channels) <= set(CHANNELS):
-        raise ValueError(f"channels={tuple(channels)!r}: accepted: any of {CHANNELS}, each once")
+    if not channels or len(set(channels)) < len(channels) or not set(channels) <= set(CHANNELS_OF):
+        raise ValueError(
+            f"channels={tuple(channels)!r}: accepted: any of {tuple(CHANNELS_OF)}, each once"
+        )
     if image.dtype != jnp.uint8 or image.ndim < 3 or image.shape[-1] != 3:
         raise ValueError(
             f"image is {image.dtype} {tuple(image.shape)}: accepted: uint8 [..., h, w, 3]"

@@ -1,10 +1,10 @@
 """PointOutNet: from one image to a cloud of points, in three versions.
 
-Source: paper, section 3.2 and its figure "PointOutNet structure"; REFERENCE section 2 (the layer
-list of the authors' published network). Sizes below are those of the default configuration:
-192x256 pixels, widths 16, 32, 64, 128, 256, 512, 512 at levels 0 to 6 (level l has 1 / 2^l of the
-image's size; the last level, 3x4, is the bottleneck). Layers are 3x3 convolutions with ReLU
-unless said otherwise.
+Source: paper, section 3.2 and its figure "PointOutNet structure"; the layer list
+of the authors' published code (github.com/fanhqme/PointSetGeneration). Sizes below are those of the
+default configuration: 192x256 pixels, widths 16, 32, 64, 128, 256, 512, 512 at levels 0 to 6 (level
+l has 1 / 2^l of the image's size; the last level, 3x4, is the bottleneck). Layers are 3x3
+convolutions with ReLU unless said otherwise.
 
 - `Encoder`: two convolutions at full size; then per level a strided one, followed by two (three
   at the last level before the bottleneck, none at the bottleneck).
@@ -32,15 +32,15 @@ Choices that are **ours**, because the sources leave them open or disagree:
 - With fewer levels the rules above apply counted from the bottleneck. The hourglass goes up to
   level 1 between its passes, or to level 0 if `deconv_level` is 0.
 - The random input r: a dense layer without bias maps it to the bottleneck's shape, and the result
-  is added before the bottleneck's ReLU, in each pass with a layer of its own. (REFERENCE: project
-  r to the bottleneck and add it there, in every pass.)
+  is added before the bottleneck's ReLU, in each pass with a layer of its own.
 - `width_multiplier` scales all hidden widths, convolutions and dense, rounded to multiples of 8,
   at least 8.
 - Padding: an image whose sides are no multiples of 2^(levels - 1) is enlarged to the next ones
   by repeating its border pixels, half on each side (the odd pixel at the bottom and right). Where
   the object does not touch the border, this is background in every channel.
-- Initial values: see `blocks`. The output layers compute in float32 whatever `compute_dtype` is:
-  a bfloat16 coordinate near 1 has steps of .008.
+- Initial values, and a constant that spreads the deconv points over the image: see `blocks`.
+- The output layers compute in float32 whatever `compute_dtype` is: a bfloat16 coordinate near 1 has
+  steps of .008.
 
 Parameters, for rules that depend on the type of a layer (such as the authors' L2 terms): kernels of
 convolutions have four axes, those of dense layers two; the hourglass's linear layer after the
@@ -310,6 +310,8 @@ class PointOutNet(nn.Module):
                 bias_init=blocks.cloud_bias(0.0),
                 name="deconv_points",
             )(x)
+            height, width, channels = points.shape[1:]
+            points = points + blocks.grid_offset(height, width, channels // 3)[None]
             clouds.append(points.reshape(points.shape[0], -1, 3))
         return jnp.concatenate(clouds, axis=1)
 

@@ -72,6 +72,13 @@ def draw_cloud(
     return picture
 
 
+def turned(extrinsics: np.ndarray, degrees: float) -> np.ndarray:
+    """The camera [3, 4] that sees the object turned by an angle about its vertical axis."""
+    cosine, sine = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return np.concatenate([extrinsics[:, :3] @ turn, extrinsics[:, 3:]], axis=1)
+
+
 def draw_case(
     image: np.ndarray,
     pred: np.ndarray,
@@ -92,7 +99,7 @@ def draw_case(
     size = (image.shape[0] * scale, image.shape[1] * scale)
     enlarged = np.asarray(Image.fromarray(image).resize(size[::-1], Image.Resampling.BICUBIC))
     camera = np.diag([scale, scale, 1.0]) @ intrinsics
-    side = _turned(extrinsics)
+    side = turned(extrinsics, 90)
     # A truth of many more points would look denser than the prediction for no merit of its own.
     gt = gt[:: max(1, len(gt) // max(1, len(pred)))]
     clouds = [
@@ -107,9 +114,3 @@ def draw_cases(batch: Mapping[str, Any], pred: np.ndarray, indices: Sequence[int
     return np.concatenate(
         [draw_case(batch["image"][i], pred[i], *(batch[k][i] for k in keys)) for i in indices]
     )
-
-
-def _turned(extrinsics: np.ndarray) -> np.ndarray:
-    """The same camera after the object has turned by 90 degrees about the vertical axis."""
-    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    return np.concatenate([extrinsics[:, :3] @ quarter, extrinsics[:, 3:]], axis=1)

@@ -1,12 +1,20 @@
-"""Times the Chamfer distance beside the ways people compute it: one command, one table.
+"""Times the Chamfer and the earth mover's distance beside the ways people compute them.
 
-    python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32] [--sizes 1024x1024 ..]
+    python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32] [--only cd emd]
+        [--sizes 1024x1024 ..] [--emd_sizes 1024 ..] [--emd_kinds near far init dup grid]
 
 All rows see the same clouds in the same run. `cKDTree` is scipy's, both directions, forward only,
 one thread; every time is also given as a ratio to it. Seconds are the CPU seconds of the process
 (the least of several calls), which other programs on the machine disturb less than the wall
 clock; pin the run to one core (`taskset -c 0`) and both are the same thing. On an accelerator the
 wall clock is used. Memory is what XLA reserves beyond arguments and results.
+
+The table of the EMD: near = two disjoint subsets of one cloud, far = clouds of two objects, init =
+all predictions within 1e-3 of the origin, dup = far with eight copies of every point on average,
+grid = far on a lattice of step 1/8 (ties). The truth is scipy's `linear_sum_assignment`; its time
+is without the building of the cost matrices, which `cdist` shows. Errors are (sum of distances
+found) / optimum - 1, for Sinkhorn that of its transport plan. Peers that are not installed are
+left out with a line that says so. `--emd_pairs` of the pairs are used for peers (they are slow).
 """
 
 import argparse
@@ -26,8 +34,8 @@ from psgn_jax import losses
 _POINTS = 32 * 192 * 256 * (3 + 2) + 32 * 9 * 4  # offset of the points in a batch file
 
 
-def real_clouds(folder, pairs, n, m, kind, rng):
-    """Subsets of the authors' clouds: near = of one cloud, with noise; far = of two objects."""
+def real_clouds(folder, pairs):
+    """The authors' clouds, whole [pairs, 16384, 3]."""
     whole = []
     for path in sorted(pathlib.Path(folder).glob("*.gz")):
         raw = zlib.decompress(path.read_bytes())
@@ -35,17 +43,20 @@ def real_clouds(folder, pairs, n, m, kind, rng):
         whole.extend(((points / 255.0 - [0.7, 0.5, 0.5]) / 0.4).astype(np.float32))
         if len(whole) >= pairs:
             break
-    return pick(np.stack(whole[:pairs]), n, m, kind, rng)
+    return np.stack(whole[:pairs])
 
 
-def random_clouds(pairs, n, m, kind, rng):
-    """Points on spheres, in place of the authors' clouds where those are absent."""
-    points = rng.normal(size=(pairs, 16384, 3))
-    points /= np.linalg.norm(points, axis=-1, keepdims=True)
-    return pick(points * rng.uniform(0.3, 1, (pairs, 1, 3)), n, m, kind, rng)
+def drawn_clouds(pairs, rng):
+    """Surfaces of the default data set's solids, where the authors' clouds are absent."""
+    from psgn_jax.data import solids
+
+    names = ("box", "cylinder", "torus", "cone", "ellipsoid")
+    bodies = (solids.random_solid(names[i % len(names)], rng) for i in range(pairs))
+    return np.stack([body.sample(rng, 16384)[0] for body in bodies]).astype(np.float32)
 
 
 def pick(whole, n, m, kind, rng):
+    """near = of one cloud, with noise; far = of two objects."""
     a = np.stack([x[rng.permutation(len(x))[:n]] for x in whole])
     b = np.stack([x[rng.permutation(len(x))[:m]] for x in whole])
     if kind == "far":
@@ -122,12 +133,169 @@ def import_seconds():
     return float(done.stdout)
 
 
+def emd_pairs(whole, n, kind, rng):
+    """Pairs of n points for the table of the EMD; see the top of the file."""
+    a, b = [], []
+    for cloud in whole:
+        order = rng.permutation(len(cloud))
+        a.append(cloud[order[:n]])
+        b.append(cloud[order[-n:]])
+    a, b = np.stack(a), np.stack(b)
+    if kind != "near":
+        a = np.roll(a, 1, axis=0)
+    if kind == "init":
+        a = rng.normal(0, 3e-4, a.shape)
+    if kind == "dup":
+        few = rng.integers(0, max(n // 8, 1), (2, n))
+        a, b = a[:, few[0]], b[:, few[1]]
+    if kind == "grid":
+        a, b = np.round(a * 8) / 8, np.round(b * 8) / 8
+    return a.astype(np.float32), b.astype(np.float32)
+
+
+def clocked(call, arguments):
+    """Results for all arguments, CPU seconds (scipy, POT and lapx use one thread)."""
+    start = time.process_time()
+    results = [call(*x) for x in arguments]
+    return results, time.process_time() - start
+
+
+def emd_ours(version, a, b, budget):
+    """(forward s, forward+backward s, sums, gaps, bids, extra bytes) of one way to batch."""
+    batch = {
+        "map": lambda f: losses.batched(f, platform="cpu"),
+        "vmap": jax.vmap,
+    }[version]
+    a, b = jnp.asarray(a), jnp.asarray(b)
+    solve = jax.jit(batch(losses.matched_distances)).lower(a, b).compile()
+    both = (
+        jax.jit(jax.value_and_grad(lambda a, b: batch(losses.emd_sum)(a, b).sum()))
+        .lower(a, b)
+        .compile()
+    )
+    found = solve(a, b)
+    memory = max(x.memory_analysis().temp_size_in_bytes for x in (solve, both))
+    one, two = seconds(lambda: solve(a, b), budget), seconds(lambda: both(a, b), budget)
+    index = np.asarray(found.assignment.index)
+    total = [
+        np.linalg.norm(x.astype(np.float64) - y.astype(np.float64)[i], axis=1).sum()
+        for x, y, i in zip(np.asarray(a), np.asarray(b), index, strict=True)
+    ]
+    assert all(len(set(i)) == len(i) for i in index)
+    return (
+        one,
+        two,
+        np.array(total),
+        np.asarray(found.assignment.gap),
+        np.asarray(found.assignment.iterations),
+        memory,
+    )
+
+
+def emd_sinkhorn(a, b, relative):
+    """ott's Sinkhorn, epsilon relative to the mean cost: sums of costs, iterations, seconds."""
+    from ott.geometry import costs, pointcloud
+    from ott.solvers import linear
+
+    @jax.jit
+    def one(x, y):
+        geometry = pointcloud.PointCloud(
+            x, y, cost_fn=costs.Euclidean(), epsilon=relative, relative_epsilon="mean"
+        )
+        out = linear.solve(geometry, threshold=1e-3, max_iterations=2000)
+        return (out.matrix * geometry.cost_matrix).sum() * len(x), out.n_iters
+
+    one(a[0], b[0])
+    found, spent = clocked(lambda x, y: jax.device_get(one(x, y)), zip(a, b, strict=True))
+    return np.array([x for x, _ in found]), np.array([x for _, x in found]), spent
+
+
+def pot_emd(d):
+    import ot
+
+    weights = np.full(len(d), 1 / len(d))
+    return ot.emd2(weights, weights, d, numItermax=10**7) * len(d)
+
+
+def lapx_emd(d):
+    import lap
+
+    return lap.lapjv(d)[0]
+
+
+def emd_table(args, whole):
+    from scipy.optimize import linear_sum_assignment
+    from scipy.spatial.distance import cdist
+
+    missing = [x for x in ("ot", "lap", "ott") if importlib.util.find_spec(x) is None]
+    for name in missing:
+        print(f"not installed, left out: {name}")
+    print("\n| n | kind | version | fwd ms/pair | fwd+bwd ms/pair | scipy / fwd | mean error"
+          " | max error | max stated gap | iterations per point (max) | extra MB |\n"
+          + "|" + "---|" * 11)  # fmt: skip
+    for n in args.emd_sizes:
+        for kind in args.emd_kinds:
+            # The truth grows like n^3: fewer pairs of the larger sizes.
+            pairs = max(min(args.emd_pairs, len(whole)), len(whole) * 1024**2 // max(n, 1024) ** 2)
+            a, b = emd_pairs(whole[:pairs], n, kind, np.random.default_rng(0))
+            k = min(args.emd_pairs, pairs)
+            best, matrices, built, solved = [], [], 0.0, 0.0
+            for x, y in zip(a.astype(np.float64), b.astype(np.float64), strict=True):
+                (d,), spent = clocked(cdist, [(x, y)])
+                built += spent
+                (match,), spent = clocked(linear_sum_assignment, [(d,)])
+                solved += spent
+                best.append(d[match].sum())
+                if len(matrices) < k:
+                    matrices.append((d,))
+            best, base = np.array(best), solved / pairs
+
+            def show(name, one, both, total=None, gap=None, bids=None, memory=None,
+                     n=n, kind=kind, best=best, base=base):  # fmt: skip
+                error = ["", ""]
+                if total is not None:
+                    wrong = total / best[: len(total)] - 1
+                    error = [f"{wrong.mean():.2%}", f"{wrong.max():.2%}"]
+                cells = (
+                    n, kind, name, f"{one * 1e3:.2f}", both and f"{both * 1e3:.2f}",
+                    f"{base / one:.2f}", *error, "" if gap is None else f"{gap.max():.2%}",
+                    "" if bids is None else f"{bids.mean() / n:.1f} ({bids.max() / n:.1f})",
+                    "" if memory is None else f"{memory / 1e6:.1f}",
+                )  # fmt: skip
+                print("| " + " | ".join(str(x or "") for x in cells) + " |", flush=True)
+
+            show("scipy", base, None, best, memory=8 * n * n)
+            show("cdist (its matrix)", built / pairs, None)
+            for version in ("map", "vmap"):
+                if version in args.skip:
+                    continue
+                one, both, *rest = emd_ours(version, a, b, args.budget)
+                show(f"ours, {version}", one / pairs, both / pairs, *rest)
+            if "ot" not in missing and "ot" not in args.skip:
+                total, spent = clocked(pot_emd, matrices)
+                show("POT emd2", spent / k, None, np.array(total))
+            if "lap" not in missing and "lap" not in args.skip:
+                total, spent = clocked(lapx_emd, matrices)
+                show("lapx lapjv", spent / k, None, np.array(total))
+            if "ott" not in missing and "ott" not in args.skip:
+                for relative in args.sinkhorn:
+                    total, rounds, spent = emd_sinkhorn(a[:k], b[:k], relative)
+                    # Iterations are passes over the matrix, n rows: one a point.
+                    show(f"ott Sinkhorn {relative:g}", spent / k, None, total, None, rounds * n)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     default = pathlib.Path(__file__).resolve().parents[3] / "shared" / "psgn_batches"
     parser.add_argument("--data", type=pathlib.Path, default=default)
     parser.add_argument("--pairs", type=int, default=32)
     parser.add_argument("--sizes", nargs="+", default=["1024x1024", "1024x4096", "1024x16384"])
+    parser.add_argument("--only", nargs="+", default=["cd", "emd"], choices=["cd", "emd"])
+    parser.add_argument("--emd_sizes", nargs="+", type=int, default=[1024, 2048, 4096])
+    every = ["near", "far", "init", "dup", "grid"]
+    parser.add_argument("--emd_kinds", nargs="+", default=every, choices=every)
+    parser.add_argument("--emd_pairs", type=int, default=4, help="pairs given to slow peers")
+    parser.add_argument("--sinkhorn", nargs="*", type=float, default=[0.02, 0.005])
     parser.add_argument("--kinds", nargs="+", default=["near", "far"], choices=["near", "far"])
     parser.add_argument("--budget", type=float, default=2.0, help="seconds spent on each figure")
     parser.add_argument("--skip", nargs="*", default=[], help="rows to leave out, e.g. naive torch")
@@ -136,17 +304,27 @@ def main():
 
     print(f"{jax.devices()[0].device_kind}, jax {jax.__version__}, {args.pairs} pairs, float32")
     print(f"import psgn_jax.losses beyond jax: {import_seconds():.2f} s")
-    print(f"clouds: {'authors batches' if args.data.is_dir() else 'random'}\n")
+    real = args.data.is_dir()
+    print(f"clouds: {'authors batches' if real else 'solids'}\n")
+    whole = (
+        real_clouds(args.data, args.pairs)
+        if real
+        else drawn_clouds(args.pairs, np.random.default_rng(0))
+    )
+    if "cd" in args.only:
+        cd_table(args, whole)
+    if "emd" in args.only:
+        emd_table(args, whole)
+
+
+def cd_table(args, whole):
     print("| size | kind | version | fwd s | fwd+bwd s | fwd / tree | fwd+bwd / tree"
           " | extra MB fwd, fwd+bwd | worst rel. error |\n|" + "---|" * 9)  # fmt: skip
     for size in args.sizes:
         n, m = (int(x) for x in size.split("x"))
         for kind in args.kinds:
             rng = np.random.default_rng(0)
-            if args.data.is_dir():
-                a, b = real_clouds(args.data, args.pairs, n, m, kind, rng)
-            else:
-                a, b = random_clouds(args.pairs, n, m, kind, rng)
+            a, b = pick(whole, n, m, kind, rng)
             truth, tree = (
                 ckdtree(a, b),
                 seconds(lambda a=a, b=b: ckdtree(a, b) is None, args.budget),

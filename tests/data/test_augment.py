@@ -118,6 +118,35 @@ def test_stretch_refuses_what_it_cannot_do():
         augment.stretch(view, -1)
 
 
+@pytest.mark.parametrize("factor", [0.8, 1.0, 1.03])
+@pytest.mark.parametrize("shift", [(0, 0), (1, -8.5)])
+def test_recrop(factor, shift):
+    view = view_of("cone", seed=2)
+    cropped = augment.recrop(view, factor, shift)
+    assert_consistent(cropped)
+    assert cropped.points is view.points
+    if factor == 1 and shift == (0, 0):
+        for field in dataclasses.fields(view):
+            np.testing.assert_array_equal(getattr(cropped, field.name), getattr(view, field.name))
+    middle = np.array([view.mask.shape[1], view.mask.shape[0]]) / 2
+    before, _ = camera.project(view.points, view.intrinsics, view.extrinsics)
+    after, _ = camera.project(cropped.points, cropped.intrinsics, cropped.extrinsics)
+    want = middle + factor * (before - middle) + np.array(shift[::-1])
+    np.testing.assert_allclose(after, want, atol=1e-3)
+
+
+def test_recrop_keeps_the_object_in_the_image():
+    view = view_of("box", seed=1)
+    for factor, shift in ((1.0, (500, -500)), (9.0, (3, 3)), (0.5, (-90, 90))):
+        cropped = augment.recrop(view, factor, shift)
+        pixels, _ = camera.project(cropped.points, cropped.intrinsics, cropped.extrinsics)
+        assert (pixels > -1.5).all()
+        assert (pixels < np.array(view.mask.shape)[::-1] + 1.5).all()
+        assert_consistent(cropped)
+    with pytest.raises(ValueError, match="recrop factor: got 0"):
+        augment.recrop(view, 0, (0, 0))
+
+
 def test_colour_jitter_stays_on_the_object():
     view = view_of("ellipsoid")
     jittered = augment.colour_jitter(view, np.random.default_rng(1), 0.4)
@@ -129,7 +158,13 @@ def test_colour_jitter_stays_on_the_object():
 
 def test_augment_is_a_function_of_its_generator():
     view = view_of("cylinder")
-    options = {"flip_half": True, "stretch_range": 0.2, "jitter": 0.3}
+    options = {
+        "flip_half": True,
+        "stretch_range": 0.2,
+        "jitter": 0.3,
+        "zoom_range": 0.1,
+        "shift_range": 0.1,
+    }
     flips = 0
     for seed in range(20):
         a = augment.augment(view, np.random.default_rng(seed), **options)

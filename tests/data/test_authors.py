@@ -134,6 +134,24 @@ def test_a_killed_conversion_goes_on(authors_file, tmp_path, monkeypatch):
     assert sum(s.count for s in manifest.shards) == 96
 
 
+def test_conversion_after_a_source_was_removed(authors_file, tmp_path, monkeypatch):
+    """Groups shift: the shard of the second file must not be taken for one of the first."""
+    source, target = tmp_path / "src", tmp_path / "dst"
+    source.mkdir()
+    for i in range(3):
+        (source / f"{i}.gz").write_bytes(authors_file.read_bytes())
+    monkeypatch.setattr(convert, "FILES_PER_SHARD", 1)
+    convert.convert_authors(source, target)
+    (source / "0.gz").unlink()
+    manifest, _ = convert.convert_authors(source, target)
+    assert [s.inputs[0].split(":")[0] for s in manifest.shards] == ["1.gz", "2.gz"]
+    reader = records.RecordReader(target, manifest.shards[0].split)
+    reader.verify()
+    assert len(reader) == 64
+    files = {p.name for p in target.glob("*.arrayrecord")}
+    assert files == {s.file for s in manifest.shards}
+
+
 def test_conversion_refuses_wrong_folders(dataset, tmp_path, authors_file, capsys):
     assert convert.main(["authors", str(tmp_path / "none"), str(tmp_path / "dst")]) == 2
     assert "no such folder" in capsys.readouterr().err

@@ -1,7 +1,7 @@
 import numpy as np
 from PIL import Image
 
-from psgn_jax.data import camera, inspect, records
+from psgn_jax.data import inspect, records
 
 
 def test_report_and_sheet(dataset, tmp_path, capsys):
@@ -36,9 +36,13 @@ def test_damage_is_reported_and_the_rest_goes_on(make, dataset, tmp_path, capsys
     assert "DAMAGED record 2 of" in out
     assert "36 samples checked" in out
     (tmp_path / "validation-00000.arrayrecord").unlink()
-    lines, whole = inspect.report(tmp_path, 2)
-    assert not whole
-    assert any("is missing" in line for line in lines)
+    assert inspect.main([str(tmp_path), "--sheet", str(tmp_path / "s.png"), "--check", "2"]) == 1
+    streams = capsys.readouterr()
+    assert "is missing" in streams.out
+    assert "contact sheet" in streams.out  # of the split that is whole
+    (tmp_path / "train-00001.arrayrecord").unlink()
+    assert inspect.main([str(tmp_path), "--sheet", str(tmp_path / "s.png")]) == 1
+    assert "no contact sheet: " in capsys.readouterr().err
 
 
 def test_not_a_data_set(tmp_path, capsys):
@@ -50,13 +54,3 @@ def test_nearest_distance(rng):
     a, b = rng.normal(size=(60, 3)), rng.normal(size=(1500, 3))
     want = np.linalg.norm(a[:, None] - b, axis=2).min(axis=1)
     np.testing.assert_allclose(inspect._nearest_distance(a, b), want, atol=1e-7)
-
-
-def test_splat_draws_the_nearer_point():
-    intrinsics, extrinsics = camera.default_camera((48, 64))
-    eye = -extrinsics[:, :3].T @ extrinsics[:, 3]
-    points = np.stack([0.3 * eye, 0.1 * eye, -0.2 * eye]).astype(np.float32)
-    picture = inspect.splat(points, intrinsics, extrinsics, (48, 64))
-    drawn = picture[(picture != 255).any(axis=2)]
-    assert len(drawn) == 4
-    assert np.abs(drawn - [20, 50, 140]).max() <= 1

@@ -135,7 +135,7 @@ def test_records_of_other_makers_are_refused(sample):
         {"image": content["image"] | {"size": [24, 33]}},
         {"image": content["image"] | {"webp": b"no image"}},
         {"image": content["image"] | {"webp": content["image"]["webp"][:60]}},
-        {"image": {"size": [24, 32], "png": b"no image"}},
+        {"image": {"size": [24, 32], "webp": b"no image"}},
         {"intrinsics": b""},
         {"mask": "text"},
     ):
@@ -290,6 +290,17 @@ def test_writing_is_reproducible(tmp_path, make):
         )
     for path in (tmp_path / "a").iterdir():
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
+def test_a_data_set_is_not_overwritten_unasked(tmp_path, make, rng):
+    def write(**more):
+        return records.write_dataset(tmp_path, {"train": [make.sample(rng)]}, source="test", **more)
+
+    write()
+    with pytest.raises(records.RecordError, match="exists; give another folder"):
+        write()
+    assert len(records.RecordReader(tmp_path, "train")) == 1
+    write(overwrite=True)
 
 
 def test_bad_split_names(tmp_path):

@@ -219,7 +219,7 @@ def test_branches_of_the_default_configuration():
 
 
 def test_layout_of_the_3d_r2n2_variant():
-    """REFERENCE section 2: 128x128, 3 channels, widths 32 to 512, deconv branch 16x16x9."""
+    """128x128 pixels, 3 channels, widths 32 to 512, deconv branch 16x16x9."""
     config = ModelConfig(
         image_size=(128, 128),
         in_channels=3,

@@ -1,0 +1,1 @@
+"""The paper's experiments, one file and one command each."""

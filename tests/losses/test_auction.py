@@ -1,0 +1,282 @@
+import importlib.util
+import pathlib
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax import losses
+from psgn_jax.data import authors
+from psgn_jax.losses import auction as module
+
+_spec = importlib.util.spec_from_file_location(
+    "reference", pathlib.Path(__file__).resolve().parents[1] / "reference.py"
+)
+reference = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(reference)
+
+KINDS = ["near", "far", "init", "dup", "grid"]
+solve = jax.jit(losses.assign, static_argnames="schedule")
+solve_map = jax.jit(
+    lambda a, b, tolerance=0.01: losses.batched(
+        lambda x, y: losses.assign(x, y, tolerance=tolerance), platform="cpu"
+    )(a, b)
+)
+
+
+def check(a, b, found, tolerance=0.01, *, converged=True):
+    """A bijection whose true gap is at most the stated one, which is at most the tolerance."""
+    index = np.asarray(found.index)
+    np.testing.assert_array_equal(np.sort(index), np.arange(len(a)))
+    best, cost = reference.emd_sum(a, b), reference.matching_cost(a, b, index)
+    gap = float(found.gap)
+    assert cost <= best * (1 + gap) * (1 + 1e-12), (cost / best - 1, gap)
+    assert bool(found.converged) == (gap <= tolerance)
+    if converged:
+        assert gap <= tolerance
+    assert np.all(np.asarray(found.prices) >= 0)
+    return cost / best - 1 if best else 0.0
+
+
+def clouds(rng, n, scale=1.0, offset=0.0):
+    a = rng.normal(size=(n, 3)) * scale + offset
+    b = (rng.normal(size=(n, 3)) + 0.3) * scale + offset
+    return a.astype(np.float32), b.astype(np.float32)
+
+
+def pairs_of(whole, kind, n, rng):
+    """Pairs of the kinds a training meets, from whole clouds [pairs, 16384, 3]."""
+    a, b = [], []
+    for cloud in whole:
+        order = rng.permutation(len(cloud))
+        a.append(cloud[order[:n]])
+        b.append(cloud[order[n : 2 * n]])
+    a, b = np.stack(a), np.stack(b)
+    if kind != "near":
+        a = np.roll(a, 1, axis=0)
+    if kind == "init":
+        a = rng.normal(0, 3e-4, a.shape)
+    if kind == "dup":
+        few = rng.integers(0, n // 8, (2, n))
+        a, b = a[:, few[0]], b[:, few[1]]
+    if kind == "grid":
+        a, b = np.round(a * 8) / 8, np.round(b * 8) / 8
+    return a.astype(np.float32), b.astype(np.float32)
+
+
+def real_clouds(folder, pairs):
+    whole = []
+    for path in sorted(folder.glob("*.gz")):
+        whole.extend(entry.sample.points for entry in authors.read_batch(path))
+        if len(whole) >= pairs:
+            break
+    return np.stack(whole[:pairs])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_real_pairs(authors_batches, rng, kind):
+    a, b = pairs_of(real_clouds(authors_batches, 6), kind, 384, rng)
+    found = solve_map(a, b)
+    for i in range(len(a)):
+        check(a[i], b[i], jax.tree.map(lambda x, i=i: x[i], found))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_hundred_real_pairs(authors_batches, rng, kind):
+    a, b = pairs_of(real_clouds(authors_batches, 208), kind, 1024, rng)
+    found = solve_map(a, b)
+    worst = max(check(a[i], b[i], jax.tree.map(lambda x, i=i: x[i], found)) for i in range(len(a)))
+    assert worst <= 0.01
+
+
+@pytest.mark.parametrize("n", [1, 2, 17, 128, 300])
+def test_any_size(rng, n):
+    a, b = clouds(rng, n)
+    check(a, b, solve(a, b))
+
+
+@pytest.mark.slow
+def test_sixteen_thousand_points(rng):
+    a, b = clouds(rng, 16384)
+    found = solve(a, b, tolerance=0.05)
+    np.testing.assert_array_equal(np.sort(found.index), np.arange(16384))
+    assert found.converged
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001])
+def test_tolerance(rng, tolerance):
+    a, b = clouds(rng, 128)
+    check(a, b, solve(a, b, tolerance=tolerance), tolerance)
+
+
+@pytest.mark.parametrize("max_bids", [0, 1, 7, 50, 128, 200, 400])
+def test_always_a_bijection(rng, max_bids):
+    a, b = clouds(rng, 128)
+    found = solve(a, b, tolerance=1e-4, max_bids=max_bids)
+    check(a, b, found, 1e-4, converged=False)
+    assert int(found.iterations) <= max_bids
+    assert not found.converged
+
+
+@pytest.mark.parametrize("n", [1, 60])
+def test_authors_schedule(rng, n):
+    a, b = clouds(rng, n)
+    found = solve(a, b, schedule="authors")
+    check(a, b, found, converged=False)
+    # Their epsilon of 1e-4 a point is the error where it ends before the first raise.
+    assert float(found.iterations) > 40 * n or (
+        reference.matching_cost(a, b, found.index) <= reference.emd_sum(a, b) + 1.1e-4 * n
+    )
+
+
+def test_prices_prove_the_gap(rng):
+    a, b = clouds(rng, 128)
+    found = solve(a, b)
+    lower = reference.emd_lower_bound(a, b, found.prices)
+    cost = reference.matching_cost(a, b, found.index)
+    assert cost / lower - 1 <= float(found.gap)
+    assert cost / lower - 1 > float(found.gap) - 2e-3  # the allowance for rounding is small
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
+def test_any_scale_and_offset(rng, scale, offset):
+    # Where the offset swallows the digits, the clouds are full of coincident points or one point.
+    a, b = clouds(rng, 128, scale, offset * scale)
+    check(a, b, solve(a, b))
+    a, b = clouds(rng, 128, scale, offset)
+    check(a, b, solve(a, b))
+
+
+def lattice(rng, n):
+    grid = np.stack(np.meshgrid(*[np.arange(6)] * 3), -1).reshape(-1, 3)
+    return rng.permutation(grid)[:n].astype(np.float32), rng.permutation(grid)[:n].astype(
+        np.float32
+    )
+
+
+def degenerate(rng, name):
+    a, b = clouds(rng, 128)
+    line = np.float32([1, 2, 3])
+    ends = np.float32([[0, 0, 0], [1, 0, 0]])
+    return {
+        "equal points": (0 * a + 1, 0 * b + 1),
+        "two points": (0 * a, 0 * b + 1),
+        "two places": (ends[rng.integers(0, 2, 128)], ends[rng.integers(0, 2, 128)]),
+        "collinear": (a[:, :1] * line, b[:, :1] * line),
+        "collinear lattice": (
+            rng.integers(0, 50, (128, 1)) * line,
+            rng.integers(0, 50, (128, 1)) * line,
+        ),
+        "planar": (a * [1, 1, 0], b * [1, 1, 0]),
+        "same": (a, a),
+        "permuted": (a, rng.permutation(a)),
+        "lattice": lattice(rng, 128),
+        "shifted lattice": tuple(x + d for x, d in zip(lattice(rng, 128), (0, 0.5), strict=True)),
+        "duplicates": (a[rng.integers(0, 5, 128)], b[rng.integers(0, 7, 128)]),
+        "far apart": (a, b + 1000),
+        "outlier": (a, np.concatenate([b[:-1], b[-1:] + 300])),
+    }[name]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "equal points",
+        "two points",
+        "two places",
+        "collinear",
+        "collinear lattice",
+        "planar",
+        "same",
+        "permuted",
+        "lattice",
+        "shifted lattice",
+        "duplicates",
+        "far apart",
+        "outlier",
+    ],
+)
+def test_degenerate_clouds(rng, name):
+    a, b = (np.asarray(x, np.float32) for x in degenerate(rng, name))
+    check(a, b, solve(a, b))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("argument", ["a", "b"])
+def test_non_finite(rng, bad, argument):
+    pair = dict(zip(("a", "b"), clouds(rng, 128), strict=True))
+    pair[argument][33, 1] = bad
+    with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
+        losses.assign(**pair)
+    found = solve(pair["a"], pair["b"])
+    np.testing.assert_array_equal(found.index, np.arange(128))
+    assert not found.converged
+    assert np.isnan(found.gap)
+
+
+@pytest.mark.usefixtures("unchecked_annotations")
+def test_wrong_arguments():
+    good = np.ones((4, 3), np.float32)
+    for call in (losses.assign, jax.jit(losses.assign)):
+        with pytest.raises(ValueError, match=r"b: got 3 points, expected as many as a has \(4\)"):
+            call(good, good[:3])
+        with pytest.raises(ValueError, match=r"a: got shape .* expected \[n, 3\]"):
+            call(good[:0], good)
+    with pytest.raises(ValueError, match="tolerance: got -1, expected >= 0"):
+        losses.assign(good, good, tolerance=-1)
+    with pytest.raises(ValueError, match="max_bids: got -5, expected >= 0"):
+        losses.assign(good, good, max_bids=-5)
+    with pytest.raises(ValueError, match="schedule: got 'fast', accepted: 'scaling', 'authors'"):
+        losses.assign(good, good, schedule="fast")
+
+
+def test_jit_vmap_map_and_shard_map_agree(rng):
+    a = rng.normal(size=(3, 128, 3)).astype(np.float32)
+    b = rng.normal(size=(3, 128, 3)).astype(np.float32)
+    want = np.stack([solve(x, y).index for x, y in zip(a, b, strict=True)])
+    mesh = jax.make_mesh((1,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
+    spec = jax.sharding.PartitionSpec("data")
+
+    def sharded(platform):
+        local = losses.batched(losses.assign, platform=platform)
+        return jax.shard_map(local, mesh=mesh, in_specs=(spec, spec), out_specs=spec)
+
+    # "gpu" is vmap.
+    for version in (jax.vmap(losses.assign), sharded("cpu"), sharded("gpu")):
+        np.testing.assert_array_equal(jax.jit(version)(a, b).index, want)
+    np.testing.assert_array_equal(solve_map(a, b).index, want)
+
+
+def test_lock_step_version(rng):
+    # What an accelerator without a kernel of its own runs.
+    a = rng.normal(size=(3, 40, 3)).astype(np.float32)
+    b = rng.normal(size=(3, 40, 3)).astype(np.float32)
+    tolerance, max_bids = jnp.float32(0.01), jnp.int32(10_000)
+    index, prices, bids, gap = jax.jit(
+        jax.vmap(lambda x, y: module._SOLVERS[False][1](x, y, tolerance, max_bids))
+    )(a, b)
+    for i in range(3):
+        found = losses.Assignment(index[i], prices[i], gap[i] <= 0.01, bids[i], gap[i])
+        check(a[i], b[i], found)
+
+
+def test_memory_is_linear():
+    a = jnp.zeros((16384, 3))
+    memory = solve.lower(a, a).compile().memory_analysis()
+    assert memory.temp_size_in_bytes < 16e6  # the matrix would be 1 GB
+
+
+def test_same_bits_every_time(rng):
+    a, b = clouds(rng, 128)
+    first, second = solve(a, b), solve(a, b)
+    np.testing.assert_array_equal(first.index, second.index)
+    np.testing.assert_array_equal(first.prices, second.prices)
+
+
+def test_bfloat16_and_mixed(rng):
+    a, b = clouds(rng, 40)
+    a16 = jnp.asarray(a, jnp.bfloat16)
+    check(np.asarray(a16, np.float32), b, solve(a16, b))

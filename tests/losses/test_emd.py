@@ -1,0 +1,163 @@
+import importlib.util
+import itertools
+import pathlib
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax import losses, metrics, registry
+from psgn_jax.config import LossConfig
+
+_spec = importlib.util.spec_from_file_location(
+    "reference", pathlib.Path(__file__).resolve().parents[1] / "reference.py"
+)
+reference = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(reference)
+
+N = 96
+mean = jax.jit(losses.emd_mean)
+mean_and_grad = jax.jit(jax.value_and_grad(losses.emd_mean, argnums=(0, 1)))
+
+
+def clouds(rng, n=N):
+    a = rng.normal(size=(n, 3)).astype(np.float32)
+    return a, (rng.normal(size=(n, 3)) * [1, 2, 0.5] + 0.2).astype(np.float32)
+
+
+def test_equals_reference_within_the_gap(rng):
+    a, b = clouds(rng)
+    best = reference.emd_sum(a, b)
+    matched = jax.jit(losses.matched_distances)(a, b)
+    total = float(matched.distance.sum())
+    assert best * (1 - 1e-6) <= total <= best * (1 + float(matched.assignment.gap)) * (1 + 1e-6)
+    np.testing.assert_allclose(
+        matched.distance,
+        np.linalg.norm(a - b[np.asarray(matched.assignment.index)], axis=1),
+        rtol=1e-6,
+    )
+    np.testing.assert_allclose(jax.jit(losses.emd_sum)(a, b), total, rtol=1e-6)
+    np.testing.assert_allclose(mean(a, b), total / N, rtol=1e-6)
+
+
+def test_exact(rng):
+    a, b = clouds(rng, 5)
+    found = losses.emd_exact(a, b)
+    d = reference.distances(a, b)
+    by_hand = min(d[np.arange(5), list(s)].sum() for s in itertools.permutations(range(5)))
+    np.testing.assert_allclose(found.cost, by_hand, rtol=1e-12)
+    np.testing.assert_allclose(reference.matching_cost(a, b, found.index), by_hand, rtol=1e-12)
+    with pytest.raises(ValueError, match="emd_exact: got traced clouds"):
+        jax.jit(losses.emd_exact)(a, b)
+
+
+@pytest.mark.usefixtures("unchecked_annotations")
+def test_wrong_sizes(rng):
+    a, b = clouds(rng)
+    for call in (losses.emd_mean, losses.emd_sum, losses.emd_exact):
+        with pytest.raises(ValueError, match=r"gt: got 90 points, expected as many as pred"):
+            call(a, b[:90])
+    with pytest.raises(ValueError, match=r"gt: got 90 points, expected at least as many"):
+        metrics.emd(a, b[:90])
+
+
+def test_invariances(rng):
+    a, b = clouds(rng)
+    value = float(mean(a, b))
+
+    def near(x, y, factor=1.0):
+        # Each side is between the optimum and 1.01 times it.
+        assert value * factor / 1.0101 <= float(mean(x, y)) <= value * factor * 1.0101
+
+    near(rng.permutation(a), rng.permutation(b))
+    near(b, a)
+    rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    near(*((x @ rotation + [1, -2, 3]).astype(np.float32) for x in (a, b)))
+    near(1000 * a, 1000 * b, 1000)
+    # A power of two changes no bit but the exponent.
+    np.testing.assert_allclose(mean(a / 1024, b / 1024), value / 1024, rtol=1e-6)
+
+
+def test_triangle_inequality(rng):
+    a, b = clouds(rng)
+    c = rng.uniform(-1, 2, (N, 3)).astype(np.float32)
+    assert float(mean(a, c)) <= 1.0101 * (float(mean(a, b)) + float(mean(b, c)))
+    assert float(mean(a, a)) == 0
+    # A translation of everything is an optimal match.
+    shift = np.float32([0.3, -0.4, 0])
+    np.testing.assert_allclose(mean(a, a + shift), 0.5, rtol=1e-2)
+
+
+def test_gradient_equals_directional_difference(rng):
+    # Well separated partners: the bijection of the optimum is stable, and the auction finds it.
+    a = 10 * np.stack(np.meshgrid(*[np.arange(5)] * 3), -1).reshape(-1, 3)[:N].astype(np.float64)
+    b = a + rng.normal(size=a.shape)
+    order = rng.permutation(N)
+    b = b[order]
+    _, grads = mean_and_grad(a.astype(np.float32), b.astype(np.float32))
+    for _ in range(3):
+        u, v = rng.normal(size=(2, N, 3))
+        h = 1e-5
+        want = (
+            reference.emd_sum(a + h * u, b + h * v) - reference.emd_sum(a - h * u, b - h * v)
+        ) / (2 * h * N)
+        got = np.vdot(grads[0], u) + np.vdot(grads[1], v)
+        np.testing.assert_allclose(got, want, rtol=1e-4, atol=1e-5)
+
+
+def test_gradient_is_of_unit_vectors(rng):
+    a, b = clouds(rng)
+    index = np.asarray(jax.jit(losses.matched_distances)(a, b).assignment.index)
+    unit = (a - b[index]) / np.linalg.norm(a - b[index], axis=1, keepdims=True)
+    _, (grad_a, grad_b) = mean_and_grad(a, b)
+    np.testing.assert_allclose(grad_a, unit / N, atol=1e-7)
+    np.testing.assert_allclose(np.asarray(grad_b)[index], -unit / N, atol=1e-7)
+
+
+def test_coincident_points_have_zero_gradient(rng):
+    a, _ = clouds(rng)
+    value, grads = mean_and_grad(a, a[::-1].copy())
+    assert value == 0
+    assert not np.any(grads)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("argument", ["pred", "gt"])
+def test_non_finite(rng, bad, argument):
+    pair = dict(zip(("pred", "gt"), clouds(rng), strict=True))
+    pair[argument][33, 1] = bad
+    with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
+        losses.emd_mean(**pair)
+    assert np.isnan(mean(pair["pred"], pair["gt"]))
+
+
+def test_gradient_of_a_batch(rng):
+    a = rng.normal(size=(3, N, 3)).astype(np.float32)
+    b = rng.normal(size=(3, N, 3)).astype(np.float32)
+    want = np.stack([mean_and_grad(x, y)[1][0] for x, y in zip(a, b, strict=True)])
+    for platform in ("cpu", "gpu"):
+        batch = losses.batched(losses.emd_mean, platform=platform)
+        grad = jax.jit(jax.grad(lambda a, b, batch=batch: batch(a, b).sum()))(a, b)
+        np.testing.assert_allclose(grad, want, atol=1e-7)
+
+
+def test_bfloat16_is_computed_in_float32(rng):
+    a, b = (jnp.asarray(x, jnp.bfloat16) for x in clouds(rng))
+    value, grads = mean_and_grad(a, b)
+    assert value.dtype == jnp.float32
+    assert grads[0].dtype == jnp.bfloat16
+
+
+def test_registry_and_metrics(rng):
+    for name in ("emd_mean", "emd_sum"):
+        assert registry.loss(LossConfig(name=name)).func is getattr(losses, name)
+    a, b = clouds(rng)
+    more = np.concatenate([b, b + 100])
+    found = jax.jit(lambda x, y: metrics.evaluate_pair(x, y, emd_tolerance=0.01))(a, b)
+    np.testing.assert_allclose(found["emd_radius"], mean(a, b), rtol=1e-6)
+    assert 0 <= found["emd_gap"] <= 0.01
+    assert "emd_radius" not in metrics.evaluate_pair(a, b)
+    subset = jax.jit(metrics.emd)(a, more)
+    assert subset.emd > 10  # about half of the points are drawn from the far copy
+    np.testing.assert_allclose(jax.jit(metrics.emd)(a, more).emd, subset.emd)
