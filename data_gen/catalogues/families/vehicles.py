@@ -1347,7 +1347,7 @@ def watercraft(kit: Kit) -> None:
             .at(-long * 0.28, 0, top + deep * 0.9),
         )
         for spot, aim in ((0.5, 1.0), (0.32, 1.0), (-0.66, -1.0))[: kit.choose("turrets", 2, 3)]:
-            level = top + (deep * 0.3 if spot == 0.32 else 0)
+            floor_z = top + (deep * 0.3 if spot == 0.32 else 0.0)
             if spot == 0.32:
                 kit.add(
                     grey,
@@ -1356,15 +1356,15 @@ def watercraft(kit: Kit) -> None:
             kit.add(
                 grey,
                 pillow(long * 0.14, beam * 0.85, deep * 0.36, 0.03).at(
-                    long * spot, 0, level + deep * 0.22
+                    long * spot, 0, floor_z + deep * 0.22
                 ),
             )
             for y in (-0.2, 0.2):
                 kit.add(
                     BLACK,
                     rod(
-                        (long * spot, y * beam, level + deep * 0.26),
-                        (long * (spot + aim * 0.22), y * beam, level + deep * 0.32),
+                        (long * spot, y * beam, floor_z + deep * 0.26),
+                        (long * (spot + aim * 0.22), y * beam, floor_z + deep * 0.32),
                         0.01 * long,
                     ),
                 )
