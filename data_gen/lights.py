@@ -6,6 +6,7 @@ floor of ambient light from it (`reduce`); path tracing takes the map itself.
 """
 
 import dataclasses
+import functools
 import pathlib
 
 import numpy as np
@@ -32,15 +33,17 @@ class LightSettings:
         saturates.
       saturation: how much of the lights' colour is kept, 0 to 1. The authors' light is near white.
       specular: factor on the materials' highlights.
+      darkest: diffuse colours are at least this: nothing is blacker than coal, and no image black.
     """
 
     source: str = "procedural"
     folder: str = ""
     count: int = 5
-    ambient: tuple[float, float] = (0.25, 0.45)
-    exposure: tuple[float, float] = (0.8, 1.15)
+    ambient: tuple[float, float] = (0.2, 0.42)
+    exposure: tuple[float, float] = (0.9, 1.5)
     saturation: float = 0.25
     specular: float = 0.6
+    darkest: float = 0.03
 
     def __post_init__(self) -> None:
         """Checks the fields."""
@@ -56,7 +59,7 @@ class LightSettings:
                 raise ValueError(
                     f"light.{name}: got {value}, expected (low, high) from {low:g} to {high:g}"
                 )
-        for name, high in (("saturation", 1.0), ("specular", 10.0)):
+        for name, high in (("saturation", 1.0), ("specular", 10.0), ("darkest", 1.0)):
             if not 0 <= getattr(self, name) <= high:
                 raise ValueError(
                     f"light.{name}: got {getattr(self, name)}, expected 0 to {high:g}"
@@ -73,6 +76,7 @@ class Lights:
       sky: float32 [3], ambient light on a surface that faces up.
       ground: float32 [3], ambient light on one that faces down.
       specular: factor on highlights.
+      darkest: least diffuse colour.
     """
 
     directions: Float[np.ndarray, "k 3"]
@@ -80,6 +84,7 @@ class Lights:
     sky: Float[np.ndarray, " 3"]
     ground: Float[np.ndarray, " 3"]
     specular: float
+    darkest: float
 
 
 def directions_of(size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
@@ -171,6 +176,13 @@ def turned(radiance: Float[np.ndarray, "h w 3"], turns: float) -> Float[np.ndarr
     return np.roll(radiance, round(turns * radiance.shape[1]), axis=1)
 
 
+@functools.lru_cache(maxsize=2)
+def _neighbours(size: tuple[int, int]) -> Float[np.ndarray, "n n"]:
+    """Which pixels of a map are within 35 degrees of each other, as 0 and 1."""
+    toward = directions_of(size).reshape(-1, 3)
+    return (toward @ toward.T > np.cos(np.deg2rad(35.0))).astype(np.float32)
+
+
 def reduce(
     radiance: Float[np.ndarray, "h w 3"],
     settings: LightSettings,
@@ -191,17 +203,17 @@ def reduce(
       ambient: see `LightSettings`.
       exposure: see `LightSettings`.
     """
-    toward = directions_of(radiance.shape[:2]).reshape(-1, 3)
-    energy = (radiance * solid_angles(radiance.shape[:2])[..., None]).reshape(-1, 3)
-    near = np.cos(np.deg2rad(35.0))
+    size = (radiance.shape[0], radiance.shape[1])
+    toward = directions_of(size).reshape(-1, 3)
+    energy = (radiance * solid_angles(size)[..., None]).reshape(-1, 3)
     # What every direction would gather; lights from below are rare and look wrong: halved.
     weight = np.where(toward[:, 2] < 0, 0.3, 1.0)
     left = energy * weight[:, None]
-    close = toward @ toward.T > near
+    close = _neighbours(size)
     directions, colours = [], []
     for _ in range(settings.count):
-        gathered = close @ left.sum(axis=1)
-        at = close[int(gathered.argmax())]
+        gathered = close @ left.sum(axis=1).astype(np.float32)
+        at = close[int(gathered.argmax())] > 0
         light = left[at].sum(axis=0)
         if light.sum() <= 0:
             break
@@ -232,6 +244,7 @@ def reduce(
         sky=sky_colour.astype(np.float32),
         ground=ground_colour.astype(np.float32),
         specular=settings.specular,
+        darkest=settings.darkest,
     )
 
 

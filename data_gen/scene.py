@@ -12,8 +12,9 @@ from jaxtyping import Float, Int, UInt32
 from data_gen.cameras import Camera
 from data_gen.lights import Lights
 from data_gen.meshes import EXISTS, Model, face_normals
+from psgn_jax.data import schema
 
-BACKGROUND = 191
+BACKGROUND = schema.BACKGROUND_GREY / 255
 """Grey of the background, as in the authors' images."""
 
 
@@ -55,12 +56,15 @@ class Surfaces:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """What one picture shows: surfaces, a camera, light, and the colour behind."""
+    """What one picture shows: surfaces, a camera, light, and what is behind.
+
+    `background` is a grey, a colour [3] or an image [H, W, 3], in [0, 1].
+    """
 
     surfaces: Surfaces
     camera: Camera
     lights: Lights
-    background: int = BACKGROUND
+    background: Float[np.ndarray, "..."] | float = BACKGROUND
 
 
 def flatten(model: Model) -> Surfaces:

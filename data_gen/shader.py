@@ -37,12 +37,13 @@ _mi: Any = None
 _dr: Any = None
 
 
-def start(variant: str, libllvm: str = "") -> None:
+def start(variant: str, libllvm: str = "", *, shrink_threads: bool = True) -> None:
     """Loads Mitsuba in one variant, with one thread; once in a process.
 
     Args:
       variant: one of `VARIANTS`.
       libllvm: path of the LLVM library; "" = Mitsuba looks for one.
+      shrink_threads: one thread alone; not for `load_map`.
 
     Raises:
       ValueError: an unknown variant.
@@ -62,7 +63,8 @@ def start(variant: str, libllvm: str = "") -> None:
 
     mitsuba.set_variant(variant)
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
-    drjit.set_thread_count(0 if variant.startswith("scalar") else 1)
+    if shrink_threads and not variant.startswith("scalar"):
+        drjit.set_thread_count(1)
     _mi, _dr = mitsuba, drjit
 
 
@@ -205,9 +207,10 @@ def _rays(camera: Camera, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 class _Samples(NamedTuple):
-    """What rays see: colour over the background, how much of it there is, the first surface."""
+    """What rays see: colour, how much of the background shines through, the first surface."""
 
     colour: Float[np.ndarray, "n 3"]
+    through: Float[np.ndarray, " n"]
     hit: Bool[np.ndarray, " n"]
     owner: Int[np.ndarray, " n"]
     normal: Float[np.ndarray, "n 3"]
@@ -261,8 +264,7 @@ def _see(mesh: Mesh, scene: Scene, rays: np.ndarray, first: Hits) -> _Samples:
         t = t[met] + following.t[met]
     if surfaces.opaque:
         through[hit] = 0
-    colour += through[:, None] * (scene.background / 255)
-    return _Samples(colour, hit, owner, normals, z)
+    return _Samples(colour, through, hit, owner, normals, z)
 
 
 class Picture(NamedTuple):
@@ -274,14 +276,22 @@ class Picture(NamedTuple):
       depth: float32 [H, W] along the optical axis at the pixels' centres, 0 = background.
       normals: float32 [H, W, 3] in the view-aligned frame at the pixels' centres, shading normals
         on the viewer's side, 0 = background.
-      coverage: float32 [H, W], part of each pixel that shows the object.
+      opacity: float32 [H, W], how much of each pixel the object hides of what is behind it.
     """
 
     image: UInt8[np.ndarray, "h w 3"]
     mask: Bool[np.ndarray, "h w"]
     depth: Float[np.ndarray, "h w"]
     normals: Float[np.ndarray, "h w 3"]
-    coverage: Float[np.ndarray, "h w"]
+    opacity: Float[np.ndarray, "h w"]
+
+
+def compose(
+    premultiplied: Float[np.ndarray, "h w 4"], background: Float[np.ndarray, "..."]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Colours (already multiplied by their opacity) over a background in [0, 1], as an image."""
+    full = premultiplied[..., :3] + (1 - premultiplied[..., 3:]) * background
+    return np.rint(255 * np.clip(full, 0, 1)).astype(np.uint8)
 
 
 def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
@@ -312,8 +322,8 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
     rays = _rays(camera, columns + 0.5, rows + 0.5)
     first = mesh.cast_grid(camera, window, 1) if scalar else cast(rays)
     centre = _see(mesh, scene, rays, first)
-    total = np.where(centre.hit[:, None], centre.colour, scene.background / 255)
-    covered = centre.hit.astype(np.float32)
+    # Colour, already multiplied by its opacity, and opacity.
+    total = np.concatenate([centre.colour, 1 - centre.through[:, None]], axis=1)
     if side > 0:
         # Without soft edges, the pixels around the object are background whatever they see.
         chosen = np.arange(len(rows)) if soft_edges else np.flatnonzero(centre.hit)
@@ -329,10 +339,10 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
         else:
             first = cast(rays)
         seen = _see(mesh, scene, rays, first)
-        colour = seen.colour.reshape(-1, side * side, 3)
+        colour = np.concatenate([seen.colour, 1 - seen.through[:, None]], axis=1)
+        colour = colour.reshape(-1, side * side, 4)
         if soft_edges:
             total = colour.mean(axis=1)
-            covered = seen.hit.reshape(-1, side * side).mean(axis=1).astype(np.float32)
         else:
             alike = (seen.owner.reshape(-1, side * side) == centre.owner[chosen, None]) & (
                 np.einsum("pkd,pd->pk", seen.normal.reshape(-1, side * side, 3),
@@ -342,19 +352,19 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
             own = total[chosen]
             summed = own + np.einsum("pkd,pk->pd", colour, alike.astype(np.float32))
             total[chosen] = summed / (1 + alike.sum(axis=1))[:, None]
+    premultiplied = np.zeros((height, width, 4), np.float32)
+    premultiplied[window.slices] = total.reshape(window.height, window.width, 4)
     result = Picture(
-        image=np.full((height, width, 3), scene.background, np.uint8),
+        image=compose(premultiplied, scene.background),
         mask=np.zeros((height, width), np.bool_),
         depth=np.zeros((height, width), np.float32),
         normals=np.zeros((height, width, 3), np.float32),
-        coverage=np.zeros((height, width), np.float32),
+        opacity=premultiplied[..., 3],
     )
     shape = (window.height, window.width)
-    result.image[window.slices] = np.rint(255 * total).astype(np.uint8).reshape(*shape, 3)
     result.mask[window.slices] = centre.hit.reshape(shape)
     result.depth[window.slices] = np.where(centre.hit, centre.z, 0).reshape(shape)
     result.normals[window.slices] = centre.normal.reshape(*shape, 3)
-    result.coverage[window.slices] = covered.reshape(shape)
     return result
 
 
@@ -429,8 +439,8 @@ def sunsky_map(
 
 def path_trace(
     scene: Scene, radiance: Float[np.ndarray, "h w 3"], *, samples: int, seed: int
-) -> Float[np.ndarray, "h w 3"]:
-    """Colours with shadows and interreflection, as displayed, in [0, 1]; no background.
+) -> Float[np.ndarray, "h w 4"]:
+    """Colours with shadows and interreflection, multiplied by their opacity, and opacity.
 
     Each material becomes one of Mitsuba's, so scenes compile anew: some seconds a model.
 
@@ -441,7 +451,7 @@ def path_trace(
       seed: of the samples.
     """
     surfaces, camera = scene.surfaces, scene.camera
-    parts: dict[str, Any] = {"type": "scene", "integrator": {"type": "path", "max_depth": 5}}
+    parts: dict[str, Any] = {"type": "scene", "integrator": {"type": "path", "max_depth": 6, "hide_emitters": True}}
     corners = surfaces.corners @ camera.rotation.T.astype(np.float32)
     normals = surfaces.normals @ camera.rotation.T.astype(np.float32)
     for number in np.unique(surfaces.material):
@@ -499,13 +509,16 @@ def path_trace(
             "fov": float(2 * np.rad2deg(np.arctan(width / 2 / camera.intrinsics[0, 0]))),
             "fov_axis": "x",
             "to_world": _mi.ScalarTransform4f(to_world),
-            "film": {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}},
+            "film": {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgba",
+                     "rfilter": {"type": "box"}},
             "sampler": {"type": "independent", "sample_count": samples},
         }
     )
     image = _mi.render(_mi.load_dict(parts), sensor=sensor, spp=samples, seed=seed)
-    linear = np.nan_to_num(np.array(image, np.float64)[..., :3])
-    return np.clip(linear, 0, 1) ** (1 / 2.2)
+    values = np.nan_to_num(np.array(image, np.float32))
+    opacity = np.clip(values[..., 3:], 0, 1)
+    linear = values[..., :3] / np.maximum(opacity, 1e-3)
+    return np.concatenate([np.clip(linear, 0, 1) ** (1 / 2.2) * opacity, opacity], axis=-1)
 
 
 def _properties(bsdf: dict[str, Any]) -> Any:

@@ -93,7 +93,7 @@ def blinn_phong(
     rise = (normal[:, 2:3] + 1) / 2
     light = lights.ground * (1 - rise) + lights.sky * rise
     facing = np.maximum(normal @ lights.directions.T, 0)
-    result = colour * (light + facing @ lights.colours)
+    result = np.maximum(colour, lights.darkest) * (light + facing @ lights.colours)
     shiny = np.flatnonzero((surfaces.specular[owner] > 1e-3).any(axis=1) & (facing > 0).any(axis=1))
     if lights.specular > 0 and len(shiny):
         which = owner[shiny]
