@@ -9,6 +9,7 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "psgn_jax"
+DATA_GEN = ROOT / "data_gen"
 
 # From the bottom to the top. A module may import from its own layer and from the ones above it
 # in this list, never from one below. The longest matching prefix decides.
@@ -36,9 +37,27 @@ DOORS = {
 }
 
 
-def modules() -> dict[str, pathlib.Path]:
+# What the data stage may import of the package, and the only places where it is imported: the one
+# that builds the default data set.
+DATA_GEN_MAY_IMPORT = {
+    "psgn_jax",
+    "psgn_jax.types",
+    "psgn_jax.data",
+    "psgn_jax.data.schema",
+    "psgn_jax.data.records",
+}
+DATA_GEN_IMPORTERS: set[str] = set()
+DATA_GEN_DOORS = {
+    "mitsuba": {"data_gen.shader", "data_gen.worker"},
+    "drjit": {"data_gen.shader", "data_gen.worker"},
+    "trimesh": {"data_gen.loading", "data_gen.catalogues.folder"},
+    "jax": set(),
+}
+
+
+def modules(package: pathlib.Path = PACKAGE) -> dict[str, pathlib.Path]:
     found = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
+    for path in sorted(package.rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
         found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     return found
@@ -80,6 +99,34 @@ def test_heavy_packages_enter_by_one_door(name):
     tops = {imported.split(".")[0] for imported in imported_names(modules()[name])}
     for package, doors in DOORS.items():
         assert package not in tops or name in doors, f"{name} imports {package}"
+
+
+@pytest.mark.parametrize("name", list(modules(DATA_GEN)))
+def test_data_gen_imports_the_schema_and_the_records_alone(name):
+    path = modules(DATA_GEN)[name]
+    imported = {n for n in imported_names(path) if n.split(".")[0] == "psgn_jax"}
+    # `from module import name` counts as `module.name` as well; only modules matter.
+    imported &= set(modules())
+    assert imported <= DATA_GEN_MAY_IMPORT, f"{name} imports {imported - DATA_GEN_MAY_IMPORT}"
+    tops = {n.split(".")[0] for n in imported_names(path)}
+    for package, doors in DATA_GEN_DOORS.items():
+        assert package not in tops or name in doors, f"{name} imports {package}"
+
+
+@pytest.mark.parametrize("name", list(modules()))
+def test_nothing_imports_data_gen(name):
+    tops = {n.split(".")[0] for n in imported_names(modules()[name])}
+    assert "data_gen" not in tops or name in DATA_GEN_IMPORTERS, f"{name} imports data_gen"
+
+
+def test_catalogues_import_is_light():
+    code = (
+        "import sys, data_gen.catalogues.procedural, data_gen.catalogues.sh3f\n"
+        "heavy = {'jax', 'flax', 'mitsuba', 'drjit', 'trimesh', 'orbax', 'grain'}\n"
+        "loaded = {m.split('.')[0] for m in sys.modules} & heavy\n"
+        "assert not loaded, loaded\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
 def test_every_layer_entry_is_a_module_or_planned():

@@ -14,6 +14,7 @@ points     Unsigned lattice coordinates and the affine map [3, 4] to the project
            most half a lattice step, extent / 8190 on each axis at 12 bits.
 normals    Octahedral, 2 x 8 bits, in the order of the points; the error is under 1 degree.
 occupancy  Bits, deflated, exact.
+extra      Text, only where there is some.
 
 Points keep their multiplicity and lose their order, which carries no meaning. On the authors'
 images WebP takes 9.6 kB where PNG takes 13.7 kB, and two thirds of the time to decode; its slower
@@ -350,6 +351,8 @@ def encode(
         "view": sample.view,
         "source": sample.source,
     }
+    if sample.extra:
+        stored["extra"] = sample.extra
     if sample.depth is not None:
         stored["depth"] = _encode_depth(depth or depth_codes_of(sample.depth), sample.mask)
     if sample.normals is not None:
@@ -380,6 +383,7 @@ class Stored:
     model_id: str
     view: int
     source: str
+    extra: str = ""
 
 
 def unpack(data: bytes) -> dict[str, Any]:
@@ -431,6 +435,7 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
             model_id=stored["model_id"],
             view=stored["view"],
             source=stored["source"],
+            extra=stored.get("extra", ""),
         )
     except (KeyError, TypeError, OSError, EOFError, SyntaxError, OverflowError) as error:
         # A record whose checksum fits and whose fields do not: written by something else.
@@ -459,6 +464,7 @@ def decode(data: bytes) -> Sample:
         model_id=s.model_id,
         view=s.view,
         source=s.source,
+        extra=s.extra,
     )
 
 

@@ -18,6 +18,7 @@ the masks; shifted by half a pixel in either direction it is worse.)
 """
 
 import dataclasses
+import json
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,8 @@ class Sample:
       model_id: name of the object in its source.
       view: number of the view of this object.
       source: where the sample comes from, such as "authors".
+      extra: what else its maker knows of it, as a JSON object in text, "" = nothing. Not one of
+        `FIELDS`: nothing in training reads it.
     """
 
     image: np.ndarray
@@ -81,6 +84,7 @@ class Sample:
     model_id: str = ""
     view: int = 0
     source: str = ""
+    extra: str = ""
 
 
 def _fail(field: str, got: Any, accepted: str) -> None:
@@ -133,12 +137,21 @@ def validate(sample: Sample) -> Sample:
             _fail("normals", f"lengths {length.min():g} to {length.max():g}", "unit vectors")
     if sample.occupancy is not None:
         _check_array("occupancy", sample.occupancy, np.bool_, (OCCUPANCY_SIZE,) * 3)
-    for field in ("category", "model_id", "source"):
+    for field in ("category", "model_id", "source", "extra"):
         if not isinstance(getattr(sample, field), str):
             _fail(field, repr(getattr(sample, field)), "a string")
+    if sample.extra and not _is_json_object(sample.extra):
+        _fail("extra", repr(sample.extra[:80]), "a JSON object in text, or nothing")
     if not isinstance(sample.view, int) or isinstance(sample.view, bool) or sample.view < 0:
         _fail("view", repr(sample.view), "an integer of 0 or more")
     return sample
+
+
+def _is_json_object(text: str) -> bool:
+    try:
+        return isinstance(json.loads(text), dict)
+    except ValueError:
+        return False
 
 
 def check_camera(intrinsics: np.ndarray, extrinsics: np.ndarray) -> None:

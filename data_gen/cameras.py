@@ -1,0 +1,211 @@
+"""Cameras: drawn from ranges, fitted so that nothing is cut off; pure numpy.
+
+The object stands in the project's frame (`psgn_jax.data.schema`) and is turned about the vertical
+by minus the azimuth, so that the camera looks at it from +x. What is left is the camera's own:
+elevation, distance, roll, focal length.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+Range = tuple[float, float]
+
+# Rows and columns at the image's edge that stay free of the object.
+_MARGIN_PIXELS = 1.0
+
+# The camera moves back by this factor until the object fits.
+_STEP = 1.02
+
+
+@dataclasses.dataclass(frozen=True)
+class CameraSettings:
+    """Ranges that cameras are drawn from, uniformly; a range (a, a) is a fixed value.
+
+    The defaults are the authors' camera, fitted on their silhouettes, with any azimuth.
+
+    Attributes:
+      image_size: (H, W) in pixels.
+      azimuth: degrees from the object's front (+x) toward +y.
+      elevation: degrees of the camera above the horizon, under 90.
+      distance: of the origin from the camera along the optical axis, unit of the frame.
+      focal: in pixels of an image 192 rows high; it grows with the image. The vertical field of
+        view is 2 atan(96 / focal): 27 degrees for 400.
+      roll: degrees about the optical axis; the object turns clockwise.
+      aim: height above the origin at which the camera looks.
+    """
+
+    image_size: tuple[int, int] = (192, 256)
+    azimuth: Range = (0.0, 360.0)
+    elevation: Range = (20.0, 20.0)
+    distance: Range = (3.6, 3.6)
+    focal: Range = (400.0, 400.0)
+    roll: Range = (0.0, 0.0)
+    # The authors' images have the origin 0.252 below the optical axis, at 20 degrees.
+    aim: Range = (0.26817, 0.26817)
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        size = self.image_size
+        if len(size) != 2 or not all(isinstance(s, int) and 8 <= s <= 4096 for s in size):
+            raise ValueError(f"camera.image_size: got {size}, expected two integers, 8 to 4096")
+        limits = {
+            "azimuth": (-720.0, 720.0),
+            "elevation": (-89.0, 89.0),
+            "distance": (1.05, 1000.0),
+            "focal": (10.0, 100_000.0),
+            "roll": (-360.0, 360.0),
+            "aim": (-10.0, 10.0),
+        }
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
+            good = len(value) == 2 and np.isfinite(value).all()
+            if not good or not low <= value[0] <= value[1] <= high:
+                raise ValueError(
+                    f"camera.{name}: got {value}, expected (low, high) from {low:g} to {high:g}"
+                )
+
+
+PRESETS: dict[str, Mapping[str, Any]] = {
+    "authors": {},
+    # Choy et al. 2016: 137 x 137 pixels, elevation 25 to 30 degrees, a 35 mm lens on a 32 mm
+    # sensor, 0.65 to 1 of a largest distance of 1.75 where the object's longest side is 1.
+    "r2n2": {
+        "image_size": (137, 137),
+        "elevation": (25.0, 30.0),
+        "distance": (2.0, 3.07),
+        "focal": (210.0, 210.0),
+        "aim": (0.3, 0.3),
+    },
+}
+"""Named sets of `CameraSettings`' fields."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Camera:
+    """One camera.
+
+    Attributes:
+      intrinsics: float64 [3, 3], pixels.
+      extrinsics: float64 [3, 4], from the view-aligned frame to the camera's (OpenCV).
+      rotation: float64 [3, 3], from the model's frame to the view-aligned one.
+      image_size: (H, W).
+      azimuth, elevation, distance, focal, roll: what they are made of, degrees and `focal` as in
+        `CameraSettings`.
+    """
+
+    intrinsics: Float[np.ndarray, "3 3"]
+    extrinsics: Float[np.ndarray, "3 4"]
+    rotation: Float[np.ndarray, "3 3"]
+    image_size: tuple[int, int]
+    azimuth: float
+    elevation: float
+    distance: float
+    focal: float
+    roll: float
+
+    @property
+    def position(self) -> Float[np.ndarray, " 3"]:
+        """The camera's place in the view-aligned frame."""
+        return -self.extrinsics[:, :3].T @ self.extrinsics[:, 3]
+
+    def parameters(self) -> dict[str, float]:
+        """What the camera is made of, for the sample's record."""
+        names = ("azimuth", "elevation", "distance", "focal", "roll")
+        return {name: round(float(getattr(self, name)), 6) for name in names}
+
+
+def turn_about_vertical(degrees: float) -> Float[np.ndarray, "3 3"]:
+    """The rotation by `degrees` about +z, from +x toward +y."""
+    cosine, sine = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+
+
+def make(
+    *,
+    image_size: tuple[int, int],
+    azimuth: float,
+    elevation: float,
+    distance: float,
+    focal: float,
+    roll: float,
+    aim: float,
+) -> Camera:
+    """The camera of given parameters, see `CameraSettings`."""
+    sine, cosine = np.sin(np.deg2rad(elevation)), np.cos(np.deg2rad(elevation))
+    upright = np.array(
+        [[0, 1, 0, 0], [sine, 0, -cosine, aim * cosine], [-cosine, 0, -sine, distance]]
+    )
+    height, width = image_size
+    pixels = focal * height / 192
+    return Camera(
+        intrinsics=np.array([[pixels, 0, width / 2], [0, pixels, height / 2], [0, 0, 1]]),
+        # Camera coordinates have y down, so this turn is clockwise in the image.
+        extrinsics=turn_about_vertical(roll) @ upright,
+        rotation=turn_about_vertical(-azimuth),
+        image_size=image_size,
+        azimuth=azimuth,
+        elevation=elevation,
+        distance=distance,
+        focal=focal,
+        roll=roll,
+    )
+
+
+def project(
+    points: Float[np.ndarray, "n 3"], camera: Camera
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
+    """Continuous (column, row) of points of the view-aligned frame, and z along the optical axis."""
+    inside = points @ camera.extrinsics[:, :3].T + camera.extrinsics[:, 3]
+    z = inside[:, 2]
+    safe = np.where(z > 0, z, np.nan)
+    return (inside @ camera.intrinsics[:2].T) / safe[:, None], z
+
+
+def in_frame(points: Float[np.ndarray, "n 3"], camera: Camera) -> Bool[np.ndarray, " n"]:
+    """Whether points are in front of the camera and inside the image, less a margin of a pixel."""
+    pixels, _ = project(points, camera)
+    height, width = camera.image_size
+    with np.errstate(invalid="ignore"):
+        return (
+            (pixels[:, 0] >= _MARGIN_PIXELS)
+            & (pixels[:, 0] <= width - _MARGIN_PIXELS)
+            & (pixels[:, 1] >= _MARGIN_PIXELS)
+            & (pixels[:, 1] <= height - _MARGIN_PIXELS)
+        )
+
+
+def draw(
+    rng: np.random.Generator, settings: CameraSettings, vertices: Float[np.ndarray, "n 3"]
+) -> Camera:
+    """Draws a camera; it moves back where the object would not fit into the image.
+
+    Args:
+      rng: of the draw; as many numbers are taken whatever the settings are.
+      settings: the ranges.
+      vertices: of the object, in the model's frame.
+
+    Raises:
+      ValueError: no distance up to 1000 shows the object whole.
+    """
+    unit = rng.random(6)
+
+    def value(number: int, interval: Range) -> float:
+        return float(interval[0] + (interval[1] - interval[0]) * unit[number])
+
+    parameters = {
+        name: value(number, getattr(settings, name))
+        for number, name in enumerate(("azimuth", "elevation", "distance", "focal", "roll", "aim"))
+    }
+    parameters["azimuth"] %= 360.0
+    turned = vertices @ turn_about_vertical(-parameters["azimuth"]).T
+    while True:
+        camera = make(image_size=settings.image_size, **parameters)
+        if in_frame(turned, camera).all():
+            return camera
+        parameters["distance"] *= _STEP
+        if parameters["distance"] > 1000:
+            raise ValueError("camera: the object does not fit into the image at any distance")

@@ -1,0 +1,1 @@
+"""Parametric families of objects; `data_gen.catalogues.procedural` says what they promise."""

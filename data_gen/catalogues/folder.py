@@ -1,0 +1,102 @@
+"""A folder of meshes of any format that is read; a model's category is its first subfolder."""
+
+import os
+import pathlib
+from collections.abc import Iterator
+
+from data_gen import catalogues, loading, meshes
+from data_gen.catalogues import Entry
+
+# Formats whose programs draw with z up; the others mean y.
+_Z_UP = (".stl", ".ply", ".off", ".3mf", ".xyz")
+
+
+def extensions() -> set[str]:
+    """Endings of mesh files that can be read here, lower case with the dot."""
+    import trimesh
+
+    not_meshes = {"dxf", "svg", "xyz", "binvox", "zip", "bz2", "tar.bz2", "tar.gz", "stl_ascii"}
+    return {f".{kind}" for kind in {*trimesh.available_formats(), "obj"} - not_meshes}
+
+
+def _load(root: str, name: str, category: str, up: str, front: str, max_faces: int) -> meshes.Model:
+    return loading.load(
+        name,
+        loading.FolderFiles(root),
+        up=up,
+        front=front,
+        category=category,
+        model_id=name,
+        max_faces=max_faces,
+    )
+
+
+class FolderCatalogue:
+    """All mesh files below a folder.
+
+    `chairs/red.obj` is the model "chairs/red.obj" of the category "chairs"; files in the folder
+    itself have no category. What a file refers to may lie anywhere in the folder, and nowhere else.
+
+    Args:
+      source: the folder.
+      up: axis of the files that points up (`meshes.AXES`), or "auto": +z for STL, PLY, OFF and
+        3MF, +y for all others.
+      front: axis of the files toward which the objects look, or "auto": +z where y is up, -y
+        where z is.
+      fractions: see `catalogues.split_of`.
+      max_faces: models with more are refused.
+
+    Raises:
+      ValueError: the folder is missing or has no mesh in it, or an axis is wrong.
+    """
+
+    name = "folder"
+
+    def __init__(
+        self,
+        source: str | os.PathLike[str],
+        *,
+        up: str = "auto",
+        front: str = "auto",
+        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
+        max_faces: int = meshes.MAX_FACES,
+    ) -> None:
+        self.root = pathlib.Path(source)
+        if not self.root.is_dir():
+            raise ValueError(f"source {str(source)!r}: expected a folder of meshes")
+        for axis in {up, front} - {"auto"}:
+            meshes.axis_vector(axis)
+        self._up, self._front, self._fractions, self._max_faces = up, front, fractions, max_faces
+        known = extensions()
+        found = []
+        for folder, folders, files in os.walk(self.root):
+            folders[:] = sorted(f for f in folders if not f.startswith("."))
+            for file in files:
+                if not file.startswith(".") and pathlib.Path(file).suffix.lower() in known:
+                    found.append((pathlib.Path(folder) / file).relative_to(self.root).as_posix())
+        if not found:
+            raise ValueError(
+                f"source {str(source)!r}: no mesh in it, expected files with one of the endings "
+                f"{sorted(known)}"
+            )
+        self._names = sorted(found)
+
+    def __len__(self) -> int:
+        """Number of mesh files."""
+        return len(self._names)
+
+    def entries(self) -> Iterator[Entry]:
+        """The files, by name."""
+        for name in self._names:
+            category = name.split("/")[0] if "/" in name else ""
+            z_up = pathlib.PurePosixPath(name).suffix.lower() in _Z_UP
+            up = ("+z" if z_up else "+y") if self._up == "auto" else self._up
+            front = ("-y" if up[1] == "z" else "+z") if self._front == "auto" else self._front
+            yield Entry(
+                name,
+                category,
+                catalogues.split_of(name, self._fractions),
+                catalogues.loader(
+                    _load, str(self.root), name, category, up, front, self._max_faces
+                ),
+            )

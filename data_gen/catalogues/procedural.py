@@ -1,0 +1,142 @@
+"""Parametric families for the 13 categories of the paper's table: endless, seeded, no files.
+
+`generate(category, seed)` makes a model of several parts and materials, its front toward +x. Each
+family has several sub-types with random proportions, parts and colours.
+
+**Hidden parameters.** What an image cannot tell is drawn from a generator of its own:
+`generate(category, seed, hidden_seed=h)` for different h gives models that look the same from every
+azimuth in `parameters["hidden_azimuth"]`, pixel for pixel, and differ where the camera cannot see:
+in the hollow of a seat, behind a front, on the far side. The bounding box and hemisphere do not
+depend on them, so normalisation keeps the rest where it is. An azimuth is the direction from the
+model's origin to the camera, in degrees from +x toward +y; the ranges hold for cameras at least 15
+degrees above the horizon and at least 2.5 units away. `hidden_azimuth` is a tuple of ranges
+(low, high) in [-180, 180]; `parameters["hidden"]` are the hidden values.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from data_gen import catalogues
+from data_gen.catalogues.families import devices, furniture, vehicles
+from data_gen.catalogues.families.kit import Kit
+from data_gen.meshes import Model
+
+# Keeps these draws apart from those of other users of the same seed.
+_VISIBLE, _HIDDEN = 0x70736776, 0x70736768
+
+FAMILIES: dict[str, Callable[[Kit], None]] = {
+    "plane": vehicles.plane,
+    "bench": furniture.bench,
+    "cabinet": furniture.cabinet,
+    "car": vehicles.car,
+    "chair": furniture.chair,
+    "monitor": devices.monitor,
+    "lamp": furniture.lamp,
+    "speaker": devices.speaker,
+    "firearm": vehicles.firearm,
+    "couch": furniture.couch,
+    "table": furniture.table,
+    "cellphone": devices.cellphone,
+    "watercraft": vehicles.watercraft,
+}
+"""The families, in the order of the paper's table."""
+
+CATEGORIES = tuple(FAMILIES)
+
+
+def generate(category: str, seed: int, *, hidden_seed: int | None = None) -> Model:
+    """A model of a category, in the project's frame, its front toward +x.
+
+    Args:
+      category: one of `CATEGORIES`.
+      seed: of everything that can be seen, at least 0; the same seed gives the same model.
+      hidden_seed: of what cannot be seen; None = `seed`.
+
+    Returns:
+      A normalised model named `<category>-<seed>`, `-h<hidden_seed>` appended where one is given,
+      with every parameter in `parameters`: see this module's docstring for the hidden ones.
+
+    Raises:
+      ValueError: there is no such category, or a seed is negative.
+    """
+    if category not in FAMILIES:
+        raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
+    for name, value in (("seed", seed), ("hidden_seed", hidden_seed)):
+        if value is not None and value < 0:
+            raise ValueError(f"{name}: got {value}, expected 0 or more")
+    number = CATEGORIES.index(category)
+    inner = seed if hidden_seed is None else hidden_seed
+    kit = Kit(
+        np.random.default_rng([_VISIBLE, number, seed]),
+        np.random.default_rng([_HIDDEN, number, inner]),
+    )
+    FAMILIES[category](kit)
+    name = f"{category}-{seed}" + ("" if hidden_seed is None else f"-h{hidden_seed}")
+    return kit.model(category, name, {"seed": seed, "hidden_seed": inner})
+
+
+# --- The catalogue ----------------------------------------------------------------------------
+
+
+class ProceduralCatalogue:
+    """A number of models of each family.
+
+    Args:
+      source: models of each category, such as "100"; or categories with their numbers, such as
+        "chair=500,table=200".
+      first_seed: of each category.
+      hidden_draws: models made of each seed: 1 = one, with the hidden parameters of its own seed;
+        n > 1 = n that look the same and differ in what is hidden. They share a split.
+      fractions: see `catalogues.split_of`.
+
+    Raises:
+      ValueError: the source is neither, or an unknown category.
+    """
+
+    name = "procedural"
+
+    def __init__(
+        self,
+        source: str | os.PathLike[str] = "100",
+        *,
+        first_seed: int = 0,
+        hidden_draws: int = 1,
+        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
+    ) -> None:
+        text = str(source).strip()
+        parts = [p.partition("=") for p in text.split(",")] if "=" in text else []
+        counts = {c.strip(): n.strip() for c, _, n in parts} or dict.fromkeys(CATEGORIES, text)
+        for category, count in counts.items():
+            if category not in FAMILIES:
+                raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
+            if not count.isdecimal() or int(count) < 1:
+                raise ValueError(
+                    f"source {text!r}: expected a number of models, or category=number,..."
+                )
+        if first_seed < 0 or hidden_draws < 1:
+            raise ValueError(
+                f"first_seed, hidden_draws: got {first_seed}, {hidden_draws}, expected at least "
+                "0 and at least 1"
+            )
+        self._counts = {category: int(count) for category, count in counts.items()}
+        self._first, self._draws, self._fractions = first_seed, hidden_draws, fractions
+
+    def __len__(self) -> int:
+        """Number of models."""
+        return sum(self._counts.values()) * self._draws
+
+    def entries(self) -> Iterator[catalogues.Entry]:
+        """The models; categories take turns, so that every beginning holds all of them."""
+        for offset in range(max(self._counts.values())):
+            seed = self._first + offset
+            for category, count in self._counts.items():
+                if offset >= count:
+                    continue
+                split = catalogues.split_of(f"{category}-{seed}", self._fractions)
+                for draw in range(self._draws):
+                    hidden = None if self._draws == 1 else draw
+                    name = f"{category}-{seed}" + ("" if hidden is None else f"-h{hidden}")
+                    make = catalogues.loader(generate, category, seed, hidden_seed=hidden)
+                    yield catalogues.Entry(name, category, split, make)

@@ -1,0 +1,266 @@
+"""Parts that procedural models are put together from: closed surfaces of few triangles.
+
+A part is `(vertices [V, 3], faces [F, 3])`, its faces counter-clockwise seen from outside. Sizes
+are in whatever unit the model is built in; +z is up. Smoothness comes later, from the crease angle
+of the finished model's normals.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from data_gen import meshes
+
+
+class Solid(NamedTuple):
+    """A closed surface."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+
+    def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
+        """Moved."""
+        return Solid(self.vertices + np.array([x, y, z]), self.faces)
+
+    def turned(self, axis: str, degrees: float) -> "Solid":
+        """Turned about a coordinate axis, counter-clockwise seen from the axis's tip."""
+        a, b = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+        cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        vertices = self.vertices.copy()
+        vertices[:, a] = cosine * self.vertices[:, a] - sine * self.vertices[:, b]
+        vertices[:, b] = sine * self.vertices[:, a] + cosine * self.vertices[:, b]
+        return Solid(vertices, self.faces)
+
+    def scaled(self, x: float, y: float, z: float) -> "Solid":
+        """Stretched along the axes; an odd number of negative factors mirrors."""
+        faces = self.faces[:, ::-1] if x * y * z < 0 else self.faces
+        return Solid(self.vertices * [x, y, z], faces)
+
+    def mirrored(self) -> "Solid":
+        """The other side's: y becomes -y."""
+        return self.scaled(1, -1, 1)
+
+    def bent(self, shape: Callable[[np.ndarray], np.ndarray]) -> "Solid":
+        """With every vertex moved by `shape`, [V, 3] to [V, 3]."""
+        return Solid(shape(self.vertices.copy()), self.faces)
+
+
+def _outward(vertices: np.ndarray, faces: np.ndarray) -> Solid:
+    """Turns all faces over if the surface encloses a negative volume."""
+    a, b, c = (vertices[faces[:, k]] - vertices.mean(axis=0) for k in range(3))
+    volume = (np.cross(a, b) * c).sum()
+    return Solid(vertices, faces[:, ::-1] if volume < 0 else faces)
+
+
+def loft(rings: np.ndarray | Sequence[np.ndarray], loop: bool = False) -> Solid:
+    """The skin over rings [K, N, 3] of as many points each, with a cap on the first and the last.
+
+    With `loop`, the last ring is skinned to the first instead, and there are no caps.
+
+    The faces between ring i and i + 1 at point j are numbers 2 (i N + j) and the next.
+    """
+    points = np.asarray(rings, np.float64)
+    count, size = points.shape[:2]
+    i, j = np.mgrid[: count if loop else count - 1, :size]
+    here, right = i * size + j, i * size + (j + 1) % size
+    above, diagonal = (here + size) % (count * size), (right + size) % (count * size)
+    quads = np.stack([here, right, diagonal, here, diagonal, above], axis=-1)
+    faces = [quads.reshape(-1, 3)]
+    vertices = [points.reshape(-1, 3)]
+    extra = count * size
+    for ring, flip in () if loop else ((0, True), (count - 1, False)):
+        if np.ptp(points[ring], axis=0).max() < 1e-9:
+            continue  # it ends in a point
+        cap = _cap(points[ring])
+        if cap is None:
+            around = np.arange(size)
+            cap = np.stack(
+                [around, (around + 1) % size, np.full(size, extra - ring * size)], axis=1
+            )
+            vertices.append(points[ring].mean(axis=0)[None])
+            extra += 1
+        cap = cap + ring * size
+        faces.append(cap[:, ::-1] if flip else cap)
+    return _outward(np.concatenate(vertices), np.concatenate(faces))
+
+
+def _cap(ring: np.ndarray) -> np.ndarray | None:
+    """Triangles of a ring that is not convex; None where a fan round its centre will do."""
+    following = np.roll(ring, -1, axis=0)
+    total = np.cross(ring, following).sum(axis=0)
+    axis = int(np.abs(total).argmax())
+    flat = np.delete(ring, axis, axis=1)
+    if (total[axis] > 0) == (axis == 1):
+        flat = flat[:, ::-1]
+    edge = np.roll(flat, -1, axis=0) - flat
+    after = np.roll(edge, -1, axis=0)
+    if (edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0] >= -1e-12).all():
+        if len(ring) > 4:
+            return None
+        second = np.arange(1, len(ring) - 1)
+        return np.stack([0 * second, second, second + 1], axis=1)
+    triangles = meshes.cut_ears(flat)
+    return triangles if total[axis] != 0 else None
+
+
+def box(x: float, y: float, z: float, bevel: float = 0.0) -> Solid:
+    """A box of these lengths around the origin, its edges bevelled by at most a fifth of them."""
+    half = np.array([x, y, z]) / 2
+    cut = min(bevel, 0.4 * half.min())
+    if cut <= 0:
+        outline = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * half[:2]
+        return stack([(outline, -half[2]), (outline, half[2])])
+    inner, outer = rounded(x - 2 * cut, y - 2 * cut, cut, 1), rounded(x, y, cut, 1)
+    return stack(
+        [(inner, -half[2]), (outer, cut - half[2]), (outer, half[2] - cut), (inner, half[2])]
+    )
+
+
+def stack(levels: Sequence[tuple[np.ndarray, float]]) -> Solid:
+    """Outlines [N, 2] in the horizontal plane at heights, skinned from the first to the last."""
+    return loft([np.column_stack([outline, np.full(len(outline), z)]) for outline, z in levels])
+
+
+def rounded(x: float, y: float, radius: float, steps: int = 3) -> np.ndarray:
+    """Outline [4 (steps + 1), 2] of a rectangle of these lengths with round corners."""
+    radius = min(radius, x / 2, y / 2)
+    angle = np.linspace(0, np.pi / 2, steps + 1)
+    arc = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    a, b = x / 2 - radius, y / 2 - radius
+    corners = []
+    for quarter, (dx, dy) in enumerate(((a, b), (-a, b), (-a, -b), (a, -b))):
+        cosine, sine = (1, 0, -1, 0)[quarter], (0, 1, 0, -1)[quarter]
+        corners.append(arc @ np.array([[cosine, sine], [-sine, cosine]]) + [dx, dy])
+    return np.concatenate(corners)
+
+
+def pillow(x: float, y: float, z: float, radius: float, steps: int = 3) -> Solid:
+    """A box of these lengths around the origin with all edges round, as of upholstery."""
+    radius = min(radius, x / 2, y / 2, z / 2) * 0.999
+    levels = []
+    for a in np.linspace(0, np.pi / 2, steps + 1):
+        pull = 2 * radius * (1 - np.sin(a))
+        levels.append((rounded(x - pull, y - pull, radius, steps), radius - radius * np.cos(a)))
+    for a in np.linspace(0, np.pi / 2, steps + 1):
+        pull = 2 * radius * (1 - np.cos(a))
+        levels.append((rounded(x - pull, y - pull, radius, steps), z - radius + radius * np.sin(a)))
+    return stack(levels).at(z=-z / 2)
+
+
+def tray(
+    outline: Callable[[float], np.ndarray], height: float, wall: float, recess: float
+) -> Solid:
+    """A slab from z = 0 to `height` that is hollow from below.
+
+    Args:
+      outline: the edge [N, 2], moved inward by its argument.
+      height: of the slab.
+      wall: thickness of the rim.
+      recess: how far the hollow reaches up, in [0, height).
+    """
+    edge, inner = outline(0.0), outline(wall)
+    bevel = min(0.12 * height, wall / 2)
+    top = [(edge, height - bevel), (outline(bevel), height)]
+    depth = min(max(recess, 0.01 * height), 0.95 * height)
+    return stack([(inner, depth), (inner, 0.0), (edge, 0.0), *top])
+
+
+def lathe(profile: Sequence[tuple[float, float]], sides: int = 24, loop: bool = False) -> Solid:
+    """A profile of (radius, z) turned about the z axis; a `loop` makes a ring with a hole."""
+    angle = np.arange(sides) / sides * 2 * np.pi
+    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    return loft([circle * max(r, 0.0) + np.array([0, 0, z]) for r, z in profile], loop)
+
+
+def cylinder(radius: float, height: float, sides: int = 20, bevel: float = 0.0) -> Solid:
+    """A cylinder around the origin along z."""
+    half, cut = height / 2, min(bevel, 0.4 * radius, 0.4 * height)
+    if cut <= 0:
+        return lathe([(radius, -half), (radius, half)], sides)
+    return lathe(
+        [(radius - cut, -half), (radius, cut - half), (radius, half - cut), (radius - cut, half)],
+        sides,
+    )
+
+
+def rod(start: Sequence[float], end: Sequence[float], radius: float, sides: int = 8) -> Solid:
+    """A straight round bar."""
+    return tube([start, end], radius, sides)
+
+
+def ball(x: float, y: float, z: float, sides: int = 16) -> Solid:
+    """An ellipsoid of these lengths around the origin."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, sides // 2 + 1)
+    return lathe(
+        [(0.0 if abs(a) > 1.57 else float(np.cos(a)), float(np.sin(a))) for a in angle], sides
+    ).scaled(x / 2, y / 2, z / 2)
+
+
+def prism(outline: Sequence[Sequence[float]], thickness: float, bevel: float = 0.0) -> Solid:
+    """A profile of (x, z) from the side, extruded along y around 0."""
+    flat = np.asarray(outline, np.float64)
+    half, cut = thickness / 2, min(bevel, 0.4 * thickness)
+
+    def ring(points: np.ndarray, y: float) -> np.ndarray:
+        return np.stack([points[:, 0], np.full(len(points), y), points[:, 1]], axis=1)
+
+    if cut <= 0:
+        return loft([ring(flat, -half), ring(flat, half)])
+    inner = inset(flat, cut)
+    return loft(
+        [ring(inner, -half), ring(flat, cut - half), ring(flat, half - cut), ring(inner, half)]
+    )
+
+
+def inset(outline: np.ndarray, distance: float) -> np.ndarray:
+    """A polygon [N, 2] with its edges moved inward, for distances that are small."""
+    before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
+    area = (
+        outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(outline[:, 0], -1)
+    ).sum()
+    turn = np.array([[0.0, 1.0], [-1.0, 0.0]]) * np.sign(area)
+    a = before / np.maximum(np.linalg.norm(before, axis=1, keepdims=True), 1e-12) @ turn
+    b = after / np.maximum(np.linalg.norm(after, axis=1, keepdims=True), 1e-12) @ turn
+    middle = (a + b) / np.maximum(1 + (a * b).sum(axis=1, keepdims=True), 0.35)
+    return outline + distance * middle
+
+
+def smooth_path(points: Sequence[Sequence[float]], steps: int = 6) -> np.ndarray:
+    """A curve [M, 3] through the points (Catmull-Rom, centripetal enough for even spacing)."""
+    p = np.asarray(points, np.float64)
+    p = np.concatenate([[2 * p[0] - p[1]], p, [2 * p[-1] - p[-2]]])
+    t = (np.arange(steps) / steps)[:, None]
+    pieces = [
+        0.5
+        * (
+            2 * b
+            + (c - a) * t
+            + (2 * a - 5 * b + 4 * c - d) * t**2
+            + (3 * b - a - 3 * c + d) * t**3
+        )
+        for a, b, c, d in zip(p[:-3], p[1:-2], p[2:-1], p[3:], strict=True)
+    ]
+    return np.concatenate([*pieces, p[-2:-1]])
+
+
+def tube(
+    path: np.ndarray | Sequence[Sequence[float]],
+    radius: float | Sequence[float],
+    sides: int = 8,
+) -> Solid:
+    """A round bar along a path [M, 3]; `radius` may be one for each point."""
+    points = np.asarray(path, np.float64)
+    radii = np.broadcast_to(np.asarray(radius, np.float64), (len(points),))
+    step = np.gradient(points, axis=0)
+    tangent = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
+    # Frames carried along the path do not twist.
+    normal = np.cross(tangent[0], np.eye(3)[np.abs(tangent[0]).argmin()])
+    rings = []
+    angle = np.arange(sides) / sides * 2 * np.pi
+    for point, t, r in zip(points, tangent, radii, strict=True):
+        normal = normal - t * (normal @ t)
+        normal = normal / max(float(np.linalg.norm(normal)), 1e-12)
+        side = np.cross(t, normal)
+        rings.append(point + r * (np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * side))
+    return loft(rings)

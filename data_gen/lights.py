@@ -1,0 +1,270 @@
+"""Light: environment maps, and directional lights that stand for one; pure numpy.
+
+An environment map is a float array [H, W, 3] of radiance: its first row is the zenith, its last
+the nadir, its columns run around the horizon. Local shading takes a few directional lights and a
+floor of ambient light from it (`reduce`); path tracing takes the map itself.
+"""
+
+import dataclasses
+import functools
+import pathlib
+
+import numpy as np
+from jaxtyping import Float
+
+MAP_SIZE = (32, 64)
+"""Size that maps are reduced to before anything is computed of them."""
+
+SOURCES = ("procedural", "sunsky", "folder")
+"""Where environment maps come from."""
+
+
+@dataclasses.dataclass(frozen=True)
+class LightSettings:
+    """Where light comes from and how strong it is.
+
+    Attributes:
+      source: one of `SOURCES`: skies made here, Mitsuba's model of sun and sky, or a folder.
+      folder: of .hdr and .exr files, for "folder".
+      count: directional lights that a map is reduced to.
+      ambient: range of the part of the light that comes from everywhere. Local shading has no
+        interreflection; without this floor what looks away from the lights would be black.
+      exposure: range of the brightness of a white surface that faces the light best; above 1, it
+        saturates.
+      saturation: how much of the lights' colour is kept, 0 to 1. The authors' light is near white.
+      specular: factor on the materials' highlights.
+      darkest: diffuse colours are at least this: nothing is blacker than coal, and no image black.
+    """
+
+    source: str = "procedural"
+    folder: str = ""
+    count: int = 5
+    ambient: tuple[float, float] = (0.2, 0.42)
+    exposure: tuple[float, float] = (0.9, 1.5)
+    saturation: float = 0.25
+    specular: float = 0.6
+    darkest: float = 0.03
+
+    def __post_init__(self) -> None:
+        """Checks the fields."""
+        if self.source not in SOURCES:
+            raise ValueError(f"light.source: got {self.source!r}, expected one of {list(SOURCES)}")
+        if self.source == "folder" and not self.folder:
+            raise ValueError("light.folder: got '', expected a folder of .hdr and .exr files")
+        if not 1 <= self.count <= 32:
+            raise ValueError(f"light.count: got {self.count}, expected 1 to 32")
+        for name, low, high in (("ambient", 0.0, 1.0), ("exposure", 0.01, 10.0)):
+            value = getattr(self, name)
+            if len(value) != 2 or not low <= value[0] <= value[1] <= high:
+                raise ValueError(
+                    f"light.{name}: got {value}, expected (low, high) from {low:g} to {high:g}"
+                )
+        for name, high in (("saturation", 1.0), ("specular", 10.0), ("darkest", 1.0)):
+            if not 0 <= getattr(self, name) <= high:
+                raise ValueError(
+                    f"light.{name}: got {getattr(self, name)}, expected 0 to {high:g}"
+                )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Lights:
+    """Directional lights and ambient light, in units in which white under 1 is white.
+
+    Attributes:
+      directions: float32 [k, 3], unit vectors toward the lights, in the view-aligned frame.
+      colours: float32 [k, 3], RGB.
+      sky: float32 [3], ambient light on a surface that faces up.
+      ground: float32 [3], ambient light on one that faces down.
+      specular: factor on highlights.
+      darkest: least diffuse colour.
+    """
+
+    directions: Float[np.ndarray, "k 3"]
+    colours: Float[np.ndarray, "k 3"]
+    sky: Float[np.ndarray, " 3"]
+    ground: Float[np.ndarray, " 3"]
+    specular: float
+    darkest: float
+
+
+def directions_of(size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
+    """Unit vectors toward the centres of a map's pixels, +z at the first row."""
+    height, width = size
+    polar = (np.arange(height) + 0.5) / height * np.pi
+    around = (np.arange(width) + 0.5) / width * 2 * np.pi
+    return np.stack(
+        [
+            np.sin(polar)[:, None] * np.cos(around),
+            np.sin(polar)[:, None] * np.sin(around),
+            np.broadcast_to(np.cos(polar)[:, None], size),
+        ],
+        axis=-1,
+    )
+
+
+def solid_angles(size: tuple[int, int]) -> Float[np.ndarray, "h w"]:
+    """Solid angles of a map's pixels; their sum is 4 pi."""
+    edges = np.cos(np.linspace(0, np.pi, size[0] + 1))
+    return np.repeat(-np.diff(edges)[:, None], size[1], axis=1) * 2 * np.pi / size[1]
+
+
+def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.ndarray, "h w 3"]:
+    """A map reduced by averaging; no light is lost. Values that are no light become 0."""
+    full = np.asarray(radiance, np.float64)[..., :3]
+    full = np.clip(np.nan_to_num(full, nan=0.0, posinf=1e6, neginf=0.0), 0, 1e6)
+    for axis, wanted in enumerate(size):
+        have = full.shape[axis]
+        if have < wanted:
+            full = np.repeat(full, -(-wanted // have), axis=axis)
+            have = full.shape[axis]
+        cuts = np.linspace(0, have, wanted + 1).round().astype(int)
+        counts = np.diff(cuts).reshape((-1,) + (1,) * (2 - axis))
+        full = np.add.reduceat(full, cuts[:-1], axis=axis) / counts
+    return full
+
+
+def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
+    """A random surrounding: a sky that brightens toward the horizon, ground, sun, bright windows."""
+    toward = directions_of(MAP_SIZE)
+    height = toward[..., 2]
+    zenith = np.array([0.75, 0.85, 1.0]) * rng.uniform(0.3, 1.0)
+    horizon = np.array([1.0, 0.97, 0.92]) * rng.uniform(0.4, 1.2)
+    ground = np.array([1.0, 0.95, 0.88]) * rng.uniform(0.1, 0.6)
+    up = np.clip(height, 0, 1)[..., None] ** rng.uniform(0.4, 1.0)
+    result = np.where(height[..., None] > 0, horizon * (1 - up) + zenith * up, ground)
+
+    def spot(direction: np.ndarray, width_degrees: float) -> np.ndarray:
+        sharp = 1 / (1 - np.cos(np.deg2rad(width_degrees)))
+        return np.exp(sharp * (toward @ direction - 1))[..., None]
+
+    for number in range(int(rng.integers(2, 5))):
+        # The first one is the sun or a lamp overhead; the others are windows and bright walls.
+        low, high = (35, 75) if number == 0 else (-5, 60)
+        elevation, azimuth = np.deg2rad(rng.uniform(low, high)), rng.uniform(0, 2 * np.pi)
+        direction = np.array(
+            [
+                np.cos(elevation) * np.cos(azimuth),
+                np.cos(elevation) * np.sin(azimuth),
+                np.sin(elevation),
+            ]
+        )
+        warmth = rng.uniform(-0.12, 0.12)
+        colour = np.array([1 + warmth, 1.0, 1 - warmth])
+        width = rng.uniform(8, 20) if number == 0 else rng.uniform(12, 35)
+        power = rng.uniform(1.5, 3.0) if number == 0 else rng.uniform(0.5, 1.6)
+        area = 2 * np.pi * (1 - np.cos(np.deg2rad(width)))
+        result = result + spot(direction, width) * colour * power / area
+    return result
+
+
+def list_maps(folder: str) -> list[pathlib.Path]:
+    """The environment maps below a folder, by name.
+
+    Raises:
+      ValueError: there is none.
+    """
+    found = sorted(
+        p for p in pathlib.Path(folder).rglob("*") if p.suffix.lower() in (".hdr", ".exr")
+    )
+    if not found:
+        raise ValueError(f"light.folder: {folder!r} has no .hdr or .exr file")
+    return found
+
+
+def turned(radiance: Float[np.ndarray, "h w 3"], turns: float) -> Float[np.ndarray, "h w 3"]:
+    """The map turned about the vertical by `turns` full turns, rounded to a column."""
+    return np.roll(radiance, round(turns * radiance.shape[1]), axis=1)
+
+
+@functools.lru_cache(maxsize=2)
+def _neighbours(size: tuple[int, int]) -> Float[np.ndarray, "n n"]:
+    """Which pixels of a map are within 35 degrees of each other, as 0 and 1."""
+    toward = directions_of(size).reshape(-1, 3)
+    return (toward @ toward.T > np.cos(np.deg2rad(35.0))).astype(np.float32)
+
+
+def reduce(
+    radiance: Float[np.ndarray, "h w 3"],
+    settings: LightSettings,
+    *,
+    ambient: float,
+    exposure: float,
+) -> Lights:
+    """Directional lights and ambient light that stand for a map.
+
+    The map's brightest directions, found one after the other, gather what is near them (within 35
+    degrees); what is left is ambient. Then the whole is scaled so that a white surface that looks
+    where it gets the most light, seen from above or the front, has brightness `exposure`, of which
+    `ambient` is the ambient part.
+
+    Args:
+      radiance: in the view-aligned frame, of the size `MAP_SIZE`.
+      settings: number of lights, saturation, highlights.
+      ambient: see `LightSettings`.
+      exposure: see `LightSettings`.
+    """
+    size = (radiance.shape[0], radiance.shape[1])
+    toward = directions_of(size).reshape(-1, 3)
+    energy = (radiance * solid_angles(size)[..., None]).reshape(-1, 3)
+    # What every direction would gather; lights from below are rare and look wrong: halved.
+    weight = np.where(toward[:, 2] < 0, 0.3, 1.0)
+    left = energy * weight[:, None]
+    close = _neighbours(size)
+    directions, colours = [], []
+    for _ in range(settings.count):
+        gathered = close @ left.sum(axis=1).astype(np.float32)
+        at = close[int(gathered.argmax())] > 0
+        light = left[at].sum(axis=0)
+        if light.sum() <= 0:
+            break
+        mean = (left[at].sum(axis=1)[:, None] * toward[at]).sum(axis=0)
+        directions.append(mean / np.linalg.norm(mean))
+        colours.append(light)
+        left = np.where(at[:, None], 0.0, left)
+    if not directions:  # a black map
+        directions, colours = [np.array([0.6, 0.0, 0.8])], [np.ones(3)]
+    lamp, colour = np.array(directions), np.array(colours)
+    sky = energy[toward[:, 2] > 0].sum(axis=0) + 1e-9
+    floor = energy[toward[:, 2] <= 0].sum(axis=0) + 1e-9
+
+    def plain(value: np.ndarray) -> np.ndarray:
+        grey = value.mean(axis=-1, keepdims=True)
+        return grey + settings.saturation * (value - grey)
+
+    # Surfaces that a camera sees: up, and those that look to its side of the object.
+    seen = toward[(toward[:, 0] > -0.2) & (toward[:, 2] > -0.3)]
+    strongest = (np.clip(seen @ lamp.T, 0, None) @ colour.mean(axis=1)).max()
+    colour = plain(colour) * exposure * (1 - ambient) / max(strongest, 1e-9)
+    sky_colour = plain(sky / sky.mean()) * exposure * ambient
+    # Light from the ground is the sky's, reflected once.
+    ground_colour = 0.7 * plain((floor / floor.mean() + sky / sky.mean()) / 2) * exposure * ambient
+    return Lights(
+        directions=lamp.astype(np.float32),
+        colours=colour.astype(np.float32),
+        sky=sky_colour.astype(np.float32),
+        ground=ground_colour.astype(np.float32),
+        specular=settings.specular,
+        darkest=settings.darkest,
+    )
+
+
+def draw(
+    rng: np.random.Generator,
+    settings: LightSettings,
+    maps: Float[np.ndarray, "m h w 3"] | None,
+) -> tuple[Lights, Float[np.ndarray, "h w 3"]]:
+    """Draws light for one view: directional lights, and the map that they stand for.
+
+    Args:
+      rng: of the draw.
+      settings: see `LightSettings`.
+      maps: the environment maps to choose from; None = procedural skies.
+    """
+    if maps is None:
+        radiance = procedural_sky(rng)
+    else:
+        radiance = np.asarray(maps[int(rng.integers(len(maps)))], np.float64)
+    radiance = turned(radiance, float(rng.random()))
+    ambient = float(rng.uniform(*settings.ambient))
+    exposure = float(rng.uniform(*settings.exposure))
+    return reduce(radiance, settings, ambient=ambient, exposure=exposure), radiance

@@ -1,0 +1,647 @@
+"""The neutral mesh: flat arrays, materials, normals; and what is computed of it.
+
+A `Model` is triangles with a material each. `build` makes one of raw arrays and cleans them,
+`data_gen.loading` reads one from a file, `data_gen.catalogues` says where models come from.
+`normalize` brings a model to the project's frame (`psgn_jax.data.schema`): +z up, +x the front,
+origin on the ground under the object, unit = radius of the bounding hemisphere.
+
+Colours are display values (sRGB) in [0, 1], as material files have them.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.ndimage
+import scipy.sparse
+import scipy.sparse.csgraph
+from jaxtyping import Bool, Float, Int, UInt8
+
+from psgn_jax.data import schema
+
+MAX_FACES = 400_000
+"""Default limit of a model's faces.
+
+Reading an OBJ file takes about 1 kB of memory for each: 1 GB for a million.
+"""
+
+CREASE_DEGREES = 40.0
+"""Default crease angle: faces that meet at a sharper edge do not share a normal there."""
+
+EXISTS = 0.1
+"""Opacity below which a surface does not exist: it is a hole of an alpha map, or nothing at all.
+
+Window glass is far above it and part of the object."""
+
+AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
+"""Names of directions, for `orient`."""
+
+# Of the squared extent: a face with less area than this is a line or a point.
+_DEGENERATE = 1e-12
+
+# Vertices nearer than this part of the extent are one vertex when edges are looked for.
+_WELD = 2.0**-20
+
+
+class UnusableModelError(ValueError):
+    """A model that no sample can be made of; the message says why."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Material:
+    """How a surface looks (Blinn-Phong).
+
+    Attributes:
+      diffuse: RGB; multiplies the texture where there is one.
+      specular: RGB of the highlight.
+      shininess: exponent of the highlight.
+      opacity: 1 = opaque; multiplies the texture's alpha.
+      texture: uint8 [H, W, 4], RGBA, first row on top; repeated outside of [0, 1]^2. Its first
+        row is at v = 1, its last at v = 0.
+      name: of the material in its file.
+    """
+
+    diffuse: tuple[float, float, float] = (0.6, 0.6, 0.6)
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shininess: float = 20.0
+    opacity: float = 1.0
+    texture: np.ndarray | None = None
+    name: str = ""
+
+    @property
+    def has_alpha(self) -> bool:
+        """Whether the texture has texels that are not opaque."""
+        return self.texture is not None and bool((self.texture[..., 3] < 255).any())
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Model:
+    """Triangles with materials.
+
+    Attributes:
+      vertices: float64 [V, 3].
+      faces: int64 [F, 3], counter-clockwise seen from outside.
+      normals: float32 [F, 3, 3], a unit normal for each corner of each face.
+      uv: float32 [F, 3, 2], texture coordinates of the corners; 0 where there are none.
+      face_material: int64 [F], index into `materials`.
+      materials: at least one.
+      category: of the object, "" where unknown.
+      model_id: name of the object, unique in its catalogue.
+      parameters: what is known of how the model was made; a procedural one's hidden ones, too.
+      warnings: what was missing or wrong and what stands in for it.
+    """
+
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
+    normals: Float[np.ndarray, "f 3 3"]
+    uv: Float[np.ndarray, "f 3 2"]
+    face_material: Int[np.ndarray, " f"]
+    materials: tuple[Material, ...]
+    category: str = ""
+    model_id: str = ""
+    parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Checks that the arrays fit together."""
+        count = len(self.faces)
+        for name, shape in {
+            "vertices": (len(self.vertices), 3),
+            "faces": (count, 3),
+            "normals": (count, 3, 3),
+            "uv": (count, 3, 2),
+            "face_material": (count,),
+        }.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(
+                    f"model {name}: got shape {getattr(self, name).shape}, expected {shape}"
+                )
+        for name, limit in (("faces", len(self.vertices)), ("face_material", len(self.materials))):
+            index = getattr(self, name)
+            if count and not 0 <= index.min() <= index.max() < limit:
+                raise ValueError(
+                    f"model {name}: got indices {index.min()} to {index.max()}, expected 0 to "
+                    f"{limit - 1}"
+                )
+
+    def corners(self) -> Float[np.ndarray, "f 3 3"]:
+        """Positions of the faces' corners."""
+        return self.vertices[self.faces]
+
+    def transformed(self, matrix: Float[np.ndarray, "3 4"]) -> "Model":
+        """The model under `matrix[:, :3] @ vertex + matrix[:, 3]`; a mirroring turns faces over."""
+        linear = np.asarray(matrix, np.float64)[:, :3]
+        determinant = np.linalg.det(linear)
+        if not np.isfinite(matrix).all() or determinant == 0:
+            raise ValueError(
+                f"matrix: got {np.asarray(matrix).tolist()}, expected an invertible one"
+            )
+        # Normals go with the inverse transpose.
+        normals = _unit(self.normals @ np.linalg.inv(linear))
+        turn = slice(None, None, -1 if determinant < 0 else 1)
+        return dataclasses.replace(
+            self,
+            vertices=self.vertices @ linear.T + np.asarray(matrix)[:, 3],
+            faces=self.faces[:, turn],
+            normals=normals[:, turn].astype(np.float32),
+            uv=self.uv[:, turn],
+        )
+
+
+# --- Making a model of raw arrays -------------------------------------------------------------
+
+
+def build(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    *,
+    materials: Sequence[Material] = (),
+    face_material: np.ndarray | None = None,
+    normals: np.ndarray | None = None,
+    uv: np.ndarray | None = None,
+    category: str = "",
+    model_id: str = "",
+    parameters: Mapping[str, Any] | None = None,
+    warnings: Sequence[str] = (),
+    crease_degrees: float = CREASE_DEGREES,
+    max_faces: int = MAX_FACES,
+) -> Model:
+    """Cleans raw arrays and completes them to a `Model`.
+
+    Dropped: faces whose indices point outside, faces without area, faces of materials that are
+    fully transparent, vertices that no face uses. Corner normals that are missing, zero or not
+    finite are made by `crease_normals`; a face whose given normals point to its back is turned
+    over. Everything dropped in number is told in the warnings.
+
+    Args:
+      vertices: [V, 3].
+      faces: [F, 3].
+      materials: none = one grey material.
+      face_material: [F], None = all 0.
+      normals: [F, 3, 3] for corners, or None.
+      uv: [F, 3, 2] for corners, or None.
+      category: see `Model`.
+      model_id: see `Model`.
+      parameters: see `Model`.
+      warnings: see `Model`; more are added.
+      crease_degrees: see `crease_normals`.
+      max_faces: more are refused.
+
+    Raises:
+      UnusableModelError: no face is left, too many faces, vertices that are not finite.
+    """
+    notes = list(warnings)
+    vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
+    faces = np.asarray(faces, np.int64).reshape(-1, 3)
+    check_face_count(len(faces), max_faces)
+    materials = tuple(materials) or (Material(),)
+    owner = np.zeros(len(faces), np.int64) if face_material is None else np.asarray(face_material)
+
+    keep = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
+    if not keep.all():
+        notes.append(f"{int((~keep).sum())} faces with vertices that do not exist dropped")
+    seen = np.array([m.opacity >= EXISTS for m in materials])[owner]
+    if not seen[keep].all():
+        notes.append(f"{int((keep & ~seen).sum())} fully transparent faces dropped")
+    keep &= seen
+    used = vertices[faces[keep]]
+    if not np.isfinite(used).all():
+        bad = int((~np.isfinite(used)).any(axis=2).sum())
+        raise UnusableModelError(f"{bad} corners of faces have coordinates that are not finite")
+    if len(used):
+        # Centred: far from the origin the products below would lose all digits.
+        extent = float(np.ptp(used.reshape(-1, 3), axis=0).max())
+        cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])
+        flat = np.linalg.norm(cross, axis=1) <= _DEGENERATE * extent**2
+        if flat.any():
+            notes.append(f"{int(flat.sum())} degenerate faces dropped")
+            keep[np.flatnonzero(keep)[flat]] = False
+    if not keep.any():
+        raise UnusableModelError("the mesh is empty: it has no face with an area")
+
+    faces, owner = faces[keep], owner[keep].astype(np.int64)
+    index, flat_faces = np.unique(faces, return_inverse=True)
+    vertices, faces = vertices[index], flat_faces.reshape(-1, 3)
+    if uv is None:
+        texture_coordinates = np.zeros((len(faces), 3, 2), np.float32)
+    else:
+        texture_coordinates = np.nan_to_num(
+            np.asarray(uv, np.float32).reshape(-1, 3, 2)[keep], posinf=0, neginf=0
+        )
+    given = None if normals is None else np.asarray(normals, np.float64).reshape(-1, 3, 3)[keep]
+    if given is not None:
+        given = _unit(np.nan_to_num(given, posinf=0, neginf=0))
+        flat_normal = face_normals(vertices, faces)
+        over = (given.sum(axis=1) * flat_normal).sum(axis=1) < 0
+        faces[over] = faces[over][:, ::-1]
+        given[over] = given[over][:, ::-1]
+        texture_coordinates[over] = texture_coordinates[over][:, ::-1]
+    if given is None:
+        given = crease_normals(vertices, faces, crease_degrees)
+    else:
+        missing = (given == 0).all(axis=2)
+        if missing.any():
+            if not missing.all():
+                notes.append(f"{int(missing.sum())} corner normals missing or zero, made anew")
+            given = np.where(
+                missing[..., None], crease_normals(vertices, faces, crease_degrees), given
+            )
+    return Model(
+        vertices=vertices,
+        faces=faces,
+        normals=given.astype(np.float32),
+        uv=texture_coordinates,
+        face_material=owner,
+        materials=materials,
+        category=category,
+        model_id=model_id,
+        parameters=dict(parameters or {}),
+        warnings=tuple(notes),
+    )
+
+
+def check_face_count(count: int, max_faces: int) -> None:
+    """Refuses meshes with more than `max_faces` faces.
+
+    Raises:
+      UnusableModelError: there are more.
+    """
+    if count > max_faces:
+        raise UnusableModelError(f"{count} faces are more than the limit of {max_faces}")
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.where(length > 1e-12, v / np.maximum(length, 1e-30), 0)
+
+
+def face_normals(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> Float[np.ndarray, "f 3"]:
+    """Unit normals of the faces, by the right-hand rule; 0 for a face without area."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    length = np.linalg.norm(cross, axis=1, keepdims=True)
+    return cross / np.maximum(length, 1e-300)
+
+
+def face_areas(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> Float[np.ndarray, " f"]:
+    """Areas of the faces."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def _weld(vertices: np.ndarray) -> np.ndarray:
+    """A number [V] for each vertex, equal where positions are (to a 2^-20 of the extent)."""
+    low = vertices.min(axis=0)
+    extent = max(float((vertices.max(axis=0) - low).max()), 1e-300)
+    cells = np.rint((vertices - low) / (extent * _WELD)).astype(np.int64)
+    key = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+    return np.unique(key, return_inverse=True)[1].reshape(-1)
+
+
+def crease_normals(
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    crease_degrees: float = CREASE_DEGREES,
+) -> Float[np.ndarray, "f 3 3"]:
+    """Corner normals that are smooth over flat edges and break at sharp ones.
+
+    Two faces that share an edge (by position, whether or not they share vertices) and whose
+    normals differ by less than `crease_degrees` share a normal at the edge's ends. A shared normal
+    is the mean of the faces' normals, weighted by their angles at the vertex.
+
+    Args:
+      vertices: finite.
+      faces: with an area.
+      crease_degrees: 0 = flat shading, 180 = smooth everywhere.
+    """
+    count = len(faces)
+    corner = _weld(vertices)[faces]
+    normal = face_normals(vertices, faces)
+    nodes = np.arange(3 * count).reshape(count, 3)
+    start, end = corner.ravel(), np.roll(corner, -1, axis=1).ravel()
+    start_node, end_node = nodes.ravel(), np.roll(nodes, -1, axis=1).ravel()
+    ordered = start < end
+    low, high = np.where(ordered, start, end), np.where(ordered, end, start)
+    low_node = np.where(ordered, start_node, end_node)
+    high_node = np.where(ordered, end_node, start_node)
+    key = low * (int(corner.max()) + 1) + high
+    order = np.argsort(key, kind="stable")
+    links: list[tuple[np.ndarray, np.ndarray]] = []
+    limit = np.cos(np.radians(crease_degrees))
+    # An edge of a proper surface has two faces. Where more meet, each is compared with the next
+    # three, which finds the partners without a cost that grows with the square of their number.
+    for offset in (1, 2, 3):
+        one, two = order[:-offset], order[offset:]
+        same = key[one] == key[two]
+        one, two = one[same], two[same]
+        smooth = (normal[one // 3] * normal[two // 3]).sum(axis=1) > limit
+        one, two = one[smooth], two[smooth]
+        links += [(low_node[one], low_node[two]), (high_node[one], high_node[two])]
+    rows = np.concatenate([a for a, _ in links])
+    columns = np.concatenate([b for _, b in links])
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(rows), np.int8), (rows, columns)), shape=(3 * count, 3 * count)
+    )
+    groups, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    triangle = vertices[faces]
+    along = _unit(np.roll(triangle, -1, axis=1) - triangle)
+    back = -np.roll(along, 1, axis=1)
+    angle = np.arccos(np.clip((along * back).sum(axis=2), -1, 1)).ravel()
+    each = np.repeat(normal, 3, axis=0)
+    total = np.stack([np.bincount(label, angle * each[:, k], groups) for k in range(3)], axis=1)
+    result = _unit(total)[label]
+    lost = (result == 0).all(axis=1)
+    result[lost] = each[lost]
+    return result.reshape(count, 3, 3)
+
+
+def cut_ears(outline: np.ndarray) -> np.ndarray:
+    """Triangulates a simple polygon [n, 2], counter-clockwise, by cutting ears: int [n - 2, 3].
+
+    A polygon that crosses itself gives some triangles, as many.
+    """
+    rest = list(range(len(outline)))
+    result = []
+
+    def cross(o: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
+        return float((a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]))
+
+    while len(rest) > 3:
+        best = 0
+        for k in range(len(rest)):
+            before, here, after = rest[k - 1], rest[k], rest[(k + 1) % len(rest)]
+            a, b, c = outline[before], outline[here], outline[after]
+            if cross(a, b, c) <= 0:
+                continue
+            others = [i for i in rest if i not in (before, here, after)]
+            if not any(
+                cross(a, b, p) >= 0 and cross(b, c, p) >= 0 and cross(c, a, p) >= 0
+                for p in outline[others]
+            ):
+                best = k
+                break
+        result.append((rest[best - 1], rest[best], rest[(best + 1) % len(rest)]))
+        del rest[best]
+    return np.array([*result, tuple(rest)])
+
+
+# --- The project's frame ----------------------------------------------------------------------
+
+
+def axis_vector(name: str) -> Float[np.ndarray, " 3"]:
+    """The unit vector of a direction of `AXES`.
+
+    Raises:
+      ValueError: there is no such direction.
+    """
+    if name not in AXES:
+        raise ValueError(f"axis {name!r}: expected one of {list(AXES)}")
+    vector = np.zeros(3)
+    vector["xyz".index(name[1])] = 1 if name[0] == "+" else -1
+    return vector
+
+
+def orient(model: Model, up: str = "+y", front: str = "+z") -> Model:
+    """Turns a model so that its `up` is +z and its `front` +x.
+
+    Args:
+      model: in its file's axes.
+      up: one of `AXES`; +y is what OBJ and glTF mean.
+      front: one of `AXES`, at right angles to `up`.
+    """
+    upward, forward = axis_vector(up), axis_vector(front)
+    if upward @ forward != 0:
+        raise ValueError(f"front {front!r}: expected a direction at right angles to up {up!r}")
+    rotation = np.stack([forward, np.cross(upward, forward), upward])
+    return model.transformed(np.concatenate([rotation, np.zeros((3, 1))], axis=1))
+
+
+def normalize(model: Model) -> Model:
+    """Moves and scales a model to the project's frame; its axes must be right already (`orient`).
+
+    The lowest point comes to z = 0, the centre of the bounding box to x = y = 0, the farthest
+    point to distance 1 from the origin: the radius of the bounding hemisphere is 1.
+
+    Raises:
+      UnusableModelError: the model has no extent, or one that overflows.
+    """
+    low, high = model.vertices.min(axis=0), model.vertices.max(axis=0)
+    origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+    moved = model.vertices - origin
+    with np.errstate(over="ignore"):
+        radius = float(np.linalg.norm(moved, axis=1).max())
+    if not (np.isfinite(radius) and radius > 0):
+        raise UnusableModelError(f"the model's radius is {radius:g}")
+    return dataclasses.replace(model, vertices=moved / radius)
+
+
+# --- The surface ------------------------------------------------------------------------------
+
+
+class SurfaceSample(NamedTuple):
+    """Points of a surface: positions, unit normals, and the faces they lie on."""
+
+    points: Float[np.ndarray, "n 3"]
+    normals: Float[np.ndarray, "n 3"]
+    face: Int[np.ndarray, " n"]
+
+
+def opacity_at(
+    model: Model, face: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, " n"]:
+    """Opacity at points of faces: the material's times the alpha of the nearest texel.
+
+    Args:
+      model: with textures.
+      face: indices of faces.
+      weights: barycentric coordinates of the points.
+    """
+    owner = model.face_material[face]
+    result = np.array([m.opacity for m in model.materials])[owner]
+    for index, material in enumerate(model.materials):
+        if not material.has_alpha:
+            continue
+        here = np.flatnonzero(owner == index)
+        uv = (model.uv[face[here]] * weights[here][..., None]).sum(axis=1)
+        result[here] *= texels(material.texture, uv)[:, 3] / 255.0
+    return result
+
+
+def texels(
+    texture: UInt8[np.ndarray, "h w 4"] | None, uv: Float[np.ndarray, "n 2"]
+) -> UInt8[np.ndarray, "n 4"]:
+    """The nearest texel at each coordinate; the texture repeats, its first row is at v = 1."""
+    if texture is None:
+        return np.full((len(uv), 4), 255, np.uint8)
+    height, width = texture.shape[:2]
+    wrapped = uv - np.floor(uv)
+    column = np.minimum((wrapped[:, 0] * width).astype(np.int64), width - 1)
+    row = np.minimum(((1 - wrapped[:, 1]) * height).astype(np.int64), height - 1)
+    return texture[row, column]
+
+
+def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
+    """`n` points uniform by area on the surfaces that exist, with interpolated normals.
+
+    Points that fall where the opacity is under `EXISTS`, such as the holes of an alpha map, are
+    drawn again elsewhere. The draw is stratified by cumulated area, which covers the faces more
+    evenly than independent points. The same seed gives the same points.
+
+    Args:
+      model: any; the points are in its frame.
+      n: number of points, at least 1.
+      seed: of the draw.
+
+    Returns:
+      float32 points and normals [n, 3], and the faces [n].
+
+    Raises:
+      UnusableModelError: hardly any surface exists.
+    """
+    if n < 1:
+        raise ValueError(f"number of points: got {n}, expected at least 1")
+    rng = np.random.default_rng(seed)
+    cumulated = np.cumsum(face_areas(model.vertices, model.faces))
+    has_alpha = any(m.has_alpha for m in model.materials)
+    faces, weights, count = [], [], 0
+    for _ in range(200):
+        missing = n - count
+        at = (np.arange(missing) + rng.random(missing)) / missing * cumulated[-1]
+        face = np.minimum(np.searchsorted(cumulated, at, side="right"), len(cumulated) - 1)
+        # The square root makes the points uniform over the triangle.
+        root, other = np.sqrt(rng.random(missing)), rng.random(missing)
+        weight = np.stack([1 - root, root * (1 - other), root * other], axis=1)
+        if has_alpha:
+            exists = opacity_at(model, face, weight) >= EXISTS
+            face, weight = face[exists], weight[exists]
+        faces.append(face)
+        weights.append(weight)
+        count += len(face)
+        if count == n:
+            break
+    else:
+        raise UnusableModelError("hardly any of the surface exists: its textures are transparent")
+    face, weight = np.concatenate(faces), np.concatenate(weights)
+    points = np.einsum("nk,nkd->nd", weight, model.vertices[model.faces[face]])
+    normals = _unit(np.einsum("nk,nkd->nd", weight, model.normals[face].astype(np.float64)))
+    lost = (normals == 0).all(axis=1)
+    if lost.any():
+        normals[lost] = face_normals(model.vertices, model.faces[face[lost]])
+    return SurfaceSample(points.astype(np.float32), normals.astype(np.float32), face)
+
+
+# --- Occupancy --------------------------------------------------------------------------------
+
+# Fine cells along the edge of a cell of the grid. At 4, a third more time than at 3.
+_FINE = 4
+
+# Distance between the points that stand for a surface, in fine cells. Every point of the surface
+# is then within sqrt(1/2) * 0.66 < 1/2 of one of them, which is what makes the voxels tight.
+_SPACING = 0.66
+
+# Surface points of one model: about a second. Only a hostile model needs more.
+_MAX_POINTS = 60_000_000
+_POINTS_AT_ONCE = 1_000_000
+
+
+def _covering_points(corners: np.ndarray, spacing: float) -> np.ndarray:
+    """Points [n, 3] on triangles [F, 3, 3], each triangle covered by rows along its longest edge.
+
+    Rows and points in a row are at most `spacing` apart, so slivers cost little.
+    """
+    edges = np.roll(corners, -1, axis=1) - corners
+    longest = np.linalg.norm(edges, axis=2).argmax(axis=1)
+    turn = (longest[:, None] + np.arange(3)) % 3
+    a, b, c = np.moveaxis(np.take_along_axis(corners, turn[..., None], axis=1), 1, 0)
+    base = np.linalg.norm(b - a, axis=1)
+    height = np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.maximum(base, 1e-300)
+    rows = np.ceil(height / spacing).astype(np.int64) + 1
+    # One entry per row: how far up it is, and how many points it has.
+    triangle = np.repeat(np.arange(len(corners)), rows)
+    number = np.arange(len(triangle)) - np.repeat(np.cumsum(rows) - rows, rows)
+    up = number / (rows[triangle] - 1).clip(1)
+    points = np.ceil(base[triangle] * (1 - up) / spacing).astype(np.int64) + 1
+    row = np.repeat(np.arange(len(points)), points)
+    along = (np.arange(len(row)) - np.repeat(np.cumsum(points) - points, points)) / (
+        points[row] - 1
+    ).clip(1)
+    triangle, up = triangle[row], up[row][:, None]
+    return a[triangle] + (1 - up) * along[:, None] * (b - a)[triangle] + up * (c - a)[triangle]
+
+
+def _outside(blocked: np.ndarray) -> np.ndarray:
+    """Cells that air reaches from the border; it passes through faces, and never from below."""
+    padded = np.pad(~blocked, ((1, 1), (1, 1), (0, 1)), constant_values=True)
+    label, _ = scipy.ndimage.label(padded)
+    return (label == label[0, 0, -1])[1:-1, 1:-1, :-1]
+
+
+def solid_occupancy(
+    model: Model, rotation: Float[np.ndarray, "3 3"], size: int = schema.OCCUPANCY_SIZE
+) -> Bool[np.ndarray, "size size size"]:
+    """Solid voxels of a model, which need not be watertight.
+
+    The grid is the schema's: indexed [x, y, z], it covers [-1, 1] x [-1, 1] x [0, 2] of the frame
+    that `rotation` turns the model into; cell (i, j, k) spans [-1 + 2 i / size, -1 + 2 (i+1) /
+    size] in x, the same in y, and [2 k / size, 2 (k+1) / size] in z.
+
+    The rule:
+      1. The surface is marked in cells of a quarter of the edge, without gaps.
+      2. Outside is what air reaches from the border without crossing it; it does not come through
+         the ground, so an object without a bottom is solid. All else is solid.
+      3. The same is done with the large cells: what is closed at their size (cracks and gaps under
+         a cell) is solid, too.
+      4. A cell is occupied if at least half of its small cells are solid.
+      5. Thin parts are kept: a cell with solid small cells is occupied as well if neither it nor
+         any of its 26 neighbours is by 4. So is, of thin sheets and bars, everything that is a
+         cell or more away from thicker parts.
+
+    Args:
+      model: in the project's frame, normalised. What sticks out of the grid is not counted.
+      rotation: to the frame of the grid, such as the one that turns the model to its view.
+      size: cells along an edge.
+
+    Raises:
+      UnusableModelError: the area is so large that marking it would take minutes.
+    """
+    fine = size * _FINE
+    scale = fine / 2
+    corners = (model.vertices @ np.asarray(rotation, np.float64).T + [1, 1, 0]) * scale
+    triangles = corners[model.faces]
+    edge = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
+    area = face_areas(corners, model.faces)
+    # Points of `_covering_points`, from above: rows times points of the longest row.
+    bound = (2 * area / edge.clip(1e-300) / _SPACING + 2) * (edge / _SPACING + 2)
+    if bound.sum() > _MAX_POINTS:
+        raise UnusableModelError(
+            f"an area of {area.sum() / scale**2:.0f} (unit: squared radius) is too much to voxelise"
+        )
+    surface = np.zeros(fine**3, bool)
+    group = np.floor(np.cumsum(bound) / _POINTS_AT_ONCE).astype(np.int64)
+    for part in np.split(triangles, np.flatnonzero(np.diff(group)) + 1):
+        cell = np.floor(_covering_points(part, _SPACING)).astype(np.int64)
+        # A point on the grid's upper border belongs to the last cell.
+        cell -= cell == fine
+        cell = cell[((cell >= 0) & (cell < fine)).all(axis=1)]
+        surface[(cell[:, 0] * fine + cell[:, 1]) * fine + cell[:, 2]] = True
+    shell = surface.reshape(fine, fine, fine)
+
+    blocks = (size, _FINE, size, _FINE, size, _FINE)
+    touched: np.ndarray = np.any(shell.reshape(blocks), axis=(1, 3, 5))
+    # The flood runs in the part of the grid that the object fills, with air around it.
+    if not touched.any():
+        return touched
+    x, y, z = (slice(int(i.min()) * _FINE, (int(i.max()) + 1) * _FINE) for i in np.nonzero(touched))
+    window = (x, y, slice(0, z.stop))
+    solid = np.zeros_like(shell)
+    solid[window] = ~_outside(shell[window])
+    sealed = ~_outside(touched) & ~touched
+    fraction = solid.reshape(blocks).sum(axis=(1, 3, 5), dtype=np.int64) / _FINE**3
+    thick = (fraction >= 0.5) | sealed
+    near = scipy.ndimage.maximum_filter(thick, size=3)
+    return thick | ((fraction > 0) & ~near)

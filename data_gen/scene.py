@@ -1,0 +1,102 @@
+"""One picture's scene as plain arrays: surfaces, materials and textures of a model, laid flat.
+
+Pure data, so that it can be made, tested and pickled without a renderer. A model's arrays are made
+once; each view adds a camera and light.
+"""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float, Int, UInt32
+
+from data_gen.cameras import Camera
+from data_gen.lights import Lights
+from data_gen.meshes import EXISTS, Model, face_normals
+from psgn_jax.data import schema
+
+BACKGROUND = schema.BACKGROUND_GREY / 255
+"""Grey of the background, as in the authors' images."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Surfaces:
+    """A model's arrays, in the model's frame.
+
+    Attributes:
+      corners: float32 [F, 3, 3].
+      normals: float32 [F, 3, 3], of the corners.
+      face_normals: float32 [F, 3].
+      uv: float32 [F, 3, 2].
+      material: int32 [F].
+      diffuse: float32 [M, 3], display values.
+      specular: float32 [M, 3].
+      shininess: float32 [M].
+      opacity: float32 [M].
+      texels: uint32 [T], RGBA of all textures, row after row, in the machine's byte order of four
+        uint8; the first is white.
+      texture_start: int64 [M], index of a material's first texel.
+      texture_size: int32 [M, 2], (height, width); (1, 1) of the white texel where there is none.
+      opaque: whether nothing shines through anywhere.
+    """
+
+    corners: Float[np.ndarray, "f 3 3"]
+    normals: Float[np.ndarray, "f 3 3"]
+    face_normals: Float[np.ndarray, "f 3"]
+    uv: Float[np.ndarray, "f 3 2"]
+    material: Int[np.ndarray, " f"]
+    diffuse: Float[np.ndarray, "m 3"]
+    specular: Float[np.ndarray, "m 3"]
+    shininess: Float[np.ndarray, " m"]
+    opacity: Float[np.ndarray, " m"]
+    texels: UInt32[np.ndarray, " t"]
+    texture_start: Int[np.ndarray, " m"]
+    texture_size: Int[np.ndarray, "m 2"]
+    opaque: bool
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scene:
+    """What one picture shows: surfaces, a camera, light, and what is behind.
+
+    `background` is a grey, a colour [3] or an image [H, W, 3], in [0, 1].
+    """
+
+    surfaces: Surfaces
+    camera: Camera
+    lights: Lights
+    background: Float[np.ndarray, "..."] | float = BACKGROUND
+
+
+def flatten(model: Model) -> Surfaces:
+    """The arrays of a model."""
+    parts, starts, sizes = [np.full((1, 4), 255, np.uint8)], [], []
+    total = 1
+    for material in model.materials:
+        if material.texture is None:
+            starts.append(0)
+            sizes.append((1, 1))
+            continue
+        parts.append(np.ascontiguousarray(material.texture).reshape(-1, 4))
+        starts.append(total)
+        sizes.append(material.texture.shape[:2])
+        total += len(parts[-1])
+    opacity = np.array([m.opacity for m in model.materials], np.float32)
+    used = np.unique(model.face_material)
+    opaque = bool((opacity[used] >= 0.99).all()) and not any(
+        model.materials[i].has_alpha for i in used
+    )
+    return Surfaces(
+        corners=model.corners().astype(np.float32),
+        normals=np.ascontiguousarray(model.normals, np.float32),
+        face_normals=face_normals(model.vertices, model.faces).astype(np.float32),
+        uv=np.ascontiguousarray(model.uv, np.float32),
+        material=model.face_material.astype(np.int32),
+        diffuse=np.array([m.diffuse for m in model.materials], np.float32),
+        specular=np.array([m.specular for m in model.materials], np.float32),
+        shininess=np.array([m.shininess for m in model.materials], np.float32),
+        opacity=np.where(opacity < EXISTS, 0, opacity),
+        texels=np.concatenate(parts).view(np.uint32).reshape(-1),
+        texture_start=np.array(starts, np.int64),
+        texture_size=np.array(sizes, np.int32),
+        opaque=opaque,
+    )

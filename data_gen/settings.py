@@ -1,0 +1,180 @@
+"""The data stage's settings: frozen dataclasses with their checks, to and from plain mappings."""
+
+import dataclasses
+import difflib
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any
+
+from data_gen.cameras import CameraSettings
+from data_gen.lights import LightSettings
+
+SHADINGS = ("local", "path")
+BACKGROUNDS = ("grey", "random", "folder")
+VARIANTS = ("auto", "llvm", "scalar")
+
+
+def _between(name: str, value: Any, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise ValueError(f"{name}: got {value}, expected {low:g} to {high:g}")
+
+
+def _one_of(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ValueError(f"{name}: got {value!r}, expected one of {list(choices)}")
+
+
+@dataclasses.dataclass(frozen=True)
+class ImageSettings:
+    """How pictures are made.
+
+    Attributes:
+      shading: "local" as in the paper; "path" with shadows and interreflection.
+      samples: samples along the edge of a pixel, 0 = its centre alone.
+      soft_edges: whether edges are smoothed. The authors' images have hard ones.
+      path_samples: per pixel of a path-traced image.
+      background: "grey" as in the authors' images; "random" colours and gradients; a random image
+        of a "folder".
+      background_folder: of .png and .jpg files.
+    """
+
+    shading: str = "local"
+    samples: int = 3
+    soft_edges: bool = False
+    path_samples: int = 64
+    background: str = "grey"
+    background_folder: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks the fields."""
+        _one_of("image.shading", self.shading, SHADINGS)
+        _between("image.samples", self.samples, 0, 16)
+        _between("image.path_samples", self.path_samples, 1, 65536)
+        _one_of("image.background", self.background, BACKGROUNDS)
+        if self.background == "folder" and not self.background_folder:
+            raise ValueError("image.background_folder: got '', expected a folder of pictures")
+
+
+@dataclasses.dataclass(frozen=True)
+class CheckSettings:
+    """What a view must hold to; a model with a view that does not is refused.
+
+    Attributes:
+      coverage: least part of the image that the object covers.
+      inside: least part of the points that project into the mask grown by one pixel.
+      depth: largest median distance of back-projected pixels from the nearest surface point, unit
+        of the frame.
+      luminance: least mean brightness of the object's pixels, 0 to 255.
+    """
+
+    coverage: float = 0.001
+    inside: float = 0.95
+    depth: float = 0.03
+    luminance: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Checks the fields."""
+        for name, high in (("coverage", 1), ("inside", 1), ("depth", 100), ("luminance", 255)):
+            _between(f"checks.{name}", getattr(self, name), 0, high)
+
+
+@dataclasses.dataclass(frozen=True)
+class JobSettings:
+    """How the work is done; none of it changes the data.
+
+    Attributes:
+      workers: processes, 0 = one per processor.
+      models_per_worker: after as many models a worker process is replaced: long-lived ones grow.
+      seconds_per_model: more and the worker is ended, the model refused.
+      megabytes_per_worker: more and the worker is ended, the model refused.
+      variant: "llvm", "scalar", or the better one of those that work.
+    """
+
+    workers: int = 0
+    models_per_worker: int = 200
+    seconds_per_model: float = 300.0
+    megabytes_per_worker: int = 4000
+    variant: str = "auto"
+
+    def __post_init__(self) -> None:
+        """Checks the fields."""
+        _between("job.workers", self.workers, 0, 4096)
+        _between("job.models_per_worker", self.models_per_worker, 1, 1_000_000)
+        _between("job.seconds_per_model", self.seconds_per_model, 1, 1e6)
+        _between("job.megabytes_per_worker", self.megabytes_per_worker, 300, 1_000_000)
+        _one_of("job.variant", self.variant, VARIANTS)
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """All settings.
+
+    Attributes:
+      seed: of everything random; a model's own seed is made of this and its name.
+      views: images of each model.
+      num_points: surface points of each sample.
+      point_bits: resolution of the stored points, see `psgn_jax.data.records`.
+      models_per_shard: models in one file of records.
+      camera, light, image, checks, job: see their classes.
+    """
+
+    seed: int = 0
+    views: int = 4
+    num_points: int = 16384
+    point_bits: int = 12
+    models_per_shard: int = 128
+    camera: CameraSettings = dataclasses.field(default_factory=CameraSettings)
+    light: LightSettings = dataclasses.field(default_factory=LightSettings)
+    image: ImageSettings = dataclasses.field(default_factory=ImageSettings)
+    checks: CheckSettings = dataclasses.field(default_factory=CheckSettings)
+    job: JobSettings = dataclasses.field(default_factory=JobSettings)
+
+    def __post_init__(self) -> None:
+        """Checks the fields."""
+        _between("seed", self.seed, 0, 2**63)
+        _between("views", self.views, 1, 10_000)
+        _between("num_points", self.num_points, 1, 1 << 20)
+        _between("point_bits", self.point_bits, 1, 16)
+        _between("models_per_shard", self.models_per_shard, 1, 100_000)
+
+
+def to_dict(settings: Any) -> dict[str, Any]:
+    """Nested dicts of a settings object, the form that configurations have."""
+    return dataclasses.asdict(settings)
+
+
+def parse(values: Mapping[str, Any], kind: type = Settings, prefix: str = "") -> Any:
+    """Settings from nested mappings (an `ml_collections.ConfigDict`, too); what lacks is default.
+
+    Raises:
+      ValueError: names the field that is unknown or wrong, its value, and what is accepted.
+    """
+    hints = typing.get_type_hints(kind)
+    given: dict[str, Any] = {}
+    for name in values:
+        if name not in hints:
+            near = difflib.get_close_matches(name, hints, 1)
+            hint = f"; did you mean {prefix}{near[0]}?" if near else ""
+            raise ValueError(f"{prefix}{name}: there is no such field{hint}")
+        given[name] = _convert(values[name], hints[name], f"{prefix}{name}")
+    return kind(**given)
+
+
+def _convert(value: Any, hint: Any, name: str) -> Any:
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        if isinstance(value, hint):
+            return value
+        if not hasattr(value, "keys"):
+            raise ValueError(f"{name}: got {value!r}, expected a mapping")
+        return parse(value, hint, f"{name}.")
+    if isinstance(hint, types.GenericAlias) and typing.get_origin(hint) is tuple:
+        parts = typing.get_args(hint)
+        if not isinstance(value, (tuple, list)) or len(value) != len(parts):
+            raise ValueError(f"{name}: got {value!r}, expected {len(parts)} numbers")
+        return tuple(_convert(v, p, name) for v, p in zip(value, parts, strict=True))
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, hint) or (hint is int and isinstance(value, bool)):
+        raise ValueError(f"{name}: got {value!r}, expected {hint.__name__}")
+    return value

@@ -1,0 +1,534 @@
+"""Pictures of scenes with Mitsuba: rays, hits, local shading; path tracing as an option.
+
+With `worker.py` the only importer of Mitsuba. A process calls `start` once, which fixes the
+variant: `llvm_ad_rgb` is the fast one, `scalar_rgb` needs no LLVM. A model is one merged mesh, and
+all that differs between models is data, so nothing is compiled anew from scene to scene. Rays hit
+the mesh in Mitsuba; colours are `shading`'s, the same arithmetic for both variants.
+"""
+
+import contextlib
+import dataclasses
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from data_gen import cameras, shading
+from data_gen.cameras import Camera
+from data_gen.lights import shrink
+from data_gen.scene import Scene, Surfaces
+
+VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
+
+# Surfaces that a ray passes through at most, holes and glass.
+_MAX_LAYERS = 8
+
+# What still shines through after this is not looked for.
+_OPAQUE = 0.98
+
+# How far behind a hit a ray goes on, unit of the frame.
+_BEHIND = 2e-4
+
+# Samples of a pixel that look further from its centre's normal than this are another surface.
+_SAME_SURFACE = float(np.cos(np.deg2rad(30.0)))
+
+_mi: Any = None
+_dr: Any = None
+
+
+def start(variant: str, libllvm: str = "", *, shrink_threads: bool = True) -> None:
+    """Loads Mitsuba in one variant, with one thread; once in a process.
+
+    Args:
+      variant: one of `VARIANTS`.
+      libllvm: path of the LLVM library; "" = Mitsuba looks for one.
+      shrink_threads: one thread alone; not for `load_map`.
+
+    Raises:
+      ValueError: an unknown variant.
+      RuntimeError: another variant was started before.
+    """
+    global _mi, _dr
+    if variant not in VARIANTS:
+        raise ValueError(f"variant {variant!r}: expected one of {list(VARIANTS)}")
+    if _mi is not None:
+        if _mi.variant() != variant:
+            raise RuntimeError(f"Mitsuba runs as {_mi.variant()} in this process already")
+        return
+    if libllvm:
+        os.environ["DRJIT_LIBLLVM_PATH"] = libllvm
+    import drjit
+    import mitsuba
+
+    mitsuba.set_variant(variant)
+    mitsuba.set_log_level(mitsuba.LogLevel.Error)
+    if shrink_threads and not variant.startswith("scalar"):
+        drjit.set_thread_count(1)
+    _mi, _dr = mitsuba, drjit
+
+
+class Hits(NamedTuple):
+    """Where rays meet the mesh: face (-1 = nowhere), barycentric weights, ray parameter."""
+
+    face: Int[np.ndarray, " n"]
+    weights: Float[np.ndarray, "n 3"]
+    t: Float[np.ndarray, " n"]
+
+
+class Mesh:
+    """A mesh that rays can be sent to."""
+
+    def __init__(self, corners: Float[np.ndarray, "f 3 3"]) -> None:
+        """Builds the search structure for triangles of any frame."""
+        count = len(corners)
+        mesh = _mi.Mesh("model", 3 * count, count, has_vertex_texcoords=True)
+        values = _mi.traverse(mesh)
+        values["vertex_positions"] = np.ascontiguousarray(corners, np.float32).ravel()
+        values["faces"] = np.arange(3 * count, dtype=np.uint32)
+        # These make a hit's texture coordinates its barycentric ones.
+        values["vertex_texcoords"] = np.tile(np.array([0, 0, 1, 0, 0, 1], np.float32), count)
+        values.update()
+        self._corners = corners
+        self._scene = _mi.load_dict({"type": "scene", "model": mesh})
+
+    def cast(
+        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> Hits:
+        """The first hit of each ray; `t` counts in lengths of its direction."""
+        count = len(directions)
+        if not count:
+            return Hits(np.zeros(0, np.int64), np.zeros((0, 3), np.float32), np.zeros(0))
+        if _mi.variant().startswith("scalar"):
+            return self._cast_one_by_one(origins, directions)
+        columns = [np.ascontiguousarray(a[:, k], np.float32) for a in (origins, directions)
+                   for k in range(3)]  # fmt: skip
+        ray = _mi.Ray3f(
+            _mi.Point3f(*(_mi.Float(c) for c in columns[:3])),
+            _mi.Vector3f(*(_mi.Float(c) for c in columns[3:])),
+        )
+        found = self._scene.ray_intersect_preliminary(ray, coherent=True)
+        _dr.eval(found.t, found.prim_index, found.prim_uv)
+        t = np.array(found.t, np.float32)
+        face = np.where(np.isfinite(t), np.array(found.prim_index).astype(np.int64), -1)
+        one, two = np.array(found.prim_uv, np.float32).reshape(2, count)
+        return Hits(face, np.stack([1 - one - two, one, two], axis=1), t)
+
+    def _cast_one_by_one(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
+        face = np.full(len(directions), -1, np.int64)
+        uv = np.zeros((len(directions), 2), np.float32)
+        t = np.full(len(directions), np.inf, np.float32)
+        scene, ray_of = self._scene, _mi.Ray3f
+        for number, (origin, direction) in enumerate(
+            zip(origins.tolist(), directions.tolist(), strict=True)
+        ):
+            found = scene.ray_intersect_preliminary(ray_of(origin, direction), coherent=True)
+            if found.is_valid():
+                face[number] = found.prim_index
+                uv[number] = found.prim_uv
+                t[number] = found.t
+        return Hits(face, np.stack([1 - uv.sum(axis=1), uv[:, 0], uv[:, 1]], axis=1), t)
+
+    def cast_grid(self, camera: Camera, window: "Window", side: int) -> Hits:
+        """The first hits of all samples of a window, through the film: the fast way if scalar."""
+        height, width = camera.image_size
+        to_model = np.eye(4)
+        to_model[:3, :3] = (camera.extrinsics[:, :3] @ camera.rotation).T @ np.diag([-1, -1, 1])
+        to_model[:3, 3] = camera.rotation.T @ camera.position
+        sensor = _mi.load_dict(
+            {
+                "type": "perspective",
+                "fov": float(2 * np.rad2deg(np.arctan(width / 2 / camera.intrinsics[0, 0]))),
+                "fov_axis": "x",
+                "near_clip": 1e-3,
+                "far_clip": 1e4,
+                "to_world": _mi.ScalarTransform4f(to_model),
+                "film": {
+                    "type": "hdrfilm",
+                    "width": width * side,
+                    "height": height * side,
+                    "crop_offset_x": window.left * side,
+                    "crop_offset_y": window.top * side,
+                    "crop_width": window.width * side,
+                    "crop_height": window.height * side,
+                    "component_format": "float32",
+                    "rfilter": {"type": "box"},
+                },
+                "sampler": {"type": "stratified", "sample_count": 1, "jitter": False},
+            }
+        )
+        integrator = _mi.load_dict({"type": "aov", "aovs": "p:position,i:prim_index,b:uv"})
+        integrator.render(self._scene, sensor, 0, 1)
+        values = np.array(sensor.film().bitmap(), np.float32)[..., -6:].reshape(-1, 6)
+        place, uv = values[:, :3].astype(np.float64), values[:, 4:6]
+        hit = np.abs(values).max(axis=1) > 0
+        t = (place @ camera.rotation.T) @ camera.extrinsics[2, :3] + camera.extrinsics[2, 3]
+        return Hits(
+            np.where(hit, values[:, 3].round().astype(np.int64), -1),
+            np.stack([1 - uv.sum(axis=1), uv[:, 0], uv[:, 1]], axis=1),
+            np.where(hit, t, np.inf).astype(np.float32),
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Window:
+    """A part of the image: all that the object can be in."""
+
+    top: int
+    left: int
+    height: int
+    width: int
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """Of the image's rows and columns."""
+        return slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
+
+
+def window_of(surfaces: Surfaces, camera: Camera) -> Window:
+    """The smallest window with all corners of the faces, and a pixel around it."""
+    points = surfaces.corners.reshape(-1, 3) @ camera.rotation.T
+    pixels, _ = cameras.project(points, camera)
+    height, width = camera.image_size
+    low = np.floor(np.nanmin(pixels, axis=0)).astype(int) - 1
+    high = np.ceil(np.nanmax(pixels, axis=0)).astype(int) + 1
+    left, right = np.clip([low[0], high[0]], 0, width)
+    top, bottom = np.clip([low[1], high[1]], 0, height)
+    return Window(int(top), int(left), max(int(bottom - top), 1), max(int(right - left), 1))
+
+
+def _rays(camera: Camera, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Directions in the view-aligned frame, z = 1 along the optical axis, float32 [n, 3]."""
+    k = camera.intrinsics
+    y = (rows - k[1, 2]) / k[1, 1]
+    x = (columns - k[0, 2] - k[0, 1] * y) / k[0, 0]
+    rays = np.stack([x, y, np.ones_like(x)], axis=1) @ camera.extrinsics[:, :3]
+    return rays.astype(np.float32)
+
+
+class _Samples(NamedTuple):
+    """What rays see: colour, how much of the background shines through, the first surface."""
+
+    colour: Float[np.ndarray, "n 3"]
+    through: Float[np.ndarray, " n"]
+    hit: Bool[np.ndarray, " n"]
+    owner: Int[np.ndarray, " n"]
+    normal: Float[np.ndarray, "n 3"]
+    z: Float[np.ndarray, " n"]
+
+
+def _see(mesh: Mesh, scene: Scene, rays: np.ndarray, first: Hits) -> _Samples:
+    """Follows rays from the camera, given their first hits, through holes and glass."""
+    surfaces, camera = scene.surfaces, scene.camera
+    count = len(rays)
+    colour = np.zeros((count, 3), np.float32)
+    through = np.ones(count, np.float32)
+    hit = np.zeros(count, np.bool_)
+    owner = np.full(count, -1, np.int64)
+    normals = np.zeros((count, 3), np.float32)
+    z = np.zeros(count, np.float32)
+    turn = camera.rotation.astype(np.float32)
+    origin = camera.position.astype(np.float32) @ turn
+    index = np.flatnonzero(first.face >= 0)
+    face, weights, t = first.face[index], first.weights[index], first.t[index]
+    for layer in range(_MAX_LAYERS):
+        if not len(index):
+            break
+        ray = rays[index]
+        diffuse, opacity = shading.look_up(surfaces, face, weights)
+        exists = np.flatnonzero(opacity > 0)
+        at, one = index[exists], face[exists]
+        normal = shading.shading_normals(
+            surfaces, one, weights[exists], camera.rotation, ray[exists]
+        )
+        view = -ray[exists] / np.linalg.norm(ray[exists], axis=1, keepdims=True)
+        lit = shading.blinn_phong(
+            surfaces, scene.lights, surfaces.material[one], diffuse[exists], normal, view
+        )
+        colour[at] += (through[at] * opacity[exists])[:, None] * lit
+        fresh = ~hit[at]
+        hit[at[fresh]] = True
+        owner[at[fresh]] = surfaces.material[one[fresh]]
+        normals[at[fresh]] = normal[fresh]
+        z[at[fresh]] = t[exists[fresh]]
+        through[index] *= 1 - opacity
+        if surfaces.opaque or layer == _MAX_LAYERS - 1:
+            break
+        on = np.flatnonzero(through[index] > 1 - _OPAQUE)
+        index, t = index[on], t[on] + _BEHIND
+        # From behind the hit, with the face's index at hand again if it is met once more.
+        start = origin + t[:, None] * (rays[index] @ turn)
+        following = mesh.cast(start, rays[index] @ turn)
+        met = np.flatnonzero(following.face >= 0)
+        index, face, weights = index[met], following.face[met], following.weights[met]
+        t = t[met] + following.t[met]
+    if surfaces.opaque:
+        through[hit] = 0
+    return _Samples(colour, through, hit, owner, normals, z)
+
+
+class Picture(NamedTuple):
+    """One rendered view.
+
+    Attributes:
+      image: uint8 [H, W, 3].
+      mask: bool [H, W], pixels whose centre sees the object.
+      depth: float32 [H, W] along the optical axis at the pixels' centres, 0 = background.
+      normals: float32 [H, W, 3] in the view-aligned frame at the pixels' centres, shading normals
+        on the viewer's side, 0 = background.
+      opacity: float32 [H, W], how much of each pixel the object hides of what is behind it.
+    """
+
+    image: UInt8[np.ndarray, "h w 3"]
+    mask: Bool[np.ndarray, "h w"]
+    depth: Float[np.ndarray, "h w"]
+    normals: Float[np.ndarray, "h w 3"]
+    opacity: Float[np.ndarray, "h w"]
+
+
+def compose(
+    premultiplied: Float[np.ndarray, "h w 4"], background: Float[np.ndarray, "..."]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Colours (already multiplied by their opacity) over a background in [0, 1], as an image."""
+    full = premultiplied[..., :3] + (1 - premultiplied[..., 3:]) * background
+    return np.rint(255 * np.clip(full, 0, 1)).astype(np.uint8)
+
+
+def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
+    """Renders a view with local shading.
+
+    Mask, depth and normals are those of the pixels' centres. The colour is a mean over `side` x
+    `side` samples: with soft edges over all of the pixel; without (the authors' images) over those
+    that see the same material and orientation as the centre, which smooths textures and leaves
+    the edges of surfaces and of the object hard.
+
+    Args:
+      mesh: of `scene.surfaces.corners`.
+      scene: what is seen.
+      side: samples along a pixel's edge, 0 = its centre alone.
+      soft_edges: whether edges are smoothed, too.
+    """
+    camera = scene.camera
+    height, width = camera.image_size
+    window = window_of(scene.surfaces, camera)
+    rows, columns = np.mgrid[window.slices].reshape(2, -1)
+    scalar = _mi.variant().startswith("scalar")
+    turn = camera.rotation.astype(np.float32)
+    origin = (camera.position @ camera.rotation).astype(np.float32)
+
+    def cast(rays: np.ndarray) -> Hits:
+        return mesh.cast(np.broadcast_to(origin, rays.shape), rays @ turn)
+
+    rays = _rays(camera, columns + 0.5, rows + 0.5)
+    first = mesh.cast_grid(camera, window, 1) if scalar else cast(rays)
+    centre = _see(mesh, scene, rays, first)
+    # Colour, already multiplied by its opacity, and opacity.
+    total = np.concatenate([centre.colour, 1 - centre.through[:, None]], axis=1)
+    if side > 0:
+        # Without soft edges, the pixels around the object are background whatever they see.
+        chosen = np.arange(len(rows)) if soft_edges else np.flatnonzero(centre.hit)
+        offsets = (np.arange(side) + 0.5) / side
+        fine_rows = (rows[chosen, None, None] + offsets[:, None]).repeat(side, 2)
+        fine_columns = (columns[chosen, None, None] + offsets).repeat(side, 1)
+        rays = _rays(camera, fine_columns.ravel(), fine_rows.ravel())
+        if scalar:
+            whole = mesh.cast_grid(camera, window, side)
+            number = np.arange(len(whole.face)).reshape(window.height, side, window.width, side)
+            number = number.transpose(0, 2, 1, 3).reshape(-1, side * side)[chosen].ravel()
+            first = Hits(whole.face[number], whole.weights[number], whole.t[number])
+        else:
+            first = cast(rays)
+        seen = _see(mesh, scene, rays, first)
+        colour = np.concatenate([seen.colour, 1 - seen.through[:, None]], axis=1)
+        colour = colour.reshape(-1, side * side, 4)
+        if soft_edges:
+            total = colour.mean(axis=1)
+        else:
+            alike = (seen.owner.reshape(-1, side * side) == centre.owner[chosen, None]) & (
+                np.einsum("pkd,pd->pk", seen.normal.reshape(-1, side * side, 3),
+                          centre.normal[chosen])
+                > _SAME_SURFACE
+            )  # fmt: skip
+            own = total[chosen]
+            summed = own + np.einsum("pkd,pk->pd", colour, alike.astype(np.float32))
+            total[chosen] = summed / (1 + alike.sum(axis=1))[:, None]
+    premultiplied = np.zeros((height, width, 4), np.float32)
+    premultiplied[window.slices] = total.reshape(window.height, window.width, 4)
+    result = Picture(
+        image=compose(premultiplied, scene.background),
+        mask=np.zeros((height, width), np.bool_),
+        depth=np.zeros((height, width), np.float32),
+        normals=np.zeros((height, width, 3), np.float32),
+        opacity=premultiplied[..., 3],
+    )
+    shape = (window.height, window.width)
+    result.mask[window.slices] = centre.hit.reshape(shape)
+    result.depth[window.slices] = np.where(centre.hit, centre.z, 0).reshape(shape)
+    result.normals[window.slices] = centre.normal.reshape(*shape, 3)
+    return result
+
+
+# --- Environment maps -------------------------------------------------------------------------
+
+
+def load_map(path: str | os.PathLike[str]) -> Float[np.ndarray, "h w 3"]:
+    """An environment map from an .hdr or .exr file, reduced to `lights.MAP_SIZE`.
+
+    Call it only in a process whose thread pool has not been shrunk: with a single thread, reading
+    an EXR never ends. `worker.load_maps` does that.
+
+    Raises:
+      ValueError: the file cannot be read.
+    """
+    try:
+        bitmap = _mi.Bitmap(str(path)).convert(
+            _mi.Bitmap.PixelFormat.RGB, _mi.Struct.Type.Float32, srgb_gamma=False
+        )
+    except Exception as error:
+        raise ValueError(f"environment map {str(path)!r}: {error}"[:300]) from error
+    return shrink(np.array(bitmap))
+
+
+def sunsky_map(
+    turbidity: float, sun_elevation_degrees: float, albedo: float
+) -> Float[np.ndarray, "h w 3"]:
+    """Mitsuba's model of sun and sky as a map of `lights.MAP_SIZE`, on grey ground.
+
+    Args:
+      turbidity: 1 (clear) to 10 (hazy).
+      sun_elevation_degrees: of the sun above the horizon.
+      albedo: of the ground.
+    """
+    from data_gen import lights
+
+    elevation = np.deg2rad(sun_elevation_degrees)
+    emitter = {
+        "type": "sunsky",
+        "sun_direction": [float(np.cos(elevation)), 0.0, float(np.sin(elevation))],
+        "turbidity": float(turbidity),
+        "albedo": float(albedo),
+        "sun_scale": 0.0,
+        "complex_sun": False,
+    }
+    scene = _mi.load_dict({"type": "scene", "sky": emitter})
+    sky = scene.emitters()[0]
+    size = lights.MAP_SIZE
+    toward = lights.directions_of(size).reshape(-1, 3)
+    values = np.zeros((len(toward), 3))
+    for number, direction in enumerate(toward):
+        if direction[2] <= 0:
+            continue
+        hit = _dr.zeros(_mi.SurfaceInteraction3f)
+        hit.wi = _mi.Vector3f(*(-direction))
+        values[number] = np.array(sky.eval(hit)).ravel()[:3]
+    grid = values.reshape(*size, 3)
+    angles = lights.solid_angles(size)[..., None]
+    # The sun is half a degree wide: no map this small holds it. It is added with the energy that
+    # makes direct light about four times the sky's on a clear day, less in haze.
+    energy = (grid * angles).sum(axis=(0, 1))
+    row = int((90 - sun_elevation_degrees) / 180 * size[0])
+    warm = np.array([1.0, 0.95, 0.85])
+    grid[row, 0] += energy.mean() * warm * 4 / np.sqrt(turbidity) / angles[row, 0]
+    below = lights.directions_of(size)[..., 2] <= 0
+    grid[below] = albedo * (grid * angles).sum(axis=(0, 1)) / (2 * np.pi) / 2
+    return grid
+
+
+# --- Path tracing -----------------------------------------------------------------------------
+
+
+def path_trace(
+    scene: Scene, radiance: Float[np.ndarray, "h w 3"], *, samples: int, seed: int
+) -> Float[np.ndarray, "h w 4"]:
+    """Colours with shadows and interreflection, multiplied by their opacity, and opacity.
+
+    Each material becomes one of Mitsuba's, so scenes compile anew: some seconds a model.
+
+    Args:
+      scene: what is seen; its directional lights play no part.
+      radiance: the environment map, in the view-aligned frame.
+      samples: per pixel.
+      seed: of the samples.
+    """
+    surfaces, camera = scene.surfaces, scene.camera
+    parts: dict[str, Any] = {"type": "scene", "integrator": {"type": "path", "max_depth": 6, "hide_emitters": True}}
+    corners = surfaces.corners @ camera.rotation.T.astype(np.float32)
+    normals = surfaces.normals @ camera.rotation.T.astype(np.float32)
+    for number in np.unique(surfaces.material):
+        own = np.flatnonzero(surfaces.material == number)
+        height, width = (int(s) for s in surfaces.texture_size[number])
+        begin = int(surfaces.texture_start[number])
+        texels = surfaces.texels[begin : begin + height * width].view(np.uint8)
+        texture = texels.reshape(height, width, 4).astype(np.float32) / 255
+        # Mitsuba computes in linear light.
+        linear = (texture[..., :3] * surfaces.diffuse[number]) ** 2.2
+        alpha = texture[..., 3:] * surfaces.opacity[number]
+
+        def bitmap(values: np.ndarray) -> dict[str, Any]:
+            return {
+                "type": "bitmap",
+                "bitmap": _mi.Bitmap(np.ascontiguousarray(values, np.float32)),
+                "raw": True,
+                "filter_type": "nearest" if values.size < 16 else "bilinear",
+            }
+
+        strength = float(np.clip(surfaces.specular[number].mean() * scene.lights.specular, 0, 1))
+        bsdf = {
+            "type": "principled",
+            "base_color": bitmap(linear),
+            "roughness": float(np.clip((2 / (surfaces.shininess[number] + 2)) ** 0.25, 0.1, 1)),
+            "specular": strength,
+        }
+        mesh = _mi.Mesh(
+            f"part{number}", 3 * len(own), len(own), has_vertex_normals=True,
+            has_vertex_texcoords=True,
+            props=_properties({"type": "mask", "opacity": bitmap(alpha),
+                               "bsdf": {"type": "twosided", "bsdf": bsdf}}),
+        )  # fmt: skip
+        values = _mi.traverse(mesh)
+        values["vertex_positions"] = np.ascontiguousarray(corners[own]).ravel()
+        values["vertex_normals"] = np.ascontiguousarray(normals[own]).ravel()
+        values["vertex_texcoords"] = np.ascontiguousarray(surfaces.uv[own]).ravel()
+        values["faces"] = np.arange(3 * len(own), dtype=np.uint32)
+        values.update()
+        parts[f"part{number}"] = mesh
+    # Mitsuba's maps have +y up and begin elsewhere; this turns them to the schema's frame.
+    turn = _mi.ScalarTransform4f().rotate([0, 0, 1], 90).rotate([1, 0, 0], 90)
+    parts["light"] = {
+        "type": "envmap",
+        "bitmap": _mi.Bitmap(np.ascontiguousarray(radiance[:, ::-1], np.float32)),
+        "to_world": turn,
+    }
+    height, width = camera.image_size
+    to_world = np.eye(4)
+    to_world[:3, :3] = camera.extrinsics[:, :3].T @ np.diag([-1, -1, 1])
+    to_world[:3, 3] = camera.position
+    sensor = _mi.load_dict(
+        {
+            "type": "perspective",
+            "fov": float(2 * np.rad2deg(np.arctan(width / 2 / camera.intrinsics[0, 0]))),
+            "fov_axis": "x",
+            "to_world": _mi.ScalarTransform4f(to_world),
+            "film": {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgba",
+                     "rfilter": {"type": "box"}},
+            "sampler": {"type": "independent", "sample_count": samples},
+        }
+    )
+    image = _mi.render(_mi.load_dict(parts), sensor=sensor, spp=samples, seed=seed)
+    values = np.nan_to_num(np.array(image, np.float32))
+    opacity = np.clip(values[..., 3:], 0, 1)
+    linear = values[..., :3] / np.maximum(opacity, 1e-3)
+    return np.concatenate([np.clip(linear, 0, 1) ** (1 / 2.2) * opacity, opacity], axis=-1)
+
+
+def _properties(bsdf: dict[str, Any]) -> Any:
+    properties = _mi.Properties()
+    properties["mesh_bsdf"] = _mi.load_dict(bsdf)
+    return properties
+
+
+def release() -> None:
+    """Frees what earlier scenes have left behind."""
+    if _dr is not None and not _mi.variant().startswith("scalar"):
+        with contextlib.suppress(Exception):
+            _dr.flush_malloc_cache()

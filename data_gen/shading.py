@@ -1,0 +1,112 @@
+"""Local shading of ray hits: Blinn-Phong under directional lights, in numpy.
+
+No shadows and no interreflection, as in the paper's images: a surface's colour depends on its own
+normal alone. Colours are computed with as they are displayed, without a transfer curve, which is
+how the authors' images look. The same arithmetic serves every way of tracing rays.
+"""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from data_gen.lights import Lights
+from data_gen.meshes import EXISTS
+from data_gen.scene import Surfaces
+
+
+def look_up(
+    surfaces: Surfaces, face: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Diffuse colour and opacity at points of faces; 0 opacity where there is no surface.
+
+    Textures repeat and are read at the nearest texel; several samples a pixel smooth them.
+    """
+    owner = surfaces.material[face]
+    colour = surfaces.diffuse[owner]
+    opacity = surfaces.opacity[owner]
+    textured = np.flatnonzero(surfaces.texture_start[owner])
+    if len(textured):
+        which = owner[textured]
+        uv = np.einsum("nk,nkd->nd", weights[textured], surfaces.uv[face[textured]])
+        uv -= np.floor(uv)
+        height, width = surfaces.texture_size[which].T
+        column = np.minimum((uv[:, 0] * width).astype(np.int64), width - 1)
+        row = np.minimum(((1 - uv[:, 1]) * height).astype(np.int64), height - 1)
+        index = surfaces.texture_start[which] + row * width + column
+        texel = surfaces.texels[index].view(np.uint8).reshape(-1, 4).astype(np.float32) / 255
+        colour[textured] *= texel[:, :3]
+        opacity[textured] *= texel[:, 3]
+    return colour, np.where(opacity < EXISTS, 0, opacity)
+
+
+def shading_normals(
+    surfaces: Surfaces,
+    face: Int[np.ndarray, " n"],
+    weights: Float[np.ndarray, "n 3"],
+    rotation: Float[np.ndarray, "3 3"],
+    rays: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Unit normals on the viewer's side, in the frame that `rotation` leads to.
+
+    Args:
+      surfaces: of the model.
+      face: that are hit.
+      weights: barycentric coordinates.
+      rotation: from the model's frame to the view-aligned one.
+      rays: directions in the view-aligned frame, away from the camera.
+    """
+    turn = rotation.astype(np.float32).T
+    normal = np.einsum("nk,nkd->nd", weights, surfaces.normals[face]) @ turn
+    flat = surfaces.face_normals[face] @ turn
+    # Both sides of a face are shaded alike: its normal is the one of the side that is seen.
+    away = np.einsum("nd,nd->n", flat, rays) > 0
+    normal = np.where(away[:, None], -normal, normal)
+    length = np.sqrt(np.einsum("nd,nd->n", normal, normal))
+    bad = length < 1e-6
+    if bad.any():
+        normal[bad] = np.where(away[bad, None], -flat[bad], flat[bad])
+        length[bad] = 1
+    return normal / length[:, None]
+
+
+def blinn_phong(
+    surfaces: Surfaces,
+    lights: Lights,
+    owner: Int[np.ndarray, " n"],
+    colour: Float[np.ndarray, "n 3"],
+    normal: Float[np.ndarray, "n 3"],
+    view: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Colours as they are displayed, in [0, 1].
+
+    `c = d (a(n) + sum_i L_i max(n l_i, 0)) + s sum_i L_i max(n h_i, 0)^e [n l_i > 0]`, with the
+    diffuse colour d, ambient light a between the ground's and the sky's, the highlight s with its
+    exponent e, and h_i halfway between the light l_i and the viewer (Blinn 1977).
+
+    Args:
+      surfaces: of the model.
+      lights: in the view-aligned frame.
+      owner: materials.
+      colour: diffuse.
+      normal: unit, on the viewer's side.
+      view: unit vectors toward the camera.
+    """
+    rise = (normal[:, 2:3] + 1) / 2
+    light = lights.ground * (1 - rise) + lights.sky * rise
+    facing = np.maximum(normal @ lights.directions.T, 0)
+    result = np.maximum(colour, lights.darkest) * (light + facing @ lights.colours)
+    shiny = np.flatnonzero((surfaces.specular[owner] > 1e-3).any(axis=1) & (facing > 0).any(axis=1))
+    if lights.specular > 0 and len(shiny):
+        which = owner[shiny]
+        exponent = surfaces.shininess[which]
+        gloss = np.zeros((len(shiny), 3), np.float32)
+        for direction, strength, lit in zip(
+            lights.directions, lights.colours, facing[shiny].T, strict=True
+        ):
+            half = view[shiny] + direction
+            cosine = np.einsum("nd,nd->n", normal[shiny], half) / np.sqrt(
+                np.maximum(np.einsum("nd,nd->n", half, half), 1e-12)
+            )
+            glint = np.where(lit > 0, np.maximum(cosine, 0) ** exponent, 0)
+            gloss += glint[:, None] * strength
+        result[shiny] += lights.specular * surfaces.specular[which] * gloss
+    return np.clip(result, 0, 1)

@@ -1,0 +1,364 @@
+import io
+import json
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from data_gen import loading, meshes
+from data_gen.meshes import UnusableModelError
+
+CUBE = """\
+v -1 -1 -1
+v 1 -1 -1
+v 1 1 -1
+v -1 1 -1
+v -1 -1 1
+v 1 -1 1
+v 1 1 1
+v -1 1 1
+"""
+QUADS = ["4 3 2 1", "5 6 7 8", "1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8"]
+FACES = "".join(f"f {q}\n" for q in QUADS)
+
+
+def png(colour, size=(4, 4), mode="RGB"):
+    stream = io.BytesIO()
+    Image.new(mode, size, colour).save(stream, "PNG")
+    return stream.getvalue()
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(name, content):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+def test_a_plain_cube(write):
+    model = loading.load(write("cube.obj", CUBE + FACES))
+    assert len(model.faces) == 12
+    assert model.warnings == ()
+    assert model.model_id == "cube.obj"
+    outward = model.corners().mean(1) - model.vertices.mean(0)
+    assert ((outward * meshes.face_normals(model.vertices, model.faces)).sum(1) > 0).all()
+    np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
+
+
+def test_y_is_up_and_z_the_front(write):
+    text = "v 0 0 0\nv 1 0 0\nv 0 5 0\nv 0 0 2\nf 1 2 3\nf 1 3 4\nf 1 2 4\nf 2 3 4\n"
+    extent = np.ptp(loading.load(write("a.obj", text)).vertices, axis=0)
+    np.testing.assert_allclose(extent / extent[1], [2, 1, 5])
+    extent = np.ptp(loading.load(write("a.obj", text), up="+z", front="+x").vertices, axis=0)
+    np.testing.assert_allclose(extent / extent[0], [1, 5, 2])
+
+
+@pytest.mark.parametrize(
+    "face",
+    ["f 1 2 3", "f 1/1 2/2 3/3", "f 1//1 2//1 3//1", "f 1/1/1 2/2/1 3/3/1",
+     "f -3/-3/-1 -2/-2/-1 -1/-1/-1", "f 1/ 2/2 3//1", "f  1 \\\n 2 3 # a comment"],
+)  # fmt: skip
+def test_every_form_of_a_corner(write, face):
+    head = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nvt 0 0\nvt 1 0 0\nvt 0 1\nvn 0 0 1\n"
+    model = loading.load(write("a.obj", head + face + "\n"))
+    assert len(model.faces) == 1
+    np.testing.assert_allclose(model.normals, [[[1, 0, 0]] * 3], atol=1e-6)
+
+
+def test_negative_indices_count_from_where_they_stand(write):
+    one = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n"
+    two = "v 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n"
+    model = loading.load(write("a.obj", one + two))
+    assert len(model.vertices) == 6
+
+
+def test_a_concave_polygon_is_not_filled(write):
+    # An L of area 3 in a square of area 4, started at every corner.
+    outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+    for start in range(6):
+        turned = outline[start:] + outline[:start]
+        text = "".join(f"v {x} {y} 0\n" for x, y in turned) + "f 1 2 3 4 5 6\n"
+        model = loading.load(write("l.obj", text))
+        extent = np.ptp(model.vertices, axis=0).max()
+        area = meshes.face_areas(model.vertices, model.faces).sum() * 4 / extent**2
+        assert area == pytest.approx(3)
+
+
+def test_materials(write):
+    mtl = """\
+newmtl red paint
+Kd 1 0 0
+Ks .5 .5 .5
+Ns 80
+illum 2
+newmtl glass
+Kd 0 0 1
+d 0.3
+newmtl clear
+Tr 0.6
+newmtl picture
+Kd 0 0 0
+map_Kd -s 1 1 1 -o 0.5 some folder\\my picture.png
+newmtl leaf
+map_Kd my picture.png
+map_d holes.png
+"""
+    names = ["red paint", "glass", "clear", "picture", "leaf", "nothing"]
+    body = "".join(f"usemtl {n}\nf {q}\n" for n, q in zip(names, QUADS, strict=True))
+    write("my picture.png", png((10, 20, 30)))
+    write("holes.png", png(0, mode="L"))
+    write("things.mtl", mtl)
+    model = loading.load(write("a.obj", "mtllib things.mtl\n" + CUBE + body))
+    by_name = {m.name: m for m in model.materials}
+    assert by_name["red paint"].diffuse == (1, 0, 0)
+    assert by_name["red paint"].specular == (0.5, 0.5, 0.5)
+    assert by_name["red paint"].shininess == 80
+    assert by_name["glass"].opacity == pytest.approx(0.3)
+    assert by_name["clear"].opacity == pytest.approx(0.4)
+    assert by_name["picture"].diffuse == (1, 1, 1)
+    assert by_name["picture"].texture[0, 0].tolist() == [10, 20, 30, 255]
+    assert by_name["leaf"].texture[0, 0].tolist() == [10, 20, 30, 0]
+    assert list(model.warnings) == ["material 'nothing' is missing; grey stands in"]
+    sample = meshes.sample_surface(model, 500, 0)
+    names_of_points = {model.materials[i].name for i in model.face_material[sample.face]}
+    assert names_of_points == set(names) - {"leaf"}
+
+
+def test_missing_files_are_replaced_with_a_warning(write):
+    mtl = "newmtl a\nKd 0 0 0\nmap_Kd ../../../../etc/passwd\n"
+    mtl += "newmtl b\nKd .1 .2 .3\nmap_Kd gone.jpg\n"
+    write("m.mtl", mtl)
+    text = f"mtllib m.mtl\nmtllib gone.mtl\n{CUBE}usemtl a\n{FACES}usemtl b\n{FACES}"
+    model = loading.load(write("a.obj", text))
+    assert model.materials[0].texture is None
+    assert model.materials[0].diffuse == (0.6, 0.6, 0.6)
+    assert model.materials[1].diffuse == (0.1, 0.2, 0.3)
+    assert len(model.warnings) == 3
+    assert all("missing" in w for w in model.warnings)
+
+
+@pytest.mark.parametrize(
+    "name", ["../secret.png", "/etc/hostname", "C:\\x\\secret.png", "..\\secret.png"]
+)
+def test_nothing_outside_of_the_root_is_read(write, tmp_path, name):
+    write("secret.png", png((255, 0, 0)))
+    write("root/m.mtl", f"newmtl a\nmap_Kd {name}\n")
+    write("root/a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}")
+    model = loading.load(tmp_path / "root" / "a.obj")
+    assert model.materials[0].texture is None
+    assert any("missing" in w for w in model.warnings)
+
+
+def test_a_reference_may_go_up_inside_the_root(write, tmp_path):
+    write("images/x.PNG", png((1, 2, 3)))
+    write("models/m.mtl", "newmtl a\nmap_Kd ../images/X.png\n")
+    write("models/a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}")
+    model = loading.load("models/a.obj", loading.FolderFiles(tmp_path))
+    assert model.materials[0].texture is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("", "empty"),
+        ("v 0 0 0\n", "empty"),
+        (CUBE, "empty"),
+        (CUBE + "f 1 2 99\n", "empty"),
+        (CUBE.replace("v 1 1 1", "v nan 1 1") + FACES, "not finite"),
+        (CUBE.replace("v 1 1 1", "v 1 inf 1") + FACES, "not finite"),
+        (CUBE + "f 1 2 x\n", "not readable"),
+        ("v 1 2 abc\n" + CUBE + FACES, "not readable"),
+        (CUBE + "f 1 2 99999999999999999999999\n", "not readable"),
+        ("v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n", "empty"),
+    ],
+)
+def test_obj_files_that_are_refused(write, text, match):
+    with pytest.raises(UnusableModelError, match=match):
+        loading.load(write("a.obj", text))
+
+
+def test_a_truncated_obj_keeps_what_is_whole(write):
+    text = CUBE + FACES
+    for cut in range(len(CUBE) + 20, len(text), 7):
+        try:
+            model = loading.load(write("a.obj", text[:cut]))
+        except UnusableModelError:
+            continue
+        assert 2 <= len(model.faces) <= 12
+
+
+def test_too_many_faces_are_refused_before_they_are_built(write):
+    text = CUBE + FACES * 5000
+    with pytest.raises(UnusableModelError, match="limit of 1000 faces"):
+        loading.load(write("a.obj", text), max_faces=1000)
+
+
+def stl(count, triangles=()):
+    body = b"".join(struct.pack("<12fH", 0, 0, 1, *np.ravel(t), 0) for t in triangles)
+    return b"\0" * 80 + struct.pack("<I", count) + body
+
+
+HEADERS = {
+    "a.stl": stl(5_000_000),
+    "a.ply": b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    b"property float z\nelement face 5000000\nproperty list uchar int vertex_indices\nend_header\n",
+    "a.off": b"OFF\n3 5000000 0\n",
+    "a.gltf": json.dumps(
+        {"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}] * 100,
+         "accessors": [{"count": 200_000}],
+         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]}
+    ).encode(),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HEADERS)
+def test_too_many_faces_are_refused_by_the_header(write, name):
+    with pytest.raises(UnusableModelError, match="more than the limit"):
+        loading.load(write(name, HEADERS[name]))
+
+
+@pytest.mark.parametrize(
+    "name", ["a.stl", "a.ply", "a.off", "a.glb", "a.gltf", "a.obj", "a.xyzzy", "a"]
+)
+@pytest.mark.parametrize("content", [b"", b"\0" * 100, b"\xff\xfe nonsense \n" * 20])
+def test_nonsense_is_refused(write, name, content):
+    with pytest.raises(UnusableModelError):
+        loading.load(write(name, content))
+
+
+@pytest.mark.parametrize("kind", ["stl", "ply", "off", "glb", "obj"])
+def test_formats_agree(write, tmp_path, kind):
+    trimesh = pytest.importorskip("trimesh")
+    mesh = trimesh.creation.icosphere(2)
+    path = tmp_path / f"ball.{kind}"
+    mesh.export(path)
+    model = loading.load(path, up="+y", front="+z")
+    assert len(model.faces) == 320
+    # A ball on the ground: its top is the farthest point.
+    np.testing.assert_allclose(model.vertices[:, 2].max(), 1, atol=0.02)
+    np.testing.assert_allclose(model.normals, (model.corners() - [0, 0, 0.5]) * 2, atol=0.1)
+    data = path.read_bytes()
+    for cut in (len(data) // 3, len(data) // 2, len(data) - 10):
+        try:
+            loading.load(write(f"cut.{kind}", data[:cut]))
+        except UnusableModelError:
+            continue
+
+
+def test_glb_scene_with_materials(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    scene = trimesh.Scene()
+    pbr = trimesh.visual.material.PBRMaterial
+    for place, (factor, mode) in enumerate(
+        (([255, 0, 0, 255], "OPAQUE"), ([0, 0, 255, 128], "BLEND"))
+    ):
+        box = trimesh.creation.box()
+        box.visual = trimesh.visual.TextureVisuals(
+            uv=np.zeros((8, 2)), material=pbr(baseColorFactor=factor, alphaMode=mode)
+        )
+        mirror = np.diag([-1.0, 1, 1, 1]) if place else np.eye(4)
+        mirror[0, 3] = 3 * place
+        scene.add_geometry(box, transform=mirror)
+    path = tmp_path / "two.glb"
+    scene.export(path)
+    model = loading.load(path)
+    assert len(model.faces) == 24
+    assert sorted(round(m.opacity, 1) for m in model.materials) == [0.5, 1.0]
+    for owner in (0, 1):  # the mirrored box is not inside out
+        faces = model.faces[model.face_material == owner]
+        corners = model.vertices[faces]
+        outward = corners.mean(1) - corners.mean((0, 1))
+        assert (outward * meshes.face_normals(model.vertices, faces)).sum(1).min() > 0
+
+
+def test_vertex_colours_become_a_palette(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box()
+    box.visual.face_colors = np.repeat([[255, 0, 0, 255], [0, 255, 0, 255]], 6, axis=0)
+    path = tmp_path / "box.ply"
+    box.export(path)
+    model = loading.load(path)
+    colours = meshes.texels(model.materials[0].texture, model.uv[:, 0])
+    assert {tuple(c[:3]) for c in colours.tolist()} <= {(255, 0, 0), (0, 255, 0)}
+
+
+def test_textures_are_reduced():
+    stream = io.BytesIO()
+    Image.new("RGB", (3000, 100), (9, 8, 7)).save(stream, "PNG")
+    texture = loading.decode_texture(stream.getvalue(), 1000)
+    assert texture.shape == (33, 1000, 4)
+    assert texture[5, 5].tolist() == [9, 8, 7, 255]
+
+
+def huge_png(side):
+    """A PNG that says it has side x side pixels, of some kilobytes."""
+
+    def chunk(kind, body):
+        return (
+            struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        )
+
+    packer = zlib.compressobj(9)
+    row = b"\0" * (1 + side // 8 + 1)
+    body = packer.compress(row * 200) + packer.flush()
+    head = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
+
+
+def test_a_texture_of_30000_pixels_is_not_decoded(write):
+    write("big.png", huge_png(30_000))
+    write("m.mtl", "newmtl a\nKd .2 .4 .6\nmap_Kd big.png\n")
+    model = loading.load(write("a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}"))
+    assert model.materials[0].texture is None
+    assert model.materials[0].diffuse == (0.2, 0.4, 0.6)
+    assert "30000 x 30000 pixels" in model.warnings[0]
+
+
+def test_a_large_jpeg_is_reduced_while_it_is_decoded(monkeypatch):
+    stream = io.BytesIO()
+    Image.new("RGB", (4000, 2000), (200, 100, 50)).save(stream, "JPEG")
+    monkeypatch.setattr(loading, "MAX_DECODED_PIXELS", 1_000_000)
+    texture = loading.decode_texture(stream.getvalue(), 512)
+    assert texture.shape == (256, 512, 4)
+    np.testing.assert_allclose(texture[0, 0], [200, 100, 50, 255], atol=4)
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "I;16", "CMYK"])
+def test_modes_of_pictures(mode):
+    stream = io.BytesIO()
+    Image.new("L", (300, 200), 255).convert(mode).save(stream, "TIFF")
+    texture = loading.decode_texture(stream.getvalue(), 100)
+    assert texture.shape == (67, 100, 4)
+    assert texture.dtype == np.uint8
+
+
+def test_many_textures_share_a_budget(write, monkeypatch):
+    monkeypatch.setattr(loading, "_MAX_TEXELS", 5000)
+    names = [f"t{k}" for k in range(6)]
+    for name in names:
+        write(f"{name}.png", png((1, 2, 3), (64, 64)))
+    write("m.mtl", "".join(f"newmtl {n}\nmap_Kd {n}.png\n" for n in names))
+    body = "".join(f"usemtl {n}\nf {q}\n" for n, q in zip(names, QUADS, strict=True))
+    model = loading.load(write("a.obj", f"mtllib m.mtl\n{CUBE}{body}"))
+    assert sum(m.texture.shape[0] * m.texture.shape[1] for m in model.materials) <= 5000
+    assert any("textures reduced" in w for w in model.warnings)
+
+
+def test_a_name_that_is_not_ascii(write):
+    write("Stühle/größe.mtl", "newmtl Öl\nKd 1 0 0\n")
+    path = write("Stühle/стул 椅子.obj", f"mtllib größe.mtl\n{CUBE}usemtl Öl\n{FACES}")
+    model = loading.load(path)
+    assert model.materials[0].diffuse == (1, 0, 0)
+    assert model.model_id == "стул 椅子.obj"
+
+
+def test_a_large_file_is_refused(write, monkeypatch):
+    monkeypatch.setattr(loading, "MAX_FILE_BYTES", 100)
+    with pytest.raises(UnusableModelError, match="more than the limit of 100"):
+        loading.load(write("a.obj", CUBE + FACES))

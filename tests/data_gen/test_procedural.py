@@ -1,0 +1,157 @@
+import importlib.util
+import pathlib
+import time
+
+import numpy as np
+import pytest
+
+from data_gen import meshes
+from data_gen.catalogues import procedural, solids
+
+_spec = importlib.util.spec_from_file_location(
+    "rasteriser", pathlib.Path(__file__).with_name("rasteriser.py")
+)
+rasteriser = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(rasteriser)
+
+EVERY = pytest.mark.parametrize("category", procedural.CATEGORIES)
+
+
+def test_the_categories_are_the_papers():
+    assert len(procedural.CATEGORIES) == 13
+
+
+@EVERY
+def test_models_are_sound(category):
+    for seed in range(8):
+        model = procedural.generate(category, seed)
+        assert model.category == category
+        assert model.model_id == f"{category}-{seed}"
+        assert model.warnings == ()
+        assert 100 < len(model.faces) < 20_000
+        assert len(model.materials) >= 2 or category in (
+            "bench",
+            "couch",
+            "chair",
+            "table",
+            "cabinet",
+        )
+        np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
+        assert model.vertices[:, 2].min() == 0
+        np.testing.assert_allclose(np.linalg.norm(model.normals, axis=2), 1, atol=1e-4)
+        facing = meshes.face_normals(model.vertices, model.faces)
+        assert (model.normals * facing[:, None]).sum(axis=2).min() > -0.2
+        sample = meshes.sample_surface(model, 500, 0)
+        assert np.isfinite(sample.points).all()
+        assert model.parameters["hidden"]
+        assert model.parameters["hidden_azimuth"]
+
+
+@EVERY
+def test_same_seed_same_model_and_every_seed_another(category):
+    one, two = procedural.generate(category, 7), procedural.generate(category, 7)
+    np.testing.assert_array_equal(one.vertices, two.vertices)
+    np.testing.assert_array_equal(one.normals, two.normals)
+    assert one.parameters == two.parameters
+    assert one.parameters != procedural.generate(category, 8).parameters
+
+
+@EVERY
+def test_several_subtypes(category):
+    kinds = {procedural.generate(category, s).parameters["subtype"] for s in range(16)}
+    assert len(kinds) >= 4, kinds
+
+
+@EVERY
+def test_hidden_parameters_cannot_be_seen_and_matter(category):
+    for seed in range(2):
+        models = [procedural.generate(category, seed, hidden_seed=h) for h in (1, 2)]
+        ranges = models[0].parameters["hidden_azimuth"]
+        assert models[0].parameters["hidden"] != models[1].parameters["hidden"]
+        visible = [
+            {k: v for k, v in m.parameters.items() if k not in ("hidden", "hidden_seed")}
+            for m in models
+        ]
+        assert visible[0] == visible[1]
+        np.testing.assert_allclose(
+            *(np.stack([m.vertices.min(0), m.vertices.max(0)]) for m in models), atol=1e-9
+        )
+        low, high = ranges[seed % len(ranges)]
+        # The ends of the range, from as near and as low as is promised.
+        for azimuth in (low, high) if high - low < 360 else (-60.0, 120.0):
+            (depth, material), (other_depth, other_material) = (
+                rasteriser.inverse_depth(
+                    m, azimuth, distance=2.5, elevation=15.0, size=(72, 96), focal=110.0
+                )
+                for m in models
+            )
+            assert (depth > 0).sum() > 100
+            np.testing.assert_allclose(depth, other_depth, atol=1e-7)
+            np.testing.assert_array_equal(material, other_material)
+        # The geometry does differ.
+        clouds = [meshes.sample_surface(m, 4000, 0).points for m in models]
+        assert len(models[0].faces) != len(models[1].faces) or not np.array_equal(*clouds)
+
+
+def test_hidden_seed_defaults_to_the_seed():
+    one, two = procedural.generate("chair", 3), procedural.generate("chair", 3, hidden_seed=3)
+    np.testing.assert_array_equal(one.vertices, two.vertices)
+    assert two.model_id == "chair-3-h3"
+
+
+def test_wrong_arguments():
+    with pytest.raises(ValueError, match="category 'sofa': expected one of"):
+        procedural.generate("sofa", 0)
+    with pytest.raises(ValueError, match="seed: got -1"):
+        procedural.generate("chair", -1)
+
+
+def test_generation_is_fast():
+    # Processor time, so that other work on the machine does not count; the limit is generous.
+    start = time.process_time()
+    for category in procedural.CATEGORIES:
+        procedural.generate(category, 1)
+    assert (time.process_time() - start) / len(procedural.CATEGORIES) < 0.1
+
+
+PARTS = {
+    "box": solids.box(1, 2, 3),
+    "bevelled": solids.box(1, 2, 3, 0.1),
+    "pillow": solids.pillow(1, 2, 3, 0.3),
+    "cylinder": solids.cylinder(1, 2, 40),
+    "ball": solids.ball(1, 2, 3, 40),
+    "ring": solids.lathe([(1, 0), (2, 0), (2, 1), (1, 1)], 40, loop=True),
+    "rod": solids.rod((0, 0, 0), (1, 2, 3), 0.1),
+    "tube": solids.tube(solids.smooth_path([(0, 0, 0), (1, 0, 1), (1, 1, 2)]), 0.1),
+    "prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5),
+    "star prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5, 0.05),
+    "tray": solids.tray(lambda d: solids.rounded(2 - 2 * d, 1 - 2 * d, 0.2), 0.3, 0.1, 0.2),
+    "mirrored": solids.box(1, 2, 3).mirrored(),
+    "turned": solids.prism([(0, 0), (2, 0), (0, 1)], 0.5).turned("x", 50).turned("z", 200),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_parts_are_closed_and_face_outward(name):
+    vertices, faces = PARTS[name]
+    # Tips are rings of radius 0: one vertex, and faces without area that `build` drops.
+    _, first, place = np.unique(
+        vertices.round(9) + 0.0, axis=0, return_index=True, return_inverse=True
+    )
+    faces = first[place.reshape(-1)][faces]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    directed = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    forward = {tuple(e) for e in directed.tolist()}
+    assert len(forward) == len(directed), "an edge is used twice in one direction"
+    assert {(b, a) for a, b in forward} == forward, "the surface is open"
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    volume = (np.cross(a, b) * c).sum() / 6
+    assert volume > 0
+    if name in ("box", "mirrored"):
+        assert volume == pytest.approx(6)
+    if name == "ball":
+        assert volume == pytest.approx(np.pi, rel=0.03)
+    if name == "ring":
+        assert volume == pytest.approx(3 * np.pi, rel=0.01)
+    if name == "prism":
+        assert volume == pytest.approx(1.5)
