@@ -12,9 +12,7 @@ from data_gen import cameras, settings
 def get_config(preset: str = "authors") -> ml_collections.ConfigDict:
     """The defaults of `settings.Settings`, with a camera preset."""
     if preset not in cameras.PRESETS:
-        raise ValueError(
-            f"camera preset {preset!r}: expected one of {sorted(cameras.PRESETS)}"
-        )
+        raise ValueError(f"camera preset {preset!r}: expected one of {sorted(cameras.PRESETS)}")
     config = ml_collections.ConfigDict(settings.to_dict(settings.Settings()))
     config.camera.update(cameras.PRESETS[preset])
     return config

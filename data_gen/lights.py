@@ -61,9 +61,7 @@ class LightSettings:
                 )
         for name, high in (("saturation", 1.0), ("specular", 10.0), ("darkest", 1.0)):
             if not 0 <= getattr(self, name) <= high:
-                raise ValueError(
-                    f"light.{name}: got {getattr(self, name)}, expected 0 to {high:g}"
-                )
+                raise ValueError(f"light.{name}: got {getattr(self, name)}, expected 0 to {high:g}")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

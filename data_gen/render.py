@@ -149,9 +149,7 @@ def _blocks(entries: list[Entry], size: int) -> list[Block]:
     return sorted(result, key=lambda block: block.indices[0])
 
 
-def _job_of(
-    name: str, entries: list[Entry], options: Settings, variant: str
-) -> dict[str, Any]:
+def _job_of(name: str, entries: list[Entry], options: Settings, variant: str) -> dict[str, Any]:
     """All that the bytes of the data set depend on, but for the models' files themselves."""
     models = "\n".join(f"{e.model_id}\t{e.category}\t{e.split}" for e in entries)
     values = settings.to_dict(options)
@@ -362,9 +360,7 @@ def _render_all(
 # --- The data set -----------------------------------------------------------------------------
 
 
-def _finish_block(
-    out: pathlib.Path, block: Block, digest: str, sources: list[pathlib.Path]
-) -> int:
+def _finish_block(out: pathlib.Path, block: Block, digest: str, sources: list[pathlib.Path]) -> int:
     """Writes a block's shard and says so; returns its samples."""
     results = [worker.read_result(path) for path in sources]
     shard = None

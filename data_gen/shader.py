@@ -92,9 +92,7 @@ class Mesh:
         self._corners = corners
         self._scene = _mi.load_dict({"type": "scene", "model": mesh})
 
-    def cast(
-        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> Hits:
+    def cast(self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> Hits:
         """The first hit of each ray; `t` counts in lengths of its direction."""
         count = len(directions)
         if not count:
@@ -453,7 +451,10 @@ def path_trace(
       seed: of the samples.
     """
     surfaces, camera = scene.surfaces, scene.camera
-    parts: dict[str, Any] = {"type": "scene", "integrator": {"type": "path", "max_depth": 6, "hide_emitters": True}}
+    parts: dict[str, Any] = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 6, "hide_emitters": True},
+    }
     corners = surfaces.corners @ camera.rotation.T.astype(np.float32)
     normals = surfaces.normals @ camera.rotation.T.astype(np.float32)
     for number in np.unique(surfaces.material):
@@ -511,8 +512,13 @@ def path_trace(
             "fov": float(2 * np.rad2deg(np.arctan(width / 2 / camera.intrinsics[0, 0]))),
             "fov_axis": "x",
             "to_world": _mi.ScalarTransform4f(to_world),
-            "film": {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgba",
-                     "rfilter": {"type": "box"}},
+            "film": {
+                "type": "hdrfilm",
+                "width": width,
+                "height": height,
+                "pixel_format": "rgba",
+                "rfilter": {"type": "box"},
+            },
             "sampler": {"type": "independent", "sample_count": samples},
         }
     )
