@@ -285,7 +285,7 @@ class Picture(NamedTuple):
 
 
 def compose(
-    premultiplied: Float[np.ndarray, "h w 4"], background: Float[np.ndarray, "..."]
+    premultiplied: Float[np.ndarray, "h w 4"], background: Float[np.ndarray, "..."] | float
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Colours (already multiplied by their opacity) over a background in [0, 1], as an image."""
     full = premultiplied[..., :3] + (1 - premultiplied[..., 3:]) * background
@@ -333,8 +333,8 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
         rays = _rays(camera, fine_columns.ravel(), fine_rows.ravel())
         if scalar:
             whole = mesh.cast_grid(camera, window, side)
-            number = np.arange(len(whole.face)).reshape(window.height, side, window.width, side)
-            number = number.transpose(0, 2, 1, 3).reshape(-1, side * side)[chosen].ravel()
+            cells = np.arange(len(whole.face)).reshape(window.height, side, window.width, side)
+            number = cells.transpose(0, 2, 1, 3).reshape(-1, side * side)[chosen].ravel()
             first = Hits(whole.face[number], whole.weights[number], whole.t[number])
         else:
             first = cast(rays)

@@ -96,7 +96,8 @@ def blinn_phong(
     result = np.maximum(colour, lights.darkest) * (light + facing @ lights.colours)
     # A reduction over three numbers a row costs more than a row of a table or a product.
     lit = facing @ np.ones(len(lights.directions), np.float32) > 0
-    shiny = np.flatnonzero((surfaces.specular > 1e-3).any(axis=1)[owner] & lit)
+    glossy: np.ndarray = np.any(surfaces.specular > 1e-3, axis=1)
+    shiny = np.flatnonzero(glossy[owner] & lit)
     if lights.specular > 0 and len(shiny):
         which = owner[shiny]
         exponent = surfaces.shininess[which]

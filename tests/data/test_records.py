@@ -313,5 +313,5 @@ def test_extra_is_kept_and_checked(make, rng):
     assert "extra" not in records.unpack(records.encode(sample))
     told = dataclasses.replace(sample, extra='{"seed": 3, "name": "café"}')
     assert records.decode(records.encode(told)).extra == told.extra
-    with pytest.raises(ValueError, match="'extra'.*JSON object"):
+    with pytest.raises(ValueError, match=r"'extra'.*JSON object"):
         records.encode(dataclasses.replace(sample, extra="[1]"))

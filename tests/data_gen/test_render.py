@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from data_gen import cameras, catalogues, lights, meshes, render, scene, settings, worker
+from data_gen import cameras, catalogues, job, lights, meshes, scene, settings, worker
 from psgn_jax.data import camera as project_camera
 from psgn_jax.data import records
 
@@ -26,7 +26,7 @@ SMALL = {
     "camera": {"image_size": (48, 64)},
     "job": {"variant": "scalar", "workers": 1, "seconds_per_model": 60.0},
     # So few pixels and points are further apart than those of a full image.
-    "checks": {"depth": 0.1},
+    "checks": {"depth": 0.1, "inside": 0.9},
 }
 
 
@@ -87,7 +87,7 @@ def test_depth_and_mask_are_those_of_a_sphere(shader, azimuth):
     import trimesh
 
     ball = trimesh.creation.icosphere(4, radius=0.4)
-    model = meshes.build(ball.vertices + [0, 0, 0.4], ball.faces)
+    model = meshes.build(ball.vertices + np.array([0, 0, 0.4]), ball.faces)
     camera = view(azimuth, roll=10.0)
     picture = shot(shader, model, camera)
     seen = project_camera.back_project(picture.depth, camera.intrinsics, camera.extrinsics)
@@ -182,7 +182,7 @@ def whole(tmp_path_factory):
     """A data set made at one go by one worker."""
     out = tmp_path_factory.mktemp("render") / "whole"
     source = catalogues.open("procedural", "chair=2,table=2,lamp=1")
-    return out, render.render_catalogue(source, out, options())
+    return out, job.render_catalogue(source, out, options())
 
 
 def test_data_set_is_sound(whole):
@@ -198,7 +198,7 @@ def test_data_set_is_sound(whole):
             assert sample.points.shape == (600, 3)
             assert sample.occupancy.any()
             pixels, _ = project_camera.project(sample.points, sample.intrinsics, sample.extrinsics)
-            assert project_camera.inside_mask(pixels, sample.mask, 1).mean() > 0.97
+            assert project_camera.inside_mask(pixels, sample.mask, 1).mean() > 0.94
             extra = json.loads(sample.extra)
             assert extra["parameters"]["hidden"] is not None
             # The rotation takes the model's frame to the sample's.
@@ -207,20 +207,20 @@ def test_data_set_is_sound(whole):
             ].load()
             turned = model.vertices @ np.array(extra["rotation"]).T
             np.testing.assert_allclose(turned.max(0), sample.points.max(0), atol=0.15)
-    lines = [json.loads(text) for text in (out / render.REPORT).read_text().splitlines()]
+    lines = [json.loads(text) for text in (out / job.REPORT).read_text().splitlines()]
     assert {line["model_id"] for line in lines} == names
-    assert all(line["views"][0]["inside"] > 0.97 for line in lines)
+    assert all(line["views"][0]["inside"] > 0.94 for line in lines)
 
 
 def test_complete_data_set_is_left_as_it_is(whole):
     out, _ = whole
     before = contents(out)
     source = catalogues.open("procedural", "chair=2,table=2,lamp=1")
-    again = render.render_catalogue(source, out, options())
+    again = job.render_catalogue(source, out, options())
     assert (again.rendered, again.samples) == (0, 5)
     assert contents(out) == before
     with pytest.raises(ValueError, match="other settings"):
-        render.render_catalogue(source, out, options(seed=1))
+        job.render_catalogue(source, out, options(seed=1))
 
 
 def test_killed_and_parted_gives_the_same_bytes(whole, tmp_path):
@@ -231,7 +231,7 @@ def test_killed_and_parted_gives_the_same_bytes(whole, tmp_path):
         "--config.num_points=600", "--config.models_per_shard=2",
         "--config.camera.image_size=(48, 64)", "--config.job.variant=scalar",
         "--config.job.workers=2", "--config.job.seconds_per_model=60.",
-        "--config.checks.depth=.1", "--config.job.models_per_worker=1",
+        "--config.checks.depth=.1", "--config.checks.inside=.9", "--config.job.models_per_worker=1",
     ]  # fmt: skip
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     process = subprocess.Popen(
@@ -245,9 +245,9 @@ def test_killed_and_parted_gives_the_same_bytes(whole, tmp_path):
     process.wait()
     assert not records.load_manifest(out, allow_incomplete=True).complete
     source = catalogues.open("procedural", "chair=2,table=2,lamp=1")
-    first = render.render_catalogue(source, out, options(), part=(1, 2))
+    first = job.render_catalogue(source, out, options(), part=(1, 2))
     assert first.exit_code == 3
-    second = render.render_catalogue(source, out, options(), part=(0, 2))
+    second = job.render_catalogue(source, out, options(), part=(0, 2))
     assert second.exit_code == 0
     assert contents(out) == contents(whole[0])
     assert not (out / ".work").exists()
@@ -264,7 +264,7 @@ def write_folder(folder):
 
 def test_refused_models_have_reasons_and_do_not_stop_the_job(tmp_path):
     source = catalogues.open("folder", write_folder(tmp_path / "meshes"))
-    summary = render.render_catalogue(source, tmp_path / "out", options())
+    summary = job.render_catalogue(source, tmp_path / "out", options())
     assert summary.exit_code == 1
     assert summary.statuses == {"ok": 1, "refused": 2}
     reasons = {line["model_id"]: line["reason"] for line in summary.lines}
@@ -303,8 +303,8 @@ class Hostile:
 
 def test_crash_timeout_and_memory_end_with_their_model(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    job = {**SMALL["job"], "seconds_per_model": 8.0, "megabytes_per_worker": 900}
-    summary = render.render_catalogue(Hostile(), tmp_path / "out", options(job=job))
+    limits = {**SMALL["job"], "seconds_per_model": 8.0, "megabytes_per_worker": 900}
+    summary = job.render_catalogue(Hostile(), tmp_path / "out", options(job=limits))
     status = {line["model_id"]: line["status"] for line in summary.lines}
     assert status == {"abort": "crashed", "sleep": "timeout", "hoard": "memory", "good": "ok"}
     assert summary.samples == 1
@@ -324,7 +324,14 @@ def test_choice_of_the_variant(monkeypatch, tmp_path):
         worker.choose_variant("llvm")
 
 
-@pytest.mark.parametrize("text", ["1", "2/2", "a/b", "-1/2"])
-def test_part(text):
-    with pytest.raises(ValueError, match="--shard"):
-        render.parse_part(text)
+def test_command_refuses_wrong_arguments(tmp_path):
+    command = [sys.executable, str(ROOT / "data_gen" / "render.py"), "--catalogue=procedural",
+               "--source=1", f"--out={tmp_path / 'out'}"]  # fmt: skip
+    for wrong, message in (
+        ("--shard=2/2", "--shard: got '2/2'"),
+        ("--config.views=0", "views: got 0"),
+        ("--option=nonsense=1", "--option"),
+    ):
+        done = subprocess.run([*command, wrong], capture_output=True, text=True, check=False)
+        assert (done.returncode, message in done.stderr) == (2, True), done.stderr
+        assert "Traceback" not in done.stderr

@@ -30,7 +30,8 @@ def test_numbers_are_converted():
      ({"views": 1.5}, "views: got 1.5"), ({"camera": {"elevation": 3}}, "camera.elevation"),
      ({"camera": 3}, "camera: got 3"), ({"image": {"shading": "toon"}}, "image.shading"),
      ({"image": {"background": "folder"}}, "background_folder"),
-     ({"job": {"variant": "cuda"}}, "job.variant"), ({"light": {"source": "folder"}}, "light.folder")],
+     ({"job": {"variant": "cuda"}}, "job.variant"),
+     ({"light": {"source": "folder"}}, "light.folder")],
 )  # fmt: skip
 def test_wrong_values_name_the_field(values, message):
     with pytest.raises(ValueError, match=message):
