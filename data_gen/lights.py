@@ -122,7 +122,7 @@ def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.n
 
 
 def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
-    """A random surrounding: a sky that brightens toward the horizon, ground, sun, bright windows."""
+    """Random surroundings: a sky that brightens toward the horizon, ground, sun, windows."""
     toward = directions_of(MAP_SIZE)
     height = toward[..., 2]
     zenith = np.array([0.75, 0.85, 1.0]) * rng.uniform(0.3, 1.0)

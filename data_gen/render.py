@@ -6,28 +6,20 @@ NAME is one of procedural, folder, shapenet, sh3f; PATH is what the catalogue re
 a data set of `psgn_jax.data.records` that training reads, with `models.jsonl` beside it: a line for
 each model with its status, reason, checks and times.
 
-Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; `data_gen/config.py`
-lists them. Killed and started again, the command goes on where it was; the records that it ends
-with are the same, byte for byte, for any number of workers, kills or parts. `--shard=i/n` does the
-i-th of n parts of the work (i from 0), for job arrays on a common folder; whoever is last
-completes the data set.
+Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; see
+`data_gen/settings.py` for all of them. Killed and started again, the command goes on where it was;
+the records that it ends with are the same, byte for byte, for any number of workers, kills or
+parts. `--shard=i/n` does the i-th of n parts of the work (i from 0), for job arrays on a common
+folder; whoever is last completes the data set.
 
 Exit codes: 0 done, all models have samples; 1 done, some models were refused (normal for
 collections); 2 wrong arguments, or nothing came of it; 3 done with this part, others are not;
 143 and 130 stopped by SIGTERM or Ctrl-C.
 """
 
-import dataclasses
-import hashlib
-import json
-import multiprocessing
-import multiprocessing.connection
-import os
 import pathlib
 import signal
 import sys
-import time
-from collections.abc import Iterator, Mapping
 from typing import Any
 
 if __package__ in (None, ""):  # run as a file: the folder above is where `data_gen` is
@@ -36,21 +28,7 @@ if __package__ in (None, ""):  # run as a file: the folder above is where `data_
 from absl import app, flags, logging
 from ml_collections import config_flags
 
-from data_gen import catalogues, settings, worker
-from data_gen.catalogues import Catalogue, Entry
-from data_gen.settings import Settings
-from psgn_jax.data import records
-
-REPORT = "models.jsonl"
-
-_WORK = ".work"
-_FORMAT = 1
-
-# A model whose process died is tried once more, in a fresh one: it may have been the process.
-_ATTEMPTS = 2
-
-# Processes that die before they have rendered anything, in a row: then it is not the models.
-_STILLBORN = 5
+from data_gen import catalogues, job, settings
 
 
 class StoppedError(Exception):
@@ -61,6 +39,7 @@ class StoppedError(Exception):
         self.number = number
 
 
+<<<<<<< HEAD
 @dataclasses.dataclass(frozen=True)
 class Block:
     """Models whose samples make one shard: of one split, in the catalogue's order."""
@@ -552,6 +531,8 @@ def render_catalogue(
 
 # --- The command ------------------------------------------------------------------------------
 
+=======
+>>>>>>> 5eb8479588ff4c0e3c18cba83806e13fa8bd9283
 _CATALOGUE = flags.DEFINE_enum(
     "catalogue", None, sorted(catalogues.CATALOGUES), "Where the models come from."
 )
@@ -611,7 +592,7 @@ def main(argv: list[str]) -> None:
             source = catalogues.open(_CATALOGUE.value, _SOURCE.value, **_options(_OPTION.value))
         except TypeError as error:
             raise ValueError(f"--option: {error}") from error
-        summary = render_catalogue(source, _OUT.value, options, part=part, limit=_LIMIT.value)
+        summary = job.render_catalogue(source, _OUT.value, options, part=part, limit=_LIMIT.value)
     except StoppedError as error:
         logging.warning("%s; the same command goes on with the job", error)
         sys.exit(128 + error.number)

@@ -23,7 +23,8 @@ class Surfaces:
     """A model's arrays, in the model's frame.
 
     Attributes:
-      corners: float32 [F, 3, 3].
+      vertices: float32 [V, 3].
+      corners: float32 [F, 3, 3], positions of the faces' corners.
       normals: float32 [F, 3, 3], of the corners.
       face_normals: float32 [F, 3].
       uv: float32 [F, 3, 2].
@@ -39,6 +40,7 @@ class Surfaces:
       opaque: whether nothing shines through anywhere.
     """
 
+    vertices: Float[np.ndarray, "v 3"]
     corners: Float[np.ndarray, "f 3 3"]
     normals: Float[np.ndarray, "f 3 3"]
     face_normals: Float[np.ndarray, "f 3"]
@@ -86,6 +88,7 @@ def flatten(model: Model) -> Surfaces:
         model.materials[i].has_alpha for i in used
     )
     return Surfaces(
+        vertices=model.vertices.astype(np.float32),
         corners=model.corners().astype(np.float32),
         normals=np.ascontiguousarray(model.normals, np.float32),
         face_normals=face_normals(model.vertices, model.faces).astype(np.float32),

@@ -184,8 +184,8 @@ class Window:
 
 
 def window_of(surfaces: Surfaces, camera: Camera) -> Window:
-    """The smallest window with all corners of the faces, and a pixel around it."""
-    points = surfaces.corners.reshape(-1, 3) @ camera.rotation.T
+    """The smallest window with all vertices, and a pixel around it."""
+    points = surfaces.vertices @ camera.rotation.T
     pixels, _ = cameras.project(points, camera)
     height, width = camera.image_size
     low = np.floor(np.nanmin(pixels, axis=0)).astype(int) - 1
@@ -285,7 +285,7 @@ class Picture(NamedTuple):
 
 
 def compose(
-    premultiplied: Float[np.ndarray, "h w 4"], background: Float[np.ndarray, "..."]
+    premultiplied: Float[np.ndarray, "h w 4"], background: Float[np.ndarray, "..."] | float
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Colours (already multiplied by their opacity) over a background in [0, 1], as an image."""
     full = premultiplied[..., :3] + (1 - premultiplied[..., 3:]) * background
@@ -297,8 +297,8 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
 
     Mask, depth and normals are those of the pixels' centres. The colour is a mean over `side` x
     `side` samples: with soft edges over all of the pixel; without (the authors' images) over those
-    that see the same material and orientation as the centre, which smooths textures and leaves
-    the edges of surfaces and of the object hard.
+    that see the same material and orientation as the centre, which smooths textures (as mipmaps
+    do) and leaves the edges of surfaces and of the object hard.
 
     Args:
       mesh: of `scene.surfaces.corners`.
@@ -322,17 +322,19 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
     centre = _see(mesh, scene, rays, first)
     # Colour, already multiplied by its opacity, and opacity.
     total = np.concatenate([centre.colour, 1 - centre.through[:, None]], axis=1)
-    if side > 0:
-        # Without soft edges, the pixels around the object are background whatever they see.
-        chosen = np.arange(len(rows)) if soft_edges else np.flatnonzero(centre.hit)
+    if side > 0 and (soft_edges or scene.surfaces.texture_start.any()):
+        # Without soft edges, a pixel off the object is background whatever else it sees, and one
+        # on a surface without a texture has one colour.
+        textured = scene.surfaces.texture_start[centre.owner] > 0
+        chosen = np.arange(len(rows)) if soft_edges else np.flatnonzero(centre.hit & textured)
         offsets = (np.arange(side) + 0.5) / side
         fine_rows = (rows[chosen, None, None] + offsets[:, None]).repeat(side, 2)
         fine_columns = (columns[chosen, None, None] + offsets).repeat(side, 1)
         rays = _rays(camera, fine_columns.ravel(), fine_rows.ravel())
         if scalar:
             whole = mesh.cast_grid(camera, window, side)
-            number = np.arange(len(whole.face)).reshape(window.height, side, window.width, side)
-            number = number.transpose(0, 2, 1, 3).reshape(-1, side * side)[chosen].ravel()
+            cells = np.arange(len(whole.face)).reshape(window.height, side, window.width, side)
+            number = cells.transpose(0, 2, 1, 3).reshape(-1, side * side)[chosen].ravel()
             first = Hits(whole.face[number], whole.weights[number], whole.t[number])
         else:
             first = cast(rays)

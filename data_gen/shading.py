@@ -94,19 +94,22 @@ def blinn_phong(
     light = lights.ground * (1 - rise) + lights.sky * rise
     facing = np.maximum(normal @ lights.directions.T, 0)
     result = np.maximum(colour, lights.darkest) * (light + facing @ lights.colours)
-    shiny = np.flatnonzero((surfaces.specular[owner] > 1e-3).any(axis=1) & (facing > 0).any(axis=1))
+    # A reduction over three numbers a row costs more than a row of a table or a product.
+    lit = facing @ np.ones(len(lights.directions), np.float32) > 0
+    glossy: np.ndarray = np.any(surfaces.specular > 1e-3, axis=1)
+    shiny = np.flatnonzero(glossy[owner] & lit)
     if lights.specular > 0 and len(shiny):
         which = owner[shiny]
         exponent = surfaces.shininess[which]
         gloss = np.zeros((len(shiny), 3), np.float32)
-        for direction, strength, lit in zip(
+        for direction, strength, share in zip(
             lights.directions, lights.colours, facing[shiny].T, strict=True
         ):
             half = view[shiny] + direction
             cosine = np.einsum("nd,nd->n", normal[shiny], half) / np.sqrt(
                 np.maximum(np.einsum("nd,nd->n", half, half), 1e-12)
             )
-            glint = np.where(lit > 0, np.maximum(cosine, 0) ** exponent, 0)
+            glint = np.where(share > 0, np.maximum(cosine, 0) ** exponent, 0)
             gloss += glint[:, None] * strength
         result[shiny] += lights.specular * surfaces.specular[which] * gloss
     return np.clip(result, 0, 1)

@@ -40,7 +40,8 @@ _LLVM_VERSIONS = (19, 20, 18, 17, 21, 22)
 
 _LLVM_FOLDERS = (
     "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib",
-    "/usr/lib/llvm-*/lib", "/usr/local/lib", "/opt/homebrew/opt/llvm*/lib", "/usr/local/opt/llvm*/lib",
+    "/usr/lib/llvm-*/lib", "/usr/local/lib", "/opt/homebrew/opt/llvm*/lib",
+    "/usr/local/opt/llvm*/lib",
 )  # fmt: skip
 
 NO_LLVM = (

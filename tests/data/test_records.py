@@ -306,3 +306,12 @@ def test_a_data_set_is_not_overwritten_unasked(tmp_path, make, rng):
 def test_bad_split_names(tmp_path):
     with pytest.raises(ValueError, match="split"):
         records.shard_name("../train", 0)
+
+
+def test_extra_is_kept_and_checked(make, rng):
+    sample = make.sample(rng)
+    assert "extra" not in records.unpack(records.encode(sample))
+    told = dataclasses.replace(sample, extra='{"seed": 3, "name": "café"}')
+    assert records.decode(records.encode(told)).extra == told.extra
+    with pytest.raises(ValueError, match=r"'extra'.*JSON object"):
+        records.encode(dataclasses.replace(sample, extra="[1]"))

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+
+from data_gen import cameras
+from data_gen.cameras import CameraSettings
+from psgn_jax.data import camera as project_camera
+
+
+def hemisphere(rng, n=2000):
+    points = rng.normal(size=(n, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    points[:, 2] = np.abs(points[:, 2])
+    return points
+
+
+def test_default_is_the_authors_camera(rng):
+    drawn = cameras.draw(rng, CameraSettings(), hemisphere(rng))
+    intrinsics, extrinsics = project_camera.default_camera()
+    np.testing.assert_allclose(drawn.intrinsics, intrinsics)
+    np.testing.assert_allclose(drawn.extrinsics, extrinsics, atol=1e-5)
+    assert drawn.distance == 3.6
+
+
+def test_azimuth_turns_the_object_toward_the_camera():
+    made = cameras.make(
+        image_size=(192, 256), azimuth=30.0, elevation=20.0, distance=3.6, focal=400.0, roll=0.0,
+        aim=0.268,
+    )  # fmt: skip
+    toward = np.array([np.cos(np.deg2rad(30)), np.sin(np.deg2rad(30)), 0])
+    np.testing.assert_allclose(made.rotation @ toward, [1, 0, 0], atol=1e-12)
+    # The camera is above the horizon at its elevation, seen from the origin's height of aim.
+    place = made.position
+    assert place[0] > 3
+    assert abs(place[1]) < 1e-9
+    # +y is to the image's right, +z up in the image.
+    pixels, z = cameras.project(np.array([[0, 0, 0.3], [0, 0.1, 0.3], [0, 0, 0.4]]), made)
+    assert pixels[1, 0] > pixels[0, 0]
+    assert pixels[2, 1] < pixels[0, 1]
+    assert (z > 0).all()
+
+
+def test_projection_agrees_with_the_package(rng):
+    drawn = cameras.draw(
+        rng, CameraSettings(elevation=(-10, 60), roll=(-20, 20), focal=(300, 500)), hemisphere(rng)
+    )
+    points = hemisphere(rng, 50)
+    pixels, z = cameras.project(points, drawn)
+    want, want_z = project_camera.project(points, drawn.intrinsics, drawn.extrinsics)
+    np.testing.assert_allclose(pixels, want)
+    np.testing.assert_allclose(z, want_z)
+
+
+@pytest.mark.parametrize("preset", sorted(cameras.PRESETS))
+def test_nothing_is_clipped(rng, preset):
+    settings = CameraSettings(**cameras.PRESETS[preset])
+    points = hemisphere(rng)
+    for _ in range(20):
+        drawn = cameras.draw(rng, settings, points)
+        assert cameras.in_frame(points @ drawn.rotation.T, drawn).all()
+
+
+def test_camera_moves_back_until_the_object_fits(rng):
+    points = hemisphere(rng)
+    settings = CameraSettings(
+        image_size=(96, 96),
+        distance=(1.2, 1.2),
+        elevation=(0, 50),
+        roll=(-45, 45),
+        focal=(900, 900),
+    )
+    drawn = cameras.draw(rng, settings, points)
+    assert drawn.distance > 5
+    assert cameras.in_frame(points @ drawn.rotation.T, drawn).all()
+    extrinsics = drawn.extrinsics
+    np.testing.assert_allclose(extrinsics[:, :3] @ extrinsics[:, :3].T, np.eye(3), atol=1e-12)
+
+
+def test_other_ranges_do_not_shift_the_azimuth(rng):
+    points = hemisphere(rng)
+    one = cameras.draw(np.random.default_rng(5), CameraSettings(), points)
+    two = cameras.draw(np.random.default_rng(5), CameraSettings(elevation=(5, 40)), points)
+    assert one.azimuth == two.azimuth
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("elevation", (30, 20)), ("distance", (0.5, 2)), ("image_size", (4, 4)), ("focal", (1, 1)),
+     ("azimuth", (float("nan"), 1.0))],
+)  # fmt: skip
+def test_wrong_settings_name_the_field(field, value):
+    with pytest.raises(ValueError, match=rf"camera\.{field}: got"):
+        CameraSettings(**{field: value})

@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from data_gen import lights
+from data_gen.lights import LightSettings
+
+
+def test_solid_angles_sum_to_the_sphere():
+    np.testing.assert_allclose(lights.solid_angles(lights.MAP_SIZE).sum(), 4 * np.pi)
+    up = lights.directions_of(lights.MAP_SIZE)
+    np.testing.assert_allclose(np.linalg.norm(up, axis=-1), 1)
+    assert up[0, 0, 2] > 0.99
+
+
+def test_shrink_keeps_the_mean(rng):
+    radiance = rng.random((64, 128, 3))
+    small = lights.shrink(radiance)
+    assert small.shape == (*lights.MAP_SIZE, 3)
+    np.testing.assert_allclose(small.mean(), radiance.mean())
+    assert np.isfinite(lights.shrink(np.full((10, 20, 3), np.nan))).all()
+
+
+def test_one_lamp_is_found_where_it_is():
+    radiance = np.full((*lights.MAP_SIZE, 3), 0.01)
+    toward = lights.directions_of(lights.MAP_SIZE)
+    radiance[8, 20] = 100
+    found = lights.reduce(radiance, LightSettings(count=1), ambient=0.3, exposure=1.0)
+    assert found.directions[0] @ toward[8, 20] > 0.99
+
+
+def test_exposure_is_the_brightness_of_white_in_full_light(rng):
+    for _ in range(5):
+        radiance = lights.procedural_sky(rng)
+        found = lights.reduce(radiance, LightSettings(), ambient=0.3, exposure=1.2)
+        normals = lights.directions_of(lights.MAP_SIZE).reshape(-1, 3)
+        normals = normals[(normals[:, 0] > -0.2) & (normals[:, 2] > -0.3)]
+        direct = np.clip(normals @ found.directions.T, 0, None) @ found.colours
+        np.testing.assert_allclose(direct.mean(axis=1).max(), 1.2 * 0.7, rtol=1e-3)
+        np.testing.assert_allclose(found.sky.mean(), 1.2 * 0.3, rtol=1e-3)
+        assert (found.ground > 0).all()
+
+
+def test_black_map_still_lights():
+    found = lights.reduce(np.zeros((*lights.MAP_SIZE, 3)), LightSettings(), ambient=0.3, exposure=1)
+    assert np.isfinite(found.colours).all()
+    assert found.colours.max() > 0
+
+
+def test_draw_is_deterministic_and_turns(rng):
+    one, _ = lights.draw(np.random.default_rng(3), LightSettings(), None)
+    two, _ = lights.draw(np.random.default_rng(3), LightSettings(), None)
+    other, _ = lights.draw(np.random.default_rng(4), LightSettings(), None)
+    np.testing.assert_array_equal(one.directions, two.directions)
+    assert not np.array_equal(one.directions[0], other.directions[0])
+    maps = rng.random((2, *lights.MAP_SIZE, 3))
+    _, radiance = lights.draw(np.random.default_rng(3), LightSettings(), maps)
+    assert any(np.isclose(radiance.sum(), m.sum()) for m in maps)
+
+
+def test_folder_without_maps(tmp_path):
+    with pytest.raises(ValueError, match=r"no \.hdr or \.exr"):
+        lights.list_maps(str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("source", "sun"), ("count", 0), ("ambient", (0.5, 0.2)), ("saturation", 2.0)],
+)
+def test_wrong_settings_name_the_field(field, value):
+    with pytest.raises(ValueError, match=rf"light\.{field}: got"):
+        LightSettings(**{field: value})

@@ -1,0 +1,337 @@
+"""Rendering end to end. Skipped without Mitsuba; without LLVM all of it runs in scalar mode."""
+
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from data_gen import cameras, catalogues, job, lights, meshes, scene, settings, worker
+from psgn_jax.data import camera as project_camera
+from psgn_jax.data import records
+
+pytestmark = pytest.mark.skipif(not worker.has_mitsuba(), reason="Mitsuba is not installed")
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+SMALL = {
+    "views": 1,
+    "num_points": 600,
+    "models_per_shard": 2,
+    "camera": {"image_size": (48, 64)},
+    "job": {"variant": "scalar", "workers": 1, "seconds_per_model": 60.0},
+    # So few pixels and points are further apart than those of a full image.
+    "checks": {"depth": 0.1, "inside": 0.9},
+}
+
+
+@pytest.fixture(scope="session")
+def shader():
+    from data_gen import shader
+
+    shader.start("scalar_rgb")
+    return shader
+
+
+def square(x, size=0.5, material=None, z=0.0):
+    """A square at a given x, that looks to +x."""
+    corners = np.array(
+        [[x, -size, z], [x, size, z], [x, size, z + 2 * size], [x, -size, z + 2 * size]]
+    )
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)[faces]
+    return corners, faces, uv, material or meshes.Material()
+
+
+def build(*parts):
+    """A model of squares, each with its own material, in place as given."""
+    offset = 4 * np.arange(len(parts))
+    return meshes.build(
+        np.concatenate([p[0] for p in parts]),
+        np.concatenate([p[1] + o for p, o in zip(parts, offset, strict=True)]),
+        uv=np.concatenate([p[2] for p in parts]),
+        materials=[p[3] for p in parts],
+        face_material=np.repeat(np.arange(len(parts)), 2),
+    )
+
+
+def view(azimuth=0.0, size=(48, 64), elevation=20.0, **options):
+    values = {"distance": 3.6, "focal": 400.0, "roll": 0.0, "aim": 0.268, **options}
+    return cameras.make(image_size=size, azimuth=azimuth, elevation=elevation, **values)
+
+
+def flat_light():
+    return lights.Lights(
+        directions=np.array([[0, 0, 1]], np.float32),
+        colours=np.zeros((1, 3), np.float32),
+        sky=np.ones(3, np.float32),
+        ground=np.ones(3, np.float32),
+        specular=0.0,
+        darkest=0.0,
+    )
+
+
+def shot(shader, model, camera, **options):
+    surfaces = scene.flatten(model)
+    shown = scene.Scene(surfaces, camera, flat_light())
+    return shader.render(shader.Mesh(surfaces.corners), shown, **options)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 70.0])
+def test_depth_and_mask_are_those_of_a_sphere(shader, azimuth):
+    import trimesh
+
+    ball = trimesh.creation.icosphere(4, radius=0.4)
+    model = meshes.build(ball.vertices + np.array([0, 0, 0.4]), ball.faces)
+    camera = view(azimuth, roll=10.0)
+    picture = shot(shader, model, camera)
+    seen = project_camera.back_project(picture.depth, camera.intrinsics, camera.extrinsics)
+    np.testing.assert_allclose(np.linalg.norm(seen - [0, 0, 0.4], axis=1), 0.4, atol=2e-3)
+    outward = (seen - [0, 0, 0.4]) / 0.4
+    assert (np.einsum("nd,nd->n", picture.normals[picture.mask], outward) > 0.99).all()
+    pixels, _ = cameras.project(model.vertices @ camera.rotation.T, camera)
+    assert project_camera.inside_mask(pixels, picture.mask, 1).all()
+    assert (picture.image[~picture.mask] == 191).all()
+
+
+def test_colours_left_right_and_up(shader):
+    red = meshes.Material(diffuse=(1, 0, 0))
+    blue = meshes.Material(diffuse=(0, 0, 1))
+    left, right = square(0, 0.2, red), square(0, 0.2, blue, z=0.4)
+    left[0][:, 1] -= 0.3
+    right[0][:, 1] += 0.3
+    picture = shot(shader, build(left, right), view())
+    rows, columns = np.nonzero(picture.image[..., 0] > 250)
+    other_rows, other_columns = np.nonzero(picture.image[..., 2] > 250)
+    assert columns.max() < other_columns.min()  # -y is to the left
+    assert rows.mean() > other_rows.mean()  # the red one is lower
+
+
+def test_texture_is_upright_and_smoothed(shader):
+    texture = np.full((16, 16, 4), 255, np.uint8)
+    texture[:8, :, :3] = 0  # black upper half
+    material = meshes.Material(diffuse=(1, 1, 1), texture=texture)
+    picture = shot(shader, build(square(0, 0.5, material)), view(elevation=0.0))
+    rows = picture.image[:, 32, 0].astype(int)
+    inside = np.flatnonzero(picture.mask[:, 32])
+    assert (rows[inside[1:4]] == 0).all()
+    assert (rows[inside[-4:-1]] == 255).all()
+
+
+def test_holes_show_what_is_behind_and_glass_is_part_of_the_object(shader):
+    texture = np.full((4, 4, 4), 255, np.uint8)
+    texture[:, :2, 3] = 0
+    holed = meshes.Material(diffuse=(1, 0, 0), texture=texture)
+    green = meshes.Material(diffuse=(0, 1, 0))
+    near, far = square(0.4, 0.4, holed), square(-0.4, 0.15, green)
+    camera = view(elevation=10.0)
+    picture = shot(shader, build(near, far), camera)
+    colours = {tuple(c) for c in picture.image[picture.mask].tolist()}
+    assert {(255, 0, 0), (0, 255, 0)} <= colours
+    behind = (picture.image == [0, 255, 0]).all(axis=-1)
+    assert picture.depth[behind].min() > picture.depth[(picture.image == [255, 0, 0]).all(-1)].max()
+    # A hole with nothing behind it is background.
+    alone = shot(shader, build(near), camera)
+    assert 0 < alone.mask.sum() < 0.7 * shot(shader, build(square(0.4, 0.4)), camera).mask.sum()
+    # Glass tints what is behind it, and is the surface that depth tells.
+    glass = meshes.Material(diffuse=(0, 0, 1), opacity=0.5)
+    picture = shot(shader, build(square(0.4, 0.4, glass), far), camera)
+    assert (picture.image[picture.mask] == [0, 128, 128]).all(axis=1).any()
+    assert np.ptp(picture.depth[picture.mask]) < 0.3
+
+
+def test_soft_edges_blend_with_the_background(shader):
+    picture = shot(shader, build(square(0, 0.37, meshes.Material(diffuse=(0, 0, 0)))), view(),
+                   soft_edges=True)  # fmt: skip
+    values = np.unique(picture.image)
+    assert {0, 191} <= set(values.tolist())
+    assert len(values) > 4
+    assert ((picture.opacity > 0) & (picture.opacity < 1)).any()
+
+
+def test_background_image(shader):
+    surfaces = scene.flatten(build(square(0)))
+    behind = np.zeros((48, 64, 3), np.float32)
+    behind[:, :, 1] = 1
+    shown = scene.Scene(surfaces, view(), flat_light(), behind)
+    picture = shader.render(shader.Mesh(surfaces.corners), shown)
+    assert (picture.image[~picture.mask] == [0, 255, 0]).all()
+
+
+# --- The job ----------------------------------------------------------------------------------
+
+
+def options(**changes):
+    return settings.parse({**SMALL, **changes})
+
+
+def contents(folder):
+    return {
+        p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
+        if p.suffix == ".arrayrecord" or p.name == records.MANIFEST
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory):
+    """A data set made at one go by one worker."""
+    out = tmp_path_factory.mktemp("render") / "whole"
+    source = catalogues.open("procedural", "chair=2,table=2,lamp=1")
+    return out, job.render_catalogue(source, out, options())
+
+
+def test_data_set_is_sound(whole):
+    out, summary = whole
+    assert summary.exit_code == 0
+    assert summary.samples == 5
+    assert summary.statuses == {"ok": 5}
+    names = set()
+    for split in records.load_manifest(out).splits():
+        for sample in records.RecordReader(out, split):
+            names.add(sample.model_id)
+            assert sample.image.shape == (48, 64, 3)
+            assert sample.points.shape == (600, 3)
+            assert sample.occupancy.any()
+            pixels, _ = project_camera.project(sample.points, sample.intrinsics, sample.extrinsics)
+            assert project_camera.inside_mask(pixels, sample.mask, 1).mean() > 0.94
+            extra = json.loads(sample.extra)
+            assert extra["parameters"]["hidden"] is not None
+            # The rotation takes the model's frame to the sample's.
+            model = {e.model_id: e for e in catalogues.open("procedural", "3").entries()}[
+                sample.model_id
+            ].load()
+            turned = model.vertices @ np.array(extra["rotation"]).T
+            np.testing.assert_allclose(turned.max(0), sample.points.max(0), atol=0.15)
+    lines = [json.loads(text) for text in (out / job.REPORT).read_text().splitlines()]
+    assert {line["model_id"] for line in lines} == names
+    assert all(line["views"][0]["inside"] > 0.94 for line in lines)
+
+
+def test_complete_data_set_is_left_as_it_is(whole):
+    out, _ = whole
+    before = contents(out)
+    source = catalogues.open("procedural", "chair=2,table=2,lamp=1")
+    again = job.render_catalogue(source, out, options())
+    assert (again.rendered, again.samples) == (0, 5)
+    assert contents(out) == before
+    with pytest.raises(ValueError, match="other settings"):
+        job.render_catalogue(source, out, options(seed=1))
+
+
+def test_killed_and_parted_gives_the_same_bytes(whole, tmp_path):
+    out = tmp_path / "parts"
+    command = [
+        sys.executable, str(ROOT / "data_gen" / "render.py"), "--catalogue=procedural",
+        "--source=chair=2,table=2,lamp=1", f"--out={out}", "--config.views=1",
+        "--config.num_points=600", "--config.models_per_shard=2",
+        "--config.camera.image_size=(48, 64)", "--config.job.variant=scalar",
+        "--config.job.workers=2", "--config.job.seconds_per_model=60.",
+        "--config.checks.depth=.1", "--config.checks.inside=.9", "--config.job.models_per_worker=1",
+    ]  # fmt: skip
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment
+    )
+    for _ in range(600):
+        time.sleep(0.1)
+        if list((out / ".work").glob("*.model")) or process.poll() is not None:
+            break
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not records.load_manifest(out, allow_incomplete=True).complete
+    source = catalogues.open("procedural", "chair=2,table=2,lamp=1")
+    first = job.render_catalogue(source, out, options(), part=(1, 2))
+    assert first.exit_code == 3
+    second = job.render_catalogue(source, out, options(), part=(0, 2))
+    assert second.exit_code == 0
+    assert contents(out) == contents(whole[0])
+    assert not (out / ".work").exists()
+
+
+def write_folder(folder):
+    (folder / "good").mkdir(parents=True)
+    triangle = "v 0 0 0\nv 1 0 0\nv 0 1 .4\nv 0 0 1\nf 1 2 3\nf 1 3 4\nf 2 3 4\nf 1 2 4\n"
+    (folder / "good" / "café.obj").write_text(triangle)
+    (folder / "good" / "empty.obj").write_text("")
+    (folder / "good" / "nan.obj").write_text(triangle.replace("v 1 0 0", "v nan 0 0"))
+    return folder
+
+
+def test_refused_models_have_reasons_and_do_not_stop_the_job(tmp_path):
+    source = catalogues.open("folder", write_folder(tmp_path / "meshes"))
+    summary = job.render_catalogue(source, tmp_path / "out", options())
+    assert summary.exit_code == 1
+    assert summary.statuses == {"ok": 1, "refused": 2}
+    reasons = {line["model_id"]: line["reason"] for line in summary.lines}
+    assert reasons["good/café.obj"] == ""
+    assert "empty" in reasons["good/empty.obj"]
+    assert "not finite" in reasons["good/nan.obj"]
+
+
+def abort():
+    os.abort()
+
+
+def sleep_long():
+    time.sleep(60)
+
+
+def hoard():
+    block = bytearray(10**9)
+    block[::4096] = b"1" * len(block[::4096])
+    time.sleep(60)
+
+
+class Hostile:
+    name = "hostile"
+
+    def __len__(self):
+        return 4
+
+    def entries(self):
+        good = next(iter(catalogues.open("procedural", "table=1").entries()))
+        yield catalogues.Entry("abort", "", "train", abort)
+        yield catalogues.Entry("sleep", "", "train", sleep_long)
+        yield catalogues.Entry("hoard", "", "train", hoard)
+        yield catalogues.Entry("good", "table", "train", good.loader)
+
+
+def test_crash_timeout_and_memory_end_with_their_model(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    limits = {**SMALL["job"], "seconds_per_model": 8.0, "megabytes_per_worker": 900}
+    summary = job.render_catalogue(Hostile(), tmp_path / "out", options(job=limits))
+    status = {line["model_id"]: line["status"] for line in summary.lines}
+    assert status == {"abort": "crashed", "sleep": "timeout", "hoard": "memory", "good": "ok"}
+    assert summary.samples == 1
+
+
+def test_choice_of_the_variant(monkeypatch, tmp_path):
+    bogus = tmp_path / "libLLVM-19.so"
+    bogus.write_bytes(b"no library")
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(bogus))
+    assert worker.llvm_candidates()[0] == str(bogus)
+    assert not worker._smoke(str(bogus), "llvm_ad_rgb")
+    monkeypatch.setattr(worker, "llvm_candidates", lambda: [str(bogus)])
+    variant, message = worker.choose_variant("auto")
+    assert variant == worker.Variant("scalar_rgb")
+    assert "libllvm19" in message
+    with pytest.raises(RuntimeError, match="libllvm19"):
+        worker.choose_variant("llvm")
+
+
+def test_command_refuses_wrong_arguments(tmp_path):
+    command = [sys.executable, str(ROOT / "data_gen" / "render.py"), "--catalogue=procedural",
+               "--source=1", f"--out={tmp_path / 'out'}"]  # fmt: skip
+    for wrong, message in (
+        ("--shard=2/2", "--shard: got '2/2'"),
+        ("--config.views=0", "views: got 0"),
+        ("--option=nonsense=1", "--option"),
+    ):
+        done = subprocess.run([*command, wrong], capture_output=True, text=True, check=False)
+        assert (done.returncode, message in done.stderr) == (2, True), done.stderr
+        assert "Traceback" not in done.stderr
