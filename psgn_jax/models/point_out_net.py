@@ -32,7 +32,10 @@ Choices that are **ours**, because the sources leave them open or disagree:
 - With fewer levels the rules above apply counted from the bottleneck. The hourglass goes up to
   level 1 between its passes, or to level 0 if `deconv_level` is 0.
 - The random input r: a dense layer without bias maps it to the bottleneck's shape, and the result
-  is added before the bottleneck's ReLU, in each pass with a layer of its own.
+  is added before the bottleneck's ReLU, in each pass with a layer of its own. With several draws of
+  r for each image, what comes before (in `vanilla` and `two_branch` the whole encoder, in
+  `hourglass` that of the first pass) and the skip convolutions that read it are computed once; the
+  rest sees a batch of b * draws, the draws of one image together.
 - `width_multiplier` scales all hidden widths, convolutions and dense, rounded to multiples of 8,
   at least 8.
 - Padding: an image whose sides are no multiples of 2^(levels - 1) is enlarged to the next ones
@@ -113,7 +116,7 @@ class Bottleneck(nn.Module):
 
     @nn.compact
     def __call__(self, x: Array, r: Array | None) -> Array:
-        """Halves the size; `r` is one vector for each sample, or None."""
+        """Halves the size; `r` is one vector for each sample, or for each draw of each, or None."""
         x = Conv(self.width, 5, stride=2, dtype=self.dtype, name="down")(x)
         if r is not None:
             dense = Dense(
@@ -123,7 +126,7 @@ class Bottleneck(nn.Module):
                 dtype=self.dtype,
                 name="random",
             )
-            x = x + dense(r).reshape(x.shape)
+            x = _add(dense(r).reshape(-1, *x.shape[1:]), x)
         return nn.relu(x)
 
 
@@ -143,7 +146,7 @@ class Merge(nn.Module):
 
     @nn.compact
     def __call__(self, x: Array, skip: Array) -> Array:
-        """Returns features of the size of `skip`."""
+        """Returns features of the size of `skip`, which may be shared by several draws of x."""
         init, dtype = blocks.SUMMED, self.dtype
         if self.down_size:
             x = Conv(
@@ -151,7 +154,7 @@ class Merge(nn.Module):
             )(x)
         else:
             x = ConvTranspose(self.width, kernel_init=init, dtype=dtype, name="up")(x)
-        x = nn.relu(x + Conv(self.width, kernel_init=init, dtype=dtype, name="skip")(skip))
+        x = nn.relu(_add(x, Conv(self.width, kernel_init=init, dtype=dtype, name="skip")(skip)))
         return nn.relu(Conv(self.width, dtype=dtype, name="conv")(x))
 
 
@@ -271,21 +274,25 @@ class PointOutNet(nn.Module):
 
     @nn.compact
     def __call__(
-        self, x: Float[Array, "b h w c"], r: Float[Array, "b k"] | None = None
-    ) -> Float[Array, "b n 3"]:
+        self, x: Float[Array, "b h w c"], r: Float[Array, "b *draws k"] | None = None
+    ) -> Float[Array, "b *draws n 3"]:
         """Predicts the clouds of a batch.
 
         Args:
           x: from `inputs.network_input`.
-          r: standard normal numbers, [b, random_size]; None exactly if `random_size` is 0.
+          r: standard normal numbers, [b, random_size], or [b, draws, random_size] for several
+            clouds of each image, at the cost of one encoder; None exactly if `random_size` is 0.
 
         Returns:
-          Points in the project's frame, unit = radius of the bounding hemisphere; float32.
+          Points in the project's frame, unit = radius of the bounding hemisphere; float32;
+          [b, n, 3], or [b, draws, n, 3].
 
         Raises:
           ValueError: for an argument whose shape the network was not built for.
         """
         self._check_shapes(x, r)
+        batch_shape = x.shape[:1] if r is None else r.shape[:-1]
+        r = None if r is None else r.reshape(-1, self.random_size)
         x = _pad(x, padded_size(self.image_size, len(self.widths)))
         widths, dtype = self.widths, self.dtype
         num_wide = 3 if self.version == "hourglass" else 1
@@ -313,7 +320,8 @@ class PointOutNet(nn.Module):
             height, width, channels = points.shape[1:]
             points = points + blocks.grid_offset(height, width, channels // 3)[None]
             clouds.append(points.reshape(points.shape[0], -1, 3))
-        return jnp.concatenate(clouds, axis=1)
+        cloud = jnp.concatenate(clouds, axis=1)
+        return cloud.reshape(*batch_shape, *cloud.shape[1:])
 
     def _check_shapes(self, x: Array, r: Array | None) -> None:
         expected = (*self.image_size, self.in_channels)
@@ -326,9 +334,12 @@ class PointOutNet(nn.Module):
             )
         if r is not None and not self.random_size:
             raise ValueError(f"r has the shape {r.shape}: accepted: None, since random_size is 0")
-        if r is not None and r.shape != (x.shape[0], self.random_size):
+        if r is not None and (
+            r.ndim not in (2, 3) or (r.shape[0], r.shape[-1]) != (x.shape[0], self.random_size)
+        ):
             raise ValueError(
-                f"r has the shape {r.shape}: accepted: {(x.shape[0], self.random_size)}"
+                f"r has the shape {r.shape}: accepted: {(x.shape[0], self.random_size)}, or "
+                f"({x.shape[0]}, draws, {self.random_size})"
             )
 
 
@@ -451,6 +462,12 @@ def _pad(x: Array, size: tuple[int, int]) -> Array:
         return x
     amounts = [(e // 2, e - e // 2) for e in extra]
     return jnp.pad(x, [(0, 0), *amounts, (0, 0)], mode="edge")
+
+
+def _add(x: Array, shared: Array) -> Array:
+    """Sum; x may hold several draws of each sample of `shared`, one after another."""
+    grouped = x.reshape(len(shared), -1, *shared.shape[1:])
+    return (grouped + shared[:, None]).reshape(x.shape)
 
 
 def _wrong(field: str, value: Any, accepted: str) -> ValueError:

@@ -387,14 +387,52 @@ def test_samples_are_independent_and_every_parameter_has_a_gradient(name):
         assert jnp.any(leaf != 0), jax.tree_util.keystr(path)
 
 
-def test_several_random_vectors_for_one_image():
-    config = tiny_config(random_size=4)
-    network, params = initialised(config)
-    x, _ = arguments(config, batch=1)
-    rs = jax.random.normal(jax.random.key(4), (3, 1, 4))
-    clouds = quick_jit(jax.vmap(lambda r: network.apply({"params": params}, x, r)))(rs)
-    assert clouds.shape == (3, 1, num_points(config), 3)
-    assert jnp.abs(clouds[0] - clouds[1]).max() > 1e-4
+@pytest.mark.parametrize("name", point_out_net.VERSIONS)
+def test_several_draws_are_as_many_separate_calls(name):
+    config = tiny_config(name, random_size=4)
+    _, params = initialised(config)
+    x, _ = arguments(config)
+    r = jax.random.normal(jax.random.key(4), (2, 3, 4))
+    clouds = apply(config, params, x, r)
+    assert clouds.shape == (2, 3, num_points(config), 3)
+    assert jnp.abs(clouds[:, 0] - clouds[:, 1]).max() > 1e-4
+    separate = jnp.stack([apply(config, params, x, r[:, i]) for i in range(3)], axis=1)
+    np.testing.assert_allclose(clouds, separate, rtol=1e-4, atol=1e-5)
+    shapes = jax.eval_shape(build(config).init, jax.random.key(0), x, r)["params"]
+    assert jax.tree.map(jnp.shape, shapes) == jax.tree.map(jnp.shape, params)
+
+
+def multiplications(function, *args) -> int:
+    """Of all convolutions and matrix products of a function."""
+
+    def count(jaxpr):
+        total = 0
+        for eqn in jaxpr.eqns:
+            shapes = [v.aval.shape for v in (*eqn.invars, *eqn.outvars)]
+            if eqn.primitive.name == "dot_general":
+                (contracted, _), _ = eqn.params["dimension_numbers"]
+                total += np.prod(shapes[2]) * np.prod([shapes[0][i] for i in contracted])
+            elif eqn.primitive.name == "conv_general_dilated":
+                out_features = eqn.params["dimension_numbers"].rhs_spec[0]
+                total += np.prod(shapes[2]) * np.prod(np.delete(shapes[1], out_features))
+            inner = (getattr(param, "jaxpr", param) for param in eqn.params.values())
+            total += sum(count(jaxpr) for jaxpr in inner if hasattr(jaxpr, "eqns"))
+        return int(total)
+
+    return count(jax.make_jaxpr(function)(*args).jaxpr)
+
+
+@pytest.mark.parametrize(
+    ("name", "most"), [("vanilla", 1.1), ("two_branch", 1.85), ("hourglass", 3.3)]
+)
+def test_eight_draws_cost_no_eight_encoders(name, most):
+    """At full size; the hourglass repeats all that follows its first bottleneck."""
+    config = full_config(name, random_size=128)
+    network, x = build(config), jax.ShapeDtypeStruct((1, 192, 256, 4), jnp.float32)
+    one, eight = (jax.ShapeDtypeStruct((1, *n, 128), jnp.float32) for n in ((), (8,)))
+    variables = jax.eval_shape(network.init, jax.random.key(0), x, one)
+    count = functools.partial(multiplications, network.apply, variables, x)
+    assert count(eight) < most * count(one)
 
 
 def test_first_clouds_are_around_the_object_and_repeat_with_the_key():
@@ -472,5 +510,6 @@ def test_wrong_arrays():
         trace(random, x)
     with pytest.raises(ValueError, match=r"r has the shape .*None"):
         trace(plain, x, r)
-    with pytest.raises(ValueError, match=r"r has the shape .*\(2, 4\)"):
-        trace(random, x, r[:1])
+    for wrong in (r[:1], r[:, :3], r[None], r[:, None, :3], r[:, None, None]):
+        with pytest.raises(ValueError, match=r"r has the shape .*\(2, 4\), or \(2, draws, 4\)"):
+            trace(random, x, wrong)
