@@ -21,11 +21,13 @@ from psgn_jax.losses.emd import (
     emd_sum,
     matched_distances,
 )
+from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 
 __all__ = [
     "Assignment",
     "ExactAssignment",
     "MatchedDistances",
+    "MinOfN",
     "Nearest",
     "assign",
     "batched",
@@ -39,6 +41,7 @@ __all__ = [
     "emd_mean",
     "emd_sum",
     "matched_distances",
+    "min_of_n",
     "nearest",
     "nearest_both",
 ]

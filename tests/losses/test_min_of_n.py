@@ -1,0 +1,166 @@
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+
+from psgn_jax import losses
+
+CD, EMD = losses.chamfer_sq, losses.emd_sum
+# Compiling takes most of the time of these tests, running them almost none.
+quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
+
+
+def case(rng, draws, n=24, m=24):
+    return rng.normal(size=(draws, n, 3)).astype(np.float32), rng.normal(size=(m, 3)).astype("f4")
+
+
+@pytest.mark.parametrize(
+    ("distance", "draws"), [(CD, 1), (CD, 5), (losses.chamfer_l1_mean, 2), (EMD, 3)]
+)
+def test_value_and_gradient_are_those_of_the_nearest(rng, distance, draws):
+    preds, gt = case(rng, draws)
+    alone = quick_jit(jax.value_and_grad(distance, argnums=(0, 1)))
+    want, want_grads = zip(*(alone(pred, gt) for pred in preds), strict=True)
+    want = np.array(want)
+    j = int(want.argmin())
+
+    def value(preds, gt):
+        best = losses.min_of_n(distance)(preds, gt)
+        return best.value, best
+
+    (_, best), grads = quick_jit(jax.value_and_grad(value, argnums=(0, 1), has_aux=True))(preds, gt)
+    np.testing.assert_allclose(best.distances, want, rtol=1e-6)
+    assert best.winner == j
+    assert best.value == best.distances[j]
+    np.testing.assert_allclose(grads[0][j], want_grads[j][0], rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(grads[1], want_grads[j][1], rtol=1e-5, atol=1e-6)
+    assert not np.delete(grads[0], j, axis=0).any()
+
+
+def test_different_sizes_and_a_distance_that_closes_over_a_traced_value(rng):
+    preds, gt = case(rng, 3, n=10, m=17)
+
+    def scaled(preds, scale):
+        def distance(pred, gt):
+            return scale * losses.chamfer_sq_mean(pred, gt)
+
+        return losses.min_of_n(distance)(preds, gt).value
+
+    want = min(float(losses.chamfer_sq_mean(pred, gt)) for pred in preds)
+    value, by_scale = quick_jit(jax.value_and_grad(scaled, argnums=1))(preds, 2.0)
+    np.testing.assert_allclose([value, by_scale], [2 * want, want], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("over", "distance"), [(jax.vmap, CD), (losses.batched, CD), (losses.batched, EMD)]
+)
+def test_over_a_batch(rng, over, distance):
+    preds = rng.normal(size=(4, 3, 16, 3)).astype(np.float32)
+    gt = rng.normal(size=(4, 16, 3)).astype(np.float32)
+
+    def total(preds):
+        best = over(losses.min_of_n(distance))(preds, gt)
+        return best.value.sum(), best
+
+    (_, best), grads = quick_jit(jax.value_and_grad(total, has_aux=True))(preds)
+    single = quick_jit(losses.min_of_n(distance))
+    for i in range(4):
+        want = single(preds[i], gt[i])
+        assert best.winner[i] == want.winner
+        np.testing.assert_allclose(best.value[i], want.value, rtol=1e-6)
+    moved = np.abs(grads).max(axis=(2, 3)) > 0
+    np.testing.assert_array_equal(moved, np.arange(3) == np.asarray(best.winner)[:, None])
+
+
+def test_of_equally_near_draws_the_first_wins(rng):
+    preds, gt = case(rng, 1)
+    far = preds + 3
+    preds = np.concatenate([far, preds, preds, far])
+
+    def value(preds):
+        best = losses.min_of_n(CD)(preds, gt)
+        return best.value, best.winner
+
+    grads, winner = quick_jit(jax.grad(value, has_aux=True))(preds)
+    assert winner == 1
+    assert np.abs(grads[1]).max() > 0
+    assert not np.delete(grads, 1, axis=0).any()
+
+
+@pytest.mark.parametrize("distance", [CD, EMD])
+def test_a_nan_of_any_draw_shows(rng, distance):
+    preds, gt = case(rng, 3)
+    min_of_n = quick_jit(losses.min_of_n(distance))
+    for broken in range(3):
+        spoilt = preds.copy()
+        spoilt[broken, 5, 1] = np.nan
+        best = min_of_n(spoilt, gt)
+        assert np.isnan(best.value)
+        assert best.winner == broken
+
+
+@pytest.mark.usefixtures("unchecked_annotations")
+def test_wrong_shapes(rng):
+    preds, gt = case(rng, 2)
+    for wrong in (preds[0], preds[:0]):
+        with pytest.raises(ValueError, match=r"preds: got shape .* expected \[draws, n, 3\]"):
+            losses.min_of_n(CD)(wrong, gt)
+    with pytest.raises(ValueError, match="gt: got 9 points"):
+        losses.min_of_n(EMD)(preds, gt[:9])
+
+
+def test_two_draws_share_out_two_equally_likely_truths(rng):
+    """One image, two shapes: the plain loss settles between them, MoN sorts the draws to either.
+
+    The cloud is a function of r alone (tanh layers of 16); the truths are one cloud, moved to
+    either side of the middle. The distance, |pred_i - gt_i|^2, is least at their mean.
+    """
+
+    def distance(pred, gt):
+        return jnp.square(pred - gt).sum(axis=-1).mean()
+
+    shape = 0.1 * rng.normal(size=(8, 3)).astype(np.float32)
+    side = np.array([0, 1, 0], np.float32)
+    truths = jnp.asarray(np.stack([shape - side, shape + side]))
+    sizes = [(2, 16), (16, 16), (16, 24)]
+
+    def cloud(params, r):
+        x = r
+        for i, (kernel, bias) in enumerate(params):
+            x = x @ kernel + bias
+            x = jnp.tanh(x) if i < len(params) - 1 else x
+        return x.reshape(8, 3)
+
+    def train(draws):
+        keys = jax.random.split(jax.random.key(1), len(sizes))
+        params = [
+            (jax.random.normal(k, s) / np.sqrt(s[0]), jnp.zeros(s[1]))
+            for k, s in zip(keys, sizes, strict=True)
+        ]
+        tx = optax.adam(1e-2)
+
+        def objective(params, r, truth):
+            preds = jax.vmap(jax.vmap(cloud, (None, 0)), (None, 0))(params, r)
+            return jax.vmap(losses.min_of_n(distance))(preds, truth).value.mean()
+
+        def step(carry, key):
+            params, opt = carry
+            by_draw, by_sample = jax.random.split(key)
+            r = jax.random.normal(by_draw, (16, draws, 2))
+            truth = truths[jax.random.bernoulli(by_sample, shape=(16,)).astype(int)]
+            value, grads = jax.value_and_grad(objective)(params, r, truth)
+            updates, opt = tx.update(grads, opt)
+            return (optax.apply_updates(params, updates), opt), value
+
+        steps = jax.random.split(jax.random.key(2), 300)
+        (params, _), _ = jax.lax.scan(step, (params, tx.init(params)), steps)
+        r = jax.random.normal(jax.random.key(3), (200, 2))
+        return jax.vmap(cloud, (None, 0))(params, r)[:, :, 1].mean(axis=1)
+
+    one, two = (np.asarray(quick_jit(train, static_argnums=0)(draws)) for draws in (1, 2))
+    assert np.abs(one).max() < 0.2
+    assert np.median(np.abs(two)) > 0.5
+    assert 0.3 < np.mean(two > 0) < 0.7
