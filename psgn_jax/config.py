@@ -149,6 +149,8 @@ class LossConfig:
       l2_scale: their 0.1.
       emd_tolerance: of the losses that are an EMD: accepted relative error of the assignment.
       emd_schedule: how their auction sets epsilon, see `losses.assign`.
+      min_of_n: draws of the random input for each sample and training step, of which the nearest to
+        the truth counts (`losses.min_of_n`); the paper's 2. Evaluation takes one draw.
     """
 
     name: str = "chamfer_sq_mean"
@@ -156,6 +158,7 @@ class LossConfig:
     l2_scale: NonNegative = 0.1
     emd_tolerance: Positive = 0.01
     emd_schedule: Literal["scaling", "authors"] = "scaling"
+    min_of_n: PositiveInt = 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -418,6 +421,12 @@ def _check_together(config: Config) -> None:
             )
         if model.deconv_channels % 3:
             raise _wrong("model.deconv_channels", model.deconv_channels, "a multiple of 3")
+    if config.loss.min_of_n > 1 and not model.random_size:
+        raise _wrong(
+            "loss.min_of_n",
+            config.loss.min_of_n,
+            "1, since without a random input (model.random_size=0) all draws are equal",
+        )
     if optim.warmup_steps >= train.steps:
         raise _wrong(
             "optim.warmup_steps", optim.warmup_steps, f"fewer than train.steps={train.steps}"

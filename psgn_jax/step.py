@@ -18,6 +18,7 @@ from jax.sharding import PartitionSpec as P
 
 from psgn_jax.config import Config, ConfigError
 from psgn_jax.losses.chamfer import batched
+from psgn_jax.losses.min_of_n import min_of_n
 from psgn_jax.models.inputs import network_input
 from psgn_jax.state import TrainState, random_key, schedule
 from psgn_jax.types import Array
@@ -76,7 +77,7 @@ def l2_authors(params: Any) -> Array:
 
 
 def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Array | None) -> Array:
-    """Points [B,N,3] of a batch's images."""
+    """Points [B,N,3] of a batch's images; [B,draws,N,3] if r is [B,draws,random_size]."""
     x = network_input(
         batch["image"], batch["mask"], batch.get("depth"), channels=config.data.inputs
     )
@@ -93,19 +94,27 @@ def make_train_step(
     """Compiled `(state, batch) -> (state, metrics)`; the state is donated.
 
     Metrics are scalars: `loss` (mean over the steps since the last multiple of `train.log_every`),
-    `loss_step`, `l2` (if on), `grad_norm` (before clipping), `learning_rate`, `bad_step` and
-    `bad_metric` (see `TrainState`).
+    `loss_step`, `loss_of_draws` (if `loss.min_of_n` > 1: the mean, not the least, over the draws;
+    its distance from `loss` says how much they differ), `l2` (if on), `grad_norm` (before
+    clipping), `learning_rate`, `bad_step` and `bad_metric` (see `TrainState`).
     """
     rate = schedule(config.optim, config.train.steps)
     replicated, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
 
     def objective(params: Any, batch: Batch, r: Array | None) -> tuple[Array, dict[str, Array]]:
         pred = predict(config, model, params, batch, r)
-        value = jnp.mean(batched(loss)(pred, batch["points"]))
+        metrics = {}
+        if config.loss.min_of_n > 1:
+            best = batched(min_of_n(loss))(pred, batch["points"])
+            value = jnp.mean(best.value)
+            metrics["loss_of_draws"] = jnp.mean(best.distances)
+        else:
+            value = jnp.mean(batched(loss)(pred, batch["points"]))
+        metrics["loss_step"] = value
         if config.loss.l2 == "none":
-            return value, {"loss_step": value}
-        l2 = config.loss.l2_scale * l2_authors(params)
-        return value + l2, {"loss_step": value, "l2": l2}
+            return value, metrics
+        metrics["l2"] = config.loss.l2_scale * l2_authors(params)
+        return value + metrics["l2"], metrics
 
     def gradients(params: Any, batch: Batch, r: Array | None) -> Any:
         (total, metrics), grads = jax.value_and_grad(objective, has_aux=True)(params, batch, r)
@@ -189,8 +198,12 @@ def make_eval_step(
 
 
 def draw_r(config: Config, step: Array | int, batch_size: int, *, train: bool) -> Array | None:
-    """Random input r ~ N(0, I) [B, random_size] (paper, section 3.3), or None without one."""
+    """Random input r ~ N(0, I) [B, random_size] (paper, section 3.3), or None without one.
+
+    For training with `loss.min_of_n` > 1 it is [B, min_of_n, random_size].
+    """
     if not config.model.random_size:
         return None
     key = random_key(config.seed, step, train=train)
-    return jax.random.normal(key, (batch_size, config.model.random_size))
+    draws = (config.loss.min_of_n,) if train and config.loss.min_of_n > 1 else ()
+    return jax.random.normal(key, (batch_size, *draws, config.model.random_size))

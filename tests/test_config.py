@@ -68,6 +68,8 @@ WRONG = [
     ({"model": {"widths": (8,)}}, "at least two resolution levels"),
     ({"model": {"deconv_level": 6}}, "model.deconv_level=6: accepted: 0 to 5"),
     ({"model": {"deconv_channels": 4}}, "a multiple of 3"),
+    ({"loss": {"min_of_n": 0}}, "loss.min_of_n=0: accepted: a number >= 1"),
+    ({"loss": {"min_of_n": 2}}, "loss.min_of_n=2: accepted: 1, since without a random input"),
     ({"model": {"name": "vanilla", "fc_points": 0}}, "model.fc_points=0: accepted: at least 1"),
 ]
 

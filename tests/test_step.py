@@ -104,6 +104,24 @@ def test_random_input_depends_on_seed_step_and_purpose(tiny):
     for other in (draw(8, True), draw(7, False)):
         assert not np.array_equal(draw(7, True), other)
     assert step.draw_r(STANDIN["config"](model__random_size=0), 0, 4, train=True) is None
+    several = STANDIN["config"](loss__min_of_n=2)
+    assert step.draw_r(several, 0, 4, train=True).shape == (4, 2, several.model.random_size)
+    assert step.draw_r(several, 0, 4, train=False).shape == (4, several.model.random_size)
+
+
+@pytest.mark.parametrize(("name", "data_points"), [("chamfer_sq_mean", 50), ("emd_mean", 136)])
+def test_training_on_the_better_of_two_draws(name, data_points):
+    config = STANDIN["config"](
+        model__widths=(4, 6, 8),
+        loss__name=name,
+        loss__min_of_n=2,
+        data__num_points=data_points,
+        optim__learning_rate=1e-2,
+    )
+    final, history = run(config, 8)
+    assert final.bad_step == -1
+    assert history[-1]["loss_step"] < history[0]["loss_step"]
+    assert all(h["loss_step"] < h["loss_of_draws"] for h in history)
 
 
 def test_l2_of_the_authors_by_layer_type():
@@ -157,12 +175,13 @@ def test_leaves_of_a_checkpoint_are_checked(trained):
     jax.tree.map(np.testing.assert_array_equal, params, dict(final.ema))
 
 
-def test_eight_devices_give_the_same_numbers_as_one(tmp_path):
+@pytest.mark.parametrize("draws", [1, 2])
+def test_eight_devices_give_the_same_numbers_as_one(draws):
     code = f"""
 import jax, runpy, numpy as np
 jax.config.update("jax_num_cpu_devices", 8)
 here = runpy.run_path({str(ROOT / "tests" / "test_step.py")!r})
-config = here["STANDIN"]["config"](model__widths=(4, 6, 8), optim__eps=1e-3)
+config = here["STANDIN"]["config"](model__widths=(4, 6, 8), optim__eps=1e-3, loss__min_of_n={draws})
 assert len(jax.devices()) == 8
 one, one_history = here["run"](config, 4, jax.devices()[:1])
 all_, all_history = here["run"](config, 4, jax.devices())
