@@ -39,8 +39,9 @@ def min_of_n(distance: Callable[..., Any]) -> Callable[[Array, Array], MinOfN]:
 
     Nothing is computed twice: the derivative of d is asked for with weight 0 at the losers, so it
     should be finite there, as those of `losses` are. To search again for the winner alone, with
-    gradient, was slower: for n = 2 on a CPU 1.9 times under the EMD of 1,024 points, whose auction
-    is all the work, and 1.3 times under the CD of 1,024 and 4,096.
+    gradient, took 1.9 times as long under the EMD of 1,024 points (n = 2, on a CPU), whose auction
+    is all the work; under the CD of 1,024 and 4,096 points the two were about even (1.3 and .85
+    times as long in two runs on a busy machine).
 
     Args:
       distance: (pred [n, 3], gt [m, 3]) -> scalar, such as `chamfer_sq` or `emd_sum`; it may close
