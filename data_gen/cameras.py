@@ -158,7 +158,7 @@ def make(
 def project(
     points: Float[np.ndarray, "n 3"], camera: Camera
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
-    """Continuous (column, row) of points of the view-aligned frame, and z along the optical axis."""
+    """Continuous (column, row) of points of the view-aligned frame, and z of the camera's."""
     inside = points @ camera.extrinsics[:, :3].T + camera.extrinsics[:, 3]
     z = inside[:, 2]
     safe = np.where(z > 0, z, np.nan)

@@ -92,13 +92,16 @@ def main(argv: list[str]) -> None:
     try:
         if len(argv) > 1:
             raise ValueError(f"unexpected argument {argv[1]!r}")
+        name, place, out = _CATALOGUE.value, _SOURCE.value, _OUT.value
+        if name is None or place is None or out is None:
+            raise ValueError("--catalogue, --source and --out are needed")
         options = settings.parse(_CONFIG.value)
         part = parse_part(_PART.value)
         try:
-            source = catalogues.open(_CATALOGUE.value, _SOURCE.value, **_options(_OPTION.value))
+            source = catalogues.open(name, place, **_options(_OPTION.value))
         except TypeError as error:
             raise ValueError(f"--option: {error}") from error
-        summary = job.render_catalogue(source, _OUT.value, options, part=part, limit=_LIMIT.value)
+        summary = job.render_catalogue(source, out, options, part=part, limit=_LIMIT.value)
     except StoppedError as error:
         logging.warning("%s; the same command goes on with the job", error)
         sys.exit(128 + error.number)

@@ -415,12 +415,18 @@ def sunsky_map(
     size = lights.MAP_SIZE
     toward = lights.directions_of(size).reshape(-1, 3)
     values = np.zeros((len(toward), 3))
-    for number, direction in enumerate(toward):
-        if direction[2] <= 0:
-            continue
+    above = toward[:, 2] > 0
+
+    def evaluate(away: list[Any]) -> np.ndarray:
         hit = _dr.zeros(_mi.SurfaceInteraction3f)
-        hit.wi = _mi.Vector3f(*(-direction))
-        values[number] = np.array(sky.eval(hit)).ravel()[:3]
+        hit.wi = _mi.Vector3f(*away)
+        return np.array(sky.eval(hit), np.float64)
+
+    if _mi.variant().startswith("scalar"):
+        values[above] = [evaluate((-d).tolist()) for d in toward[above]]
+    else:
+        columns = (-toward[above]).T.astype(np.float32)
+        values[above] = evaluate([_mi.Float(np.ascontiguousarray(c)) for c in columns]).T
     grid = values.reshape(*size, 3)
     angles = lights.solid_angles(size)[..., None]
     # The sun is half a degree wide: no map this small holds it. It is added with the energy that
