@@ -501,12 +501,14 @@ def path_trace(
         values["faces"] = np.arange(3 * len(own), dtype=np.uint32)
         values.update()
         parts[f"part{number}"] = mesh
-    # Mitsuba's maps have +y up and begin elsewhere; this turns them to the schema's frame.
-    turn = _mi.ScalarTransform4f().rotate([0, 0, 1], 90).rotate([1, 0, 0], 90)
+    # Mitsuba's column u belongs to the direction with atan2(x, -z) = 2 pi u, +y up. Reversed in
+    # order, ours belong to its (-y, z, -x); this takes that back to (x, y, z).
+    turn = np.eye(4)
+    turn[:3, :3] = [[0, 0, -1], [-1, 0, 0], [0, 1, 0]]
     parts["light"] = {
         "type": "envmap",
         "bitmap": _mi.Bitmap(np.ascontiguousarray(radiance[:, ::-1], np.float32)),
-        "to_world": turn,
+        "to_world": _mi.ScalarTransform4f(turn),
     }
     height, width = camera.image_size
     to_world = np.eye(4)

@@ -163,6 +163,24 @@ def test_background_image(shader):
     assert (picture.image[~picture.mask] == [0, 255, 0]).all()
 
 
+@pytest.mark.parametrize("toward", [(0.9, 0.3), (0.0, 0.9), (0.0, -0.9)])
+def test_path_tracing_has_the_light_where_local_shading_has_it(shader, toward):
+    import trimesh
+
+    ball = trimesh.creation.icosphere(2, radius=0.4)
+    surfaces = scene.flatten(meshes.build(ball.vertices + np.array([0, 0, 0.4]), ball.faces))
+    light = np.array([*toward, 0.3])
+    light /= np.linalg.norm(light)
+    radiance = np.exp(20 * (lights.directions_of(lights.MAP_SIZE) @ light - 1))
+    radiance = np.repeat(radiance[..., None], 3, axis=-1)
+    found = lights.reduce(radiance, lights.LightSettings(count=1), ambient=0.1, exposure=1.0)
+    shown = scene.Scene(surfaces, view(azimuth=40.0), found)
+    local = shader.render(shader.Mesh(surfaces.corners), shown)
+    traced = shader.path_trace(shown, radiance, samples=4, seed=0)
+    both = np.stack([local.image[local.mask].mean(axis=1), traced[local.mask][:, :3].mean(axis=1)])
+    assert np.corrcoef(both)[0, 1] > 0.8
+
+
 # --- The job ----------------------------------------------------------------------------------
 
 

@@ -1,0 +1,58 @@
+"""Images per second of the data stage on one processor, and a worker's peak memory.
+
+    python tests/bench/render.py [--catalogue procedural] [--source 4] [--models 30] [--views 4]
+                                 [--variant auto]
+
+Renders models spread over a catalogue in this process, one thread, all included: reading the mesh,
+points, pictures, checks, occupancy, encoding. Prints images per second of wall time and of
+processor time (the figure per core on a busy machine), the parts of an image's time, the slowest
+models, and the peak memory of the process.
+"""
+
+import argparse
+import os
+import time
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+from data_gen import catalogues, settings, shader, worker  # noqa: E402
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--catalogue", default="procedural")
+    parser.add_argument("--source", default="4")
+    parser.add_argument("--models", type=int, default=30)
+    parser.add_argument("--views", type=int, default=4)
+    parser.add_argument("--variant", default="auto", choices=settings.VARIANTS)
+    arguments = parser.parse_args()
+    variant, message = worker.choose_variant(arguments.variant)
+    print(variant.name, message)
+    shader.start(*variant)
+    entries = list(catalogues.open(arguments.catalogue, arguments.source).entries())
+    chosen = entries[:: max(1, len(entries) // arguments.models)][: arguments.models]
+    context = worker.Context(
+        settings.Settings(views=arguments.views), arguments.catalogue, variant, None, []
+    )
+    worker.render_model(chosen[0], context)  # what is compiled or loaded once
+    parts, models, images = {}, [], 0
+    wall, cpu = time.perf_counter(), time.process_time()
+    for entry in chosen:
+        start = time.process_time()
+        done, line = worker.render_model(entry, context)
+        models.append((time.process_time() - start, entry.model_id, line.get("faces", 0)))
+        images += len(done)
+        for name, seconds in line.get("seconds", {}).items():
+            parts[name] = parts.get(name, 0) + seconds
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    print(f"{images} images of {len(chosen)} models")
+    print(f"{images / wall:.2f} images/s of wall time, {images / cpu:.2f} of processor time")
+    print("ms an image:", ", ".join(f"{k} {1000 * v / images:.0f}" for k, v in parts.items()))
+    for seconds, name, faces in sorted(models)[-3:]:
+        print(f"slowest: {name}, {faces} faces: {seconds:.2f} s for {arguments.views} views")
+    print(f"peak memory {worker.peak_megabytes():.0f} MB")
+
+
+if __name__ == "__main__":
+    main()
