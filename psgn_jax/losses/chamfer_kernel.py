@@ -11,7 +11,7 @@ minimum is 1 more and the chunk's number 2. For long clouds the number is kept p
 row. In the machine code of Triton 3.6 for sm_90 the inner loops are 7.8 instructions a distance
 (16,384 columns) and 9.7 (1,024 columns), without spills: 17.5 a pair for both directions. An exact
 search that computed every distance once needs at least 8 (6 and a minimum for each direction),
-which `tests/bench/losses.py --gpu` takes as the floor. Estimated, never run on a GPU so far.
+which `tests/bench/kernels.py` takes as the floor. Estimated, never run on a GPU so far.
 """
 
 import functools
