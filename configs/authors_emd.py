@@ -1,4 +1,4 @@
-"""The full two-branch network on the authors' batches, trained under the EMD.
+r"""The full two-branch network on the authors' batches, trained under the EMD.
 
 Command: python -m psgn_jax.data.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_emd.py --workdir=runs/authors_emd
@@ -9,7 +9,7 @@ Expect: a lower EMD and a higher Chamfer distance than `authors.py`; not measure
 The recipe is that of `authors.py`. An EMD compares clouds of one size: 1,024 points. The half-size
 network trains on two CPU cores, a second a step; after 600 steps its emd_radius is .156 where 3,200
 steps under the Chamfer distance leave .309, and its cd_sq_radius2 .0179 instead of .0105:
-    python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small_emd \\
+    python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small_emd \
     --config.loss.name=emd_mean --config.data.num_points=1024
 """
 
