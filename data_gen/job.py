@@ -104,7 +104,7 @@ class Summary:
                 f"{max(v['luminance'] for v in views):.1f}; peak memory of a worker "
                 f"{max(line.get('megabytes', 0) for line in self.lines)} MB"
             )
-        for line in self.lines[:]:
+        for line in self.lines:
             if line["status"] != "ok" and len(out) < 40:
                 out.append(f"  {line['status']}: {line['model_id']}: {line['reason']}")
         if self.models - passed > len([o for o in out if o.startswith("  ")]):

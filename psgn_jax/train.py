@@ -96,16 +96,23 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     check_paths(config)
     mesh = step_lib.data_mesh()
     step_lib.check_batch_size(config, mesh)
-    _check_loss(config, registry.build_model(config.model), registry.loss(config.loss))
-    sizes = _check_data(config, registry.data_source())
-    with locked(workdir) if _is_first() else contextlib.nullcontext():
-        return _train(config, workdir, mesh, sizes)
-
-
-def _train(config: Config, workdir: pathlib.Path, mesh: Mesh, sizes: Mapping[str, int]) -> Outcome:
-    """`train` after its checks, alone in `workdir`."""
     model = registry.build_model(config.model)
     loss = registry.loss(config.loss)
+    _check_loss(config, model, loss)
+    sizes = _check_data(config, registry.data_source())
+    with locked(workdir) if _is_first() else contextlib.nullcontext():
+        return _train(config, workdir, mesh, sizes, model, loss)
+
+
+def _train(
+    config: Config,
+    workdir: pathlib.Path,
+    mesh: Mesh,
+    sizes: Mapping[str, int],
+    model: nn.Module,
+    loss: step_lib.PairFunction,
+) -> Outcome:
+    """`train` after its checks, alone in `workdir`."""
     source = registry.data_source()
     tx = state_lib.optimizer(config.optim, config.train.steps)
 

@@ -57,7 +57,7 @@ def convert_authors(
     destination.mkdir(parents=True, exist_ok=True)
     # A finished shard is kept where its number and its inputs are what this run would give it: one
     # of another number could be overwritten by the group that now has that number.
-    done: dict[tuple[str, tuple[str, ...]], list[records.Shard]] = {}
+    done: dict[tuple[int, tuple[str, ...]], list[records.Shard]] = {}
     if (destination / records.MANIFEST).exists():
         previous = records.load_manifest(destination, allow_incomplete=True)
         if previous.source != "authors":
@@ -79,9 +79,8 @@ def convert_authors(
     for number, start in enumerate(range(0, len(paths), FILES_PER_SHARD)):
         group = paths[start : start + FILES_PER_SHARD]
         inputs = tuple(_input_tag(p) for p in group)
-        key = _number(records.shard_name("train", number)), inputs
-        if key in done:
-            shards += done[key]
+        if (number, inputs) in done:
+            shards += done[number, inputs]
             continue
         made, messages = _convert_group(group, inputs, destination, number)
         refused += messages
@@ -98,9 +97,9 @@ def convert_authors(
     return manifest, refused
 
 
-def _number(file: str) -> str:
+def _number(file: str) -> int:
     """The number in a shard's file name."""
-    return pathlib.PurePath(file).stem.rpartition("-")[2]
+    return int(pathlib.PurePath(file).stem.rpartition("-")[2])
 
 
 def _convert_group(

@@ -45,7 +45,7 @@ from jax.custom_batching import sequential_vmap
 from jax.experimental.xla_metadata import set_xla_metadata
 
 from psgn_jax.losses.distances import check_points
-from psgn_jax.losses.kernels import use_kernels
+from psgn_jax.losses.kernels import select, use_kernels
 from psgn_jax.types import Array, Bool, Float, Int
 
 Schedule = Literal["scaling", "authors"]
@@ -466,7 +466,7 @@ def _for_platform(solver: Any, n: int, schedule: Schedule) -> Any:
         return solver
     if jax.default_backend() == "gpu":
         return auction_kernel.solve_pair
-    return functools.partial(lax.platform_dependent, cuda=auction_kernel.solve_pair, default=solver)
+    return functools.partial(select, auction_kernel.solve_pair, solver)
 
 
 def assign(
