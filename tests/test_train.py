@@ -13,7 +13,7 @@ import pytest
 
 from psgn_jax import evaluate, registry, step
 from psgn_jax.checkpoint import Checkpoints
-from psgn_jax.config import ConfigError, from_json
+from psgn_jax.config import ConfigError, from_json, parse
 from psgn_jax.train import NonFiniteError, _duration, train
 from psgn_jax.viewing.clouds import draw_case, draw_cloud
 
@@ -159,3 +159,26 @@ def test_clouds_are_drawn_where_the_camera_sees_them():
     assert (draw_cloud(np.zeros((0, 3)), *camera, (48, 64)) == 255).all()
     image = np.zeros((48, 64, 3), np.uint8)
     assert draw_case(image, both[0, :5].astype(float), outside, *camera).shape == (192, 1280, 3)
+
+
+@pytest.mark.parametrize("name", ["authors_emd", "mo2_emd"])
+def test_the_emd_configurations_train(tmp_path, name):
+    """As they are but for sizes: three steps, killed by nothing, with an evaluation."""
+    settings = runpy.run_path(str(ROOT / "configs" / f"{name}.py"))["get_config"]()
+    small = STANDIN["config"]()
+    settings.data.path = ""
+    settings.data.image_size = small.data.image_size
+    settings.data.num_points = settings.data.num_eval_points = 136
+    settings.model.update(widths=(4, 6, 8, 8), fc_points=8, fc_widths=(12,), deconv_level=1)
+    settings.train.update(
+        batch_size=4, steps=3, log_every=1, eval_every=3, checkpoint_every=3, images_every=0
+    )
+    settings.eval.update(batch_size=4, emd_tolerance=0.05)
+    settings.optim.warmup_steps = 1
+    train(parse(settings), tmp_path / name)
+    lines = [
+        json.loads(line) for line in (tmp_path / name / "metrics.jsonl").read_text().splitlines()
+    ]
+    assert [e["step"] for e in lines if e["kind"] == "train"] == [1, 2, 3]
+    assert all(np.isfinite(e["loss"]) for e in lines if e["kind"] == "train")
+    assert [e["emd_radius"] > 0 for e in lines if e["kind"] == "eval"] == [True]

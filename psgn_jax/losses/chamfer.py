@@ -257,9 +257,13 @@ def batched(function: Callable, *, platform: str | None = None) -> Callable:
       (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array.
     """
 
+    # Made once, so that JAX knows it again and compiles it once, also without `jit` around.
+    def one_more(_: None, pair: tuple[Array, Array]) -> tuple[None, Any]:
+        return None, function(*pair)
+
     def over_batch(pred: Array, gt: Array) -> Any:
         if (platform or jax.default_backend()) == "cpu":
-            return jax.lax.map(lambda pair: function(*pair), (pred, gt))
+            return jax.lax.scan(one_more, None, (pred, gt))[1]
         return jax.vmap(function)(pred, gt)
 
     return over_batch

@@ -7,7 +7,11 @@ with the Euclidean, not the squared, distance: Fan, Su, Guibas, "A Point Set Gen
 `pred` and `gt` [n, 3]; callers batch with `losses.batched`.
 
 Units: that of the caller's clouds. `emd_sum` is the paper's sum, `emd_mean` the sum over n: the
-mean distance a point travels, which does not depend on the number of points.
+mean distance a point travels, which does not depend on the number of points. Distances are roots of
+float32 squares: steps below 1e-19 count as none, and from 1e19 on they overflow.
+
+The first call for a number of points compiles: 3 to 4 seconds on a CPU; later ones do not, with or
+without `jax.jit` around.
 """
 
 from typing import NamedTuple
@@ -15,7 +19,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
 from psgn_jax.losses.auction import TOLERANCE, Assignment, Schedule, assign
 from psgn_jax.losses.distances import check_points, safe_sqrt
@@ -53,13 +56,15 @@ def matched_distances(
       schedule: "scaling" or "authors".
 
     Raises:
-      ValueError: as `assign`. Inside `jit` a non-finite coordinate makes all distances NaN.
+      ValueError: as `assign`. Inside `jit`, and under `grad` and `vmap`, a non-finite coordinate
+        makes all distances of its pair NaN, and their gradients.
     """
     found = assign(pred, gt, tolerance=tolerance, max_bids=max_bids, schedule=schedule, names=_PAIR)
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     square = jnp.square(pred - gt[found.index]).sum(axis=-1)
-    healthy = lax.stop_gradient(~jnp.isnan(found.gap))
-    return MatchedDistances(jnp.where(healthy, safe_sqrt(square), jnp.nan), found)
+    # A factor, not a choice: the gradient of a broken pair is NaN as its distances are.
+    healthy = jnp.where(jnp.isnan(found.gap), jnp.nan, 1.0)
+    return MatchedDistances(safe_sqrt(square) * healthy, found)
 
 
 def emd_sum(

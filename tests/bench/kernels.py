@@ -85,7 +85,10 @@ def path(kernels, interpret):
         search = functools.partial(chamfer_kernel.search, interpret=True)
         solve = functools.partial(auction_kernel.solve_pair, interpret=True)
         chamfer.select = lambda kernel, plain, *arrays: search(*arrays)
-        auction._kernels = lambda n, schedule: {"cpu": solve} if use_kernels(bool) else {}
+        plain = auction._for_platform
+        auction._for_platform = lambda solver, n, schedule: (
+            solve if use_kernels(bool) else plain(solver, n, schedule)
+        )
 
 
 def main():

@@ -6,15 +6,20 @@
 All rows see the same clouds in the same run. `cKDTree` is scipy's, both directions, forward only,
 one thread; every time is also given as a ratio to it. Seconds are the CPU seconds of the process
 (the least of several calls), which other programs on the machine disturb less than the wall
-clock; pin the run to one core (`taskset -c 0`) and both are the same thing. On an accelerator the
-wall clock is used. Memory is what XLA reserves beyond arguments and results.
+clock; pin the run to one core (`taskset -c 0`) and both are the same thing. Rows that run on a
+GPU (ours, ott and torch, where they see one) are measured by the wall clock. Memory is what XLA
+reserves beyond arguments and results; for peers that do not tell, what their arrays take (the tree
+and its answers, matrices, plans), marked with ~.
 
-The table of the EMD: near = two disjoint subsets of one cloud, far = clouds of two objects, init =
-all predictions within 1e-3 of the origin, dup = far with eight copies of every point on average,
-grid = far on a lattice of step 1/8 (ties). The truth is scipy's `linear_sum_assignment`; its time
-is without the building of the cost matrices, which `cdist` shows. Errors are (sum of distances
-found) / optimum - 1, for Sinkhorn that of its transport plan. Peers that are not installed are
-left out with a line that says so. `--emd_pairs` of the pairs are used for peers (they are slow).
+Kinds: near = two disjoint subsets of one cloud, far = clouds of two objects, init = all predictions
+within 1e-3 of the origin, dup = far with eight copies of every point on average, grid = far on a
+lattice of step 1/8 (ties).
+
+The table of the EMD: the truth is scipy's `linear_sum_assignment`; its time is without the building
+of the cost matrices, which `cdist` and `torch.cdist` (forward, and with the gradient of their sum)
+show: that is all torch has of an EMD. Errors are (sum of distances found) / optimum - 1, for
+Sinkhorn that of its transport plan. Peers that are not installed are left out with a line that says
+so. `--emd_pairs` of the pairs are used for peers (they are slow).
 """
 
 import argparse
@@ -55,19 +60,10 @@ def drawn_clouds(pairs, rng):
     return np.stack([body.sample(rng, 16384)[0] for body in bodies]).astype(np.float32)
 
 
-def pick(whole, n, m, kind, rng):
-    """near = of one cloud, with noise; far = of two objects."""
-    a = np.stack([x[rng.permutation(len(x))[:n]] for x in whole])
-    b = np.stack([x[rng.permutation(len(x))[:m]] for x in whole])
-    if kind == "far":
-        a = np.roll(a, 1, axis=0)
-    return (a + rng.normal(0, 0.01, a.shape)).astype(np.float32), b.astype(np.float32)
-
-
-def seconds(call, budget):
+def seconds(call, budget, gpu=None):
     """Least time of a call; it is called at least twice, then until the budget is spent."""
-    cpu = jax.default_backend() == "cpu"
-    clock = time.process_time if cpu else time.perf_counter
+    gpu = jax.default_backend() != "cpu" if gpu is None else gpu
+    clock = time.perf_counter if gpu else time.process_time
     jax.block_until_ready(call())
     times, begin = [], time.perf_counter()
     while len(times) < 2 or (time.perf_counter() - begin < budget and len(times) < 30):
@@ -105,10 +101,31 @@ def jax_rows(name, batch, a, b, budget):
     yield np.asarray(forward(a, b), np.float64)
 
 
+def torch_device():
+    import torch
+
+    torch.set_num_threads(1)  # as all others; its threads spin while they wait
+    return "cuda" if torch.cuda.is_available() else "cpu"
+
+
+def torch_seconds(call, budget):
+    import torch
+
+    gpu = torch_device() == "cuda"
+
+    def done():
+        call()
+        if gpu:
+            torch.cuda.synchronize()
+
+    return seconds(done, budget, gpu)
+
+
 def torch_cdist(a, b, budget, memory):
     import torch
 
-    a, b = torch.tensor(a, requires_grad=True), torch.tensor(b)
+    a, b = (torch.tensor(x, device=torch_device()) for x in (a, b))
+    a.requires_grad_()
 
     def forward():
         d = torch.cdist(a, b)
@@ -119,8 +136,30 @@ def torch_cdist(a, b, budget, memory):
         forward().sum().backward()
 
     with torch.no_grad():
-        value, one = forward().numpy(), seconds(lambda: forward() is None, budget)
-    return ("torch.cdist", one, seconds(both, budget), memory), value
+        value, one = forward().cpu().numpy(), torch_seconds(forward, budget)
+    return ("torch.cdist", one, torch_seconds(both, budget), memory, "~"), value
+
+
+def torch_matrix(a, b, budget):
+    """Seconds of `torch.cdist` on pairs one by one: forward, and with its sum's gradient."""
+    import torch
+
+    pairs = [
+        tuple(torch.tensor(x, device=torch_device()) for x in pair)
+        for pair in zip(a, b, strict=True)
+    ]
+
+    def forward():
+        for x, y in pairs:
+            torch.cdist(x, y)
+
+    def both():
+        for x, y in pairs:
+            torch.cdist(x.requires_grad_(), y).sum().backward()
+
+    with torch.no_grad():
+        one = torch_seconds(forward, budget)
+    return one, torch_seconds(both, budget)
 
 
 def import_seconds():
@@ -133,13 +172,13 @@ def import_seconds():
     return float(done.stdout)
 
 
-def emd_pairs(whole, pairs, n, kind, rng):
-    """Pairs of n points for the table of the EMD; see the top of the file."""
+def make_pairs(whole, pairs, n, m, kind, rng):
+    """Pairs of n and m points; see the top of the file."""
     a, b = [], []
     for cloud in whole:
         order = rng.permutation(len(cloud))
         a.append(cloud[order[:n]])
-        b.append(cloud[order[-n:]])
+        b.append(cloud[order[-m:]])
     a, b = np.stack(a), np.stack(b)
     if kind != "near":
         a = np.roll(a, 1, axis=0)
@@ -147,18 +186,18 @@ def emd_pairs(whole, pairs, n, kind, rng):
     if kind == "init":
         a = rng.normal(0, 3e-4, a.shape)
     if kind == "dup":
-        few = rng.integers(0, max(n // 8, 1), (2, n))
-        a, b = a[:, few[0]], b[:, few[1]]
+        a, b = (x[:, rng.integers(0, max(x.shape[1] // 8, 1), x.shape[1])] for x in (a, b))
     if kind == "grid":
         a, b = np.round(a * 8) / 8, np.round(b * 8) / 8
     return a.astype(np.float32), b.astype(np.float32)
 
 
-def clocked(call, arguments):
+def clocked(call, arguments, gpu=False):
     """Results for all arguments, CPU seconds (scipy, POT and lapx use one thread)."""
-    start = time.process_time()
+    clock = time.perf_counter if gpu else time.process_time
+    start = clock()
     results = [call(*x) for x in arguments]
-    return results, time.process_time() - start
+    return results, clock() - start
 
 
 def emd_ours(version, a, b, budget):
@@ -206,13 +245,15 @@ def emd_sinkhorn(a, b, relative):
         out = linear.solve(geometry, threshold=1e-3, max_iterations=2000)
         return (out.matrix * geometry.cost_matrix).sum() * len(x), out.n_iters
 
-    one(a[0], b[0])
-    found, spent = clocked(lambda x, y: jax.device_get(one(x, y)), zip(a, b, strict=True))
-    return np.array([x for x, _ in found]), np.array([x for _, x in found]), spent
+    call = one.lower(a[0], b[0]).compile()
+    gpu = jax.default_backend() != "cpu"
+    found, spent = clocked(lambda x, y: jax.device_get(call(x, y)), zip(a, b, strict=True), gpu)
+    memory = call.memory_analysis().temp_size_in_bytes
+    return np.array([x for x, _ in found]), np.array([x for _, x in found]), spent, memory
 
 
 def pot_emd(d):
-    import ot
+    import ot  # the first import takes a while: call it once before it counts
 
     weights = np.full(len(d), 1 / len(d))
     return ot.emd2(weights, weights, d, numItermax=10**7) * len(d)
@@ -228,7 +269,7 @@ def emd_table(args, whole):
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist
 
-    missing = [x for x in ("ot", "lap", "ott") if importlib.util.find_spec(x) is None]
+    missing = [x for x in ("torch", "ot", "lap", "ott") if importlib.util.find_spec(x) is None]
     for name in missing:
         print(f"not installed, left out: {name}")
     print("\n| n | kind | version | fwd ms/pair | fwd+bwd ms/pair | scipy / fwd | mean error"
@@ -238,7 +279,7 @@ def emd_table(args, whole):
         for kind in args.emd_kinds:
             # The truth grows like n^3: fewer pairs of the larger sizes.
             pairs = max(min(args.emd_pairs, len(whole)), len(whole) * 1024**2 // max(n, 1024) ** 2)
-            a, b = emd_pairs(whole, pairs, n, kind, np.random.default_rng(0))
+            a, b = make_pairs(whole, pairs, n, n, kind, np.random.default_rng(0))
             k = min(args.emd_pairs, pairs)
             best, matrices, built, solved = [], [], 0.0, 0.0
             for x, y in zip(a.astype(np.float64), b.astype(np.float64), strict=True):
@@ -252,7 +293,7 @@ def emd_table(args, whole):
             best, base = np.array(best), solved / pairs
 
             def show(name, one, both, total=None, gap=None, bids=None, memory=None,
-                     n=n, kind=kind, best=best, base=base):  # fmt: skip
+                     about="", n=n, kind=kind, best=best, base=base):  # fmt: skip
                 error = ["", ""]
                 if total is not None:
                     wrong = total / best[: len(total)] - 1
@@ -261,28 +302,35 @@ def emd_table(args, whole):
                     n, kind, name, f"{one * 1e3:.2f}", both and f"{both * 1e3:.2f}",
                     f"{base / one:.2f}", *error, "" if gap is None else f"{gap.max():.2%}",
                     "" if bids is None else f"{bids.mean() / n:.1f} ({bids.max() / n:.1f})",
-                    "" if memory is None else f"{memory / 1e6:.1f}",
+                    "" if memory is None else f"{about}{memory / 1e6:.1f}",
                 )  # fmt: skip
                 print("| " + " | ".join(str(x or "") for x in cells) + " |", flush=True)
 
-            show("scipy", base, None, best, memory=8 * n * n)
-            show("cdist (its matrix)", built / pairs, None)
+            show("scipy", base, None, best, memory=8 * n * n, about="~")
+            show("cdist (the matrix)", built / pairs, None, memory=8 * n * n, about="~")
+            if "torch" not in missing and "torch" not in args.skip:
+                one, both = torch_matrix(a[:k], b[:k], args.budget)
+                size = 4 * n * n
+                show("torch.cdist (the matrix)", one / k, both / k, memory=size, about="~")
             for version in ("map", "vmap"):
                 if version in args.skip:
                     continue
                 one, both, *rest = emd_ours(version, a, b, args.budget)
                 show(f"ours, {version}", one / pairs, both / pairs, *rest)
             if "ot" not in missing and "ot" not in args.skip:
+                pot_emd(matrices[0][0][:2, :2])
                 total, spent = clocked(pot_emd, matrices)
-                show("POT emd2", spent / k, None, np.array(total))
+                show("POT emd2", spent / k, None, np.array(total), memory=16 * n * n, about="~")
             if "lap" not in missing and "lap" not in args.skip:
+                lapx_emd(matrices[0][0][:2, :2])
                 total, spent = clocked(lapx_emd, matrices)
-                show("lapx lapjv", spent / k, None, np.array(total))
+                show("lapx lapjv", spent / k, None, np.array(total), memory=8 * n * n, about="~")
             if "ott" not in missing and "ott" not in args.skip:
                 for relative in args.sinkhorn:
-                    total, rounds, spent = emd_sinkhorn(a[:k], b[:k], relative)
+                    total, rounds, spent, memory = emd_sinkhorn(a[:k], b[:k], relative)
                     # Iterations are passes over the matrix, n rows: one a point.
-                    show(f"ott Sinkhorn {relative:g}", spent / k, None, total, None, rounds * n)
+                    name = f"ott Sinkhorn {relative:g}"
+                    show(name, spent / k, None, total, None, rounds * n, memory)
 
 
 def main():
@@ -297,7 +345,7 @@ def main():
     parser.add_argument("--emd_kinds", nargs="+", default=every, choices=every)
     parser.add_argument("--emd_pairs", type=int, default=4, help="pairs given to slow peers")
     parser.add_argument("--sinkhorn", nargs="*", type=float, default=[0.02, 0.005])
-    parser.add_argument("--kinds", nargs="+", default=["near", "far"], choices=["near", "far"])
+    parser.add_argument("--kinds", nargs="+", default=every, choices=every)
     parser.add_argument("--budget", type=float, default=2.0, help="seconds spent on each figure")
     parser.add_argument("--skip", nargs="*", default=[], help="rows to leave out, e.g. naive torch")
     parser.add_argument("--limit_gb", type=float, default=3.0, help="skip rows that need more")
@@ -320,25 +368,28 @@ def main():
 
 def cd_table(args, whole):
     print("| size | kind | version | fwd s | fwd+bwd s | fwd / tree | fwd+bwd / tree"
-          " | extra MB fwd, fwd+bwd | worst rel. error |\n|" + "---|" * 9)  # fmt: skip
+          " | extra MB fwd, fwd+bwd | mean error | max error |\n|" + "---|" * 10)  # fmt: skip
     for size in args.sizes:
         n, m = (int(x) for x in size.split("x"))
         for kind in args.kinds:
-            rng = np.random.default_rng(0)
-            a, b = pick(whole, n, m, kind, rng)
+            a, b = make_pairs(whole, len(whole), n, m, kind, np.random.default_rng(0))
             truth, tree = (
                 ckdtree(a, b),
-                seconds(lambda a=a, b=b: ckdtree(a, b) is None, args.budget),
+                seconds(lambda a=a, b=b: ckdtree(a, b) is None, args.budget, gpu=False),
             )
 
             def show(row, value, truth=truth, tree=tree, size=size, kind=kind):
-                name, one, both, memory = row
-                error = np.abs(value / truth - 1).max()
-                extra = ", ".join(f"{x:.1f}" for x in memory)
+                name, one, both, memory, *about = row
+                error = np.abs(value / truth - 1)
+                extra = "".join(about) + ", ".join(f"{x:.1f}" for x in memory)
                 print(f"| {size} | {kind} | {name} | {one:.3f} | {both:.3f} | {one / tree:.2f}"
-                      f" | {both / tree:.2f} | {extra} | {error:.1e} |", flush=True)  # fmt: skip
+                      f" | {both / tree:.2f} | {extra} | {error.mean():.0e} | {error.max():.0e} |",
+                      flush=True)  # fmt: skip
 
-            print(f"| {size} | {kind} | cKDTree | {tree:.3f} | | 1 | | | |", flush=True)
+            # One pair at a time: points in float64, their order, answers.
+            needs = (n + m) * (24 + 8 + 16) / 1e6
+            print(f"| {size} | {kind} | cKDTree | {tree:.3f} | | 1 | | ~{needs:.1f} | | |",
+                  flush=True)  # fmt: skip
             versions = {
                 "ours, map": losses.batched(losses.chamfer_sq_mean, platform="cpu"),
                 "ours, vmap": jax.vmap(losses.chamfer_sq_mean),

@@ -204,6 +204,13 @@ def test_degenerate_clouds(rng, name):
     check(a, b, solve(a, b))
 
 
+def test_an_extent_that_underflows_proves_nothing():
+    a = np.array([[1.2e-38, 0, 0], [1.3e-38, 0, 0]], np.float32)
+    found = solve(a, a[::-1].copy())
+    assert not found.converged
+    assert np.isnan(found.gap)
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("argument", ["a", "b"])
 def test_non_finite(rng, bad, argument):

@@ -130,6 +130,25 @@ def test_non_finite(rng, bad, argument):
     with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
         losses.emd_mean(**pair)
     assert np.isnan(mean(pair["pred"], pair["gt"]))
+    # Also where the values are not at hand without `jit`; the other pairs of a batch stay whole.
+    fine = clouds(rng)
+    for grad in jax.grad(losses.emd_mean, argnums=(0, 1))(pair["pred"], pair["gt"]):
+        assert np.isnan(grad).all()
+    batch = [np.stack(x) for x in zip(pair.values(), fine, strict=True)]
+    grads = jax.vmap(jax.grad(losses.emd_mean))(*batch)
+    assert np.isnan(grads[0]).all()
+    assert np.isfinite(grads[1]).all()
+
+
+def test_a_second_call_compiles_nothing(rng, caplog):
+    pair = clouds(rng)
+    batch = losses.batched(losses.emd_mean)
+    for call in (lambda: losses.emd_mean(*pair), lambda: batch(*(x[None] for x in pair))):
+        call()
+        with jax.log_compiles():
+            caplog.clear()
+            call()
+        assert not [r for r in caplog.records if "compilation" in r.getMessage()]
 
 
 def test_gradient_of_a_batch(rng):
