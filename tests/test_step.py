@@ -175,29 +175,21 @@ def test_leaves_of_a_checkpoint_are_checked(trained):
     jax.tree.map(np.testing.assert_array_equal, params, dict(final.ema))
 
 
-# Under the EMD rounding alone may exchange the partners of two points that tie but for 1e-4.
-@pytest.mark.parametrize(
-    ("draws", "loss", "near"), [(1, "chamfer_sq_mean", 1e-5), (2, "emd_mean", 1e-3)]
-)
-def test_eight_devices_give_the_same_numbers_as_one(draws, loss, near):
+@pytest.mark.parametrize("draws", [1, 2])
+def test_eight_devices_give_the_same_numbers_as_one(draws):
     code = f"""
 import jax, runpy, numpy as np
 jax.config.update("jax_num_cpu_devices", 8)
 here = runpy.run_path({str(ROOT / "tests" / "test_step.py")!r})
-config = here["STANDIN"]["config"](
-    model__widths=(4, 6, 8), optim__eps=1e-3, loss__min_of_n={draws}, loss__name={loss!r},
-    data__num_points=136, loss__emd_tolerance=1e-4,
-)
+config = here["STANDIN"]["config"](model__widths=(4, 6, 8), optim__eps=1e-3, loss__min_of_n={draws})
 assert len(jax.devices()) == 8
 one, one_history = here["run"](config, 4, jax.devices()[:1])
 all_, all_history = here["run"](config, 4, jax.devices())
 for a, b in zip(one_history, all_history):
     for name in a:
-        np.testing.assert_allclose(a[name], b[name], rtol={near}, err_msg=name)
+        np.testing.assert_allclose(a[name], b[name], rtol=1e-5, err_msg=name)
 jax.tree.map(
-    lambda a, b: np.testing.assert_allclose(a, b, rtol={near}, atol={near} / 10),
-    one.params,
-    all_.params,
+    lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6), one.params, all_.params
 )
 """
     environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"}

@@ -1,5 +1,7 @@
 import importlib.util
 import pathlib
+import subprocess
+import sys
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +18,7 @@ _spec = importlib.util.spec_from_file_location(
 reference = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(reference)
 
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 KINDS = ["near", "far", "init", "dup", "grid"]
 solve = jax.jit(losses.assign, static_argnames="schedule")
 solve_map = jax.jit(
@@ -255,6 +258,27 @@ def test_jit_vmap_map_and_shard_map_agree(rng):
     for version in (jax.vmap(losses.assign), sharded("cpu"), sharded("gpu")):
         np.testing.assert_array_equal(jax.jit(version)(a, b).index, want)
     np.testing.assert_array_equal(solve_map(a, b).index, want)
+
+
+def test_sharded_over_four_devices():
+    code = """
+import jax, numpy as np
+jax.config.update("jax_num_cpu_devices", 4)
+from psgn_jax import losses
+assert len(jax.devices()) == 4
+a, b = np.random.default_rng(0).normal(size=(2, 8, 60, 3)).astype(np.float32)
+mesh = jax.make_mesh((4,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
+spec = jax.sharding.PartitionSpec("data")
+for function in (losses.assign, jax.value_and_grad(losses.emd_mean)):
+    local = losses.batched(function)
+    split = jax.jit(jax.shard_map(local, mesh=mesh, in_specs=(spec, spec), out_specs=spec))
+    jax.tree.map(np.testing.assert_array_equal, split(a, b), jax.jit(local)(a, b))
+"""
+    environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"}
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT
+    )
+    assert result.returncode == 0, result.stderr[-3000:]
 
 
 def test_lock_step_version(rng):
