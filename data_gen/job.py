@@ -37,6 +37,10 @@ _ATTEMPTS = 2
 _STILLBORN = 5
 
 
+class OtherSettingsError(ValueError):
+    """The folder holds a data set, complete or begun, that was made with other settings."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Block:
     """Models whose samples make one shard: of one split, in the catalogue's order."""
@@ -173,7 +177,7 @@ def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
             tags = {tag for shard in manifest.shards for tag in shard.inputs}
             if manifest.source == name and tags <= {digest}:
                 return True
-            raise ValueError(
+            raise OtherSettingsError(
                 f"--out {str(out)!r}: holds a complete data set made with other settings; give "
                 "another folder, or remove it"
             )
@@ -182,7 +186,7 @@ def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
     if stated.exists():
         difference = _difference(json.loads(stated.read_text()), job)
         if difference:
-            raise ValueError(
+            raise OtherSettingsError(
                 f"--out {str(out)!r}: was begun with other settings ({difference}); give another "
                 "folder, or remove it"
             )

@@ -72,7 +72,8 @@ class DataConfig:
     """Where samples come from and how they become batches.
 
     Attributes:
-      path: folder of records; empty = the default data set (analytic solids drawn by numpy).
+      path: folder of records; empty = the default data set (procedural models, rendered on
+        first use).
       train_split, eval_split: names of the splits.
       image_size: (height, width) the network sees; images are resized to it. The network pads
         sides that are no multiples of 2 ** (levels of `model.widths` - 1).

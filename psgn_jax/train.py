@@ -36,7 +36,7 @@ from psgn_jax.config import (
     to_dict,
     to_json,
 )
-from psgn_jax.data.solids import cache_folder
+from psgn_jax.data.default import cache_folder
 from psgn_jax.viewing.clouds import draw_cases
 from psgn_jax.writer import MetricsWriter, locked, write_atomic
 

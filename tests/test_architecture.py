@@ -46,7 +46,7 @@ DATA_GEN_MAY_IMPORT = {
     "psgn_jax.data.schema",
     "psgn_jax.data.records",
 }
-DATA_GEN_IMPORTERS: set[str] = set()
+DATA_GEN_IMPORTERS = {"psgn_jax.data.default"}
 DATA_GEN_DOORS = {
     "mitsuba": {"data_gen.shader", "data_gen.worker"},
     "drjit": {"data_gen.shader", "data_gen.worker"},

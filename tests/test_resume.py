@@ -11,12 +11,13 @@ import subprocess
 import sys
 import time
 
+import drawn_solids as solids
 import numpy as np
 import pytest
 
 from psgn_jax.checkpoint import Checkpoints
 from psgn_jax.config import to_dict
-from psgn_jax.data import records, solids
+from psgn_jax.data import records
 from psgn_jax.writer import locked
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]

@@ -223,9 +223,9 @@ class _EvalBatch:
 def _open(cfg: DataConfig, split: str) -> records.RecordReader:
     path = cfg.path
     if not path:
-        from psgn_jax.data import solids
+        from psgn_jax.data import default
 
-        path = solids.default_dataset()
+        path = default.default_dataset()
     reader = records.RecordReader(path, split)
     if not len(reader):
         raise records.RecordError(f"data set {str(path)!r}: split {split!r} is empty")

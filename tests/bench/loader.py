@@ -16,7 +16,7 @@ import time
 import numpy as np
 
 from psgn_jax.config import DataConfig
-from psgn_jax.data import augment, loader, records, resize, solids
+from psgn_jax.data import augment, default, loader, records, resize
 
 BATCH = 32
 
@@ -85,7 +85,7 @@ def main():
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--step_samples", type=float, default=0.0)
     arguments = parser.parse_args()
-    path = arguments.path or solids.default_dataset()
+    path = arguments.path or default.default_dataset()
     num_points = min(4096, len(records.RecordReader(path, "train")[0].points))
     for image_size in ((192, 256), (96, 128)):
         plain = DataConfig(path=path, image_size=image_size, num_points=num_points)

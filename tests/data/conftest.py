@@ -3,10 +3,11 @@
 import pathlib
 import zlib
 
+import drawn_solids as solids
 import numpy as np
 import pytest
 
-from psgn_jax.data import camera, records, schema, solids
+from psgn_jax.data import camera, records, schema
 
 
 def random_sample(rng, *, size=(24, 32), num_points=200, optional=True, **changes):

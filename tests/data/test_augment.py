@@ -1,9 +1,10 @@
 import dataclasses
 
+import drawn_solids as solids
 import numpy as np
 import pytest
 
-from psgn_jax.data import augment, camera, schema, solids
+from psgn_jax.data import augment, camera, schema
 
 
 def view_of(category, size=(96, 128), seed=0):

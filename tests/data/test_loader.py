@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from psgn_jax.config import DataConfig
-from psgn_jax.data import camera, loader, records, solids
+from psgn_jax.data import camera, loader, records
 
 
 @pytest.fixture
@@ -240,17 +240,6 @@ def test_a_damaged_record_is_named_while_iterating(make, cfg, dataset, tmp_path,
     next(batches)
     with pytest.raises(ValueError, match=r"record 5 of .*validation-00000\.arrayrecord is damaged"):
         list(batches)
-
-
-def test_default_data_set(tmp_path, monkeypatch):
-    monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
-    monkeypatch.setattr(solids.default_dataset, "__defaults__", (6, 3, (48, 64)))
-    cfg = DataConfig(image_size=(48, 64))
-    assert loader.num_samples(cfg, "train") == 6
-    (folder,) = tmp_path.iterdir()
-    changed = folder.stat().st_mtime_ns
-    assert loader.num_samples(cfg, "validation") == 3
-    assert folder.stat().st_mtime_ns == changed
 
 
 def test_augmentation_reaches_the_batches(cfg):

@@ -1,26 +1,17 @@
-"""The default data set: analytic solids on the ground, drawn with plain numpy.
+"""Samples for tests: analytic solids on the ground, drawn with plain numpy in milliseconds.
 
 Boxes, ellipsoids, cylinders, cones and tori of random proportions and poses, seen by the authors'
 camera (`camera.default_camera`) on their grey background, with exact depth, mask, surface points
-and normals. It needs no download and no renderer. The first use draws it into a cache folder.
+and normals.
 """
 
 import dataclasses
-import os
-import pathlib
-import shutil
-import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from absl import logging
 
-from psgn_jax.data import camera, records, schema
+from psgn_jax.data import camera, schema
 
-# Part of the folder's name: a change of what is drawn must change it.
-_VERSION = 1
-
-DEFAULT_TRAIN, DEFAULT_VALIDATION = 512, 64
 DEFAULT_IMAGE_SIZE = (192, 256)
 NUM_POINTS = 4096
 
@@ -346,72 +337,3 @@ def samples(
         category = CATEGORIES[number % len(CATEGORIES)]
         name = f"{category}-{seed}-{number:05d}"
         yield draw(random_solid(category, rng), rng, image_size=image_size, model_id=name)
-
-
-def cache_folder() -> pathlib.Path:
-    """Where data made on first use is kept: $PSGN_CACHE, or ~/.cache/psgn_jax."""
-    return pathlib.Path(os.environ.get("PSGN_CACHE") or pathlib.Path.home() / ".cache" / "psgn_jax")
-
-
-def _with_progress(
-    items: Iterator[schema.Sample], count: int, what: str
-) -> Iterator[schema.Sample]:
-    start = time.monotonic()
-    for number, item in enumerate(items, 1):
-        yield item
-        if number % 128 == 0 or number == count:
-            logging.info(
-                "drawing %s samples: %d of %d, %.0f s",
-                what,
-                number,
-                count,
-                time.monotonic() - start,
-            )
-
-
-def _is_running(pid: str) -> bool:
-    try:
-        os.kill(int(pid), 0)
-    except (ValueError, ProcessLookupError):
-        return False
-    except PermissionError:
-        return True
-    return int(pid) != os.getpid()
-
-
-def default_dataset(
-    num_train: int = DEFAULT_TRAIN,
-    num_validation: int = DEFAULT_VALIDATION,
-    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
-) -> str:
-    """Folder of the default data set; draws it where it is missing (half a minute on one core).
-
-    The folder appears whole or not at all, also when several processes ask at once.
-    """
-    height, width = image_size
-    name = f"solids-{_VERSION}-{num_train}-{num_validation}-{height}x{width}"
-    folder = cache_folder() / name
-    if (folder / records.MANIFEST).is_file():
-        return str(folder)
-    logging.info("drawing the default data set of analytic solids into %s", folder)
-    temporary = folder.with_name(f".{name}.{os.getpid()}.tmp")
-    for left in folder.parent.glob(f".{name}.*.tmp"):
-        if not _is_running(left.name.split(".")[-2]):
-            shutil.rmtree(left, ignore_errors=True)  # of a run that was killed
-    try:
-        splits = {
-            split: _with_progress(samples(n, seed=seed, image_size=image_size), n, split)
-            for seed, (split, n) in enumerate(
-                {"train": num_train, "validation": num_validation}.items()
-            )
-        }
-        records.write_dataset(temporary, splits, source="solids")
-        try:
-            temporary.rename(folder)
-        except OSError:
-            # Another process was faster: its data are the same.
-            if not (folder / records.MANIFEST).is_file():
-                raise
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-    return str(folder)

@@ -1,7 +1,8 @@
+import drawn_solids as solids
 import numpy as np
 import pytest
 
-from psgn_jax.data import inspect, records, schema, solids
+from psgn_jax.data import inspect, schema
 
 
 @pytest.mark.parametrize("category", solids.CATEGORIES)
@@ -69,15 +70,3 @@ def test_same_seed_same_samples():
     for x, y in zip(a, b, strict=True):
         np.testing.assert_array_equal(x.image, y.image)
         np.testing.assert_array_equal(x.points, y.points)
-
-
-def test_default_data_set_appears_whole_or_not_at_all(tmp_path, monkeypatch):
-    monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
-    with monkeypatch.context() as patch:
-        patch.setattr(records, "save_manifest", lambda *_: 1 / 0)
-        with pytest.raises(ZeroDivisionError):
-            solids.default_dataset(4, 2, (24, 32))
-    assert not list(tmp_path.iterdir())
-    path = solids.default_dataset(4, 2, (24, 32))
-    assert len(records.RecordReader(path, "train")) == 4
-    assert solids.default_dataset(4, 2, (24, 32)) == path
