@@ -72,8 +72,8 @@ class DataConfig:
     """Where samples come from and how they become batches.
 
     Attributes:
-      path: folder of records; empty = the default data set (procedural models, rendered on
-        first use).
+      path: folder of records, or several with commas between them, whose splits are joined;
+        empty = the default data set (procedural models, rendered on first use).
       train_split, eval_split: names of the splits.
       image_size: (height, width) the network sees; images are resized to it. The network pads
         sides that are no multiples of 2 ** (levels of `model.widths` - 1).
@@ -103,6 +103,11 @@ class DataConfig:
     colour_jitter: Fraction = 0.0
     num_workers: Count = 0
     cache: bool = False
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """The folders that `path` names; none stands for the default data set."""
+        return tuple(folder.strip() for folder in self.path.split(",") if folder.strip())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -271,13 +276,13 @@ def parse(config: Any) -> Config:
 
 def check_paths(config: Config) -> None:
     """Raises `ConfigError` if the data that the configuration names is not there."""
-    path = config.data.path
-    if path and not pathlib.Path(path).is_dir():
-        what = "is not a folder" if os.path.exists(path) else "does not exist"
-        raise ConfigError(
-            f"data.path={path!r} {what}; accepted: a folder of records, "
-            "or '' for the default data set"
-        )
+    for path in config.data.folders:
+        if not pathlib.Path(path).is_dir():
+            what = "is not a folder" if os.path.exists(path) else "does not exist"
+            raise ConfigError(
+                f"data.path={path!r} {what}; accepted: a folder of records, several with commas "
+                "between them, or '' for the default data set"
+            )
 
 
 def to_dict(config: Any) -> dict[str, Any]:

@@ -89,6 +89,8 @@ def test_missing_and_wrong_paths(tmp_path):
     file.touch()
     with pytest.raises(ConfigError, match="is not a folder"):
         check_paths(parse({"data": {"path": str(file)}}))
+    with pytest.raises(ConfigError, match="'/no/such' does not exist"):
+        check_paths(parse({"data": {"path": f"{tmp_path},/no/such"}}))
     check_paths(parse({}))
 
 

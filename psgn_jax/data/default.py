@@ -36,8 +36,8 @@ def default_dataset() -> str:
         return str(folder)
     if not default.can_build():
         raise ConfigError(
-            "data.path='': the default data set is rendered on first use, which needs Mitsuba: "
-            "pip install -e '.[render]'; or name a folder of records"
+            "no data are named, and the default data set is rendered on first use, which needs "
+            "Mitsuba: pip install -e '.[render]'; or set data.path to a folder of records"
         )
     folder.parent.mkdir(parents=True, exist_ok=True)
     with open(folder.with_name(f".{default.NAME}.lock"), "w") as lock:

@@ -61,7 +61,9 @@ class _Item:
 class _Items:
     """Record number to `_Item`; keeps items if asked to, up to a bound."""
 
-    def __init__(self, cfg: DataConfig, reader: records.RecordReader) -> None:
+    def __init__(
+        self, cfg: DataConfig, reader: records.RecordReader | records.JoinedReader
+    ) -> None:
         self._reader = reader
         self._size = cfg.image_size[0], cfg.image_size[1]
         self._fields = ["image", "mask", "points"]
@@ -220,18 +222,19 @@ class _EvalBatch:
         return batch
 
 
-def _open(cfg: DataConfig, split: str) -> records.RecordReader:
-    path = cfg.path
-    if not path:
+def _open(cfg: DataConfig, split: str) -> records.RecordReader | records.JoinedReader:
+    folders = cfg.folders
+    if not folders:
         from psgn_jax.data import default
 
-        path = default.default_dataset()
-    reader = records.RecordReader(path, split)
+        folders = (default.default_dataset(),)
+    reader = records.open_split(folders, split)
+    name = ",".join(folders)
     if not len(reader):
-        raise records.RecordError(f"data set {str(path)!r}: split {split!r} is empty")
+        raise records.RecordError(f"data set {name!r}: split {split!r} is empty")
     if "depth" in cfg.inputs and any("depth" not in s.fields for s in reader.shards):
         raise records.RecordError(
-            f"data set {str(path)!r}: data.inputs asks for depth, which not every record of split "
+            f"data set {name!r}: data.inputs asks for depth, which not every record of split "
             f"{split!r} has; remove 'depth' from data.inputs"
         )
     return reader

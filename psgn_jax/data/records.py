@@ -34,7 +34,7 @@ import pathlib
 import re
 import threading
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgpack
@@ -852,6 +852,57 @@ class RecordReader:
                 raise RecordError(
                     f"shard {path} is damaged: its checksum does not fit; {self._remedy(shard)}"
                 )
+
+
+class JoinedReader:
+    """The records of one split of several data sets, one set after the other."""
+
+    def __init__(self, readers: Sequence[RecordReader]) -> None:
+        self._readers = tuple(readers)
+        self._ends = np.cumsum([len(reader) for reader in readers])
+        self.shards = tuple(shard for reader in readers for shard in reader.shards)
+
+    def __len__(self) -> int:
+        """Number of records."""
+        return int(self._ends[-1])
+
+    def _of(self, index: int) -> tuple[RecordReader, int]:
+        if not 0 <= index < len(self):
+            raise IndexError(f"record {index} of {len(self)}")
+        number = int(np.searchsorted(self._ends, index, side="right"))
+        reader = self._readers[number]
+        return reader, index - int(self._ends[number]) + len(reader)
+
+    def locate(self, index: int) -> tuple[pathlib.Path, int]:
+        """As `RecordReader.locate`."""
+        reader, own = self._of(index)
+        return reader.locate(own)
+
+    def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Stored:
+        """As `RecordReader.stored`."""
+        reader, own = self._of(index)
+        return reader.stored(own, fields)
+
+    def __getitem__(self, index: int) -> Sample:
+        """As `RecordReader.__getitem__`."""
+        reader, own = self._of(index)
+        return reader[own]
+
+
+def open_split(
+    folders: Sequence[str | os.PathLike[str]], split: str
+) -> RecordReader | JoinedReader:
+    """The records of a split of one or more data sets; a set without that split adds none.
+
+    Raises:
+      RecordError: a folder holds no whole data set, or none has the split.
+    """
+    having = [f for f in folders if len(folders) == 1 or split in load_manifest(f).splits()]
+    if not having:
+        names = [str(folder) for folder in folders]
+        raise RecordError(f"none of the data sets {names} has a split {split!r}")
+    readers = [RecordReader(folder, split) for folder in having]
+    return readers[0] if len(readers) == 1 else JoinedReader(readers)
 
 
 def _first_line(error: BaseException) -> str:

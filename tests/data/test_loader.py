@@ -254,3 +254,21 @@ def test_augmentation_reaches_the_batches(cfg):
         assert (np.abs(np.abs(scale) - 1) <= 0.1 + 1e-4).all()
     assert 12 < mirrored < 36
     assert stretched > 44
+
+
+def test_several_folders_are_joined(cfg, dataset, tmp_path, make, rng):
+    """The second has no validation split; its records follow those of the first."""
+    extra = [make.sample(rng, num_points=120, model_id=f"extra{i}") for i in range(3)]
+    records.write_dataset(tmp_path / "more", {"train": extra}, source="test")
+    joined = dataclasses.replace(cfg, path=f"{dataset}, {tmp_path / 'more'}")
+    assert loader.num_samples(joined, "train") == 40
+    assert loader.num_samples(joined, "validation") == 11
+    reader = records.open_split(joined.folders, "train")
+    assert [reader[i].model_id for i in (37, 38, 39)] == ["extra0", "extra1", "extra2"]
+    assert reader[36].model_id == records.RecordReader(dataset, "train")[36].model_id
+    assert reader.locate(38) == (tmp_path / "more" / "train-00000.arrayrecord", 1)
+    with pytest.raises(IndexError):
+        reader[40]
+    assert [batch["points"].shape for batch in take(8, joined)] == [(6, 100, 3)] * 8
+    with pytest.raises(records.RecordError, match=r"none of the data sets .* has a split 'test'"):
+        loader.num_samples(joined, "test")
