@@ -254,12 +254,13 @@ def batched(function: Callable, *, platform: str | None = None) -> Callable:
       platform: "cpu", "gpu" or "tpu"; None asks JAX for its default backend.
 
     Returns:
-      (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array.
+      (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. Further
+      arrays, if the function takes them, have that axis too.
     """
 
-    def over_batch(pred: Array, gt: Array) -> Any:
+    def over_batch(pred: Array, gt: Array, *more: Array) -> Any:
         if (platform or jax.default_backend()) == "cpu":
-            return jax.lax.map(lambda pair: function(*pair), (pred, gt))
-        return jax.vmap(function)(pred, gt)
+            return jax.lax.map(lambda pair: function(*pair), (pred, gt, *more))
+        return jax.vmap(function)(pred, gt, *more)
 
     return over_batch
