@@ -24,7 +24,7 @@ def network_input(
     depth: Float[Array, "*b h w"] | None,
     *,
     channels: Sequence[str],
-    distance: Float[Array, "*b"] | None = None,
+    distance: Float[Array, "*b"] | float | None = None,
 ) -> Float[Array, "*b h w c"]:
     """The input of a network, its channels in the order of `channels`.
 

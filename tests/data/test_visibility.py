@@ -54,7 +54,7 @@ def test_equals_the_slow_rule_for_any_camera_and_scattered_depth(rng):
     rotation *= np.sign(np.linalg.det(rotation))
     extrinsics = np.concatenate([rotation, [[0.1], [-0.2], [1.4]]], axis=1).astype(np.float32)
     depth = np.where(rng.random((24, 40)) < 0.3, rng.uniform(0.6, 2, (24, 40)), 0)
-    depth[3, 4:8] = [np.nan, np.inf, -1, 1e-3]
+    depth[3, 4:8] = [np.nan, np.inf, -1, 0.2]
     # Near measured pixels, anywhere, behind the camera, out of the image, not finite.
     near = camera.back_project(np.where(np.isfinite(depth), depth, 0), intrinsics, extrinsics)
     near = near + rng.normal(0, 0.03, near.shape)
@@ -62,7 +62,7 @@ def test_equals_the_slow_rule_for_any_camera_and_scattered_depth(rng):
     points = points.astype(np.float32)
     got = visibility.visible_points(points, depth, intrinsics, extrinsics, 0.05)
     want = slow(points, depth, intrinsics, extrinsics, 0.05)
-    before = camera.to_camera(points.astype(float), extrinsics)[:, 2] > 0.05
+    before = camera.to_camera(np.nan_to_num(points, posinf=0), extrinsics)[:, 2] > 0.05
     np.testing.assert_array_equal(got, want & before)
     assert 100 < got.sum() < len(points) - 300
 
@@ -73,9 +73,11 @@ def test_convex_solids_show_the_points_that_face_the_camera(category):
     for seed in range(4):
         s = drawn(category, seed, size=(192, 256))
         eye = -s.extrinsics[:, :3].T @ s.extrinsics[:, 3]
-        faces = ((eye - s.points) * s.normals).sum(axis=1) > 0
-        wrong.append(np.mean(classes(s) != faces))
-    assert np.mean(wrong) < 0.06
+        toward = (eye - s.points) / np.linalg.norm(eye - s.points, axis=1, keepdims=True)
+        cosine = (toward * s.normals).sum(axis=1)
+        clear = (cosine < 0) | (cosine > 0.2)  # what is steeper has gaps between its pixels
+        wrong.append(np.mean((classes(s) != (cosine > 0))[clear]))
+    assert np.mean(wrong) < 0.05
 
 
 def test_the_lattice_of_stored_points_moves_few_classes():
