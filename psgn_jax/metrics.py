@@ -136,6 +136,7 @@ def by_visibility(
       (unit), and `recall_C`, the fraction within the threshold. With share s, the squared distance
       over all true points is s * visible + (1 - s) * hidden, and so for the others.
     """
+    visible = jnp.asarray(visible)
     share = visible.astype(distance_sq.dtype).mean()
     metrics = {"visible_share": share}
     distance = safe_sqrt(distance_sq)

@@ -54,7 +54,7 @@ def visible_points(
     """
     if not 0 < tolerance < np.inf:
         raise ValueError(f"tolerance: got {tolerance}, expected a finite distance > 0")
-    inner = np.asarray(intrinsics, np.float64)
+    inner = np.array(intrinsics, np.float64)  # a copy
     outer = np.asarray(extrinsics, np.float64)
     points = np.asarray(points, np.float64)
     finite = np.isfinite(points).all(axis=1)
@@ -63,6 +63,11 @@ def visible_points(
     measured = np.isfinite(depth) & (depth > 0)
     if not measured.any():
         return visible
+    # The object is a small part of most images.
+    rows, columns = (np.flatnonzero(measured.any(axis=axis)) for axis in (1, 0))
+    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    depth, measured = depth[part], measured[part]
+    inner[:2, 2] -= columns[0], rows[0]
     first, last = float(depth[measured].min()), float(depth[measured].max())
     z = place[:, 2]
     possible = (z > tolerance) & (z >= first - tolerance) & (z <= last + tolerance)
