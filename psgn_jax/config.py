@@ -64,7 +64,8 @@ Fraction = Annotated[float, Bounds(low=0, high=1)]
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Channel = Literal["rgb", "mask", "depth"]
 
-CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 1})
+CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
+"""Channels of each input, see `models.inputs.network_input`; one of depth says where it is."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -230,12 +231,16 @@ class EvalConfig:
       fscore_threshold: distance in units below which a point counts as correct.
       emd_tolerance: proven relative error of the earth mover's distance, which compares a
         prediction with as many of the ground-truth points; 0 = no EMD.
+      visible_tolerance: distance in units from a pixel of the records' depth up to which a true
+        point counts as visible, see `data.visibility`; 0 = no metrics of visible and hidden points.
+        Records without depth have none whatever it is.
     """
 
     batch_size: PositiveInt = 32
     max_samples: Count = 0
     fscore_threshold: Positive = 0.01
     emd_tolerance: NonNegative = 0.01
+    visible_tolerance: Annotated[float, Bounds(low=0, high=0.1)] = 0.025
 
 
 @dataclasses.dataclass(frozen=True)

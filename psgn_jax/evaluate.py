@@ -35,7 +35,15 @@ from psgn_jax.writer import (
     write_atomic,
 )
 
-_COLUMNS = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
+_COLUMNS = (
+    "cd_sq_radius2",
+    "cd_l1_radius",
+    "emd_radius",
+    "fscore",
+    "cd_sq_gt_to_pred_visible_radius2",
+    "cd_sq_gt_to_pred_hidden_radius2",
+    "visible_share",
+)
 OVER_SAMPLES, OVER_CATEGORIES = "mean over samples", "mean over categories"
 
 
@@ -67,6 +75,7 @@ class Evaluation:
       metrics: name -> float64 [samples].
       threshold: the F-score's distance, unit.
       num_points: points of a prediction, points of a truth; most metrics depend on both.
+      visible_tolerance: what "visible" means, see `data.visibility`; unit.
     """
 
     split: str
@@ -74,11 +83,26 @@ class Evaluation:
     metrics: dict[str, np.ndarray]
     threshold: float
     num_points: tuple[int, int]
+    visible_tolerance: float = 0.0
 
     @property
     def means(self) -> dict[str, float]:
-        """Every metric's mean over samples."""
-        return {name: float(np.mean(values)) for name, values in self.metrics.items()}
+        """Every metric's mean over samples.
+
+        A sample without visible (or hidden) points has no part in the metrics of those; NaN where
+        no sample has any. Every other NaN is one of the means too.
+        """
+        everything = range(len(self.names))
+        return {name: _mean(self._counted(name, everything)) for name in self.metrics}
+
+    def _counted(self, name: str, of: Sequence[int]) -> np.ndarray:
+        """A metric of some of the samples, without those that have no such points."""
+        values, share = self.metrics[name][list(of)], self.metrics.get("visible_share")
+        if share is not None and "_visible" in name:
+            return values[share[list(of)] > 0]
+        if share is not None and "_hidden" in name:
+            return values[share[list(of)] < 1]
+        return values
 
     def rows(self) -> list[Row]:
         """A row per category by name, then the mean over samples and over categories."""
@@ -86,12 +110,13 @@ class Evaluation:
         for i, name in enumerate(self.names):
             members.setdefault(name.category or "(none)", []).append(i)
         rows = [
-            Row(
-                name, len(indices), {k: float(np.mean(v[indices])) for k, v in self.metrics.items()}
-            )
+            Row(name, len(indices), {k: _mean(self._counted(k, indices)) for k in self.metrics})
             for name, indices in sorted(members.items())
         ]
-        over_categories = {k: float(np.mean([r.metrics[k] for r in rows])) for k in self.metrics}
+        over_categories = {
+            name: _mean([_mean(v) for of in members.values() if len(v := self._counted(name, of))])
+            for name in self.metrics
+        }
         return [
             *rows,
             Row(OVER_SAMPLES, len(self.names), self.means),
@@ -107,6 +132,11 @@ class Evaluation:
             "cd_l1_radius": "CD-L1 [radius]",
             "emd_radius": "EMD [radius]",
             "fscore": f"F-score at {self.threshold:g} radius [%]",
+            "cd_sq_gt_to_pred_visible_radius2": "visible truth to pred [radius^2]",
+            "cd_sq_gt_to_pred_hidden_radius2": "hidden [radius^2]",
+            "cd_l1_gt_to_pred_visible_radius": "visible truth to pred [radius]",
+            "cd_l1_gt_to_pred_hidden_radius": "hidden truth to pred [radius]",
+            "visible_share": "visible [%]",
         }.get(metric, f"{metric} [fraction]")
 
     def text(self) -> str:
@@ -126,12 +156,18 @@ class Evaluation:
             gap = 100 * float(np.max(self.metrics["emd_gap"]))
             emd = f""" EMD: mean distance of matched points,
 each used once, of the prediction and as many true points; at most {gap:.2f} % above the least."""
+        visibility = ""
+        if "visible_share" in self.metrics:
+            visibility = f"""
+Visible: true points within {self.visible_tolerance:g} radius of what the depth image measured;
+hidden: the others. Their columns: mean over such points of the squared distance to the nearest
+predicted one."""
         note = f"""
 Split {self.split!r}, {self.num_points[0]} predicted points against {self.num_points[1]} true ones.
 radius = that of an object's bounding hemisphere, the unit of all coordinates.
 CD squared: mean over predicted points of the squared distance to the nearest true point, plus the
 mean over true points of that to the nearest predicted one. CD-L1: half the sum of both means of the
-distances themselves.{emd}
+distances themselves.{emd}{visibility}
 """
         return "\n".join(lines) + "\n" + note
 
@@ -174,12 +210,13 @@ def make_step(config: Config, model: Any) -> Callable[..., Any]:
     if config.eval.batch_size % len(devices):
         devices = devices[:1]
 
-    def pair(pred: Any, gt: Any) -> Any:
+    def pair(pred: Any, gt: Any, visible: Any = None) -> Any:
         # A bijection wants at least as many true points; without them there is no EMD.
         emd_tolerance = config.eval.emd_tolerance if len(pred) <= len(gt) else 0
         return metrics_lib.evaluate_pair(
             pred,
             gt,
+            visible,
             threshold=config.eval.fscore_threshold,
             emd_tolerance=emd_tolerance or None,
         )
@@ -194,7 +231,9 @@ def make_step(config: Config, model: Any) -> Callable[..., Any]:
     def run(params: Any, batch: Any, index: int) -> Any:
         # The parameters may come from a training on more devices than share an evaluation.
         params = jax.device_put(params, replicated)
-        device_batch = jax.device_put({k: batch[k] for k in keys}, split)
+        # Visible points are those of records with depth; the network may not see the depth.
+        wanted = (*keys, "visible") if "visible" in batch else keys
+        device_batch = jax.device_put({k: batch[k] for k in wanted}, split)
         return step(params, device_batch, np.int32(index))
 
     return run
@@ -229,7 +268,11 @@ def evaluate(
     num_pred = 0
     parts: list[dict[str, np.ndarray]] = []
     batches = source.eval_batches(
-        config.data, split=split, batch_size=config.eval.batch_size, seed=config.seed
+        config.data,
+        split=split,
+        batch_size=config.eval.batch_size,
+        seed=config.seed,
+        visible_tolerance=config.eval.visible_tolerance,
     )
     for index, batch in enumerate(batches):
         points, values = eval_step(params, batch, index)
@@ -250,7 +293,14 @@ def evaluate(
         raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
     merged = {k: np.concatenate([part[k] for part in parts]) for k in parts[0]}
     num_points = num_pred, config.data.num_eval_points
-    return Evaluation(split, names, merged, config.eval.fscore_threshold, num_points)
+    return Evaluation(
+        split,
+        names,
+        merged,
+        config.eval.fscore_threshold,
+        num_points,
+        config.eval.visible_tolerance,
+    )
 
 
 def evaluate_workdir(
@@ -329,8 +379,12 @@ def load_params(workdir: str | pathlib.Path, which: str = "best") -> tuple[int, 
     return found.step, params_from_named_leaves(found.leaves)
 
 
+def _mean(values: Sequence[float] | np.ndarray) -> float:
+    return float(np.mean(values)) if len(values) else float("nan")
+
+
 def _number(metric: str, value: float) -> str:
-    if metric.startswith("fscore"):
+    if metric in ("fscore", "visible_share"):
         return f"{100 * value:.2f}"
     return f"{value:.5f}"
 

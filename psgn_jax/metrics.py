@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from psgn_jax.losses.chamfer import Nearest, nearest_both
 from psgn_jax.losses.distances import check_points, safe_sqrt
 from psgn_jax.losses.emd import matched_distances
-from psgn_jax.types import Array, Float
+from psgn_jax.types import Array, Bool, Float
 
 # "F-score at 1 %": see `fscore`.
 FSCORE_THRESHOLD = 0.01
@@ -113,9 +113,54 @@ def emd(
     return Emd(matched.distance.mean(), matched.assignment.gap)
 
 
+VISIBILITY = ("visible", "hidden")
+"""The classes of true points, as they stand in the names of `by_visibility`."""
+
+
+def by_visibility(
+    distance_sq: Float[Array, " m"], visible: Bool[Array, " m"], threshold: float | Array
+) -> dict[str, Float[Array, ""]]:
+    """Distances of true points to the prediction, those of visible and of hidden points apart.
+
+    Means over the points of each class; NaN, no number, where a class has no point. Which points
+    are visible: `data.visibility`, which also says why predicted points have no class.
+
+    Args:
+      distance_sq: of every true point to the nearest predicted one, unit^2.
+      visible: class of every true point.
+      threshold: as for `fscore`.
+
+    Returns:
+      `visible_share`, the fraction of true points that are visible, and of each class, C =
+      "visible" and "hidden": `cd_sq_gt_to_pred_C_radius2` (unit^2), `cd_l1_gt_to_pred_C_radius`
+      (unit), and `recall_C`, the fraction within the threshold. With share s, the squared distance
+      over all true points is s * visible + (1 - s) * hidden, and so for the others.
+    """
+    visible = jnp.asarray(visible)
+    share = visible.astype(distance_sq.dtype).mean()
+    metrics = {"visible_share": share}
+    distance = safe_sqrt(distance_sq)
+    near = (distance_sq <= jnp.square(jnp.asarray(threshold, distance_sq.dtype))).astype(
+        distance_sq.dtype
+    )
+    near = jnp.where(jnp.isnan(distance_sq), distance_sq, near)
+    for name, members in zip(VISIBILITY, (visible, ~visible), strict=True):
+        count = members.sum()
+
+        def mean(values: Array, members: Array = members, count: Array = count) -> Array:
+            total = jnp.where(members, values, 0).sum()
+            return jnp.where(count > 0, total / jnp.maximum(count, 1), jnp.nan)
+
+        metrics[f"cd_sq_gt_to_pred_{name}_radius2"] = mean(distance_sq)
+        metrics[f"cd_l1_gt_to_pred_{name}_radius"] = mean(distance)
+        metrics[f"recall_{name}"] = mean(near)
+    return metrics
+
+
 def evaluate_pair(
     pred: Float[Array, "n 3"],
     gt: Float[Array, "m 3"],
+    visible: Bool[Array, " m"] | None = None,
     *,
     threshold: float | Array = FSCORE_THRESHOLD,
     emd_tolerance: float | None = None,
@@ -125,6 +170,7 @@ def evaluate_pair(
     Args:
       pred: [n, 3].
       gt: [m, 3].
+      visible: which of gt a depth image shows; where given, those of `by_visibility` are added.
       threshold: as for `fscore`.
       emd_tolerance: where given, `emd` is computed too, to this relative error; some 20 ms of a
         CPU core at n = 1,024 and 1 %.
@@ -153,6 +199,8 @@ def evaluate_pair(
         "precision": score.precision,
         "recall": score.recall,
     }
+    if visible is not None:
+        metrics |= by_visibility(to_pred.distance_sq, visible, threshold)
     if emd_tolerance is not None:
         found = emd(pred, gt, tolerance=emd_tolerance)
         metrics |= {"emd_radius": found.emd, "emd_gap": found.gap}

@@ -31,7 +31,7 @@ WATCHED = ("loss", "gradient norm")
 L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
 
 Batch = Mapping[str, Any]
-PairFunction = Callable[[Array, Array], Any]
+PairFunction = Callable[..., Any]
 
 
 def data_mesh(devices: list[jax.Device] | None = None) -> Mesh:
@@ -56,7 +56,7 @@ def put_batch(batch: Batch, mesh: Mesh, keys: tuple[str, ...]) -> dict[str, jax.
 
 def input_keys(config: Config) -> tuple[str, ...]:
     """Keys of a batch that the device needs."""
-    depth = ("depth",) if "depth" in config.data.inputs else ()
+    depth = ("depth", "extrinsics") if "depth" in config.data.inputs else ()
     return ("image", "mask", "points", *depth)
 
 
@@ -78,8 +78,13 @@ def l2_authors(params: Any) -> Array:
 
 def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Array | None) -> Array:
     """Points [B,N,3] of a batch's images; [B,draws,N,3] if r is [B,draws,random_size]."""
+    camera = batch.get("extrinsics")
     x = network_input(
-        batch["image"], batch["mask"], batch.get("depth"), channels=config.data.inputs
+        batch["image"],
+        batch["mask"],
+        batch.get("depth"),
+        channels=config.data.inputs,
+        distance=None if camera is None else camera[..., 2, 3],
     )
     return cast(Array, model.apply({"params": params}, x, r))
 
@@ -176,12 +181,14 @@ def make_eval_step(
 ) -> Callable[[Any, Batch, Any], tuple[Array, dict[str, Array]]]:
     """Compiled `(params, batch, index) -> (points [B,N,3], metrics of shape [B])`.
 
+    `metrics` takes (pred, gt), and which of gt are visible where the batch says so.
     `index` numbers the batch within the evaluation: the random input follows from it.
     """
 
     def on_one_device(params: Any, batch: Batch, r: Array | None) -> Any:
         pred = predict(config, model, params, batch, r)
-        return pred, batched(metrics)(pred, batch["points"])
+        visible = [batch["visible"]] if "visible" in batch else []
+        return pred, batched(metrics)(pred, batch["points"], *visible)
 
     sharded = jax.shard_map(
         on_one_device,

@@ -58,6 +58,7 @@ MAY_CHANGE = frozenset(
         "eval.max_samples",
         "eval.fscore_threshold",
         "eval.emd_tolerance",
+        "eval.visible_tolerance",
     }
 )
 """Fields that a resumed run may have changed; any other one is an error."""
@@ -471,6 +472,7 @@ def _first_batch(config: Config, source: Any) -> Mapping[str, Any]:
         split=config.data.eval_split,
         batch_size=config.eval.batch_size,
         seed=config.seed,
+        visible_tolerance=config.eval.visible_tolerance,
     )
     return next(iter(batches))
 

@@ -50,6 +50,22 @@ def fscore(pred, gt, threshold):
     return 2 * precision * recall / (precision + recall), precision, recall
 
 
+def by_visibility(pred, gt, visible, threshold):
+    """{"visible"/"hidden": (mean square, mean distance, recall) of those true points, or NaN}."""
+    found = {}
+    for name, wanted in (("visible", True), ("hidden", False)):
+        squares = [
+            pairwise_sq(p[None], pred).min()
+            for p, v in zip(gt, visible, strict=True)
+            if v == wanted
+        ]
+        d = np.sqrt(squares)
+        found[name] = (
+            (np.mean(squares), np.mean(d), np.mean(d <= threshold)) if squares else (np.nan,) * 3
+        )
+    return found
+
+
 def distances(a, b):
     return np.sqrt(pairwise_sq(a, b))
 

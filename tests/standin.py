@@ -62,11 +62,17 @@ def train_batches(cfg, *, batch_size, seed, start_step, process_index=0, process
         step += 1
 
 
-def eval_batches(cfg, *, split, batch_size, seed=0):
+def eval_batches(cfg, *, split, batch_size, seed=0, visible_tolerance=0.0):
     if cfg.path:
         from psgn_jax.data import loader
 
-        yield from loader.eval_batches(cfg, split=split, batch_size=batch_size, seed=seed)
+        yield from loader.eval_batches(
+            cfg,
+            split=split,
+            batch_size=batch_size,
+            seed=seed,
+            visible_tolerance=visible_tolerance,
+        )
         return
     total = SIZES[split]
     for start in range(0, total, batch_size):

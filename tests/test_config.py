@@ -31,7 +31,7 @@ def test_round_trip_through_json():
     config = parse({"data": {"image_size": [96, 128], "inputs": ["rgb", "depth", "mask"]}})
     assert from_json(to_json(config)) == config
     assert config.model.image_size == (96, 128)
-    assert config.model.in_channels == 5
+    assert config.model.in_channels == 6
     assert "in_channels" not in to_dict(config)["model"]
 
 

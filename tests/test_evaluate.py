@@ -6,6 +6,7 @@ import json
 import pathlib
 import runpy
 
+import drawn_solids as solids
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,6 +16,7 @@ from psgn_jax import evaluate as lib
 from psgn_jax import registry
 from psgn_jax.checkpoint import CheckpointError
 from psgn_jax.config import ConfigError, to_json
+from psgn_jax.data import loader, records
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
@@ -150,3 +152,88 @@ def test_missing_runs_and_checkpoints_are_named(tmp_path):
         lib.evaluate_workdir(tmp_path)
     with pytest.raises(ConfigError, match=r"data.path='/no/such' does not exist"):
         lib.evaluate_workdir(tmp_path, data="/no/such")
+
+
+def visibility_table(share, visible):
+    models = [("car", "a"), ("car", "b"), ("lamp", "c")]
+    names = [lib.SampleName(i, *name, view=0) for i, name in enumerate(models)]
+    hidden = np.where(np.asarray(share) < 1, 4.0, np.nan)
+    metrics = {
+        "cd_sq_radius2": np.ones(3),
+        "cd_sq_gt_to_pred_visible_radius2": np.array(visible),
+        "cd_sq_gt_to_pred_hidden_radius2": hidden,
+        "visible_share": np.array(share),
+    }
+    return lib.Evaluation("validation", names, metrics, 0.01, (1024, 4096), 0.025)
+
+
+def test_samples_without_visible_points_have_no_part_in_their_means():
+    table = visibility_table([0.5, 0.0, 0.0], [2.0, np.nan, np.nan])
+    rows = {row.name: row.metrics for row in table.rows()}
+    key = "cd_sq_gt_to_pred_visible_radius2"
+    assert rows["car"][key] == 2
+    assert np.isnan(rows["lamp"][key])
+    assert rows["mean over samples"][key] == rows["mean over categories"][key] == 2
+    assert rows["mean over samples"]["visible_share"] == pytest.approx(1 / 6)
+    text = table.text()
+    assert "visible truth to pred [radius^2]" in text
+    assert "hidden [radius^2]" in text
+    assert "visible [%]" in text
+    assert "within 0.025 radius of what the depth image measured" in text
+    assert "16.67" in text
+    assert json.loads(table.json())["categories"]["lamp"][key] is None
+
+
+def test_no_visible_point_at_all_is_no_crash():
+    table = visibility_table([0.0, 0.0, 0.0], [np.nan] * 3)
+    assert np.isnan(table.means["cd_sq_gt_to_pred_visible_radius2"])
+    assert table.means["cd_sq_gt_to_pred_hidden_radius2"] == 4
+    assert "nan" in table.text()
+
+
+def test_a_broken_prediction_is_not_left_out_of_the_means():
+    table = visibility_table([0.5, 0.5, 0.5], [2.0, np.nan, 3.0])
+    rows = {row.name: row.metrics for row in table.rows()}
+    for name in ("car", "mean over samples", "mean over categories"):
+        assert np.isnan(rows[name]["cd_sq_gt_to_pred_visible_radius2"])
+
+
+def test_records_with_depth_have_the_columns_whatever_the_network_sees(monkeypatch, tmp_path):
+    monkeypatch.setitem(registry.DATA_SOURCES, "records", loader)
+    records.write_dataset(
+        tmp_path / "deep", {"validation": solids.samples(5, seed=1, image_size=(48, 64))}, source=""
+    )
+    bare = (
+        dataclasses.replace(s, depth=None) for s in solids.samples(5, seed=1, image_size=(48, 64))
+    )
+    records.write_dataset(tmp_path / "bare", {"validation": bare}, source="")
+
+    small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
+
+    def configured(folder, **changes):
+        return STANDIN["config"](data__path=str(tmp_path / folder), **small, **changes)
+
+    config = configured("deep", eval__batch_size=2)
+    model = registry.build_model(config.model)
+    size = (1, *config.model.image_size, config.model.in_channels)
+    params = jax.jit(lambda: model.init(jax.random.key(0), jnp.zeros(size), None))()["params"]
+    result = lib.evaluate(config, params)
+    share = result.metrics["visible_share"]
+    assert ((share > 0.1) & (share < 0.9)).all()
+    assert "hidden [radius^2]" in result.text()
+
+    def shares(config):
+        """What reaches the compiled step: the share of visible points, or None."""
+        seen = []
+
+        def step(params, batch, index):
+            seen.append(batch.get("visible"))
+            return fake_step(params, batch, index)
+
+        lib.evaluate(config, {}, eval_step=step)
+        return None if seen[0] is None else np.concatenate(seen)[:5].mean(axis=1)
+
+    seen = shares(configured("deep", data__inputs=("rgb", "depth"), data__image_size=(24, 40)))
+    np.testing.assert_allclose(seen, share, rtol=1e-6)
+    assert shares(configured("deep", eval__visible_tolerance=0)) is None
+    assert shares(configured("bare")) is None

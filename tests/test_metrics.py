@@ -99,3 +99,48 @@ def test_wrong_threshold(pair, threshold):
         metrics.fscore(*pair, threshold)
     with pytest.raises(ValueError, match="threshold: got"):
         metrics.evaluate_pair(*pair, threshold=threshold)
+
+
+NAMES = ("cd_sq_gt_to_pred_{}_radius2", "cd_l1_gt_to_pred_{}_radius", "recall_{}")
+
+
+@pytest.mark.parametrize("kind", ["some", "one", "none", "all"])
+def test_visible_and_hidden_points_equal_reference(pair, rng, kind):
+    pred, gt = pair
+    visible = {
+        "some": rng.random(len(gt)) < 0.3,
+        "one": np.arange(len(gt)) == 7,
+        "none": np.zeros(len(gt), bool),
+        "all": np.ones(len(gt), bool),
+    }[kind]
+    got = metrics.evaluate_pair(pred, gt, visible, threshold=0.01)
+    want = reference.by_visibility(pred, gt, visible, 0.01)
+    for name in metrics.VISIBILITY:
+        values = [got[key.format(name)] for key in NAMES]
+        np.testing.assert_allclose(values, want[name], rtol=1e-5)
+    share = got["visible_share"]
+    np.testing.assert_allclose(share, visible.mean(), rtol=1e-6)
+    # Both classes together are the whole; what was there before is as it was.
+    for key, whole in zip(NAMES, ("cd_sq_gt_to_pred_radius2", None, "recall"), strict=True):
+        parts = [np.nan_to_num(got[key.format(name)]) for name in metrics.VISIBILITY]
+        if whole:
+            np.testing.assert_allclose(
+                share * parts[0] + (1 - share) * parts[1], got[whole], rtol=1e-5
+            )
+    plain = metrics.evaluate_pair(pred, gt, threshold=0.01)
+    assert {k: got[k] for k in plain} == plain
+
+
+def test_visible_points_batched_under_jit_and_never_hiding_nan(pair, rng):
+    pred, gt = (np.stack([x, x[::-1] + 0.01]) for x in pair)
+    visible = rng.random(gt.shape[:2]) < 0.5
+    visible[1] = False
+    step = jax.jit(losses.batched(metrics.evaluate_pair))
+    got = step(pred, gt, visible)
+    for i in range(2):
+        for name, value in metrics.evaluate_pair(pred[i], gt[i], visible[i]).items():
+            np.testing.assert_allclose(got[name][i], value, rtol=1e-5)
+    pred[0, 3] = np.nan
+    bad = step(pred, gt, visible)
+    for key in NAMES:
+        assert jnp.isnan(bad[key.format("hidden")][0])

@@ -23,7 +23,7 @@ import numpy as np
 from absl import flags
 
 from psgn_jax.config import DataConfig
-from psgn_jax.data import augment, camera, records, resize
+from psgn_jax.data import augment, camera, records, resize, visibility
 
 Batch = dict[str, Any]
 
@@ -52,9 +52,13 @@ class _Item:
     category: str
     model_id: str
     view: int
+    # Depth at the record's own size and the intrinsics that go with it, where visibility is asked.
+    measured: tuple[records.DepthCodes, np.ndarray] | None
 
     def nbytes(self) -> int:
-        arrays = (self.image, self.mask, self.depth, self.points.codes)
+        arrays = [self.image, self.mask, self.depth, self.points.codes]
+        if self.measured:
+            arrays += [self.measured[0].codes, self.measured[0].valid]
         return sum(a.nbytes for a in arrays if a is not None)
 
 
@@ -62,13 +66,17 @@ class _Items:
     """Record number to `_Item`; keeps items if asked to, up to a bound."""
 
     def __init__(
-        self, cfg: DataConfig, reader: records.RecordReader | records.JoinedReader
+        self,
+        cfg: DataConfig,
+        reader: records.RecordReader | records.JoinedReader,
+        *,
+        visibility: bool = False,
     ) -> None:
         self._reader = reader
         self._size = cfg.image_size[0], cfg.image_size[1]
         self._fields = ["image", "mask", "points"]
-        self._depth = "depth" in cfg.inputs
-        if self._depth:
+        self._depth, self._visibility = "depth" in cfg.inputs, visibility
+        if self._depth or self._visibility:
             self._fields.append("depth")
         self._bound = CACHE_BYTES // max(1, cfg.num_workers) if cfg.cache else 0
         self.__setstate__({})
@@ -97,11 +105,14 @@ class _Items:
         if stored.image is None or stored.mask is None or stored.points is None:
             raise self._lacks(index, "image, mask or points")
         mask = resize.resize_mask(stored.mask, self._size)
-        depth = None
-        if self._depth:
+        depth = measured = None
+        if "depth" in self._fields:
             if stored.depth is None:
                 raise self._lacks(index, "depth")
-            depth = resize.resize_depth(stored.depth.depth(), mask)
+            if self._depth:
+                depth = resize.resize_depth(stored.depth.depth(), mask)
+            if self._visibility:
+                measured = stored.depth, stored.intrinsics
         return _Item(
             image=resize.resize_image(stored.image, self._size),
             mask=mask,
@@ -114,6 +125,7 @@ class _Items:
             category=stored.category,
             model_id=stored.model_id,
             view=stored.view,
+            measured=measured,
         )
 
     def _lacks(self, index: int, what: str) -> records.RecordError:
@@ -197,21 +209,39 @@ class _EvalBatch:
     """Batch number to the batch, padded with copies of the last sample."""
 
     def __init__(
-        self, cfg: DataConfig, items: _Items, count: int, batch_size: int, seed: int
+        self,
+        cfg: DataConfig,
+        items: _Items,
+        count: int,
+        batch_size: int,
+        seed: int,
+        visible_tolerance: float,
     ) -> None:
         self._cfg, self._items, self._count = cfg, items, count
         self._batch_size, self._seed = batch_size, seed
+        self._visible_tolerance = visible_tolerance
 
     def __call__(self, number: int) -> Batch:
         cfg = self._cfg
         start = number * self._batch_size
         filled = min(self._batch_size, self._count - start)
         batch = _empty_batch(cfg, self._batch_size, cfg.num_eval_points)
+        if self._visible_tolerance:
+            batch["visible"] = np.empty((self._batch_size, cfg.num_eval_points), np.bool_)
         items = []
         for row in range(filled):
             rng = np.random.default_rng([self._seed, _EVAL, start + row])
             item = self._items[start + row]
             _fill(batch, row, _view(item, rng, cfg.num_eval_points))
+            if item.measured:
+                codes, intrinsics = item.measured
+                batch["visible"][row] = visibility.visible_points(
+                    batch["points"][row],
+                    codes.depth(),
+                    intrinsics,
+                    item.extrinsics,
+                    self._visible_tolerance,
+                )
             items.append(item)
         for values in batch.values():
             values[filled:] = values[filled - 1]
@@ -348,7 +378,14 @@ def train_batches(
     return _iterate(cfg, start_step, sys.maxsize // batch_size, make)
 
 
-def eval_batches(cfg: DataConfig, *, split: str, batch_size: int, seed: int = 0) -> Iterator[Batch]:
+def eval_batches(
+    cfg: DataConfig,
+    *,
+    split: str,
+    batch_size: int,
+    seed: int = 0,
+    visible_tolerance: float = 0.0,
+) -> Iterator[Batch]:
     """Every sample of a split exactly once, in the order of the records, never augmented.
 
     Args:
@@ -356,10 +393,13 @@ def eval_batches(cfg: DataConfig, *, split: str, batch_size: int, seed: int = 0)
       split: name of the split.
       batch_size: B; the last batch is padded to it with copies of the last sample.
       seed: of the choice of points.
+      visible_tolerance: see `data.visibility`; 0 = visibility is not asked for.
 
     Yields:
       as `train_batches` with num_eval_points points, and valid bool [B] (False on padding),
-      category and model_id (lists of B strings), view (list of B integers).
+      category and model_id (lists of B strings), view (list of B integers); with a
+      `visible_tolerance`, if all records of the split have depth, visible bool
+      [B, num_eval_points], which points their depth images show.
 
     Raises:
       ValueError: an argument is out of range.
@@ -367,5 +407,8 @@ def eval_batches(cfg: DataConfig, *, split: str, batch_size: int, seed: int = 0)
     """
     _check_positive("batch_size", batch_size)
     reader = _open(cfg, split)
-    make = _EvalBatch(cfg, _Items(cfg, reader), len(reader), batch_size, seed)
+    if any("depth" not in s.fields for s in reader.shards):
+        visible_tolerance = 0.0
+    items = _Items(cfg, reader, visibility=bool(visible_tolerance))
+    make = _EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance)
     return _iterate(cfg, 0, -(-len(reader) // batch_size), make)

@@ -51,8 +51,9 @@ def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Resizes a depth map [H, W] (0 = none) to the size of an already resized mask.
 
     Depths are never averaged across an edge: each pixel takes the depth nearest to its centre, or
-    where that is background, the first depth found at the centres of its four quarters. Outside
-    `mask` the result is 0; inside it may be 0 where all five places lack a depth.
+    where there is none, the first depth found at the centres of its four quarters. So a hole
+    narrower than a new pixel closes, and a wide one stays. Outside `mask` the result is 0; inside
+    it is 0 where all five places lack a depth. What is not finite counts as none.
 
     Args:
       depth: float32 [H, W].
@@ -61,6 +62,7 @@ def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
     Returns:
       float32 [H', W'].
     """
+    depth = np.where(np.isfinite(depth), depth, np.float32(0))
     if depth.shape == mask.shape:
         return np.where(mask, depth, np.float32(0))
     out = np.zeros(mask.shape, np.float32)

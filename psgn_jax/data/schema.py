@@ -57,7 +57,8 @@ class Sample:
     Attributes:
       image: uint8 [H, W, 3], RGB.
       mask: bool [H, W], True on the object.
-      depth: float32 [H, W] along the optical axis, 0 = background; None where unknown.
+      depth: float32 [H, W] along the optical axis, 0 = background, or not measured (a sensor's
+        hole, where the mask is True); None where unknown.
       points: float32 [M, 3], points of the complete surface. Their order carries no meaning.
       normals: float32 [M, 3], outward unit normals of `points`, or None.
       occupancy: bool [32, 32, 32] indexed [x, y, z], or None. The grid covers
@@ -105,10 +106,10 @@ def _check_array(
             _fail(field, f"{value.dtype.name} {list(value.shape)}", expected)
 
 
-def _check_finite(field: str, value: np.ndarray) -> None:
+def _check_finite(field: str, value: np.ndarray, accepted: str = "finite values") -> None:
     if not np.isfinite(value).all():
         bad = int(np.size(value) - np.isfinite(value).sum())
-        _fail(field, f"{bad} values that are not finite", "finite values")
+        _fail(field, f"{bad} values that are not finite", accepted)
 
 
 def validate(sample: Sample) -> Sample:
@@ -127,9 +128,10 @@ def validate(sample: Sample) -> Sample:
     check_camera(sample.intrinsics, sample.extrinsics)
     if sample.depth is not None:
         _check_array("depth", sample.depth, np.float32, size)
-        _check_finite("depth", sample.depth)
+        _check_finite("depth", sample.depth, "finite values, 0 where nothing was measured")
         if sample.depth.min() < 0:
-            _fail("depth", f"a minimum of {sample.depth.min():g}", "0 (background) or more")
+            accepted = "0 (background, not measured) or more"
+            _fail("depth", f"a minimum of {sample.depth.min():g}", accepted)
     if sample.normals is not None:
         _check_array("normals", sample.normals, np.float32, sample.points.shape)
         length = np.linalg.norm(sample.normals, axis=1)

@@ -254,16 +254,17 @@ def batched(function: Callable, *, platform: str | None = None) -> Callable:
       platform: "cpu", "gpu" or "tpu"; None asks JAX for its default backend.
 
     Returns:
-      (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array.
+      (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. Further
+      arrays, if the function takes them, have that axis too.
     """
 
     # Made once, so that JAX knows it again and compiles it once, also without `jit` around.
-    def one_more(_: None, pair: tuple[Array, Array]) -> tuple[None, Any]:
-        return None, function(*pair)
+    def one_more(_: None, arrays: tuple[Array, ...]) -> tuple[None, Any]:
+        return None, function(*arrays)
 
-    def over_batch(pred: Array, gt: Array) -> Any:
+    def over_batch(pred: Array, gt: Array, *more: Array) -> Any:
         if (platform or jax.default_backend()) == "cpu":
-            return jax.lax.scan(one_more, None, (pred, gt))[1]
-        return jax.vmap(function)(pred, gt)
+            return jax.lax.scan(one_more, None, (pred, gt, *more))[1]
+        return jax.vmap(function)(pred, gt, *more)
 
     return over_batch

@@ -11,11 +11,11 @@ import jax.numpy as jnp
 from psgn_jax.config import CHANNELS_OF
 from psgn_jax.types import Array, Bool, Float, UInt8
 
-# The authors' files: background colour, and the range of depth that their 16 bits span
-# (github.com/fanhqme/PointSetGeneration).
+# Background colour of the authors' files (github.com/fanhqme/PointSetGeneration).
 BACKGROUND = 191 / 255
-NEAREST_DEPTH = 1.8
-FARTHEST_DEPTH = 5.4
+# Distance of the frame's origin from their camera along the optical axis, fitted on the silhouettes
+# (`data.camera.default_camera`): what depth is counted from where no camera is given.
+DEFAULT_DISTANCE = 3.6
 
 
 def network_input(
@@ -24,14 +24,17 @@ def network_input(
     depth: Float[Array, "*b h w"] | None,
     *,
     channels: Sequence[str],
+    distance: Float[Array, "*b"] | float | None = None,
 ) -> Float[Array, "*b h w c"]:
     """The input of a network, its channels in the order of `channels`.
 
     - "rgb", three channels: colour / 255; every background pixel is 191 / 255.
     - "mask", one channel: the **background** mask, 1 = background, 0 = object.
-    - "depth", one channel: `(5.4 - z) / 3.6`, 0 for background and wherever z <= 0 (not measured).
-      This is the authors' 16-bit depth / 65535: 1 at a distance of 1.8, 0 at 5.4, and .78 to .22
-      over the object for the default camera at 3.6. Larger is nearer; it is not clipped.
+    - "depth", two channels: `distance - z`, in units how much nearer than the frame's origin,
+      within [-1, 1] on the object (the unit is its bounding radius), not clipped; and 1 where that
+      was measured. Both are 0 on the background and in a sensor's holes (z <= 0 or not finite): a
+      hole differs from the background by the mask, and from a surface at the origin's distance by
+      the second channel.
 
     Args:
       image: RGB.
@@ -39,12 +42,16 @@ def network_input(
       depth: z along the optical axis in units (radius of the bounding hemisphere); used, and
         needed, only if "depth" is among `channels`.
       channels: any of "rgb", "mask", "depth", each once.
+      distance: of the frame's origin from the camera along the optical axis, `extrinsics[2, 3]`;
+        None = 3.6, the default camera's.
 
     Raises:
       ValueError: for channels that are unknown, repeated or missing their array, for shapes that
         disagree and for an image that is not uint8 or a mask that is not bool.
 
-    Source: the authors' published code and data, which order the colours BGR.
+    Source: the authors' published code and data, which order the colours BGR. Of depth their files
+    hold 16 bits, (5.4 - z) / 3.6 * 65535; neither they nor the paper say how a network saw it. The
+    two channels are **ours**.
     """
     _check(image, mask, depth, channels)
     image, mask = jnp.asarray(image), jnp.asarray(mask)
@@ -57,8 +64,11 @@ def network_input(
             planes.append(1 - mask[..., None].astype(jnp.float32))
         else:
             z = jnp.asarray(depth, jnp.float32)
-            nearness = (FARTHEST_DEPTH - z) / (FARTHEST_DEPTH - NEAREST_DEPTH)
-            planes.append(jnp.where(mask & (z > 0), nearness, 0.0)[..., None])
+            origin = DEFAULT_DISTANCE if distance is None else jnp.asarray(distance, jnp.float32)
+            origin = jnp.broadcast_to(origin, z.shape[:-2])[..., None, None]
+            measured = mask & (z > 0) & jnp.isfinite(z)
+            nearness = jnp.where(measured, origin - z, 0.0)
+            planes.append(jnp.stack([nearness, measured.astype(jnp.float32)], axis=-1))
     return jnp.concatenate(planes, axis=-1)
 
 

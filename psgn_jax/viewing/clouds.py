@@ -27,6 +27,7 @@ def draw_cloud(
     size: tuple[int, int],
     *,
     radius: int = 1,
+    colours: np.ndarray | None = None,
 ) -> np.ndarray:
     """One cloud seen by a camera.
 
@@ -36,20 +37,25 @@ def draw_cloud(
       extrinsics: [3, 4], project's frame to camera.
       size: (height, width) of the picture.
       radius: a point is a square of 2 * radius + 1 pixels.
+      colours: [n, 3], 0 to 255, of the points; None = by their height.
 
     Returns:
       uint8 [height, width, 3] on white.
     """
-    points = points[np.isfinite(points).all(axis=1)].astype(np.float64)
+    finite = np.isfinite(points).all(axis=1)
+    points = points[finite].astype(np.float64)
     pixels, depth = project(points, intrinsics, extrinsics)
     front = depth > 1e-3
     points, pixels, depth = points[front], pixels[front], depth[front]
     far_first = np.argsort(-depth, kind="stable")
     points, pixels, depth = points[far_first], pixels[far_first], depth[far_first]
+    kept = np.flatnonzero(finite)[front][far_first]
     height, width = size
     position = np.clip(points[:, 2], 0, 1) * (len(_COLOURS) - 1)
     low = np.minimum(position.astype(int), len(_COLOURS) - 2)
     colour = _COLOURS[low] + (position - low)[:, None] * (_COLOURS[low + 1] - _COLOURS[low])
+    if colours is not None:
+        colour = colours[kept].astype(np.float64)
     centre = 0.5 * (depth.min() + depth.max()) if len(depth) else 0.0
     # Objects are about 2 units deep: full brightness in front, .55 behind.
     colour *= np.clip(0.8 - 0.25 * (depth - centre), 0.55, 1.0)[:, None]

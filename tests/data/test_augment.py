@@ -175,3 +175,36 @@ def test_augment_is_a_function_of_its_generator():
         flips += np.sign(a.points[0, 1]) != np.sign(view.points[0, 1])
     assert 3 < flips < 17
     assert augment.augment(view, np.random.default_rng(0)) is view
+
+
+@pytest.mark.parametrize("change", ["flip", "stretch", "narrow", "recrop", "all"])
+def test_depth_with_holes_stays_on_the_surface(change):
+    view = view_of("ellipsoid")
+    depth = view.depth.copy()
+    rows, columns = np.nonzero(view.mask)
+    hole = np.s_[rows.mean().astype(int) :, : columns.mean().astype(int)]
+    depth[hole] = 0
+    view = dataclasses.replace(view, depth=depth)
+    changed = {
+        "flip": lambda: augment.flip(view),
+        "stretch": lambda: augment.stretch(view, 1.2),
+        "narrow": lambda: augment.stretch(view, 0.8),
+        "recrop": lambda: augment.recrop(view, 0.93, (2.3, -3.1)),
+        "all": lambda: augment.augment(
+            view, np.random.default_rng(1), flip_half=True, stretch_range=0.2, zoom_range=0.05,
+            shift_range=0.04, jitter=0.2,
+        ),
+    }[change]()  # fmt: skip
+    assert changed.depth.dtype == np.float32
+    measured = changed.depth > 0
+    assert not (measured & ~changed.mask).any()
+    # No depth is made up, and the hole is about as large a part of the object as before.
+    assert set(changed.depth[measured]) <= set(depth[depth > 0])
+    share, before = measured.sum() / changed.mask.sum(), (depth > 0).sum() / view.mask.sum()
+    assert share == pytest.approx(before, abs=0.03)
+    # What it measures lies on the surface that the points sample.
+    surface = camera.back_project(changed.depth, changed.intrinsics, changed.extrinsics)
+    nearest = np.linalg.norm(surface[::7, None] - changed.points, axis=2).min(axis=1)
+    assert np.median(nearest) < 0.02
+    # The channels of the network do not lose the distance: the camera keeps it.
+    assert changed.extrinsics[2, 3] == view.extrinsics[2, 3]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from psgn_jax.config import DataConfig
-from psgn_jax.data import camera, loader, records
+from psgn_jax.data import camera, loader, records, visibility
 
 
 @pytest.fixture
@@ -254,6 +254,41 @@ def test_augmentation_reaches_the_batches(cfg):
         assert (np.abs(np.abs(scale) - 1) <= 0.1 + 1e-4).all()
     assert 12 < mirrored < 36
     assert stretched > 44
+
+
+def test_visibility_is_that_of_the_records_own_depth(cfg, dataset):
+    plain = dataclasses.replace(cfg, inputs=("rgb", "mask"))
+    batches = list(
+        loader.eval_batches(plain, split="validation", batch_size=4, visible_tolerance=0.03)
+    )
+    assert [b["visible"].shape for b in batches] == [(4, 150)] * 3
+    assert all("depth" not in b for b in batches)
+    reader = records.RecordReader(dataset, "validation")
+    for number in (0, 10):
+        batch, row = batches[number // 4], number % 4
+        s = records.decode(reader.read(number))
+        want = visibility.visible_points(
+            batch["points"][row], s.depth, s.intrinsics, s.extrinsics, 0.03
+        )
+        np.testing.assert_array_equal(batch["visible"][row], want)
+        assert 0 < want.mean() < 1
+    np.testing.assert_array_equal(batches[2]["visible"][2], batches[2]["visible"][3])  # padding
+    cached = dataclasses.replace(plain, cache=True, image_size=(12, 16))
+    again = list(
+        loader.eval_batches(cached, split="validation", batch_size=11, visible_tolerance=0.03)
+    )
+    np.testing.assert_array_equal(again[0]["visible"][:4], batches[0]["visible"])
+    (unasked,) = loader.eval_batches(plain, split="validation", batch_size=11)
+    assert "visible" not in unasked
+
+
+def test_records_without_depth_have_no_visibility(cfg, make, rng, tmp_path):
+    records.write_dataset(
+        tmp_path, {"validation": [make.sample(rng, optional=False)]}, source="test"
+    )
+    bare = dataclasses.replace(cfg, path=str(tmp_path), inputs=("rgb", "mask"))
+    (batch,) = loader.eval_batches(bare, split="validation", batch_size=1, visible_tolerance=0.03)
+    assert "visible" not in batch
 
 
 def test_several_folders_are_joined(cfg, dataset, tmp_path, make, rng):

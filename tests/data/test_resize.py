@@ -53,3 +53,22 @@ def test_depth_is_never_averaged_and_ends_at_the_mask(rng):
     assert (got[mask] > 0).all()  # a mask by majority always has a depth in one of four quarters
     whole = resize.resize_depth(depth, depth > 0)
     np.testing.assert_array_equal(whole, depth)
+
+
+def test_holes_of_a_sensor_stay_holes_and_are_never_spread(rng):
+    mask = np.zeros((32, 48), np.bool_)
+    mask[8:28, 10:40] = True
+    depth = np.where(mask, rng.uniform(3, 4, mask.shape), 0).astype(np.float32)
+    depth[12:20, 20:28] = 0  # wide
+    depth[24, 14] = np.nan  # narrower than a new pixel
+    depth[26:28, 30:34] = np.inf
+    small = resize.resize_mask(mask, (16, 24))
+    got = resize.resize_depth(depth, small)
+    assert np.isfinite(got).all()
+    hole = np.zeros_like(small)
+    hole[6:10, 10:14] = True
+    hole[13, 15:17] = True
+    np.testing.assert_array_equal(got > 0, small & ~hole)
+    assert set(got[got > 0]) <= set(depth[np.isfinite(depth) & (depth > 0)])
+    same = resize.resize_depth(depth, mask)
+    np.testing.assert_array_equal(same > 0, np.isfinite(depth) & (depth > 0))

@@ -24,34 +24,53 @@ def test_rgb_and_background_mask(sample):
     np.testing.assert_array_equal(x[..., 3], ~mask)
 
 
-def test_depth_is_the_authors_16_bits(sample):
-    image, mask, _ = sample
-    stored = np.arange(48, dtype=np.float32).reshape(6, 8) * 1000 + 1
-    metric = 1.8 * (3 - 2 * stored / 65535)
-    x = network_input(image, mask, metric, channels=("depth",))
-    np.testing.assert_allclose(x[..., 0], np.where(mask, stored / 65535, 0), atol=1e-6)
+def test_depth_counts_from_the_origin_and_says_where_it_is(sample):
+    image, mask, depth = sample
+    x = network_input(image, mask, depth, channels=("depth",))
+    assert x.shape == (6, 8, 2)
+    np.testing.assert_allclose(x[..., 0], np.where(mask, 3.6 - depth, 0), atol=1e-6)
+    np.testing.assert_array_equal(x[..., 1], mask)
+    assert np.abs(x).max() <= 1
+    moved = network_input(image, mask, depth + 2 * mask, channels=("depth",), distance=5.6)
+    np.testing.assert_allclose(moved, x, atol=1e-6)
 
 
-def test_depth_not_measured_on_the_object_is_zero(sample):
+def test_the_distance_is_that_of_each_sample(sample):
+    batch = [np.stack([a, a]) for a in sample]
+    x = network_input(*batch, channels=("depth",), distance=np.array([3.6, 4.0], np.float32))
+    mask = sample[1]
+    np.testing.assert_allclose((x[1] - x[0])[mask][:, 0], 0.4, atol=1e-6)
+    np.testing.assert_array_equal(x[1][~mask], 0)
+
+
+@pytest.mark.parametrize("hole", [0.0, -1.0, np.nan, np.inf])
+def test_a_hole_is_neither_background_nor_a_surface_at_the_origin(sample, hole):
     image, _, _ = sample
-    x = network_input(
-        image, np.ones((6, 8), bool), np.zeros((6, 8), np.float32), channels=("depth",)
-    )
-    assert not x.any()
+    mask = np.ones((6, 8), bool)
+    mask[0] = False
+    depth = np.full((6, 8), 3.6, np.float32)
+    depth[0] = 0
+    depth[3, 4] = hole
+    x = np.asarray(network_input(image, mask, depth, channels=("rgb", "mask", "depth")))
+    assert np.isfinite(x).all()
+    background, missing, surface = x[0, 4, 3:], x[3, 4, 3:], x[3, 5, 3:]
+    assert background.tolist() == [1, 0, 0]
+    assert missing.tolist() == [0, 0, 0]
+    np.testing.assert_allclose(surface, [0, 0, 1], atol=1e-6)
 
 
 def test_channels_keep_the_given_order(sample):
     x = network_input(*sample, channels=("rgb", "mask", "depth"))
     y = network_input(*sample, channels=("depth", "mask", "rgb"))
-    assert x.shape[-1] == y.shape[-1] == 5
-    np.testing.assert_array_equal(x, y[..., [2, 3, 4, 1, 0]])
+    assert x.shape[-1] == y.shape[-1] == 6
+    np.testing.assert_array_equal(x, y[..., [3, 4, 5, 2, 0, 1]])
 
 
 def test_leading_axes_and_jit(sample):
     batch = [np.stack([np.stack([a, a[::-1]])] * 3) for a in sample]
     channels = ("rgb", "mask", "depth")
     x = jax.jit(lambda *a: network_input(*a, channels=channels))(*batch)
-    assert x.shape == (3, 2, 6, 8, 5)
+    assert x.shape == (3, 2, 6, 8, 6)
     np.testing.assert_allclose(x[2, 0], network_input(*sample, channels=channels), atol=1e-7)
 
 

@@ -1,0 +1,111 @@
+"""The classes of true points: a literal, slow rule; solids whose visibility is known exactly."""
+
+import drawn_solids as solids
+import numpy as np
+import pytest
+
+from psgn_jax.config import EvalConfig
+from psgn_jax.data import camera, records, visibility
+
+TOLERANCE = EvalConfig().visible_tolerance
+
+
+def slow(points, depth, intrinsics, extrinsics, tolerance):
+    """The rule as it is written: every point against every pixel."""
+    seen = []
+    for row, column in np.argwhere(np.isfinite(depth) & (depth > 0)):
+        ray = np.linalg.inv(intrinsics.astype(float)) @ [column + 0.5, row + 0.5, 1]
+        rotation, shift = extrinsics[:, :3].astype(float), extrinsics[:, 3].astype(float)
+        seen.append(rotation.T @ (ray * float(depth[row, column]) - shift))
+    seen = np.reshape(seen, (-1, 3))
+    return np.array(
+        [
+            bool((np.linalg.norm(p - seen, axis=1) <= tolerance).any())
+            if np.isfinite(p).all()
+            else False
+            for p in points.astype(float)
+        ]
+    )
+
+
+def drawn(category, seed=0, size=(48, 64)):
+    rng = np.random.default_rng(seed)
+    return solids.draw(
+        solids.random_solid(category, rng), rng, image_size=size, num_points=800, model_id=""
+    )
+
+
+def classes(s, tolerance=TOLERANCE, **changes):
+    fields = {k: getattr(s, k) for k in ("points", "depth", "intrinsics", "extrinsics")}
+    return visibility.visible_points(**(fields | changes), tolerance=tolerance)
+
+
+@pytest.mark.parametrize("tolerance", [0.005, 0.03, 0.1])
+@pytest.mark.parametrize("category", ["box", "torus"])
+def test_equals_the_slow_rule(category, tolerance):
+    s = drawn(category)
+    want = slow(s.points, s.depth, s.intrinsics, s.extrinsics, tolerance)
+    np.testing.assert_array_equal(classes(s, tolerance), want)
+    assert 0 < want.mean() < 1
+
+
+def test_equals_the_slow_rule_for_any_camera_and_scattered_depth(rng):
+    intrinsics = np.array([[80, 3, 30], [0, 60, 11], [0, 0, 1]], np.float32)
+    rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    rotation *= np.sign(np.linalg.det(rotation))
+    extrinsics = np.concatenate([rotation, [[0.1], [-0.2], [1.4]]], axis=1).astype(np.float32)
+    depth = np.where(rng.random((24, 40)) < 0.3, rng.uniform(0.6, 2, (24, 40)), 0)
+    depth[3, 4:8] = [np.nan, np.inf, -1, 0.2]
+    # Near measured pixels, anywhere, behind the camera, out of the image, not finite.
+    near = camera.back_project(np.where(np.isfinite(depth), depth, 0), intrinsics, extrinsics)
+    near = near + rng.normal(0, 0.03, near.shape)
+    points = np.concatenate([near, rng.uniform(-3, 3, (300, 3)), [[np.nan, 0, 0], [0, np.inf, 0]]])
+    points = points.astype(np.float32)
+    got = visibility.visible_points(points, depth, intrinsics, extrinsics, 0.05)
+    want = slow(points, depth, intrinsics, extrinsics, 0.05)
+    before = camera.to_camera(np.nan_to_num(points, posinf=0), extrinsics)[:, 2] > 0.05
+    np.testing.assert_array_equal(got, want & before)
+    assert 100 < got.sum() < len(points) - 300
+
+
+@pytest.mark.parametrize("category", ["box", "cone", "cylinder", "ellipsoid"])
+def test_convex_solids_show_the_points_that_face_the_camera(category):
+    wrong = []
+    for seed in range(4):
+        s = drawn(category, seed, size=(192, 256))
+        eye = -s.extrinsics[:, :3].T @ s.extrinsics[:, 3]
+        toward = (eye - s.points) / np.linalg.norm(eye - s.points, axis=1, keepdims=True)
+        cosine = (toward * s.normals).sum(axis=1)
+        clear = (cosine < 0) | (cosine > 0.2)  # what is steeper has gaps between its pixels
+        wrong.append(np.mean((classes(s) != (cosine > 0))[clear]))
+    assert np.mean(wrong) < 0.05
+
+
+def test_the_lattice_of_stored_points_moves_few_classes():
+    s = drawn("box", size=(192, 256))
+    stored = records.lattice_of(s.points, bits=8).points()
+    assert np.mean(classes(s) != classes(s, points=stored)) < 0.03
+
+
+def test_no_depth_shows_nothing():
+    s = drawn("box")
+    assert not classes(s, depth=np.zeros_like(s.depth)).any()
+    assert not classes(s, depth=np.full_like(s.depth, np.nan)).any()
+    assert classes(s, points=np.zeros((0, 3), np.float32)).shape == (0,)
+
+
+def test_a_hole_hides_what_is_seen_through_it_alone():
+    s = drawn("ellipsoid")
+    depth = s.depth.copy()
+    depth[:, : int(np.nonzero(s.mask)[1].mean())] = 0
+    half = classes(s, depth=depth)
+    whole = classes(s)
+    assert not (half & ~whole).any()
+    assert 0.3 < half.sum() / whole.sum() < 0.7
+    assert s.points[half][:, 1].mean() > s.points[whole & ~half][:, 1].mean()
+
+
+@pytest.mark.parametrize("tolerance", [0, -1, np.nan, np.inf])
+def test_wrong_tolerance(tolerance):
+    with pytest.raises(ValueError, match="tolerance: got"):
+        classes(drawn("box"), tolerance)
