@@ -150,14 +150,6 @@ def _difference(one: Any, two: Any, name: str = "") -> str:
     return "" if one == two else f"{name}: {one!r} there, {two!r} now"
 
 
-def _write_atomically(path: pathlib.Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(text)
-    with temporary.open("rb") as file:
-        os.fsync(file.fileno())
-    temporary.replace(path)
-
-
 def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
     """Makes or checks the job's folder; whether the data set is complete already.
 
@@ -188,7 +180,7 @@ def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
             )
     else:
         (out / _WORK).mkdir(exist_ok=True)
-        _write_atomically(stated, json.dumps(job, indent=1) + "\n")
+        records.write_atomically(stated, json.dumps(job, indent=1) + "\n")
     if not (out / records.MANIFEST).exists():
         records.save_manifest(out, records.Manifest(name, False, ()))
     return False
@@ -347,7 +339,7 @@ def _finish_block(out: pathlib.Path, block: Block, digest: str, sources: list[pa
         "lines": [line for line, _ in results],
         "indices": block.indices,
     }
-    _write_atomically(out / _WORK / block.name, json.dumps(content) + "\n")
+    records.write_atomically(out / _WORK / block.name, json.dumps(content) + "\n")
     for path in sources:
         path.unlink(missing_ok=True)
     return 0 if shard is None else shard.count
@@ -381,7 +373,7 @@ def _complete(
     if len(known) < len(blocks):
         return lines, False
     text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
-    _write_atomically(out / REPORT, text)
+    records.write_atomically(out / REPORT, text)
     shards = sorted((c["shard"] for c in known if c["shard"]), key=lambda s: s["file"])
     manifest = records.Manifest(
         name,
