@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from data_gen import meshes
+from data_gen import catalogues, meshes
 from data_gen.catalogues import procedural, solids
 
 _spec = importlib.util.spec_from_file_location(
@@ -97,6 +97,57 @@ def test_hidden_seed_defaults_to_the_seed():
     one, two = procedural.generate("chair", 3), procedural.generate("chair", 3, hidden_seed=3)
     np.testing.assert_array_equal(one.vertices, two.vertices)
     assert two.model_id == "chair-3-h3"
+
+
+@EVERY
+def test_hidden_parameters_are_drawn_from_their_ranges(category):
+    name = f"{category}-5"
+    ranges = procedural.hidden_ranges(name)
+    draws = [procedural.redraw_hidden(name, h) for h in range(8)]
+    assert all(list(m.parameters["hidden"]) == list(ranges) for m in draws)
+    for key, span in ranges.items():
+        values = np.array([m.parameters["hidden"][key] for m in draws])
+        assert span.low <= values.min() < values.max() <= span.high
+        # Far from a corner of the range: 8 draws lie within a quarter once in 65536.
+        assert np.ptp(values) > 0.25 * (span.high - span.low - span.whole)
+
+
+def test_redrawn_models_are_those_of_the_catalogue():
+    entries = list(catalogues.open("procedural", "bench=2", hidden_draws=2).entries())
+    for entry, hidden in zip(entries, (0, 1, 0, 1), strict=True):
+        for name in (entry, entry.model_id, entry.load(), entry.model_id.split("-h")[0]):
+            model = procedural.redraw_hidden(name, hidden)
+            assert model.model_id == entry.model_id
+            np.testing.assert_array_equal(model.vertices, entry.load().vertices)
+            assert model.parameters == entry.load().parameters
+
+
+def test_hidden_parameters_can_be_set():
+    found = {}
+    for low in (False, True):
+        ranges = procedural.hidden_ranges("chair-5")
+        values = {k: (r.low if low else r.high) for k, r in ranges.items()}
+        found[low] = procedural.redraw_hidden("chair-5", 3, values=values)
+        assert found[low].parameters["hidden"] == values
+        assert found[low].model_id == "chair-5-h3-set"
+    assert procedural.parse_id(found[True]) == ("chair", 5)
+    one, two = (meshes.solid_occupancy(m, np.eye(3)).sum() for m in found.values())
+    assert one < two  # a deep recess leaves less
+    (name,) = list(ranges)[:1]
+    for wrong, match in (({name: 9.0}, f"hidden {name}: got 9"), ({"a": 1.0}, "hidden 'a'")):
+        with pytest.raises(ValueError, match=match):
+            procedural.redraw_hidden("chair-5", values=wrong)
+    bench = next(
+        f"bench-{s}" for s in range(30) if "supports" in procedural.hidden_ranges(f"bench-{s}")
+    )
+    counts = [len(procedural.redraw_hidden(bench, values={"supports": n}).faces) for n in range(4)]
+    assert len(set(np.diff(counts))) == 1
+    for wrong in (4, 1.5, -1):
+        with pytest.raises(ValueError, match="hidden supports"):
+            procedural.redraw_hidden(bench, values={"supports": wrong})
+    for name in ("sofa-1", "chair", "chair-1-x", "lib/chair-1"):
+        with pytest.raises(ValueError, match="name of a procedural model"):
+            procedural.redraw_hidden(name)
 
 
 def test_wrong_arguments():
