@@ -32,7 +32,7 @@ _SECONDS_TO_START = 300.0
 class Result(NamedTuple):
     """What became of one model: its number, its line, and `worker.pack_result` of it."""
 
-    index: int
+    number: int
     line: dict[str, Any]
     content: bytes
 
@@ -79,11 +79,11 @@ class Renderer:
         try:
             self._connection.send(entry)
             while not self._connection.poll(0.5):
-                if time.monotonic() - started > options.seconds_per_model:
-                    return self._lost(entry, "timeout", f"over {options.seconds_per_model:g} s")
                 if self._megabytes() > options.megabytes_per_worker:
                     what = f"over {options.megabytes_per_worker} MB of memory"
                     return self._lost(entry, "memory", what)
+                if time.monotonic() - started > options.seconds_per_model:
+                    return self._lost(entry, "timeout", f"over {options.seconds_per_model:g} s")
             line, content = self._connection.recv()
         except (EOFError, OSError):
             return self._lost(entry, "crashed", "")

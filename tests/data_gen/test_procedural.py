@@ -47,6 +47,16 @@ def test_models_are_sound(category):
         assert model.parameters["hidden_azimuth"]
 
 
+def test_a_glass_table_has_its_glass():
+    model = next(
+        m for m in (procedural.generate("table", s) for s in range(20))
+        if m.parameters.get("glass_top")
+    )  # fmt: skip
+    (index,) = [k for k, m in enumerate(model.materials) if m.name == "glass"]
+    top = model.vertices[model.faces[model.face_material == index]]
+    np.testing.assert_allclose(top[..., 2].max(), model.vertices[:, 2].max())
+
+
 @EVERY
 def test_same_seed_same_model_and_every_seed_another(category):
     one, two = procedural.generate(category, 7), procedural.generate(category, 7)

@@ -8,6 +8,7 @@ from data_gen.catalogues import solids
 from data_gen.catalogues.families.kit import (
     BLACK,
     CHROME,
+    GLASS,
     LIGHT,
     RUBBER,
     WHITE,
@@ -574,6 +575,7 @@ def table(kit: Kit) -> None:
     recess = kit.hide("rail_recess" if glass else "top_recess", 0.02, 0.92)
     under = height - thick + 0.002
     if glass:
+        kit.add(GLASS, solids.stack([(outline(0.0), height - 0.016), (outline(0.0), height)]))
         # Rails under the glass, of a profile that is open below.
         rail = thick * 0.7
         low = height - 0.016 - rail
