@@ -1,26 +1,23 @@
 """The rendering job: a catalogue's models to a data set, in processes that may die.
 
-A model's samples are made in a worker process and left in a file; when all models of a block are
-there, the block becomes a shard, and when all blocks are, the data set is complete. What a model
-becomes depends on the settings and its name alone, so the data set is the same, byte for byte, for
-any number of workers, kills and parts.
+A model's samples are made in a process of a `pool.Pool` and left in a file; when all models of a
+block are there, the block becomes a shard, and when all blocks are, the data set is complete. What
+a model becomes depends on the settings and its name alone, so the data set is the same, byte for
+byte, for any number of workers, kills and parts, and on a cluster.
 """
 
-import contextlib
 import dataclasses
 import hashlib
 import json
-import multiprocessing
-import multiprocessing.connection
 import os
 import pathlib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from absl import logging
 
-from data_gen import settings, worker
+from data_gen import pool, settings, worker
 from data_gen.catalogues import Catalogue, Entry
 from data_gen.settings import Settings
 from psgn_jax.data import records
@@ -29,12 +26,6 @@ REPORT = "models.jsonl"
 
 _WORK = ".work"
 _FORMAT = 1
-
-# A model whose process died is tried once more, in a fresh one: it may have been the process.
-_ATTEMPTS = 2
-
-# Processes that die before they have rendered anything, in a row: then it is not the models.
-_STILLBORN = 5
 
 
 class OtherSettingsError(ValueError):
@@ -154,14 +145,6 @@ def _difference(one: Any, two: Any, name: str = "") -> str:
     return "" if one == two else f"{name}: {one!r} there, {two!r} now"
 
 
-def _write_atomically(path: pathlib.Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(text)
-    with temporary.open("rb") as file:
-        os.fsync(file.fileno())
-    temporary.replace(path)
-
-
 def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
     """Makes or checks the job's folder; whether the data set is complete already.
 
@@ -192,144 +175,10 @@ def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
             )
     else:
         (out / _WORK).mkdir(exist_ok=True)
-        _write_atomically(stated, json.dumps(job, indent=1) + "\n")
+        records.write_atomically(stated, json.dumps(job, indent=1) + "\n")
     if not (out / records.MANIFEST).exists():
         records.save_manifest(out, records.Manifest(name, False, ()))
     return False
-
-
-# --- Worker processes -------------------------------------------------------------------------
-
-
-class _Worker:
-    """One worker process and what it is at."""
-
-    def __init__(self, context: worker.Context, folder: pathlib.Path) -> None:
-        methods = multiprocessing.get_context("spawn")
-        self.connection, other = methods.Pipe()
-        self.process = methods.Process(
-            target=worker.serve, args=(other, context, folder), daemon=True
-        )
-        self.process.start()
-        other.close()
-        self.ready = False
-        self.index: int | None = None
-        self.started = time.monotonic()
-        self.done = 0
-
-    def give(self, index: int, entry: Entry) -> None:
-        self.index, self.started = index, time.monotonic()
-        self.connection.send((index, entry))
-
-    def megabytes(self) -> float:
-        """Resident memory, 0 where it cannot be told."""
-        try:
-            pages = int(pathlib.Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
-        except (OSError, ValueError, IndexError):
-            return 0.0
-        return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-    def end(self, *, kill: bool = False) -> None:
-        """Ends the process, at once or after its farewell."""
-        if not kill:
-            with contextlib.suppress(OSError):
-                self.connection.send(None)
-                self.process.join(10)
-        if self.process.is_alive():
-            self.process.kill()
-        self.process.join()
-        self.connection.close()
-
-
-def _render_all(
-    todo: list[int],
-    entries: list[Entry],
-    context: worker.Context,
-    folder: pathlib.Path,
-) -> Iterator[tuple[int, Mapping[str, Any]]]:
-    """Renders models in worker processes; yields (index, line) as they come.
-
-    Raises:
-      RuntimeError: processes die before they are ready.
-    """
-    options = context.settings.job
-    count = min(options.workers or len(os.sched_getaffinity(0)), len(todo))
-    # One thread for each process: there are as many processes as processors.
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")
-    queue = list(reversed(todo))
-    attempts: dict[int, int] = {}
-    stillborn = 0
-    workers: list[_Worker] = []
-
-    def lost(one: _Worker, status: str, reason: str) -> tuple[int, Mapping[str, Any]] | None:
-        """Ends a worker; the model that it was at is tried again or reported."""
-        one.end(kill=True)
-        workers.remove(one)
-        index = one.index
-        if index is None:
-            return None
-        attempts[index] = attempts.get(index, 0) + 1
-        if status == "crashed" and attempts[index] < _ATTEMPTS:
-            queue.append(index)
-            return None
-        line = worker.failure(entries[index], status, reason)
-        worker.write_result(folder, index, line, [])
-        return index, line
-
-    try:
-        while queue or any(w.index is not None for w in workers):
-            while len(workers) < min(count, len(queue) + sum(w.index is not None for w in workers)):
-                workers.append(_Worker(context, folder))
-            for one in workers:
-                if one.ready and one.index is None and queue:
-                    index = queue.pop()
-                    # A dead one is found below.
-                    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-                        one.give(index, entries[index])
-            multiprocessing.connection.wait(
-                [w.connection for w in workers] + [w.process.sentinel for w in workers], 0.5
-            )
-            for one in list(workers):
-                message: Any = ()
-                with contextlib.suppress(EOFError, OSError):
-                    if one.connection.poll():
-                        message = one.connection.recv()
-                result: tuple[int, Mapping[str, Any]] | None = None
-                if message is None:
-                    one.ready, stillborn = True, 0
-                elif message:
-                    result = message
-                    one.index, one.done = None, one.done + 1
-                    if one.done >= options.models_per_worker:
-                        one.end()
-                        workers.remove(one)
-                elif not one.process.is_alive():
-                    if not one.ready:
-                        stillborn += 1
-                    if stillborn >= _STILLBORN:
-                        raise RuntimeError(
-                            f"{stillborn} worker processes ended before they were ready (exit "
-                            f"code {one.process.exitcode}); try --config.job.variant=scalar"
-                        )
-                    result = lost(one, "crashed", f"exit code {one.process.exitcode}")
-                elif one.index is not None:
-                    at = time.monotonic() - one.started
-                    memory = one.megabytes()
-                    if at > options.seconds_per_model:
-                        result = lost(one, "timeout", f"over {options.seconds_per_model:g} s")
-                    elif memory > options.megabytes_per_worker:
-                        result = lost(
-                            one, "memory", f"over {options.megabytes_per_worker} MB of memory"
-                        )
-                elif not one.ready and time.monotonic() - one.started > 300:
-                    stillborn += 1
-                    lost(one, "crashed", "not ready")
-                if result is not None:
-                    yield result
-    finally:
-        for one in list(workers):
-            one.end(kill=one.index is not None)
 
 
 # --- The data set -----------------------------------------------------------------------------
@@ -351,7 +200,7 @@ def _finish_block(out: pathlib.Path, block: Block, digest: str, sources: list[pa
         "lines": [line for line, _ in results],
         "indices": block.indices,
     }
-    _write_atomically(out / _WORK / block.name, json.dumps(content) + "\n")
+    records.write_atomically(out / _WORK / block.name, json.dumps(content) + "\n")
     for path in sources:
         path.unlink(missing_ok=True)
     return 0 if shard is None else shard.count
@@ -385,7 +234,7 @@ def _complete(
     if len(known) < len(blocks):
         return lines, False
     text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
-    _write_atomically(out / REPORT, text)
+    records.write_atomically(out / REPORT, text)
     shards = sorted((c["shard"] for c in known if c["shard"]), key=lambda s: s["file"])
     manifest = records.Manifest(
         name,
@@ -436,6 +285,7 @@ def render_catalogue(
     *,
     part: tuple[int, int] = (0, 1),
     limit: int = 0,
+    render: pool.Pool = pool.render_local,
 ) -> Summary:
     """Renders a catalogue to a data set; goes on with one that was begun.
 
@@ -445,10 +295,11 @@ def render_catalogue(
       options: all settings.
       part: (i, n): the i-th of n parts of the work, i from 0.
       limit: the catalogue's first models alone, 0 = all.
+      render: who renders; `cluster.render_on` with an address is another.
 
     Raises:
       ValueError: `out` holds something else, or a setting is wrong.
-      RuntimeError: Mitsuba is missing or does not run.
+      RuntimeError: Mitsuba is missing or does not run, here or where it is to.
     """
     started = time.monotonic()
     out = pathlib.Path(out)
@@ -505,8 +356,9 @@ def render_catalogue(
     )  # fmt: skip
     rendered = refused = 0
     told = time.monotonic()
-    results = _render_all(todo, entries, context, folder) if todo else ()
-    for done, (index, line) in enumerate(results, 1):
+    results = render([(i, entries[i]) for i in todo], context) if todo else ()
+    for done, (index, line, content) in enumerate(results, 1):
+        worker.write_result(folder, index, content)
         arrived(index)
         rendered += line["samples"]
         if line["status"] != "ok":

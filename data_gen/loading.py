@@ -37,7 +37,7 @@ TEXTURE_SIDE = 1024
 
 _MAX_TEXELS = 1 << 24  # of all textures of one model, 64 MB
 _MAX_XML_BYTES = 64 << 20
-_PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "DDS")
+_PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "DDS", "SGI")
 _GREY = (0.6, 0.6, 0.6)
 _ARCHIVES = {"zip", "bz2", "tar.bz2", "tar.gz"}
 
@@ -121,13 +121,14 @@ class FolderFiles(Files):
 # --- Textures ---------------------------------------------------------------------------------
 
 
-class _Notes:
+class Notes:
     """Warnings in order, each once."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
 
     def add(self, line: str) -> None:
+        """Appends a warning."""
         line = line if len(line) <= 300 else line[:297] + "..."
         if line not in self.lines and len(self.lines) < 100:
             self.lines.append(line)
@@ -200,7 +201,7 @@ def _with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.nda
     return np.concatenate([texture[..., :3], alpha[..., None]], axis=2)
 
 
-def _bounded(materials: Sequence[Material], notes: _Notes) -> tuple[Material, ...]:
+def bounded(materials: Sequence[Material], notes: Notes) -> tuple[Material, ...]:
     """The materials with the largest textures halved until all together fit."""
     result = list(materials)
 
@@ -260,10 +261,10 @@ def _map_name(rest: str) -> str:
     return rest.strip() if start == 0 else " ".join(words[start:])
 
 
-class _Textures:
+class Textures:
     """Pictures of one model, each decoded once."""
 
-    def __init__(self, files: Files, base: str, side: int, notes: _Notes) -> None:
+    def __init__(self, files: Files, base: str, side: int, notes: Notes) -> None:
         self._files, self._base, self._side, self._notes = files, base, side, notes
         self._cache: dict[str, np.ndarray | None] = {}
 
@@ -280,7 +281,7 @@ class _Textures:
         return self._cache[name]
 
 
-def read_mtl(text: str, textures: _Textures) -> dict[str, Material]:
+def read_mtl(text: str, textures: Textures) -> dict[str, Material]:
     """Materials of an MTL file, by name.
 
     Read: Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd, map_d. A black Kd with a
@@ -375,7 +376,7 @@ def _indices(tokens: list[str]) -> np.ndarray:
     return np.array(parts).astype(np.int64).reshape(-1, 3)
 
 
-def _triangles(
+def triangles(
     counts: np.ndarray, corners: np.ndarray, vertices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Polygons to triangles.
@@ -421,11 +422,11 @@ def _resolve(index: np.ndarray, count: np.ndarray | int) -> np.ndarray:
 
 
 def _read_obj(
-    data: bytes, files: Files, base: str, side: int, max_faces: int, notes: _Notes
+    data: bytes, files: Files, base: str, side: int, max_faces: int, notes: Notes
 ) -> dict[str, Any]:
     """Arrays of an OBJ file for `meshes.build`."""
     rows = {"v": _Rows(3), "vt": _Rows(2), "vn": _Rows(3)}
-    textures = _Textures(files, base, side, notes)
+    textures = Textures(files, base, side, notes)
     materials: dict[str, Material] = {}
     names: dict[str, int] = {}
     owner = -1
@@ -492,7 +493,7 @@ def _read_obj(
         raise UnusableModelError("the mesh is empty: no face has its vertices")
     if not np.isfinite(vertices[corners[:, 0]]).all():
         raise UnusableModelError("vertices have coordinates that are not finite")
-    triangle, polygon = _triangles(counts, corners[:, 0], vertices)
+    triangle, polygon = triangles(counts, corners[:, 0], vertices)
 
     def of_corners(values: np.ndarray, column: int) -> np.ndarray | None:
         index = corners[triangle, column]
@@ -514,7 +515,7 @@ def _read_obj(
         "faces": corners[triangle, 0],
         "normals": of_corners(normal, 2),
         "uv": of_corners(texture, 1),
-        "materials": _bounded(table, notes),
+        "materials": bounded(table, notes),
         "face_material": owners[polygon],
     }
 
@@ -562,7 +563,7 @@ def _faces_in_header(data: bytes, kind: str) -> int:
     return 0
 
 
-def _resolver(files: Files, base: str, notes: _Notes) -> Any:
+def _resolver(files: Files, base: str, notes: Notes) -> Any:
     """`files` in the form in which trimesh asks for the files that a model refers to."""
     import trimesh
 
@@ -593,7 +594,7 @@ def _srgb(linear: float) -> float:
     return float(min(max(linear, 0.0), 1.0) ** (1 / 2.2))
 
 
-def _from_trimesh_material(material: Any, side: int, notes: _Notes) -> Material:
+def _from_trimesh_material(material: Any, side: int, notes: Notes) -> Material:
     """One of trimesh's materials (simple or physically based) as Blinn-Phong."""
     name = str(getattr(material, "name", "") or "")
 
@@ -673,7 +674,7 @@ def _palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
 
 
 def _read_trimesh(
-    data: bytes, kind: str, files: Files, base: str, side: int, max_faces: int, notes: _Notes
+    data: bytes, kind: str, files: Files, base: str, side: int, max_faces: int, notes: Notes
 ) -> dict[str, Any]:
     """Arrays of a file of any format that the installed trimesh reads, for `meshes.build`."""
     import trimesh
@@ -767,9 +768,14 @@ def _read_trimesh(
         "faces": np.concatenate(faces),
         "normals": normal if normal.any() else None,
         "uv": np.concatenate(uvs),
-        "materials": _bounded(materials, notes),
+        "materials": bounded(materials, notes),
         "face_material": np.concatenate(owners),
     }
+
+
+Reader = Callable[[bytes, Files, str, int, int, Notes], dict[str, Any]]
+"""Makes arrays for `meshes.build` of: the file's bytes, the files that it may refer to, its folder
+there, the limits of the textures' sides and of the faces, and a place for warnings."""
 
 
 # --- The entry --------------------------------------------------------------------------------
@@ -788,6 +794,7 @@ def load(
     max_faces: int = meshes.MAX_FACES,
     crease_degrees: float = meshes.CREASE_DEGREES,
     turn: Callable[[Model], Model] = lambda model: model,
+    reader: Reader | None = None,
 ) -> Model:
     """Reads a model from a file and brings it to the project's frame, normalised.
 
@@ -803,6 +810,7 @@ def load(
       max_faces: more are refused.
       crease_degrees: see `meshes.crease_normals`.
       turn: applied in the file's axes, before `up` and `front`.
+      reader: of the file's format; None = by the ending of its name.
 
     Raises:
       UnusableModelError: the file is missing, damaged, empty or too large; the message says what.
@@ -812,7 +820,7 @@ def load(
         files, name = FolderFiles(path.parent), path.name
     name = str(name)
     model_id = model_id or name
-    notes = _Notes()
+    notes = Notes()
     base = posixpath.dirname(name)
     kind = posixpath.splitext(name)[1].lstrip(".").lower()
     found = files.find(name)
@@ -822,7 +830,7 @@ def load(
         data = files.read(found)
     except OSError as error:
         raise UnusableModelError(f"file {name!r} is not readable: {error}"[:200]) from error
-    reader = _read_obj if kind == "obj" else None
+    reader = reader or (_read_obj if kind == "obj" else None)
     arrays = (
         reader(data, files, base, texture_side, max_faces, notes)
         if reader

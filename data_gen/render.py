@@ -2,21 +2,23 @@
 
     python data_gen/render.py --catalogue NAME --source PATH --out RECORDS
 
-NAME is one of procedural, folder, shapenet, sh3f; PATH is what the catalogue reads. RECORDS becomes
-a data set of `psgn_jax.data.records` that training reads, with `models.jsonl` beside it: a line for
-each model with its status, reason, checks and times.
+NAME is one of procedural, folder, shapenet, sh3f, ac3d; PATH is what the catalogue reads. RECORDS
+becomes a data set of `psgn_jax.data.records` that training reads, with `models.jsonl` beside it: a
+line for each model with its status, reason, checks and times.
 
 Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; see
 `data_gen/settings.py` for all of them. Killed and started again, the command goes on where it was;
 the records that it ends with are the same, byte for byte, for any number of workers, kills or
 parts. `--shard=i/n` does the i-th of n parts of the work (i from 0), for job arrays on a common
-folder; whoever is last completes the data set.
+folder; whoever is last completes the data set. `--scheduler=tcp://host:8786` hands the models to
+the workers of a Dask cluster, see `data_gen/cluster.py` for what they need; the rest is the same.
 
 Exit codes: 0 done, all models have samples; 1 done, some models were refused (normal for
 collections); 2 wrong arguments, or nothing came of it; 3 done with this part, others are not;
 143 and 130 stopped by SIGTERM or Ctrl-C.
 """
 
+import functools
 import pathlib
 import signal
 import sys
@@ -28,7 +30,7 @@ if __package__ in (None, ""):  # run as a file: the folder above is where `data_
 from absl import app, flags, logging
 from ml_collections import config_flags
 
-from data_gen import catalogues, job, settings
+from data_gen import catalogues, cluster, job, pool, settings
 
 
 class StoppedError(Exception):
@@ -52,6 +54,9 @@ _PART = flags.DEFINE_string(
 _LIMIT = flags.DEFINE_integer("limit", 0, "The first models of the catalogue alone; 0 = all.")
 _OPTION = flags.DEFINE_multi_string(
     "option", [], "NAME=VALUE for the catalogue, such as up=+z or max_faces=200000; repeatable."
+)
+_SCHEDULER = flags.DEFINE_string(
+    "scheduler", "", "Address of a Dask scheduler; its workers render. Empty: this machine does."
 )
 _CONFIG = config_flags.DEFINE_config_file(
     "config", str(pathlib.Path(__file__).with_name("config.py")), "Settings.", lock_config=True
@@ -101,7 +106,12 @@ def main(argv: list[str]) -> None:
             source = catalogues.open(name, place, **_options(_OPTION.value))
         except TypeError as error:
             raise ValueError(f"--option: {error}") from error
-        summary = job.render_catalogue(source, out, options, part=part, limit=_LIMIT.value)
+        render = pool.render_local
+        if _SCHEDULER.value:
+            render = functools.partial(cluster.render_on, _SCHEDULER.value)
+        summary = job.render_catalogue(
+            source, out, options, part=part, limit=_LIMIT.value, render=render
+        )
     except StoppedError as error:
         logging.warning("%s; the same command goes on with the job", error)
         sys.exit(128 + error.number)

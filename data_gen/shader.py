@@ -378,7 +378,7 @@ def load_map(path: str | os.PathLike[str]) -> Float[np.ndarray, "h w 3"]:
     an EXR never ends. `worker.load_maps` does that.
 
     Raises:
-      ValueError: the file cannot be read.
+      ValueError: the file cannot be read, or is not twice as wide as high.
     """
     try:
         bitmap = _mi.Bitmap(str(path)).convert(
@@ -386,7 +386,15 @@ def load_map(path: str | os.PathLike[str]) -> Float[np.ndarray, "h w 3"]:
         )
     except Exception as error:
         raise ValueError(f"environment map {str(path)!r}: {error}"[:300]) from error
-    return shrink(np.array(bitmap))
+    pixels = np.array(bitmap)
+    height, width = pixels.shape[:2]
+    # Folders of maps often hold pictures of lit balls, too, which would pass for odd surroundings.
+    if not 1.8 < width / height < 2.2:
+        raise ValueError(
+            f"environment map {str(path)!r}: {width} x {height} pixels, expected it twice as wide "
+            "as high (latitude and longitude)"
+        )
+    return shrink(pixels)
 
 
 def sunsky_map(

@@ -7,6 +7,10 @@ abort a process, and that process must not be the user's.
 
 renders a triangle with an LLVM library (or without one, in scalar mode) and says so by its exit
 code.
+
+    python -m data_gen.worker serve FD
+
+is a rendering process that `data_gen.pool` talks to through the open pipe of that number.
 """
 
 import dataclasses
@@ -16,6 +20,7 @@ import json
 import os
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import time
@@ -49,6 +54,12 @@ NO_LLVM = (
     "`apt-get install libllvm19` (Debian, Ubuntu) or `brew install llvm@19` (macOS) mends that; "
     "a library elsewhere is named by the variable DRJIT_LIBLLVM_PATH"
 )
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+"""The folder that this package lies in."""
+
+# A rendering process that nothing comes to for so long ends: its job may be gone.
+_IDLE_SECONDS = 600.0
 
 NO_MITSUBA = "Mitsuba is not installed: `pip install 'psgn-jax[render]'`"
 
@@ -88,9 +99,8 @@ def llvm_candidates() -> list[str]:
 def _smoke(library: str, variant: str) -> bool:
     """Whether a process can render with this library."""
     environment = {**os.environ, "DRJIT_LIBLLVM_PATH": library}
-    root = str(pathlib.Path(__file__).resolve().parents[1])
     environment["PYTHONPATH"] = os.pathsep.join(
-        [root, *filter(None, [environment.get("PYTHONPATH")])]
+        [str(ROOT), *filter(None, [environment.get("PYTHONPATH")])]
     )
     try:
         done = subprocess.run(
@@ -158,7 +168,7 @@ def load_maps(
     done = subprocess.run(
         [sys.executable, "-m", "data_gen.worker", "maps"],
         input=request.encode(), capture_output=True, check=False, timeout=600,
-        cwd=pathlib.Path(__file__).resolve().parents[1],
+        cwd=ROOT,
     )  # fmt: skip
     if done.returncode:
         lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
@@ -468,21 +478,24 @@ def work_path(folder: pathlib.Path, index: int) -> pathlib.Path:
     return folder / f"{index:07d}.model"
 
 
-def serve(connection: Connection, context: Context, folder: pathlib.Path) -> None:
-    """A worker process: takes (index, entry), leaves samples in a file, sends (index, line).
+def serve(connection: Connection) -> None:
+    """A rendering process: takes a `Context`, says None, takes entries, sends results.
 
-    Ends when None comes or the other side is gone.
+    A result is (line, `pack_result`). It ends when None comes, the other side is gone or nothing
+    has come for ten minutes.
     """
+    # Ctrl-C goes to all processes of a terminal; the one that watches this one ends it.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    context: Context = connection.recv()
     shader.start(*context.variant)
     connection.send(None)  # ready
-    while True:
+    while connection.poll(_IDLE_SECONDS):
         try:
-            task = connection.recv()
+            entry = connection.recv()
         except EOFError:
             return
-        if task is None:
+        if entry is None:
             return
-        index, entry = task
         started = time.perf_counter()
         try:
             data, line = render_model(entry, context)
@@ -491,9 +504,8 @@ def serve(connection: Connection, context: Context, folder: pathlib.Path) -> Non
             what = f"{type(error).__name__}: {error}".splitlines()[0][:300]
             data, line = [], failure(entry, "error", what)
         line["seconds_total"] = round(time.perf_counter() - started, 3)
-        write_result(folder, index, line, data)
         try:
-            connection.send((index, line))
+            connection.send((line, pack_result(line, data)))
         except (BrokenPipeError, ConnectionResetError):
             return
         del data
@@ -512,13 +524,17 @@ def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
     }
 
 
-def write_result(
-    folder: pathlib.Path, index: int, line: Mapping[str, Any], data: list[bytes]
-) -> None:
-    """Leaves a model's line and records in a file that appears whole or not at all."""
+def pack_result(line: Mapping[str, Any], data: list[bytes]) -> bytes:
+    """A model's line and records as one block of bytes."""
+    packed: bytes = msgpack.packb({"line": json.dumps(line), "records": data})
+    return packed
+
+
+def write_result(folder: pathlib.Path, index: int, content: bytes) -> None:
+    """Leaves what `pack_result` made in a file that appears whole or not at all."""
     path = work_path(folder, index)
     temporary = path.with_suffix(f".{os.getpid()}.tmp")
-    temporary.write_bytes(msgpack.packb({"line": json.dumps(line), "records": data}))
+    temporary.write_bytes(content)
     temporary.replace(path)
 
 
@@ -541,5 +557,8 @@ if __name__ == "__main__":
         _smoke_test(*(sys.argv[2:4] + ["scalar_rgb", ""][len(sys.argv) - 2 :])[:2])
     elif sys.argv[1:2] == ["maps"]:
         _write_maps()
+    elif sys.argv[1:2] == ["serve"]:
+        with Connection(int(sys.argv[2])) as _pipe:
+            serve(_pipe)
     else:
         sys.exit(__doc__)

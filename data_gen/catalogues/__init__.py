@@ -87,6 +87,7 @@ CATALOGUES = {
     "folder": "data_gen.catalogues.folder:FolderCatalogue",
     "shapenet": "data_gen.catalogues.shapenet:ShapeNetCatalogue",
     "sh3f": "data_gen.catalogues.sh3f:SweetHomeCatalogue",
+    "ac3d": "data_gen.catalogues.ac3d:AC3DCatalogue",
 }
 """Names of the catalogues and where their classes are."""
 

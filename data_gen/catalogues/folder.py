@@ -19,6 +19,29 @@ def extensions() -> set[str]:
     return {f".{kind}" for kind in {*trimesh.available_formats(), "obj"} - not_meshes}
 
 
+def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
+    """Files below a folder with one of the endings (lower case), by name; hidden ones left out.
+
+    Raises:
+      ValueError: the folder is missing or has no such file.
+    """
+    root = pathlib.Path(source)
+    if not root.is_dir():
+        raise ValueError(f"source {str(source)!r}: expected a folder of meshes")
+    found = []
+    for place, folders, files in os.walk(root):
+        folders[:] = sorted(f for f in folders if not f.startswith("."))
+        for file in files:
+            if not file.startswith(".") and pathlib.Path(file).suffix.lower() in endings:
+                found.append((pathlib.Path(place) / file).relative_to(root).as_posix())
+    if not found:
+        raise ValueError(
+            f"source {str(source)!r}: no mesh in it, expected files with one of the endings "
+            f"{sorted(endings)}"
+        )
+    return sorted(found)
+
+
 def _load(root: str, name: str, category: str, up: str, front: str, max_faces: int) -> meshes.Model:
     return loading.load(
         name,
@@ -62,24 +85,10 @@ class FolderCatalogue:
         max_faces: int = meshes.MAX_FACES,
     ) -> None:
         self.root = pathlib.Path(source)
-        if not self.root.is_dir():
-            raise ValueError(f"source {str(source)!r}: expected a folder of meshes")
         for axis in {up, front} - {"auto"}:
             meshes.axis_vector(axis)
         self._up, self._front, self._fractions, self._max_faces = up, front, fractions, max_faces
-        known = extensions()
-        found = []
-        for folder, folders, files in os.walk(self.root):
-            folders[:] = sorted(f for f in folders if not f.startswith("."))
-            for file in files:
-                if not file.startswith(".") and pathlib.Path(file).suffix.lower() in known:
-                    found.append((pathlib.Path(folder) / file).relative_to(self.root).as_posix())
-        if not found:
-            raise ValueError(
-                f"source {str(source)!r}: no mesh in it, expected files with one of the endings "
-                f"{sorted(known)}"
-            )
-        self._names = sorted(found)
+        self._names = find_meshes(source, extensions())
 
     def __len__(self) -> int:
         """Number of mesh files."""

@@ -10,17 +10,19 @@ in the hollow of a seat, behind a front, on the far side. The bounding box and h
 depend on them, so normalisation keeps the rest where it is. An azimuth is the direction from the
 model's origin to the camera, in degrees from +x toward +y; the ranges hold for cameras at least 15
 degrees above the horizon and at least 2.5 units away. `hidden_azimuth` is a tuple of ranges
-(low, high) in [-180, 180]; `parameters["hidden"]` are the hidden values.
+(low, high) in [-180, 180]; `parameters["hidden"]` are the hidden values. `hidden_ranges` tells what
+they are drawn from, `redraw_hidden` makes the other models that look like a given one.
 """
 
 import os
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from data_gen import catalogues
 from data_gen.catalogues.families import devices, furniture, vehicles
-from data_gen.catalogues.families.kit import Kit
+from data_gen.catalogues.families.kit import HiddenRange, Kit
 from data_gen.meshes import Model
 
 # Keeps these draws apart from those of other users of the same seed.
@@ -46,35 +48,115 @@ FAMILIES: dict[str, Callable[[Kit], None]] = {
 CATEGORIES = tuple(FAMILIES)
 
 
-def generate(category: str, seed: int, *, hidden_seed: int | None = None) -> Model:
+def generate(
+    category: str,
+    seed: int,
+    *,
+    hidden_seed: int | None = None,
+    hidden: Mapping[str, float] | None = None,
+) -> Model:
     """A model of a category, in the project's frame, its front toward +x.
 
     Args:
       category: one of `CATEGORIES`.
       seed: of everything that can be seen, at least 0; the same seed gives the same model.
       hidden_seed: of what cannot be seen; None = `seed`.
+      hidden: values of hidden parameters that are not drawn; see `hidden_ranges`.
 
     Returns:
       A normalised model named `<category>-<seed>`, `-h<hidden_seed>` appended where one is given,
-      with every parameter in `parameters`: see this module's docstring for the hidden ones.
+      and `-set` where `hidden` is, with every parameter in `parameters`: see this module's
+      docstring for the hidden ones.
 
     Raises:
-      ValueError: there is no such category, or a seed is negative.
+      ValueError: there is no such category, a seed is negative, or a hidden parameter is unknown
+        or outside of its range.
     """
+    inner = seed if hidden_seed is None else hidden_seed
+    kit = _built(category, seed, inner, hidden or {})
+    name = f"{category}-{seed}" + ("" if hidden_seed is None else f"-h{hidden_seed}")
+    name += "-set" if hidden else ""
+    return kit.model(category, name, {"seed": seed, "hidden_seed": inner})
+
+
+def _built(category: str, seed: int, hidden_seed: int, hidden: Mapping[str, float]) -> Kit:
     if category not in FAMILIES:
         raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
     for name, value in (("seed", seed), ("hidden_seed", hidden_seed)):
-        if value is not None and value < 0:
+        if value < 0:
             raise ValueError(f"{name}: got {value}, expected 0 or more")
     number = CATEGORIES.index(category)
-    inner = seed if hidden_seed is None else hidden_seed
     kit = Kit(
         np.random.default_rng([_VISIBLE, number, seed]),
-        np.random.default_rng([_HIDDEN, number, inner]),
+        np.random.default_rng([_HIDDEN, number, hidden_seed]),
+        hidden,
     )
     FAMILIES[category](kit)
-    name = f"{category}-{seed}" + ("" if hidden_seed is None else f"-h{hidden_seed}")
-    return kit.model(category, name, {"seed": seed, "hidden_seed": inner})
+    unknown = [name for name in hidden if name not in kit.ranges]
+    if unknown:
+        raise ValueError(
+            f"hidden {unknown[0]!r}: {category}-{seed} has no such hidden parameter, expected some "
+            f"of {list(kit.ranges)}"
+        )
+    return kit
+
+
+# --- What an image cannot tell ----------------------------------------------------------------
+
+
+def parse_id(model: str | catalogues.Entry | Model) -> tuple[str, int]:
+    """Category and seed of a procedural model by its name (or the entry's, or the model's).
+
+    Raises:
+      ValueError: it is no name of this catalogue.
+    """
+    name = model if isinstance(model, str) else model.model_id
+    match = re.fullmatch(r"([a-z]+)-([0-9]+)(?:-h[0-9]+)?(?:-set)?", name)
+    if match is None or match[1] not in FAMILIES:
+        raise ValueError(f"model {name!r}: expected the name of a procedural model, as 'chair-12'")
+    return match[1], int(match[2])
+
+
+def hidden_ranges(model: str | catalogues.Entry | Model) -> dict[str, HiddenRange]:
+    """The hidden parameters of a model and what they are drawn from.
+
+    Each is drawn uniformly from its range, independently of the others and of everything that can
+    be seen. So this is their distribution given the model's image, too, for images from an azimuth
+    in `parameters["hidden_azimuth"]`: the shapes that such an image leaves possible, each as
+    probable as the others, are those of `redraw_hidden` over all seeds.
+
+    Args:
+      model: a procedural model, its entry or its name.
+
+    Raises:
+      ValueError: it is no name of a procedural model.
+    """
+    category, seed = parse_id(model)
+    return dict(_built(category, seed, seed, {}).ranges)
+
+
+def redraw_hidden(
+    model: str | catalogues.Entry | Model,
+    hidden_seed: int = 0,
+    *,
+    values: Mapping[str, float] | None = None,
+) -> Model:
+    """The model that looks the same and has other hidden parameters.
+
+    Args:
+      model: a procedural model, its entry or its name.
+      hidden_seed: of the draw; different ones are independent.
+      values: hidden parameters that are set instead of drawn; the rest is that of `hidden_seed`.
+
+    Returns:
+      The model `generate(category, seed, hidden_seed=hidden_seed, hidden=values)`, in the same
+      frame and scale as the one given, its hidden parameters in `parameters["hidden"]`.
+
+    Raises:
+      ValueError: it is no name of a procedural model, or a value is outside of its range.
+    """
+    category, seed = parse_id(model)
+    return generate(category, seed, hidden_seed=hidden_seed, hidden=values)
 
 
 # --- The catalogue ----------------------------------------------------------------------------

@@ -534,6 +534,21 @@ def _install(temporary: pathlib.Path, path: pathlib.Path) -> None:
     _sync_directory(path.parent)
 
 
+def write_atomically(path: pathlib.Path, content: bytes | str) -> None:
+    """Writes a file that appears under its name whole and durable, or not at all.
+
+    Args:
+      path: of the file; one that is there is replaced.
+      content: bytes, or text to be written as UTF-8.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+        _install(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
 def save_manifest(folder: pathlib.Path, manifest: Manifest) -> None:
     """Writes the manifest atomically."""
     content = {
@@ -544,9 +559,7 @@ def save_manifest(folder: pathlib.Path, manifest: Manifest) -> None:
         "fields": manifest.fields(),
         "shards": [dataclasses.asdict(s) for s in manifest.shards],
     }
-    temporary = folder / f".{MANIFEST}.{os.getpid()}.tmp"
-    temporary.write_text(json.dumps(content, indent=1) + "\n")
-    _install(temporary, folder / MANIFEST)
+    write_atomically(folder / MANIFEST, json.dumps(content, indent=1) + "\n")
 
 
 def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = False) -> Manifest:

@@ -282,6 +282,21 @@ def _write_and_fail(folder, sample):
         raise RuntimeError("stop")
 
 
+def test_files_appear_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "a.json"
+    records.write_atomically(path, "é\n")
+    assert path.read_bytes() == "é\n".encode()
+
+    def fail(descriptor):
+        raise OSError("disk")
+
+    monkeypatch.setattr(records.os, "fsync", fail)
+    with pytest.raises(OSError, match="disk"):
+        records.write_atomically(path, b"new")
+    assert path.read_bytes() == "é\n".encode()
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_writing_is_reproducible(tmp_path, make):
     for name in "ab":
         rng = np.random.default_rng(5)

@@ -362,3 +362,60 @@ def test_a_large_file_is_refused(write, monkeypatch):
     monkeypatch.setattr(loading, "MAX_FILE_BYTES", 100)
     with pytest.raises(UnusableModelError, match="more than the limit of 100"):
         loading.load(write("a.obj", CUBE + FACES))
+
+
+COLLADA = """\
+<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+  <asset><unit meter="1"/><up_axis>Y_UP</up_axis></asset>
+  <library_images><image id="i"><init_from>bild.png</init_from></image></library_images>
+  <library_effects><effect id="e"><profile_COMMON>
+    <newparam sid="s"><surface type="2D"><init_from>i</init_from></surface></newparam>
+    <newparam sid="p"><sampler2D><source>s</source></sampler2D></newparam>
+    <technique sid="common"><phong><diffuse><texture texture="p" texcoord="UV"/></diffuse></phong>
+    </technique></profile_COMMON></effect></library_effects>
+  <library_materials><material id="m" name="m"><instance_effect url="#e"/></material>
+  </library_materials>
+  <library_geometries><geometry id="g"><mesh>
+    <source id="v"><float_array id="va" count="12">0 0 0 4 0 0 4 1 0 0 1 2</float_array>
+      <technique_common><accessor source="#va" count="4" stride="3"><param name="X" type="float"/>
+      <param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common>
+    </source>
+    <source id="t"><float_array id="ta" count="8">0 0 1 0 1 1 0 1</float_array>
+      <technique_common><accessor source="#ta" count="4" stride="2"><param name="S" type="float"/>
+      <param name="T" type="float"/></accessor></technique_common></source>
+    <vertices id="vs"><input semantic="POSITION" source="#v"/></vertices>
+    <triangles count="2" material="mat"><input semantic="VERTEX" source="#vs" offset="0"/>
+      <input semantic="TEXCOORD" source="#t" offset="1" set="0"/>
+      <p>0 0 1 1 2 2 0 0 2 2 3 3</p></triangles></mesh></geometry></library_geometries>
+  <library_visual_scenes><visual_scene id="w"><node id="n"><instance_geometry url="#g">
+    <bind_material><technique_common><instance_material symbol="mat" target="#m">
+    <bind_vertex_input semantic="UV" input_semantic="TEXCOORD" input_set="0"/>
+    </instance_material></technique_common></bind_material></instance_geometry></node>
+  </visual_scene></library_visual_scenes>
+  <scene><instance_visual_scene url="#w"/></scene>
+</COLLADA>
+"""
+
+
+def test_collada(tmp_path):
+    pytest.importorskip("trimesh")
+    pytest.importorskip("collada")
+    (tmp_path / "a.dae").write_text(COLLADA)
+    Image.fromarray(np.full((2, 2, 3), (10, 200, 30), np.uint8)).save(tmp_path / "bild.png")
+    model = loading.load(tmp_path / "a.dae")
+    assert len(model.faces) == 2
+    extent = np.ptp(model.vertices, axis=0)
+    np.testing.assert_allclose(extent / extent[2], [2, 4, 1], rtol=1e-5)
+    texture = model.materials[model.face_material[0]].texture
+    assert texture is not None
+    assert texture[0, 0].tolist() == [10, 200, 30, 255]
+    assert model.uv.max() == 1
+    (tmp_path / "torn.dae").write_text(COLLADA[:-400])
+    with pytest.raises(UnusableModelError, match="not readable as dae"):
+        loading.load(tmp_path / "torn.dae")
+    (tmp_path / "bomb.dae").write_text(
+        COLLADA.replace("<COLLADA", '<!DOCTYPE a [<!ENTITY b "bbbb">]><COLLADA', 1)
+    )
+    with pytest.raises(UnusableModelError, match="entities"):
+        loading.load(tmp_path / "bomb.dae")

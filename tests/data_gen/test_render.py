@@ -181,6 +181,32 @@ def test_path_tracing_has_the_light_where_local_shading_has_it(shader, toward):
     assert np.corrcoef(both)[0, 1] > 0.8
 
 
+def write_hdr(path, values):
+    """A Radiance picture of grey values [H, W], each a power of two."""
+    exponent = np.log2(values).astype(int) + 129
+    pixels = np.stack([np.full_like(exponent, 128)] * 3 + [exponent], axis=-1)
+    size = f"-Y {len(values)} +X {len(values[0])}\n"
+    head = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n" + size
+    path.write_bytes(head.encode() + pixels.astype(np.uint8).tobytes())
+
+
+def test_environment_maps_of_a_folder(tmp_path):
+    values = np.ones((64, 128))
+    values[8:12, 32:40] = 256  # near the zenith, at a quarter of the way round
+    write_hdr(tmp_path / "a sky.hdr", values)
+    chosen = lights.LightSettings(source="folder", folder=str(tmp_path))
+    (found,) = worker.load_maps(chosen, worker.Variant("scalar_rgb"))
+    assert found.shape == (*lights.MAP_SIZE, 3)
+    np.testing.assert_allclose(found[4:6, 16:20], 256)
+    np.testing.assert_allclose(np.median(found), 1)
+    write_hdr(tmp_path / "ball.hdr", np.ones((64, 64)))
+    with pytest.raises(ValueError, match=r"ball\.hdr.*64 x 64 pixels, expected it twice as wide"):
+        worker.load_maps(chosen, worker.Variant("scalar_rgb"))
+    (tmp_path / "ball.hdr").write_bytes(b"#?RADIANCE\ntorn")
+    with pytest.raises(ValueError, match=r"environment map .*ball\.hdr"):
+        worker.load_maps(chosen, worker.Variant("scalar_rgb"))
+
+
 # --- The job ----------------------------------------------------------------------------------
 
 
@@ -300,7 +326,7 @@ def sleep_long():
 
 
 def hoard():
-    block = bytearray(10**9)
+    block = bytearray(7 * 10**8)
     block[::4096] = b"1" * len(block[::4096])
     time.sleep(60)
 
@@ -321,7 +347,7 @@ class Hostile:
 
 def test_crash_timeout_and_memory_end_with_their_model(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    limits = {**SMALL["job"], "seconds_per_model": 8.0, "megabytes_per_worker": 900}
+    limits = {**SMALL["job"], "seconds_per_model": 12.0, "megabytes_per_worker": 700}
     summary = job.render_catalogue(Hostile(), tmp_path / "out", options(job=limits))
     status = {line["model_id"]: line["status"] for line in summary.lines}
     assert status == {"abort": "crashed", "sleep": "timeout", "hoard": "memory", "good": "ok"}

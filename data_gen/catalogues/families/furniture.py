@@ -8,6 +8,7 @@ from data_gen.catalogues import solids
 from data_gen.catalogues.families.kit import (
     BLACK,
     CHROME,
+    GLASS,
     LIGHT,
     RUBBER,
     WHITE,
@@ -385,9 +386,8 @@ def bench(kit: Kit) -> None:
     # Solid ends as wide as the seat: from the side nobody knows what stands between them.
     end = box(depth, 0.06, under, 0.008)
     kit.both(iron, end.at(0, length / 2 - 0.06, under / 2))
-    supports = int(kit.hidden_rng.integers(0, 4))
+    supports = kit.hide_count("supports", 4)
     width = kit.hide("support_width", 0.1, 0.3) * depth
-    kit.hidden["supports"] = supports
     for y in np.linspace(-length / 2, length / 2, supports + 2)[1:-1] * 0.7:
         kit.add(iron, box(width, 0.05, under * 0.98).at(0, y, under * 0.5))
     kit.azimuth = ((85.0, 95.0), (-95.0, -85.0))
@@ -459,16 +459,14 @@ def cabinet(kit: Kit) -> None:
         kit.add(BLACK, box(depth - 0.06, width - 0.03, lift + 0.01).at(z=lift / 2))
     inner = height - lift
     wall = 0.02
-    back = kit.hide("back_recess", 0.0, 0.8) * depth
+    # Open to the front, the recess ends at the panel that the shelves stand against.
+    panel = depth * 0.18
+    back = kit.hide("back_recess", 0.0, (panel - 0.01) / depth if kind == "shelf" else 0.8) * depth
     kit.azimuth = ((-85.0, 85.0),)
     top = kit.chance("top_plate", 0.6)
     if top:
         kit.add(body, box(depth + 0.03, width + 0.04, 0.03, 0.006).at(0, 0, height + 0.014))
     if kind == "shelf":
-        # Open to the front: here the recess ends at the panel that the shelves stand against.
-        panel = depth * 0.18
-        back = min(back / depth / 0.8 * (panel - 0.01), panel - 0.008)
-        kit.hidden["back_recess"] = back / depth
         kit.both(body, box(depth, wall, inner, 0.003).at(0, width / 2 - wall / 2, lift + inner / 2))
         kit.add(
             body,
@@ -568,20 +566,20 @@ def table(kit: Kit) -> None:
     )
     if round_top:
         length = depth = kit.uniform("diameter", 0.7, 1.2)
-    hollow = kit.hide("top_recess", 0.02, 0.92) * thick
     outline = (
         disc(depth / 2, 40)
         if round_top
         else rect(depth, length, kit.uniform("corner", 0.004, 0.08))
     )
     glass = kind in ("coffee", "four_legs", "pedestal") and kit.chance("glass_top", 0.2)
+    recess = kit.hide("rail_recess" if glass else "top_recess", 0.02, 0.92)
     under = height - thick + 0.002
     if glass:
+        kit.add(GLASS, solids.stack([(outline(0.0), height - 0.016), (outline(0.0), height)]))
         # Rails under the glass, of a profile that is open below.
         rail = thick * 0.7
         low = height - 0.016 - rail
-        part = rail * kit.hidden["top_recess"]
-        kit.hidden = {"rail_recess": kit.hidden["top_recess"]}
+        part = rail * recess
         if round_top:
             kit.add(frame, solids.tray(disc(depth * 0.3, 32), rail, 0.012, part).at(z=low))
         else:
@@ -599,7 +597,7 @@ def table(kit: Kit) -> None:
                     ),
                 )
     else:
-        kit.add(main, solids.tray(outline, thick, 0.03, hollow).at(z=height - thick))
+        kit.add(main, solids.tray(outline, thick, 0.03, recess * thick).at(z=height - thick))
     if kind in ("four_legs", "coffee"):
         style = kit.choose("legs", "square", "round", "tapered", "turned")
         inset_ = 0.15 * depth if round_top else 0.05
@@ -648,11 +646,9 @@ def table(kit: Kit) -> None:
                 main,
                 box(0.025, length - 0.06, under - edge).at(depth * 0.36, 0, (under + edge) / 2),
             )
-            count = int(kit.hidden_rng.integers(0, 3))
-            kit.hidden["pedestals"] = count
+            count = kit.hide_count("pedestals", 3)
             wide = kit.hide("pedestal_width", 0.18, 0.3) * length
-            left = bool(kit.hidden_rng.random() < 0.5)
-            kit.hidden["left"] = left
+            left = bool(kit.hide_count("left", 2))
             for k in range(count):
                 s = 1 if (k == 0) == left else -1
                 tall = under - edge - 0.01

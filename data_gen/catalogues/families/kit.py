@@ -2,8 +2,8 @@
 
 import colorsys
 import dataclasses
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,14 @@ from data_gen.catalogues.solids import Solid
 from data_gen.meshes import Material, Model
 
 EVERYWHERE = ((-180.0, 180.0),)
+
+
+class HiddenRange(NamedTuple):
+    """What a hidden parameter is drawn from, uniformly: [low, high), or whole numbers of it."""
+
+    low: float
+    high: float
+    whole: bool = False
 
 
 # --- Materials --------------------------------------------------------------------------------
@@ -136,13 +144,26 @@ class Kit:
       hidden_rng: of what cannot.
       visible: parameters to be stored.
       hidden: hidden parameters to be stored.
+      ranges: what they are drawn from, each on its own.
       azimuth: where from they are hidden.
+
+    Args:
+      rng: of what can be seen.
+      hidden_rng: of what cannot.
+      given: hidden parameters that are not drawn.
     """
 
-    def __init__(self, rng: np.random.Generator, hidden_rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        hidden_rng: np.random.Generator,
+        given: Mapping[str, float] | None = None,
+    ) -> None:
         self.rng, self.hidden_rng = rng, hidden_rng
+        self._given = dict(given or {})
         self.visible: dict[str, Any] = {}
         self.hidden: dict[str, Any] = {}
+        self.ranges: dict[str, HiddenRange] = {}
         self.azimuth: tuple[tuple[float, float], ...] = EVERYWHERE
         self._parts: list[tuple[Solid, int]] = []
         self._materials: list[Material] = []
@@ -185,8 +206,28 @@ class Kit:
 
     def hide(self, name: str, low: float, high: float) -> float:
         """Draws a hidden parameter and stores it."""
-        self.hidden[name] = float(self.hidden_rng.uniform(low, high))
-        return self.hidden[name]
+        drawn = float(self.hidden_rng.uniform(low, high))
+        return float(self._hide(name, HiddenRange(low, high), drawn))
+
+    def hide_count(self, name: str, high: int) -> int:
+        """Draws a hidden whole number from 0 to `high` - 1 and stores it."""
+        drawn = int(self.hidden_rng.integers(high))
+        return int(self._hide(name, HiddenRange(0, high, True), drawn))
+
+    def _hide(self, name: str, span: HiddenRange, drawn: float) -> float:
+        value = self._given.get(name, drawn)
+        if not span.low <= value <= span.high or (
+            span.whole and not (value == int(value) < span.high)
+        ):
+            kind = "a whole number" if span.whole else "a number"
+            below = " (itself left out)" if span.whole else ""
+            raise ValueError(
+                f"hidden {name}: got {value}, expected {kind} from {span.low:g} to "
+                f"{span.high:g}{below}"
+            )
+        self.ranges[name] = span
+        self.hidden[name] = int(value) if span.whole else float(value)
+        return value
 
     def model(self, category: str, model_id: str, parameters: dict[str, Any]) -> Model:
         """The finished model, normalised."""

@@ -1049,7 +1049,8 @@ def watercraft(kit: Kit) -> None:
         keel = min(rise, top * 0.9)
         x = long * t
         rake = 0.1 * long * max(t, 0) ** 3
-        hollow = tunnel * np.clip((0.35 - t) / 0.25, 0, 1) if t < 0.35 else 0.0
+        # Not as far as the transom, which is seen from abaft the beam.
+        hollow = tunnel * np.clip(min(0.35 - t, 2 * (t + 1)) / 0.25, 0, 1)
         roof = keel + max(hollow, 0.002)
         shape = [
             (0.0, roof, 0.0),

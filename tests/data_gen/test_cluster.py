@@ -1,0 +1,140 @@
+"""Rendering on a Dask cluster of two workers. Skipped without Dask or Mitsuba."""
+
+import os
+import pathlib
+import signal
+import time
+import warnings
+
+import pytest
+
+from data_gen import catalogues, cluster, job, pool, settings, worker
+from psgn_jax.data import records
+
+distributed = pytest.importorskip("distributed")
+pytestmark = [
+    pytest.mark.skipif(not worker.has_mitsuba(), reason="Mitsuba is not installed"),
+    # Dask's own: it warns of ports, of the log and of processes that were killed.
+    pytest.mark.filterwarnings("ignore"),
+]
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+SOURCE = "chair=2,table=2,lamp=2"
+OPTIONS = settings.parse(
+    {
+        "views": 1,
+        "num_points": 600,
+        "models_per_shard": 2,
+        "camera": {"image_size": (48, 64)},
+        "job": {"variant": "scalar", "seconds_per_model": 20.0, "megabytes_per_worker": 2000},
+        "checks": {"depth": 0.1, "inside": 0.9},
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def dask():
+    """A cluster of two worker processes with a thread each."""
+    before = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = str(ROOT)
+    with (
+        warnings.catch_warnings(action="ignore"),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
+            scheduler_port=0, silence_logs=50,
+        ) as found,
+    ):  # fmt: skip
+        yield found
+    os.environ.pop("PYTHONPATH")
+    if before is not None:
+        os.environ["PYTHONPATH"] = before
+
+
+def contents(folder):
+    return {
+        p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
+        if p.suffix == ".arrayrecord" or p.name == records.MANIFEST
+    }  # fmt: skip
+
+
+def on(address):
+    return lambda tasks, context: cluster.render_on(address, tasks, context)
+
+
+def test_same_bytes_as_the_local_job_though_a_worker_is_killed_and_the_job_broken_off(
+    dask, tmp_path
+):
+    source = catalogues.open("procedural", SOURCE)
+    local = job.render_catalogue(source, tmp_path / "local", OPTIONS)
+    assert local.samples == 6
+
+    def broken_off(tasks, context):
+        for number, result in enumerate(cluster.render_on(dask.scheduler_address, tasks, context)):
+            if number == 2:
+                raise KeyboardInterrupt
+            yield result
+
+    with pytest.raises(KeyboardInterrupt):
+        job.render_catalogue(source, tmp_path / "out", OPTIONS, render=broken_off)
+    assert not records.load_manifest(tmp_path / "out", allow_incomplete=True).complete
+
+    todo = []
+
+    def with_a_death(tasks, context):
+        todo.extend(tasks)
+        victim = next(iter(dask.workers.values())).pid
+        for number, result in enumerate(cluster.render_on(dask.scheduler_address, tasks, context)):
+            if number == 0:
+                os.kill(victim, signal.SIGKILL)
+            yield result
+
+    again = job.render_catalogue(source, tmp_path / "out", OPTIONS, render=with_a_death)
+    assert len(todo) == 4
+    assert (again.exit_code, again.statuses) == (0, {"ok": 6})
+    assert contents(tmp_path / "out") == contents(tmp_path / "local")
+
+
+def abort():
+    os.abort()
+
+
+def sleep_long():
+    time.sleep(100)
+
+
+class Hostile:
+    name = "hostile"
+
+    def __len__(self):
+        return 3
+
+    def entries(self):
+        good = next(iter(catalogues.open("procedural", "table=1").entries()))
+        yield catalogues.Entry("abort", "", "train", abort)
+        yield catalogues.Entry("sleep", "", "train", sleep_long)
+        yield catalogues.Entry("good", "table", "train", good.loader)
+
+
+def test_models_that_crash_or_hang_end_alone(dask, tmp_path):
+    summary = job.render_catalogue(
+        Hostile(), tmp_path / "out", OPTIONS, render=on(dask.scheduler_address)
+    )
+    status = {line["model_id"]: line["status"] for line in summary.lines}
+    assert status == {"abort": "crashed", "sleep": "timeout", "good": "ok"}
+    assert summary.samples == 1
+
+
+def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
+    real = distributed.Client
+    monkeypatch.setattr(
+        distributed, "Client", lambda address, **options: real(address, **{**options, "timeout": 1})
+    )
+    with pytest.raises(RuntimeError, match="no scheduler answers"):
+        list(cluster.render_on("tcp://127.0.0.1:9", [], None))
+
+
+def test_renderers_are_told_apart_from_models_that_cannot_start(tmp_path):
+    context = worker.Context(OPTIONS, "procedural", worker.Variant("no such variant"), None, [])
+    entry = next(iter(catalogues.open("procedural", "table=1").entries()))
+    with pytest.raises(RuntimeError, match="before they were ready"):
+        pool.Renderer(context).render(entry)
