@@ -48,6 +48,8 @@ DATA_GEN_MAY_IMPORT = {
 }
 DATA_GEN_IMPORTERS = {"psgn_jax.data.default"}
 DATA_GEN_DOORS = {
+    "dask": {"data_gen.cluster"},
+    "distributed": {"data_gen.cluster"},
     "mitsuba": {"data_gen.shader", "data_gen.worker"},
     "drjit": {"data_gen.shader", "data_gen.worker"},
     "trimesh": {"data_gen.loading", "data_gen.catalogues.folder"},

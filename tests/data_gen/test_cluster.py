@@ -1,5 +1,6 @@
 """Rendering on a Dask cluster of two workers. Skipped without Dask or Mitsuba."""
 
+import dataclasses
 import os
 import pathlib
 import signal
@@ -26,7 +27,7 @@ OPTIONS = settings.parse(
         "num_points": 600,
         "models_per_shard": 2,
         "camera": {"image_size": (48, 64)},
-        "job": {"variant": "scalar", "seconds_per_model": 20.0, "megabytes_per_worker": 2000},
+        "job": {"variant": "scalar", "seconds_per_model": 60.0, "megabytes_per_worker": 2000},
         "checks": {"depth": 0.1, "inside": 0.9},
     }
 )
@@ -115,9 +116,13 @@ class Hostile:
         yield catalogues.Entry("good", "table", "train", good.loader)
 
 
+@pytest.mark.slow
 def test_models_that_crash_or_hang_end_alone(dask, tmp_path):
+    hurried = dataclasses.replace(
+        OPTIONS, job=dataclasses.replace(OPTIONS.job, seconds_per_model=20.0)
+    )
     summary = job.render_catalogue(
-        Hostile(), tmp_path / "out", OPTIONS, render=on(dask.scheduler_address)
+        Hostile(), tmp_path / "out", hurried, render=on(dask.scheduler_address)
     )
     status = {line["model_id"]: line["status"] for line in summary.lines}
     assert status == {"abort": "crashed", "sleep": "timeout", "good": "ok"}
