@@ -175,7 +175,7 @@ def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
             )
     else:
         (out / _WORK).mkdir(exist_ok=True)
-        records.write_atomically(stated, json.dumps(job, indent=1) + "\n")
+        records.write_atomic(stated, json.dumps(job, indent=1) + "\n")
     if not (out / records.MANIFEST).exists():
         records.save_manifest(out, records.Manifest(name, False, ()))
     return False
@@ -200,7 +200,7 @@ def _finish_block(out: pathlib.Path, block: Block, digest: str, sources: list[pa
         "lines": [line for line, _ in results],
         "indices": block.indices,
     }
-    records.write_atomically(out / _WORK / block.name, json.dumps(content) + "\n")
+    records.write_atomic(out / _WORK / block.name, json.dumps(content) + "\n")
     for path in sources:
         path.unlink(missing_ok=True)
     return 0 if shard is None else shard.count
@@ -234,7 +234,7 @@ def _complete(
     if len(known) < len(blocks):
         return lines, False
     text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
-    records.write_atomically(out / REPORT, text)
+    records.write_atomic(out / REPORT, text)
     shards = sorted((c["shard"] for c in known if c["shard"]), key=lambda s: s["file"])
     manifest = records.Manifest(
         name,

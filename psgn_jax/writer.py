@@ -21,6 +21,7 @@ import numpy as np
 from absl import flags, logging
 
 from psgn_jax.config import ConfigError
+from psgn_jax.data.records import write_atomic as write_atomic  # for whoever writes results
 
 
 def log_to_terminal() -> None:
@@ -104,21 +105,6 @@ def locked(workdir: str | pathlib.Path) -> Iterator[None]:
         except OSError as error:  # file systems without locks
             logging.warning("%s cannot be locked (%s): start no second training there", path, error)
         yield
-
-
-def write_atomic(path: str | pathlib.Path, content: str | bytes) -> None:
-    """Writes a file under a temporary name, syncs it to the disk and renames it."""
-    path = pathlib.Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with open(temporary, "wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:

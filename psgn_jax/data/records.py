@@ -534,13 +534,15 @@ def _install(temporary: pathlib.Path, path: pathlib.Path) -> None:
     _sync_directory(path.parent)
 
 
-def write_atomically(path: pathlib.Path, content: bytes | str) -> None:
+def write_atomic(path: str | os.PathLike[str], content: bytes | str) -> None:
     """Writes a file that appears under its name whole and durable, or not at all.
 
     Args:
-      path: of the file; one that is there is replaced.
+      path: of the file; one that is there is replaced, its folder is made where missing.
       content: bytes, or text to be written as UTF-8.
     """
+    path = pathlib.Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
@@ -559,7 +561,7 @@ def save_manifest(folder: pathlib.Path, manifest: Manifest) -> None:
         "fields": manifest.fields(),
         "shards": [dataclasses.asdict(s) for s in manifest.shards],
     }
-    write_atomically(folder / MANIFEST, json.dumps(content, indent=1) + "\n")
+    write_atomic(folder / MANIFEST, json.dumps(content, indent=1) + "\n")
 
 
 def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = False) -> Manifest:

@@ -284,7 +284,7 @@ def _write_and_fail(folder, sample):
 
 def test_files_appear_whole_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "a.json"
-    records.write_atomically(path, "é\n")
+    records.write_atomic(path, "é\n")
     assert path.read_bytes() == "é\n".encode()
 
     def fail(descriptor):
@@ -292,7 +292,7 @@ def test_files_appear_whole_or_not_at_all(tmp_path, monkeypatch):
 
     monkeypatch.setattr(records.os, "fsync", fail)
     with pytest.raises(OSError, match="disk"):
-        records.write_atomically(path, b"new")
+        records.write_atomic(path, b"new")
     assert path.read_bytes() == "é\n".encode()
     assert list(tmp_path.iterdir()) == [path]
 
