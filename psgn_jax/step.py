@@ -18,7 +18,7 @@ from jax.sharding import PartitionSpec as P
 
 from psgn_jax.config import Config, ConfigError
 from psgn_jax.losses.chamfer import batched
-from psgn_jax.losses.min_of_n import min_of_n
+from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import posterior
 from psgn_jax.models.inputs import network_input
 from psgn_jax.state import TrainState, random_key, schedule
@@ -85,6 +85,34 @@ def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Arra
     return cast(Array, model.apply({"params": params}, x, r))
 
 
+def best_draw(
+    config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, r: Array
+) -> tuple[Array, MinOfN]:
+    """Mean over a batch of the MoN over draws of r [B,draws,k], with the winners' gradient alone.
+
+    Value and gradient are those of `min_of_n` over `predict` with all draws, up to rounding, at
+    less cost: a losing draw has no gradient, so all draws go forward without keeping anything, and
+    the winner of each sample goes forward once more and backward. What does not depend on r (the
+    encoder, in `hourglass` that of the first pass) is the same for both, and XLA computes it once.
+    Nor is the loss computed again: its derivative by the points, from the first time, is what the
+    winners' points carry on. Measured in `tests/bench/step.py --draws`.
+    """
+    frozen = jax.lax.stop_gradient(params)
+    preds = predict(config, model, frozen, batch, r)
+
+    def total(preds: Array) -> tuple[Array, MinOfN]:
+        best = batched(min_of_n(loss))(preds, batch["points"])
+        return jnp.sum(best.value), best
+
+    (value, best), by_points = jax.value_and_grad(total, has_aux=True)(preds)
+    rows = jnp.arange(len(r))
+    pred = predict(config, model, params, batch, r[rows, best.winner])
+    # Zero, with the gradient of the loss: the derivative by the points times the points' own.
+    carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))
+    best = jax.lax.stop_gradient(best)
+    return (jax.lax.stop_gradient(value) + jnp.sum(carried)) / len(r), best
+
+
 def make_train_step(
     config: Config,
     model: nn.Module,
@@ -119,12 +147,11 @@ def make_train_step(
             metrics["kl_of_dims"] = jnp.mean(posterior.kl_of_dims(q), axis=0)
             metrics["kl"] = jnp.sum(metrics["kl_of_dims"])
             extra += kl_weight * metrics["kl"]
-        pred = predict(config, model, params, batch, r)
-        if config.loss.min_of_n > 1:
-            best = batched(min_of_n(loss))(pred, batch["points"])
-            value = jnp.mean(best.value)
+        if config.loss.min_of_n > 1 and r is not None:
+            value, best = best_draw(config, model, loss, params, batch, r)
             metrics["loss_of_draws"] = jnp.mean(best.distances)
         else:
+            pred = predict(config, model, params, batch, r)
             value = jnp.mean(batched(loss)(pred, batch["points"]))
         metrics["loss_step"] = value
         if config.loss.l2 != "none":

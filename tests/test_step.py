@@ -13,6 +13,8 @@ import pytest
 
 from psgn_jax import registry, state, step
 from psgn_jax.config import ConfigError, OptimConfig
+from psgn_jax.losses.chamfer import batched
+from psgn_jax.losses.min_of_n import min_of_n
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
@@ -122,6 +124,50 @@ def test_training_on_the_better_of_two_draws(name, data_points):
     assert final.bad_step == -1
     assert history[-1]["loss_step"] < history[0]["loss_step"]
     assert all(h["loss_step"] < h["loss_of_draws"] for h in history)
+
+
+@pytest.mark.parametrize(
+    ("version", "loss"), [("two_branch", "emd_mean"), ("hourglass", "chamfer_sq")]
+)
+def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(version, loss):
+    config = STANDIN["config"](
+        model__name=version,
+        model__widths=(4, 6, 8),
+        loss__name=loss,
+        loss__min_of_n=3,
+        data__num_points=136,
+    )
+    model = registry.build_model(config.model)
+    create, _, _ = compiled(config, None)
+    params = create().params
+    batch = next(STANDIN["train_batches"](config.data, batch_size=4, seed=0, start_step=0))
+    batch = {key: batch[key] for key in step.input_keys(config)}
+    r = step.draw_r(config, 0, 4, train=True)
+    distance = registry.loss(config.loss)
+
+    def plain(params):
+        preds = step.predict(config, model, params, batch, r)
+        best = batched(min_of_n(distance))(preds, batch["points"])
+        return jnp.mean(best.value), best
+
+    def quick(params):
+        return step.best_draw(config, model, distance, params, batch, r)
+
+    (want, want_best), want_grads = jax.jit(
+        jax.value_and_grad(plain, has_aux=True), compiler_options=QUICK
+    )(params)
+    (have, best), grads = jax.jit(jax.value_and_grad(quick, has_aux=True), compiler_options=QUICK)(
+        params
+    )
+    np.testing.assert_allclose(have, want, rtol=1e-6)
+    np.testing.assert_array_equal(best.winner, want_best.winner)
+    assert len(np.unique(best.winner)) > 1
+    scale = max(float(np.abs(g).max()) for g in jax.tree.leaves(want_grads))
+    jax.tree.map(
+        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-5 * scale),
+        grads,
+        want_grads,
+    )
 
 
 VAE = {
