@@ -124,6 +124,11 @@ class ModelConfig:
       deconv_channels: channels of its last layer, 3 per point of a cell.
       fc_widths: hidden widths of the fully connected branch.
       random_size: components of the random input r; 0 = none.
+      posterior: train as a conditional variational autoencoder: r is drawn by a network that reads
+        the ground truth (`models.posterior`); wherever else r is drawn it is the prior's, N(0, I).
+      posterior_widths: feature maps of that network's 3D convolutions, each of which halves the
+        32^3 grid.
+      posterior_hidden: width of its dense layer.
       compute_dtype: arithmetic inside the network; parameters are float32 always.
       image_size, in_channels: filled in from `data`; not keys of a config file.
     """
@@ -136,6 +141,9 @@ class ModelConfig:
     deconv_channels: PositiveInt = 3
     fc_widths: tuple[PositiveInt, ...] = (2048, 1024)
     random_size: Count = 0
+    posterior: bool = False
+    posterior_widths: tuple[PositiveInt, ...] = (32, 64, 128)
+    posterior_hidden: PositiveInt = 128
     compute_dtype: Literal["float32", "bfloat16"] = "float32"
     image_size: tuple[int, int] = dataclasses.field(default=(192, 256), metadata={"derived": True})
     in_channels: int = dataclasses.field(default=4, metadata={"derived": True})
@@ -158,6 +166,10 @@ class LossConfig:
       emd_schedule: how their auction sets epsilon, see `losses.assign`.
       min_of_n: draws of the random input for each sample and training step, of which the nearest to
         the truth counts (`losses.min_of_n`); the paper's 2. Evaluation takes one draw.
+      kl_weight: with `model.posterior`: weight of the Kullback-Leibler divergence from the prior,
+        in units of the loss per nat. For a loss that were -log p of the truth it would be 1; for a
+        sum of squared distances it stands for 2 sigma^2 of the points' assumed scatter.
+      kl_warmup_steps: the weight grows linearly from 0 over the first so many steps.
     """
 
     name: str = "chamfer_sq_mean"
@@ -166,6 +178,8 @@ class LossConfig:
     emd_tolerance: Positive = 0.01
     emd_schedule: Literal["scaling", "authors"] = "scaling"
     min_of_n: PositiveInt = 1
+    kl_weight: NonNegative = 1.0
+    kl_warmup_steps: Count = 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -438,6 +452,17 @@ def _check_together(config: Config) -> None:
             config.loss.min_of_n,
             "1, since without a random input (model.random_size=0) all draws are equal",
         )
+    if model.posterior:
+        if not model.random_size:
+            raise _wrong("model.random_size", 0, "at least 1 with model.posterior=True")
+        if config.loss.min_of_n > 1:
+            raise _wrong(
+                "loss.min_of_n",
+                config.loss.min_of_n,
+                "1 with model.posterior=True, whose one draw of each sample knows the truth",
+            )
+        if not 1 <= len(model.posterior_widths) <= 5:
+            raise _wrong("model.posterior_widths", model.posterior_widths, "1 to 5 widths")
     if optim.warmup_steps >= train.steps:
         raise _wrong(
             "optim.warmup_steps", optim.warmup_steps, f"fewer than train.steps={train.steps}"

@@ -13,6 +13,7 @@ import dataclasses
 import io
 import json
 import pathlib
+import re
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -22,10 +23,11 @@ import numpy as np
 from absl import app, flags, logging
 
 from psgn_jax import metrics as metrics_lib
-from psgn_jax import registry
+from psgn_jax import registry, sampler_metrics, sampling
 from psgn_jax import step as step_lib
 from psgn_jax.checkpoint import CheckpointError, Checkpoints
 from psgn_jax.config import Config, ConfigError, check_paths, from_json
+from psgn_jax.losses.chamfer import batched, chamfer_sq_mean
 from psgn_jax.state import params_from_named_leaves
 from psgn_jax.writer import (
     exit_on_user_error,
@@ -125,12 +127,15 @@ class Evaluation:
 
     def header(self, metric: str) -> str:
         """A metric's name with its unit, as it heads a column."""
+        if of_draws := re.fullmatch(r"(.*)_(best|mean)_of_(\d+)", metric):
+            return f"{of_draws[2]} of {of_draws[3]} draws: {self.header(of_draws[1])}"
         return {
             "cd_sq_radius2": "CD squared [radius^2]",
             "cd_sq_pred_to_gt_radius2": "pred to truth [radius^2]",
             "cd_sq_gt_to_pred_radius2": "truth to pred [radius^2]",
             "cd_l1_radius": "CD-L1 [radius]",
             "emd_radius": "EMD [radius]",
+            "total_mutual_difference_radius2": "total mutual difference [radius^2]",
             "fscore": f"F-score at {self.threshold:g} radius [%]",
             "cd_sq_gt_to_pred_visible_radius2": "visible truth to pred [radius^2]",
             "cd_sq_gt_to_pred_hidden_radius2": "hidden [radius^2]",
@@ -142,6 +147,7 @@ class Evaluation:
     def text(self) -> str:
         """The table as text."""
         names = [name for name in _COLUMNS if name in self.metrics]
+        names += [name for name in self.metrics if "_of_" in name or "mutual" in name]
         head = ["category", "samples", *map(self.header, names)]
         body = [
             [row.name, str(row.count), *(_number(name, row.metrics[name]) for name in names)]
@@ -239,6 +245,44 @@ def make_step(config: Config, model: Any) -> Callable[..., Any]:
     return run
 
 
+def with_draws(
+    config: Config, model: Any, eval_step: Callable[..., Any], num_draws: int
+) -> Callable[..., Any]:
+    """An evaluation step that also measures `num_draws` draws of each image.
+
+    Added to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, of the EMD
+    where `eval.emd_tolerance` asks for it, and `total_mutual_difference_radius2`, see
+    `sampler_metrics`. The draws are those of `sampling.draws` with the configuration's seed.
+
+    Raises:
+      ConfigError: the network has no random input.
+    """
+    sample = sampling.make_draws(config, model, num_draws)
+
+    @jax.jit
+    def measure(points: Any, gt: Any, mutual: Any) -> dict[str, Any]:
+        distances: dict[str, Any] = {"cd_sq_radius2": chamfer_sq_mean}
+        if config.eval.emd_tolerance and points.shape[2] <= gt.shape[1]:
+            tolerance = config.eval.emd_tolerance
+            distances["emd_radius"] = lambda a, b: metrics_lib.emd(a, b, tolerance=tolerance).emd
+
+        def one(draws: Any, gt: Any) -> dict[str, Any]:
+            return sampler_metrics.summarise_draws(draws, gt, distances)
+
+        found = batched(one)(points, gt)
+        if num_draws > 1:
+            difference = jax.vmap(sampler_metrics.total_mutual_difference)
+            found["total_mutual_difference_radius2"] = difference(mutual)
+        return found
+
+    def run(params: Any, batch: Any, index: int) -> Any:
+        points, values = eval_step(params, batch, index)
+        found = sample(params, batch, config.seed, index * len(batch["image"]))
+        return points, {**values, **measure(found.points, batch["points"], found.mutual)}
+
+    return run
+
+
 def evaluate(
     config: Config,
     params: Any,
@@ -310,6 +354,7 @@ def evaluate_workdir(
     split: str | None = None,
     data: str | None = None,
     out: str | pathlib.Path | None = None,
+    draws: int = 0,
 ) -> Evaluation:
     """Evaluates a checkpoint of a run and writes the tables.
 
@@ -319,6 +364,7 @@ def evaluate_workdir(
       split: default the configuration's `data.eval_split`.
       data: folder of records in place of the configuration's `data.path`.
       out: folder for the files, default `workdir/eval_<split>_<checkpoint>`.
+      draws: add the metrics of so many draws of each image, see `with_draws`; 0 = none.
 
     Raises:
       ConfigError, CheckpointError: one line on what is missing.
@@ -331,7 +377,11 @@ def evaluate_workdir(
     split = split or config.data.eval_split
     step, params = load_params(workdir, checkpoint)
     logging.info("evaluating %s, step %d, split %s", workdir, step, split)
-    result = evaluate(config, params, split=split)
+    model = registry.build_model(config.model)
+    eval_step = make_step(config, model)
+    if draws:
+        eval_step = with_draws(config, model, eval_step, draws)
+    result = evaluate(config, params, split=split, eval_step=eval_step)
     folder = pathlib.Path(out) if out else workdir / f"eval_{split}_{checkpoint}"
     write_atomic(folder / "table.txt", result.text())
     write_atomic(folder / "table.csv", result.csv())
@@ -415,6 +465,7 @@ def _main(argv: Sequence[str]) -> None:
             split=values.split,
             data=values.data,
             out=values.out,
+            draws=values.draws,
         )
     sys.stdout.write(result.text())
 
@@ -425,4 +476,5 @@ if __name__ == "__main__":
     flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
     flags.DEFINE_string("data", None, "Folder of records in place of the run's data.path.")
     flags.DEFINE_string("out", None, "Folder for the tables; default: inside the workdir.")
+    flags.DEFINE_integer("draws", 0, "Also measure so many draws of each image.", lower_bound=0)
     app.run(_main, flags_parser=parse_flags)

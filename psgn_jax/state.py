@@ -13,10 +13,11 @@ import optax
 from flax import linen as nn
 
 from psgn_jax.config import Config, OptimConfig
+from psgn_jax.models import posterior
 from psgn_jax.types import Array, PRNGKey
 
 # Purposes of random numbers, folded into the key of the seed.
-_INIT, _TRAIN_RANDOM, _EVAL_RANDOM = 0, 1, 2
+_INIT, _TRAIN_RANDOM, _EVAL_RANDOM, _INIT_POSTERIOR = 0, 1, 2, 3
 
 
 class TrainState(NamedTuple):
@@ -24,7 +25,8 @@ class TrainState(NamedTuple):
 
     Attributes:
       step: int32, updates done.
-      params: parameters of the network, float32.
+      params: parameters of the network, float32; with `model.posterior` those of the posterior's
+        network as well, under the name "posterior", which the network itself passes over.
       opt_state: state of the optimiser.
       ema: averaged parameters, or `()` when `optim.ema_decay` is 0.
       loss_sum: float32, sum of the losses since the last multiple of `train.log_every`.
@@ -83,6 +85,10 @@ def create(config: Config, model: nn.Module, tx: optax.GradientTransformation) -
     r = jnp.zeros((1, config.model.random_size)) if config.model.random_size else None
     key = jax.random.fold_in(jax.random.key(config.seed), _INIT)
     params = model.init(key, image, r)["params"]
+    if config.model.posterior:
+        key = jax.random.fold_in(jax.random.key(config.seed), _INIT_POSTERIOR)
+        own = posterior.build(config.model).init(key, jnp.zeros((1, *posterior.GRID)))["params"]
+        params = {**params, posterior.NAME: own}
     return TrainState(
         step=jnp.int32(0),
         params=params,

@@ -18,7 +18,8 @@ from jax.sharding import PartitionSpec as P
 
 from psgn_jax.config import Config, ConfigError
 from psgn_jax.losses.chamfer import batched
-from psgn_jax.losses.min_of_n import min_of_n
+from psgn_jax.losses.min_of_n import MinOfN, min_of_n
+from psgn_jax.models import posterior
 from psgn_jax.models.inputs import network_input
 from psgn_jax.state import TrainState, random_key, schedule
 from psgn_jax.types import Array
@@ -72,7 +73,7 @@ def l2_authors(params: Any) -> Array:
         if names[-1] != "kernel":
             continue
         dense = L2_CARRY if any("carry" in name for name in names) else L2_DENSE
-        total += (L2_CONV if leaf.ndim == 4 else dense) * 0.5 * jnp.sum(jnp.square(leaf))
+        total += (L2_CONV if leaf.ndim >= 4 else dense) * 0.5 * jnp.sum(jnp.square(leaf))
     return total
 
 
@@ -89,6 +90,34 @@ def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Arra
     return cast(Array, model.apply({"params": params}, x, r))
 
 
+def best_draw(
+    config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, r: Array
+) -> tuple[Array, MinOfN]:
+    """Mean over a batch of the MoN over draws of r [B,draws,k], with the winners' gradient alone.
+
+    Value and gradient are those of `min_of_n` over `predict` with all draws, up to rounding, at
+    less cost: a losing draw has no gradient, so all draws go forward without keeping anything, and
+    the winner of each sample goes forward once more and backward. What does not depend on r (the
+    encoder, in `hourglass` that of the first pass) is the same for both, and XLA computes it once.
+    Nor is the loss computed again: its derivative by the points, from the first time, is what the
+    winners' points carry on. Measured in `tests/bench/step.py --draws`.
+    """
+    frozen = jax.lax.stop_gradient(params)
+    preds = predict(config, model, frozen, batch, r)
+
+    def total(preds: Array) -> tuple[Array, MinOfN]:
+        best = batched(min_of_n(loss))(preds, batch["points"])
+        return jnp.sum(best.value), best
+
+    (value, best), by_points = jax.value_and_grad(total, has_aux=True)(preds)
+    rows = jnp.arange(len(r))
+    pred = predict(config, model, params, batch, r[rows, best.winner])
+    # Zero, with the gradient of the loss: the derivative by the points times the points' own.
+    carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))
+    best = jax.lax.stop_gradient(best)
+    return (jax.lax.stop_gradient(value) + jnp.sum(carried)) / len(r), best
+
+
 def make_train_step(
     config: Config,
     model: nn.Module,
@@ -101,41 +130,58 @@ def make_train_step(
     Metrics are scalars: `loss` (mean over the steps since the last multiple of `train.log_every`),
     `loss_step`, `loss_of_draws` (if `loss.min_of_n` > 1: the mean, not the least, over the draws;
     its distance from `loss` says how much they differ), `l2` (if on), `grad_norm` (before
-    clipping), `learning_rate`, `bad_step` and `bad_metric` (see `TrainState`).
+    clipping), `learning_rate`, `bad_step` and `bad_metric` (see `TrainState`). With
+    `model.posterior` (`loss` is then the distance alone) also `kl`, the divergence in nats summed
+    over the dimensions of z and averaged over samples, `kl_weight`, `kl_dim_min`, `kl_dim_mean`,
+    `kl_dim_max` over the dimensions, `active_dims` (those over `posterior.ACTIVE`), and the vector
+    `kl_of_dims`.
     """
     rate = schedule(config.optim, config.train.steps)
+    encoder = posterior.build(config.model) if config.model.posterior else None
     replicated, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
 
-    def objective(params: Any, batch: Batch, r: Array | None) -> tuple[Array, dict[str, Array]]:
-        pred = predict(config, model, params, batch, r)
+    def objective(
+        params: Any, batch: Batch, r: Array | None, kl_weight: Array
+    ) -> tuple[Array, dict[str, Array]]:
         metrics = {}
-        if config.loss.min_of_n > 1:
-            best = batched(min_of_n(loss))(pred, batch["points"])
-            value = jnp.mean(best.value)
+        extra = jnp.float32(0)
+        if encoder is not None and r is not None:
+            volumes = jax.vmap(posterior.occupied)(batch["points"])
+            q = cast(posterior.Gaussian, encoder.apply({"params": params[posterior.NAME]}, volumes))
+            r = posterior.reparameterise(q, r)
+            metrics["kl_of_dims"] = jnp.mean(posterior.kl_of_dims(q), axis=0)
+            metrics["kl"] = jnp.sum(metrics["kl_of_dims"])
+            extra += kl_weight * metrics["kl"]
+        if config.loss.min_of_n > 1 and r is not None:
+            value, best = best_draw(config, model, loss, params, batch, r)
             metrics["loss_of_draws"] = jnp.mean(best.distances)
         else:
+            pred = predict(config, model, params, batch, r)
             value = jnp.mean(batched(loss)(pred, batch["points"]))
         metrics["loss_step"] = value
-        if config.loss.l2 == "none":
-            return value, metrics
-        metrics["l2"] = config.loss.l2_scale * l2_authors(params)
-        return value + metrics["l2"], metrics
+        if config.loss.l2 != "none":
+            metrics["l2"] = config.loss.l2_scale * l2_authors(params)
+            extra += metrics["l2"]
+        return value + extra, metrics
 
-    def gradients(params: Any, batch: Batch, r: Array | None) -> Any:
-        (total, metrics), grads = jax.value_and_grad(objective, has_aux=True)(params, batch, r)
+    def gradients(params: Any, batch: Batch, r: Array | None, kl_weight: Array) -> Any:
+        (total, metrics), grads = jax.value_and_grad(objective, has_aux=True)(
+            params, batch, r, kl_weight
+        )
         return jax.lax.pmean((total, metrics, grads), "data")
 
     sharded_gradients = jax.shard_map(
         gradients,
         mesh=mesh,
-        in_specs=(P(), P("data"), P("data")),
+        in_specs=(P(), P("data"), P("data"), P()),
         out_specs=P(),
         check_vma=False,  # the custom gradients carry no types of varying axes
     )
 
     def train_step(state: TrainState, batch: Batch) -> tuple[TrainState, dict[str, Array]]:
         r = draw_r(config, state.step, config.train.batch_size, train=True)
-        total, metrics, grads = sharded_gradients(state.params, batch, r)
+        kl_weight = kl_weight_at(config, state.step)
+        total, metrics, grads = sharded_gradients(state.params, batch, r, kl_weight)
         grad_norm = optax.tree.norm(grads)
         updates, opt_state = tx.update(grads, state.opt_state, state.params)
         params = optax.apply_updates(state.params, updates)
@@ -159,6 +205,15 @@ def make_train_step(
             bad_step=jnp.where(first_bad, state.step + 1, state.bad_step),
             bad_metric=jnp.where(first_bad, jnp.argmax(bad).astype(jnp.int32), state.bad_metric),
         )
+        if encoder is not None:
+            by_dim = metrics["kl_of_dims"]
+            metrics |= {
+                "kl_weight": kl_weight,
+                "kl_dim_min": by_dim.min(),
+                "kl_dim_mean": by_dim.mean(),
+                "kl_dim_max": by_dim.max(),
+                "active_dims": jnp.sum(by_dim > posterior.ACTIVE),
+            }
         metrics |= {
             "loss": loss_sum / loss_count,
             "grad_norm": grad_norm,
@@ -202,6 +257,13 @@ def make_eval_step(
         return sharded(params, batch, draw_r(config, index, len(batch["image"]), train=False))
 
     return jax.jit(eval_step)
+
+
+def kl_weight_at(config: Config, step: Array | int) -> Array:
+    """Weight of the KL at a training step: linear from 0 to `loss.kl_weight`, then constant."""
+    warmup = config.loss.kl_warmup_steps
+    share = jnp.minimum(jnp.float32(1), step / warmup) if warmup else jnp.float32(1)
+    return jnp.asarray(config.loss.kl_weight * share, jnp.float32)
 
 
 def draw_r(config: Config, step: Array | int, batch_size: int, *, train: bool) -> Array | None:

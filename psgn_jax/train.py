@@ -327,7 +327,8 @@ class _Log:
             return
         self._check()
         hidden = ("bad_step", "bad_metric", "loss_step")
-        values = {k: float(v) for k, v in self._last.items() if k not in hidden}
+        values = {k: float(v) for k, v in self._last.items() if k not in hidden and not v.ndim}
+        vectors = {k: np.asarray(v) for k, v in self._last.items() if v.ndim}
         seconds = time.monotonic() - self._last_time - self._paused
         steps = step - self._last_step
         if steps:  # none where the first step, which compiles, is itself logged
@@ -335,6 +336,8 @@ class _Log:
         self._line(step, values, seconds / max(1, steps))
         if self._writer:
             self._writer.scalars(step, "train", values)
+            for name, vector in vectors.items():
+                self._writer.histogram(step, f"train/{name}", vector)
             self._writer.flush()
         self._restart_clock(step)
 
@@ -348,11 +351,15 @@ class _Log:
             speed = f", {values['samples_per_second']:.3g} samples/s, {left} left"
         else:
             speed = ""
+        kl = ""
+        if "kl" in values:
+            kl = f", KL {values['kl']:.3g} nats in {values['active_dims']:.0f} dimensions"
         logging.info(
-            "step %d/%d: loss %.5g, gradient norm %.3g%s",
+            "step %d/%d: loss %.5g%s, gradient norm %.3g%s",
             step,
             total,
             values["loss"],
+            kl,
             values["grad_norm"],
             speed,
         )

@@ -151,6 +151,10 @@ class MetricsWriter:
         """A picture uint8 [H,W,3] to tensorboard."""
         self._board().add_image(name, image, step, dataformats="HWC")
 
+    def histogram(self, step: int, name: str, values: np.ndarray) -> None:
+        """The distribution of an array's numbers to tensorboard."""
+        self._board().add_histogram(name, values, step)
+
     def flush(self) -> None:
         """Hands everything to the operating system."""
         if self._tensorboard is not None:

@@ -66,6 +66,39 @@ def by_visibility(pred, gt, visible, threshold):
     return found
 
 
+def cross_chamfer(a, b):
+    """chamfer_sq_mean of every cloud of a and every cloud of b."""
+    return np.array([[chamfer_sq_mean(x, y) for y in b] for x in a])
+
+
+def total_mutual_difference(draws):
+    total = 0.0
+    for i, one in enumerate(draws):
+        others = [chamfer_sq_mean(one, o) for j, o in enumerate(draws) if j != i]
+        total += sum(others) / len(others)
+    return total
+
+
+def coverage(draws, truths):
+    d = cross_chamfer(draws, truths)
+    return len({int(row.argmin()) for row in d}) / len(truths)
+
+
+def minimum_matching_distance(draws, truths):
+    return np.mean([min(chamfer_sq_mean(x, t) for x in draws) for t in truths])
+
+
+def wasserstein_1(a, b, steps=200_001):
+    """The integral of |F^-1 - G^-1| over the levels, by midpoints."""
+    levels = (np.arange(steps) + 0.5) / steps
+    return np.mean(np.abs(_quantiles(a, levels) - _quantiles(b, levels)))
+
+
+def _quantiles(sample, levels):
+    ordered = np.sort(np.asarray(sample, np.float64))
+    return ordered[np.floor(levels * len(ordered)).astype(int)]
+
+
 def distances(a, b):
     return np.sqrt(pairwise_sq(a, b))
 

@@ -55,6 +55,16 @@ WRONG = [
     ({"optim": {"learning_rate": float("nan")}}, "accepted: a finite number"),
     ({"optim": {"b1": 1.0}}, "optim.b1=1.0: accepted: a number >= 0 and < 1"),
     ({"optim": {"schedule": "cosin"}}, "did you mean 'cosine'? accepted: 'constant', 'cosine'"),
+    ({"model": {"posterior": True}}, "model.random_size=0: accepted: at least 1 with model.post"),
+    (
+        {"model": {"posterior": True, "random_size": 2}, "loss": {"min_of_n": 2}},
+        "loss.min_of_n=2: accepted: 1 with model.posterior=True",
+    ),
+    (
+        {"model": {"posterior": True, "random_size": 2, "posterior_widths": ()}},
+        "model.posterior_widths=(): accepted: 1 to 5 widths",
+    ),
+    ({"loss": {"kl_weight": -1}}, "loss.kl_weight=-1: accepted: a number >= 0"),
     ({"optim": {"warmup_steps": 9}, "train": {"steps": 9}}, "fewer than train.steps=9"),
     ({"data": {"flip": 1}}, "data.flip=1: accepted: True or False"),
     ({"data": {"path": None}}, "data.path=None: accepted: a string"),

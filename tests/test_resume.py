@@ -196,6 +196,27 @@ def test_killed_run_on_records_ends_bit_identical(command, tmp_path):
     assert_same_end(tmp_path / "run", tmp_path / "whole")
 
 
+def test_killed_run_with_a_posterior_ends_bit_identical(command, tmp_path):
+    flags = [
+        "--config.model.posterior=True",
+        "--config.model.posterior_widths=(2,2,2)",
+        "--config.model.posterior_hidden=4",
+        "--config.loss.kl_weight=0.01",
+        "--config.loss.kl_warmup_steps=60",
+    ]
+
+    def start(workdir):
+        return command(workdir, *flags)
+
+    assert start(tmp_path / "whole").wait() == 0, log_of(tmp_path / "whole")
+    disturb(start, tmp_path / "run", ["any", "term"], seed=5)
+    assert_same_end(tmp_path / "run", tmp_path / "whole")
+    assert any("posterior" in name for name in final(tmp_path / "whole").leaves)
+    last = lines(tmp_path / "run")[-2]
+    assert {"kl", "active_dims", "kl_weight"} <= last.keys()
+    assert "nats in" in log_of(tmp_path / "run")
+
+
 def test_two_trainings_in_one_folder_are_refused(command, undisturbed):
     with locked(undisturbed):
         process = command(undisturbed)

@@ -13,6 +13,8 @@ import pytest
 
 from psgn_jax import registry, state, step
 from psgn_jax.config import ConfigError, OptimConfig
+from psgn_jax.losses.chamfer import batched
+from psgn_jax.losses.min_of_n import min_of_n
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
@@ -48,7 +50,7 @@ def run(config, steps, devices=None, spoil=None):
         if number == spoil:
             batch["points"] = np.full_like(batch["points"], np.nan)
         current, metrics = train_step(current, step.put_batch(batch, mesh, step.input_keys(config)))
-        history.append({k: float(v) for k, v in metrics.items()})
+        history.append({k: float(v) for k, v in metrics.items() if not v.ndim})
     return jax.tree.map(np.asarray, current), history
 
 
@@ -124,6 +126,95 @@ def test_training_on_the_better_of_two_draws(name, data_points):
     assert all(h["loss_step"] < h["loss_of_draws"] for h in history)
 
 
+@pytest.mark.parametrize(
+    ("version", "loss"), [("two_branch", "emd_mean"), ("hourglass", "chamfer_sq")]
+)
+def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(version, loss):
+    config = STANDIN["config"](
+        model__name=version,
+        model__widths=(4, 6, 8),
+        loss__name=loss,
+        loss__min_of_n=3,
+        data__num_points=136,
+    )
+    model = registry.build_model(config.model)
+    create, _, _ = compiled(config, None)
+    params = create().params
+    batch = next(STANDIN["train_batches"](config.data, batch_size=4, seed=0, start_step=0))
+    batch = {key: batch[key] for key in step.input_keys(config)}
+    r = step.draw_r(config, 0, 4, train=True)
+    distance = registry.loss(config.loss)
+
+    def plain(params):
+        preds = step.predict(config, model, params, batch, r)
+        best = batched(min_of_n(distance))(preds, batch["points"])
+        return jnp.mean(best.value), best
+
+    def quick(params):
+        return step.best_draw(config, model, distance, params, batch, r)
+
+    (want, want_best), want_grads = jax.jit(
+        jax.value_and_grad(plain, has_aux=True), compiler_options=QUICK
+    )(params)
+    (have, best), grads = jax.jit(jax.value_and_grad(quick, has_aux=True), compiler_options=QUICK)(
+        params
+    )
+    np.testing.assert_allclose(have, want, rtol=1e-6)
+    np.testing.assert_array_equal(best.winner, want_best.winner)
+    assert len(np.unique(best.winner)) > 1
+    scale = max(float(np.abs(g).max()) for g in jax.tree.leaves(want_grads))
+    jax.tree.map(
+        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-5 * scale),
+        grads,
+        want_grads,
+    )
+
+
+VAE = {
+    "model__widths": (4, 6, 8),
+    "model__posterior": True,
+    "model__posterior_widths": (3, 4, 5),
+    "model__posterior_hidden": 6,
+    "loss__kl_weight": 1e-2,
+    "loss__kl_warmup_steps": 4,
+}
+
+
+def test_training_with_a_posterior():
+    config = STANDIN["config"](optim__learning_rate=3e-3, loss__l2="none", **VAE)
+    final, history = run(config, 8)
+    assert final.bad_step == -1
+    assert set(final.params["posterior"]) == {"conv0", "conv1", "conv2", "hidden", "gaussian"}
+    assert set(final.ema) == set(final.params)
+    weights = [h["kl_weight"] for h in history]
+    np.testing.assert_allclose(weights, 1e-2 * np.array([0, 0.25, 0.5, 0.75, 1, 1, 1, 1]))
+    assert history[-1]["loss_step"] < history[0]["loss_step"]
+    for h in history:
+        assert 0 < h["kl_dim_min"] <= h["kl_dim_mean"] <= h["kl_dim_max"]
+        assert h["kl"] == pytest.approx(3 * h["kl_dim_mean"], rel=1e-5)
+        assert 0 <= h["active_dims"] <= 3
+    create, _, _ = compiled(config, None)
+    started = create()
+    moved = jax.tree.map(lambda a, b: not np.array_equal(a, b), started.params, final.params)
+    assert all(jax.tree.leaves(moved))  # z reaches the generator, the truth reaches z
+
+
+def test_evaluation_takes_z_from_the_prior_and_the_generator_uses_it():
+    config = STANDIN["config"](**VAE)
+    create, _, _ = compiled(config, None)
+    params = create().params
+    model = registry.build_model(config.model)
+    batch = next(STANDIN["train_batches"](config.data, batch_size=2, seed=0, start_step=0))
+    r = step.draw_r(config, 0, 2, train=False)
+    predict = jax.jit(lambda z: step.predict(config, model, params, batch, z))
+    one, two = predict(r), predict(r + 1)
+    assert np.abs(one - two).max() > 1e-3
+    plain = {k: v for k, v in params.items() if k != "posterior"}
+    np.testing.assert_allclose(
+        one, step.predict(config, model, plain, batch, r), rtol=1e-4, atol=1e-5
+    )
+
+
 def test_l2_of_the_authors_by_layer_type():
     params = {
         "conv": {"kernel": jnp.full((3, 3, 2, 2), 2.0), "bias": jnp.ones(2)},
@@ -175,19 +266,20 @@ def test_leaves_of_a_checkpoint_are_checked(trained):
     jax.tree.map(np.testing.assert_array_equal, params, dict(final.ema))
 
 
-@pytest.mark.parametrize("draws", [1, 2])
-def test_eight_devices_give_the_same_numbers_as_one(draws):
+@pytest.mark.parametrize("kind", [{"loss__min_of_n": 1}, {"loss__min_of_n": 2}, VAE])
+def test_eight_devices_give_the_same_numbers_as_one(kind):
     code = f"""
 import jax, runpy, numpy as np
 jax.config.update("jax_num_cpu_devices", 8)
 here = runpy.run_path({str(ROOT / "tests" / "test_step.py")!r})
-config = here["STANDIN"]["config"](model__widths=(4, 6, 8), optim__eps=1e-3, loss__min_of_n={draws})
+kind = {{"model__widths": (4, 6, 8), "optim__eps": 1e-3}} | {kind!r}
+config = here["STANDIN"]["config"](**kind)
 assert len(jax.devices()) == 8
 one, one_history = here["run"](config, 4, jax.devices()[:1])
 all_, all_history = here["run"](config, 4, jax.devices())
 for a, b in zip(one_history, all_history):
     for name in a:
-        np.testing.assert_allclose(a[name], b[name], rtol=1e-5, err_msg=name)
+        np.testing.assert_allclose(a[name], b[name], rtol=1e-5, atol=1e-9, err_msg=name)
 jax.tree.map(
     lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6), one.params, all_.params
 )

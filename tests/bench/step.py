@@ -7,6 +7,7 @@ its peak memory is its own) and they take turns, so that what else the machine d
     python tests/bench/step.py                  # the full network, batch 32
     python tests/bench/step.py --small          # the half-size network of configs/authors_small.py
     python tests/bench/step.py --layers         # a table of layers instead
+    python tests/bench/step.py --draws          # Min-of-N over the plain step instead (batch 4)
 
 Prints seconds per step (the median and the fastest), the ratio to PyTorch channels last, samples
 per second, the latency of one image forward, and the peak memory of each process.
@@ -27,6 +28,8 @@ _SMALL = flags.DEFINE_bool("small", False, "the network and image size of author
 _REPEATS = flags.DEFINE_integer("repeats", 5, "timed steps of each competitor")
 _THREADS = flags.DEFINE_integer("threads", 2, "threads that PyTorch uses")
 _LAYERS = flags.DEFINE_bool("layers", False, "time the convolutions one by one instead")
+_DRAWS = flags.DEFINE_bool("draws", False, "time steps with Min-of-N against plain ones instead")
+_FLOPS = flags.DEFINE_bool("flops", False, "with --draws: count operations, run nothing")
 _DEFAULT_LAYOUT = flags.DEFINE_bool("default_layout", True, "PyTorch's default layout as well")
 
 FULL: dict[str, Any] = {
@@ -242,6 +245,74 @@ def compare_layers(network: dict[str, Any], batch: int) -> None:
         print(f"{label:34}" + "  ".join(cells), flush=True)
 
 
+def compare_draws(network: dict[str, Any], batch: int) -> None:
+    """Prints, for each network, the cost of a step with Min-of-N over that of the plain step.
+
+    "all": every draw goes forward and backward; "winners": `step.best_draw`. The loss is the CD of
+    1,024 and 4,096 points. Competitors take turns in one process.
+    """
+    import jax
+    import jax.numpy as jnp
+
+    from psgn_jax import registry, step
+    from psgn_jax.config import parse
+    from psgn_jax.losses import batched, chamfer_sq_mean, min_of_n
+
+    rng = np.random.default_rng(0)
+    height, width = network["image_size"]
+    data = {
+        "image": rng.integers(0, 255, (batch, height, width, 3), np.uint8),
+        "mask": rng.random((batch, height, width)) < 0.5,
+        "points": rng.normal(0, 0.3, (batch, 4096, 3)).astype(np.float32),
+    }
+    image = np.zeros((1, height, width, IN_CHANNELS), np.float32)
+    one = np.zeros((1, 128), np.float32)
+    print(f"steps with Min-of-N over the plain step, images {(height, width)}, batch {batch}")
+    for name in ("two_branch", "hourglass"):
+        fields = {k: v for k, v in network.items() if k != "image_size"}
+        config = parse(
+            {
+                "data": {"image_size": (height, width)},
+                "model": {"name": name, "random_size": 128, **fields},
+            }
+        )
+        model = registry.build_model(config.model)
+
+        def plain(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
+            return jnp.mean(batched(chamfer_sq_mean)(step.predict(c, m, p, b, r), b["points"]))
+
+        def every(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
+            best = batched(min_of_n(chamfer_sq_mean))(step.predict(c, m, p, b, r), b["points"])
+            return jnp.mean(best.value)
+
+        def winners(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
+            return step.best_draw(c, m, chamfer_sq_mean, p, b, r)[0]
+
+        cases = [("plain", plain, 1)]
+        cases += [(f"Mo{n}, {how}", f, n) for n in (2, 8) for how, f in
+                  (("all", every), ("winners", winners))]  # fmt: skip
+        shapes = jax.eval_shape(lambda m=model: m.init(jax.random.key(0), image, one)["params"])
+        params = jax.tree.map(lambda s: rng.normal(0, 0.02, s.shape).astype(np.float32), shapes)
+        runs, flops = {}, {}
+        for label, function, n in cases:
+            r = rng.normal(size=(batch, n, 128) if n > 1 else (batch, 128)).astype(np.float32)
+            compiled = jax.jit(jax.grad(function)).lower(params, data, r).compile()
+            flops[label] = compiled.cost_analysis()["flops"]
+            if not _FLOPS.value:
+                runs[label] = _thunk(compiled, params, data, r)
+                runs[label]()
+        best = dict.fromkeys(runs, np.inf)
+        for _ in range(_REPEATS.value):
+            for label, run in runs.items():
+                start = time.perf_counter()
+                run()
+                best[label] = min(best[label], time.perf_counter() - start)
+        for label, _, _ in cases:
+            timed = f"{best[label]:8.3f} s{best[label] / best['plain']:7.2f}" if runs else ""
+            print(f"{name:12}{label:16}{timed}  operations {flops[label] / flops['plain']:5.2f}",
+                  flush=True)  # fmt: skip
+
+
 def _thunk(function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
     import jax
 
@@ -271,6 +342,9 @@ def main(argv: list[str]) -> None:
     if len(argv) > 1:
         raise app.UsageError(f"arguments={argv[1:]}: accepted: none")
     network = SMALL if _SMALL.value else FULL
+    if _DRAWS.value:
+        compare_draws(network, _BATCH.value or 4)
+        return
     batch = _BATCH.value or (16 if _SMALL.value else 32)
     (compare_layers if _LAYERS.value else compare)(network, batch)
 
