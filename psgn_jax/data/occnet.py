@@ -176,7 +176,7 @@ def read_model(
                 mask=mask,
                 points=whole[chosen].astype(np.float32),
                 normals=(normals[chosen] @ shapenet.TO_WORLD.T @ turn.T).astype(np.float32),
-                occupancy=solid and shapenet.turned_occupancy(solid, placement, turn),
+                occupancy=shapenet.turned_occupancy(solid, placement, turn) if solid else None,
                 intrinsics=inner.astype(np.float32),
                 extrinsics=extrinsics,
                 category=shapenet.SYNSETS[synset],
