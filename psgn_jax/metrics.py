@@ -20,6 +20,34 @@ from psgn_jax.types import Array, Bool, Float
 FSCORE_THRESHOLD = 0.01
 
 
+# The paper's unit: 1/10 of the edge of the grid that holds the ground truth (section 5.2).
+GRID_EDGE_UNITS = 10
+
+
+def to_grid_units(distance: float | Array, *, grid_edge: float | Array = 2.0) -> float | Array:
+    """A distance in the paper's unit, 1/10 of the grid's edge: `distance * 10 / grid_edge`.
+
+    Args:
+      distance: in the unit of the coordinates (EMD, Chamfer-L1).
+      grid_edge: edge of the voxel grid in the same unit. 2 is the schema's grid, whose unit is the
+        radius of the bounding hemisphere; the grid of 3D-R2N2 is the cube on the longest edge of
+        the object's bounding box, smaller for most objects: state which one a number refers to.
+    """
+    return distance * (GRID_EDGE_UNITS / grid_edge)
+
+
+def from_grid_units(distance: float | Array, *, grid_edge: float | Array = 2.0) -> float | Array:
+    """Inverse of `to_grid_units`."""
+    return distance * (grid_edge / GRID_EDGE_UNITS)
+
+
+def sq_to_grid_units(
+    distance_sq: float | Array, *, grid_edge: float | Array = 2.0
+) -> float | Array:
+    """A squared distance (the squared Chamfer distances) in the paper's unit, squared."""
+    return distance_sq * (GRID_EDGE_UNITS / grid_edge) ** 2
+
+
 class FScore(NamedTuple):
     """F-score, precision and recall at one threshold; fractions in [0, 1]."""
 

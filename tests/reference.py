@@ -119,3 +119,13 @@ def emd_lower_bound(pred, gt, prices):
     """What prices of gt prove, whoever found them: sum_i min_j (c_ij + p_j) - sum_j p_j."""
     prices = np.asarray(prices, np.float64)
     return (distances(pred, gt) + prices[None]).min(1).sum() - prices.sum()
+
+
+def farthest_points(points, num_samples, start=0):
+    points = np.asarray(points, np.float64)
+    chosen = [start]
+    while len(chosen) < num_samples:
+        nearest_sq = pairwise_sq(points, points[chosen]).min(1)
+        nearest_sq[chosen] = -1
+        chosen.append(int(nearest_sq.argmax()))
+    return np.array(chosen)

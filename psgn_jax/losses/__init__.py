@@ -21,6 +21,8 @@ from psgn_jax.losses.emd import (
     emd_sum,
     matched_distances,
 )
+from psgn_jax.losses.farthest_points import farthest_point_indices, farthest_points
+from psgn_jax.losses.iou import iou, iou_sweep, soft_iou, soft_iou_loss
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 
 __all__ = [
@@ -40,8 +42,14 @@ __all__ = [
     "emd_exact",
     "emd_mean",
     "emd_sum",
+    "farthest_point_indices",
+    "farthest_points",
+    "iou",
+    "iou_sweep",
     "matched_distances",
     "min_of_n",
     "nearest",
     "nearest_both",
+    "soft_iou",
+    "soft_iou_loss",
 ]

@@ -1,0 +1,93 @@
+"""Farthest point sampling: a spread subset of a cloud, one point after the other.
+
+Source: Eldar et al., "The Farthest Point Strategy for Progressive Image Sampling", IEEE
+Transactions on Image Processing 1997; the paper turns volumes into clouds by it (section 5.2).
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+
+from psgn_jax.losses.distances import check_points
+from psgn_jax.types import Array, Float, Int
+
+# Points whose maximum is taken first: the winner is then looked for in one block alone. For 1,024
+# of 16,384 points, two clouds under vmap, 14 ms a cloud instead of 23 for looking through them all.
+_BLOCK = 128
+
+
+def farthest_point_indices(
+    points: Float[Array, "n 3"], num_samples: int, *, start: int | Array = 0
+) -> Int[Array, " k"]:
+    """Indices of `num_samples` points, each the farthest from all chosen before it.
+
+    i_0 = start,   i_t = argmax over j not yet chosen of min over s < t of |p_j - p_(i_s)|^2
+
+    Ties (in float arithmetic) go to the lowest index, so the answer is a function of the points
+    and `start` alone; it is invariant to rigid motion up to rounding, and no index comes twice
+    even where points coincide. It carries no gradient; gather the points with it.
+
+    Memory beyond the input: 4 n numbers. Time n k. For a batch use `jax.vmap`, on a CPU better
+    `jax.lax.map(..., batch_size=2)`: half the time, since two clouds stay in the cache. A
+    coordinate that is not finite makes, inside `jit`, every index n (out of range:
+    `farthest_points` gives NaN).
+
+    Args:
+      points: [n, 3], n >= 1, a floating dtype; computed in float32 (float64 stays).
+      num_samples: k, 1 to n.
+      start: index of the first chosen point, 0 to n - 1; may be traced (then not checked).
+
+    Raises:
+      ValueError: wrong shape or dtype, `num_samples` or `start` out of range, or coordinates that
+        are not finite outside `jit`.
+    """
+    points = check_points(points, "points")
+    if not 1 <= num_samples <= len(points):
+        raise ValueError(
+            f"num_samples: got {num_samples}, expected 1 to the number of points ({len(points)})"
+        )
+    if not isinstance(start, jax.core.Tracer) and not 0 <= int(start) < len(points):
+        raise ValueError(f"start: got {start}, expected 0 to {len(points) - 1}")
+    return _indices(points, num_samples, jnp.asarray(start, jnp.int32))
+
+
+def farthest_points(
+    points: Float[Array, "n 3"], num_samples: int, *, start: int | Array = 0
+) -> Float[Array, "k 3"]:
+    """The points of `farthest_point_indices`; all NaN if a coordinate is not finite inside `jit`.
+
+    Differentiable: each chosen point passes its gradient on to where it was taken from.
+    """
+    index = farthest_point_indices(points, num_samples, start=start)
+    return jnp.asarray(points).at[index].get(mode="fill", fill_value=jnp.nan)
+
+
+@functools.partial(jax.jit, static_argnums=1)
+def _indices(points: Array, num_samples: int, start: Array) -> Array:
+    n = len(points)
+    # Copies of the last point: they tie with it and the lowest index wins, so padding never does.
+    padded = jnp.pad(jax.lax.stop_gradient(points), ((0, -n % _BLOCK), (0, 0)), mode="edge")
+    x, y, z = (padded[:, axis].reshape(-1, _BLOCK) for axis in range(3))
+    blocks = jax.lax.broadcasted_iota(jnp.int32, (len(x),), 0)
+    places = jax.lax.broadcasted_iota(jnp.int32, (_BLOCK,), 0)
+    index_of = blocks[:, None] * _BLOCK + places[None, :]
+
+    def step(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Array]:
+        nearest_sq, chosen = carry
+        px, py, pz = jax.lax.dynamic_index_in_dim(padded, chosen, keepdims=False)
+        distance_sq = jnp.square(x - px) + jnp.square(y - py) + jnp.square(z - pz)
+        nearest_sq = jnp.minimum(nearest_sq, distance_sq)
+        # Below every distance, so that a chosen point stays behind coinciding ones.
+        block, place = jnp.divmod(chosen, _BLOCK)
+        nearest_sq = nearest_sq.at[block, place].set(-1)
+        best = nearest_sq.max(axis=1)
+        farthest = best.max()
+        block = jnp.where(best == farthest, blocks, len(x) - 1).min()
+        row = jax.lax.dynamic_index_in_dim(nearest_sq, block, keepdims=False)
+        place = jnp.where(row == farthest, places, _BLOCK - 1).min()
+        return (nearest_sq, block * _BLOCK + place), chosen
+
+    infinite = jnp.where(index_of < n, jnp.inf, -1).astype(points.dtype)
+    _, chosen = jax.lax.scan(step, (infinite, start), None, length=num_samples)
+    return jnp.where(jnp.isfinite(points).all(), chosen, n)

@@ -1,0 +1,83 @@
+"""Intersection over union of two volumes, soft for training and thresholded for reporting.
+
+Volumes are occupancies in [0, 1] on one grid, any shape; all functions take one pair. IoU has no
+unit. The project's grid is the schema's: [32, 32, 32] indexed [x, y, z] over
+[-1, 1] x [-1, 1] x [0, 2].
+"""
+
+import jax.numpy as jnp
+
+from psgn_jax.types import Array, Bool, Float
+
+PREDICTION_THRESHOLDS = tuple(round(0.05 * i, 2) for i in range(1, 20))
+"""Default of a sweep: .05 to .95."""
+
+
+def soft_iou(pred: Float[Array, "*cells"], gt: Float[Array, "*cells"]) -> Float[Array, ""]:
+    """sum(p g) / sum(p + g - p g), 1 where both are empty: IoU with probabilities.
+
+    Equals `iou` where all values are 0 or 1. Differentiable everywhere.
+
+    Source: Rahman and Wang, "Optimizing Intersection-Over-Union in Deep Neural Networks for Image
+    Segmentation", ISVC 2016. The paper says only that its post-processing network "is trained by
+    IoU" (implementation details); this form is **ours**.
+
+    Args:
+      pred: values in [0, 1], not checked.
+      gt: likewise.
+
+    Raises:
+      ValueError: the shapes differ.
+    """
+    _check_shapes(pred, gt)
+    pred, gt = jnp.asarray(pred), jnp.asarray(gt)
+    both = (pred * gt).sum()
+    either = pred.sum() + gt.sum() - both
+    empty = either == 0
+    return jnp.where(empty, 1.0, both / jnp.where(empty, 1, either))
+
+
+def soft_iou_loss(pred: Float[Array, "*cells"], gt: Float[Array, "*cells"]) -> Float[Array, ""]:
+    """1 - `soft_iou`."""
+    return 1 - soft_iou(pred, gt)
+
+
+def iou(
+    pred: Float[Array, "*cells"], gt: Bool[Array, "*cells"], threshold: float | Array = 0.5
+) -> Float[Array, ""]:
+    """|P and G| / |P or G| with P = (pred >= threshold), 1 where both are empty.
+
+    NaN if a predicted value is NaN. Source: Choy et al., "3D-R2N2", ECCV 2016, section 5.1 (its
+    code compares with >= and takes .4).
+
+    Raises:
+      ValueError: the shapes differ.
+    """
+    return iou_sweep(pred, gt, jnp.asarray(threshold)[None])[0]
+
+
+def iou_sweep(
+    pred: Float[Array, "*cells"],
+    gt: Bool[Array, "*cells"],
+    thresholds: Float[Array, " t"] | tuple[float, ...] = PREDICTION_THRESHOLDS,
+) -> Float[Array, " t"]:
+    """`iou` at each threshold. To choose one, average over validation samples and take the best.
+
+    Raises:
+      ValueError: the shapes differ.
+    """
+    _check_shapes(pred, gt)
+    pred, gt = jnp.asarray(pred).reshape(-1), jnp.asarray(gt).reshape(-1)
+    inside = pred[None, :] >= jnp.asarray(thresholds, pred.dtype)[:, None]
+    both = (inside & gt[None, :]).sum(axis=1)
+    either = (inside | gt[None, :]).sum(axis=1)
+    score = jnp.where(either == 0, 1.0, both / jnp.where(either == 0, 1, either))
+    # A comparison turns NaN into "empty": a silent number. Let it through instead.
+    return jnp.where(jnp.isnan(pred).any(), jnp.nan, score)
+
+
+def _check_shapes(pred: Array, gt: Array) -> None:
+    if pred.shape != gt.shape:
+        raise ValueError(
+            f"pred has the shape {tuple(pred.shape)}, gt {tuple(gt.shape)}: expected the same grid"
+        )

@@ -1,0 +1,102 @@
+import importlib.util
+import pathlib
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax import losses
+
+_spec = importlib.util.spec_from_file_location(
+    "reference", pathlib.Path(__file__).resolve().parents[1] / "reference.py"
+)
+reference = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(reference)
+
+
+@pytest.mark.parametrize(("n", "k"), [(1, 1), (7, 7), (128, 20), (300, 300), (1000, 64)])
+def test_equals_the_naive_version(rng, n, k):
+    points = rng.normal(size=(n, 3)).astype(np.float32)
+    start = n // 2
+    got = losses.farthest_point_indices(points, k, start=start)
+    np.testing.assert_array_equal(got, reference.farthest_points(points, k, start))
+    np.testing.assert_array_equal(
+        losses.farthest_points(points, k, start=start), points[np.asarray(got)]
+    )
+
+
+def test_batch_under_jit_equals_single_clouds(rng):
+    clouds = rng.uniform(-1, 1, (3, 500, 3)).astype(np.float32)
+    start = jnp.array([0, 499, 17])
+    batched = jax.jit(
+        jax.vmap(lambda cloud, first: losses.farthest_point_indices(cloud, 40, start=first))
+    )(clouds, start)
+    for i in range(3):
+        want = reference.farthest_points(clouds[i], 40, int(start[i]))
+        np.testing.assert_array_equal(batched[i], want)
+
+
+def test_ties_go_to_the_lowest_index():
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
+    # From corner 0 the opposite one; all others are then equally far.
+    np.testing.assert_array_equal(losses.farthest_point_indices(corners, 4)[:3], [0, 7, 1])
+    np.testing.assert_array_equal(
+        losses.farthest_point_indices(corners, 8), reference.farthest_points(corners, 8)
+    )
+
+
+def test_coinciding_points_never_repeat_an_index():
+    points = np.repeat(np.eye(3, dtype=np.float32), 60, axis=0)
+    got = np.asarray(losses.farthest_point_indices(points, 180, start=170))
+    assert sorted(got) == list(range(180))
+    assert {tuple(p) for p in points[got[:3]]} == {tuple(p) for p in np.eye(3)}
+
+
+def test_covers_better_than_a_random_subset(rng):
+    points = rng.normal(size=(2000, 3)).astype(np.float32)
+    chosen = np.asarray(losses.farthest_points(points, 64))
+    cover = np.sqrt(reference.pairwise_sq(points, chosen).min(1)).max()
+    random = np.sqrt(reference.pairwise_sq(points, points[:64]).min(1)).max()
+    assert cover < 0.6 * random
+
+
+def test_gradient_reaches_the_chosen_points(rng):
+    points = rng.normal(size=(50, 3)).astype(np.float32)
+    index = np.asarray(losses.farthest_point_indices(points, 5))
+    pulled = jax.grad(lambda p: losses.farthest_points(p, 5).sum())(jnp.asarray(points))
+    want = np.zeros((50, 3))
+    want[index] = 1
+    np.testing.assert_array_equal(pulled, want)
+
+
+def test_not_finite_is_never_a_sample(rng):
+    points = rng.normal(size=(50, 3)).astype(np.float32)
+    points[3, 1] = np.nan
+    with pytest.raises(ValueError, match="points: point 3 of 50"):
+        losses.farthest_points(points, 5)
+    assert jnp.isnan(jax.jit(losses.farthest_points, static_argnums=1)(points, 5)).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"num_samples": 0}, "num_samples: got 0"),
+        ({"num_samples": 11}, "num_samples: got 11"),
+        ({"num_samples": 2, "start": 10}, "start: got 10"),
+        ({"num_samples": 2, "start": -1}, "start: got -1"),
+    ],
+)
+def test_wrong_arguments(rng, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        losses.farthest_point_indices(rng.normal(size=(10, 3)).astype(np.float32), **arguments)
+
+
+def test_memory_is_linear():
+    """No [n, k] matrix: at 16,384 points and 1,024 samples that would be 67 MB."""
+    compiled = (
+        jax.jit(lambda p: losses.farthest_point_indices(p, 1024))
+        .lower(jax.ShapeDtypeStruct((16384, 3), jnp.float32))
+        .compile()
+    )
+    assert compiled.memory_analysis().temp_size_in_bytes < 2_000_000
