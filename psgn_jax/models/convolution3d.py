@@ -7,7 +7,7 @@ gradients. CPU seconds for two volumes of 32^3, 3x3x3, value and then value with
 (`tests/bench/convolution3d.py`): 16 to 16 channels .017 and .094 instead of .27 and .96; 1 to 16
 .025 and .045 instead of .10 and .34. Four of 32^3, 16 to 1: .027 and .12 instead of .56 and 1.41;
 four of 8^3, 128 to 128: .026 and .077 instead of .064 and .29. To put the three depths beside each
-other in the output channels instead is faster forward at 32^3 and slower backward everywhere.
+other in the output channels instead is faster forward at 32^3 and mostly slower backward.
 """
 
 from typing import Any
