@@ -145,14 +145,12 @@ def write_clouds(
     for suffix in formats:
         if suffix == "npz":
             buffer = io.BytesIO()
-            np.savez_compressed(
-                buffer, allow_pickle=False, points=points, colours=colours, **arrays
-            )
+            np.savez(buffer, allow_pickle=False, points=points, colours=colours, **arrays)
             files.append((f"{name}.npz", buffer.getvalue()))
             continue
         for k in range(len(points)):
             numbered = f"{name}_{k}" if len(points) > 1 else name
             files.append((f"{numbered}.{suffix}", _MAKERS[suffix](points[k], colours[k])))
     for file, content in files:
-        write_atomic(folder / file, content)
+        write_atomic(folder / file, content, sync=False)
     return [folder / file for file, _ in files]

@@ -278,8 +278,8 @@ def _predict_file(
         extrinsics=view.extrinsics,
     )
     picture = io.BytesIO()
-    Image.fromarray(view.image).save(picture, "png")
-    write_atomic(out / f"{name}_view.png", picture.getvalue())
+    Image.fromarray(view.image).save(picture, "png", compress_level=1)
+    write_atomic(out / f"{name}_view.png", picture.getvalue(), sync=False)
     clock.lap("write")
     seconds = {"read": clock.laps["read"], **result.seconds, "write": clock.laps["write"]}
     document = {
@@ -312,7 +312,8 @@ def _predict_file(
         "seconds": {part: round(value, 4) for part, value in seconds.items()},
         "config": to_dict(predictor.config),
     }
-    write_atomic(out / f"{name}.json", json.dumps(document, indent=2, allow_nan=False) + "\n")
+    text = json.dumps(document, indent=2, allow_nan=False) + "\n"
+    write_atomic(out / f"{name}.json", text, sync=False)
     result.seconds.clear()
     result.seconds.update(seconds)
     return result

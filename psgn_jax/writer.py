@@ -106,16 +106,21 @@ def locked(workdir: str | pathlib.Path) -> Iterator[None]:
         yield
 
 
-def write_atomic(path: str | pathlib.Path, content: str | bytes) -> None:
-    """Writes a file under a temporary name, syncs it to the disk and renames it."""
+def write_atomic(path: str | pathlib.Path, content: str | bytes, *, sync: bool = True) -> None:
+    """Writes a file under a temporary name, syncs it to the disk and renames it.
+
+    Without `sync` it is whole or absent all the same when the process dies, but not when the
+    machine does; for what is quickly made again.
+    """
     path = pathlib.Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with open(temporary, "wb") as file:
             file.write(content.encode() if isinstance(content, str) else content)
-            file.flush()
-            os.fsync(file.fileno())
+            if sync:
+                file.flush()
+                os.fsync(file.fileno())
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

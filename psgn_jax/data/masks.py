@@ -91,11 +91,11 @@ def plain(image: np.ndarray) -> np.ndarray | None:
     deviation = np.abs(border - colour).max(axis=1)
     spread = float(np.quantile(deviation, _BORDER_SHARE))
     if spread <= 1:  # a rendering: whatever has another colour is object
-        return np.asarray(np.abs(image.astype(int) - colour).max(axis=2) > 2)
+        return _deviation(image, colour) > 2
     if spread > _LARGEST_DEVIATION / 2:
         return None
     small = _small(image)
-    near = np.abs(small.astype(int) - colour).max(axis=2) <= min(2 * spread + 4, _LARGEST_DEVIATION)
+    near = _deviation(small, colour) <= min(2 * spread + 4, _LARGEST_DEVIATION)
     outside = near.copy()
     outside[1:-1, 1:-1] = False
     mask = ~_flood(outside, near)
@@ -143,6 +143,12 @@ def _rembg(image: np.ndarray) -> np.ndarray:
 
     levels = rembg.remove(image, session=rembg.new_session(_WEIGHTS), only_mask=True)
     return np.asarray(levels) > 127
+
+
+def _deviation(image: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """Largest difference of a channel from a colour, at each pixel."""
+    planes = [np.abs(image[..., i].astype(np.int16) - np.int16(colour[i])) for i in range(3)]
+    return np.maximum(np.maximum(planes[0], planes[1]), planes[2])
 
 
 def _small(image: np.ndarray) -> np.ndarray:

@@ -27,11 +27,11 @@ BRANCH_COLOURS = ((226, 114, 62), (70, 130, 180))
 """Of points from the fully connected and from the deconvolutional branch."""
 
 # By height, from the ground up: the paper's pictures have one hue; this runs from slate to sand.
-_HEIGHT_COLOURS = np.array(
+HEIGHT_COLOURS = np.array(
     [[61, 82, 120], [66, 128, 150], [110, 170, 148], [205, 190, 120], [224, 134, 88]], np.float64
 )
 # By a value, from small to large: perceptually even (dark violet, magenta, orange, light yellow).
-_VALUE_COLOURS = np.array(
+VALUE_COLOURS = np.array(
     [[48, 30, 110], [124, 38, 128], [200, 62, 100], [245, 130, 70], [252, 220, 140]], np.float64
 )
 
@@ -65,12 +65,12 @@ class Case:
 
 def colours_by_height(points: np.ndarray) -> np.ndarray:
     """uint8 [n, 3] by z, from 0 to 1."""
-    return _ramp(_HEIGHT_COLOURS, points[:, 2])
+    return _ramp(HEIGHT_COLOURS, points[:, 2])
 
 
 def colours_by_value(values: np.ndarray, largest: float) -> np.ndarray:
     """uint8 [n, 3] by a value, from 0 to `largest` (error, spread)."""
-    return _ramp(_VALUE_COLOURS, values / largest)
+    return _ramp(VALUE_COLOURS, values / largest)
 
 
 def colours_by_branch(branch: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Time from an image file to its clouds: the first result from the shell, and later ones.
 
-    python tests/bench/predict.py                        # the full two-branch network, random weights
+    python tests/bench/predict.py                        # the full network, untrained
     python tests/bench/predict.py --workdir runs/mine    # a trained one
 
 Makes a run of the full network where none is named, then starts the command twice: once with an
@@ -65,7 +65,8 @@ def run(images: pathlib.Path, workdir: pathlib.Path, cache: pathlib.Path) -> tup
     environment = os.environ | {"PYTHONPATH": str(ROOT), "PSGN_CACHE": str(cache)}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     start = time.perf_counter()
-    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+    quiet = subprocess.DEVNULL
+    subprocess.run(command, check=True, env=environment, stdout=quiet, stderr=quiet)
     wall = time.perf_counter() - start
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
@@ -79,7 +80,8 @@ def main(_: list[str]) -> None:
         folder = pathlib.Path(name)
         workdir = pathlib.Path(_WORKDIR.value) if _WORKDIR.value else folder / "run"
         if not _WORKDIR.value:
-            subprocess.run([sys.executable, __file__, f"--make={workdir}"], check=True)
+            command = [sys.executable, __file__, f"--make={workdir}"]
+            subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
         make_images(folder / "images", _IMAGES.value + 1)
         one = folder / "images" / "000.png"
         for label in ("nothing compiled yet", "compiled before"):
