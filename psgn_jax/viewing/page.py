@@ -93,7 +93,7 @@ def write_pages(
     groups: list[list[str]] = [[]]
     sizes, pages = [0], {}
     for case in cases:
-        text = _json(_encode(case))
+        text = to_json(_encode(case))
         if groups[-1] and len(template) + 4096 + sizes[-1] + len(text) > max_bytes:
             groups.append([])
             sizes.append(0)
@@ -112,7 +112,7 @@ def write_pages(
             "branch_colours": spheres.BRANCH_COLOURS,
             "pages": links if len(groups) > 1 else [],
         }
-        document = f'{_json(head)[:-1]},"cases":[{",".join(group)}]}}'
+        document = f'{to_json(head)[:-1]},"cases":[{",".join(group)}]}}'
         write_atomic(_numbered(path, number), template.replace(_PLACE_OF_DATA, document, 1))
     return pages
 
@@ -178,8 +178,8 @@ def _encode(case: Case) -> dict[str, Any]:
     return item
 
 
-def _json(value: Any) -> str:
-    """JSON that cannot end the script element it stands in."""
+def to_json(value: Any) -> str:
+    """JSON in one line that cannot end the script element it stands in."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
