@@ -355,6 +355,7 @@ def evaluate_workdir(
     data: str | None = None,
     out: str | pathlib.Path | None = None,
     draws: int = 0,
+    on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
 ) -> Evaluation:
     """Evaluates a checkpoint of a run and writes the tables.
 
@@ -365,6 +366,7 @@ def evaluate_workdir(
       data: folder of records in place of the configuration's `data.path`.
       out: folder for the files, default `workdir/eval_<split>_<checkpoint>`.
       draws: add the metrics of so many draws of each image, see `with_draws`; 0 = none.
+      on_batch: as for `evaluate`.
 
     Raises:
       ConfigError, CheckpointError: one line on what is missing.
@@ -381,7 +383,7 @@ def evaluate_workdir(
     eval_step = make_step(config, model)
     if draws:
         eval_step = with_draws(config, model, eval_step, draws)
-    result = evaluate(config, params, split=split, eval_step=eval_step)
+    result = evaluate(config, params, split=split, eval_step=eval_step, on_batch=on_batch)
     folder = pathlib.Path(out) if out else workdir / f"eval_{split}_{checkpoint}"
     write_atomic(folder / "table.txt", result.text())
     write_atomic(folder / "table.csv", result.csv())
@@ -391,6 +393,44 @@ def evaluate_workdir(
     )
     logging.info("tables written to %s", folder)
     return result
+
+
+def report(
+    folder: str | pathlib.Path, workdirs: Sequence[str | pathlib.Path], **options: Any
+) -> Evaluation:
+    """Evaluates one run, or two to compare, and writes the gallery (`viewing.report`).
+
+    Args:
+      folder: for the pages.
+      workdirs: one or two folders of runs.
+      **options: of `evaluate_workdir`; `out` is the first run's.
+
+    Returns:
+      The first run's evaluation.
+
+    Raises:
+      ConfigError, CheckpointError: as `evaluate_workdir`; runs that see other samples.
+    """
+    # Here, since its pages and pictures are wanted by nothing else of this module.
+    from psgn_jax.models.point_out_net import branch_of_point
+    from psgn_jax.viewing import report as report_lib
+
+    runs: list[Any] = []
+    samples: list[Any] = []
+    for number, workdir in enumerate(workdirs):
+        collector = report_lib.Collector()
+        own = options if not number else options | {"out": None}
+        result = evaluate_workdir(workdir, on_batch=collector, **own)
+        num_fc = len(branch_of_point(load_config(workdir).model).fc)
+        label = pathlib.Path(workdir).resolve().name
+        runs.append(report_lib.Run(label, result, collector.preds, num_fc))
+        samples = samples or collector.samples
+    try:
+        page = report_lib.write_report(folder, samples, runs)
+    except ValueError as error:
+        raise ConfigError(f"--report: {error}") from error
+    logging.info("gallery written to %s", page)
+    return runs[0].evaluation
 
 
 def load_config(workdir: str | pathlib.Path) -> Config:
@@ -459,14 +499,15 @@ def _main(argv: Sequence[str]) -> None:
     with exit_on_user_error():
         if len(argv) > 1:
             raise ConfigError(f"unexpected argument {argv[1]!r}")
-        result = evaluate_workdir(
-            values.workdir,
-            checkpoint=values.checkpoint,
-            split=values.split,
-            data=values.data,
-            out=values.out,
-            draws=values.draws,
-        )
+        if values.compare and not values.report:
+            raise ConfigError(f"--compare={values.compare}: accepted with --report=DIR")
+        names = ("checkpoint", "split", "data", "out", "draws")
+        options: dict[str, Any] = {name: values[name].value for name in names}
+        if values.report:
+            workdirs = [values.workdir, *([values.compare] if values.compare else [])]
+            result = report(values.report, workdirs, **options)
+        else:
+            result = evaluate_workdir(values.workdir, **options)
     sys.stdout.write(result.text())
 
 
@@ -477,4 +518,6 @@ if __name__ == "__main__":
     flags.DEFINE_string("data", None, "Folder of records in place of the run's data.path.")
     flags.DEFINE_string("out", None, "Folder for the tables; default: inside the workdir.")
     flags.DEFINE_integer("draws", 0, "Also measure so many draws of each image.", lower_bound=0)
+    flags.DEFINE_string("report", None, "Folder for a gallery of all cases as pages.")
+    flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")
     app.run(_main, flags_parser=parse_flags)

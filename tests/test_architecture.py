@@ -19,7 +19,7 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax.losses", "psgn_jax.models", "psgn_jax.data"),
     ("psgn_jax.metrics", "psgn_jax.sampler_metrics", "psgn_jax.registry"),
     ("psgn_jax.state", "psgn_jax.step", "psgn_jax.sampling", "psgn_jax.checkpoint",
-     "psgn_jax.writer"),
+     "psgn_jax.writer", "psgn_jax.export"),
     ("psgn_jax.train", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.viewing",
      "psgn_jax.studies", "psgn_jax.data.inspect"),  # inspect draws
     ("psgn_jax.main",),
@@ -35,6 +35,8 @@ DOORS = {
     "torch": set(),
     "scipy": {"psgn_jax.losses.emd"},
     "matplotlib": set(),
+    "cv2": {"psgn_jax.data.masks"},
+    "rembg": {"psgn_jax.data.masks"},
 }
 
 

@@ -534,19 +534,24 @@ def _install(temporary: pathlib.Path, path: pathlib.Path) -> None:
     _sync_directory(path.parent)
 
 
-def write_atomic(path: str | os.PathLike[str], content: bytes | str) -> None:
+def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bool = True) -> None:
     """Writes a file that appears under its name whole and durable, or not at all.
 
     Args:
       path: of the file; one that is there is replaced, its folder is made where missing.
       content: bytes, or text to be written as UTF-8.
+      sync: whether it also outlives the machine's death at any moment, not the process's alone;
+        False is for what is quickly made again.
     """
     path = pathlib.Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
-        _install(temporary, path)
+        if sync:
+            _install(temporary, path)
+        else:
+            temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 

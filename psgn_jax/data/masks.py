@@ -1,0 +1,179 @@
+"""Finding the mask of a photo's object. The only importer of cv2 and rembg (extra `photo`).
+
+Four ways, tried in this order by "auto":
+
+- `alpha`: the file's transparency.
+- `plain`: a background of one colour all around, as training renderings and product photos have.
+- `rembg`: a segmentation network, if the package is installed and its weights lie on this machine
+  (nothing is ever downloaded here).
+- `grabcut`: OpenCV's GrabCut seeded by the frame: a band along the border is background (Rother,
+  Kolmogorov, Blake, "GrabCut", SIGGRAPH 2004).
+"""
+
+import importlib.util
+import os
+import pathlib
+
+import numpy as np
+from PIL import Image
+
+from psgn_jax.data.photo import PhotoError, resize_mask
+
+METHODS = ("auto", "alpha", "plain", "rembg", "grabcut")
+
+# The search works on a copy of at most this many pixels a side.
+_SEARCH_SIDE = 512
+# Of `plain`: the share of the border that is background, and the largest deviation from its colour.
+_BORDER_SHARE, _LARGEST_DEVIATION = 0.97, 24
+_SMALLEST, _LARGEST = 0.0005, 0.97  # share of the image that an object may cover
+_BAND = 0.03  # width of the band along the border that is background for GrabCut
+_GRABCUT_ROUNDS = 5
+_WEIGHTS = "u2net"
+
+
+def find_mask(
+    image: np.ndarray, alpha: np.ndarray | None = None, method: str = "auto"
+) -> tuple[np.ndarray, str]:
+    """Finds the object: (bool [h, w], the way it was found).
+
+    Args:
+      image: uint8 [h, w, 3] RGB.
+      alpha: uint8 [h, w] or None.
+      method: one of `METHODS`.
+
+    Raises:
+      PhotoError: no object found, with the remedy.
+      ValueError: an unknown method.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method={method!r}: accepted: {', '.join(METHODS)}")
+    missing: list[str] = []
+    for name in METHODS[1:]:
+        if method not in ("auto", name):
+            continue
+        if name == "alpha":
+            mask = None if alpha is None else alpha > 127
+        elif name == "plain":
+            mask = plain(image)
+        elif name == "rembg":
+            if not has_rembg():
+                missing.append(name)
+                continue
+            mask = _rembg(image)
+        else:
+            if importlib.util.find_spec("cv2") is None:
+                missing.append(name)
+                continue
+            mask = grabcut(image)
+        if (
+            mask is not None
+            and mask.mean() >= _SMALLEST
+            and (mask.mean() <= _LARGEST or name == "alpha")
+        ):
+            return mask, name
+        if mask is not None and name == "alpha":
+            raise PhotoError("the image is transparent all over: no object to see")
+    if method == "auto" and "grabcut" in missing:
+        remedy = "give a mask, or pip install 'psgn-jax[photo]' for GrabCut"
+    elif method in missing:
+        remedy = f"{method} needs the extra 'photo'" + (
+            f" and its weights in {_rembg_weights()}" if method == "rembg" else ""
+        )
+    else:
+        remedy = "give a mask"
+    raise PhotoError(f"no object found ({method}); {remedy}")
+
+
+def plain(image: np.ndarray) -> np.ndarray | None:
+    """What stands out from a background of one colour, or None if there is no such background."""
+    border = np.concatenate([image[0], image[-1], image[1:-1, 0], image[1:-1, -1]]).astype(int)
+    colour = np.median(border, axis=0).astype(int)
+    deviation = np.abs(border - colour).max(axis=1)
+    spread = float(np.quantile(deviation, _BORDER_SHARE))
+    if spread <= 1:  # a rendering: whatever has another colour is object
+        return _deviation(image, colour) > 2
+    if spread > _LARGEST_DEVIATION / 2:
+        return None
+    small = _small(image)
+    near = _deviation(small, colour) <= min(2 * spread + 4, _LARGEST_DEVIATION)
+    outside = near.copy()
+    outside[1:-1, 1:-1] = False
+    mask = ~_flood(outside, near)
+    return resize_mask(_majority(mask), image.shape[:2])
+
+
+def grabcut(image: np.ndarray) -> np.ndarray | None:
+    """GrabCut's object, its large parts alone; the same for the same image. Needs OpenCV."""
+    import cv2
+
+    small = np.ascontiguousarray(_small(image)[..., ::-1])
+    height, width = small.shape[:2]
+    down, across = max(1, round(_BAND * height)), max(1, round(_BAND * width))
+    labels = np.full((height, width), cv2.GC_BGD, np.uint8)
+    labels[down:-down, across:-across] = cv2.GC_PR_FGD
+    nowhere, rounds = (0, 0, 1, 1), _GRABCUT_ROUNDS  # the rectangle is unused with a mask
+    back, fore = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.setRNGSeed(0)
+    try:
+        cv2.grabCut(small, labels, nowhere, back, fore, rounds, cv2.GC_INIT_WITH_MASK)
+    except cv2.error:
+        return None  # an image of one colour has no two mixtures of colours
+    mask = (labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)
+    count, parts, statistics, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    if count < 2:
+        return None
+    areas = statistics[:, cv2.CC_STAT_AREA]
+    large = np.flatnonzero(areas >= 0.1 * areas[1:].max())
+    mask = np.isin(parts, large[large > 0])
+    return resize_mask(mask, image.shape[:2])
+
+
+def has_rembg() -> bool:
+    """Whether rembg and its weights are here."""
+    return importlib.util.find_spec("rembg") is not None and _rembg_weights().is_file()
+
+
+def _rembg_weights() -> pathlib.Path:
+    home = os.environ.get("U2NET_HOME") or str(pathlib.Path.home() / ".u2net")
+    return pathlib.Path(home) / f"{_WEIGHTS}.onnx"
+
+
+def _rembg(image: np.ndarray) -> np.ndarray:
+    import rembg
+
+    levels = rembg.remove(image, session=rembg.new_session(_WEIGHTS), only_mask=True)
+    return np.asarray(levels) > 127
+
+
+def _deviation(image: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """Largest difference of a channel from a colour, at each pixel."""
+    planes = [np.abs(image[..., i].astype(np.int16) - np.int16(colour[i])) for i in range(3)]
+    return np.maximum(np.maximum(planes[0], planes[1]), planes[2])
+
+
+def _small(image: np.ndarray) -> np.ndarray:
+    factor = -(-max(image.shape[:2]) // _SEARCH_SIDE)
+    return image if factor == 1 else np.asarray(Image.fromarray(image).reduce(factor))
+
+
+def _flood(start: np.ndarray, passable: np.ndarray) -> np.ndarray:
+    """What can be reached from `start` over `passable` pixels along rows and columns."""
+    reached = start & passable
+    while True:
+        before = int(reached.sum())
+        # Four sweeps carry it as far as it goes in straight lines and around convex corners.
+        for array, free in ((reached, passable), (reached.T, passable.T)):
+            for lines in (range(1, len(array)), range(len(array) - 2, -1, -1)):
+                step = 1 if lines.step > 0 else -1
+                for i in lines:
+                    array[i] |= array[i - step] & free[i]
+        if int(reached.sum()) == before:
+            return reached
+
+
+def _majority(mask: np.ndarray) -> np.ndarray:
+    """Each pixel as most of the nine around it: specks go, edges stay."""
+    padded = np.pad(mask, 1, mode="edge").astype(np.uint8)
+    height, width = mask.shape
+    count = sum(padded[i : i + height, j : j + width] for i in range(3) for j in range(3))
+    return np.asarray(count) > 4

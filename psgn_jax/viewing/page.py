@@ -1,0 +1,233 @@
+"""A page to look at clouds: one HTML file that needs no network and nothing beside it.
+
+Image, predicted cloud that turns under mouse or finger, truth beside it, a slider over samples;
+points coloured by height, branch, error, spread of the samples or from the image. `page.html` holds
+the page's own code, which draws on a plain canvas; a policy in its head forbids all requests.
+Coordinates are kept as int16: a ten-thousandth of the unit is lost.
+
+    python -m psgn_jax.viewing.page OUT/*.npz --out=page.html
+
+shows what `psgn_jax.predict` wrote.
+"""
+
+import argparse
+import base64
+import dataclasses
+import io
+import json
+import pathlib
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from psgn_jax.viewing import spheres
+from psgn_jax.writer import write_atomic
+
+MAX_BYTES = 5_000_000
+"""Of one page; more cases go onto further pages, linked at the foot."""
+
+_TEMPLATE = pathlib.Path(__file__).with_name("page.html")
+_PLACE_OF_DATA = "/*DATA*/"
+_EXTENT = 2.0  # largest coordinate kept; objects reach to 1
+_ERROR_TOP = 0.2  # distance that has the last colour of the scale, unit
+_BLOCK = 512
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Case:
+    """What the page shows of one image.
+
+    Attributes:
+      name: unlike that of the other cases; `page.html#NAME` opens it.
+      image: uint8 [H, W, 3].
+      samples: float32 [k, n, 3], predictions in the project's frame.
+      truth: float32 [m, 3], or None.
+      num_fc: how many of a sample's points, the first ones, are of the fc branch.
+      colours: uint8 [k, n, 3] from the image, or None.
+      about: a few words, such as the category.
+      metrics: a few words on each sample.
+    """
+
+    name: str
+    image: np.ndarray
+    samples: np.ndarray
+    truth: np.ndarray | None = None
+    num_fc: int = 0
+    colours: np.ndarray | None = None
+    about: str = ""
+    metrics: tuple[str, ...] = ()
+
+
+def write_pages(
+    path: str | pathlib.Path,
+    cases: Sequence[Case],
+    *,
+    title: str = "psgn_jax",
+    max_bytes: int = MAX_BYTES,
+) -> dict[str, pathlib.Path]:
+    """Writes the page, or several where one would be too large: `page.html`, `page-2.html`, ...
+
+    Args:
+      path: of the first page.
+      cases: at least one, with names unlike each other.
+      title: of the page.
+      max_bytes: of one page, unless a single case is larger.
+
+    Returns:
+      The page of each case by its name.
+
+    Raises:
+      ValueError: no case, two of one name, or arrays that do not fit together.
+    """
+    path = pathlib.Path(path)
+    if not cases:
+        raise ValueError("cases is empty: accepted: at least one case")
+    names = [case.name for case in cases]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"cases: the name {twice!r} is there twice; accepted: each once")
+    template = _TEMPLATE.read_text(encoding="utf-8")
+    groups: list[list[str]] = [[]]
+    sizes, pages = [0], {}
+    for case in cases:
+        text = to_json(_encode(case))
+        if groups[-1] and len(template) + 4096 + sizes[-1] + len(text) > max_bytes:
+            groups.append([])
+            sizes.append(0)
+        groups[-1].append(text)
+        sizes[-1] += len(text) + 1
+        pages[case.name] = _numbered(path, len(groups))
+    links = [
+        {"file": _numbered(path, i + 1).name, "label": f"page {i + 1}"} for i in range(len(groups))
+    ]
+    for number, group in enumerate(groups, 1):
+        head = {
+            "title": title,
+            "extent": _EXTENT,
+            "height_colours": spheres.HEIGHT_COLOURS.tolist(),
+            "value_colours": spheres.VALUE_COLOURS.tolist(),
+            "branch_colours": spheres.BRANCH_COLOURS,
+            "pages": links if len(groups) > 1 else [],
+        }
+        document = f'{to_json(head)[:-1]},"cases":[{",".join(group)}]}}'
+        write_atomic(_numbered(path, number), template.replace(_PLACE_OF_DATA, document, 1))
+    return pages
+
+
+def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Distance [n] of each of `queries` to the nearest of `points`, in blocks of bounded memory."""
+    found = [
+        np.sqrt(((queries[i : i + _BLOCK, None] - points[None]) ** 2).sum(axis=2).min(axis=1))
+        for i in range(0, len(queries), _BLOCK)
+    ]
+    return np.concatenate(found)
+
+
+def case_of_prediction(path: str | pathlib.Path) -> Case:
+    """A case from an NPZ of `psgn_jax.predict`."""
+    with np.load(path) as archive:
+        return Case(
+            name=pathlib.Path(path).stem,
+            image=archive["image"],
+            samples=archive["points"],
+            num_fc=int((archive["branch"] == 0).sum()),
+            colours=archive["colours"],
+        )
+
+
+def _numbered(path: pathlib.Path, number: int) -> pathlib.Path:
+    return path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
+
+
+def _encode(case: Case) -> dict[str, Any]:
+    samples, truth = np.asarray(case.samples), case.truth
+    if samples.ndim != 3 or not len(samples) or samples.shape[2] != 3:
+        raise ValueError(
+            f"case {case.name!r}: samples is {list(samples.shape)}: accepted: [k, n, 3], k >= 1"
+        )
+    if case.colours is not None and case.colours.shape != samples.shape:
+        raise ValueError(
+            f"case {case.name!r}: colours is {list(case.colours.shape)}: accepted: "
+            f"{list(samples.shape)}, as samples"
+        )
+    item: dict[str, Any] = {
+        "name": case.name,
+        "about": case.about,
+        "metrics": list(case.metrics),
+        "image": _picture(case.image),
+        "samples": [_points(sample) for sample in samples],
+        "count": samples.shape[1],
+        "fc": case.num_fc,
+    }
+    if truth is not None:
+        truth = truth[:: max(1, len(truth) // samples.shape[1])]  # as dense as the prediction
+        item["truth"] = _points(truth)
+        item["errors"] = [_levels(nearest_distances(s, truth), _ERROR_TOP) for s in samples]
+        item["truth_errors"] = [_levels(nearest_distances(truth, s), _ERROR_TOP) for s in samples]
+        item["error_top"] = _ERROR_TOP
+    if len(samples) > 1:
+        # The same output of the network in each sample: its distance from its mean place.
+        spread = np.sqrt(((samples - samples.mean(axis=0)) ** 2).sum(axis=2).mean(axis=0))
+        top = max(float(spread.max()), 1e-3)
+        item["spread"], item["spread_top"] = _levels(spread, top), top
+    if case.colours is not None:
+        item["colours"] = [_base64(colours.astype(np.uint8)) for colours in case.colours]
+    return item
+
+
+def to_json(value: Any) -> str:
+    """JSON in one line that cannot end the script element it stands in."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+
+
+def _points(points: np.ndarray) -> str:
+    clipped = np.clip(np.nan_to_num(points), -_EXTENT, _EXTENT)
+    return _base64(np.rint(clipped / _EXTENT * 32767).astype("<i2"))
+
+
+def _levels(values: np.ndarray, top: float) -> str:
+    return _base64(np.rint(np.clip(values / top, 0, 1) * 255).astype(np.uint8))
+
+
+def _base64(array: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
+
+
+def _picture(image: np.ndarray) -> str:
+    """A data URI: PNG where that is small, else JPEG."""
+    best = ""
+    for kind, options in (("png", {"optimize": True}), ("jpeg", {"quality": 88})):
+        buffer = io.BytesIO()
+        Image.fromarray(image).save(buffer, kind, **options)
+        uri = f"data:image/{kind};base64," + base64.b64encode(buffer.getvalue()).decode()
+        best = uri if not best or len(uri) < len(best) else best
+        if len(best) < 20_000:
+            break
+    return best
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command; returns its exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m psgn_jax.viewing.page", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("predictions", nargs="+", metavar="NPZ", help="of psgn_jax.predict")
+    parser.add_argument("--out", required=True, help="the page")
+    parser.add_argument("--title", default="psgn_jax")
+    arguments = parser.parse_args(argv)
+    try:
+        cases = [case_of_prediction(path) for path in arguments.predictions]
+        pages = write_pages(arguments.out, cases, title=arguments.title)
+    except (OSError, ValueError, KeyError) as error:
+        sys.stderr.write(f"error: {' '.join(str(error).split())}\n")
+        return 2
+    for page in sorted(set(pages.values())):
+        sys.stdout.write(f"{page}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

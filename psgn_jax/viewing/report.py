@@ -1,0 +1,244 @@
+"""An evaluation as pages: `python -m psgn_jax.evaluate --workdir=W --report=DIR [--compare=W2]`.
+
+Files in DIR: `index.html`, the gallery (per-category table, histogram of errors, best, median and
+worst cases, every case sortable by error and category, linked to its viewer); `viewer.html` (and
+`viewer-2.html`, ...), the clouds to turn, `viewing.page`; `sheet.png`, up to 160 cases as spheres:
+image, prediction, that of the second run, truth; `extremes.png`, the best, median and worst ones.
+No page needs a network. The error is the squared Chamfer distance, `cd_sq_radius2`.
+"""
+
+import base64
+import dataclasses
+import io
+import pathlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from psgn_jax.evaluate import Evaluation
+from psgn_jax.viewing import page, spheres
+from psgn_jax.writer import write_atomic
+
+ERROR = "cd_sq_radius2"
+SHEET_CASES = 160
+"""As many as the paper's gallery has."""
+
+_TEMPLATE = pathlib.Path(__file__).with_name("report.html")
+_TABLE = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
+_PICTURES = 600  # with more cases the gallery is text: pictures are in the viewer
+_THUMB = (96, 128)
+_BARS = 16
+_EXTREMES = 5  # best, median and worst cases each
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Run:
+    """One network's evaluation with its clouds.
+
+    Attributes:
+      label: a short name.
+      evaluation: metrics and names of the samples.
+      preds: float32 [n, 3] of each sample.
+      num_fc: points of the fc branch, the first ones.
+    """
+
+    label: str
+    evaluation: Evaluation
+    preds: Sequence[np.ndarray]
+    num_fc: int = 0
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Sample:
+    """What the samples of a split are: image, true points, camera."""
+
+    image: np.ndarray
+    points: np.ndarray
+    intrinsics: np.ndarray
+    extrinsics: np.ndarray
+
+
+class Collector:
+    """Gathers samples and clouds as the hook `on_batch` of `evaluate.evaluate`."""
+
+    def __init__(self) -> None:
+        self.samples: list[Sample] = []
+        self.preds: list[np.ndarray] = []
+
+    def __call__(self, index: int, batch: Any, points: np.ndarray) -> None:
+        """Keeps the valid rows of a batch."""
+        for i in np.flatnonzero(batch["valid"]):
+            self.samples.append(
+                Sample(*(np.asarray(batch[f.name][i]) for f in dataclasses.fields(Sample)))
+            )
+            self.preds.append(np.asarray(points[i], np.float32))
+
+
+def write_report(
+    folder: str | pathlib.Path, samples: Sequence[Sample], runs: Sequence[Run]
+) -> pathlib.Path:
+    """Writes the pages and sheets; returns the path of `index.html`.
+
+    Args:
+      folder: is made if missing.
+      samples: of the split, in order.
+      runs: one, or two to compare on the same samples; order and errors are the first one's.
+
+    Raises:
+      ValueError: no run or more than two, no sample, runs over other samples.
+    """
+    folder = pathlib.Path(folder)
+    if not 1 <= len(runs) <= 2 or not samples:
+        raise ValueError(
+            f"{len(runs)} runs over {len(samples)} samples: accepted: 1 or 2, over 1 or more"
+        )
+    names = runs[0].evaluation.names
+    for run in runs:
+        if run.evaluation.names != names or len(run.preds) != len(samples):
+            raise ValueError(
+                f"run {run.label!r} saw other samples: accepted: the same split of the same data"
+            )
+    errors = [run.evaluation.metrics[ERROR] for run in runs]
+    titles = [
+        " ".join(filter(None, (f"{name.record:05d}", name.category, name.model_id[:16])))
+        for name in names
+    ]
+    pages = page.write_pages(
+        folder / "viewer.html",
+        [_viewer_case(i, titles[i], samples[i], runs, errors) for i in range(len(samples))],
+        title=runs[0].label,
+    )
+    pictures = len(samples) <= _PICTURES
+    cases = [
+        {
+            "name": titles[i],
+            "page": pages[titles[i]].name,
+            "category": name.category,
+            "model": name.model_id,
+            "record": name.record,
+            "error": float(errors[0][i]) if np.isfinite(errors[0][i]) else None,
+            "pictures": _thumbs(samples[i], [run.preds[i] for run in runs[:1]]) if pictures else [],
+        }
+        for i, name in enumerate(names)
+    ]
+    first = runs[0].evaluation
+    document = {
+        "title": " and ".join(run.label for run in runs),
+        "about": f"{len(names)} cases of the split {first.split!r}; {first.num_points[0]} "
+        f"predicted against {first.num_points[1]} true points; radius = that of the bounding "
+        "hemisphere",
+        "error_name": first.header(ERROR),
+        "table": _table(runs),
+        "histogram": _histogram(errors[0]),
+        "cases": cases,
+    }
+    text = _TEMPLATE.read_text(encoding="utf-8").replace("/*DATA*/", page.to_json(document), 1)
+    write_atomic(folder / "index.html", text)
+    ranked = np.argsort(errors[0], kind="stable")  # what is not finite comes last
+    count = min(len(samples), SHEET_CASES)
+    chosen = np.linspace(0, len(samples) - 1, count).astype(int)
+    sheet = [_sheet_case(i, "", samples[i], runs, errors) for i in chosen]
+    _save(spheres.sheet(sheet, columns=4, height=84, turns=(0,)), folder / "sheet.png")
+    few = min(_EXTREMES, len(ranked))
+    middle = (len(ranked) - few) // 2
+    groups = {
+        "best": ranked[:few],
+        "median": ranked[middle : middle + few],
+        "worst": ranked[::-1][:few],
+    }
+    extremes = [
+        _sheet_case(i, f"{group}: ", samples[i], runs, errors)
+        for group, members in groups.items()
+        for i in members
+    ]
+    _save(spheres.sheet(extremes, columns=1, height=144), folder / "extremes.png")
+    return folder / "index.html"
+
+
+def _viewer_case(
+    i: int, title: str, sample: Sample, runs: Sequence[Run], errors: Sequence[np.ndarray]
+) -> page.Case:
+    # Runs whose clouds have as many points share the slider; others cannot.
+    shown = [k for k, run in enumerate(runs) if run.preds[i].shape == runs[0].preds[i].shape]
+    return page.Case(
+        name=title,
+        image=sample.image,
+        samples=np.stack([runs[k].preds[i] for k in shown]),
+        truth=sample.points,
+        num_fc=runs[0].num_fc,
+        about=runs[0].evaluation.names[i].category,
+        metrics=tuple(f"{runs[k].label}: CD squared {errors[k][i]:.5f} radius^2" for k in shown),
+    )
+
+
+def _sheet_case(
+    i: int, prefix: str, sample: Sample, runs: Sequence[Run], errors: Sequence[np.ndarray]
+) -> spheres.Case:
+    clouds = {}
+    for run, error in zip(runs, errors, strict=True):
+        points = run.preds[i]
+        clouds[f"{run.label[:18]} {error[i]:.4f}"] = points, spheres.colours_by_height(points)
+    truth = sample.points[:: max(1, len(sample.points) // len(runs[0].preds[i]))]
+    clouds["truth"] = truth, spheres.colours_by_height(truth)
+    name = runs[0].evaluation.names[i]
+    label = f"{prefix}{name.record} {name.category}"[:22]
+    return spheres.Case(label, sample.image, clouds, sample.intrinsics, sample.extrinsics)
+
+
+def _thumbs(sample: Sample, clouds: Sequence[np.ndarray]) -> list[str]:
+    """Data URIs of the image and of each cloud, small."""
+    drawn = spheres.draw_case(
+        spheres.Case(
+            "",
+            sample.image,
+            {str(k): (c, spheres.colours_by_height(c)) for k, c in enumerate(clouds)},
+            sample.intrinsics,
+            sample.extrinsics,
+        ),
+        _THUMB[0],
+        turns=(0,),
+    )
+    parts = np.split(drawn, 1 + len(clouds), axis=1)
+    return [_jpeg(part) for part in parts]
+
+
+def _table(runs: Sequence[Run]) -> list[list[str]]:
+    """Head and rows, the averages last, as text; columns of each run side by side."""
+    metrics = [name for name in _TABLE if name in runs[0].evaluation.metrics]
+    head = ["category", "samples"]
+    body = [[row.name, str(row.count)] for row in runs[0].evaluation.rows()]
+    for run in runs:
+        names = [name for name in metrics if name in run.evaluation.metrics]
+        prefix = f"{run.label}: " if len(runs) > 1 else ""
+        head += [prefix + run.evaluation.header(name) for name in names]
+        for cells, row in zip(body, run.evaluation.rows(), strict=True):
+            cells += [
+                f"{100 * row.metrics[n]:.2f}" if n == "fscore" else f"{row.metrics[n]:.5f}"
+                for n in names
+            ]
+    return [head, *body]
+
+
+def _histogram(errors: np.ndarray) -> dict[str, list[Any]]:
+    """Counts between edges at equal ratios."""
+    finite = errors[np.isfinite(errors)]
+    low = max(float(finite.min(initial=np.inf)), 1e-6) if len(finite) else 1e-3
+    high = max(float(finite.max(initial=0.0)), low * 1.1)
+    edges = np.geomspace(low, high, _BARS + 1)
+    edges[0], edges[-1] = min(low, edges[0]), max(high, edges[-1])
+    counts, _ = np.histogram(np.clip(finite, low, high), edges)
+    return {"edges": edges.tolist(), "counts": counts.tolist()}
+
+
+def _jpeg(picture: np.ndarray) -> str:
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "jpeg", quality=82)
+    return "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _save(picture: Image.Image, path: pathlib.Path) -> None:
+    buffer = io.BytesIO()
+    picture.save(buffer, "png")
+    write_atomic(path, buffer.getvalue())

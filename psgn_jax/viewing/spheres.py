@@ -1,0 +1,346 @@
+"""Pictures of clouds as in the paper: each point a small shaded sphere, its shadow on the ground.
+
+Numpy and Pillow alone, no GPU: spheres are stamped into a depth buffer with their normals, lit
+softly, darkened in the gaps between them, and drawn at twice the size to smooth edges.
+
+    python -m psgn_jax.viewing.spheres OUT/*.npz --out=sheet.png [--turntable=turn.gif]
+
+draws what `psgn_jax.predict` wrote.
+"""
+
+import argparse
+import dataclasses
+import pathlib
+import sys
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFilter
+
+from psgn_jax.data import camera
+from psgn_jax.viewing.clouds import turned
+
+RADIUS = 0.028
+"""Of a sphere, unit of the frame: half the distance of 1,024 points on a usual surface."""
+
+BRANCH_COLOURS = ((226, 114, 62), (70, 130, 180))
+"""Of points from the fully connected and from the deconvolutional branch."""
+
+# By height, from the ground up: the paper's pictures have one hue; this runs from slate to sand.
+HEIGHT_COLOURS = np.array(
+    [[61, 82, 120], [66, 128, 150], [110, 170, 148], [205, 190, 120], [224, 134, 88]], np.float64
+)
+# By a value, from small to large: perceptually even (dark violet, magenta, orange, light yellow).
+VALUE_COLOURS = np.array(
+    [[48, 30, 110], [124, 38, 128], [200, 62, 100], [245, 130, 70], [252, 220, 140]], np.float64
+)
+
+# Directions in the camera's frame (x right, y down, z forward), toward the light.
+_KEY = np.array([-0.5, -0.75, -0.6]) / np.linalg.norm([0.5, 0.75, 0.6])
+_AMBIENT, _DIFFUSE, _SPECULAR = 0.42, 0.62, 0.16
+_OVERSAMPLING = 2
+_SHADOW_CELLS, _SHADOW_HALF = 192, 1.6  # of the map on the ground: cells a side, half its width
+_SHADOW_SLANT = (-0.25, 0.3)  # how far the light carries the shadow per unit of height, x and y
+_SHADOW_DARKNESS = 0.42
+_WHITE = 255.0
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Case:
+    """One line of a sheet.
+
+    Attributes:
+      label: a short text.
+      image: uint8 [H, W, 3].
+      clouds: name -> (points [n, 3] in the project's frame, colours uint8 [n, 3]).
+      intrinsics, extrinsics: the camera of `image`.
+    """
+
+    label: str
+    image: np.ndarray
+    clouds: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    intrinsics: np.ndarray
+    extrinsics: np.ndarray
+
+
+def colours_by_height(points: np.ndarray) -> np.ndarray:
+    """uint8 [n, 3] by z, from 0 to 1."""
+    return _ramp(HEIGHT_COLOURS, points[:, 2])
+
+
+def colours_by_value(values: np.ndarray, largest: float) -> np.ndarray:
+    """uint8 [n, 3] by a value, from 0 to `largest` (error, spread)."""
+    return _ramp(VALUE_COLOURS, values / largest)
+
+
+def colours_by_branch(branch: np.ndarray) -> np.ndarray:
+    """uint8 [n, 3]: `BRANCH_COLOURS` of 0 (fc) and 1 (deconv)."""
+    return np.array(BRANCH_COLOURS, np.uint8)[branch.astype(int)]
+
+
+def render(
+    points: np.ndarray,
+    colours: np.ndarray,
+    intrinsics: np.ndarray,
+    extrinsics: np.ndarray,
+    size: tuple[int, int],
+    *,
+    radius: float = RADIUS,
+    shadow: bool = True,
+) -> np.ndarray:
+    """One cloud as lit spheres on white, with the shadow that it casts on the ground z = 0.
+
+    Args:
+      points: [n, 3] in the project's frame; those not finite or behind the camera are left out.
+      colours: uint8 [n, 3].
+      intrinsics: [3, 3] in pixels of an image of `size`.
+      extrinsics: [3, 4], project's frame to camera.
+      size: (height, width) of the picture.
+      radius: of the spheres, unit of the frame.
+      shadow: whether to draw the ground's shadow.
+
+    Returns:
+      uint8 [height, width, 3].
+    """
+    keep = np.isfinite(points).all(axis=1)
+    points, colours = points[keep].astype(np.float64), colours[keep]
+    height, width = size[0] * _OVERSAMPLING, size[1] * _OVERSAMPLING
+    intrinsics = np.diag([_OVERSAMPLING, _OVERSAMPLING, 1.0]) @ intrinsics
+    canvas = np.full((height, width, 3), _WHITE)
+    if shadow and len(points):
+        canvas *= _ground_light(points, radius, intrinsics, extrinsics, (height, width))[..., None]
+    pixels, depth = camera.project(points, intrinsics, extrinsics)
+    front = depth > 0.05
+    pixels, depth, colours = pixels[front], depth[front], colours[front]
+    hit, normal, surface, owner = _stamp(pixels, depth, radius, float(intrinsics[0, 0]), canvas)
+    if len(hit):
+        lit = _lit(normal, colours[owner].astype(np.float64))
+        nearness = np.full(height * width, np.nan)
+        nearness[hit] = surface
+        lit *= _openness(nearness.reshape(height, width), radius).reshape(-1)[hit, None]
+        canvas.reshape(-1, 3)[hit] = lit
+    full = Image.fromarray(np.rint(np.clip(canvas, 0, 255)).astype(np.uint8))
+    return np.asarray(full.reduce(_OVERSAMPLING))
+
+
+def draw_case(case: Case, height: int = 192, turns: Sequence[float] = (0, 75)) -> np.ndarray:
+    """The image, then each cloud from the image's camera and turned by `turns` degrees."""
+    scale = height / case.image.shape[0]
+    size = (height, round(case.image.shape[1] * scale))
+    image = Image.fromarray(case.image).resize(size[::-1], Image.Resampling.BICUBIC)
+    intrinsics = camera.scale_intrinsics(case.intrinsics, case.image.shape[:2], size)
+    panels = [np.asarray(image)]
+    for points, colours in case.clouds.values():
+        for angle in turns:
+            view = turned(case.extrinsics, angle)
+            panels.append(render(points, colours, intrinsics, view, size))
+    return np.concatenate(panels, axis=1)
+
+
+def sheet(
+    cases: Sequence[Case],
+    *,
+    columns: int = 2,
+    height: int = 144,
+    turns: Sequence[float] = (0, 75),
+) -> Image.Image:
+    """Many cases on one page, each with its label and the names of its clouds.
+
+    Raises:
+      ValueError: no cases.
+    """
+    if not cases:
+        raise ValueError("cases is empty: accepted: at least one case")
+    drawn = [draw_case(case, height, turns) for case in cases]
+    wide = max(picture.shape[1] for picture in drawn)
+    margin, head = 12, 16
+    lines = -(-len(drawn) // columns)
+    page = Image.new(
+        "RGB",
+        (columns * (wide + margin) + margin, lines * (height + head) + margin),
+        "white",
+    )
+    pen = ImageDraw.Draw(page)
+    for i, (case, picture) in enumerate(zip(cases, drawn, strict=True)):
+        left, top = margin + i % columns * (wide + margin), i // columns * (height + head) + 4
+        page.paste(Image.fromarray(picture), (left, top + head - 4))
+        pen.text((left, top), case.label, fill=(60, 60, 60))
+        panel = (picture.shape[1]) // (1 + len(case.clouds) * len(turns))
+        for j, name in enumerate(case.clouds):
+            pen.text((left + panel * (1 + j * len(turns)) + 8, top), name, fill=(130, 130, 130))
+    return page
+
+
+def turntable(
+    points: np.ndarray,
+    colours: np.ndarray,
+    path: str | pathlib.Path,
+    *,
+    frames: int = 36,
+    size: tuple[int, int] = (240, 320),
+    milliseconds: int = 80,
+) -> None:
+    """Writes an animated GIF of a cloud turning once about the vertical."""
+    intrinsics, extrinsics = camera.default_camera(size)
+    pictures = [
+        Image.fromarray(
+            render(points, colours, intrinsics, turned(extrinsics, 360 * i / frames), size)
+        ).quantize(128)
+        for i in range(frames)
+    ]
+    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=milliseconds, loop=0)
+
+
+def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
+    """A case for each NPZ of `psgn_jax.predict`: the first samples by height, then by branch."""
+    cases = []
+    for path in paths:
+        with np.load(path) as archive:
+            points = archive["points"]
+            clouds = {
+                f"sample {k}" if len(points) > 1 else "prediction": (p, colours_by_height(p))
+                for k, p in enumerate(points[:2])
+            }
+            if len(points) == 1:
+                clouds["by branch"] = points[0], colours_by_branch(archive["branch"])
+            camera_arrays = archive["intrinsics"], archive["extrinsics"]
+            cases.append(Case(pathlib.Path(path).stem, archive["image"], clouds, *camera_arrays))
+    return cases
+
+
+def _ramp(stops: np.ndarray, values: np.ndarray) -> np.ndarray:
+    position = np.clip(np.nan_to_num(values.astype(np.float64)), 0, 1) * (len(stops) - 1)
+    low = np.minimum(position.astype(int), len(stops) - 2)
+    mixed = stops[low] + (position - low)[:, None] * (stops[low + 1] - stops[low])
+    return np.rint(mixed).astype(np.uint8)
+
+
+def _stamp(
+    pixels: np.ndarray, depth: np.ndarray, radius: float, focal: float, canvas: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The nearest sphere at each pixel: (flat pixel, normal, depth there, index of the point)."""
+    height, width = canvas.shape[:2]
+    nothing = np.zeros(0, int)
+    on_screen = focal * radius / np.maximum(depth, 0.05)
+    reach = int(min(np.ceil(on_screen.max(initial=0.0)), 96)) + 1
+    steps = np.arange(-reach, reach + 1)
+    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    offsets = offsets[(offsets**2).sum(axis=1) <= (reach + 1) ** 2]
+    limit = 4.0 * max(height, width)
+    corner = np.floor(np.clip(pixels, -limit, 2 * limit)).astype(int)
+    # From the centre of each pixel to the sphere's, in its radii.
+    fraction = (corner + 0.5 - np.clip(pixels, -limit, 2 * limit)) / on_screen[:, None]
+    across = fraction[:, 0, None] + offsets[:, 0] / on_screen[:, None]
+    down = fraction[:, 1, None] + offsets[:, 1] / on_screen[:, None]
+    forward = 1 - across**2 - down**2
+    column, row = corner[:, 0, None] + offsets[:, 0], corner[:, 1, None] + offsets[:, 1]
+    inside = (forward > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    if not inside.any():
+        return nothing, np.zeros((0, 3)), np.zeros(0), nothing
+    owner = np.broadcast_to(np.arange(len(depth))[:, None], inside.shape)[inside]
+    flat = (row * width + column)[inside]
+    rise = np.sqrt(forward[inside])
+    surface = depth[owner] - radius * rise
+    # Depth in the high digits, the fragment in the low ones: one minimum finds both.
+    fragment = np.arange(len(flat))
+    key = (surface * 2**16).astype(np.int64) * 2**32 + fragment
+    nearest = np.full(height * width, np.iinfo(np.int64).max)
+    np.minimum.at(nearest, flat, key)
+    hit = np.flatnonzero(nearest != np.iinfo(np.int64).max)
+    winner = nearest[hit] & (2**32 - 1)
+    normal = np.stack([across[inside], down[inside], -rise], axis=1)[winner]
+    return hit, normal, surface[winner], owner[winner]
+
+
+def _lit(normal: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """Soft light from the upper left: ambient by height, wrapped diffuse, a weak highlight."""
+    sky = 0.5 - 0.5 * normal[:, 1]  # 1 on top, 0 below
+    diffuse = np.clip((normal @ _KEY + 0.25) / 1.25, 0, 1)
+    half = _KEY + np.array([0, 0, -1.0])
+    shine = np.clip(normal @ (half / np.linalg.norm(half)), 0, 1) ** 24
+    light = _AMBIENT * (0.65 + 0.5 * sky) + _DIFFUSE * diffuse
+    return colour * light[:, None] + 255 * _SPECULAR * shine[:, None]
+
+
+def _openness(depth: np.ndarray, radius: float) -> np.ndarray:
+    """1 where a surface lies in front of what surrounds it, down to .62 in gaps behind it."""
+    empty = np.isnan(depth)
+    near, far = np.nanmin(depth), np.nanmax(depth)
+    span = max(far - near, 1e-6)
+    # The empty lies far behind, but not so far that outlines would dominate.
+    filled = np.where(empty, 1.0, (depth - near) / span)
+    blur = ImageFilter.GaussianBlur(max(2.0, depth.shape[0] / 64))
+    around = np.asarray(Image.fromarray(filled.astype(np.float32) * 255).convert("L").filter(blur))
+    behind = (filled - around / 255.0) * span
+    return 1 - 0.38 * np.clip(behind / (6 * radius), 0, 1)
+
+
+def _ground_light(
+    points: np.ndarray,
+    radius: float,
+    intrinsics: np.ndarray,
+    extrinsics: np.ndarray,
+    size: tuple[int, int],
+) -> np.ndarray:
+    """Light on the ground z = 0 at each pixel, 1 = full; 1 too where the ray meets no ground."""
+    cell = 2 * _SHADOW_HALF / _SHADOW_CELLS
+    # The shadow falls away from the camera's upper left, however the camera is turned.
+    rotation = extrinsics[:, :3]
+    right, toward = rotation[0, :2], -rotation[2, :2]
+    slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward / np.linalg.norm(toward)
+    high = np.maximum(points[:, 2], 0)
+    place = (points[:, :2] + high[:, None] * slant + _SHADOW_HALF) / cell
+    place = np.clip(np.floor(place), 0, _SHADOW_CELLS - 1).astype(int)
+    # What is high casts a softer, weaker shadow.
+    layers = np.zeros((2, _SHADOW_CELLS, _SHADOW_CELLS))
+    weight = (2 * radius / cell) ** 2 * 1.2
+    share = np.clip(high / 0.6, 0, 1)
+    np.add.at(layers[0], (place[:, 1], place[:, 0]), weight * (1 - share))
+    np.add.at(layers[1], (place[:, 1], place[:, 0]), weight * share * 0.8)
+    total = np.zeros((_SHADOW_CELLS, _SHADOW_CELLS))
+    for layer, sigma in zip(layers, (2.5, 7.0), strict=True):
+        cells = np.arange(_SHADOW_CELLS)
+        blur = np.exp(-0.5 * ((cells[:, None] - cells) / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
+        total += blur @ layer @ blur
+    dark = _SHADOW_DARKNESS * (1 - np.exp(-1.6 * total))
+    columns, rows = np.meshgrid(np.arange(size[1]) + 0.5, np.arange(size[0]) + 0.5)
+    rays = np.stack([columns, rows, np.ones(size)], axis=-1) @ np.linalg.inv(intrinsics).T
+    directions, centre = rays @ rotation, -rotation.T @ extrinsics[:, 3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = -centre[2] / directions[..., 2]
+        ground = centre[:2] + distance[..., None] * directions[..., :2]
+    at = (ground + _SHADOW_HALF) / cell - 0.5
+    valid = (distance > 0) & (at >= 0).all(axis=-1) & (at < _SHADOW_CELLS - 1).all(axis=-1)
+    at = np.where(valid[..., None], at, 0)
+    low = at.astype(int)
+    u, v = at[..., 0] - low[..., 0], at[..., 1] - low[..., 1]
+    x, y = low[..., 0], low[..., 1]
+    mixed = (dark[y, x] * (1 - u) + dark[y, x + 1] * u) * (1 - v)
+    mixed += (dark[y + 1, x] * (1 - u) + dark[y + 1, x + 1] * u) * v
+    return np.where(valid, 1 - mixed, 1.0)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command; returns its exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m psgn_jax.viewing.spheres", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("predictions", nargs="+", metavar="NPZ", help="of psgn_jax.predict")
+    parser.add_argument("--out", required=True, help="the sheet, a PNG")
+    parser.add_argument("--columns", type=int, default=1)
+    parser.add_argument("--turntable", help="GIF of the first prediction turning")
+    arguments = parser.parse_args(argv)
+    try:
+        cases = cases_of_predictions(arguments.predictions)
+        sheet(cases, columns=max(1, arguments.columns)).save(arguments.out)
+        if arguments.turntable:
+            turntable(*next(iter(cases[0].clouds.values())), arguments.turntable)
+    except (OSError, ValueError, KeyError) as error:
+        sys.stderr.write(f"error: {' '.join(str(error).split())}\n")
+        return 2
+    sys.stdout.write(f"{len(cases)} cases: {arguments.out}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

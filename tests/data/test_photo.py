@@ -1,0 +1,288 @@
+"""Photos of any kind become what a network was trained on, or one clear line."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from psgn_jax.data import camera, masks, photo
+
+GREY = 191
+
+
+def scene(height=120, width=160, box=(30, 90, 50, 130), colour=(200, 60, 20), back=(GREY,) * 3):
+    image = np.full((height, width, 3), back, np.uint8)
+    top, bottom, left, right = box
+    image[top:bottom, left:right] = colour
+    mask = np.zeros((height, width), bool)
+    mask[top:bottom, left:right] = True
+    return image, mask
+
+
+def saved(tmp_path, image, name="photo.png", **options):
+    path = tmp_path / name
+    (image if isinstance(image, Image.Image) else Image.fromarray(image)).save(path, **options)
+    return path
+
+
+# --- reading ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_exif_orientation_is_honoured_for_image_and_mask(tmp_path, orientation):
+    image, mask = scene()
+    image[:20, :30] = (0, 0, 255)  # tells all eight apart
+    undo = {5: 5, 6: 8, 7: 7, 8: 6}.get(orientation, orientation)
+    stored = photo._turn(Image.fromarray(image), undo)
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    path = saved(tmp_path, stored, exif=exif)
+    read = photo.read_photo(path)
+    np.testing.assert_array_equal(read.image, image)
+    assert read.size == (120, 160)
+    upright = saved(tmp_path, mask, "upright.png")
+    np.testing.assert_array_equal(photo.read_mask(upright, read), mask)
+    if orientation > 4:  # a mask drawn over the pixels as stored
+        as_stored = saved(tmp_path, photo._turn(Image.fromarray(mask), undo), "stored.png")
+        np.testing.assert_array_equal(photo.read_mask(as_stored, read), mask)
+
+
+@pytest.mark.parametrize("mode", ["L", "1", "P", "CMYK", "LA", "RGBA", "PA", "YCbCr", "I;16", "F"])
+def test_modes(tmp_path, mode):
+    image, _ = scene(back=(255, 255, 255), colour=(0, 0, 0))
+    picture = Image.fromarray(image)
+    if mode == "I;16":
+        picture = Image.fromarray(np.asarray(picture.convert("L")).astype(np.uint16) * 257)
+    elif mode == "PA":
+        picture = picture.convert("RGBA").quantize()
+    elif mode != "F":
+        picture = picture.convert(mode)
+    else:
+        picture = Image.fromarray(np.asarray(picture.convert("L")).astype(np.float32) / 255)
+    name = {"CMYK": "a.jpg", "YCbCr": "a.jpg", "F": "a.tif"}.get(mode, "a.png")
+    read = photo.read_photo(saved(tmp_path, picture, name))
+    assert read.image.dtype == np.uint8
+    assert np.abs(read.image.astype(int) - image).mean() < 3
+    assert read.alpha is None
+
+
+def test_16_bit_colour_and_transparent_palette(tmp_path):
+    image, mask = scene()
+    rgba = Image.fromarray(np.dstack([image, mask.astype(np.uint8) * 255]))
+    read = photo.read_photo(saved(tmp_path, rgba.quantize(), "palette.png"))
+    np.testing.assert_array_equal(read.alpha > 127, mask)
+    found, how = masks.find_mask(read.image, read.alpha)
+    assert how == "alpha"
+    np.testing.assert_array_equal(found, mask)
+
+
+def test_first_frame_of_an_animation(tmp_path):
+    image, _ = scene()
+    frames = [Image.fromarray(image), Image.new("RGB", (160, 120), "blue")]
+    path = tmp_path / "a.gif"
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=50, loop=0)
+    assert np.abs(photo.read_photo(path).image.astype(int) - image).mean() < 6
+
+
+def test_large_images_are_reduced_as_they_are_read(tmp_path):
+    big = Image.new("RGB", (12_000, 9_000), (GREY,) * 3)
+    big.paste((200, 60, 20), (3_000, 3_000, 9_000, 6_000))
+    path = saved(tmp_path, big, "big.jpg")
+    read = photo.read_photo(path)
+    assert read.size == (9_000, 12_000)
+    assert max(read.image.shape) < 2 * photo.MAX_SIDE
+    mask, how = masks.find_mask(read.image)
+    assert how == "plain"
+    assert mask.mean() == pytest.approx(1 / 6, rel=0.01)
+    view = photo.place(read.image, mask)
+    assert view.image[view.mask].mean(axis=0) == pytest.approx([200, 60, 20], abs=3)
+
+
+def hostile(tmp_path):
+    whole = saved(tmp_path, np.random.default_rng(0).integers(0, 255, (99, 99, 3), np.uint8))
+    (tmp_path / "cut.png").write_bytes(whole.read_bytes()[:9_000])
+    (tmp_path / "text.png").write_text("no image")
+    (tmp_path / "empty.png").write_bytes(b"")
+    saved(tmp_path, np.zeros((1, 1, 3), np.uint8), "one.png")
+    bomb = Image.new("1", (40_000, 40_000))
+    bomb.save(tmp_path / "bomb.png")
+    Image.new("1", (13_000, 13_000)).save(tmp_path / "large.png")
+    return {
+        "cut.png": "damaged",
+        "text.png": "no image of a known format",
+        "empty.png": "no image of a known format",
+        "one.png": "is 1x1: accepted: at least 16",
+        "bomb.png": "too large: accepted: up to 150,000,000 pixels",
+        "large.png": "13000x13000: accepted",
+        "absent.png": "no such file",
+        ".": "no such file",
+    }
+
+
+def test_hostile_files_end_in_one_line(tmp_path):
+    for name, message in hostile(tmp_path).items():
+        with pytest.raises(photo.PhotoError, match=message) as caught:
+            photo.read_photo(tmp_path / name)
+        assert "\n" not in str(caught.value)
+
+
+def test_masks_of_other_sizes(tmp_path):
+    image, mask = scene()
+    read = photo.read_photo(saved(tmp_path, image))
+    half = Image.fromarray(mask).resize((80, 60))
+    agree = photo.read_mask(saved(tmp_path, half, "half.png"), read) == mask
+    assert agree.mean() > 0.99
+    ones = saved(tmp_path, mask.astype(np.uint8), "ones.png")  # 0 and 1, not 255
+    np.testing.assert_array_equal(photo.read_mask(ones, read), mask)
+    with pytest.raises(photo.PhotoError, match="is 120x120: accepted: the image's 160x120"):
+        photo.read_mask(saved(tmp_path, np.ones((120, 120), np.uint8), "square.png"), read)
+    with pytest.raises(photo.PhotoError, match="empty: no pixel of it is object"):
+        photo.read_mask(saved(tmp_path, np.zeros((120, 160), np.uint8), "none.png"), read)
+
+
+# --- finding the mask ------------------------------------------------------------------------
+
+
+def test_plain_background_exact_and_noisy(rng):
+    image, mask = scene()
+    mask[50:60, 80:90] = False  # a hole shows the background
+    image[50:60, 80:90] = GREY
+    found, how = masks.find_mask(image)
+    assert how == "plain"
+    np.testing.assert_array_equal(found, mask)
+    image, mask = scene(back=(240, 240, 235))
+    noisy = np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
+    found, how = masks.find_mask(noisy)
+    assert how == "plain"
+    assert (found != mask).mean() < 0.01
+
+
+def test_grabcut_on_a_busy_background(rng):
+    pytest.importorskip("cv2")
+    image, mask = scene(240, 320, (60, 190, 90, 240), colour=(210, 40, 30))
+    image[~mask] = rng.integers(60, 140, (int((~mask).sum()), 3)) * [0, 1, 1]
+    assert masks.plain(image) is None
+    found, how = masks.find_mask(image)
+    assert how == "grabcut"
+    assert (found & mask).sum() / (found | mask).sum() > 0.9
+    again, _ = masks.find_mask(image)
+    np.testing.assert_array_equal(found, again)
+
+
+def test_rembg_is_used_where_its_weights_are(tmp_path, monkeypatch, rng):
+    image = rng.integers(0, 255, (64, 64, 3), np.uint8)
+    levels = np.zeros((64, 64), np.uint8)
+    levels[20:40, 20:40] = 255
+    package = tmp_path / "rembg.py"
+    package.write_text(
+        "import numpy as np\n"
+        "def new_session(name): return name\n"
+        "def remove(image, session, only_mask):\n"
+        "    assert only_mask and session == 'u2net'\n"
+        "    levels = np.zeros(image.shape[:2], np.uint8); levels[20:40, 20:40] = 255\n"
+        "    return levels\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("U2NET_HOME", str(tmp_path))
+    assert not masks.has_rembg()
+    with pytest.raises(photo.PhotoError, match="needs the extra 'photo' and its weights in"):
+        masks.find_mask(image, method="rembg")
+    (tmp_path / "u2net.onnx").write_bytes(b"weights")
+    found, how = masks.find_mask(image)
+    assert how == "rembg"
+    np.testing.assert_array_equal(found, levels > 0)
+
+
+def test_no_object_and_no_way_to_find_one(monkeypatch, rng):
+    with pytest.raises(photo.PhotoError, match="no object found"):
+        masks.find_mask(np.full((64, 64, 3), 90, np.uint8))
+    with pytest.raises(photo.PhotoError, match="transparent all over"):
+        masks.find_mask(np.zeros((64, 64, 3), np.uint8), np.zeros((64, 64), np.uint8))
+    monkeypatch.setattr(masks.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(photo.PhotoError, match="give a mask, or pip install"):
+        masks.find_mask(rng.integers(0, 255, (64, 64, 3), np.uint8))
+    with pytest.raises(ValueError, match="accepted: auto, alpha, plain"):
+        masks.find_mask(np.zeros((64, 64, 3), np.uint8), method="magic")
+
+
+# --- placing ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [(20, 90), (60, 60), (90, 20), (300, 150)])
+def test_the_box_is_where_training_objects_are(size):
+    high, wide = size
+    image, mask = scene(400, 500, (7, 7 + high, 300, 300 + wide))
+    view = photo.place(image, mask)
+    rows, columns = np.flatnonzero(view.mask.any(1)), np.flatnonzero(view.mask.any(0))
+    h, w = rows[-1] + 1 - rows[0], columns[-1] + 1 - columns[0]
+    assert (w / 223) ** 4 + (h / 124) ** 4 == pytest.approx(1, abs=0.08)
+    assert w / h == pytest.approx(wide / high, rel=0.06)
+    assert (columns[0] + columns[-1] + 1) / 2 == pytest.approx(128, abs=1)
+    assert (rows[0] + rows[-1] + 1) / 2 == pytest.approx(63 + 0.224 * w, abs=1)
+    assert (view.image[~view.mask] == GREY).all()
+    assert np.abs(view.image[view.mask].astype(int) - [200, 60, 20]).max() <= 4
+
+
+def test_the_map_to_the_view_takes_pixels_along():
+    image, mask = scene(400, 500, (100, 180, 220, 330))
+    view = photo.place(image, mask)
+    corner = view.to_view @ [220, 100, 1]
+    rows, columns = np.flatnonzero(view.mask.any(1)), np.flatnonzero(view.mask.any(0))
+    assert corner[0] == pytest.approx(columns[0], abs=0.6)
+    assert corner[1] == pytest.approx(rows[0], abs=0.6)
+    # The camera of the photo sees a point where the view's does.
+    points = np.array([[0.1, 0.2, 0.3], [-0.2, 0.5, 0.0]])
+    seen, _ = camera.project(points, view.intrinsics, view.extrinsics)
+    own, _ = camera.project(points, np.linalg.inv(view.to_view) @ view.intrinsics, view.extrinsics)
+    mapped = np.column_stack([own, np.ones(2)]) @ view.to_view.T
+    np.testing.assert_allclose(mapped[:, :2], seen, atol=1e-6)
+
+
+def test_training_renderings_keep_their_frame():
+    image, mask = scene(192, 256, (60, 150, 60, 200))
+    assert photo.is_framed(image)
+    view = photo.place(image, mask, move=False)
+    np.testing.assert_array_equal(view.image, image)
+    np.testing.assert_array_equal(view.mask, mask)
+    assert not photo.is_framed(image[:, :200])
+    assert not photo.is_framed(np.where(mask[..., None], image, np.uint8(180)))
+    with pytest.raises(photo.PhotoError, match="accepted as framed: 4:3"):
+        photo.place(image[:, :200], mask[:, :200], move=False)
+
+
+def test_behind_the_object_nothing_bleeds_into_it():
+    image, mask = scene(600, 800, (100, 500, 200, 600), colour=(0, 0, 0), back=(255, 255, 255))
+    view = photo.place(image, mask)
+    assert view.image[view.mask].max() <= 2
+
+
+def test_placing_refuses():
+    image, mask = scene()
+    with pytest.raises(photo.PhotoError, match="mask is empty"):
+        photo.place(image, np.zeros_like(mask))
+    dot = np.zeros_like(mask)
+    dot[5, 5] = True
+    with pytest.raises(photo.PhotoError, match="object is 1x1 pixels: accepted: 8 or more"):
+        photo.place(image, dot)
+    with pytest.raises(ValueError, match=r"mask is bool \[60, 160\]: accepted: bool \[120, 160\]"):
+        photo.place(image, mask[:60])
+    with pytest.raises(ValueError, match=r"image is float64"):
+        photo.as_rgb_and_alpha(np.zeros((50, 50)))
+
+
+def test_the_rule_fits_the_authors_images(authors_batches):
+    from psgn_jax.data import authors
+
+    path = sorted(authors_batches.glob("*.gz"))[0]
+    logs, rows = [], []
+    for entry in authors.read_batch(path):
+        sample = entry.sample
+        top, bottom, left, right = photo._box(sample.mask)
+        if min(bottom - top, right - left) < 20:
+            continue
+        view = photo.place(sample.image, sample.mask)
+        logs.append(np.log(view.to_view[0, 0]))
+        placed_top, placed_bottom, *_ = photo._box(view.mask)
+        rows.append((placed_top + placed_bottom - top - bottom) / 2)
+    assert abs(np.median(logs)) < 0.06
+    assert np.std(logs) < 0.2
+    assert abs(np.median(rows)) < 12

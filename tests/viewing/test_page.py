@@ -1,0 +1,235 @@
+"""The page in a real browser: it draws, turns, slides; no complaint, and no request leaves it."""
+
+import io
+import json
+import shutil
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from psgn_jax.viewing import page as lib
+
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+
+
+def make_case(name="chair 1", samples=3, n=300, truth=True, seed=0):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform((-0.3, -0.6, 0), (0.3, 0.6, 0.8), (samples, n, 3)).astype(np.float32)
+    image = np.full((96, 128, 3), 191, np.uint8)
+    image[20:70, 30:100] = (180, 60, 40)
+    return lib.Case(
+        name=name,
+        image=image,
+        samples=points,
+        truth=points[0, ::-1] + np.float32(0.01) if truth else None,
+        num_fc=n // 4,
+        colours=rng.integers(0, 255, points.shape, np.uint8),
+        about="chair",
+        metrics=tuple(f"CD {k}" for k in range(samples)),
+    )
+
+
+def data_of(path):
+    text = path.read_text()
+    return json.loads(text.split('<script type="application/json" id="data">')[1].split("</")[0])
+
+
+# --- the file ----------------------------------------------------------------------------------
+
+
+def test_coordinates_come_back(tmp_path):
+    import base64
+
+    case = make_case()
+    lib.write_pages(tmp_path / "p.html", [case])
+    data = data_of(tmp_path / "p.html")
+    stored = np.frombuffer(base64.b64decode(data["cases"][0]["samples"][1]), "<i2")
+    back = stored.reshape(-1, 3) / 32767 * data["extent"]
+    np.testing.assert_allclose(back, case.samples[1], atol=1e-4)
+    errors = np.frombuffer(base64.b64decode(data["cases"][0]["errors"][0]), np.uint8)
+    expected = lib.nearest_distances(case.samples[0], case.truth)
+    np.testing.assert_allclose(errors / 255 * 0.2, np.minimum(expected, 0.2), atol=1e-3)
+
+
+def test_nearest_distances(rng):
+    queries, points = rng.normal(size=(700, 3)), rng.normal(size=(90, 3))
+    slow = [min(np.linalg.norm(q - p) for p in points) for q in queries]
+    np.testing.assert_allclose(lib.nearest_distances(queries, points), slow)
+
+
+def test_64_cases_stay_under_5_megabytes_and_more_are_split(tmp_path):
+    cases = [make_case(f"case {i}", samples=1, n=1024, seed=i) for i in range(64)]
+    pages = lib.write_pages(tmp_path / "p.html", cases)
+    assert set(pages.values()) == {tmp_path / "p.html"}
+    assert (tmp_path / "p.html").stat().st_size < 5_000_000
+    pages = lib.write_pages(tmp_path / "q.html", cases, max_bytes=600_000)
+    files = sorted(set(pages.values()))
+    assert len(files) > 2
+    assert all(file.stat().st_size < 600_000 for file in files)
+    names = [case["name"] for file in files for case in data_of(file)["cases"]]
+    assert sorted(names) == sorted(case.name for case in cases)
+    assert len(data_of(files[0])["pages"]) == len(files)
+
+
+def test_wrong_cases(tmp_path):
+    out = tmp_path / "p.html"
+    with pytest.raises(ValueError, match="at least one case"):
+        lib.write_pages(out, [])
+    with pytest.raises(ValueError, match="'chair 1' is there twice"):
+        lib.write_pages(out, [make_case(), make_case()])
+    flat = lib.Case("a", np.zeros((9, 9, 3), np.uint8), np.zeros((5, 3), np.float32))
+    with pytest.raises(ValueError, match=r"samples is \[5, 3\]: accepted: \[k, n, 3\]"):
+        lib.write_pages(out, [flat])
+    assert not out.exists()
+
+
+def test_the_command(tmp_path):
+    case = make_case()
+    branch = (np.arange(300) >= 75).astype(np.uint8)
+    arrays = {"points": case.samples, "colours": case.colours, "branch": branch}
+    np.savez(tmp_path / "a.npz", image=case.image, **arrays)
+    out = tmp_path / "p.html"
+    assert lib.main([str(tmp_path / "a.npz"), f"--out={out}"]) == 0
+    (item,) = data_of(out)["cases"]
+    assert (item["name"], item["fc"], len(item["samples"])) == ("a", 75, 3)
+    assert lib.main([str(tmp_path / "none.npz"), f"--out={out}"]) == 2
+
+
+# --- in the browser ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser():
+    api = pytest.importorskip("playwright.sync_api")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium")
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(browser, tmp_path):
+    """Opens a page; at the end nothing was complained of and nothing asked for."""
+    complaints, requests = [], []
+    context = browser.new_context(viewport={"width": 1200, "height": 640}, has_touch=True)
+
+    def open_page(cases, fragment=""):
+        path = tmp_path / "page.html"
+        lib.write_pages(path, cases)
+        page = context.new_page()
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(path.as_uri() + fragment)
+        page.wait_for_timeout(150)
+        return page
+
+    yield open_page
+    context.close()
+    assert complaints == []
+    assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
+    assert len([url for url in requests if url.startswith("file:")]) == 1
+
+
+def pixels(page, name="prediction"):
+    page.wait_for_timeout(120)
+    shot = page.locator(f"#{name}").screenshot()
+    with Image.open(io.BytesIO(shot)) as picture:
+        return np.asarray(picture.convert("RGB")).astype(int)
+
+
+def drag(page, name="prediction", by=(120, 0)):
+    box = page.locator(f"#{name}").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + by[0], y + by[1], steps=4)
+    page.mouse.up()
+
+
+def test_it_draws_and_turns(opened):
+    page = opened([make_case()])
+    first, truth = pixels(page), pixels(page, "truth")
+    assert (first < 200).any(axis=2).mean() > 0.02
+    assert (truth < 200).any(axis=2).mean() > 0.02
+    drag(page)
+    turned = pixels(page)
+    assert (np.abs(turned - first).max(axis=2) > 30).mean() > 0.02
+    assert (np.abs(pixels(page, "truth") - truth).max(axis=2) > 30).mean() > 0.02  # both turn
+    page.click("#reset")
+    np.testing.assert_array_equal(pixels(page), first)
+    page.locator("#prediction").press("ArrowLeft")
+    assert (pixels(page) != first).any()
+    page.mouse.wheel(0, -400)
+    assert (pixels(page) != first).any()
+
+
+def test_right_is_right_and_up_is_up(opened):
+    ball = np.random.default_rng(0).normal(0, 0.02, (100, 3))
+    places = {"right": (0, 0.7, 0.3), "up": (0, 0, 0.9)}
+    cases = [
+        lib.Case(name, np.zeros((9, 12, 3), np.uint8), (ball + at)[None].astype(np.float32))
+        for name, at in places.items()
+    ]
+    page = opened(cases)
+    rows, columns = np.nonzero(np.ptp(pixels(page), axis=2) > 60)
+    height, width = pixels(page).shape[:2]
+    assert columns.mean() > 0.6 * width
+    page.locator("#strip button").nth(1).click()
+    assert page.text_content("#name") == "up"
+    rows, columns = np.nonzero(np.ptp(pixels(page), axis=2) > 60)
+    assert rows.mean() < 0.42 * height
+    assert abs(columns.mean() - width / 2) < 0.03 * width
+
+
+def test_slider_colours_and_words(opened):
+    page = opened([make_case()])
+    first = pixels(page)
+    assert page.text_content("#metrics") == "CD 0"
+    page.locator("#sample").fill("2")
+    assert page.text_content("#metrics") == "CD 2"
+    assert page.text_content("#which") == "3 of 3"
+    second = pixels(page)
+    assert (np.abs(second - first).max(axis=2) > 30).mean() > 0.02
+    shots = [second]
+    for colour in ("branch", "error", "spread", "image"):
+        page.select_option("#colour", colour)
+        shots.append(pixels(page))
+        assert all((np.abs(shots[-1] - s).max(axis=2) > 20).mean() > 0.01 for s in shots[:-1])
+
+
+def test_only_what_is_there_is_offered(opened):
+    bare = lib.Case("a", np.zeros((9, 12, 3), np.uint8), np.zeros((1, 50, 3), np.float32))
+    page = opened([bare])
+    assert page.locator("#beside").is_hidden()
+    assert page.locator("#sampling").is_hidden()
+    assert page.locator("#colour option").all_text_contents() == ["height"]
+
+
+def test_links_and_hostile_names(opened):
+    evil = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
+    page = opened([make_case("a"), make_case(evil)], "#a")
+    assert page.text_content("#name") == "a"
+    page.locator("#strip button").nth(1).click()
+    assert page.text_content("#name") == evil
+    page.evaluate("location.hash = '#a'")
+    page.wait_for_timeout(100)
+    assert page.text_content("#name") == "a"
+
+
+def test_a_finger_turns_it(opened):
+    page = opened([make_case()])
+    first = pixels(page)
+    box = page.locator("#prediction").bounding_box()
+    session = page.context.new_cdp_session(page)
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    for kind, at in (("Start", 0), ("Move", 30), ("Move", 90)):
+        touch = {"type": f"touch{kind}", "touchPoints": [{"x": x + at, "y": y}]}
+        session.send("Input.dispatchTouchEvent", touch)
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    assert (np.abs(pixels(page) - first).max(axis=2) > 30).mean() > 0.02

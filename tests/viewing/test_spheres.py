@@ -1,0 +1,103 @@
+"""Spheres stand where the camera sees their points, near ones over far ones, lit from above."""
+
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from psgn_jax.data import camera
+from psgn_jax.viewing import spheres
+
+SIZE = (96, 128)
+CAMERA = camera.default_camera(SIZE)
+RED, BLUE = (220, 20, 20), (20, 20, 220)
+
+
+def draw(points, colours, **options):
+    return spheres.render(
+        np.array(points, np.float32), np.array(colours, np.uint8), *CAMERA, SIZE, **options
+    ).astype(int)
+
+
+def test_a_sphere_is_where_its_point_projects_and_as_large():
+    point = [0.1, 0.4, 0.5]
+    picture = draw([point], [RED], radius=0.1, shadow=False)
+    rows, columns = np.nonzero((picture < 250).any(axis=2))
+    pixels, depth = camera.project(np.array([point]), *CAMERA)
+    assert (columns.mean() + 0.5, rows.mean() + 0.5) == pytest.approx(tuple(pixels[0]), abs=0.6)
+    radius = CAMERA[0][0, 0] * 0.1 / depth[0]
+    assert len(rows) == pytest.approx(np.pi * radius**2, rel=0.25)
+    top = picture[rows.min() + 2, int(pixels[0, 0])].sum()
+    assert top > picture[rows.max() - 2, int(pixels[0, 0])].sum()
+
+
+def test_the_near_one_hides_the_far_one_in_either_order():
+    near, far = [0.5, 0, 0.5], [0.5 - 1.0, 0, 0.5 - np.tan(np.deg2rad(20))]
+    for points, colours in (([near, far], [RED, BLUE]), ([far, near], [BLUE, RED])):
+        picture = draw(points, colours, shadow=False, radius=0.08)
+        pixels, _ = camera.project(np.array([near]), *CAMERA)
+        colour = picture[int(pixels[0, 1]), int(pixels[0, 0])]
+        assert colour[0] > colour[2] + 50
+
+
+def test_the_shadow_lies_on_the_ground_below():
+    cloud = np.random.default_rng(0).uniform((-0.2, -0.2, 0), (0.2, 0.2, 0.4), (400, 3))
+    with_shadow = draw(cloud, [RED] * 400)
+    without = draw(cloud, [RED] * 400, shadow=False)
+    rows, _ = np.nonzero((with_shadow < without).any(axis=2))
+    ground, _ = camera.project(np.zeros((1, 3)), *CAMERA)
+    assert abs(rows.mean() - ground[0, 1]) < 10
+    assert (with_shadow <= without).all()
+
+
+def test_nothing_to_see_is_white_and_odd_points_are_left_out():
+    assert (draw(np.zeros((0, 3)), np.zeros((0, 3))) == 255).all()
+    odd = [[np.nan, 0, 0], [50, 0, 0], [0, 0, np.inf]]
+    assert (draw(odd, [RED] * 3, shadow=False) == 255).all()
+
+
+def test_colours():
+    points = np.array([[0, 0, -1.0], [0, 0, 0], [0, 0, 1], [0, 0, np.nan]])
+    by_height = spheres.colours_by_height(points)
+    np.testing.assert_array_equal(by_height[0], by_height[1])
+    assert (by_height[1] != by_height[2]).any()
+    assert spheres.colours_by_branch(np.array([0, 1], np.uint8)).tolist() == [
+        list(c) for c in spheres.BRANCH_COLOURS
+    ]
+    values = spheres.colours_by_value(np.array([0.0, 0.1, 5.0]), 0.1)
+    np.testing.assert_array_equal(values[1], values[2])
+
+
+def case(rng, label="a"):
+    points = rng.uniform((-0.5, -0.5, 0), (0.5, 0.5, 1), (1024, 3))
+    clouds = {"prediction": (points, spheres.colours_by_height(points))}
+    return spheres.Case(label, np.full((*SIZE, 3), 191, np.uint8), clouds, *CAMERA)
+
+
+def test_a_sheet_holds_every_case(rng):
+    page = spheres.sheet([case(rng), case(rng), case(rng)], columns=2, height=48, turns=(0,))
+    assert page.size == (2 * (128 + 12) + 12, 2 * (48 + 16) + 12)
+    with pytest.raises(ValueError, match="at least one case"):
+        spheres.sheet([])
+
+
+def test_a_page_of_32_takes_less_than_a_minute(rng):
+    start = time.process_time()
+    spheres.sheet([case(rng)] * 4)
+    assert 8 * (time.process_time() - start) < 60
+
+
+def test_the_command_on_predictions(rng, tmp_path):
+    points = rng.uniform(-0.3, 0.3, (1, 50, 3)).astype(np.float32)
+    arrays = {"image": np.full((*SIZE, 3), 191, np.uint8), "branch": np.arange(50) < 9}
+    np.savez(
+        tmp_path / "a.npz", points=points, intrinsics=CAMERA[0], extrinsics=CAMERA[1], **arrays
+    )
+    out, gif = tmp_path / "sheet.png", tmp_path / "turn.gif"
+    assert spheres.main([str(tmp_path / "a.npz"), f"--out={out}", f"--turntable={gif}"]) == 0
+    with Image.open(out) as page:
+        assert page.size[0] > 500
+    with Image.open(gif) as moving:
+        assert moving.n_frames == 36
+    assert spheres.main([str(tmp_path / "no.npz"), f"--out={out}"]) == 2
