@@ -119,10 +119,14 @@ def write_pages(
 
 def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance [n] of each of `queries` to the nearest of `points`, in blocks of bounded memory."""
-    found = [
-        np.sqrt(((queries[i : i + _BLOCK, None] - points[None]) ** 2).sum(axis=2).min(axis=1))
-        for i in range(0, len(queries), _BLOCK)
-    ]
+    centre = points.mean(axis=0, dtype=np.float64)  # the squares' expansion loses few digits there
+    queries, points = queries - centre, points - centre
+    squares = (points**2).sum(axis=1)
+    found = []
+    for i in range(0, len(queries), _BLOCK):
+        part = queries[i : i + _BLOCK]
+        least = (squares - 2 * part @ points.T).min(axis=1) + (part**2).sum(axis=1)
+        found.append(np.sqrt(np.maximum(least, 0)))
     return np.concatenate(found)
 
 
@@ -171,7 +175,7 @@ def _encode(case: Case) -> dict[str, Any]:
     if len(samples) > 1:
         # The same output of the network in each sample: its distance from its mean place.
         spread = np.sqrt(((samples - samples.mean(axis=0)) ** 2).sum(axis=2).mean(axis=0))
-        top = max(float(spread.max()), 1e-3)
+        top = max(float(np.nan_to_num(spread).max()), 1e-3)
         item["spread"], item["spread_top"] = _levels(spread, top), top
     if case.colours is not None:
         item["colours"] = [_base64(colours.astype(np.uint8)) for colours in case.colours]
@@ -189,7 +193,8 @@ def _points(points: np.ndarray) -> str:
 
 
 def _levels(values: np.ndarray, top: float) -> str:
-    return _base64(np.rint(np.clip(values / top, 0, 1) * 255).astype(np.uint8))
+    levels = np.clip(np.nan_to_num(values / top, nan=1.0), 0, 1)
+    return _base64(np.rint(levels * 255).astype(np.uint8))
 
 
 def _base64(array: np.ndarray) -> str:

@@ -91,7 +91,8 @@ def test_histogram_of_odd_errors(errors):
 
 def test_from_a_run(tmp_path, monkeypatch):
     monkeypatch.setitem(registry.DATA_SOURCES, "records", STANDIN["SOURCE"])
-    config = STANDIN["config"](model__random_size=0)
+    small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
+    config = STANDIN["config"](**small)
     model = registry.build_model(config.model)
     image = jnp.zeros((1, *config.model.image_size, 4))
     params = jax.jit(lambda: model.init(jax.random.key(0), image, None))()["params"]
