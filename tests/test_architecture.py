@@ -47,7 +47,7 @@ DATA_GEN_MAY_IMPORT = {
     "psgn_jax.data.schema",
     "psgn_jax.data.records",
 }
-DATA_GEN_IMPORTERS: set[str] = set()
+DATA_GEN_IMPORTERS = {"psgn_jax.studies.ambiguity"}  # a study that renders its own data
 DATA_GEN_DOORS = {
     "mitsuba": {"data_gen.shader", "data_gen.worker"},
     "drjit": {"data_gen.shader", "data_gen.worker"},
