@@ -144,7 +144,7 @@ def build_data(folder: pathlib.Path, size: Size) -> None:
         models_per_shard=64,
         # On the horizon, straight in front, looking at the middle of the panel: see the catalogue.
         camera=cameras.CameraSettings(
-            image_size=size.image_size, azimuth=(0, 0), elevation=(0, 0), aim=(0.45, 0.45)
+            image_size=size.image_size, azimuth=(0.0, 0.0), elevation=(0.0, 0.0), aim=(0.45, 0.45)
         ),
     )
     try:
