@@ -49,7 +49,8 @@ DATA_GEN_MAY_IMPORT = {
     "psgn_jax.data.schema",
     "psgn_jax.data.records",
 }
-DATA_GEN_IMPORTERS = {"psgn_jax.data.default"}
+# A study renders its own data.
+DATA_GEN_IMPORTERS = {"psgn_jax.data.default", "psgn_jax.studies.ambiguity"}
 DATA_GEN_DOORS = {
     "dask": {"data_gen.cluster"},
     "distributed": {"data_gen.cluster"},
