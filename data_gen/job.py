@@ -164,10 +164,17 @@ def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
                 f"--out {str(out)!r}: holds a complete data set made with other settings; give "
                 "another folder, or remove it"
             )
-    elif any(p.name != _WORK for p in out.iterdir()):
+    elif (
+        any(not p.name.startswith(".") for p in out.iterdir())
+        and not (
+            out / records.MANIFEST  # of another part, since
+        ).exists()
+    ):
         raise ValueError(f"--out {str(out)!r}: not empty and not a data set")
     if stated.exists():
         difference = _difference(json.loads(stated.read_text()), job)
+        if difference.startswith("models:"):
+            difference = "other models, or other names or splits of them"
         if difference:
             raise OtherSettingsError(
                 f"--out {str(out)!r}: was begun with other settings ({difference}); give another "
@@ -232,9 +239,12 @@ def _complete(
     )
     lines = [line for _, line in numbered]
     if len(known) < len(blocks):
+        if records.load_manifest(out, allow_incomplete=True).complete:
+            return _read_report(out), True  # another part was last, and has tidied up
         return lines, False
     text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
-    records.write_atomic(out / REPORT, text)
+    # What no UTF-8 can hold becomes an escape, which JSON understands.
+    records.write_atomic(out / REPORT, text.encode("utf-8", "backslashreplace"))
     shards = sorted((c["shard"] for c in known if c["shard"]), key=lambda s: s["file"])
     manifest = records.Manifest(
         name,
@@ -253,6 +263,12 @@ def _complete(
     except OSError:
         logging.info("%s is left to another part of the job", out / _WORK)
     return lines, True
+
+
+def _read_report(out: pathlib.Path) -> list[Mapping[str, Any]]:
+    report = out / REPORT
+    text = report.read_text("utf-8") if report.exists() else ""
+    return [json.loads(line) for line in text.splitlines()]
 
 
 def _summary(
@@ -309,20 +325,18 @@ def render_catalogue(
     variant, message = worker.choose_variant(options.job.variant)
     if message:
         logging.warning("%s", message)
-    job = _job_of(catalogue.name, entries, options, variant.name)
-    digest = hashlib.sha256(json.dumps(job, sort_keys=True).encode()).hexdigest()[:16]
-    if _begin(out, job, catalogue.name):
-        logging.info("%s is complete", out)
-        report = out / REPORT
-        text = report.read_text() if report.exists() else ""
-        lines = [json.loads(text_line) for text_line in text.splitlines()]
-        return _summary(entries, lines, True, started, 0)
+    # Before anything is written: what is wrong with these must not mark the folder.
     pictures = (
         worker.list_pictures(options.image.background_folder)
         if options.image.background == "folder"
         else []
     )
     maps = worker.load_maps(options.light, variant)
+    job = _job_of(catalogue.name, entries, options, variant.name)
+    digest = hashlib.sha256(json.dumps(job, sort_keys=True).encode()).hexdigest()[:16]
+    if _begin(out, job, catalogue.name):
+        logging.info("%s is complete", out)
+        return _summary(entries, _read_report(out), True, started, 0)
     context = worker.Context(options, catalogue.name, variant, maps, pictures)
     folder = out / _WORK
     blocks = _blocks(entries, options.models_per_shard)

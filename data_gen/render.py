@@ -16,6 +16,9 @@ the workers of a Dask cluster, see `data_gen/cluster.py` for what they need; the
 Exit codes: 0 done, all models have samples; 1 done, some models were refused (normal for
 collections); 2 wrong arguments, or nothing came of it; 3 done with this part, others are not;
 143 and 130 stopped by SIGTERM or Ctrl-C.
+
+Models are known by their names: where a mesh's file has changed under the same name, what was made
+of it before stays; give another folder for the output then.
 """
 
 import functools
@@ -51,16 +54,17 @@ _OUT = flags.DEFINE_string("out", None, "Folder of the data set.")
 _PART = flags.DEFINE_string(
     "shard", "0/1", "i/n: this process does the i-th of n parts, i from 0, for job arrays."
 )
-_LIMIT = flags.DEFINE_integer("limit", 0, "The first models of the catalogue alone; 0 = all.")
+_LIMIT = flags.DEFINE_integer(
+    "limit", 0, "The first models of the catalogue alone; 0 = all.", lower_bound=0
+)
 _OPTION = flags.DEFINE_multi_string(
     "option", [], "NAME=VALUE for the catalogue, such as up=+z or max_faces=200000; repeatable."
 )
 _SCHEDULER = flags.DEFINE_string(
     "scheduler", "", "Address of a Dask scheduler; its workers render. Empty: this machine does."
 )
-_CONFIG = config_flags.DEFINE_config_file(
-    "config", str(pathlib.Path(__file__).with_name("config.py")), "Settings.", lock_config=True
-)
+_CONFIG = config_flags.DEFINE_config_file("config", None, "Settings.", lock_config=True)
+_DEFAULT = pathlib.Path(__file__).with_name("config.py")
 
 
 def parse_part(text: str) -> tuple[int, int]:
@@ -75,18 +79,23 @@ def parse_part(text: str) -> tuple[int, int]:
     return int(first), int(second)
 
 
-def _options(pairs: list[str]) -> dict[str, Any]:
-    result: dict[str, Any] = {}
-    for pair in pairs:
-        name, equals, value = pair.partition("=")
-        if not equals:
-            raise ValueError(f"--option: got {pair!r}, expected NAME=VALUE")
-        result[name] = int(value) if value.lstrip("-").isdecimal() else value
-    return result
-
-
 def _stop(number: int, frame: Any) -> None:
     raise StoppedError(number)
+
+
+def _parse_flags(argv: list[str]) -> list[str]:
+    """As absl does, but whatever is wrong ends in one line and exit code 2."""
+    if not any(a.split("=")[0].lstrip("-") == "config" for a in argv[1:]):
+        # Not as the flag's default: what is wrong with a setting would show at the import.
+        argv = [argv[0], f"--config={_DEFAULT}", *argv[1:]]
+    try:
+        return flags.FLAGS(argv)
+    except (AttributeError, KeyError) as error:  # no such setting
+        text = " ".join(str(error.args[0]).replace("\\n", " ").replace("\\", "").split())
+        sys.stderr.write(f"error: --config: no such setting: {text.strip(chr(39))}\n")
+    except (flags.Error, TypeError, ValueError, OSError) as error:
+        sys.stderr.write(f"error: {error}\n")
+    sys.exit(2)
 
 
 def main(argv: list[str]) -> None:
@@ -103,7 +112,7 @@ def main(argv: list[str]) -> None:
         options = settings.parse(_CONFIG.value)
         part = parse_part(_PART.value)
         try:
-            source = catalogues.open(name, place, **_options(_OPTION.value))
+            source = catalogues.open(name, place, **catalogues.parse_options(name, _OPTION.value))
         except TypeError as error:
             raise ValueError(f"--option: {error}") from error
         render = pool.render_local
@@ -124,4 +133,4 @@ def main(argv: list[str]) -> None:
 
 if __name__ == "__main__":
     flags.mark_flags_as_required(["catalogue", "source", "out"])
-    app.run(main)
+    app.run(main, flags_parser=_parse_flags)

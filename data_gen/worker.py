@@ -163,7 +163,7 @@ def load_maps(
         return None
     names = []
     if settings.source == "folder":
-        names = [str(p) for p in lights.list_maps(settings.folder)]
+        names = [str(p.resolve()) for p in lights.list_maps(settings.folder)]
     request = json.dumps({"variant": variant, "names": names})
     done = subprocess.run(
         [sys.executable, "-m", "data_gen.worker", "maps"],
@@ -296,14 +296,19 @@ def list_pictures(folder: str) -> list[str]:
     """The pictures below a folder, by name.
 
     Raises:
-      ValueError: there is none.
+      ValueError: there is none, or a file that is none.
     """
     found = sorted(
-        str(p) for p in pathlib.Path(folder).rglob("*")
+        str(p.resolve()) for p in pathlib.Path(folder).rglob("*")
         if p.suffix.lower() in (".png", ".jpg", ".jpeg")
     )  # fmt: skip
     if not found:
         raise ValueError(f"image.background_folder: {folder!r} has no .png or .jpg file")
+    for path in found:
+        try:
+            Image.open(path).close()
+        except (OSError, Image.DecompressionBombError) as error:
+            raise ValueError(f"image.background_folder: {path} is no picture: {error}") from None
     return found
 
 
@@ -492,7 +497,7 @@ def serve(connection: Connection) -> None:
     while connection.poll(_IDLE_SECONDS):
         try:
             entry = connection.recv()
-        except EOFError:
+        except (EOFError, ConnectionResetError):
             return
         if entry is None:
             return

@@ -25,7 +25,7 @@ from psgn_jax.data.records import write_atomic as write_atomic  # for whoever wr
 
 
 def log_to_terminal() -> None:
-    """Shows this package's progress, and of others only warnings, on standard error."""
+    """Shows the progress of this package and of `data_gen`, of others only warnings, on stderr."""
     logging.use_absl_handler()
     if not flags.FLAGS.is_parsed():  # in a notebook: absl would complain with the first line
         flags.FLAGS.mark_as_parsed()
@@ -33,7 +33,8 @@ def log_to_terminal() -> None:
     logging.set_stderrthreshold(logging.INFO)
     handler = logging.get_absl_handler()
     handler.setFormatter(python_logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
-    own = str(pathlib.Path(__file__).resolve().parent) + os.sep
+    package = pathlib.Path(__file__).resolve().parent
+    own = (f"{package}{os.sep}", f"{package.parent / 'data_gen'}{os.sep}")
     handler.addFilter(
         lambda r: (
             r.levelno >= python_logging.WARNING or os.path.realpath(r.pathname).startswith(own)

@@ -10,7 +10,8 @@ import functools
 import hashlib
 import importlib
 import os
-from collections.abc import Callable, Iterator
+import typing
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 from data_gen.meshes import Model
@@ -19,6 +20,12 @@ SPLITS = ("train", "validation", "test")
 
 FRACTIONS = (0.8, 0.1, 0.1)
 """Default parts of the splits, in the order of `SPLITS`."""
+
+
+def printable(text: str) -> str:
+    """One line that UTF-8 can hold: control characters and bytes that are no text are escaped."""
+    text = text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,6 +44,11 @@ class Entry:
     category: str
     split: str
     loader: Callable[[], Model]
+
+    def __post_init__(self) -> None:
+        """Makes both names printable."""
+        object.__setattr__(self, "model_id", printable(self.model_id))
+        object.__setattr__(self, "category", printable(self.category))
 
     def load(self) -> Model:
         """The model; its name and category are the entry's."""
@@ -103,11 +115,44 @@ def open(name: str, source: str | os.PathLike[str], **options: Any) -> Catalogue
     Raises:
       ValueError: an unknown name, or a source that the catalogue cannot be made of.
     """
+    catalogue: Catalogue = _class_of(name)(source, **options)
+    return catalogue
+
+
+def _class_of(name: str) -> Callable[..., Any]:
     if name not in CATALOGUES:
         raise ValueError(f"catalogue {name!r}: expected one of {sorted(CATALOGUES)}")
     module, _, kind = CATALOGUES[name].partition(":")
-    catalogue: Catalogue = getattr(importlib.import_module(module), kind)(source, **options)
-    return catalogue
+    found: Callable[..., Any] = getattr(importlib.import_module(module), kind)
+    return found
+
+
+def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
+    """Options of a catalogue's class from texts such as "up=+z" or "categories=chair,table".
+
+    Raises:
+      ValueError: an unknown catalogue or option, or a value that the option does not take.
+    """
+    hints = typing.get_type_hints(_class_of(name).__init__)  # type: ignore[misc]
+    known = sorted(set(hints) - {"source", "return"})
+    result: dict[str, Any] = {}
+    for pair in pairs:
+        key, equals, text = pair.partition("=")
+        if not equals or key not in known:
+            raise ValueError(
+                f"--option={pair}: expected NAME=VALUE with NAME one of {known} for the catalogue "
+                f"{name!r}"
+            )
+        hint = hints[key]
+        several = typing.get_origin(hint) is not None
+        kind = typing.get_args(hint)[0] if several else hint
+        try:
+            values = [kind(part) for part in (text.split(",") if several else [text])]
+        except ValueError:
+            what = f"{kind.__name__} values with commas between them" if several else kind.__name__
+            raise ValueError(f"--option={pair}: expected {what}") from None
+        result[key] = tuple(values) if several else values[0]
+    return result
 
 
 def unique_names(names: list[str]) -> list[str]:

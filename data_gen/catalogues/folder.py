@@ -4,11 +4,28 @@ import os
 import pathlib
 from collections.abc import Iterator
 
+from absl import logging
+
 from data_gen import catalogues, loading, meshes
 from data_gen.catalogues import Entry
 
 # Formats whose programs draw with z up; the others mean y.
 _Z_UP = (".stl", ".ply", ".off", ".3mf", ".xyz")
+
+# Formats of models that are not read, or only with further packages (3MF: lxml and networkx).
+_OTHERS = {
+    ".3mf",
+    ".3ds",
+    ".ac",
+    ".blend",
+    ".fbx",
+    ".step",
+    ".stp",
+    ".usd",
+    ".usdz",
+    ".wrl",
+    ".x3d",
+}
 
 
 def extensions() -> set[str]:
@@ -28,12 +45,22 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
     root = pathlib.Path(source)
     if not root.is_dir():
         raise ValueError(f"source {str(source)!r}: expected a folder of meshes")
-    found = []
+    found: list[str] = []
+    left: list[str] = []
     for place, folders, files in os.walk(root):
         folders[:] = sorted(f for f in folders if not f.startswith("."))
         for file in files:
-            if not file.startswith(".") and pathlib.Path(file).suffix.lower() in endings:
-                found.append((pathlib.Path(place) / file).relative_to(root).as_posix())
+            if file.startswith("."):
+                continue
+            ending = pathlib.Path(file).suffix.lower()
+            if ending in endings | _OTHERS:
+                name = (pathlib.Path(place) / file).relative_to(root).as_posix()
+                (found if ending in endings else left).append(name)
+    if left:
+        logging.warning(
+            "%d files that look like models but cannot be read here, such as %s: left out",
+            len(left), left[0],
+        )  # fmt: skip
     if not found:
         raise ValueError(
             f"source {str(source)!r}: no mesh in it, expected files with one of the endings "

@@ -15,6 +15,7 @@ import zlib
 from collections.abc import Iterator
 
 import numpy as np
+from absl import logging
 
 from data_gen import catalogues, loading, meshes
 from data_gen.catalogues import Entry
@@ -222,7 +223,7 @@ class SweetHomeCatalogue:
       max_faces: models with more are refused.
 
     Raises:
-      ValueError: no library there, or one that cannot be read.
+      ValueError: no library there, or none that can be read; others are left out with a warning.
     """
 
     name = "sh3f"
@@ -239,7 +240,16 @@ class SweetHomeCatalogue:
         if not libraries or not libraries[0].is_file():
             raise ValueError(f"source {str(source)!r}: expected a .sh3f file or a folder with some")
         self._fractions, self._max_faces = fractions, max_faces
-        pieces = [(str(library), piece) for library in libraries for piece in read_library(library)]
+        pieces, problems = [], []
+        for library in libraries:
+            try:
+                pieces += [(str(library), piece) for piece in read_library(library)]
+            except ValueError as error:
+                problems.append(str(error))
+        if not pieces and problems:
+            raise ValueError("; ".join(problems))
+        for problem in problems:
+            logging.warning("left out: %s", problem)
         names = catalogues.unique_names([piece.model_id for _, piece in pieces])
         self._pieces = [
             (library, dataclasses.replace(piece, model_id=name))

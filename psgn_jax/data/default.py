@@ -39,7 +39,10 @@ def default_dataset() -> str:
             "no data are named, and the default data set is rendered on first use, which needs "
             "Mitsuba: pip install -e '.[render]'; or set data.path to a folder of records"
         )
-    folder.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"the cache folder (environment variable PSGN_CACHE): {error}") from error
     with open(folder.with_name(f".{default.NAME}.lock"), "w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -257,7 +257,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     name = pathlib.Path(arguments.path).resolve().name
     target = pathlib.Path(arguments.sheet or f"{name}.png")
-    sheet.save(target)
+    try:
+        sheet.save(target)
+    except (OSError, ValueError) as error:
+        sys.stderr.write(f"error: --sheet={target}: {error}\n")
+        return 2
     sys.stdout.write(f"contact sheet: {target}\n")
     return 0 if whole else 1
 

@@ -305,3 +305,29 @@ def test_procedural_catalogue():
     ):
         with pytest.raises(ValueError, match=match):
             catalogues.open("procedural", source)
+
+
+def test_names_that_are_no_text_become_printable():
+    entry = catalogues.Entry("bad/latin\udce9.obj", "two\nlines", "train", lambda: None)
+    assert entry.model_id == "bad/latin\\xe9.obj"
+    assert entry.category == "two\\nlines"
+    assert catalogues.printable("Stühle/ß 椅子") == "Stühle/ß 椅子"
+
+
+def test_options_from_texts():
+    parse = catalogues.parse_options
+    assert parse("folder", ["up=+z", "max_faces=50", "fractions=0.5,0.5,0"]) == {
+        "up": "+z", "max_faces": 50, "fractions": (0.5, 0.5, 0.0),
+    }  # fmt: skip
+    assert parse("shapenet", ["categories=chair,table", "validation=0.1"]) == {
+        "categories": ("chair", "table"), "validation": 0.1,
+    }  # fmt: skip
+    for wrong in ("max_faces=many", "fractions=half", "upp=+z", "up"):
+        with pytest.raises(ValueError, match=f"--option={wrong}: expected"):
+            parse("folder", [wrong])
+
+
+def test_a_broken_library_is_left_out(tmp_path):
+    (tmp_path / "broken.sh3f").write_bytes(b"PK\3\4 and no more")
+    with pytest.raises(ValueError, match="cannot be read"):
+        catalogues.open("sh3f", str(tmp_path))

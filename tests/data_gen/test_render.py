@@ -303,6 +303,8 @@ def write_folder(folder):
     (folder / "good" / "café.obj").write_text(triangle)
     (folder / "good" / "empty.obj").write_text("")
     (folder / "good" / "nan.obj").write_text(triangle.replace("v 1 0 0", "v nan 0 0"))
+    name = os.fsencode(folder / "good") + b"/latin\xe9.obj"  # no UTF-8
+    pathlib.Path(os.fsdecode(name)).write_text(triangle)
     return folder
 
 
@@ -310,11 +312,25 @@ def test_refused_models_have_reasons_and_do_not_stop_the_job(tmp_path):
     source = catalogues.open("folder", write_folder(tmp_path / "meshes"))
     summary = job.render_catalogue(source, tmp_path / "out", options())
     assert summary.exit_code == 1
-    assert summary.statuses == {"ok": 1, "refused": 2}
+    assert summary.statuses == {"ok": 2, "refused": 2}
+    again = job.render_catalogue(source, tmp_path / "out", options())
+    assert list(again.lines) == list(summary.lines)
     reasons = {line["model_id"]: line["reason"] for line in summary.lines}
-    assert reasons["good/café.obj"] == ""
+    assert reasons["good/café.obj"] == reasons["good/latin\\xe9.obj"] == ""
     assert "empty" in reasons["good/empty.obj"]
     assert "not finite" in reasons["good/nan.obj"]
+
+
+def test_a_wrong_light_marks_no_folder(tmp_path):
+    source = catalogues.open("procedural", "chair=1")
+    wrong = {"source": "folder", "folder": str(tmp_path / "none")}
+    with pytest.raises(ValueError, match="none"):
+        job.render_catalogue(source, tmp_path / "out", options(light=wrong))
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "wall.png").write_text("no")
+    picture = {"background": "folder", "background_folder": str(tmp_path)}
+    with pytest.raises(ValueError, match=r"wall\.png is no picture"):
+        job.render_catalogue(source, tmp_path / "out", options(image=picture))
 
 
 def abort():
@@ -375,6 +391,10 @@ def test_command_refuses_wrong_arguments(tmp_path):
         ("--shard=2/2", "--shard: got '2/2'"),
         ("--config.views=0", "views: got 0"),
         ("--option=nonsense=1", "--option"),
+        ("--config.vews=3", "--config"),
+        ("--config.views=abc", "abc"),
+        ("--catalogue=nonsense", "catalogue"),
+        ("--limit=-1", "limit"),
     ):
         done = subprocess.run([*command, wrong], capture_output=True, text=True, check=False)
         assert (done.returncode, message in done.stderr) == (2, True), done.stderr
