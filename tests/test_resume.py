@@ -196,6 +196,7 @@ def test_killed_run_on_records_ends_bit_identical(command, tmp_path):
     assert_same_end(tmp_path / "run", tmp_path / "whole")
 
 
+@pytest.mark.slow
 def test_killed_run_with_a_posterior_ends_bit_identical(command, tmp_path):
     flags = [
         "--config.model.posterior=True",

@@ -111,7 +111,10 @@ def test_random_input_depends_on_seed_step_and_purpose(tiny):
     assert step.draw_r(several, 0, 4, train=False).shape == (4, several.model.random_size)
 
 
-@pytest.mark.parametrize(("name", "data_points"), [("chamfer_sq_mean", 50), ("emd_mean", 136)])
+@pytest.mark.parametrize(
+    ("name", "data_points"),
+    [pytest.param("chamfer_sq_mean", 50, marks=pytest.mark.slow), ("emd_mean", 136)],
+)
 def test_training_on_the_better_of_two_draws(name, data_points):
     config = STANDIN["config"](
         model__widths=(4, 6, 8),
@@ -266,7 +269,10 @@ def test_leaves_of_a_checkpoint_are_checked(trained):
     jax.tree.map(np.testing.assert_array_equal, params, dict(final.ema))
 
 
-@pytest.mark.parametrize("kind", [{"loss__min_of_n": 1}, {"loss__min_of_n": 2}, VAE])
+@pytest.mark.parametrize(
+    "kind",
+    [{"loss__min_of_n": 1}, pytest.param({"loss__min_of_n": 2}, marks=pytest.mark.slow), VAE],
+)
 def test_eight_devices_give_the_same_numbers_as_one(kind):
     code = f"""
 import jax, runpy, numpy as np

@@ -161,7 +161,7 @@ def test_clouds_are_drawn_where_the_camera_sees_them():
     assert draw_case(image, both[0, :5].astype(float), outside, *camera).shape == (192, 1280, 3)
 
 
-@pytest.mark.parametrize("name", ["authors_emd", "mo2_emd"])
+@pytest.mark.parametrize("name", [pytest.param("authors_emd", marks=pytest.mark.slow), "mo2_emd"])
 def test_the_emd_configurations_train(tmp_path, name):
     """As they are but for sizes: three steps, killed by nothing, with an evaluation."""
     settings = runpy.run_path(str(ROOT / "configs" / f"{name}.py"))["get_config"]()

@@ -343,7 +343,7 @@ def test_padding_repeats_the_border_on_both_sides():
     )
 
 
-@pytest.mark.parametrize("name", ["two_branch", "hourglass"])
+@pytest.mark.parametrize("name", ["two_branch", pytest.param("hourglass", marks=pytest.mark.slow)])
 def test_bfloat16_is_near_float32(name):
     config = tiny_config(name, random_size=4)
     _, params = initialised(config)

@@ -130,6 +130,7 @@ def test_wrong_inputs():
         VoxelRefiner().init(jax.random.key(0), x, jnp.zeros(1))
 
 
+@pytest.mark.slow
 def test_learns_to_fill_a_shell(rng):
     """Solid boxes from clouds of their surface: better than the splat at any threshold."""
     size, batch = 8, 6
@@ -167,6 +168,7 @@ def test_learns_to_fill_a_shell(rng):
     assert refined > plain + 0.1
 
 
+@pytest.mark.slow
 def test_volume_net():
     config = parse({"model": {"width_multiplier": 0.25}, "data": {"image_size": (64, 64)}}).model
     module = build_volume_net(config)
