@@ -174,6 +174,7 @@ def test_killed_many_times_ends_bit_identical(command, undisturbed, tmp_path, se
     assert_same_end(workdir, undisturbed)
 
 
+@pytest.mark.slow
 def test_killed_run_on_records_ends_bit_identical(command, tmp_path):
     """The real loader: decoding, augmentation and the choice of points go on where they were."""
     splits = {

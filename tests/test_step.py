@@ -111,9 +111,10 @@ def test_random_input_depends_on_seed_step_and_purpose(tiny):
     assert step.draw_r(several, 0, 4, train=False).shape == (4, several.model.random_size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "data_points"),
-    [pytest.param("chamfer_sq_mean", 50, marks=pytest.mark.slow), ("emd_mean", 136)],
+    [("chamfer_sq_mean", 50), ("emd_mean", 136)],
 )
 def test_training_on_the_better_of_two_draws(name, data_points):
     config = STANDIN["config"](
@@ -130,7 +131,8 @@ def test_training_on_the_better_of_two_draws(name, data_points):
 
 
 @pytest.mark.parametrize(
-    ("version", "loss"), [("two_branch", "emd_mean"), ("hourglass", "chamfer_sq")]
+    ("version", "loss"),
+    [pytest.param("two_branch", "emd_mean", marks=pytest.mark.slow), ("hourglass", "chamfer_sq")],
 )
 def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(version, loss):
     config = STANDIN["config"](
@@ -271,7 +273,10 @@ def test_leaves_of_a_checkpoint_are_checked(trained):
 
 @pytest.mark.parametrize(
     "kind",
-    [{"loss__min_of_n": 1}, pytest.param({"loss__min_of_n": 2}, marks=pytest.mark.slow), VAE],
+    [
+        {"loss__min_of_n": 1},
+        *(pytest.param(k, marks=pytest.mark.slow) for k in ({"loss__min_of_n": 2}, VAE)),
+    ],
 )
 def test_eight_devices_give_the_same_numbers_as_one(kind):
     code = f"""

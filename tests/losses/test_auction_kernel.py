@@ -160,7 +160,9 @@ def test_lowers_for_cuda_in_a_batch():
     assert lowering.kernels(batch, points, points, ((), "f"), ((), "i")) == ["auction"]
 
 
-@pytest.mark.parametrize("kind", ["near", "grid", "equal"])
+@pytest.mark.parametrize(
+    "kind", ["near", *(pytest.param(k, marks=pytest.mark.slow) for k in ("grid", "equal"))]
+)
 def test_the_certificate_is_that_of_the_plain_auction(rng, kind):
     a, b = clouds(rng, 100, kind)
     pair = jax.jit(lambda a, b: auction_kernel.solve_pair(a, b, TOLERANCE, 10**6, interpret=True))

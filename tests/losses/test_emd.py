@@ -130,6 +130,8 @@ def test_non_finite(rng, bad, argument):
     with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
         losses.emd_mean(**pair)
     assert np.isnan(mean(pair["pred"], pair["gt"]))
+    if (argument, bad) != ("pred", np.inf):
+        return
     # Also where the values are not at hand without `jit`; the other pairs of a batch stay whole.
     fine = clouds(rng)
     for grad in jax.grad(losses.emd_mean, argnums=(0, 1))(pair["pred"], pair["gt"]):

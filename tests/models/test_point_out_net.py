@@ -343,7 +343,8 @@ def test_padding_repeats_the_border_on_both_sides():
     )
 
 
-@pytest.mark.parametrize("name", ["two_branch", pytest.param("hourglass", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["two_branch", "hourglass"])
 def test_bfloat16_is_near_float32(name):
     config = tiny_config(name, random_size=4)
     _, params = initialised(config)
@@ -370,7 +371,13 @@ def test_bfloat16_is_near_float32(name):
         assert jnp.all(jnp.isfinite(leaf))
 
 
-@pytest.mark.parametrize("name", point_out_net.VERSIONS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(v, marks=[pytest.mark.slow] * (v == "hourglass"))
+        for v in point_out_net.VERSIONS
+    ],
+)
 def test_samples_are_independent_and_every_parameter_has_a_gradient(name):
     config = tiny_config(name, random_size=4)
     network, params = initialised(config)

@@ -107,6 +107,7 @@ def test_six_layers_of_27_taps():
     assert out.shape == (2, 32, 32, 32)
 
 
+@pytest.mark.slow
 def test_local_and_of_any_size(rng):
     """Each answer sees 6 cells in every direction, and no further."""
     module = VoxelRefiner(widths=(4,) * 5)

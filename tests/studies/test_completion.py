@@ -108,6 +108,7 @@ def tiny(inputs, path, *, full, steps):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_whole_study_and_again(tmp_path, monkeypatch):
     monkeypatch.setattr(lib, "configuration", tiny)
     drawn = list(solids.samples(5, seed=0, image_size=(48, 64)))

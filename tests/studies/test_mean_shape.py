@@ -23,6 +23,7 @@ def test_shapes_lie_where_the_drawing_and_the_measures_expect_them(distribution)
         assert all(distribution.measure(c)["points in no shape at all [%]"] == 0 for c in clouds)
 
 
+@pytest.mark.slow
 def test_half_of_the_bars_have_their_share_of_points_in_the_disk():
     keys = jax.random.split(jax.random.key(1), 400)
     outside = [lib.measure_disk(np.asarray(lib.bar_with_disk(k, 400))) for k in keys[:100]]
@@ -41,6 +42,7 @@ def test_measure_of_a_circle():
     assert found["spread of the radius"] == pytest.approx(0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_emd_keeps_the_circle_and_cd_blurs_it():
     spread = {}
     for name, distance in lib.DISTANCES.items():
