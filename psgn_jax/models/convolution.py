@@ -100,36 +100,6 @@ def conv2d_transpose(
     return _conv_adjoint(x, jnp.flip(kernel, (0, 1)).swapaxes(2, 3), geometry, size)
 
 
-def conv3d(
-    x: Float[Array, "b d h w c_in"], kernel: Float[Array, "kd kh kw c_in c_out"], *, stride: int = 1
-) -> Float[Array, "b do ho wo c_out"]:
-    """Convolution of volumes without bias, SAME padding as in `conv2d`.
-
-    On a CPU it is one `conv2d` whose channels are those of the kd planes that an output plane
-    reads: XLA's own takes 25 times as long, forward and backward (16 volumes of 32^3).
-
-    Args:
-      x: a batch of volumes.
-      kernel: the weights.
-      stride: step in all directions.
-    """
-    if jax.default_backend() != "cpu":
-        return jax.lax.conv_general_dilated(
-            x, kernel, (stride,) * 3, "SAME", dimension_numbers=("NDHWC", "DHWIO", "NDHWC")
-        )
-    batch, depth, height, width, c_in = x.shape
-    kd, kh, kw, _, c_out = kernel.shape
-    planes = -(-depth // stride)
-    total = max(0, (planes - 1) * stride + kd - depth)
-    low = total // 2
-    x = jnp.pad(x, ((0, 0), (low, total - low), (0, 0), (0, 0), (0, 0)))
-    shifted = [x[:, tap : tap + (planes - 1) * stride + 1 : stride] for tap in range(kd)]
-    stacked = jnp.concatenate(shifted, axis=-1).reshape(-1, height, width, kd * c_in)
-    flat = kernel.transpose(1, 2, 0, 3, 4).reshape(kh, kw, kd * c_in, c_out)
-    y = conv2d(stacked, flat, stride=stride)
-    return y.reshape(batch, planes, *y.shape[1:])
-
-
 @functools.partial(jax.custom_vjp, nondiff_argnums=(2,))
 def _conv(x: Array, kernel: Array, geometry: _Geometry) -> Array:
     """`y[o] = sum over taps t of x[stride * o + t - low] kernel[t]`, in both directions."""

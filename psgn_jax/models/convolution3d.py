@@ -1,7 +1,7 @@
 """Convolution of volumes, as a pure function and as a layer.
 
 On a GPU or TPU it is XLA's convolution. On a CPU XLA's routine for three dimensions is some ten
-times slower than its two-dimensional one, so there a volume is a batch of slices: three
+times slower than its two-dimensional one, so there a volume is a batch of slices: the
 neighbouring slices side by side are the channels of one `convolution.conv2d`, with that function's
 gradients. CPU seconds for two volumes of 32^3, 3x3x3, value and then value with both gradients
 (`tests/bench/convolution3d.py`): 16 to 16 channels .017 and .094 instead of .27 and .96; 1 to 16
@@ -23,32 +23,39 @@ _LAYOUT = ("NDHWC", "DHWIO", "NDHWC")
 
 
 def conv3d(
-    x: Float[Array, "b x y z c_in"], kernel: Float[Array, "kx ky kz c_in c_out"]
-) -> Float[Array, "b x y z c_out"]:
-    """Convolution (correlation) of stride 1 without bias; zeros outside, the size is kept.
+    x: Float[Array, "b x y z c_in"], kernel: Float[Array, "kx ky kz c_in c_out"], *, stride: int = 1
+) -> Float[Array, "b xo yo zo c_out"]:
+    """Convolution (correlation) of volumes without bias, SAME padding as in `convolution.conv2d`.
 
     Args:
       x: a batch of volumes.
-      kernel: the weights, of odd sizes.
+      kernel: the weights.
+      stride: step in all directions.
     """
     if jax.default_backend() != "cpu":
-        return jax.lax.conv_general_dilated(x, kernel, (1, 1, 1), "SAME", dimension_numbers=_LAYOUT)
-    b, n, height, width, c_in = x.shape
-    depth, kh, kw, _, c_out = kernel.shape
-    reach = depth // 2
-    padded = jnp.pad(x, ((0, 0), (reach, reach), (0, 0), (0, 0), (0, 0)))
-    slices = jnp.concatenate([padded[:, i : i + n] for i in range(depth)], axis=-1)
-    flat = kernel.transpose(1, 2, 0, 3, 4).reshape(kh, kw, depth * c_in, c_out)
-    y = convolution.conv2d(slices.reshape(b * n, height, width, depth * c_in), flat)
-    return y.reshape(b, n, height, width, c_out)
+        return jax.lax.conv_general_dilated(
+            x, kernel, (stride,) * 3, "SAME", dimension_numbers=_LAYOUT
+        )
+    b, depth, height, width, c_in = x.shape
+    kd, kh, kw, _, c_out = kernel.shape
+    planes = -(-depth // stride)
+    total = max(0, (planes - 1) * stride + kd - depth)
+    low = total // 2
+    x = jnp.pad(x, ((0, 0), (low, total - low), (0, 0), (0, 0), (0, 0)))
+    shifted = [x[:, tap : tap + (planes - 1) * stride + 1 : stride] for tap in range(kd)]
+    slices = jnp.concatenate(shifted, axis=-1).reshape(-1, height, width, kd * c_in)
+    flat = kernel.transpose(1, 2, 0, 3, 4).reshape(kh, kw, kd * c_in, c_out)
+    y = convolution.conv2d(slices, flat, stride=stride)
+    return y.reshape(b, planes, *y.shape[1:])
 
 
 class Conv3D(nn.Module):
-    """`conv3d(x, kernel) + bias`.
+    """`conv3d(x, kernel, stride=stride) + bias`.
 
     Attributes:
       features: output channels.
-      kernel_size: edge of the cubic kernel, odd.
+      kernel_size: edge of the cubic kernel.
+      stride: step in all directions.
       use_bias: whether to add one.
       kernel_init, bias_init: initial values.
       dtype: of the arithmetic and the output.
@@ -56,17 +63,18 @@ class Conv3D(nn.Module):
 
     features: int
     kernel_size: int = 3
+    stride: int = 1
     use_bias: bool = True
     kernel_init: blocks.Initializer = blocks.RELU
     bias_init: blocks.Initializer = nn.initializers.zeros_init()
     dtype: Any = jnp.float32
 
     @nn.compact
-    def __call__(self, x: Float[Array, "b x y z c_in"]) -> Float[Array, "b x y z c_out"]:
+    def __call__(self, x: Float[Array, "b x y z c_in"]) -> Float[Array, "b xo yo zo c_out"]:
         """Maps a batch of volumes."""
         shape = (*(self.kernel_size,) * 3, x.shape[-1], self.features)
         kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
-        y = conv3d(x.astype(self.dtype), kernel.astype(self.dtype))
+        y = conv3d(x.astype(self.dtype), kernel.astype(self.dtype), stride=self.stride)
         if self.use_bias:
             bias = self.param("bias", self.bias_init, (self.features,), jnp.float32)
             y = y + bias.astype(self.dtype)[None, None, None, None, :]

@@ -33,7 +33,7 @@ from psgn_jax.config import ModelConfig
 from psgn_jax.data.schema import OCCUPANCY_SIZE
 from psgn_jax.models import blocks
 from psgn_jax.models.blocks import Dense
-from psgn_jax.models.convolution import conv3d
+from psgn_jax.models.convolution3d import Conv3D
 from psgn_jax.types import Array, Float
 
 NAME = "posterior"
@@ -74,31 +74,11 @@ class Posterior(nn.Module):
         """Reads a batch of volumes (`occupied`), float32 throughout."""
         x = volume[..., None]
         for i, width in enumerate(self.widths):
-            x = nn.relu(Conv3D(width, 3 if i else 5, name=f"conv{i}")(x))
+            x = nn.relu(Conv3D(width, 3 if i else 5, stride=2, name=f"conv{i}")(x))
         x = x.reshape(x.shape[0], -1)
         x = nn.relu(Dense(self.hidden, name="hidden")(x))
         x = Dense(2 * self.size, kernel_init=blocks.small(0.1), name="gaussian")(x)
         return Gaussian(x[:, : self.size], x[:, self.size :])
-
-
-class Conv3D(nn.Module):
-    """`conv3d(x, kernel, stride=2) + bias`; `kernel` has five axes.
-
-    Attributes:
-      features: output channels.
-      kernel_size: side of the cubic kernel.
-    """
-
-    features: int
-    kernel_size: int
-
-    @nn.compact
-    def __call__(self, x: Float[Array, "b d h w c_in"]) -> Float[Array, "b do ho wo c_out"]:
-        """Maps a batch; sizes are halved."""
-        shape = (*(self.kernel_size,) * 3, x.shape[-1], self.features)
-        kernel = self.param("kernel", blocks.RELU, shape, jnp.float32)
-        bias = self.param("bias", nn.initializers.zeros_init(), (self.features,), jnp.float32)
-        return conv3d(x, kernel, stride=2) + bias[None, None, None, None, :]
 
 
 def build(config: ModelConfig) -> Posterior:
