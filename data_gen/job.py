@@ -145,13 +145,14 @@ def _difference(one: Any, two: Any, name: str = "") -> str:
     return "" if one == two else f"{name}: {one!r} there, {two!r} now"
 
 
-def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
-    """Makes or checks the job's folder; whether the data set is complete already.
+def _check_folder(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
+    """Whether the job's data set is complete in a folder; nothing is written.
 
     Raises:
       ValueError: the folder holds something else.
     """
-    out.mkdir(parents=True, exist_ok=True)
+    if not out.exists():
+        return False
     digest = hashlib.sha256(json.dumps(job, sort_keys=True).encode()).hexdigest()[:16]
     stated = out / _WORK / "job.json"
     if (out / records.MANIFEST).exists():
@@ -180,8 +181,15 @@ def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
                 f"--out {str(out)!r}: was begun with other settings ({difference}); give another "
                 "folder, or remove it"
             )
-    else:
-        (out / _WORK).mkdir(exist_ok=True)
+    return False
+
+
+def _begin(out: pathlib.Path, job: Mapping[str, Any], name: str) -> bool:
+    """Makes or checks the job's folder, as `_check_folder`, and says in it what the job is."""
+    if _check_folder(out, job, name):
+        return True
+    stated = out / _WORK / "job.json"
+    if not stated.exists():
         records.write_atomic(stated, json.dumps(job, indent=1) + "\n")
     if not (out / records.MANIFEST).exists():
         records.save_manifest(out, records.Manifest(name, False, ()))
@@ -325,16 +333,19 @@ def render_catalogue(
     variant, message = worker.choose_variant(options.job.variant)
     if message:
         logging.warning("%s", message)
-    # Before anything is written: what is wrong with these must not mark the folder.
-    pictures = (
-        worker.list_pictures(options.image.background_folder)
-        if options.image.background == "folder"
-        else []
-    )
-    maps = worker.load_maps(options.light, variant)
     job = _job_of(catalogue.name, entries, options, variant.name)
     digest = hashlib.sha256(json.dumps(job, sort_keys=True).encode()).hexdigest()[:16]
-    if _begin(out, job, catalogue.name):
+    complete = _check_folder(out, job, catalogue.name)
+    if not complete:
+        # Before anything is written: what is wrong with these must not mark the folder.
+        pictures = (
+            worker.list_pictures(options.image.background_folder)
+            if options.image.background == "folder"
+            else []
+        )
+        maps = worker.load_maps(options.light, variant)
+        complete = _begin(out, job, catalogue.name)
+    if complete:
         logging.info("%s is complete", out)
         return _summary(entries, _read_report(out), True, started, 0)
     context = worker.Context(options, catalogue.name, variant, maps, pictures)

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import Entry, folder
+from data_gen.catalogues import folder
 from data_gen.meshes import Material, UnusableModelError
 
 NO_ASSIMP = (
@@ -338,20 +338,7 @@ def read(
 # --- The catalogue ----------------------------------------------------------------------------
 
 
-def _load(root: str, name: str, category: str, up: str, front: str, max_faces: int) -> meshes.Model:
-    return loading.load(
-        name,
-        loading.FolderFiles(root),
-        up=up,
-        front=front,
-        category=category,
-        model_id=name,
-        max_faces=max_faces,
-        reader=read,
-    )
-
-
-class AC3DCatalogue:
+class AC3DCatalogue(folder.FolderCatalogue):
     """All AC3D files below a folder.
 
     `Maritime/Civilian/ferry.ac` is the model of that name, of the category "Maritime"; files in
@@ -371,6 +358,7 @@ class AC3DCatalogue:
     """
 
     name = "ac3d"
+    _reader = staticmethod(read)
 
     def __init__(
         self,
@@ -382,26 +370,10 @@ class AC3DCatalogue:
         max_faces: int = meshes.MAX_FACES,
     ) -> None:
         for axis in (up, front):
-            meshes.axis_vector(axis)
-        self._root = str(source)
-        self._names = folder.find_meshes(source, {".ac"})
+            meshes.axis_vector(axis)  # "auto" is none here
+        super().__init__(source, up=up, front=front, fractions=fractions, max_faces=max_faces)
         if not find_assimp():
             raise ValueError(f"catalogue 'ac3d': {NO_ASSIMP}")
-        self._up, self._front, self._fractions, self._max_faces = up, front, fractions, max_faces
 
-    def __len__(self) -> int:
-        """Number of files."""
-        return len(self._names)
-
-    def entries(self) -> Iterator[Entry]:
-        """The files, by name."""
-        for name in self._names:
-            category = name.split("/")[0] if "/" in name else ""
-            yield Entry(
-                name,
-                category,
-                catalogues.split_of(name, self._fractions),
-                catalogues.loader(
-                    _load, self._root, name, category, self._up, self._front, self._max_faces
-                ),
-            )
+    def _endings(self) -> set[str]:
+        return {".ac"}

@@ -69,7 +69,15 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
     return sorted(found)
 
 
-def _load(root: str, name: str, category: str, up: str, front: str, max_faces: int) -> meshes.Model:
+def _load(
+    root: str,
+    name: str,
+    category: str,
+    up: str,
+    front: str,
+    max_faces: int,
+    reader: loading.Reader | None,
+) -> meshes.Model:
     return loading.load(
         name,
         loading.FolderFiles(root),
@@ -78,6 +86,7 @@ def _load(root: str, name: str, category: str, up: str, front: str, max_faces: i
         category=category,
         model_id=name,
         max_faces=max_faces,
+        reader=reader,
     )
 
 
@@ -101,6 +110,7 @@ class FolderCatalogue:
     """
 
     name = "folder"
+    _reader: loading.Reader | None = None  # by the files' endings
 
     def __init__(
         self,
@@ -115,7 +125,10 @@ class FolderCatalogue:
         for axis in {up, front} - {"auto"}:
             meshes.axis_vector(axis)
         self._up, self._front, self._fractions, self._max_faces = up, front, fractions, max_faces
-        self._names = find_meshes(source, extensions())
+        self._names = find_meshes(source, self._endings())
+
+    def _endings(self) -> set[str]:
+        return extensions()
 
     def __len__(self) -> int:
         """Number of mesh files."""
@@ -133,6 +146,6 @@ class FolderCatalogue:
                 category,
                 catalogues.split_of(name, self._fractions),
                 catalogues.loader(
-                    _load, str(self.root), name, category, up, front, self._max_faces
+                    _load, str(self.root), name, category, up, front, self._max_faces, self._reader
                 ),
             )
