@@ -12,7 +12,7 @@ import math
 import pathlib
 import shutil
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,9 @@ from psgn_jax.config import UserError
 from psgn_jax.writer import write_atomic
 
 FORMAT = 1
+
+RANKING = ("cd_sq_radius2", "one_minus_iou", "log_volume_abs_error")
+"""What says which checkpoint is the best, lower is better: the first of these that was measured."""
 
 
 class Checkpoint(NamedTuple):
@@ -43,7 +46,7 @@ class Checkpoints:
     Args:
       directory: created when something is saved.
       keep: newest checkpoints to keep, besides the best one.
-      metric: the metric, lower is better, that says which one is best.
+      metrics: says which one is best, as `RANKING` does.
       read_only: touch nothing, not even what a killed save left: a training may be running.
     """
 
@@ -51,13 +54,13 @@ class Checkpoints:
         self,
         directory: str | pathlib.Path,
         keep: int = 2,
-        metric: str = "cd_sq_radius2",
+        metrics: Sequence[str] = RANKING,
         *,
         read_only: bool = False,
     ):
         self._directory = pathlib.Path(directory).absolute()
         self._keep = keep
-        self._metric = metric
+        self._metrics = tuple(metrics)
         self._read_only = read_only
         self._saver: ocp.AsyncCheckpointer | None = None
         if self._directory.is_dir() and not read_only:
@@ -78,9 +81,9 @@ class Checkpoints:
     def best_step(self) -> int | None:
         """The step with the lowest metric (the later one of equals), or None."""
         candidates = {
-            step: self.scores[step].get(self._metric, math.nan)
+            step: next((scores[m] for m in self._metrics if m in scores), math.nan)
             for step in self.steps()
-            if step in self.scores
+            if (scores := self.scores.get(step)) is not None
         }
         finite = [step for step, score in candidates.items() if math.isfinite(score)]
         return min(finite, key=lambda step: (candidates[step], -step)) if finite else None

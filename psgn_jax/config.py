@@ -63,6 +63,7 @@ Fraction = Annotated[float, Bounds(low=0, high=1)]
 # Adam's decay rates and the averaging rate: at 1 nothing would ever be forgotten (or learned).
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Channel = Literal["rgb", "mask", "depth"]
+Task = Literal["points", "refine", "volume", "views"]
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
 """Channels of each input, see `models.inputs.network_input`; one of depth says where it is."""
@@ -88,6 +89,9 @@ class DataConfig:
       colour_jitter: strength of the change of brightness, contrast and channel gains; 0 = off.
       num_workers: decoding processes; 0 = threads in this process.
       cache: keep decoded samples in memory.
+      occupancy: batches hold the solid volume too; filled in from `task`.
+      train_views, eval_views: images of the same model in each row of a batch, 0 = the record's
+        own, without an axis of views; filled in from `task` and `voxels`.
     """
 
     path: str = ""
@@ -104,6 +108,9 @@ class DataConfig:
     colour_jitter: Fraction = 0.0
     num_workers: Count = 0
     cache: bool = False
+    occupancy: bool = dataclasses.field(default=False, metadata={"derived": True})
+    train_views: int = dataclasses.field(default=0, metadata={"derived": True})
+    eval_views: int = dataclasses.field(default=0, metadata={"derived": True})
 
     @property
     def folders(self) -> tuple[str, ...]:
@@ -258,8 +265,49 @@ class EvalConfig:
 
 
 @dataclasses.dataclass(frozen=True)
+class VoxelConfig:
+    """What is trained on solid volumes, if `task` is one of those (see `Config`).
+
+    Attributes:
+      from_cd, from_emd: "refine": folders of trained runs whose clouds go in, one or both; the
+        names say what they were trained by, as in the paper. Their best checkpoints are copied into
+        the run's folder at its first start and stay as they are.
+      from_volume: "refine": folder of a run of the task "volume", whose answer goes in too; "" = no
+        such channel.
+      widths: "refine": of the five hidden layers.
+      cell: "views": the recurrent cell of 3D-R2N2.
+      width_multiplier: "views": factor on all of its widths.
+      max_views: "views": each training batch has 1 to so many views of each model, at random.
+      eval_views: "views": numbers of views to evaluate with; the best checkpoint is that of the
+        first of them.
+    """
+
+    from_cd: str = ""
+    from_emd: str = ""
+    from_volume: str = ""
+    widths: tuple[PositiveInt, PositiveInt, PositiveInt, PositiveInt, PositiveInt] = (16,) * 5
+    cell: Literal["gru", "lstm"] = "gru"
+    width_multiplier: Positive = 1.0
+    max_views: PositiveInt = 5
+    eval_views: tuple[PositiveInt, ...] = (1, 3, 5)
+
+    @property
+    def sources(self) -> dict[str, str]:
+        """The runs that a refiner reads, by the names of their fields: those that are given."""
+        names = ("from_cd", "from_emd", "from_volume")
+        return {name: getattr(self, name) for name in names if getattr(self, name)}
+
+
+@dataclasses.dataclass(frozen=True)
 class Config:
-    """Everything a run depends on; `seed` is the root of every random number."""
+    """Everything a run depends on.
+
+    Attributes:
+      seed: the root of every random number.
+      task: what is trained: "points", a cloud from an image; on the records' solid volumes:
+        "refine", a volume from trained networks' clouds; "volume", the object's volume (a number)
+        from an image; "views", 3D-R2N2: a volume from one or more images.
+    """
 
     seed: Count = 0
     data: DataConfig = dataclasses.field(default_factory=DataConfig)
@@ -268,6 +316,8 @@ class Config:
     optim: OptimConfig = dataclasses.field(default_factory=OptimConfig)
     train: TrainConfig = dataclasses.field(default_factory=TrainConfig)
     eval: EvalConfig = dataclasses.field(default_factory=EvalConfig)
+    task: Task = "points"
+    voxels: VoxelConfig = dataclasses.field(default_factory=VoxelConfig)
 
 
 def parse(config: Any) -> Config:
@@ -281,8 +331,15 @@ def parse(config: Any) -> Config:
         fit together; one line naming field, value and what is accepted.
     """
     parsed = _build(Config, config, "")
+    views = parsed.task == "views"
     parsed = dataclasses.replace(
         parsed,
+        data=dataclasses.replace(
+            parsed.data,
+            occupancy=parsed.task != "points",
+            train_views=parsed.voxels.max_views if views else 0,
+            eval_views=max(parsed.voxels.eval_views, default=0) if views else 0,
+        ),
         model=dataclasses.replace(
             parsed.model,
             image_size=parsed.data.image_size,
@@ -361,7 +418,9 @@ def _build(cls: type[T], node: Any, prefix: str) -> T:
             continue
         path = f"{prefix}{key}"
         if any(field.name == key for field in dataclasses.fields(cls)):  # type: ignore[arg-type]
-            raise ConfigError(f"{path} follows from data.image_size and data.inputs; remove it")
+            raise ConfigError(
+                f"{path} follows from data.image_size, data.inputs, task and voxels; remove it"
+            )
         raise ConfigError(
             f"{path} is no field; {suggestion(str(key), keys)}accepted: {_listed(keys)}"
         )
@@ -467,6 +526,38 @@ def _check_together(config: Config) -> None:
         raise _wrong(
             "optim.warmup_steps", optim.warmup_steps, f"fewer than train.steps={train.steps}"
         )
+    if config.task != "points":
+        _check_voxels(config)
+
+
+def _check_voxels(config: Config) -> None:
+    """Checks of the tasks on volumes."""
+    data, voxels = config.data, config.voxels
+    if data.stretch:
+        raise _wrong("data.stretch", data.stretch, f"0 with task={config.task!r} (volumes stay)")
+    if config.loss.l2 != "none":
+        raise _wrong("loss.l2", config.loss.l2, f"'none' with task={config.task!r}")
+    if config.task == "refine" and not (voxels.from_cd or voxels.from_emd):
+        raise _wrong("voxels.from_cd", "", "the folder of a trained run (or voxels.from_emd)")
+    if config.task == "volume" and any(side % config.model.divisor for side in data.image_size):
+        raise _wrong(
+            "data.image_size", data.image_size, f"multiples of {config.model.divisor} for 'volume'"
+        )
+    if config.task == "views":
+        if "depth" in data.inputs:
+            raise _wrong("data.inputs", data.inputs, "'rgb' and 'mask' with task='views'")
+        if data.zoom or data.shift:
+            field = "zoom" if data.zoom else "shift"
+            raise _wrong(f"data.{field}", getattr(data, field), "0 with task='views'")
+        counts = voxels.eval_views
+        if not counts or len(set(counts)) < len(counts):
+            raise _wrong("voxels.eval_views", counts, "numbers of views, each once")
+
+
+def check_points(config: Config, what: str) -> None:
+    """Raises `ConfigError` if a run that `what` is asked for does not predict points."""
+    if config.task != "points":
+        raise ConfigError(f"task={config.task!r}: {what} is for runs of the task 'points'")
 
 
 def _keys(cls: Any) -> list[str]:

@@ -4,6 +4,8 @@ Every sample of a split is predicted and counted once. Metrics are those of
 `metrics.evaluate_pair`; the unit is the radius of an object's bounding hemisphere. Two averages
 are given and named: over samples, and over categories (each category counts the same).
 
+A run whose task is another than points (`Config.task`) is measured as that task says.
+
 Files, below `W/eval_<split>_<best|last>/`: `table.txt`, `table.csv`, `table.json` with one row per
 category and the two averages, and `samples.csv` with one row per sample.
 """
@@ -15,7 +17,7 @@ import json
 import pathlib
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -26,7 +28,7 @@ from psgn_jax import metrics as metrics_lib
 from psgn_jax import registry, sampler_metrics, sampling
 from psgn_jax import step as step_lib
 from psgn_jax.checkpoint import CheckpointError, Checkpoints
-from psgn_jax.config import Config, ConfigError, check_paths, from_json
+from psgn_jax.config import Config, ConfigError, check_paths, check_points, from_json
 from psgn_jax.losses.chamfer import batched, chamfer_sq_mean
 from psgn_jax.state import params_from_named_leaves
 from psgn_jax.writer import (
@@ -78,6 +80,8 @@ class Evaluation:
       threshold: the F-score's distance, unit.
       num_points: points of a prediction, points of a truth; most metrics depend on both.
       visible_tolerance: what "visible" means, see `data.visibility`; unit.
+      note: below the table, in place of what is said there of points; "" = metrics of points.
+      chosen: numbers that were chosen on a split to evaluate with, such as thresholds.
     """
 
     split: str
@@ -86,6 +90,8 @@ class Evaluation:
     threshold: float
     num_points: tuple[int, int]
     visible_tolerance: float = 0.0
+    note: str = ""
+    chosen: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def means(self) -> dict[str, float]:
@@ -142,11 +148,15 @@ class Evaluation:
             "cd_l1_gt_to_pred_visible_radius": "visible truth to pred [radius]",
             "cd_l1_gt_to_pred_hidden_radius": "hidden truth to pred [radius]",
             "visible_share": "visible [%]",
+            "log_volume_abs_error": "|log predicted - log true volume|",
+            "log_volume_spread": "the same of the split's mean",
         }.get(metric, f"{metric} [fraction]")
 
     def text(self) -> str:
         """The table as text."""
         names = [name for name in _COLUMNS if name in self.metrics]
+        if self.note:
+            names = list(self.metrics)
         names += [name for name in self.metrics if "_of_" in name or "mutual" in name]
         head = ["category", "samples", *map(self.header, names)]
         body = [
@@ -157,6 +167,8 @@ class Evaluation:
         lines = [_aligned(head, widths), "-" * (sum(widths) + 2 * len(widths) - 2)]
         lines += [_aligned(line, widths) for line in body[:-2]]
         lines += [lines[1], *(_aligned(line, widths) for line in body[-2:])]
+        if self.note:
+            return "\n".join(lines) + f"\n\nSplit {self.split!r}. {self.note}\n"
         emd = ""
         if "emd_gap" in self.metrics:
             gap = 100 * float(np.max(self.metrics["emd_gap"]))
@@ -194,13 +206,16 @@ distances themselves.{emd}{visibility}
         JSON has no NaN: null stands for what is not finite.
         """
         *categories, over_samples, over_categories = self.rows()
+        of_points = {
+            "num_pred_points": self.num_points[0],
+            "num_gt_points": self.num_points[1],
+            "fscore_threshold": self.threshold,
+        }
         document = {
             **more,
             "split": self.split,
             "samples": over_samples.count,
-            "num_pred_points": self.num_points[0],
-            "num_gt_points": self.num_points[1],
-            "fscore_threshold": self.threshold,
+            **(self.chosen if self.note else of_points),
             "categories": {
                 r.name: {"samples": r.count, **finite_or_none(r.metrics)} for r in categories
             },
@@ -212,9 +227,6 @@ distances themselves.{emd}{visibility}
 
 def make_step(config: Config, model: Any) -> Callable[..., Any]:
     """The compiled evaluation step, over the local devices if they divide the batch."""
-    devices = jax.local_devices()
-    if config.eval.batch_size % len(devices):
-        devices = devices[:1]
 
     def pair(pred: Any, gt: Any, visible: Any = None) -> Any:
         # A bijection wants at least as many true points; without them there is no EMD.
@@ -227,9 +239,25 @@ def make_step(config: Config, model: Any) -> Callable[..., Any]:
             emd_tolerance=emd_tolerance or None,
         )
 
+    return over_devices(
+        config,
+        step_lib.input_keys(config),
+        lambda mesh: step_lib.make_eval_step(config, model, pair, mesh),
+    )
+
+
+def over_devices(
+    config: Config, keys: Sequence[str], make: Callable[[step_lib.Mesh], Callable[..., Any]]
+) -> Callable[..., Any]:
+    """`make(mesh)`, an evaluation step, fed with `keys` of a batch of the host.
+
+    The mesh is of the local devices, or of one if they do not divide the batch.
+    """
+    devices = jax.local_devices()
+    if config.eval.batch_size % len(devices):
+        devices = devices[:1]
     mesh = step_lib.data_mesh(devices)
-    step = step_lib.make_eval_step(config, model, pair, mesh)
-    keys = step_lib.input_keys(config)
+    step = make(mesh)
 
     replicated = jax.sharding.NamedSharding(mesh, step_lib.P())
     split = jax.sharding.NamedSharding(mesh, step_lib.P("data"))
@@ -377,13 +405,14 @@ def evaluate_workdir(
         config = dataclasses.replace(config, data=dataclasses.replace(config.data, path=data))
     check_paths(config)
     split = split or config.data.eval_split
+    if draws:
+        check_points(config, "--draws")
     step, params = load_params(workdir, checkpoint)
     logging.info("evaluating %s, step %d, split %s", workdir, step, split)
-    model = registry.build_model(config.model)
-    eval_step = make_step(config, model)
-    if draws:
-        eval_step = with_draws(config, model, eval_step, draws)
-    result = evaluate(config, params, split=split, eval_step=eval_step, on_batch=on_batch)
+    task = registry.task(config, workdir)
+    more = {"draws": draws} if draws else {}
+    chosen = load_scores(workdir, step)
+    result = task.evaluate(params, split=split, on_batch=on_batch, chosen=chosen, **more)
     folder = pathlib.Path(out) if out else workdir / f"eval_{split}_{checkpoint}"
     write_atomic(folder / "table.txt", result.text())
     write_atomic(folder / "table.csv", result.csv())
@@ -417,6 +446,8 @@ def report(
 
     runs: list[Any] = []
     samples: list[Any] = []
+    for workdir in workdirs:
+        check_points(load_config(workdir), "--report")
     for number, workdir in enumerate(workdirs):
         collector = report_lib.Collector()
         own = options if not number else options | {"out": None}
@@ -440,6 +471,12 @@ def load_config(workdir: str | pathlib.Path) -> Config:
         return from_json(path.read_text())
     except FileNotFoundError:
         raise ConfigError(f"--workdir={workdir}: no run there ({path} does not exist)") from None
+
+
+def load_scores(workdir: str | pathlib.Path, step: int) -> dict[str, float]:
+    """What the evaluation of a run's checkpoint found and chose; nothing if there was none."""
+    checkpoints = Checkpoints(pathlib.Path(workdir) / "checkpoints", read_only=True)
+    return checkpoints.scores.get(step, {})
 
 
 def load_params(workdir: str | pathlib.Path, which: str = "best") -> tuple[int, Any]:

@@ -34,7 +34,7 @@ from PIL import Image
 
 from psgn_jax import export, registry
 from psgn_jax import step as step_lib
-from psgn_jax.config import Config, ConfigError, UserError, to_dict
+from psgn_jax.config import Config, ConfigError, UserError, check_points, to_dict
 from psgn_jax.data import masks, photo, resize
 from psgn_jax.data.default import cache_folder
 from psgn_jax.evaluate import load_config, load_params
@@ -83,6 +83,7 @@ class Predictor:
     """
 
     def __init__(self, config: Config, params: Any, *, step: int = 0, source: str = ""):
+        check_points(config, "a prediction from photos")
         if "depth" in config.data.inputs:
             raise ConfigError(
                 f"data.inputs={config.data.inputs!r}: the network reads depth, photos lack it; "

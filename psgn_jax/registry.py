@@ -7,10 +7,11 @@ flax. A project that uses this one as a library adds its own entries to the dict
 import functools
 import importlib
 import inspect
+import pathlib
 from collections.abc import Callable, Mapping
 from typing import Any, cast
 
-from psgn_jax.config import ConfigError, LossConfig, ModelConfig, suggestion
+from psgn_jax.config import Config, ConfigError, LossConfig, ModelConfig, suggestion
 
 MODELS: dict[str, str | Callable[[ModelConfig], Any]] = {
     "vanilla": "psgn_jax.models.point_out_net:build",
@@ -31,6 +32,19 @@ LOSSES: dict[str, str | Callable[..., Any]] = {
 
 DATA_SOURCES: dict[str, Any] = {"records": "psgn_jax.data.loader"}
 """Modules (or objects) with `train_batches`, `eval_batches` and `num_samples`."""
+
+TASKS: dict[str, str | Callable[..., Any]] = {
+    "points": "psgn_jax.tasks.points:Points",
+    "refine": "psgn_jax.tasks.voxels:Refine",
+    "volume": "psgn_jax.tasks.voxels:Volume",
+    "views": "psgn_jax.tasks.voxels:Views",
+}
+"""Makers `(Config, folder of the run) -> psgn_jax.tasks.Task`."""
+
+
+def task(config: Config, workdir: str | pathlib.Path) -> Any:
+    """What a run trains and measures, as `task` names it; raises `ConfigError` if it cannot."""
+    return _look_up(TASKS, config.task, "task")(config, pathlib.Path(workdir))
 
 
 def build_model(config: ModelConfig) -> Any:

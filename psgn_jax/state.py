@@ -83,12 +83,21 @@ def create(config: Config, model: nn.Module, tx: optax.GradientTransformation) -
     height, width = config.model.image_size
     image = jnp.zeros((1, height, width, config.model.in_channels))
     r = jnp.zeros((1, config.model.random_size)) if config.model.random_size else None
-    key = jax.random.fold_in(jax.random.key(config.seed), _INIT)
-    params = model.init(key, image, r)["params"]
+    params = model.init(init_key(config), image, r)["params"]
     if config.model.posterior:
         key = jax.random.fold_in(jax.random.key(config.seed), _INIT_POSTERIOR)
         own = posterior.build(config.model).init(key, jnp.zeros((1, *posterior.GRID)))["params"]
         params = {**params, posterior.NAME: own}
+    return fresh(config, params, tx)
+
+
+def init_key(config: Config) -> PRNGKey:
+    """Key of the initial parameters."""
+    return jax.random.fold_in(jax.random.key(config.seed), _INIT)
+
+
+def fresh(config: Config, params: Any, tx: optax.GradientTransformation) -> TrainState:
+    """The state before the first step."""
     return TrainState(
         step=jnp.int32(0),
         params=params,

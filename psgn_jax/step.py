@@ -33,6 +33,7 @@ L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
 
 Batch = Mapping[str, Any]
 PairFunction = Callable[..., Any]
+Objective = Callable[[Any, Any, Batch, Any, Any], tuple[Array, dict[str, Array]]]
 
 
 def data_mesh(devices: list[jax.Device] | None = None) -> Mesh:
@@ -136,12 +137,14 @@ def make_train_step(
     `kl_dim_max` over the dimensions, `active_dims` (those over `posterior.ACTIVE`), and the vector
     `kl_of_dims`.
     """
-    rate = schedule(config.optim, config.train.steps)
     encoder = posterior.build(config.model) if config.model.posterior else None
-    replicated, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
+
+    def draw(step: Array) -> tuple[Array | None, Array]:
+        r = draw_r(config, step, config.train.batch_size, train=True)
+        return r, kl_weight_at(config, step)
 
     def objective(
-        params: Any, batch: Batch, r: Array | None, kl_weight: Array
+        params: Any, _: Any, batch: Batch, r: Array | None, kl_weight: Array
     ) -> tuple[Array, dict[str, Array]]:
         metrics = {}
         extra = jnp.float32(0)
@@ -164,24 +167,74 @@ def make_train_step(
             extra += metrics["l2"]
         return value + extra, metrics
 
-    def gradients(params: Any, batch: Batch, r: Array | None, kl_weight: Array) -> Any:
+    def more(metrics: dict[str, Array], kl_weight: Array) -> dict[str, Array]:
+        if encoder is None:
+            return {}
+        by_dim = metrics["kl_of_dims"]
+        return {
+            "kl_weight": kl_weight,
+            "kl_dim_min": by_dim.min(),
+            "kl_dim_mean": by_dim.mean(),
+            "kl_dim_max": by_dim.max(),
+            "active_dims": jnp.sum(by_dim > posterior.ACTIVE),
+        }
+
+    return compile_train_step(config, objective, tx, mesh, draw=draw, more=more)
+
+
+def _nothing(step: Array) -> tuple[None, None]:
+    return None, None
+
+
+def compile_train_step(
+    config: Config,
+    objective: Objective,
+    tx: optax.GradientTransformation,
+    mesh: Mesh,
+    *,
+    frozen: Any = (),
+    draw: Callable[[Array], tuple[Any, Any]] = _nothing,
+    more: Callable[[dict[str, Array], Any], dict[str, Array]] = lambda metrics, shared: {},
+) -> Callable[[TrainState, Batch], tuple[TrainState, dict[str, Array]]]:
+    """Compiled `(state, batch) -> (state, metrics)` of any objective; the state is donated.
+
+    Args:
+      config: of the run; `optim` and `train` are read here.
+      objective: (params, frozen, batch, split, shared) -> what is minimised on one device's share
+        of the batch, and metrics, of which `loss_step` is its main part.
+      tx: the optimiser.
+      mesh: of devices.
+      frozen: arrays that the objective reads and nobody changes, such as other networks.
+      draw: step -> (split, shared), random input of the objective: arrays with a row for each of
+        the batch, and others.
+      more: (metrics, shared) -> metrics to add.
+
+    The metrics are the objective's, means over the devices, and those that `make_train_step` names
+    without regard to the network.
+    """
+    rate = schedule(config.optim, config.train.steps)
+    replicated, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
+    frozen = jax.device_put(frozen, replicated)
+
+    def gradients(params: Any, frozen: Any, batch: Batch, drawn: Any, shared: Any) -> Any:
         (total, metrics), grads = jax.value_and_grad(objective, has_aux=True)(
-            params, batch, r, kl_weight
+            params, frozen, batch, drawn, shared
         )
         return jax.lax.pmean((total, metrics, grads), "data")
 
     sharded_gradients = jax.shard_map(
         gradients,
         mesh=mesh,
-        in_specs=(P(), P("data"), P("data"), P()),
+        in_specs=(P(), P(), P("data"), P("data"), P()),
         out_specs=P(),
         check_vma=False,  # the custom gradients carry no types of varying axes
     )
 
-    def train_step(state: TrainState, batch: Batch) -> tuple[TrainState, dict[str, Array]]:
-        r = draw_r(config, state.step, config.train.batch_size, train=True)
-        kl_weight = kl_weight_at(config, state.step)
-        total, metrics, grads = sharded_gradients(state.params, batch, r, kl_weight)
+    def train_step(
+        state: TrainState, frozen: Any, batch: Batch
+    ) -> tuple[TrainState, dict[str, Array]]:
+        drawn, shared = draw(state.step)
+        total, metrics, grads = sharded_gradients(state.params, frozen, batch, drawn, shared)
         grad_norm = optax.tree.norm(grads)
         updates, opt_state = tx.update(grads, state.opt_state, state.params)
         params = optax.apply_updates(state.params, updates)
@@ -205,15 +258,7 @@ def make_train_step(
             bad_step=jnp.where(first_bad, state.step + 1, state.bad_step),
             bad_metric=jnp.where(first_bad, jnp.argmax(bad).astype(jnp.int32), state.bad_metric),
         )
-        if encoder is not None:
-            by_dim = metrics["kl_of_dims"]
-            metrics |= {
-                "kl_weight": kl_weight,
-                "kl_dim_min": by_dim.min(),
-                "kl_dim_mean": by_dim.mean(),
-                "kl_dim_max": by_dim.max(),
-                "active_dims": jnp.sum(by_dim > posterior.ACTIVE),
-            }
+        metrics |= more(metrics, shared)
         metrics |= {
             "loss": loss_sum / loss_count,
             "grad_norm": grad_norm,
@@ -223,12 +268,13 @@ def make_train_step(
         }
         return new, metrics
 
-    return jax.jit(
+    compiled = jax.jit(
         train_step,
         donate_argnums=0,
-        in_shardings=(replicated, split),
+        in_shardings=(replicated, replicated, split),
         out_shardings=(replicated, replicated),
     )
+    return lambda state, batch: compiled(state, frozen, batch)
 
 
 def make_eval_step(
@@ -240,23 +286,48 @@ def make_eval_step(
     `index` numbers the batch within the evaluation: the random input follows from it.
     """
 
-    def on_one_device(params: Any, batch: Batch, r: Array | None) -> Any:
+    def measure(params: Any, _: Any, batch: Batch, r: Array | None) -> Any:
         pred = predict(config, model, params, batch, r)
         visible = [batch["visible"]] if "visible" in batch else []
         return pred, batched(metrics)(pred, batch["points"], *visible)
 
+    def draw(index: Array, batch_size: int) -> Array | None:
+        return draw_r(config, index, batch_size, train=False)
+
+    return compile_eval_step(measure, mesh, draw=draw)
+
+
+def compile_eval_step(
+    measure: Callable[[Any, Any, Batch, Any], tuple[Array, dict[str, Array]]],
+    mesh: Mesh,
+    *,
+    frozen: Any = (),
+    draw: Callable[[Array, int], Any] = lambda index, batch_size: None,
+) -> Callable[[Any, Batch, Any], tuple[Array, dict[str, Array]]]:
+    """Compiled `(params, batch, index) -> (predictions, metrics)`, a row of each for a sample.
+
+    Args:
+      measure: (params, frozen, batch, drawn) -> the same for one device's share of the batch.
+      mesh: of devices.
+      frozen: arrays that it reads besides.
+      draw: (index of the batch, its size) -> random input, with a row for each of the batch.
+    """
     sharded = jax.shard_map(
-        on_one_device,
+        measure,
         mesh=mesh,
-        in_specs=(P(), P("data"), P("data")),
+        in_specs=(P(), P(), P("data"), P("data")),
         out_specs=P("data"),
         check_vma=False,
     )
+    frozen = jax.device_put(frozen, NamedSharding(mesh, P()))
 
-    def eval_step(params: Any, batch: Batch, index: Array) -> Any:
-        return sharded(params, batch, draw_r(config, index, len(batch["image"]), train=False))
+    def eval_step(params: Any, frozen: Any, batch: Batch, index: Array) -> Any:
+        return sharded(params, frozen, batch, draw(index, len(batch["image"])))
 
-    return jax.jit(eval_step)
+    compiled = jax.jit(eval_step)
+    return lambda params, batch, index: cast(
+        tuple[Array, dict[str, Array]], compiled(params, frozen, batch, index)
+    )
 
 
 def kl_weight_at(config: Config, step: Array | int) -> Array:

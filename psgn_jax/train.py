@@ -10,18 +10,16 @@ import contextlib
 import pathlib
 import signal
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from types import FrameType
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from absl import logging
-from flax import linen as nn
 from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
-from psgn_jax import evaluate as evaluate_lib
 from psgn_jax import registry
 from psgn_jax import state as state_lib
 from psgn_jax import step as step_lib
@@ -37,7 +35,7 @@ from psgn_jax.config import (
     to_json,
 )
 from psgn_jax.data.default import cache_folder
-from psgn_jax.viewing.clouds import draw_cases
+from psgn_jax.tasks import Task
 from psgn_jax.writer import MetricsWriter, locked, write_atomic
 
 MAY_CHANGE = frozenset(
@@ -97,12 +95,11 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     check_paths(config)
     mesh = step_lib.data_mesh()
     step_lib.check_batch_size(config, mesh)
-    model = registry.build_model(config.model)
-    loss = registry.loss(config.loss)
-    _check_loss(config, model, loss)
+    task: Task = registry.task(config, workdir)
+    task.check()
     sizes = _check_data(config, registry.data_source())
     with locked(workdir) if _is_first() else contextlib.nullcontext():
-        return _train(config, workdir, mesh, sizes, model, loss)
+        return _train(config, workdir, mesh, sizes, task)
 
 
 def _train(
@@ -110,8 +107,7 @@ def _train(
     workdir: pathlib.Path,
     mesh: Mesh,
     sizes: Mapping[str, int],
-    model: nn.Module,
-    loss: step_lib.PairFunction,
+    task: Task,
 ) -> Outcome:
     """`train` after its checks, alone in `workdir`."""
     source = registry.data_source()
@@ -124,7 +120,7 @@ def _train(
     replicated = NamedSharding(mesh, P())
 
     def create() -> state_lib.TrainState:
-        return state_lib.create(config, model, tx)
+        return task.create(tx)
 
     if found:
         leaves = state_lib.from_named_leaves(jax.eval_shape(create), found.leaves)
@@ -135,13 +131,12 @@ def _train(
         quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
         state = jax.jit(create, out_shardings=replicated, compiler_options=quick)()
     step = start = int(state.step)
-    _describe(config, state, sizes, mesh.size, workdir, start)
+    _describe(task.title, state, sizes, mesh.size, workdir, start)
     if jax.process_index() == 0:
+        task.keep_sources()
         write_atomic(workdir / "config.json", to_json(config))
 
-    train_step = step_lib.make_train_step(config, model, loss, tx, mesh)
-    eval_step = evaluate_lib.make_step(config, model)
-    keys = step_lib.input_keys(config)
+    train_step = task.train_step(tx, mesh)
     batches = source.train_batches(
         config.data,
         batch_size=config.train.batch_size,
@@ -166,31 +161,31 @@ def _train(
     def evaluate() -> None:
         with log.pause():
             try:
-                result = evaluate_lib.evaluate(
-                    config,
+                result = task.evaluate(
                     _local(state_lib.eval_params(state)),
                     max_samples=config.eval.max_samples,
-                    eval_step=eval_step,
                     on_batch=stop.check,
                 )
             except _Stopped:  # the checkpoint is there; the next start begins with the evaluation
                 return
-            log.evaluation(step, result.means)
+            found = {**result.means, **result.chosen}
+            log.evaluation(step, found)
             if _is_first():
-                checkpoints.score(step, result.means)
+                checkpoints.score(step, found)
 
     def pictures() -> None:
         with log.pause():
             if writer:
-                params = _local(state_lib.eval_params(state))
-                writer.image(step, "eval/clouds", _draw(config, source, params, eval_step))
+                picture = task.picture(_local(state_lib.eval_params(state)))
+                if picture is not None:
+                    writer.image(step, "eval/clouds", picture)
 
     try:
         with stop:
             if not evaluated and start:
                 evaluate()
             while step < config.train.steps and not stop.signal:
-                batch = step_lib.put_batch(next(batches), mesh, keys)
+                batch = step_lib.put_batch(next(batches), mesh, task.keys)
                 state, metrics = train_step(state, batch)
                 step += 1
                 log.add(step, metrics)
@@ -309,8 +304,9 @@ class _Log:
 
     def evaluation(self, step: int, means: Mapping[str, float]) -> None:
         """Logs an evaluation."""
-        main = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
-        numbers = ", ".join(f"{name} {means[name]:.5f}" for name in main if name in means)
+        main = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore", "log_volume_abs_error")
+        names = [name for name in means if name in main or name.startswith("iou")]
+        numbers = ", ".join(f"{name} {means[name]:.5f}" for name in names)
         logging.info("step %d: evaluation: %s", step, numbers)
         if self._writer:
             self._writer.scalars(step, "eval", means)
@@ -401,26 +397,6 @@ def _local(params: Any) -> Any:
     return jax.tree.map(lambda leaf: np.asarray(leaf.addressable_data(0)), params)
 
 
-def _check_loss(config: Config, model: nn.Module, loss: step_lib.PairFunction) -> None:
-    """Raises `ConfigError` if the loss does not take the network's points and the ground truth's.
-
-    An EMD wants as many of one as of the other.
-    """
-    height, width = config.model.image_size
-    image = jax.ShapeDtypeStruct((1, height, width, config.model.in_channels), np.float32)
-    size = config.model.random_size
-    r = jax.ShapeDtypeStruct((1, size), np.float32) if size else None
-    pred, _ = jax.eval_shape(lambda x, r: model.init_with_output(jax.random.key(0), x, r), image, r)
-    gt = jax.ShapeDtypeStruct((config.data.num_points, 3), np.float32)
-    try:
-        jax.eval_shape(loss, jax.ShapeDtypeStruct(pred.shape[1:], pred.dtype), gt)
-    except ValueError as error:
-        raise ConfigError(
-            f"loss.name={config.loss.name!r} with data.num_points={config.data.num_points} and a "
-            f"network of {pred.shape[1]} points: {error}"
-        ) from error
-
-
 def _check_data(config: Config, source: Any) -> dict[str, int]:
     """Samples per split; a `ConfigError` for a data set that cannot serve the configuration."""
     sizes = {}
@@ -452,7 +428,7 @@ def _check_resumable(config: Config, found: Checkpoint, workdir: pathlib.Path) -
 
 
 def _describe(
-    config: Config,
+    title: str,
     state: state_lib.TrainState,
     sizes: Mapping[str, int],
     devices: int,
@@ -462,7 +438,7 @@ def _describe(
     count = sum(leaf.size for leaf in jax.tree.leaves(state.params))
     logging.info(
         "%s, %.2f M parameters, %s, %d %s device%s; %s -> %s",
-        config.model.name,
+        title,
         count / 1e6,
         ", ".join(f"{n} samples in {split!r}" for split, n in sizes.items()),
         devices,
@@ -471,25 +447,6 @@ def _describe(
         f"going on at step {start}" if start else "starting",
         workdir,
     )
-
-
-def _first_batch(config: Config, source: Any) -> Mapping[str, Any]:
-    batches: Iterator[Mapping[str, Any]] = source.eval_batches(
-        config.data,
-        split=config.data.eval_split,
-        batch_size=config.eval.batch_size,
-        seed=config.seed,
-        visible_tolerance=config.eval.visible_tolerance,
-    )
-    return next(iter(batches))
-
-
-def _draw(config: Config, source: Any, params: Any, eval_step: Any) -> np.ndarray:
-    """Predictions of the first evaluation samples beside the truth, uint8 [h,w,3]."""
-    batch = _first_batch(config, source)
-    points, _ = eval_step(params, batch, 0)
-    shown = np.flatnonzero(batch["valid"])[: config.train.num_images]
-    return draw_cases(batch, np.asarray(points), shown.tolist())
 
 
 def _duration(seconds: float) -> str:

@@ -21,7 +21,7 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax.state", "psgn_jax.step", "psgn_jax.sampling", "psgn_jax.checkpoint",
      "psgn_jax.writer", "psgn_jax.export"),
     ("psgn_jax.train", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.viewing",
-     "psgn_jax.studies", "psgn_jax.data.inspect"),  # inspect draws
+     "psgn_jax.studies", "psgn_jax.tasks", "psgn_jax.data.inspect"),  # inspect draws
     ("psgn_jax.main",),
 ]  # fmt: skip
 
@@ -50,7 +50,11 @@ DATA_GEN_MAY_IMPORT = {
     "psgn_jax.data.records",
 }
 # A study renders its own data.
-DATA_GEN_IMPORTERS = {"psgn_jax.data.default", "psgn_jax.studies.ambiguity"}
+DATA_GEN_IMPORTERS = {
+    "psgn_jax.data.default",
+    "psgn_jax.studies.ambiguity",
+    "psgn_jax.studies.comparison",
+}
 DATA_GEN_DOORS = {
     "dask": {"data_gen.cluster"},
     "distributed": {"data_gen.cluster"},

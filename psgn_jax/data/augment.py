@@ -26,6 +26,7 @@ class View:
     points: np.ndarray
     intrinsics: np.ndarray
     extrinsics: np.ndarray
+    occupancy: np.ndarray | None = None
 
 
 def flip(view: View) -> View:
@@ -47,6 +48,7 @@ def flip(view: View) -> View:
         points=view.points * np.array([1, -1, 1], np.float32),
         intrinsics=intrinsics + np.float32(0),  # no -0 for the skew
         extrinsics=extrinsics + np.float32(0),
+        occupancy=None if view.occupancy is None else view.occupancy[:, ::-1],
     )
 
 
@@ -69,8 +71,10 @@ def stretch(view: View, factor: float) -> View:
 
     Raises:
       ValueError: the camera is rolled or skewed (no sample in the project's frame has to be: +y
-        is the image's right), so that a stretch is not a change of columns.
+        is the image's right), so that a stretch is not a change of columns; or there is a volume.
     """
+    if view.occupancy is not None:
+        raise ValueError("stretch: there is an occupancy, whose grid does not follow")
     if not factor > 0:
         raise ValueError(f"stretch factor: got {factor}, expected a positive number")
     across = view.extrinsics[0, :3]
@@ -162,6 +166,7 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
         points=view.points,
         intrinsics=intrinsics,
         extrinsics=view.extrinsics,
+        occupancy=view.occupancy,
     )
 
 

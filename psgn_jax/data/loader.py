@@ -10,6 +10,7 @@ A batch is decoded as one unit of work: by threads in this process (decoding rel
 lock most of the time), or by `num_workers` processes.
 """
 
+import copy
 import dataclasses
 import os
 import signal
@@ -23,12 +24,12 @@ import numpy as np
 from absl import flags
 
 from psgn_jax.config import DataConfig
-from psgn_jax.data import augment, camera, records, resize, visibility
+from psgn_jax.data import augment, camera, records, resize, schema, visibility
 
 Batch = dict[str, Any]
 
 # Streams of random numbers that must not meet.
-_ORDER, _TRAIN, _EVAL = 0, 1, 2
+_ORDER, _TRAIN, _EVAL, _VIEWS = 0, 1, 2, 3
 
 MAX_THREADS = 8
 """Decoding threads in one process, at most; no more than there are cores."""
@@ -47,6 +48,7 @@ class _Item:
     mask: np.ndarray
     depth: np.ndarray | None
     points: records.PointLattice
+    occupancy: np.ndarray | None
     intrinsics: np.ndarray
     extrinsics: np.ndarray
     category: str
@@ -56,7 +58,7 @@ class _Item:
     measured: tuple[records.DepthCodes, np.ndarray] | None
 
     def nbytes(self) -> int:
-        arrays = [self.image, self.mask, self.depth, self.points.codes]
+        arrays = [self.image, self.mask, self.depth, self.points.codes, self.occupancy]
         if self.measured:
             arrays += [self.measured[0].codes, self.measured[0].valid]
         return sum(a.nbytes for a in arrays if a is not None)
@@ -78,6 +80,8 @@ class _Items:
         self._depth, self._visibility = "depth" in cfg.inputs, visibility
         if self._depth or self._visibility:
             self._fields.append("depth")
+        if cfg.occupancy:
+            self._fields.append("occupancy")
         self._bound = CACHE_BYTES // max(1, cfg.num_workers) if cfg.cache else 0
         self.__setstate__({})
 
@@ -104,6 +108,8 @@ class _Items:
         stored = self._reader.stored(index, self._fields)
         if stored.image is None or stored.mask is None or stored.points is None:
             raise self._lacks(index, "image, mask or points")
+        if "occupancy" in self._fields and stored.occupancy is None:
+            raise self._lacks(index, "occupancy")
         mask = resize.resize_mask(stored.mask, self._size)
         depth = measured = None
         if "depth" in self._fields:
@@ -118,6 +124,7 @@ class _Items:
             mask=mask,
             depth=depth,
             points=stored.points,
+            occupancy=stored.occupancy,
             intrinsics=camera.scale_intrinsics(
                 stored.intrinsics, stored.image.shape[:2], self._size
             ),
@@ -143,17 +150,49 @@ def _subset(rng: np.random.Generator, available: int, wanted: int) -> np.ndarray
     return np.concatenate([np.tile(np.arange(available), whole), part]) if whole else part
 
 
-def _empty_batch(cfg: DataConfig, rows: int, num_points: int) -> Batch:
+class _Models:
+    """Which records of a split are views of the same model.
+
+    Reads every record once (a millisecond or two each): the manifest names no models.
+    """
+
+    def __init__(
+        self, reader: records.RecordReader | records.JoinedReader, wanted: int, name: str
+    ) -> None:
+        members: dict[tuple[str, ...], list[int]] = {}
+        for index in range(len(reader)):
+            stored = reader.stored(index, ())
+            folder = str(reader.locate(index)[0].parent)
+            members.setdefault((folder, stored.category, stored.model_id), []).append(index)
+        for (folder, _, model), views in members.items():
+            if len(views) < wanted:
+                raise records.RecordError(
+                    f"data set {folder!r}: model {model!r} has {len(views)} views of the {wanted} "
+                    f"that {name} asks for"
+                )
+        self._views = {view: views for views in members.values() for view in views}
+
+    def others(self, index: int) -> list[int]:
+        """The other views, beginning with those after this one."""
+        views = self._views[index]
+        at = views.index(index)
+        return views[at + 1 :] + views[:at]
+
+
+def _empty_batch(cfg: DataConfig, rows: int, num_points: int, num_views: int = 0) -> Batch:
     height, width = cfg.image_size
+    axes = (rows, num_views) if num_views else (rows,)
     batch: Batch = {
-        "image": np.empty((rows, height, width, 3), np.uint8),
-        "mask": np.empty((rows, height, width), np.bool_),
+        "image": np.empty((*axes, height, width, 3), np.uint8),
+        "mask": np.empty((*axes, height, width), np.bool_),
         "points": np.empty((rows, num_points, 3), np.float32),
         "intrinsics": np.empty((rows, 3, 3), np.float32),
         "extrinsics": np.empty((rows, 3, 4), np.float32),
     }
     if "depth" in cfg.inputs:
         batch["depth"] = np.empty((rows, height, width), np.float32)
+    if cfg.occupancy:
+        batch["occupancy"] = np.empty((rows, *(schema.OCCUPANCY_SIZE,) * 3), np.bool_)
     return batch
 
 
@@ -166,12 +205,26 @@ def _view(item: _Item, rng: np.random.Generator, num_points: int) -> augment.Vie
         item.points.points(chosen),
         item.intrinsics,
         item.extrinsics,
+        item.occupancy,
     )
 
 
-def _fill(batch: Batch, row: int, view: augment.View) -> None:
-    for key in ("image", "mask", "depth", "points", "intrinsics", "extrinsics"):
-        if key in batch:
+def _further_view(item: _Item) -> augment.View:
+    """One of several views: its picture counts, the rest is the first one's."""
+    nothing = np.zeros((0, 3), np.float32)
+    return augment.View(
+        item.image, item.mask, None, nothing, item.intrinsics, item.extrinsics, None
+    )
+
+
+def _fill(batch: Batch, row: int, view: augment.View, further: list[augment.View]) -> None:
+    for key in ("image", "mask", "depth", "points", "intrinsics", "extrinsics", "occupancy"):
+        if key not in batch:
+            continue
+        if key in ("image", "mask") and batch["mask"].ndim == 4:
+            for number, one in enumerate([view, *further]):
+                batch[key][row, number] = getattr(one, key)
+        else:
             batch[key][row] = getattr(view, key)
 
 
@@ -179,29 +232,49 @@ class _TrainBatch:
     """Step number to the local rows of its batch."""
 
     def __init__(
-        self, cfg: DataConfig, items: _Items, count: int, batch_size: int, seed: int, rows: range
+        self,
+        cfg: DataConfig,
+        items: _Items,
+        count: int,
+        batch_size: int,
+        seed: int,
+        rows: range,
+        models: _Models | None,
     ) -> None:
-        self._cfg, self._items, self._seed = cfg, items, seed
+        self._cfg, self._items, self._seed, self._models = cfg, items, seed, models
         self._batch_size, self._rows = batch_size, rows
         order_seed = int(np.random.SeedSequence([seed, _ORDER]).generate_state(1)[0])
         self._order = grain.MapDataset.range(count).seed(order_seed).shuffle().repeat()
 
     def __call__(self, step: int) -> Batch:
         cfg = self._cfg
-        batch = _empty_batch(cfg, len(self._rows), cfg.num_points)
+        num_views = 0
+        if self._models:
+            # One number for the batch, whatever part of it is made here.
+            rng = np.random.default_rng([self._seed, _VIEWS, step])
+            num_views = int(rng.integers(1, cfg.train_views + 1))
+        batch = _empty_batch(cfg, len(self._rows), cfg.num_points, num_views)
         for local, row in enumerate(self._rows):
             rng = np.random.default_rng([self._seed, _TRAIN, step, row])
-            item = self._items[int(self._order[step * self._batch_size + row])]
-            view = augment.augment(
-                _view(item, rng, cfg.num_points),
-                rng,
-                flip_half=cfg.flip,
-                stretch_range=cfg.stretch,
-                jitter=cfg.colour_jitter,
-                zoom_range=cfg.zoom,
-                shift_range=cfg.shift,
+            index = int(self._order[step * self._batch_size + row])
+            views = [_view(self._items[index], rng, cfg.num_points)]
+            if self._models and num_views > 1:
+                chosen = rng.permutation(self._models.others(index))[: num_views - 1]
+                views += [_further_view(self._items[int(i)]) for i in chosen]
+            # The same draws for every view of a model: a mirrored object is so in all of them.
+            first, *further = (
+                augment.augment(
+                    view,
+                    copy.deepcopy(rng) if len(views) > 1 else rng,
+                    flip_half=cfg.flip,
+                    stretch_range=cfg.stretch,
+                    jitter=cfg.colour_jitter,
+                    zoom_range=cfg.zoom,
+                    shift_range=cfg.shift,
+                )
+                for view in views
             )
-            _fill(batch, local, view)
+            _fill(batch, local, first, further)
         return batch
 
 
@@ -216,8 +289,9 @@ class _EvalBatch:
         batch_size: int,
         seed: int,
         visible_tolerance: float,
+        models: _Models | None,
     ) -> None:
-        self._cfg, self._items, self._count = cfg, items, count
+        self._cfg, self._items, self._count, self._models = cfg, items, count, models
         self._batch_size, self._seed = batch_size, seed
         self._visible_tolerance = visible_tolerance
 
@@ -225,14 +299,16 @@ class _EvalBatch:
         cfg = self._cfg
         start = number * self._batch_size
         filled = min(self._batch_size, self._count - start)
-        batch = _empty_batch(cfg, self._batch_size, cfg.num_eval_points)
+        batch = _empty_batch(cfg, self._batch_size, cfg.num_eval_points, cfg.eval_views)
         if self._visible_tolerance:
             batch["visible"] = np.empty((self._batch_size, cfg.num_eval_points), np.bool_)
         items = []
         for row in range(filled):
             rng = np.random.default_rng([self._seed, _EVAL, start + row])
             item = self._items[start + row]
-            _fill(batch, row, _view(item, rng, cfg.num_eval_points))
+            others = self._models.others(start + row) if self._models else []
+            further = [_further_view(self._items[i]) for i in others[: cfg.eval_views - 1]]
+            _fill(batch, row, _view(item, rng, cfg.num_eval_points), further)
             if item.measured:
                 codes, intrinsics = item.measured
                 batch["visible"][row] = visibility.visible_points(
@@ -267,7 +343,20 @@ def _open(cfg: DataConfig, split: str) -> records.RecordReader | records.JoinedR
             f"data set {name!r}: data.inputs asks for depth, which not every record of split "
             f"{split!r} has; remove 'depth' from data.inputs"
         )
+    if cfg.occupancy and any("occupancy" not in s.fields for s in reader.shards):
+        raise records.RecordError(
+            f"data set {name!r}: the task wants solid volumes (occupancy), which not every record "
+            f"of split {split!r} has"
+        )
     return reader
+
+
+def _models(
+    cfg: DataConfig, reader: records.RecordReader | records.JoinedReader, *, train: bool
+) -> _Models | None:
+    wanted = cfg.train_views if train else cfg.eval_views
+    name = "voxels.max_views" if train else "voxels.eval_views"
+    return _Models(reader, wanted, name) if wanted else None
 
 
 def _num_cores() -> int:
@@ -356,7 +445,10 @@ def train_batches(
     Yields:
       image uint8 [b, H, W, 3]; mask bool [b, H, W]; points float32 [b, num_points, 3]; intrinsics
       float32 [b, 3, 3]; extrinsics float32 [b, 3, 4]; depth float32 [b, H, W] if among the inputs;
-      b = B / process_count.
+      occupancy bool [b, 32, 32, 32] if `cfg.occupancy`; b = B / process_count. With
+      `cfg.train_views` image and mask have an axis of v views after the first, v uniform in 1 to
+      so many and the same for a whole batch; all else is of the first of them, the others are drawn
+      from the other views of its model, without replacement.
 
     Raises:
       ValueError: an argument is out of range.
@@ -374,7 +466,8 @@ def train_batches(
     reader = _open(cfg, cfg.train_split)
     local = batch_size // process_count
     rows = range(process_index * local, (process_index + 1) * local)
-    make = _TrainBatch(cfg, _Items(cfg, reader), len(reader), batch_size, seed, rows)
+    models = _models(cfg, reader, train=True)
+    make = _TrainBatch(cfg, _Items(cfg, reader), len(reader), batch_size, seed, rows, models)
     return _iterate(cfg, start_step, sys.maxsize // batch_size, make)
 
 
@@ -399,7 +492,8 @@ def eval_batches(
       as `train_batches` with num_eval_points points, and valid bool [B] (False on padding),
       category and model_id (lists of B strings), view (list of B integers); with a
       `visible_tolerance`, if all records of the split have depth, visible bool
-      [B, num_eval_points], which points their depth images show.
+      [B, num_eval_points], which points their depth images show. With `cfg.eval_views` so many
+      views, the others those that follow in the records, cyclically: as many as all models have.
 
     Raises:
       ValueError: an argument is out of range.
@@ -410,5 +504,6 @@ def eval_batches(
     if any("depth" not in s.fields for s in reader.shards):
         visible_tolerance = 0.0
     items = _Items(cfg, reader, visibility=bool(visible_tolerance))
-    make = _EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance)
+    models = _models(cfg, reader, train=False)
+    make = _EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance, models)
     return _iterate(cfg, 0, -(-len(reader) // batch_size), make)

@@ -1,0 +1,30 @@
+"""3D-R2N2, which the paper compares with: one to five images to a volume, by cross-entropy.
+
+Command: python -m psgn_jax.main --config=configs/recurrent_volume.py --config.data.path=RECORDS
+Hardware: a GPU; on two CPU cores with --config.voxels.width_multiplier=0.125.
+Time: not measured.
+Expect: not measured at full size; small runs: `python -m psgn_jax.studies.comparison`.
+
+The records have to hold solid volumes and at least five views of every model (with fewer set
+`voxels.max_views` and `voxels.eval_views`). Batches of 36 and 60,000 steps of Adam at 1e-4 are
+those of its published code; 127x127 pixels are its images' size. It predicts in the frame of the
+first view (`psgn_jax.tasks.voxels` says why).
+"""
+
+import ml_collections
+
+from psgn_jax.config import Config, to_dict
+
+
+def get_config() -> ml_collections.ConfigDict:
+    config = ml_collections.ConfigDict(to_dict(Config()))
+    config.task = "views"
+    config.data.image_size = (127, 127)
+    config.data.inputs = ("rgb",)
+    config.data.flip = True
+    config.optim.learning_rate = 1e-4
+    config.optim.clip_norm = 1.0
+    config.train.batch_size = 36
+    config.train.steps = 60_000
+    config.train.images_every = 0
+    return config

@@ -1,0 +1,321 @@
+"""Tasks on volumes, end to end on boxes of which every number is known."""
+
+import dataclasses
+import json
+import pathlib
+import runpy
+
+import jax
+import numpy as np
+import pytest
+
+from psgn_jax import evaluate, predict, registry
+from psgn_jax.checkpoint import Checkpoints
+from psgn_jax.config import ConfigError, parse, to_dict
+from psgn_jax.data import camera, loader, records, schema
+from psgn_jax.tasks import voxels as lib
+from psgn_jax.train import train
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+VIEWS = 3
+
+
+def box(number, view):
+    """A box whose image is its number, so that a batch tells which record a picture is of."""
+    rng = np.random.default_rng(number)
+    low, high = rng.integers([6, 6, 0], [12, 12, 2]), rng.integers([18, 18, 6], [27, 27, 18])
+    occupancy = np.zeros((32, 32, 32), bool)
+    occupancy[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = True
+    points = rng.uniform(low / 16 - [1, 1, 0], high / 16 - [1, 1, 0], (64, 3)).astype(np.float32)
+    intrinsics, extrinsics = camera.default_camera((16, 32))
+    return schema.Sample(
+        image=np.full((16, 32, 3), 10 * number + view, np.uint8),
+        mask=np.ones((16, 32), bool),
+        points=points,
+        intrinsics=intrinsics,
+        extrinsics=extrinsics,
+        occupancy=occupancy,
+        category=("box", "crate")[number % 2],
+        model_id=f"m{number}",
+        view=view,
+    )
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("boxes") / "data"
+    boxes = [box(n, v) for n in range(6) for v in range(VIEWS)]
+    splits = {"train": boxes[: 4 * VIEWS], "validation": boxes[4 * VIEWS :]}
+    records.write_dataset(folder, splits, source="boxes", records_per_shard=7)
+    return str(folder)
+
+
+def config(data, **changes):
+    tree = {
+        "data": {
+            "path": data, "image_size": (16, 32), "inputs": ("rgb",), "num_points": 20,
+            "num_eval_points": 20,
+        },
+        "model": {"name": "vanilla", "widths": (4, 4), "fc_points": 40, "fc_widths": (8,)},
+        "optim": {"learning_rate": 1e-2},
+        "voxels": {
+            "widths": (2,) * 5, "width_multiplier": 1e-3, "max_views": VIEWS, "eval_views": (1, 3),
+        },
+        "train": {
+            "batch_size": 2, "steps": 2, "log_every": 1, "eval_every": 2, "checkpoint_every": 1,
+            "images_every": 2,
+        },
+        "eval": {"batch_size": 4, "emd_tolerance": 0},
+    }  # fmt: skip
+    for name, value in changes.items():
+        section, _, field = name.partition("__")
+        if field:
+            tree[section][field] = value
+        else:
+            tree[section] = value
+    return parse(tree)
+
+
+def entries(workdir, kind):
+    lines = (workdir / "metrics.jsonl").read_text().splitlines()
+    return [entry for line in lines if (entry := json.loads(line))["kind"] == kind]
+
+
+# --- Views of a model ---------------------------------------------------------------------------
+
+
+def number_and_view(image):
+    return divmod(int(image[0, 0, 0]), 10)
+
+
+def test_batches_of_views(data):
+    cfg = config(data, task="views").data
+    assert (cfg.train_views, cfg.eval_views, cfg.occupancy) == (3, 3, True)
+    batches = loader.train_batches(cfg, batch_size=4, seed=1, start_step=0)
+    seen, counts, kept = [], set(), []
+    for _, batch in zip(range(12), batches, strict=False):
+        kept.append(batch)
+        counts.add(batch["image"].shape[1])
+        assert batch["mask"].shape == batch["image"].shape[:-1]
+        for row, views in enumerate(batch["image"]):
+            which = [number_and_view(view) for view in views]
+            assert len({number for number, _ in which}) == 1
+            assert len(set(which)) == len(which)  # without replacement
+            seen.append(which[0])
+            truth = box(*which[0])
+            np.testing.assert_array_equal(batch["occupancy"][row], truth.occupancy)
+    batches.close()
+    assert counts == {1, 2, 3}
+    assert sorted(seen) == sorted(4 * [(n, v) for n in range(4) for v in range(VIEWS)])
+    # The same from the middle, and in parts of two processes.
+    for part in range(2):
+        again = loader.train_batches(
+            cfg, batch_size=4, seed=1, start_step=5, process_index=part, process_count=2
+        )
+        batch = next(again)
+        again.close()
+        half = slice(2 * part, 2 * part + 2)
+        np.testing.assert_array_equal(batch["image"], kept[5]["image"][half])
+
+
+def test_evaluation_begins_with_the_record_itself(data):
+    cfg = config(data, task="views").data
+    (batch,) = loader.eval_batches(cfg, split="validation", batch_size=6)
+    firsts = [number_and_view(views[0]) for views in batch["image"]]
+    assert firsts == [(n, v) for n in (4, 5) for v in range(VIEWS)]
+    assert [number_and_view(v) for v in batch["image"][1]] == [(4, 1), (4, 2), (4, 0)]
+
+
+def test_a_mirrored_model_is_so_in_all_views_and_in_its_volume(data, monkeypatch):
+    cfg = dataclasses.replace(config(data, task="views").data, flip=True)
+    batches = loader.train_batches(cfg, batch_size=4, seed=1, start_step=0)
+    mirrored = 0
+    for _, batch in zip(range(4), batches, strict=False):
+        for row, views in enumerate(batch["image"]):
+            truth = box(*number_and_view(views[0])).occupancy
+            flipped = np.array_equal(batch["occupancy"][row], truth[:, ::-1])
+            assert flipped or np.array_equal(batch["occupancy"][row], truth)
+            mirrored += flipped
+    batches.close()
+    assert 2 < mirrored < 14
+
+
+def test_too_few_views_or_no_volumes_are_named(data, tmp_path):
+    wrong = config(data, task="views", voxels__max_views=4)
+    with pytest.raises(records.RecordError, match=r"has 3 views of the 4 that voxels.max_views"):
+        loader.train_batches(wrong.data, batch_size=2, seed=0, start_step=0)
+    bare = [dataclasses.replace(box(0, 0), occupancy=None)]
+    records.write_dataset(tmp_path / "bare", {"train": bare, "validation": bare}, source="")
+    with pytest.raises(ConfigError, match=r"wants solid volumes \(occupancy\), which not every"):
+        train(config(str(tmp_path / "bare"), task="volume"), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+# --- Configurations -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"task": "refin"}, "task='refin': did you mean 'refine'?"),
+        ({"task": "refine"}, "voxels.from_cd='': accepted: the folder of a trained run"),
+        ({"task": "volume", "data": {"stretch": 0.1}}, "data.stretch=0.1: accepted: 0 with task"),
+        ({"task": "volume", "data": {"image_size": (100, 128)}}, "multiples of 64 for 'volume'"),
+        ({"task": "views", "data": {"inputs": ("rgb", "depth")}}, "'rgb' and 'mask' with"),
+        ({"task": "views", "data": {"zoom": 0.1}}, "data.zoom=0.1: accepted: 0 with"),
+        ({"task": "views", "voxels": {"eval_views": (1, 1)}}, "numbers of views, each once"),
+        ({"task": "views", "loss": {"l2": "authors"}}, "loss.l2='authors': accepted: 'none' with"),
+        ({"voxels": {"widths": (4, 4)}}, "voxels.widths=(4, 4): accepted: a tuple of 5"),
+        ({"data": {"occupancy": True}}, "data.occupancy follows from"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_wrong_configurations(changes, message):
+    with pytest.raises(ConfigError) as caught:
+        parse(changes)
+    assert message in str(caught.value)
+
+
+def test_the_variant_for_images_of_128_pixels():
+    path = ROOT / "configs" / "r2n2_cd.py"
+    settings = parse(runpy.run_path(str(path))["get_config"]())
+    model = registry.build_model(settings.model)
+    image = jax.ShapeDtypeStruct((2, 128, 128, 3), np.float32)
+    points, variables = jax.eval_shape(
+        lambda x: model.init_with_output(jax.random.key(0), x, None), image
+    )
+    assert points.shape == (2, 256 + 768, 3)
+    shapes = {leaf.shape for leaf in jax.tree.leaves(variables)}
+    assert (3, 3, 3, 32) in shapes  # three channels to 32 maps
+    assert any(shape[:2] == (3, 3) and shape[-1] == 9 for shape in shapes if len(shape) == 4)
+
+
+# --- Training -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def points_run(data, tmp_path_factory):
+    workdir = tmp_path_factory.mktemp("points") / "cd"
+    train(config(data, train__eval_every=0, train__images_every=0), workdir)
+    return workdir
+
+
+@pytest.fixture(scope="module")
+def refined(data, points_run, tmp_path_factory):
+    workdir = tmp_path_factory.mktemp("refine") / "run"
+    settings = config(data, task="refine", voxels__from_cd=str(points_run))
+    return settings, workdir, train(settings, workdir)
+
+
+def test_a_refiner_trains_and_keeps_its_threshold(refined):
+    _, workdir, outcome = refined
+    assert int(outcome.state.step) == 2
+    assert set(outcome.state.params) == {*(f"conv{i}" for i in range(5)), "occupancy"}
+    (found,) = entries(workdir, "eval")
+    assert 0 <= found["iou"] <= 1
+    assert found["one_minus_iou"] == pytest.approx(1 - found["iou"])
+    assert 0.05 <= found["threshold_of_iou_splat_cd"] <= 0.95
+    checkpoints = Checkpoints(workdir / "checkpoints", read_only=True)
+    assert checkpoints.best_step() == 2
+    assert checkpoints.scores[2]["threshold_of_iou"] == found["threshold_of_iou"]
+
+
+def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_run, tmp_path):
+    settings, workdir, _ = refined
+    copy = workdir / "frozen" / "from_cd"
+    before, kept = evaluate.load_params(points_run, "best"), evaluate.load_params(copy, "last")
+    assert before[0] == kept[0]
+    jax.tree.map(np.testing.assert_array_equal, before[1], kept[1])
+    moved = dataclasses.replace(settings.voxels, from_cd="/no/such")
+    assert lib.load_source(
+        dataclasses.replace(settings, voxels=moved), workdir, "from_cd"
+    ).step == 2  # fmt: skip
+    result = evaluate.evaluate_workdir(workdir, out=tmp_path / "out")
+    (found,) = entries(workdir, "eval")
+    assert result.means["iou"] == pytest.approx(found["iou"], rel=1e-6)
+    assert "chosen where the run was evaluated while it trained: iou" in result.text()
+    document = json.loads((tmp_path / "out" / "table.json").read_text())
+    assert set(document["categories"]) == {"box", "crate"}
+    assert "num_pred_points" not in document
+    for wrong in (
+        lambda: predict.Predictor.from_workdir(workdir),
+        lambda: evaluate.evaluate_workdir(workdir, draws=2),
+        lambda: evaluate.report(tmp_path / "pages", [workdir]),
+    ):
+        with pytest.raises(ConfigError, match="is for runs of the task 'points'"):
+            wrong()
+
+
+def test_sources_that_do_not_fit(data, points_run, refined, tmp_path):
+    def load(**changes):
+        lib.load_source(config(data, task="refine", **changes), tmp_path, "from_cd")
+
+    with pytest.raises(ConfigError, match=r"voxels.from_cd='/no/such': no run there"):
+        load(voxels__from_cd="/no/such")
+    with pytest.raises(ConfigError, match="is a run of the task 'refine'; accepted: 'points'"):
+        load(voxels__from_cd=str(refined[1]))
+    with pytest.raises(ConfigError, match=r"data.image_size=\(32, 32\): accepted: \(16, 32\)"):
+        load(voxels__from_cd=str(points_run), data__image_size=(32, 32))
+
+
+@pytest.mark.slow
+def test_all_inputs_of_a_refiner_and_going_on(data, points_run, tmp_path):
+    volume = config(data, task="volume", train__images_every=0)
+    train(volume, tmp_path / "volume")
+    (found,) = entries(tmp_path / "volume", "eval")
+    assert found["log_volume_abs_error"] > 0
+    sources = {
+        "voxels__from_cd": str(points_run),
+        "voxels__from_emd": str(points_run),
+        "voxels__from_volume": str(tmp_path / "volume"),
+    }
+    whole = train(config(data, task="refine", **sources), tmp_path / "whole")
+    assert whole.state.params["conv0"]["kernel"].shape[-2] == 3
+    train(config(data, task="refine", train__steps=1, **sources), tmp_path / "parts")
+    parts = train(config(data, task="refine", **sources), tmp_path / "parts")
+    jax.tree.map(np.testing.assert_array_equal, whole.state.params, parts.state.params)
+    assert set(entries(tmp_path / "whole", "eval")[0]) >= {"iou_splat_cd", "iou_splat_emd"}
+
+
+def test_3d_r2n2_trains_on_views(data, tmp_path):
+    settings = config(data, task="views", voxels__max_views=1, voxels__eval_views=(1,))
+    train(settings, tmp_path / "run")
+    (found,) = entries(tmp_path / "run", "eval")
+    assert found["one_minus_iou"] == pytest.approx(1 - found["iou_1_views"])
+    losses = [entry["loss"] for entry in entries(tmp_path / "run", "train")]
+    assert losses[0] == pytest.approx(np.log(2), abs=0.3)
+
+
+@pytest.mark.slow
+def test_3d_r2n2_on_one_to_three_views_and_going_on(data, tmp_path):
+    settings = config(data, task="views", train__steps=4, train__eval_every=4)
+    whole = train(settings, tmp_path / "whole")
+    (found,) = entries(tmp_path / "whole", "eval")
+    assert {"iou_1_views", "iou_3_views", "threshold_of_iou_3_views"} <= set(found)
+    train(config(data, task="views", train__steps=2, train__eval_every=0), tmp_path / "parts")
+    parts = train(settings, tmp_path / "parts")
+    jax.tree.map(np.testing.assert_array_equal, whole.state.params, parts.state.params)
+    result = evaluate.evaluate_workdir(tmp_path / "whole")
+    assert result.means["iou_3_views"] == pytest.approx(found["iou_3_views"], rel=1e-6)
+
+
+# --- Thresholds ---------------------------------------------------------------------------------
+
+
+def test_thresholds_are_chosen_or_taken():
+    sweep = np.zeros((2, 19))
+    sweep[:, 7] = (0.5, 0.7)  # .40
+    sweep[0, 3] = 1.0  # .20, better for one sample
+    names = [evaluate.SampleName(i, "c", "m", 0) for i in range(2)]
+    found = evaluate.Evaluation("test", names, {"iou": sweep, "x": np.ones(2)}, 0.01, (0, 0))
+    fresh = lib.at_thresholds(found, {}, best="iou")
+    assert fresh.chosen == {"threshold_of_iou": 0.4}
+    assert fresh.means == pytest.approx({"iou": 0.6, "x": 1.0, "one_minus_iou": 0.4})
+    assert "chosen on this very split" in fresh.text()
+    taken = lib.at_thresholds(found, {"threshold_of_iou": 0.2}, best="iou")
+    assert taken.means["iou"] == pytest.approx(0.5)
+
+
+def test_round_trip_of_the_configuration(data):
+    settings = config(data, task="views")
+    assert parse(to_dict(settings)) == settings
