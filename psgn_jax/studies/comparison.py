@@ -643,7 +643,7 @@ def run(
     text = table(document)
     write_atomic(workdir / "comparison.txt", text)
     finite = {
-        **document,
+        **{k: finite_or_none(v) if k.startswith("gain") else v for k, v in document.items()},
         "categories": {k: finite_or_none(v) for k, v in document["categories"].items()},
         "mean": finite_or_none(document["mean"]),
     }

