@@ -191,7 +191,7 @@ def configuration(
     rate = size.learning_rate
     tree: dict[str, Any] = {
         "data": {
-            "path": path, "image_size": size.image_size, "flip": True,
+            "path": path, "image_size": size.image_size, "flip": True, "cache": True,
             "num_points": size.num_points if name == "cd" else NUM_POINTS,
         },
         "model": dict(size.model),
@@ -305,9 +305,9 @@ def solid_at(probability: np.ndarray, threshold: float) -> np.ndarray:
 
 def thin_cells(volume: np.ndarray) -> np.ndarray:
     """Occupied cells that are in no 2x2x2 block of occupied ones, bool as `volume`."""
-    padded = np.pad(volume, 1)
-    corners = [np.s_[i : i + 33, j : j + 33, k : k + 33] for i in (0, 1) for j in (0, 1)
-               for k in (0, 1)]  # fmt: skip
+    padded, n = np.pad(volume, 1), len(volume) + 1
+    ends = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    corners = [np.s_[i : i + n, j : j + n, k : k + n] for i, j, k in ends]
     blocks = np.logical_and.reduce([padded[corner] for corner in corners])
     covered = np.zeros_like(padded)
     for corner in corners:
@@ -349,9 +349,7 @@ class Run(NamedTuple):
     predictions: np.ndarray
 
 
-def measure(
-    workdir: pathlib.Path, split: str, path: str, samples: dict[str, list[Any]] | None = None
-) -> Run:
+def measure(workdir: pathlib.Path, split: str, samples: dict[str, list[Any]] | None = None) -> Run:
     """A run's last checkpoint on a split; `samples` takes what is known of its samples."""
     config = evaluate_lib.load_config(workdir)
     step, params = evaluate_lib.load_params(workdir, "last")
@@ -372,15 +370,14 @@ def measure(
     return Run(found, np.concatenate(kept))
 
 
-def compare(workdir: pathlib.Path, split: str, path: str) -> tuple[dict[str, Any], Image.Image]:
+def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Image]:
     """All that is measured, as `comparison.json` holds it, and the side-by-side pictures."""
     samples: dict[str, list[Any]] = {}
     heads = {
-        name: measure(workdir / name, split, path, samples if name == OURS else None)
-        for name in HEADS
+        name: measure(workdir / name, split, samples if name == OURS else None) for name in HEADS
     }
-    peer = measure(workdir / PEER, split, path)
-    points = {name: measure(workdir / name, split, path) for name in POINTS}
+    peer = measure(workdir / PEER, split)
+    points = {name: measure(workdir / name, split) for name in POINTS}
     names = heads[OURS].evaluation.names
     for run in (peer, *points.values()):
         if run.evaluation.names != names:
@@ -392,7 +389,12 @@ def compare(workdir: pathlib.Path, split: str, path: str) -> tuple[dict[str, Any
     ours_volumes = [solid_at(p, ours_at) for p in heads[OURS].predictions]
     peer_volumes = [solid_at(p, peer_at) for p in peer.predictions]
     truth_clouds, peer_clouds = clouds_of(truth), clouds_of(peer_volumes)
-    surfaces = np.stack([cloud[:NUM_POINTS] for cloud in samples["points"]])
+    # At random: the order of a record's points follows their place.
+    chosen = [np.random.default_rng([1, i]).permutation(len(c)) for i, c in
+              enumerate(samples["points"])]  # fmt: skip
+    surfaces = np.stack(
+        [c[order[:NUM_POINTS]] for c, order in zip(samples["points"], chosen, strict=True)]
+    )
 
     values: dict[str, np.ndarray] = {}
     for label, gt in (("", truth_clouds), ("_surface", surfaces)):
@@ -417,11 +419,10 @@ def compare(workdir: pathlib.Path, split: str, path: str) -> tuple[dict[str, Any
     categories = sorted({name.category or "(none)" for name in names})
     of = np.array([name.category or "(none)" for name in names])
     table = {
-        category: {key: float(np.nanmean(v[of == category])) if np.isfinite(v[of == category]).any()
-                   else float("nan") for key, v in values.items()}
+        category: {key: _mean(key, v[of == category]) for key, v in values.items()}
         for category in categories
-    }  # fmt: skip
-    mean = {key: float(np.nanmean([row[key] for row in table.values()])) for key in values}
+    }
+    mean = {key: _mean(key, np.array([row[key] for row in table.values()])) for key in values}
     document = {
         "split": split,
         "samples": {category: int((of == category).sum()) for category in categories},
@@ -434,18 +435,27 @@ def compare(workdir: pathlib.Path, split: str, path: str) -> tuple[dict[str, Any
         "gain_emd": _gain(values["iou:head_cd_emd"], values["iou:head_cd"]),
         "gain_over_splat": _gain(values["iou:head_cd"], values["iou:splat_cd"]),
     }
-    chosen = []
-    for category in [c for c in (*_CASES, *categories) if c in categories][: len(_CASES)]:
-        chosen.append(max(np.flatnonzero(of == category).tolist(), key=lambda i: thin[i].sum()))
+    shown = list(dict.fromkeys(c for c in (*_CASES, *categories) if c in categories))
+    rows = [
+        max(np.flatnonzero(of == category).tolist(), key=lambda i: thin[i].sum())
+        for category in shown[: len(_CASES)]
+    ]
     cases = [
         {
             **{key: samples[key][i] for key in ("image", "intrinsics", "extrinsics")},
             "category": of[i],
             "panels": [points["cd"].predictions[i], ours_volumes[i], peer_volumes[i], truth[i]],
         }
-        for i in chosen
+        for i in rows
     ]
     return document, side_by_side(cases)
+
+
+def _mean(key: str, values: np.ndarray) -> float:
+    """Of what there is: an object without thin parts has no part in their recall."""
+    if key.startswith("thin_recall"):
+        values = values[~np.isnan(values)]
+    return float(values.mean()) if len(values) else float("nan")
 
 
 def _gain(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
@@ -638,7 +648,7 @@ def run(
         train(configuration(name, path, workdir, size, scale=scale), workdir / name)
     steps = budget(peer, workdir, (*POINTS, "volume", OURS), peer_steps)
     train(configuration(PEER, path, workdir, size, steps=steps), workdir / PEER)
-    document, cases = compare(workdir, split, path)
+    document, cases = compare(workdir, split)
     document |= {"data": path, "full": full, "steps_of_3d_r2n2": steps}
     text = table(document)
     write_atomic(workdir / "comparison.txt", text)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from psgn_jax import evaluate
 from psgn_jax.config import ConfigError, parse
 from psgn_jax.data import camera, records, schema
 from psgn_jax.studies import comparison as lib
@@ -168,20 +169,68 @@ def samples(split):
             )
 
 
+def test_what_is_compared(tmp_path, monkeypatch):
+    """Runs that predict the truth, or for 3D-R2N2 nothing, of two samples of each category."""
+    monkeypatch.setattr(lib, "NUM_POINTS", 32)
+    monkeypatch.setattr(lib, "CANDIDATES", 128)
+    monkeypatch.setattr(lib, "seconds", lambda folder: 1.0)
+    known = [s for s in samples("test") if s.view < 2]
+    truth = np.stack([s.occupancy for s in known])
+    truth[0, 2, 2, :9] = True  # a thin rod
+    clouds = np.stack([s.points[:32] for s in known])
+
+    def measure(workdir, split, into=None):
+        name = workdir.name
+        names = [
+            evaluate.SampleName(i, s.category, s.model_id, s.view) for i, s in enumerate(known)
+        ]
+        metrics = {"iou": np.full(4, 0.7 if "volume" in name else 0.6)}
+        metrics |= {f"iou_splat_{n}": np.full(4, 0.5) for n in lib.POINTS}
+        metrics |= {f"iou_{count}_views": np.full(4, 0.1 * count) for count in lib.VIEWS}
+        chosen = {f"threshold_of_{key}": 0.5 for key in metrics}
+        if into is not None:
+            into |= {k: [getattr(s, k) for s in known] for k in ("image", "points")}
+            into |= {k: [getattr(s, k) for s in known] for k in ("intrinsics", "extrinsics")}
+            into["occupancy"] = list(truth)
+        predictions = truth.astype(np.float32) if name != lib.PEER else 0.1 * truth
+        if name in lib.POINTS:
+            predictions = clouds
+        found = evaluate.Evaluation(split, names, metrics, 0.01, (0, 0), chosen=chosen)
+        return lib.Run(found, predictions)
+
+    monkeypatch.setattr(lib, "measure", measure)
+    document, cases = lib.compare(tmp_path, "test")
+    assert document["samples"] == {"box": 2, "chair": 2}
+    mean = document["mean"]
+    assert mean[f"iou:{lib.OURS}"] == pytest.approx(0.7)
+    assert document["gain_volume"] == pytest.approx({"mean": 0.1, "error": 0})
+    assert document["gain_over_splat"]["mean"] == pytest.approx(0.1)
+    # 3D-R2N2's likeliest cells are the true ones: its cloud is the truth's.
+    assert mean[f"cd_sq_radius2:{lib.PEER}"] == pytest.approx(0, abs=1e-9)
+    assert mean["cd_sq_radius2:cd"] > 0
+    assert mean["cd_sq_radius2_surface:cd"] > 0
+    assert document["categories"]["box"][f"thin_recall:{lib.OURS}"] == 1
+    assert np.isnan(document["categories"]["chair"][f"thin_recall:{lib.OURS}"])
+    assert "in 2 of 2 categories" in lib.table(document)
+    assert cases.size == (9 * 32 * 12, 24 + 2 * 192)  # chair and box
+
+
 @pytest.mark.slow
 def test_the_whole_study_and_again(tmp_path, monkeypatch):
     splits = ("train", "validation", "test")
     records.write_dataset(tmp_path / "data", {s: samples(s) for s in splits}, source="")
     tiny = lib.DEFAULT._replace(
         image_size=(16, 32),
-        model={"name": "vanilla", "widths": (4, 4), "fc_points": 1024, "fc_widths": (8,)},
-        num_points=1024,
+        model={"name": "vanilla", "widths": (4, 4), "fc_points": 64, "fc_widths": (8,)},
+        num_points=64,
         batch=(2, 2),
         steps=(2, 2, 2, 2),
         widths=2,
         width_multiplier=1e-3,
     )
     monkeypatch.setattr(lib, "DEFAULT", tiny)
+    monkeypatch.setattr(lib, "NUM_POINTS", 64)
+    monkeypatch.setattr(lib, "CANDIDATES", 256)
     work = tmp_path / "work"
     text = lib.run(work, data=str(tmp_path / "data"), peer_steps=2)
     assert text == (work / "comparison.txt").read_text()

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 import pytest
 
-from psgn_jax import evaluate, predict, registry
+from psgn_jax import evaluate, predict, registry, state, step
 from psgn_jax.checkpoint import Checkpoints
 from psgn_jax.config import ConfigError, parse, to_dict
 from psgn_jax.data import camera, loader, records, schema
@@ -277,6 +277,27 @@ def test_all_inputs_of_a_refiner_and_going_on(data, points_run, tmp_path):
     assert set(entries(tmp_path / "whole", "eval")[0]) >= {"iou_splat_cd", "iou_splat_emd"}
 
 
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_step_of_3d_r2n2_takes_any_number_of_views(data, tmp_path, count):
+    settings = config(data, task="views")
+    task = registry.task(settings, tmp_path)
+    tx = state.optimizer(settings.optim, 2)
+    before = jax.eval_shape(lambda: task.create(tx))
+    batch = {
+        "image": jax.ShapeDtypeStruct((2, count, 16, 32, 3), np.uint8),
+        "mask": jax.ShapeDtypeStruct((2, count, 16, 32), np.bool_),
+        "occupancy": jax.ShapeDtypeStruct((2, 32, 32, 32), np.bool_),
+    }
+    assert set(batch) == set(task.keys)
+    train_step = task.train_step(tx, step.data_mesh(jax.devices()[:1]))
+    after, metrics = jax.eval_shape(train_step, before, batch)
+    assert jax.tree.map(lambda leaf: leaf.shape, after) == jax.tree.map(
+        lambda leaf: leaf.shape, before
+    )
+    assert metrics["loss"].shape == ()
+
+
+@pytest.mark.slow
 def test_3d_r2n2_trains_on_views(data, tmp_path):
     settings = config(data, task="views", voxels__max_views=1, voxels__eval_views=(1,))
     train(settings, tmp_path / "run")
