@@ -102,7 +102,7 @@ def configuration(inputs: Sequence[str], path: str, *, full: bool, steps: int = 
             "train": {"batch_size": 16, "log_every": 50, "images_every": 0},
         }
     tree["optim"]["warmup_steps"] = min(tree["optim"]["warmup_steps"], steps // 4)
-    interval = max(1, steps // 3)
+    interval = math.ceil(steps / 3)
     often = 500 if full else 200
     tree["train"] |= {"steps": steps, "eval_every": interval, "checkpoint_every": often}
     return parse(tree)
