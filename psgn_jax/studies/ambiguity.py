@@ -455,35 +455,36 @@ def figure(
     image = sample["image"]
     size = (height, round(height * image.shape[1] / image.shape[0]))
     intrinsics = scale_intrinsics(sample["intrinsics"], image.shape[:2], size)
-    intrinsics[:2, :2] *= 1.2  # the clouds a little nearer than the camera of the image is
+    intrinsics[:2, :2] *= 0.85  # from the side the shapes are wider than what the image shows
     extrinsics = _from_above(sample["extrinsics"].astype(np.float64))
     blocks: dict[str, list[np.ndarray]] = {}
-    for name, drawn in clouds.items():
-        thinned = truths[:, :: max(1, truths.shape[1] // drawn.shape[1])]
-        if len(drawn) > 1:
-            blocks[f"{name}: {len(drawn)} draws, sorted by depth"] = list(drawn)
+    for name, draws in clouds.items():
+        thinned = truths[:, :: max(1, truths.shape[1] // draws.shape[1])]
+        if len(draws) > 1:
+            blocks[f"{name}: {len(draws)} draws, sorted by depth"] = list(draws)
         else:
             title = f"{name}: its prediction; then {len(truths)} true shapes of the same image"
-            blocks[title] = [drawn[0], *thinned]
+            blocks[title] = [draws[0], *thinned]
     columns = 1 + max(map(len, blocks.values()))
     head = 24
-    block = 3 * height + head
+    top, bottom = round(0.2 * height), round(0.86 * height)  # above and below there is nothing
+    panel = bottom - top
+    block = 3 * panel + head
     sheet = Image.new("RGB", (size[1] * columns, block * len(blocks)), "white")
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=15)
     picture = Image.fromarray(image).resize(size[::-1], Image.Resampling.BICUBIC)
     for number, (title, shown) in enumerate(blocks.items()):
-        top = number * block
-        pen.text((6, top + 3), title, fill="black", font=font)
-        sheet.paste(picture, (0, top + head))
-        for row, (degrees, side) in enumerate(((45, "half side"), (90, "side"), (180, "back"))):
-            if row:
-                pen.text((6, top + head + row * height + 6), side, fill="gray", font=font)
+        start = number * block + head
+        pen.text((6, start - head + 3), title, fill="black", font=font)
+        sheet.paste(picture, (0, start))
+        pen.text((6, start + height + 8), "half side,\nside, back", fill="gray", font=font)
+        for row, degrees in enumerate((45, 90, 180)):
             view = turned(extrinsics, degrees)
             for column, cloud in enumerate(shown, start=1):
-                panel = spheres.render(
-                    cloud, spheres.colours_by_height(cloud), intrinsics, view, size, radius=0.03
-                )
-                sheet.paste(Image.fromarray(panel), (column * size[1], top + head + row * height))
+                colours = spheres.colours_by_height(cloud)
+                drawn = spheres.render(cloud, colours, intrinsics, view, size, radius=0.03)
+                place = (column * size[1], start + row * panel)
+                sheet.paste(Image.fromarray(drawn[top:bottom]), place)
     return sheet
 
 
