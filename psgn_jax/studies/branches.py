@@ -246,9 +246,9 @@ def _verdict(found: Found) -> str:
     else:
         said = [f"The deconv points are in no clearer order than those of fc ({both})."]
     said.append(
-        "Alone, the deconv points leave the truth at "
-        f"{deconv['gt_to_pred'] / max(fc['gt_to_pred'], 1e-12):.2f} times the squared distance that "
-        "the fc points leave: "
+        "Alone, the deconv points leave the truth "
+        f"{deconv['gt_to_pred'] / max(fc['gt_to_pred'], 1e-12):.2f} times the squared distance "
+        "that the fc points leave: "
         + ("a main body." if deconv["gt_to_pred"] < fc["gt_to_pred"] else "no main body.")
     )
     for key, where in _DETAILS.items():

@@ -75,7 +75,11 @@ def configuration(loss: str, path: str, *, full: bool, steps: int = 0) -> Config
     """
     # 1,100 steps: both trainings in 40 minutes on two CPU cores. As many true points as predicted
     # ones, which an EMD wants.
-    changes = {"data": {"num_points": 1024}, "loss": {"name": loss}, "train": {"eval_every": 0}}
+    changes: dict[str, dict[str, Any]] = {
+        "data": {"num_points": 1024},
+        "loss": {"name": loss},
+        "train": {"eval_every": 0},
+    }
     steps = steps or (20_000 if full else 1_100)
     return runs.recipe(path, full=full, steps=steps, changes=changes)
 
@@ -192,10 +196,10 @@ def figure(cases: Mapping[int, Mapping[str, Any]]) -> Image.Image:
         clouds = {**case["clouds"], "truth": case["points"][::step]}
         panels = [np.asarray(image)]
         for angle in (0, _SIDE):
-            view = turned(case["extrinsics"], angle)
+            extrinsics = turned(case["extrinsics"], angle)
             for name, cloud in clouds.items():
                 paint = np.full((len(cloud), 3), _COLOURS[name], np.uint8)
-                panels.append(spheres.render(cloud, paint, inner, view, size))
+                panels.append(spheres.render(cloud, paint, inner, extrinsics, size))
         gap = np.full((_PANEL, _GAP, 3), 255, np.uint8)
         row = np.concatenate([part for panel in panels for part in (panel, gap)], axis=1)
         text = Image.new("RGB", (row.shape[1], _TEXT), "white")
