@@ -329,7 +329,7 @@ def _configs_of(folders: Mapping[str, pathlib.Path], data: str | None) -> dict[s
     configs = {name: parse(entry) for name, entry in tree.items()}
     flat = {name: flatten(config) for name, config in configs.items()}
     fields = [
-        f for f in flat["cd"] if f.startswith("model.") or f in ("data.inputs", "train.steps")
+        f for f in flat["cd"] if f.startswith("model.") or f in ("data.inputs", "data.image_size")
     ]
     if other := [f for f in fields if flat["cd"][f] != flat["emd"][f]]:
         field = other[0]

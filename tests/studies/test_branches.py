@@ -2,11 +2,14 @@
 
 import json
 
+import drawn_solids as solids
 import numpy as np
 import pytest
+from PIL import Image
 
 from psgn_jax import evaluate as evaluate_lib
 from psgn_jax.config import ConfigError, flatten, parse, to_json
+from psgn_jax.data import records
 from psgn_jax.models.point_out_net import branch_of_point, output_grid
 from psgn_jax.studies import branches as lib
 
@@ -99,3 +102,26 @@ def test_figure(rng):
     drawn = by_branch[np.ptp(by_branch, axis=2) > 40]
     assert (drawn[:, 0] > drawn[:, 2]).any()
     assert (drawn[:, 0] < drawn[:, 2]).any()
+
+
+def test_the_whole_study_and_again(tmp_path, monkeypatch):
+    def configuration(path, *, full, steps):
+        data = {"path": path, "image_size": (12, 16), "num_points": 50, "num_eval_points": 60}
+        train = {
+            "batch_size": 2, "steps": 1, "log_every": 1, "eval_every": 0, "checkpoint_every": 0,
+            "images_every": 0,
+        }  # fmt: skip
+        model = {"widths": (4, 6), "deconv_level": 0, "fc_points": 20, "fc_widths": (8,)}
+        evaluation = {"batch_size": 3, "emd_tolerance": 0}
+        return parse({"data": data, "model": model, "train": train, "eval": evaluation})
+
+    monkeypatch.setattr(lib, "configuration", configuration)
+    data, work = tmp_path / "data", tmp_path / "work"
+    drawn = list(solids.samples(4, seed=0, image_size=(24, 32)))
+    records.write_dataset(data, {"train": drawn[:2], "validation": drawn}, source="")
+    text = lib.run(work, data=str(data), num_cases=2)
+    assert text == (work / "branches.txt").read_text()
+    document = json.loads((work / "branches.json").read_text())
+    assert (document["samples"], document["steps"]) == (4, 1)
+    with Image.open(work / "branches.png") as picture:
+        assert picture.size == (7 * 264, 24 + 2 * 200 + 48)

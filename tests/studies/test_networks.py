@@ -103,6 +103,7 @@ def tiny(path, network, loss):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_whole_study_again_and_what_takes_its_runs(tmp_path, monkeypatch):
     def configuration(network, loss, path, *, full, steps):
         return tiny(path, network, loss)
