@@ -26,7 +26,7 @@ from PIL import Image
 
 from psgn_jax.config import ConfigError
 from psgn_jax.data import masks, photo
-from psgn_jax.predict import Predictor, predict_photo, use_compile_cache
+from psgn_jax.predict import Predictor, predict_photo, use_compile_cache, without_lines_about
 from psgn_jax.viewing import page
 from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags
 
@@ -305,7 +305,8 @@ def _main(argv: Sequence[str]) -> None:
         _gradio()
         use_compile_cache()
         predictor = Predictor.from_workdir(values.workdir, values.checkpoint)
-        predictor.warm_up()
+        with without_lines_about("cpu_aot_loader"):
+            predictor.warm_up()
         if values.host not in ("127.0.0.1", "localhost"):
             logging.warning("--host=%s: other machines can reach the page", values.host)
         launch(Demo(predictor, pathlib.Path(folder) / "out"), host=values.host, port=values.port)

@@ -357,7 +357,7 @@ def predict_photo(
 
 
 @contextlib.contextmanager
-def _without_lines_about(source: str) -> Iterator[None]:
+def without_lines_about(source: str) -> Iterator[None]:
     """Leaves out lines of native code on standard error that name `source`.
 
     XLA writes two tuning preferences of its own into what it compiles, takes them for features that
@@ -456,7 +456,7 @@ def _main(argv: Sequence[str]) -> None:
             raise ConfigError("no image: name files or folders")
         use_compile_cache()
         predictor = Predictor.from_workdir(values.workdir, values.checkpoint)
-        with _without_lines_about("cpu_aot_loader"):
+        with without_lines_about("cpu_aot_loader"):
             predictor.warm_up(values.samples)
         results = predict_files(
             predictor,
