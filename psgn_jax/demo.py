@@ -129,7 +129,7 @@ class Demo:
             page.write_pages(viewer, [page.case_of_prediction(out / f"{name}.npz")])
         except (ValueError, OSError) as error:
             return "", [], _failed(error, path)
-        files = sorted(out.glob("*"), key=lambda file: (file.suffix == ".json", file.name))
+        files = sorted(out.glob("[!.]*"), key=lambda file: (file.suffix == ".json", file.name))
         clouds = len(result.points)
         line = (
             f"{clouds} cloud{'s' * (clouds > 1)} of {result.points.shape[1]:,} points in "
