@@ -23,8 +23,9 @@ import platform
 import sys
 import tempfile
 import time
+import types
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -32,7 +33,7 @@ import numpy as np
 from absl import app, flags, logging
 from PIL import Image
 
-from psgn_jax import export, registry
+from psgn_jax import export, registry, sampling
 from psgn_jax import step as step_lib
 from psgn_jax.config import Config, ConfigError, UserError, check_points, to_dict
 from psgn_jax.data import masks, photo, resize
@@ -185,9 +186,12 @@ class Predictor:
         if samples < 1 or (samples > 1 and not size):
             accepted = "1 or more" if size else "1, as this network has no random input"
             raise ConfigError(f"samples={samples}: accepted: {accepted}")
-        return (
-            np.asarray(jax.random.normal(jax.random.key(seed), (samples, size))) if size else None
-        )
+        if not size:
+            return None
+        if not -(2**31) <= seed < 2**31:
+            raise ConfigError(f"seed={seed}: accepted: a whole number of 32 bits")
+        # An image is the first sample of its own batch: its clouds do not depend on the others.
+        return np.asarray(sampling.draw_many(self.config, 0, 1, samples, seed))[0]
 
 
 def predict_files(
@@ -259,10 +263,43 @@ def _predict_file(
     clock = _Clock()
     read = photo.read_photo(path)
     given = None if mask is None else photo.read_mask(_mask_of(path, mask), read)
-    image = read.image if read.alpha is None else np.dstack([read.image, read.alpha])
     clock.lap("read")
-    result = predictor(image, given, **options)
-    clock.lap("")  # is told by the prediction's own parts
+    return predict_photo(
+        predictor, read, given, path, name, out, formats, seconds=clock.laps, **options
+    )
+
+
+def predict_photo(
+    predictor: Predictor,
+    read: photo.Photo,
+    mask: np.ndarray | None,
+    path: pathlib.Path,
+    name: str,
+    out: pathlib.Path,
+    formats: tuple[str, ...] = export.FORMATS,
+    *,
+    seconds: Mapping[str, float] = types.MappingProxyType({}),
+    **options: Any,
+) -> Prediction:
+    """Predicts a photo that was read and writes the results into `out`.
+
+    Args:
+      predictor: the network.
+      read: the photo.
+      mask: bool [h, w] of `read.image`'s size, True on the object; None to find it.
+      path: where the photo comes from, for the record.
+      name: of the results, without suffix.
+      out: folder for the results.
+      formats: any of `export.FORMATS`.
+      seconds: of what was done before, for the record.
+      **options: of `Predictor.__call__`.
+
+    Raises:
+      ValueError: as `Predictor.__call__`.
+    """
+    image = read.image if read.alpha is None else np.dstack([read.image, read.alpha])
+    result = predictor(image, mask, **options)
+    clock = _Clock()
     view = result.view
     branch, seen = result.branch, result.seen
     files = export.write_clouds(
@@ -282,7 +319,7 @@ def _predict_file(
     Image.fromarray(view.image).save(picture, "png", compress_level=1)
     write_atomic(out / f"{name}_view.png", picture.getvalue(), sync=False)
     clock.lap("write")
-    seconds = {"read": clock.laps["read"], **result.seconds, "write": clock.laps["write"]}
+    seconds = {**seconds, **result.seconds, "write": clock.laps["write"]}
     document = {
         "image": str(path),
         "image_size": list(read.size),
@@ -321,7 +358,7 @@ def _predict_file(
 
 
 @contextlib.contextmanager
-def _without_lines_about(source: str) -> Iterator[None]:
+def without_lines_about(source: str) -> Iterator[None]:
     """Leaves out lines of native code on standard error that name `source`.
 
     XLA writes two tuning preferences of its own into what it compiles, takes them for features that
@@ -420,7 +457,7 @@ def _main(argv: Sequence[str]) -> None:
             raise ConfigError("no image: name files or folders")
         use_compile_cache()
         predictor = Predictor.from_workdir(values.workdir, values.checkpoint)
-        with _without_lines_about("cpu_aot_loader"):
+        with without_lines_about("cpu_aot_loader"):
             predictor.warm_up(values.samples)
         results = predict_files(
             predictor,

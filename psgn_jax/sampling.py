@@ -35,13 +35,14 @@ class Draws(NamedTuple):
     mutual: Float[Array, "b k k"]
 
 
+@functools.partial(jax.jit, static_argnums=(0, 2, 3))
 def draw_many(
     config: Config, first: Array | int, batch_size: int, num_draws: int, seed: Array | int
 ) -> Float[Array, "b k size"]:
     """Random inputs of the samples numbered `first`, `first` + 1, ...
 
     Each depends on (seed, number of the sample, number of the draw) alone: not on the batch it is
-    in, and more draws begin with the same ones.
+    in, and more draws begin with the same ones. All predictions outside training draw here.
     """
     key = random_key(0, seed, train=False)
 

@@ -22,7 +22,7 @@ LAYERS: list[tuple[str, ...]] = [
      "psgn_jax.writer", "psgn_jax.export"),
     ("psgn_jax.train", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.viewing",
      "psgn_jax.studies", "psgn_jax.tasks", "psgn_jax.data.inspect"),  # inspect draws
-    ("psgn_jax.main",),
+    ("psgn_jax.main", "psgn_jax.demo"),
 ]  # fmt: skip
 
 # Packages that are heavy or optional, and the only modules that may import them.
@@ -37,6 +37,8 @@ DOORS = {
     "matplotlib": set(),
     "cv2": {"psgn_jax.data.masks"},
     "rembg": {"psgn_jax.data.masks"},
+    "av": {"psgn_jax.viewing.spheres"},
+    "gradio": {"psgn_jax.demo"},
 }
 
 

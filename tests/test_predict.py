@@ -15,7 +15,7 @@ import trimesh
 from PIL import Image
 
 from psgn_jax import predict as lib
-from psgn_jax import registry
+from psgn_jax import registry, sampling
 from psgn_jax.checkpoint import Checkpoints
 from psgn_jax.config import ConfigError, to_json
 from psgn_jax.data import camera
@@ -77,6 +77,14 @@ def test_arrays_in_arrays_out(predictor):
     np.testing.assert_array_equal(rgba.points, result.points)
 
 
+def test_draws_are_those_of_an_evaluation_and_of_the_first_ones(predictor, config):
+    result = predictor(photo_of_a_box(), samples=3, seed=4)
+    want = np.asarray(sampling.draw_many(config, 0, 1, 3, 4))[0]
+    np.testing.assert_array_equal(result.r, want)
+    fewer = predictor(photo_of_a_box(), samples=1, seed=4)
+    np.testing.assert_array_equal(fewer.r, want[:1])
+
+
 def test_known_cloud_lies_where_the_image_shows_it(predictor, monkeypatch):
     """Right side up: what the network calls right, up and near is drawn right, high and large."""
     cloud = np.array([[0, 0.4, 0.2], [0, -0.4, 0.2], [0, 0, 0.9], [0.9, 0, 0.2]], np.float32)
@@ -97,6 +105,8 @@ def test_known_cloud_lies_where_the_image_shows_it(predictor, monkeypatch):
 def test_wrong_arguments(predictor, config, params):
     with pytest.raises(ConfigError, match="samples=0: accepted: 1 or more"):
         predictor(photo_of_a_box(), samples=0)
+    with pytest.raises(ConfigError, match="seed=2147483648: accepted: a whole number of 32"):
+        predictor(photo_of_a_box(), seed=2**31)
     with pytest.raises(ConfigError, match="frame='x': accepted: auto, place, keep"):
         predictor(photo_of_a_box(), frame="x")
     with pytest.raises(ValueError, match="mask is bool"):
@@ -119,6 +129,8 @@ def test_files_and_folders(predictor, tmp_path):
     results = list(lib.predict_files(predictor, images, out, samples=2, seed=5))
     assert [path.name for path, _ in results] == ["A.bmp", "a.png", "b.jpg", "a.png"]
     assert all(isinstance(result, lib.Prediction) for _, result in results)
+    alone = predictor(photo_of_a_box(), samples=2, seed=5)
+    np.testing.assert_array_equal(results[1][1].points, alone.points)  # whatever its place
     names = {p.name for p in out.iterdir()}
     assert len(names) == 4 * 9
     assert {"A.json", "a-2.json", "b.json", "a-3.json", "b_0.ply", "b_1.obj", "b.npz"} <= names

@@ -74,6 +74,15 @@ def test_spread_by_axis():
     np.testing.assert_allclose(found.total, np.linalg.norm(want, axis=1), rtol=1e-6)
 
 
+def test_marginals_spread_with_shapes_and_not_with_their_points_order(rng):
+    cloud = rng.normal(size=(50, 3)).astype(np.float32)
+    draws = np.stack([rng.permutation(cloud) for _ in range(4)])
+    np.testing.assert_allclose(lib.marginal_spread(draws), 0, atol=1e-6)
+    draws[:, :, 0] += np.array([-1, -1, 1, 1], np.float32)[:, None]
+    np.testing.assert_allclose(lib.marginal_spread(draws), [1, 0, 0], atol=1e-6)
+    assert float(lib.spread(draws).by_axis[:, 1].mean()) > 0.5
+
+
 @pytest.mark.parametrize(("k", "t"), [(1, 1), (5, 5), (8, 13)])
 def test_wasserstein_is_that_of_the_quantiles(rng, k, t):
     a, b = rng.normal(size=k), rng.normal(size=t) * 2 + 1

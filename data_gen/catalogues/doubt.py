@@ -27,7 +27,7 @@ TURN = 55.0
 DEPTH = (0.15, 1.0)
 """Range of the hidden depth of the body, uniform, as a share of the deepest one."""
 
-LENGTH, PANEL = 1.0, 0.06
+LENGTH, PANEL = 2.0, 0.06
 """Of the rail, which is as long as everything on it; how far behind its front end the body begins.
 Lengths before normalisation."""
 

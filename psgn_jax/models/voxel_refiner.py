@@ -68,7 +68,7 @@ def splat(
     return jnp.where(jnp.isfinite(points).all(), grid, jnp.nan)
 
 
-def splat_clouds(clouds: Sequence[Float[Array, "n 3"]]) -> Float[Array, "s s s c"]:
+def splat_clouds(clouds: Sequence[Float[Array, "_ 3"]]) -> Float[Array, "s s s c"]:
     """`splat` of each cloud, in channels: the input of `VoxelRefiner` for one sample."""
     return jnp.stack([splat(cloud) for cloud in clouds], axis=-1)
 

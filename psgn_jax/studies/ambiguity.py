@@ -11,8 +11,11 @@ training has seen, are measured
 - how far output points move between draws along the hidden direction (x, from the camera into the
   depth) and along the visible ones (y, z), on images in doubt;
 - how far they move on images that leave no doubt;
+- the same for the draws' marginals (`sampler_metrics.marginal_spread`), to which points that only
+  change places or slide along the surface do not add;
 - the depth of each drawn cloud, measured back from its points (`measured_depth`), against the
-  distribution that it has among cabinets of this image: Wasserstein-1 and coverage of the range;
+  distribution that it has among cabinets of this image: Wasserstein-1, coverage of the range, and
+  the spread, beside the one that the minimiser of the objective has (`spread_of_the_minimiser`);
 - minimum matching distance and coverage of the true shapes that share an image, and the total
   mutual difference of the draws (`psgn_jax.sampler_metrics`).
 
@@ -33,7 +36,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+import optax
 from absl import app, flags, logging
 from PIL import Image, ImageDraw, ImageFont
 
@@ -42,9 +47,12 @@ from psgn_jax import registry, sampler_metrics, sampling
 from psgn_jax import step as step_lib
 from psgn_jax.config import Config, ConfigError, parse
 from psgn_jax.data import records
+from psgn_jax.data.camera import scale_intrinsics
 from psgn_jax.losses.chamfer import batched, chamfer_sq_mean
 from psgn_jax.train import train
-from psgn_jax.viewing.clouds import draw_cloud, turned
+from psgn_jax.types import Array
+from psgn_jax.viewing import spheres
+from psgn_jax.viewing.clouds import turned
 from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags, write_atomic
 
 NETWORKS = ("deterministic", "Mo2", "Mo8", "cVAE")
@@ -58,8 +66,8 @@ GOALS = {
 """At most, at least, at most."""
 
 # Geometry of `data_gen.catalogues.doubt` before normalisation: where the body begins and the
-# deepest one's length, from the rail's middle and of a rail of length 1.
-_BODY_BEGINS, _DEEPEST = 0.44, 0.94
+# deepest one's length, from the rail's middle.
+_BODY_BEGINS, _DEEPEST = 0.94, 1.94
 _DEPTH_RANGE = (0.15, 1.0)
 
 
@@ -97,7 +105,7 @@ class Size:
     batch_size: int = 16
     learning_rate: float = 1.5e-3
     random_size: int = 8
-    kl_weight: float = 5e-4
+    kl_weight: float = 2e-4
     num_draws: int = 8
     num_measured: int = 32
 
@@ -185,6 +193,7 @@ def config_of(network: str, data: pathlib.Path, size: Size) -> Config:
                 "warmup_steps": size.steps // 20,
                 "final_fraction": 0.01,
                 "clip_norm": 1.0,
+                "ema_decay": 0.998,
             },
             "train": {
                 "batch_size": size.batch_size,
@@ -292,6 +301,9 @@ def measure(config: Config, params: Any, size: Size, known: Sequence[Truth]) -> 
         result[f"spread along x, {kind} [radius]"] = _rms(by_axis[..., 0])
         result[f"spread along y and z, {kind} [radius]"] = _rms(by_axis[..., 1:])
         result[f"spread, {kind} [radius]"] = float(np.sqrt(3) * _rms(by_axis))
+        marginal = np.asarray(jax.vmap(sampler_metrics.marginal_spread)(points[rows]))
+        result[f"spread of the marginal along x, {kind} [radius]"] = _rms(marginal[:, 0])
+        result[f"spread of the marginals along y and z, {kind} [radius]"] = _rms(marginal[:, 1:])
         difference = jax.vmap(sampler_metrics.total_mutual_difference)
         result[f"total mutual difference, {kind} [radius^2]"] = float(
             np.mean(difference(np.concatenate(mutual)[rows]))
@@ -349,7 +361,38 @@ def _calibration(depths: np.ndarray, known: Sequence[Truth]) -> dict[str, float]
         ),
         "mean drawn depth [share]": float(depths[rows].mean()),
         "spread of the drawn depth [share]": float(depths[rows].std(axis=1).mean()),
+        "spread of exact draws [share]": (high - low) / float(np.sqrt(12)),
     }
+
+
+def spread_of_the_minimiser(num_draws: int) -> float:
+    """Standard deviation of the draws that minimise Mo-n, over that of the truth.
+
+    For one number, uniform on [-1, 1], under the squared error: the q that minimises
+    E over x, s_1 ... s_n ~ q of min (x - s_i)^2, as 32 equally likely numbers. It says what the
+    objective asks for, before any network learns it: 0 for n = 1 (the mean), .56 for 2, .87 for 4,
+    1.00 for 8.
+    """
+    x = jnp.linspace(-1, 1, 201)
+    rank = jnp.arange(33) / 32
+    # The probability that the nearest of n draws is the i-th nearest of all.
+    weights = -jnp.diff((1 - rank) ** num_draws)
+
+    def value(numbers: Array) -> Array:
+        squares = jnp.sort((x[:, None] - numbers[None, :]) ** 2, axis=1)
+        return jnp.mean(squares @ weights)
+
+    steps = 400
+    adam = optax.adam(optax.cosine_decay_schedule(2e-2, steps))
+
+    def step(_: Array, carry: tuple[Array, Any]) -> tuple[Array, Any]:
+        numbers, state = carry
+        updates, state = adam.update(jax.grad(value)(numbers), state)
+        return optax.apply_updates(numbers, updates), state
+
+    start = jnp.linspace(-0.5, 0.5, 32)
+    numbers, _ = jax.lax.fori_loop(0, steps, step, (start, adam.init(start)))
+    return float(jnp.std(numbers) * np.sqrt(3))
 
 
 def judge(results: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
@@ -394,52 +437,65 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def figure(
-    sample: Mapping[str, Any], clouds: Mapping[str, np.ndarray], height: int = 150
+    sample: Mapping[str, Any],
+    truths: np.ndarray,
+    clouds: Mapping[str, np.ndarray],
+    height: int = 150,
 ) -> Image.Image:
-    """Predictions of one image: for each network three rows, half side, side and back.
+    """Predictions of one image: three rows for each network, half side, side and back.
+
+    A network with one cloud has the true shapes to its right.
 
     Args:
-      sample: image, points, intrinsics and extrinsics of one sample.
+      sample: image, intrinsics and extrinsics of one sample.
+      truths: some shapes that share the image [t, m, 3].
       clouds: network -> draws [k, n, 3].
       height: of a panel in pixels.
     """
     image = sample["image"]
-    scale = height / image.shape[0]
-    size = (height, round(image.shape[1] * scale))
-    camera = np.diag([scale, scale, 1.0]) @ sample["intrinsics"]
-    # From a little above, where the shape is easier to read than on the horizon.
-    tilt = np.deg2rad(15)
-    above = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
-    middle = np.array([0, 0, 0.4])
-    extrinsics = sample["extrinsics"].astype(np.float64)
-    place = extrinsics[:, :3] @ middle + extrinsics[:, 3]
-    seen = above @ extrinsics[:, :3]
-    tilted = np.column_stack([seen, place - seen @ middle])
-    columns = max(len(c) for c in clouds.values())
-    margin = 16
-    width = size[1] * (columns + 1)
-    block = 3 * height + margin + 8
-    sheet = Image.new("RGB", (width, block * len(clouds)), "white")
-    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=13)
+    size = (height, round(height * image.shape[1] / image.shape[0]))
+    intrinsics = scale_intrinsics(sample["intrinsics"], image.shape[:2], size)
+    intrinsics[:2, :2] *= 0.85  # from the side the shapes are wider than what the image shows
+    extrinsics = _from_above(sample["extrinsics"].astype(np.float64))
+    blocks: dict[str, list[np.ndarray]] = {}
+    for name, draws in clouds.items():
+        thinned = truths[:, :: max(1, truths.shape[1] // draws.shape[1])]
+        if len(draws) > 1:
+            blocks[f"{name}: {len(draws)} draws, sorted by depth"] = list(draws)
+        else:
+            title = f"{name}: its prediction; then {len(truths)} true shapes of the same image"
+            blocks[title] = [draws[0], *thinned]
+    columns = 1 + max(map(len, blocks.values()))
+    head = 24
+    top, bottom = round(0.2 * height), round(0.86 * height)  # above and below there is nothing
+    panel = bottom - top
+    block = 3 * panel + head
+    sheet = Image.new("RGB", (size[1] * columns, block * len(blocks)), "white")
+    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=15)
     picture = Image.fromarray(image).resize(size[::-1], Image.Resampling.BICUBIC)
-    for number, (name, drawn) in enumerate(clouds.items()):
-        top = number * block
-        pen.text((4, top), name, fill="black", font=font)
-        sheet.paste(picture, (0, top + margin))
-        truth = sample["points"][:: max(1, len(sample["points"]) // drawn.shape[1])]
+    for number, (title, shown) in enumerate(blocks.items()):
+        start = number * block + head
+        pen.text((6, start - head + 3), title, fill="black", font=font)
+        sheet.paste(picture, (0, start))
+        pen.text((6, start + height + 8), "half side,\nside, back", fill="gray", font=font)
         for row, degrees in enumerate((45, 90, 180)):
-            view = turned(tilted, degrees)
-            if row:
-                panel = draw_cloud(truth, camera, view, size)
-                sheet.paste(Image.fromarray(panel), (0, top + margin + row * height))
-            for column, cloud in enumerate(drawn):
-                panel = draw_cloud(cloud, camera, view, size)
-                sheet.paste(
-                    Image.fromarray(panel),
-                    ((column + 1) * size[1], top + margin + row * height),
-                )
-        pen.text((4, top + margin + height), "truth, side and back", fill="black", font=font)
+            view = turned(extrinsics, degrees)
+            for column, cloud in enumerate(shown, start=1):
+                colours = spheres.colours_by_height(cloud)
+                drawn = spheres.render(cloud, colours, intrinsics, view, size, radius=0.03)
+                place = (column * size[1], start + row * panel)
+                sheet.paste(Image.fromarray(drawn[top:bottom]), place)
     return sheet
+
+
+def _from_above(extrinsics: np.ndarray) -> np.ndarray:
+    """The camera 15 degrees higher, where a shape is easier to read than on the horizon."""
+    tilt = np.deg2rad(15)
+    turn = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+    middle = np.array([0, 0, 0.4])
+    place = extrinsics[:, :3] @ middle + extrinsics[:, 3]
+    rotation = turn @ extrinsics[:, :3]
+    return np.column_stack([rotation, place - rotation @ middle])
 
 
 # --- The whole study --------------------------------------------------------------------------
@@ -462,14 +518,23 @@ def run(workdir: str | pathlib.Path, size: Size = DEFAULT) -> str | int:
             return outcome.stopped_by
     known = truths(data)
     results, clouds = {}, {}
-    # Of the first image in doubt.
-    shown = next(i for i, t in enumerate(known) if t.kind == DOUBT)
+    # The first image in doubt, and the depths that it may have.
+    sharing = min(_groups(known).items())[1]
+    sharing = sorted(sharing[: min(6, size.num_draws) - 1], key=lambda i: known[i].depth)
+    shown = sharing[0]
     sample: dict[str, Any] = {}
     for name, config in configs.items():
         _, params = evaluate_lib.load_params(workdir / name, "last")
         results[name] = measure(config, params, size, known)
         logging.info("%s: measured", name)
-        sample, clouds[name] = _draws_of(config, params, shown, min(6, size.num_draws))
+        if config.loss.min_of_n > 1:
+            exact = results[name]["spread of exact draws [share]"]
+            results[name]["spread of the objective's minimiser [share]"] = (
+                exact * spread_of_the_minimiser(config.loss.min_of_n)
+            )
+        sample, drawn = _draws_of(config, params, shown, min(6, size.num_draws))
+        depths = [measured_depth(cloud, known[shown].scale) for cloud in drawn]
+        clouds[name] = drawn[np.argsort(depths)]
     document = {
         "size": dataclasses.asdict(size),
         "networks": results,
@@ -477,7 +542,9 @@ def run(workdir: str | pathlib.Path, size: Size = DEFAULT) -> str | int:
         "reached": judge(results),
         "depth measured on the truth [share]": check_measure(data),
     }
-    figure(sample, clouds).save(workdir / "ambiguity.png")
+    reader = records.RecordReader(data, "validation")
+    shapes = np.stack([reader[i].points for i in sharing])
+    figure(sample, shapes, clouds).save(workdir / "ambiguity.png")
     write_atomic(workdir / "ambiguity.json", json.dumps(document, indent=2) + "\n")
     return table(results)
 

@@ -14,26 +14,19 @@ Source: Fan, Su, Guibas, CVPR 2017, section "3D Shape Completion from RGBD Image
 pictures and no numbers; networks, sizes and measures here are **ours**.
 """
 
-import json
-import math
 import pathlib
-import sys
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from absl import app, flags, logging
-from PIL import Image, ImageDraw, ImageFont
+from absl import flags
+from PIL import Image
 
 from psgn_jax import evaluate as evaluate_lib
-from psgn_jax import registry
-from psgn_jax import train as train_lib
-from psgn_jax.config import Config, ConfigError, UserError, check_paths, parse
+from psgn_jax.config import Config, ConfigError
+from psgn_jax.studies import runs
+from psgn_jax.studies.runs import USUAL_DATA, Difference, find_data
 from psgn_jax.viewing.clouds import draw_cloud, turned
-from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags, write_atomic
-
-USUAL_DATA = "records/authors"
-"""Where README.md puts the authors' records; taken where no data are named."""
 
 INPUTS: Mapping[str, tuple[str, ...]] = {
     "rgb": ("rgb", "mask"),
@@ -62,13 +55,6 @@ _PERCENT = ("fscore", "recall_visible", "recall_hidden")
 _VISIBLE, _HIDDEN = np.array([40, 95, 190]), np.array([225, 120, 30])
 
 
-class Measured(NamedTuple):
-    """One network on the split: metrics of every sample, and some samples with predictions."""
-
-    evaluation: evaluate_lib.Evaluation
-    cases: dict[int, dict[str, np.ndarray]]
-
-
 def configuration(inputs: Sequence[str], path: str, *, full: bool, steps: int = 0) -> Config:
     """The recipe of `configs/authors_small.py` (or, `full`, of `configs/authors.py`), shortened.
 
@@ -78,52 +64,9 @@ def configuration(inputs: Sequence[str], path: str, *, full: bool, steps: int = 
       full: full-size images, the published network's widths, 20,000 steps of 32.
       steps: in place of the recipe's.
     """
-    data: dict[str, Any] = {"path": path, "inputs": tuple(inputs), "flip": True}
-    optim = {"schedule": "cosine", "final_fraction": 0.01, "clip_norm": 1.0}
-    if full:
-        steps = steps or 20_000
-        tree: dict[str, Any] = {
-            "data": {**data, "stretch": 0.15},
-            "optim": {**optim, "learning_rate": 3e-4, "warmup_steps": 500, "ema_decay": 0.999},
-            "train": {"batch_size": 32, "log_every": 50, "images_every": 2_000},
-        }
-    else:
-        # 1,800 steps, not 3,200: both trainings in 40 minutes on two CPU cores.
-        steps = steps or 1_800
-        augmentation = {"stretch": 0.2, "zoom": 0.05, "shift": 0.04, "colour_jitter": 0.2}
-        tree = {
-            "data": {**data, **augmentation, "image_size": (96, 128), "num_points": 2048},
-            "model": {
-                "widths": (8, 16, 32, 64, 128, 256),
-                "deconv_level": 2,
-                "fc_widths": (768, 512),
-            },
-            "optim": {**optim, "learning_rate": 1e-3, "warmup_steps": 200, "ema_decay": 0.998},
-            "train": {"batch_size": 16, "log_every": 50, "images_every": 0},
-        }
-    tree["optim"]["warmup_steps"] = min(tree["optim"]["warmup_steps"], steps // 4)
-    interval = max(1, steps // 3)
-    often = 500 if full else 200
-    tree["train"] |= {"steps": steps, "eval_every": interval, "checkpoint_every": often}
-    return parse(tree)
-
-
-def find_data(named: str | None) -> str:
-    """Folder of the records to train on; "" is the default data set.
-
-    Raises:
-      ConfigError: a folder was named that is not there.
-    """
-    if named is not None:
-        check_paths(parse({"data": {"path": named}}))
-        return named
-    if pathlib.Path(USUAL_DATA).is_dir():
-        return USUAL_DATA
-    logging.info(
-        "no --data named and none in %s: training on the default data set",
-        USUAL_DATA,
-    )
-    return ""
+    # 1,800 steps, not 3,200: both trainings in 40 minutes on two CPU cores.
+    steps = steps or (20_000 if full else 1_800)
+    return runs.recipe(path, full=full, steps=steps, changes={"data": {"inputs": tuple(inputs)}})
 
 
 def run(
@@ -152,84 +95,42 @@ def run(
         name: configuration(inputs, path, full=full, steps=steps) for name, inputs in INPUTS.items()
     }
     # The one that needs more is checked before the other has trained for half of the time.
-    source, needs = registry.data_source(), configs["rgbd"].data
-    try:
-        for split in (needs.train_split, needs.eval_split):
-            source.eval_batches(needs, split=split, batch_size=1).close()
-    except (ValueError, OSError) as error:
-        raise ConfigError(f"--data={path!r}: {error}") from error
-    for name, config in configs.items():
-        logging.info("%s: %d steps in %s", TITLES[name], config.train.steps, workdir / name)
-        outcome = train_lib.train(config, workdir / name)
-        if outcome.stopped_by:
-            stopped = UserError("stopped by a signal; the same command goes on")
-            stopped.exit_code = 128 + outcome.stopped_by
-            raise stopped
+    runs.check_data(configs["rgbd"])
+    runs.train_each(configs, workdir, TITLES)
     measured = {
         name: _measure(config, workdir / name, num_cases) for name, config in configs.items()
     }
     evaluations = {name: found.evaluation for name, found in measured.items()}
     text = table(evaluations)
-    write_atomic(workdir / "completion.txt", text)
-    write_atomic(workdir / "completion.md", markdown(evaluations))
-    document = {
-        "data": path or "default",
-        "full": full,
-        "steps": configs["rgb"].train.steps,
-        **numbers(evaluations),
-    }
-    write_atomic(workdir / "completion.json", json.dumps(document, indent=2, allow_nan=False))
-    figure({name: found.cases for name, found in measured.items()}).save(workdir / "completion.png")
-    logging.info("results in %s", workdir)
+    runs.write_results(
+        workdir,
+        "completion",
+        text=text,
+        markdown=markdown(evaluations),
+        document={
+            "data": path or "default",
+            "full": full,
+            "steps": configs["rgb"].train.steps,
+            **numbers(evaluations),
+        },
+        picture=figure({name: found.cases for name, found in measured.items()}),
+    )
     return text
 
 
-def _measure(config: Config, workdir: pathlib.Path, num_cases: int) -> Measured:
-    """The last checkpoint, not the best: none of the two is picked on the split it is shown on."""
-    step, params = evaluate_lib.load_params(workdir, "last")
-    logging.info("measuring %s, step %d", workdir, step)
-    total = registry.data_source().num_samples(config.data, config.data.eval_split)
-    wanted = {int(i) for i in np.linspace(0, total - 1, min(num_cases, total))}
-    cases: dict[int, dict[str, np.ndarray]] = {}
-
-    def keep(index: int, batch: Any, points: np.ndarray) -> None:
+def _measure(config: Config, workdir: pathlib.Path, num_cases: int) -> runs.Measured:
+    def check(batch: Mapping[str, Any]) -> None:
         if "visible" not in batch:
             raise ConfigError(f"data.path={config.data.path!r}: records without depth")
-        for row in np.flatnonzero(batch["valid"]).tolist():
-            number = index * config.eval.batch_size + row
-            if number in wanted:
-                keys = ("image", "depth", "points", "visible", "intrinsics", "extrinsics")
-                cases[number] = {k: batch[k][row] for k in keys if k in batch}
-                cases[number]["pred"] = points[row]
 
-    return Measured(evaluate_lib.evaluate(config, params, on_batch=keep), cases)
-
-
-class Difference(NamedTuple):
-    """RGB-D minus RGB, sample by sample, over the samples that both count.
-
-    Attributes:
-      mean, error: of the difference, and the mean's standard error over samples.
-      better: share of the samples on which RGB-D is the better one.
-    """
-
-    mean: float
-    error: float
-    better: float
+    keys = (*runs.CASE, "depth", "visible")
+    return runs.measure(config, workdir, num_cases, keys=keys, check=check)
 
 
 def compare(evaluations: Mapping[str, evaluate_lib.Evaluation], metric: str) -> Difference:
-    """What depth changes in a metric; NaN where no sample has it."""
+    """What depth changes in a metric, RGB-D minus RGB; NaN where no sample has it."""
     rgb, rgbd = (evaluations[name].metrics[metric] for name in INPUTS)
-    # Points of one class may be missing from a sample; then they are for both networks.
-    kept = ~(np.isnan(rgb) & np.isnan(rgbd))
-    change = (rgbd - rgb)[kept]
-    if not len(change):
-        return Difference(math.nan, math.nan, math.nan)
-    more = metric in _PERCENT  # the larger the better
-    error = float(np.std(change, ddof=1) / np.sqrt(len(change))) if len(change) > 1 else math.nan
-    better = float(np.mean(change > 0 if more else change < 0))
-    return Difference(float(np.mean(change)), error, better)
+    return runs.difference(rgbd, rgb, more=metric in _PERCENT)
 
 
 def _rows(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> list[list[str]]:
@@ -268,30 +169,17 @@ def _note(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> str:
 def table(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> str:
     """The comparison as text."""
     lines = [list(_HEAD), *_rows(evaluations)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    text = [
-        "  ".join(
-            [line[0].ljust(widths[0])]
-            + [cell.rjust(w) for cell, w in zip(line[1:], widths[1:], strict=True)]
-        )
-        for line in lines
-    ]
-    return "\n".join([text[0], "-" * len(text[0]), *text[1:], "", _note(evaluations)]) + "\n"
+    return f"{runs.text_table(lines)}\n{_note(evaluations)}\n"
 
 
 def markdown(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> str:
     """The comparison as a table for a README."""
-    lines = [list(_HEAD), ["---"] * len(_HEAD), *_rows(evaluations)]
-    rows = ["| " + " | ".join(line) + " |" for line in lines]
-    return "\n".join([*rows, "", _note(evaluations)]) + "\n"
+    lines = [list(_HEAD), *_rows(evaluations)]
+    return f"{runs.markdown_table(lines)}\n{_note(evaluations)}\n"
 
 
 def numbers(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> dict[str, Any]:
     """The comparison for JSON; fractions, not percent, and null for what is not finite."""
-
-    def finite(values: Mapping[str, float]) -> dict[str, float | None]:
-        return {k: v if math.isfinite(v) else None for k, v in values.items()}
-
     found = evaluations["rgbd"]
     shared = [m for m in METRICS if m in found.metrics]
     return {
@@ -301,8 +189,8 @@ def numbers(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> dict[str, Any
         "num_gt_points": found.num_points[1],
         "visible_tolerance": found.visible_tolerance,
         "fscore_threshold": found.threshold,
-        "mean_over_samples": {name: finite(e.means) for name, e in evaluations.items()},
-        "rgbd_minus_rgb": {m: finite(compare(evaluations, m)._asdict()) for m in shared},
+        "mean_over_samples": {name: runs.finite(e.means) for name, e in evaluations.items()},
+        "rgbd_minus_rgb": {m: runs.finite(compare(evaluations, m)._asdict()) for m in shared},
     }
 
 
@@ -320,7 +208,6 @@ def figure(cases: Mapping[str, Mapping[int, Mapping[str, np.ndarray]]]) -> Image
     Blue are visible true points, orange hidden ones; a predicted point, which has no such class,
     takes the colour of the true point nearest to it.
     """
-    font = ImageFont.load_default(size=15)
     titles = ["image", "depth"]
     titles += [f"{what}{view}" for view in ("", ", side") for what in ("RGB", "RGB-D", "truth")]
     strips = []
@@ -346,29 +233,17 @@ def figure(cases: Mapping[str, Mapping[int, Mapping[str, np.ndarray]]]) -> Image
             for cloud, seen in clouds
         ]
         strips.append(np.concatenate(panels, axis=1))
-    head = np.full((24, strips[0].shape[1], 3), 255, np.uint8)
-    sheet = Image.fromarray(np.concatenate([head, *strips]))
-    pen, width = ImageDraw.Draw(sheet), strips[0].shape[1] // len(titles)
-    for column, title in enumerate(titles):
-        pen.text((column * width + 6, 4), title, fill="black", font=font)
-    return sheet
+    return runs.with_titles(strips, titles)
 
 
-def _main(argv: Sequence[str]) -> None:
-    log_to_terminal()
-    values = flags.FLAGS
-    with exit_on_user_error():
-        if len(argv) > 1:
-            raise ConfigError(f"unexpected argument {argv[1]!r}")
-        train_lib.keep_compiled()
-        text = run(
-            values.workdir,
-            data=values.data,
-            full=values.full,
-            steps=values.steps,
-            num_cases=values.cases,
-        )
-    sys.stdout.write(text)
+def _study(values: Any) -> str:
+    return run(
+        values.workdir,
+        data=values.data,
+        full=values.full,
+        steps=values.steps,
+        num_cases=values.cases,
+    )
 
 
 if __name__ == "__main__":
@@ -381,4 +256,4 @@ if __name__ == "__main__":
     flags.DEFINE_bool("full", False, "Full-size images and network, 20,000 steps: for a GPU.")
     flags.DEFINE_integer("steps", 0, "Steps of each training; 0 = the recipe's.", lower_bound=0)
     flags.DEFINE_integer("cases", 6, "Samples in the picture.", lower_bound=1)
-    app.run(_main, flags_parser=parse_flags)
+    runs.main(_study)

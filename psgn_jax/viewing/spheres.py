@@ -3,22 +3,27 @@
 Numpy and Pillow alone, no GPU: spheres are stamped into a depth buffer with their normals, lit
 softly, darkened in the gaps between them, and drawn at twice the size to smooth edges.
 
-    python -m psgn_jax.viewing.spheres OUT/*.npz --out=sheet.png [--turntable=turn.gif]
+    python -m psgn_jax.viewing.spheres OUT/*.npz --out=sheet.png [--turntable=turn.mp4]
 
-draws what `psgn_jax.predict` wrote.
+draws what `psgn_jax.predict` wrote. The only importer of `av` (extra `video`): H.264 is what every
+browser plays, and OpenCV's wheels have no encoder for it.
 """
 
 import argparse
 import dataclasses
+import importlib.util
+import io
 import pathlib
 import sys
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFilter
 
 from psgn_jax.data import camera
 from psgn_jax.viewing.clouds import turned
+from psgn_jax.writer import write_atomic
 
 RADIUS = 0.028
 """Of a sphere, unit of the frame: half the distance of 1,024 points on a usual surface."""
@@ -43,6 +48,7 @@ _SHADOW_CELLS, _SHADOW_HALF = 192, 1.6  # of the map on the ground: cells a side
 _SHADOW_SLANT = (-0.25, 0.3)  # how far the light carries the shadow per unit of height, x and y
 _SHADOW_DARKNESS = 0.42
 _WHITE = 255.0
+_MP4_TURNS = 4
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -180,15 +186,41 @@ def turntable(
     size: tuple[int, int] = (240, 320),
     milliseconds: int = 80,
 ) -> None:
-    """Writes an animated GIF of a cloud turning once about the vertical."""
+    """Writes a moving picture of a cloud turning once about the vertical, whole or not at all.
+
+    Args:
+      points: [n, 3] in the project's frame.
+      colours: uint8 [n, 3].
+      path: its suffix says what is written: `.gif`, or `.mp4` (H.264, needs the extra `video`).
+      frames: of one turn.
+      size: (height, width); even for an MP4, which keeps colours at half the resolution.
+      milliseconds: of each frame.
+
+    Raises:
+      ValueError: another suffix, an odd size for an MP4, or the extra is missing.
+    """
+    check_turntable(path, size)
     intrinsics, extrinsics = camera.default_camera(size)
     pictures = [
-        Image.fromarray(
-            render(points, colours, intrinsics, turned(extrinsics, 360 * i / frames), size)
-        ).quantize(128)
+        render(points, colours, intrinsics, turned(extrinsics, 360 * i / frames), size)
         for i in range(frames)
     ]
-    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=milliseconds, loop=0)
+    make = _mp4 if pathlib.Path(path).suffix.lower() == ".mp4" else _gif
+    write_atomic(path, make(pictures, milliseconds), sync=False)
+
+
+def check_turntable(path: str | pathlib.Path, size: tuple[int, int] = (240, 320)) -> None:
+    """Raises what `turntable` would for this path and size, before anything is drawn."""
+    suffix = pathlib.Path(path).suffix.lower()
+    if suffix not in (".gif", ".mp4"):
+        raise ValueError(f"turntable {path}: accepted: a name that ends with .gif or .mp4")
+    if suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
+        raise ValueError(f"size={size}: accepted for an MP4: even height and width")
+    if suffix == ".mp4" and importlib.util.find_spec("av") is None:
+        raise ValueError(
+            f"turntable {path}: needs the extra 'video': pip install 'psgn-jax[video]'; "
+            "a .gif needs none"
+        )
 
 
 def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
@@ -206,6 +238,32 @@ def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
             camera_arrays = archive["intrinsics"], archive["extrinsics"]
             cases.append(Case(pathlib.Path(path).stem, archive["image"], clouds, *camera_arrays))
     return cases
+
+
+def _gif(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
+    frames = [Image.fromarray(picture).quantize(128) for picture in pictures]
+    options = {"save_all": True, "append_images": frames[1:], "duration": milliseconds, "loop": 0}
+    buffer = io.BytesIO()
+    frames[0].save(buffer, "gif", **options)
+    return buffer.getvalue()
+
+
+def _mp4(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
+    """H.264 in yuv420p, the one format of colours that all browsers decode; four turns.
+
+    A player may not repeat a film, so that one turn of three seconds would be over at once.
+    """
+    import av
+
+    buffer = io.BytesIO()
+    with av.open(buffer, "w", format="mp4") as container:
+        stream = container.add_stream("libx264", rate=Fraction(1000, milliseconds))
+        stream.height, stream.width = pictures[0].shape[:2]
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": "18"}
+        for picture in [*pictures] * _MP4_TURNS:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode())
+    return buffer.getvalue()
 
 
 def _ramp(stops: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -328,9 +386,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("predictions", nargs="+", metavar="NPZ", help="of psgn_jax.predict")
     parser.add_argument("--out", required=True, help="the sheet, a PNG")
     parser.add_argument("--columns", type=int, default=1)
-    parser.add_argument("--turntable", help="GIF of the first prediction turning")
+    parser.add_argument("--turntable", help="GIF or MP4 of the first prediction turning")
     arguments = parser.parse_args(argv)
     try:
+        if arguments.turntable:
+            check_turntable(arguments.turntable)
         cases = cases_of_predictions(arguments.predictions)
         sheet(cases, columns=max(1, arguments.columns)).save(arguments.out)
         if arguments.turntable:

@@ -65,6 +65,13 @@ def test_goals_and_table():
     assert "hidden over visible spread (goal >= 3.00)" in text
 
 
+def test_the_better_of_two_asks_for_too_little_spread_and_of_eight_for_all():
+    assert lib.spread_of_the_minimiser(1) == pytest.approx(0, abs=1e-3)
+    # Two equally likely numbers a and -a would be best at 1/4, with .43 of the truth's spread.
+    assert lib.spread_of_the_minimiser(2) == pytest.approx(0.556, abs=5e-3)
+    assert lib.spread_of_the_minimiser(8) == pytest.approx(1.0, abs=0.02)
+
+
 def test_figure(rng):
     points, _ = truth_cloud(0, 0, 256)
     sample = {
@@ -74,12 +81,15 @@ def test_figure(rng):
         "extrinsics": np.array([[0, 1, 0, 0], [0, 0, -1, 0.45], [-1, 0, 0, 3.6]], np.float32),
     }
     clouds = {"deterministic": points[None, :128], "Mo2": np.stack([points[:128]] * 3)}
-    picture = np.asarray(lib.figure(sample, clouds, height=64))
-    assert picture.shape == (2 * (3 * 64 + 24), 4 * 64, 3)
-    panel = picture[16:80, 64:128]
-    drawn = np.argwhere((panel != 255).any(axis=-1))
-    assert len(drawn) > 50
-    assert (np.abs(drawn.mean(axis=0) - 32) < 12).all()  # in the middle of its panel
+    picture = np.asarray(lib.figure(sample, np.stack([points] * 2), clouds, height=64))
+    # A picture, then a prediction and two truths, or three draws.
+    panel = 55 - 13
+    assert picture.shape == (2 * (3 * panel + 24), 4 * 64, 3)
+    for top in (24, 24 + panel, 48 + 3 * panel):
+        for left in (64, 128, 192):
+            drawn = np.argwhere((picture[top : top + panel, left : left + 64] < 160).any(axis=-1))
+            assert len(drawn) > 50
+            assert (np.abs(drawn.mean(axis=0) - [21, 32]) < 16).all()  # not at the panel's edge
 
 
 @pytest.mark.slow

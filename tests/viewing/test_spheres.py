@@ -1,5 +1,6 @@
 """Spheres stand where the camera sees their points, near ones over far ones, lit from above."""
 
+import itertools
 import time
 
 import numpy as np
@@ -101,3 +102,30 @@ def test_the_command_on_predictions(rng, tmp_path):
     with Image.open(gif) as moving:
         assert moving.n_frames == 36
     assert spheres.main([str(tmp_path / "no.npz"), f"--out={out}"]) == 2
+
+
+def test_a_film_that_browsers_play(rng, tmp_path, monkeypatch):
+    av = pytest.importorskip("av")
+    points = rng.uniform((-0.4, -0.4, 0), (0.4, 0.4, 0.8), (60, 3))
+    path = tmp_path / "turn.mp4"
+    spheres.turntable(points, np.array([RED] * 60, np.uint8), path, frames=6, size=(72, 96))
+    assert [p.name for p in tmp_path.iterdir()] == ["turn.mp4"]
+    with av.open(path) as film:
+        (stream,) = film.streams
+        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
+        assert stream.average_rate == 12.5
+        frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
+    assert len(frames) == 24
+    assert frames[0].shape == (72, 96, 3)
+    assert frames[0][0, 0].min() > 245
+    assert (np.ptp(frames[0], axis=2) > 60).any()
+    moving = [(np.abs(a - b).max(axis=2) > 40).mean() for a, b in itertools.pairwise(frames[:7])]
+    assert min(moving) > 0.01
+    assert np.abs(frames[6] - frames[0]).mean() < 3  # the second turn
+    with pytest.raises(ValueError, match=r"size=\(71, 96\): accepted for an MP4: even"):
+        spheres.turntable(points, points, path, size=(71, 96))
+    with pytest.raises(ValueError, match=r"ends with \.gif or \.mp4"):
+        spheres.turntable(points, points, "turn.avi")
+    monkeypatch.setattr(spheres.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ValueError, match="needs the extra 'video'"):
+        spheres.turntable(points, points, path)

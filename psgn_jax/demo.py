@@ -1,0 +1,320 @@
+"""A page to try a network on photos: `python -m psgn_jax.demo --workdir W`.
+
+Drop a photo, correct the mask that was found with brush and eraser, choose samples and seed, turn
+the result, take its files along: those of `psgn_jax.predict`. The page is served to this machine
+alone unless `--host` says otherwise; nothing is sent anywhere. What it writes lies in a temporary
+folder that goes with the process, results after an hour.
+
+The only importer of gradio (extra `demo`), inside functions: what the page does can be called and
+tested without.
+"""
+
+import html
+import importlib.util
+import os
+import pathlib
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from absl import app, flags, logging
+from PIL import Image
+
+from psgn_jax.config import ConfigError
+from psgn_jax.data import masks, photo
+from psgn_jax.predict import Predictor, predict_photo, use_compile_cache, without_lines_about
+from psgn_jax.viewing import page
+from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags
+
+EDITOR_SIDE = 800
+"""Longer side of the picture that the mask is painted on; the prediction reads the whole photo."""
+
+MAX_SAMPLES = 16
+KEPT_SECONDS = 3600.0
+PAINT = (226, 70, 40, 150)
+"""Colour of the mask over the photo, RGBA."""
+
+_PAGE_HEIGHT = 560
+_VIEWER_ADVICE = "Drop a photo, look at its mask, press Predict."
+
+
+class Demo:
+    """What the page's controls do, without gradio.
+
+    Args:
+      predictor: the network.
+      folder: for results; old ones are removed from it.
+    """
+
+    def __init__(self, predictor: Predictor, folder: str | os.PathLike[str]):
+        self.predictor = predictor
+        self.folder = pathlib.Path(folder)
+
+    @property
+    def max_samples(self) -> int:
+        """How many clouds can be asked for: one of a network without random input."""
+        return MAX_SAMPLES if self.predictor.config.model.random_size else 1
+
+    def open_photo(self, path: str | None, method: str) -> tuple[dict[str, Any] | None, str]:
+        """The photo with the mask that is found, for the editor, and a line on how it was found.
+
+        Args:
+          path: of the photo; None clears the editor.
+          method: one of `masks.METHODS`.
+
+        Returns:
+          `background` uint8 [h, w, 3], `layers` (the mask in `PAINT`, uint8 [h, w, 4]) and
+          `composite` None; None without photo or if it cannot be read.
+        """
+        if path is None:
+            return None, ""
+        try:
+            read = photo.read_photo(path)
+        except ValueError as error:
+            return None, _failed(error, path)
+        picture = Image.fromarray(read.image)
+        picture.thumbnail((EDITOR_SIDE, EDITOR_SIDE))
+        background = np.asarray(picture)
+        layer = np.zeros((*background.shape[:2], 4), np.uint8)
+        try:
+            mask, how = masks.find_mask(read.image, read.alpha, method)
+        except ValueError as error:
+            line = f"{_failed(error, path)} Paint the object."
+        else:
+            layer[photo.resize_mask(mask, background.shape[:2])] = PAINT
+            line = f"Mask found by its {how} background." if how == "plain" else f"Mask: {how}."
+            line += " Correct it with brush and eraser where it is wrong."
+        return {"background": background, "layers": [layer], "composite": None}, line
+
+    def predict(
+        self, path: str | None, edited: Any, samples: float, seed: float, frame: str
+    ) -> tuple[str, list[str], str]:
+        """Predicts with the mask as painted.
+
+        Args:
+          path: of the photo.
+          edited: the editor's value, see `open_photo`; what its layers cover is object.
+          samples: clouds to draw.
+          seed: of the random input.
+          frame: "auto", "place" or "keep" (`Predictor.__call__`).
+
+        Returns:
+          HTML that shows the clouds, the files, and a line on what was done or went wrong.
+        """
+        if path is None:
+            return "", [], _failed("no photo: drop one first")
+        try:
+            read = photo.read_photo(path)
+            mask = painted(edited)
+            if mask is None:
+                raise photo.PhotoError("no mask: paint the object, or have it found")
+            out = self._new_folder()
+            name = pathlib.Path(path).stem or "image"
+            result = predict_photo(
+                self.predictor,
+                read,
+                photo.resize_mask(mask, read.image.shape[:2]),
+                pathlib.Path(path),
+                name,
+                out,
+                samples=_whole("samples", samples),
+                seed=_whole("seed", seed),
+                frame=frame,
+            )
+            viewer = out / ".viewer.html"
+            page.write_pages(viewer, [page.case_of_prediction(out / f"{name}.npz")])
+        except (ValueError, OSError) as error:
+            return "", [], _failed(error, path)
+        files = sorted(out.glob("[!.]*"), key=lambda file: (file.suffix == ".json", file.name))
+        clouds = len(result.points)
+        line = (
+            f"{clouds} cloud{'s' * (clouds > 1)} of {result.points.shape[1]:,} points in "
+            f"{1000 * sum(result.seconds.values()):.0f} ms; the image shows "
+            f"{result.seen.mean():.0%} of the points."
+        )
+        return in_frame(viewer.read_text(encoding="utf-8")), [str(file) for file in files], line
+
+    def _new_folder(self) -> pathlib.Path:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for old in self.folder.iterdir():
+            if time.time() - old.stat().st_mtime > KEPT_SECONDS:
+                shutil.rmtree(old, ignore_errors=True)
+        return pathlib.Path(tempfile.mkdtemp(prefix="result-", dir=self.folder))
+
+
+def painted(edited: Any) -> np.ndarray | None:
+    """What the layers of the editor's value cover, bool [h, w]; None if nothing."""
+    layers = (edited or {}).get("layers") or []
+    covered = [np.asarray(layer)[..., 3] > 0 for layer in layers]
+    mask = np.logical_or.reduce(covered) if covered else np.zeros((1, 1), np.bool_)
+    return mask if mask.any() else None
+
+
+def in_frame(document: str) -> str:
+    """An HTML document as a frame within another: it can run its script and reach nothing else."""
+    return (
+        f'<iframe title="predicted points" sandbox="allow-scripts" srcdoc="{html.escape(document)}"'
+        f' style="width:100%;height:{_PAGE_HEIGHT}px;border:0;border-radius:8px"></iframe>'
+    )
+
+
+def build(demo: Demo) -> Any:
+    """The page: `gradio.Blocks`.
+
+    Raises:
+      ConfigError: gradio is missing.
+    """
+    gradio = _gradio()
+    with gradio.Blocks(
+        title="psgn_jax", analytics_enabled=False, delete_cache=(600, int(KEPT_SECONDS))
+    ) as blocks:
+        gradio.Markdown("## From one photo to points\nDrop a photo of one object, check the mask.")
+        with gradio.Row():
+            with gradio.Column(scale=1, min_width=280):
+                source = gradio.File(label="photo", type="filepath", height=120)
+                method = gradio.Dropdown(
+                    list(masks.METHODS), value="auto", label="find the mask by"
+                )
+                samples = gradio.Slider(
+                    1, MAX_SAMPLES, 1, step=1, label="samples", visible=demo.max_samples > 1
+                )
+                seed = gradio.Number(
+                    0, precision=0, label="seed", visible=demo.max_samples > 1, minimum=0
+                )
+                frame = gradio.Dropdown(
+                    [
+                        ("auto", "auto"),
+                        ("place: crop and scale the object", "place"),
+                        ("keep: the photo is framed as the training images", "keep"),
+                    ],
+                    value="auto",
+                    label="frame",
+                )
+                button = gradio.Button("Predict", variant="primary", elem_id="predict")
+            with gradio.Column(scale=2, min_width=420):
+                editor = gradio.ImageEditor(
+                    label="mask: what is painted is object",
+                    type="numpy",
+                    image_mode="RGBA",
+                    sources=(),
+                    transforms=(),
+                    layers=False,
+                    brush=gradio.Brush(
+                        default_size=24,
+                        colors=["rgb({}, {}, {})".format(*PAINT[:3])],
+                        color_mode="fixed",
+                    ),
+                    eraser=gradio.Eraser(default_size=24),
+                    height=460,
+                    elem_id="editor",
+                )
+        line = gradio.HTML("", elem_id="line")
+        viewer = gradio.HTML(f"<p>{_VIEWER_ADVICE}</p>", elem_id="viewer")
+        files = gradio.File(
+            label="files", file_count="multiple", interactive=False, elem_id="files", height=220
+        )
+        for changed in (source.change, method.change):
+            changed(demo.open_photo, [source, method], [editor, line], api_visibility="private")
+        button.click(
+            demo.predict,
+            [source, editor, samples, seed, frame],
+            [viewer, files, line],
+            api_visibility="private",
+        )
+    return blocks
+
+
+def launch(
+    demo: Demo, *, host: str = "127.0.0.1", port: int = 7860, block: bool = True
+) -> tuple[Any, str]:
+    """Serves the page; returns `gradio.Blocks` and the address.
+
+    Args:
+      demo: what it does.
+      host: address to listen at; "0.0.0.0" lets other machines in.
+      port: 0 for any free one.
+      block: whether to serve until the process is interrupted.
+
+    Raises:
+      ConfigError: gradio is missing, or the port is taken.
+    """
+    gradio = _gradio()
+    blocks = build(demo)
+    try:
+        _, address, _ = blocks.launch(
+            server_name=host,
+            server_port=port or None,
+            share=False,
+            quiet=True,
+            prevent_thread_lock=True,
+            allowed_paths=[str(demo.folder)],
+            footer_links=[],
+            # The usual themes ask a server of fonts.
+            theme=gradio.themes.Default(
+                font=["system-ui", "sans-serif"], font_mono=["ui-monospace", "monospace"]
+            ),
+        )
+    except OSError as error:
+        raise ConfigError(f"--port={port}: {' '.join(str(error).split())}") from None
+    if block:
+        sys.stdout.write(f"{address}\n")
+        sys.stdout.flush()
+        blocks.block_thread()
+    return blocks, address
+
+
+def _gradio() -> Any:
+    if importlib.util.find_spec("gradio") is None:
+        raise ConfigError("the demo needs the extra 'demo': pip install 'psgn-jax[demo]'")
+    os.environ.setdefault("GRADIO_ANALYTICS_ENABLED", "False")
+    import gradio
+
+    return gradio
+
+
+def _whole(name: str, value: Any) -> int:
+    try:
+        if int(value) == value:
+            return int(value)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ConfigError(f"{name}={value}: accepted: a whole number")
+
+
+def _failed(error: Exception | str, path: str | None = None) -> str:
+    """One line of HTML. The photo goes by its name: the folder it was dropped in says nothing."""
+    text = " ".join(str(error).split())
+    if path is not None:
+        text = text.replace(path, pathlib.Path(path).name)
+    return f'<span style="color:#b3261e">{html.escape(text)}</span>'
+
+
+def _main(argv: Sequence[str]) -> None:
+    log_to_terminal()
+    values = flags.FLAGS
+    with exit_on_user_error(), tempfile.TemporaryDirectory(prefix="psgn-demo-") as folder:
+        if argv[1:]:
+            raise ConfigError(f"{argv[1]}: photos are dropped onto the page; accepted: flags")
+        # Before gradio is imported: it reads both then.
+        os.environ["GRADIO_TEMP_DIR"] = os.path.join(folder, "gradio")
+        os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"
+        _gradio()
+        use_compile_cache()
+        predictor = Predictor.from_workdir(values.workdir, values.checkpoint)
+        with without_lines_about("cpu_aot_loader"):
+            predictor.warm_up()
+        if values.host not in ("127.0.0.1", "localhost"):
+            logging.warning("--host=%s: other machines can reach the page", values.host)
+        launch(Demo(predictor, pathlib.Path(folder) / "out"), host=values.host, port=values.port)
+
+
+if __name__ == "__main__":
+    flags.DEFINE_string("workdir", None, "Folder of the run.", required=True)
+    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
+    flags.DEFINE_string("host", "127.0.0.1", "Address to listen at.")
+    flags.DEFINE_integer("port", 7860, "Port to listen at, 0 for a free one.")
+    app.run(_main, flags_parser=parse_flags)

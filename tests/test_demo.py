@@ -1,0 +1,158 @@
+"""What the demo's controls do, without gradio; and the page itself in a browser, with it."""
+
+import pathlib
+import runpy
+import shutil
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from PIL import Image
+
+from psgn_jax import demo as lib
+from psgn_jax import predict, registry
+from psgn_jax.config import ConfigError
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+
+
+@pytest.fixture(scope="module")
+def predictor():
+    config = STANDIN["config"](
+        model__name="vanilla",
+        model__widths=(4, 6, 8),
+        model__fc_points=50,
+        model__fc_widths=(8,),
+        model__random_size=3,
+        data__image_size=(24, 32),
+    )
+    model = registry.build_model(config.model)
+    image = jnp.zeros((1, 24, 32, 4))
+    params = jax.jit(lambda: model.init(jax.random.key(0), image, jnp.zeros((1, 3))))()["params"]
+    return predict.Predictor(config, params)
+
+
+@pytest.fixture
+def demo(predictor, tmp_path):
+    return lib.Demo(predictor, tmp_path / "out")
+
+
+@pytest.fixture
+def box(tmp_path):
+    """A photo, larger than the editor, of a box on one colour."""
+    image = np.full((900, 1200, 3), 230, np.uint8)
+    image[300:600, 400:900] = (200, 60, 20)
+    path = tmp_path / "box.png"
+    Image.fromarray(image).save(path)
+    return path
+
+
+def test_from_photo_to_files(demo, box):
+    edited, line = demo.open_photo(str(box), "auto")
+    assert "plain background" in line
+    assert edited["background"].shape == (600, 800, 3)
+    assert lib.painted(edited).mean() == pytest.approx(1 / 7.2, rel=0.02)
+    shown, files, line = demo.predict(str(box), edited, 2, 5, "auto")
+    assert line.startswith("2 clouds of 50 points in ")
+    assert shown.startswith("<iframe")
+    assert "<script" not in shown  # escaped, within the frame alone
+    names = [pathlib.Path(file).name for file in files]
+    clouds = [f"box_{k}.{suffix}" for k in (0, 1) for suffix in ("obj", "ply", "xyz")]
+    assert sorted(names) == sorted([*clouds, "box.json", "box.npz", "box_view.png"])
+    read = predict.photo.read_photo(box)
+    full = predict.photo.resize_mask(lib.painted(edited), read.image.shape[:2])
+    with np.load(next(file for file in files if file.endswith(".npz"))) as archive:
+        want = demo.predictor(read.image, full, samples=2, seed=5).points
+        np.testing.assert_array_equal(archive["points"], want)
+
+
+def test_the_painted_mask_counts(demo, box):
+    edited, _ = demo.open_photo(str(box), "auto")
+    edited["layers"][0][:, 450:] = 0  # erased
+    _, files, _ = demo.predict(str(box), edited, 1, 0, "place")
+    with np.load(next(file for file in files if file.endswith(".npz"))) as archive:
+        rows, columns = np.nonzero(archive["mask"])
+    ratio = np.ptp(columns) / np.ptp(rows)
+    assert ratio == pytest.approx((450 - 267) / 200, rel=0.05)
+
+
+def test_what_goes_wrong_is_one_line_without_the_folder(demo, box, tmp_path):
+    (tmp_path / "a<b>.png").write_text("no image")
+    bad = str(tmp_path / "a<b>.png")
+    edited, line = demo.open_photo(bad, "auto")
+    assert edited is None
+    assert "a&lt;b&gt;.png is no image of a known format" in line
+    assert str(tmp_path) not in line
+    blank = tmp_path / "blank.png"
+    Image.new("RGB", (80, 80), "blue").save(blank)
+    edited, line = demo.open_photo(str(blank), "plain")
+    assert edited["background"].shape == (80, 80, 3)
+    assert "no object found" in line
+    assert "Paint the object" in line
+    for value in (None, edited, {"layers": []}):
+        assert "no mask: paint the object" in demo.predict(str(blank), value, 1, 0, "auto")[2]
+    assert "no photo" in demo.predict(None, None, 1, 0, "auto")[2]
+    assert demo.open_photo(None, "auto") == (None, "")
+    good, _ = demo.open_photo(str(box), "auto")
+    for seed in (0.5, None, 2.0**40):
+        assert f"seed={seed}: accepted" in demo.predict(str(box), good, 1, seed, "auto")[2].replace(
+            "1099511627776", "1099511627776.0"
+        )
+    assert "samples=0: accepted" in demo.predict(str(box), good, 0, 0, "auto")[2]
+
+
+def test_old_results_go(demo, box, monkeypatch):
+    edited, _ = demo.open_photo(str(box), "auto")
+    _, first, _ = demo.predict(str(box), edited, 1, 0, "auto")
+    _, second, _ = demo.predict(str(box), edited, 1, 0, "auto")
+    assert pathlib.Path(first[0]).exists()
+    now = lib.time.time()
+    monkeypatch.setattr(lib.time, "time", lambda: now + lib.KEPT_SECONDS + 60)
+    _, third, _ = demo.predict(str(box), edited, 1, 0, "auto")
+    assert [pathlib.Path(f[0]).exists() for f in (first, second, third)] == [False, False, True]
+
+
+def test_without_gradio(demo, monkeypatch):
+    monkeypatch.setattr(lib.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ConfigError, match="needs the extra 'demo': pip install"):
+        lib.launch(demo)
+
+
+@pytest.mark.filterwarnings("default")  # gradio's and its server's own
+def test_in_a_browser(demo, box, tmp_path, monkeypatch):
+    api = pytest.importorskip("playwright.sync_api")
+    if lib.importlib.util.find_spec("gradio") is None:
+        pytest.skip("no gradio")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium")
+    monkeypatch.setenv("GRADIO_TEMP_DIR", str(tmp_path / "gradio"))
+    blocks, address = lib.launch(demo, port=0, block=False)
+    requests, errors = [], []
+    try:
+        assert address.startswith("http://127.0.0.1:")
+        with api.sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+            page = browser.new_page()
+            page.set_default_timeout(60_000)
+            page.on("request", lambda request: requests.append(request.url))
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            page.goto(address)
+            page.locator("input[type=file]").first.set_input_files(str(box))
+            page.get_by_text("Mask found by its plain background").wait_for()
+            page.wait_for_timeout(1000)  # the editor draws
+            page.click("#predict")
+            frame = page.frame_locator("#viewer iframe")
+            frame.locator("#prediction").wait_for()
+            assert frame.locator("#name").text_content() == "box"
+            assert page.get_by_text("1 cloud of 50 points").is_visible()
+            page.locator("#files a").first.wait_for()
+            browser.close()
+    finally:
+        blocks.close()
+    assert errors == []
+    assert [u for u in requests if not u.startswith((address, "data:", "blob:", "about:"))] == []
