@@ -131,6 +131,9 @@ class ModelConfig:
       deconv_channels: channels of its last layer, 3 per point of a cell.
       fc_widths: hidden widths of the fully connected branch.
       random_size: components of the random input r; 0 = none.
+      random_at: where r enters: "bottleneck", from where it moves the points of both branches, or
+        "fc", the fully connected branch alone, whose points are then the only ones that differ
+        between draws (cheaper; for `vanilla` these are all points).
       posterior: train as a conditional variational autoencoder: r is drawn by a network that reads
         the ground truth (`models.posterior`); wherever else r is drawn it is the prior's, N(0, I).
       posterior_widths: feature maps of that network's 3D convolutions, each of which halves the
@@ -148,6 +151,7 @@ class ModelConfig:
     deconv_channels: PositiveInt = 3
     fc_widths: tuple[PositiveInt, ...] = (2048, 1024)
     random_size: Count = 0
+    random_at: Literal["bottleneck", "fc"] = "bottleneck"
     posterior: bool = False
     posterior_widths: tuple[PositiveInt, ...] = (32, 64, 128)
     posterior_hidden: PositiveInt = 128
@@ -505,6 +509,8 @@ def _check_together(config: Config) -> None:
             )
         if model.deconv_channels % 3:
             raise _wrong("model.deconv_channels", model.deconv_channels, "a multiple of 3")
+    if model.random_at == "fc" and not model.fc_points:
+        raise _wrong("model.random_at", "fc", "'bottleneck', as model.fc_points=0: no fc branch")
     if config.loss.min_of_n > 1 and not model.random_size:
         raise _wrong(
             "loss.min_of_n",

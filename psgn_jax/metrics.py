@@ -1,5 +1,7 @@
 """Evaluation metrics on one pair of clouds; the unit stands in every name.
 
+Those of several predictions of one image are in `sampler_metrics`.
+
 `pred` [n, 3] and `gt` [m, 3], n, m >= 1, in one frame. Distances are in the unit of the
 coordinates; in the project's frame that is the radius of the object's bounding hemisphere
 (`_radius`: a name for reports, no conversion takes place). All of them raise `ValueError` as

@@ -6,7 +6,8 @@ where training objects sit (`data.photo`), unless the image already is framed so
 the training renderings.
 
 For each image: the cloud as PLY, XYZ, OBJ and NPZ (`export`: frame, colours), what the network saw
-as `NAME_view.png`, and `NAME.json` with camera, configuration, checkpoint and times. One bad image
+as `NAME_view.png`, and `NAME.json` with camera, configuration, checkpoint and times. With several
+samples the NPZ also tells each point's spread and the clouds' mutual distances. One bad image
 does not stop the others. Exit code: 0 all came out, 1 some failed, 2 none did or a wrong argument.
 
 In a notebook: `Predictor.from_workdir(workdir)(image)`, with arrays.
@@ -33,12 +34,13 @@ import numpy as np
 from absl import app, flags, logging
 from PIL import Image
 
-from psgn_jax import export, registry, sampling
+from psgn_jax import export, registry, sampler_metrics, sampling
 from psgn_jax import step as step_lib
 from psgn_jax.config import Config, ConfigError, UserError, check_points, to_dict
 from psgn_jax.data import masks, photo, resize
 from psgn_jax.data.default import cache_folder
 from psgn_jax.evaluate import load_config, load_params
+from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models.point_out_net import branch_of_point
 from psgn_jax.state import named_leaves
 from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags, write_atomic
@@ -58,6 +60,10 @@ class Prediction:
       view: what the network saw, with the camera (`data.photo.View`).
       photo_intrinsics: float64 [3, 3], for the image as given (with the view's extrinsics).
       r: float32 [k, random_size], the random inputs, or None for a network without.
+      spread: float32 [n, 3], standard deviation over the clouds of each point along x, y, z (point
+        i is the same output in all; unit = radius of the bounding hemisphere).
+      mutual: float32 [k, k], squared Chamfer distance of every two clouds, both directions' means
+        added (unit^2).
       mask_from: how the mask was found.
       seconds: time of each part.
     """
@@ -69,6 +75,8 @@ class Prediction:
     view: photo.View
     photo_intrinsics: np.ndarray
     r: np.ndarray | None
+    spread: np.ndarray
+    mutual: np.ndarray
     mask_from: str
     seconds: dict[str, float]
 
@@ -98,7 +106,11 @@ class Predictor:
         def network(params: Any, image: Any, mask: Any, r: Any) -> Any:
             return step_lib.predict(config, model, params, {"image": image, "mask": mask}, r)
 
+        def mutual(points: Any) -> Any:
+            return sampler_metrics.mutual_distances(points, chamfer_sq_mean)
+
         self._network = jax.jit(network)
+        self._mutual = jax.jit(mutual)
 
     @classmethod
     def from_workdir(cls, workdir: str | os.PathLike[str], checkpoint: str = "best") -> "Predictor":
@@ -153,6 +165,7 @@ class Predictor:
         points = np.asarray(
             self._network(self._params, small, small_mask, None if r is None else r[None])
         ).reshape(samples, -1, 3)
+        mutual = self._mutual(points) if samples > 1 else np.zeros((1, 1), np.float32)
         clock.lap("network")
         if not np.isfinite(points).all():
             raise ConfigError("the network's points are not finite: a damaged or diverged training")
@@ -168,6 +181,8 @@ class Predictor:
             view=view,
             photo_intrinsics=np.linalg.inv(view.to_view) @ view.intrinsics,
             r=r,
+            spread=points.std(axis=0),
+            mutual=np.asarray(mutual),
             mask_from=found,
             seconds=clock.laps,
         )
@@ -177,9 +192,10 @@ class Predictor:
         r = self._draw(samples, 0)
         mask = np.zeros((1, *self.config.data.image_size), np.bool_)
         image = np.zeros((*mask.shape, 3), np.uint8)
-        jax.block_until_ready(
-            self._network(self._params, image, mask, None if r is None else r[None])
-        )
+        points = self._network(self._params, image, mask, None if r is None else r[None])
+        if samples > 1:
+            self._mutual(np.asarray(points).reshape(samples, -1, 3))
+        jax.block_until_ready(points)
 
     def _draw(self, samples: int, seed: int) -> np.ndarray | None:
         size = self.config.model.random_size
@@ -310,6 +326,8 @@ def predict_photo(
         formats,
         seen=seen,
         branch=branch,
+        spread=result.spread,
+        mutual=result.mutual,
         image=view.image,
         mask=view.mask,
         intrinsics=view.intrinsics,

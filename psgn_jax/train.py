@@ -331,9 +331,7 @@ class _Log:
             values["samples_per_second"] = steps * self._config.train.batch_size / seconds
         self._line(step, values, seconds / max(1, steps))
         if self._writer:
-            self._writer.scalars(step, "train", values)
-            for name, vector in vectors.items():
-                self._writer.histogram(step, f"train/{name}", vector)
+            self._writer.scalars(step, "train", values, vectors)
             self._writer.flush()
         self._restart_clock(step)
 

@@ -1,8 +1,8 @@
 """What a run writes: JSON lines, tensorboard, progress on a terminal, files whole or not at all.
 
 The only importer of tensorboardX. `metrics.jsonl` has one JSON object per line with `step`, `kind`
-("train" or "eval") and numbers. A resumed run drops the lines past its first step, since it will
-write them again; so lines are neither lost nor doubled.
+("train" or "eval") and numbers, or lists of them. A resumed run drops the lines past its first
+step, since it will write them again; so lines are neither lost nor doubled.
 """
 
 import contextlib
@@ -14,6 +14,7 @@ import os
 import pathlib
 import re
 import sys
+import types
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -81,9 +82,11 @@ def parse_flags(argv: list[str]) -> list[str]:
 
 def finite_or_none(entry: Mapping[str, Any]) -> dict[str, Any]:
     """JSON has no NaN: None, its null, in place of floats that are not finite."""
-    return {
-        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in entry.items()
-    }
+    return {k: _finite(v) for k, v in entry.items()}
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @contextlib.contextmanager
@@ -140,21 +143,29 @@ class MetricsWriter:
             write_atomic(path, "".join(map(_line, kept)))
         self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
 
-    def scalars(self, step: int, kind: str, values: Mapping[str, float]) -> None:
-        """One line of numbers, and the same to tensorboard as `kind/name`."""
+    def scalars(
+        self,
+        step: int,
+        kind: str,
+        values: Mapping[str, float],
+        vectors: Mapping[str, np.ndarray] = types.MappingProxyType({}),
+    ) -> None:
+        """One line of numbers, and the same to tensorboard as `kind/name`.
+
+        `vectors` are lists in the line and distributions in tensorboard.
+        """
+        lists = {k: [_finite(float(x)) for x in v] for k, v in vectors.items()}
         # One write of a whole line in append mode: a kill leaves all of it or (rarely) a torn end.
-        os.write(self._file, _line({"step": step, "kind": kind, **values}).encode())
+        os.write(self._file, _line({"step": step, "kind": kind, **values, **lists}).encode())
         board = self._board()
         for name, value in values.items():
             board.add_scalar(f"{kind}/{name}", value, step)
+        for name, vector in vectors.items():
+            board.add_histogram(f"{kind}/{name}", vector, step)
 
     def image(self, step: int, name: str, image: np.ndarray) -> None:
         """A picture uint8 [H,W,3] to tensorboard."""
         self._board().add_image(name, image, step, dataformats="HWC")
-
-    def histogram(self, step: int, name: str, values: np.ndarray) -> None:
-        """The distribution of an array's numbers to tensorboard."""
-        self._board().add_histogram(name, values, step)
 
     def flush(self) -> None:
         """Hands everything to the operating system."""

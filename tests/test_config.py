@@ -64,6 +64,11 @@ WRONG = [
         {"model": {"posterior": True, "random_size": 2, "posterior_widths": ()}},
         "model.posterior_widths=(): accepted: 1 to 5 widths",
     ),
+    ({"model": {"random_at": "fcc"}}, "model.random_at='fcc': did you mean 'fc'?"),
+    (
+        {"model": {"random_at": "fc", "fc_points": 0}},
+        "model.random_at='fc': accepted: 'bottleneck', as model.fc_points=0",
+    ),
     ({"loss": {"kl_weight": -1}}, "loss.kl_weight=-1: accepted: a number >= 0"),
     ({"optim": {"warmup_steps": 9}, "train": {"steps": 9}}, "fewer than train.steps=9"),
     ({"data": {"flip": 1}}, "data.flip=1: accepted: True or False"),

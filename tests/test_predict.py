@@ -64,6 +64,9 @@ def test_arrays_in_arrays_out(predictor):
     assert result.colours.shape == (3, n, 3)
     assert result.branch.tolist() == [lib.FC] * 5 + [lib.DECONV] * (n - 5)
     assert result.mask_from == "plain"
+    np.testing.assert_allclose(result.spread, result.points.std(axis=0), atol=1e-6)
+    assert result.mutual.shape == (3, 3)
+    np.testing.assert_array_equal(result.mutual > 0, ~np.eye(3, dtype=bool))
     again = predictor(photo_of_a_box(), samples=3, seed=1)
     np.testing.assert_array_equal(again.points, result.points)
     other = predictor(photo_of_a_box(), samples=3, seed=2)
@@ -71,6 +74,7 @@ def test_arrays_in_arrays_out(predictor):
     assert np.abs(result.points[0] - result.points[1]).max() > 0
     grey = predictor(photo_of_a_box()[..., 0])
     assert grey.points.shape == (1, n, 3)
+    assert grey.mutual.tolist() == [[0]]
     alpha = (photo_of_a_box()[..., :1] != 191) * np.uint8(255)
     rgba = predictor(np.concatenate([photo_of_a_box(), alpha], axis=2), samples=3, seed=1)
     assert rgba.mask_from == "alpha"
@@ -143,6 +147,8 @@ def test_files_and_folders(predictor, tmp_path):
     assert set(document["seconds"]) == {"read", "mask", "place", "network", "colours", "write"}
     with np.load(out / "b.npz") as archive:
         np.testing.assert_array_equal(archive["points"], results[2][1].points)
+        assert archive["spread"].shape == archive["points"].shape[1:]
+        assert archive["mutual"].shape == (2, 2)
         np.testing.assert_allclose(archive["intrinsics"], document["camera"]["intrinsics"])
         cloud = trimesh.load(out / "b_1.ply")
         np.testing.assert_array_equal(cloud.vertices, archive["points"][1])

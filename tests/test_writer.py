@@ -19,12 +19,12 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 
 def test_lines_and_tensorboard(tmp_path):
     writer = MetricsWriter(tmp_path)
-    writer.scalars(3, "train", {"loss": 0.5})
+    writer.scalars(3, "train", {"loss": 0.5}, {"kl_of_dims": np.array([0.25, 0.5], np.float32)})
     writer.scalars(3, "eval", {"cd": float("nan")})
     writer.image(3, "eval/clouds", np.zeros((4, 6, 3), np.uint8))
     writer.close()
     assert read_metrics(tmp_path / "metrics.jsonl") == [
-        {"step": 3, "kind": "train", "loss": 0.5},
+        {"step": 3, "kind": "train", "loss": 0.5, "kl_of_dims": [0.25, 0.5]},
         {"step": 3, "kind": "eval", "cd": None},
     ]
     (events,) = (tmp_path / "tensorboard").iterdir()
@@ -34,7 +34,7 @@ def test_lines_and_tensorboard(tmp_path):
         (length,) = struct.unpack("<Q", data[:8])
         data = data[16 + length :]
         records += 1
-    assert records == 4
+    assert records == 5
 
 
 def test_resume_drops_what_comes_again(tmp_path):

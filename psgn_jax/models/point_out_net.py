@@ -32,7 +32,9 @@ Choices that are **ours**, because the sources leave them open or disagree:
 - With fewer levels the rules above apply counted from the bottleneck. The hourglass goes up to
   level 1 between its passes, or to level 0 if `deconv_level` is 0.
 - The random input r: a dense layer without bias maps it to the bottleneck's shape, and the result
-  is added before the bottleneck's ReLU, in each pass with a layer of its own. With several draws of
+  is added before the bottleneck's ReLU, in each pass with a layer of its own; or, with `random_at`
+  "fc", to the first hidden layer of the fc branch, before its ReLU: then the points of the deconv
+  branch are those of the image alone, and all but the fc branch is shared. With several draws of
   r for each image, what comes before (in `vanilla` and `two_branch` the whole encoder, in
   `hourglass` that of the first pass) and the skip convolutions that read it are computed once; the
   rest sees a batch of b * draws, the draws of one image together.
@@ -61,6 +63,7 @@ from psgn_jax.models.blocks import Conv, ConvTranspose, Dense
 from psgn_jax.types import Array, Float
 
 VERSIONS = ("vanilla", "two_branch", "hourglass")
+RANDOM_AT = ("bottleneck", "fc")
 DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
 
 
@@ -224,8 +227,11 @@ class FullyConnected(nn.Module):
     dtype: Any
 
     @nn.compact
-    def __call__(self, bottlenecks: list[Array]) -> Array:
-        """Maps the bottleneck of the only pass, or of both, to points [b, num_points, 3]."""
+    def __call__(self, bottlenecks: list[Array], r: Array | None) -> Array:
+        """Maps the bottleneck of the only pass, or of both, to points [b, num_points, 3].
+
+        `r` is None unless it enters here; else b is that of its draws.
+        """
         *first, last = [x.reshape(x.shape[0], -1) for x in bottlenecks]
         hidden, dtype = self.widths[0], self.dtype
         init = blocks.SUMMED if first else blocks.RELU
@@ -233,6 +239,11 @@ class FullyConnected(nn.Module):
         for flat in first:
             y = nn.relu(Dense(hidden, dtype=dtype, name="first_pass")(flat))
             x = x + Dense(hidden, kernel_init=blocks.SUMMED, dtype=dtype, name="carry")(y)
+        if r is not None:
+            dense = Dense(
+                hidden, use_bias=False, kernel_init=blocks.SUMMED, dtype=dtype, name="random"
+            )
+            x = _add(dense(r), x)
         x = nn.relu(x)
         for i, width in enumerate(self.widths[1:], start=1):
             x = nn.relu(Dense(width, dtype=dtype, name=f"hidden{i}")(x))
@@ -258,6 +269,7 @@ class PointOutNet(nn.Module):
       fc_points, fc_widths: points and hidden widths of the fc branch.
       deconv_level, deconv_channels: where the deconv branch ends; 3 channels per point of a cell.
       random_size: components of r; 0 = none.
+      random_at: where r enters, "bottleneck" or "fc".
       dtype: of the arithmetic in the hidden layers; parameters and points are float32.
     """
 
@@ -270,6 +282,7 @@ class PointOutNet(nn.Module):
     deconv_level: int
     deconv_channels: int
     random_size: int = 0
+    random_at: str = "bottleneck"
     dtype: Any = jnp.float32
 
     @nn.compact
@@ -296,17 +309,18 @@ class PointOutNet(nn.Module):
         x = _pad(x, padded_size(self.image_size, len(self.widths)))
         widths, dtype = self.widths, self.dtype
         num_wide = 3 if self.version == "hourglass" else 1
-        features, x = Encoder(widths, num_wide, dtype, name="encoder")(x, r)
+        early, late = (r, None) if self.random_at == "bottleneck" else (None, r)
+        features, x = Encoder(widths, num_wide, dtype, name="encoder")(x, early)
         bottlenecks = [x]
         if self.version == "hourglass":
             top = min(1, self.deconv_level)
             features = Decoder(widths, top, dtype, name="first_decoder")(x, features)
-            features, x = Reencoder(widths, top, num_wide, dtype, name="reencoder")(features, r)
+            features, x = Reencoder(widths, top, num_wide, dtype, name="reencoder")(features, early)
             bottlenecks.append(x)
         clouds = []
         if self.fc_points:
             fc = FullyConnected(self.fc_points, self.fc_widths, dtype, name="fc")
-            clouds.append(fc(bottlenecks))
+            clouds.append(fc(bottlenecks, late))
         if self.version != "vanilla":
             features = Decoder(widths, self.deconv_level, dtype, name="decoder")(x, features)
             x = features[self.deconv_level]
@@ -319,7 +333,10 @@ class PointOutNet(nn.Module):
             )(x)
             height, width, channels = points.shape[1:]
             points = points + blocks.grid_offset(height, width, channels // 3)[None]
-            clouds.append(points.reshape(points.shape[0], -1, 3))
+            points = points.reshape(points.shape[0], -1, 3)
+            if late is not None:  # the same points in every draw
+                points = jnp.repeat(points, len(late) // len(points), axis=0)
+            clouds.append(points)
         cloud = jnp.concatenate(clouds, axis=1)
         return cloud.reshape(*batch_shape, *cloud.shape[1:])
 
@@ -358,6 +375,10 @@ def build(config: ModelConfig) -> PointOutNet:
         raise _wrong("fc_widths", config.fc_widths, "at least one width")
     if config.random_size < 0:
         raise _wrong("random_size", config.random_size, "0 (none) or more")
+    if config.random_at not in RANDOM_AT:
+        raise _wrong("random_at", config.random_at, f"one of {RANDOM_AT}")
+    if config.random_size and config.random_at == "fc" and not config.fc_points:
+        raise _wrong("random_at", "fc", "'bottleneck', as fc_points=0 leaves no fc branch")
     return PointOutNet(
         version=config.name,
         image_size=config.image_size,
@@ -368,6 +389,7 @@ def build(config: ModelConfig) -> PointOutNet:
         deconv_level=config.deconv_level,
         deconv_channels=config.deconv_channels,
         random_size=config.random_size,
+        random_at=config.random_at,
         dtype=DTYPES[config.compute_dtype],
     )
 
