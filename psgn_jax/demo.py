@@ -19,6 +19,7 @@ import signal
 import sys
 import tempfile
 import time
+import urllib.parse
 from collections.abc import Sequence
 from typing import Any
 
@@ -217,6 +218,16 @@ def in_frame(document: str) -> str:
     )
 
 
+def links_to(files: Sequence[str]) -> str:
+    """HTML with a link to each file, by the server's address of it; "" without files."""
+    links = [
+        f'<a href="gradio_api/file={html.escape(urllib.parse.quote(file))}" download>'
+        f"{html.escape(pathlib.Path(file).name)}</a> ({pathlib.Path(file).stat().st_size:,} bytes)"
+        for file in files
+    ]
+    return f"<p>Files: {' · '.join(links)}</p>" if links else ""
+
+
 def build(demo: Demo) -> Any:
     """The page: `gradio.Blocks`.
 
@@ -231,7 +242,7 @@ def build(demo: Demo) -> Any:
 
     def predict(*values: Any) -> tuple[Any, ...]:
         shown, made, line = demo.predict(*values)
-        return shown, gradio.File(value=made or None, visible=bool(made)), line
+        return shown, links_to(made), line
 
     with gradio.Blocks(
         title="psgn_jax", analytics_enabled=False, delete_cache=(600, int(KEPT_SECONDS))
@@ -283,22 +294,11 @@ def build(demo: Demo) -> Any:
                     elem_id="editor",
                 )
         viewer = gradio.HTML(ADVICE, elem_id="viewer")
-        files = gradio.File(
-            label="files",
-            file_count="multiple",
-            interactive=False,
-            visible=False,
-            elem_id="files",
-            height=260,
-        )
+        files = gradio.HTML("", elem_id="files")
         for changed in (source.change, method.change):
             # Nothing can be predicted from a mask that is still being looked for.
             locked = changed(
-                lambda: (
-                    gradio.Button(interactive=False),
-                    ADVICE,
-                    gradio.File(None, visible=False),
-                ),
+                lambda: (gradio.Button(interactive=False), ADVICE, ""),
                 None,
                 [button, viewer, files],
                 queue=False,
