@@ -97,7 +97,7 @@ class Demo:
         rows, columns = place_in_editor(read.image.shape)
         size = (columns.stop - columns.start, rows.stop - rows.start)
         background = np.full((*EDITOR_SIZE, 3), _MARGIN_GREY, np.uint8)
-        background[rows, columns] = Image.fromarray(read.image).resize(size)
+        background[rows, columns] = np.asarray(Image.fromarray(read.image).resize(size))
         layer = np.zeros((*EDITOR_SIZE, 4), np.uint8)
         try:
             mask, how = masks.find_mask(read.image, read.alpha, method)
@@ -286,7 +286,7 @@ def build(demo: Demo) -> Any:
                     fixed_canvas=True,
                     brush=gradio.Brush(
                         default_size=24,
-                        colors=["rgb({}, {}, {})".format(*PAINT[:3])],
+                        colors=[("rgb({}, {}, {})".format(*PAINT[:3]), PAINT[3] / 255)],
                         color_mode="fixed",
                     ),
                     eraser=gradio.Eraser(default_size=24),
@@ -298,9 +298,9 @@ def build(demo: Demo) -> Any:
         for changed in (source.change, method.change):
             # Nothing can be predicted from a mask that is still being looked for.
             locked = changed(
-                lambda: (gradio.Button(interactive=False), ADVICE, ""),
+                lambda: (gradio.Button(interactive=False), ADVICE, "", ""),
                 None,
-                [button, viewer, files],
+                [button, viewer, files, line],
                 queue=False,
                 show_progress="hidden",
                 api_visibility="private",
