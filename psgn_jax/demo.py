@@ -9,14 +9,17 @@ The only importer of gradio (extra `demo`), inside functions: what the page does
 tested without.
 """
 
+import contextlib
 import html
 import importlib.util
 import os
 import pathlib
 import shutil
+import signal
 import sys
 import tempfile
 import time
+import urllib.parse
 from collections.abc import Sequence
 from typing import Any
 
@@ -30,16 +33,29 @@ from psgn_jax.predict import Predictor, predict_photo, use_compile_cache, withou
 from psgn_jax.viewing import page
 from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags
 
-EDITOR_SIDE = 800
-"""Longer side of the picture that the mask is painted on; the prediction reads the whole photo."""
+EDITOR_SIZE = (600, 800)
+"""Height and width of the canvas that the mask is painted on, whatever the photo's shape.
+
+The photo is scaled to fit its middle. The prediction reads the whole photo.
+"""
 
 MAX_SAMPLES = 16
 KEPT_SECONDS = 3600.0
 PAINT = (226, 70, 40, 150)
 """Colour of the mask over the photo, RGBA."""
 
-_PAGE_HEIGHT = 560
-_VIEWER_ADVICE = "Drop a photo, look at its mask, press Predict."
+ADVICE = '<p style="opacity:.7">The points appear here: drop a photo, check its mask, Predict.</p>'
+"""HTML in place of a result."""
+
+_MARGIN_GREY = 232
+_PAGE_HEIGHT = 600
+_FOUND = {
+    "alpha": "Object found by the file's transparency.",
+    "plain": "Object found: it stands out from a plain background.",
+    "rembg": "Object found by a segmentation network (rembg).",
+    "grabcut": "Object guessed from the photo's colours (GrabCut), often wrong at the edges.",
+}
+_CORRECT = "Red is object: correct it with brush and eraser, then press Predict."
 
 
 class Demo:
@@ -67,8 +83,8 @@ class Demo:
           method: one of `masks.METHODS`.
 
         Returns:
-          `background` uint8 [h, w, 3], `layers` (the mask in `PAINT`, uint8 [h, w, 4]) and
-          `composite` None; None without photo or if it cannot be read.
+          `background` uint8 [*EDITOR_SIZE, 3], `layers` (the mask in `PAINT`, uint8
+          [*EDITOR_SIZE, 4]) and `composite` None; None without photo or if it cannot be read.
         """
         if path is None:
             return None, ""
@@ -76,22 +92,30 @@ class Demo:
             read = photo.read_photo(path)
         except ValueError as error:
             return None, _failed(error, path)
-        picture = Image.fromarray(read.image)
-        picture.thumbnail((EDITOR_SIDE, EDITOR_SIDE))
-        background = np.asarray(picture)
-        layer = np.zeros((*background.shape[:2], 4), np.uint8)
+        # Both exactly as large as the canvas: the editor moves and scales what is not, each by its
+        # own rule.
+        rows, columns = place_in_editor(read.image.shape)
+        size = (columns.stop - columns.start, rows.stop - rows.start)
+        background = np.full((*EDITOR_SIZE, 3), _MARGIN_GREY, np.uint8)
+        background[rows, columns] = np.asarray(Image.fromarray(read.image).resize(size))
+        layer = np.zeros((*EDITOR_SIZE, 4), np.uint8)
         try:
             mask, how = masks.find_mask(read.image, read.alpha, method)
         except ValueError as error:
-            line = f"{_failed(error, path)} Paint the object."
+            line = f"{_failed(error, path)} Paint the object, then press Predict."
         else:
-            layer[photo.resize_mask(mask, background.shape[:2])] = PAINT
-            line = f"Mask found by its {how} background." if how == "plain" else f"Mask: {how}."
-            line += " Correct it with brush and eraser where it is wrong."
+            layer[rows, columns][photo.resize_mask(mask, size[::-1])] = PAINT
+            line = f"{_FOUND[how]} {_CORRECT}"
         return {"background": background, "layers": [layer], "composite": None}, line
 
     def predict(
-        self, path: str | None, edited: Any, samples: float, seed: float, frame: str
+        self,
+        path: str | None,
+        edited: Any,
+        samples: float = 1,
+        seed: float = 0,
+        frame: str = "auto",
+        method: str = "auto",
     ) -> tuple[str, list[str], str]:
         """Predicts with the mask as painted.
 
@@ -101,34 +125,40 @@ class Demo:
           samples: clouds to draw.
           seed: of the random input.
           frame: "auto", "place" or "keep" (`Predictor.__call__`).
+          method: one of `masks.METHODS`, if the editor shows no photo: it was cleared, or has yet
+            to draw.
 
         Returns:
-          HTML that shows the clouds, the files, and a line on what was done or went wrong.
+          HTML that shows the clouds (or `ADVICE`), the files, and a line on what was done or went
+          wrong.
         """
         if path is None:
-            return "", [], _failed("no photo: drop one first")
+            return ADVICE, [], _failed("no photo: drop one first")
         try:
             read = photo.read_photo(path)
-            mask = painted(edited)
-            if mask is None:
-                raise photo.PhotoError("no mask: paint the object, or have it found")
+            mask = None
+            if shows_photo(edited):
+                mask = painted(edited, read.image.shape)
+                if not mask.any():
+                    raise photo.PhotoError("no mask: paint the object, or have it found")
             out = self._new_folder()
             name = pathlib.Path(path).stem or "image"
             result = predict_photo(
                 self.predictor,
                 read,
-                photo.resize_mask(mask, read.image.shape[:2]),
+                mask,
                 pathlib.Path(path),
                 name,
                 out,
                 samples=_whole("samples", samples),
                 seed=_whole("seed", seed),
                 frame=frame,
+                mask_from=method,
             )
             viewer = out / ".viewer.html"
             page.write_pages(viewer, [page.case_of_prediction(out / f"{name}.npz")])
         except (ValueError, OSError) as error:
-            return "", [], _failed(error, path)
+            return ADVICE, [], _failed(error, path)
         files = sorted(out.glob("[!.]*"), key=lambda file: (file.suffix == ".json", file.name))
         clouds = len(result.points)
         line = (
@@ -136,6 +166,8 @@ class Demo:
             f"{1000 * sum(result.seconds.values()):.0f} ms; the image shows "
             f"{result.seen.mean():.0%} of the points."
         )
+        if mask is None:
+            line += f" The editor was empty: {_FOUND[result.mask_from]}"
         return in_frame(viewer.read_text(encoding="utf-8")), [str(file) for file in files], line
 
     def _new_folder(self) -> pathlib.Path:
@@ -146,12 +178,36 @@ class Demo:
         return pathlib.Path(tempfile.mkdtemp(prefix="result-", dir=self.folder))
 
 
-def painted(edited: Any) -> np.ndarray | None:
-    """What the layers of the editor's value cover, bool [h, w]; None if nothing."""
-    layers = (edited or {}).get("layers") or []
-    covered = [np.asarray(layer)[..., 3] > 0 for layer in layers]
-    mask = np.logical_or.reduce(covered) if covered else np.zeros((1, 1), np.bool_)
-    return mask if mask.any() else None
+def place_in_editor(shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns of the editor's canvas on which a photo of this shape [h, w, ...] lies."""
+    height, width = EDITOR_SIZE
+    scale = min(height / shape[0], width / shape[1])
+    rows, columns = max(1, round(scale * shape[0])), max(1, round(scale * shape[1]))
+    top, left = (height - rows) // 2, (width - columns) // 2
+    return slice(top, top + rows), slice(left, left + columns)
+
+
+def shows_photo(edited: Any) -> bool:
+    """Whether the editor's value has a background: it is cleared whole, and fills the canvas."""
+    background = (edited or {}).get("background")
+    return background is not None and bool(background[..., 3:].all())
+
+
+def painted(edited: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """What the layers of the editor's value cover of a photo of this shape [h, w, ...].
+
+    Returns:
+      bool [h, w]; paint beside the photo is left out.
+    """
+    mask = np.zeros(EDITOR_SIZE, np.bool_)
+    for layer in edited["layers"]:
+        if layer.shape[:2] != EDITOR_SIZE:
+            raise photo.PhotoError(
+                f"the editor's layer is {list(layer.shape[:2])}: accepted: {list(EDITOR_SIZE)}; "
+                "drop the photo again"
+            )
+        mask |= layer[..., 3] > PAINT[3] // 2
+    return photo.resize_mask(mask[place_in_editor(shape)].copy(), shape[:2])
 
 
 def in_frame(document: str) -> str:
@@ -162,6 +218,16 @@ def in_frame(document: str) -> str:
     )
 
 
+def links_to(files: Sequence[str]) -> str:
+    """HTML with a link to each file, by the server's address of it; "" without files."""
+    links = [
+        f'<a href="gradio_api/file={html.escape(urllib.parse.quote(file))}" download>'
+        f"{html.escape(pathlib.Path(file).name)}</a> ({pathlib.Path(file).stat().st_size:,} bytes)"
+        for file in files
+    ]
+    return f"<p>Files: {' · '.join(links)}</p>" if links else ""
+
+
 def build(demo: Demo) -> Any:
     """The page: `gradio.Blocks`.
 
@@ -169,15 +235,24 @@ def build(demo: Demo) -> Any:
       ConfigError: gradio is missing.
     """
     gradio = _gradio()
+
+    def open_photo(path: str | None, method: str) -> tuple[Any, ...]:
+        edited, line = demo.open_photo(path, method)
+        return edited, line, gradio.Button(interactive=edited is not None)
+
+    def predict(*values: Any) -> tuple[Any, ...]:
+        shown, made, line = demo.predict(*values)
+        return shown, links_to(made), line
+
     with gradio.Blocks(
         title="psgn_jax", analytics_enabled=False, delete_cache=(600, int(KEPT_SECONDS))
     ) as blocks:
-        gradio.Markdown("## From one photo to points\nDrop a photo of one object, check the mask.")
+        gradio.Markdown("## From one photo to points\nA photo of one object, nothing cut off.")
         with gradio.Row():
             with gradio.Column(scale=1, min_width=280):
-                source = gradio.File(label="photo", type="filepath", height=120)
+                source = gradio.File(label="photo", type="filepath", height=130, elem_id="photo")
                 method = gradio.Dropdown(
-                    list(masks.METHODS), value="auto", label="find the mask by"
+                    list(masks.METHODS), value="auto", label="find the mask by", elem_id="method"
                 )
                 samples = gradio.Slider(
                     1, MAX_SAMPLES, 1, step=1, label="samples", visible=demo.max_samples > 1
@@ -194,35 +269,54 @@ def build(demo: Demo) -> Any:
                     value="auto",
                     label="frame",
                 )
-                button = gradio.Button("Predict", variant="primary", elem_id="predict")
+                button = gradio.Button(
+                    "Predict", variant="primary", elem_id="predict", interactive=False
+                )
+                line = gradio.HTML("", elem_id="line")
             with gradio.Column(scale=2, min_width=420):
                 editor = gradio.ImageEditor(
                     label="mask: what is painted is object",
                     type="numpy",
                     image_mode="RGBA",
+                    format="png",
                     sources=(),
                     transforms=(),
                     layers=False,
+                    canvas_size=EDITOR_SIZE[::-1],
+                    fixed_canvas=True,
                     brush=gradio.Brush(
                         default_size=24,
-                        colors=["rgb({}, {}, {})".format(*PAINT[:3])],
+                        colors=[("rgb({}, {}, {})".format(*PAINT[:3]), PAINT[3] / 255)],
                         color_mode="fixed",
                     ),
                     eraser=gradio.Eraser(default_size=24),
-                    height=460,
+                    height=520,
                     elem_id="editor",
                 )
-        line = gradio.HTML("", elem_id="line")
-        viewer = gradio.HTML(f"<p>{_VIEWER_ADVICE}</p>", elem_id="viewer")
-        files = gradio.File(
-            label="files", file_count="multiple", interactive=False, elem_id="files", height=220
-        )
+        viewer = gradio.HTML(ADVICE, elem_id="viewer")
+        files = gradio.HTML("", elem_id="files")
         for changed in (source.change, method.change):
-            changed(demo.open_photo, [source, method], [editor, line], api_visibility="private")
+            # Nothing can be predicted from a mask that is still being looked for.
+            locked = changed(
+                lambda: (gradio.Button(interactive=False), ADVICE, "", ""),
+                None,
+                [button, viewer, files, line],
+                queue=False,
+                show_progress="hidden",
+                api_visibility="private",
+            )
+            locked.then(
+                open_photo,
+                [source, method],
+                [editor, line, button],
+                show_progress_on=[editor],
+                api_visibility="private",
+            )
         button.click(
-            demo.predict,
-            [source, editor, samples, seed, frame],
+            predict,
+            [source, editor, samples, seed, frame, method],
             [viewer, files, line],
+            show_progress_on=[viewer],
             api_visibility="private",
         )
     return blocks
@@ -263,7 +357,11 @@ def launch(
     if block:
         sys.stdout.write(f"{address}\n")
         sys.stdout.flush()
-        blocks.block_thread()
+        try:
+            while True:
+                time.sleep(3600)
+        finally:
+            blocks.close(verbose=False)
     return blocks, address
 
 
@@ -296,7 +394,13 @@ def _failed(error: Exception | str, path: str | None = None) -> str:
 def _main(argv: Sequence[str]) -> None:
     log_to_terminal()
     values = flags.FLAGS
-    with exit_on_user_error(), tempfile.TemporaryDirectory(prefix="psgn-demo-") as folder:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    with (
+        exit_on_user_error(),
+        contextlib.suppress(KeyboardInterrupt),
+        tempfile.TemporaryDirectory(prefix="psgn-demo-", ignore_cleanup_errors=True) as folder,
+    ):
         if argv[1:]:
             raise ConfigError(f"{argv[1]}: photos are dropped onto the page; accepted: flags")
         # Before gradio is imported: it reads both then.

@@ -1,8 +1,11 @@
 """What the demo's controls do, without gradio; and the page itself in a browser, with it."""
 
+import html
 import pathlib
+import re
 import runpy
 import shutil
+import urllib.parse
 
 import jax
 import jax.numpy as jnp
@@ -56,7 +59,9 @@ def test_from_photo_to_files(demo, box):
     edited, line = demo.open_photo(str(box), "auto")
     assert "plain background" in line
     assert edited["background"].shape == (600, 800, 3)
-    assert lib.painted(edited).mean() == pytest.approx(1 / 7.2, rel=0.02)
+    read = predict.photo.read_photo(box)
+    mask = lib.painted(edited, read.image.shape)
+    assert mask.mean() == pytest.approx(1 / 7.2, rel=0.02)
     shown, files, line = demo.predict(str(box), edited, 2, 5, "auto")
     assert line.startswith("2 clouds of 50 points in ")
     assert shown.startswith("<iframe")
@@ -64,10 +69,8 @@ def test_from_photo_to_files(demo, box):
     names = [pathlib.Path(file).name for file in files]
     clouds = [f"box_{k}.{suffix}" for k in (0, 1) for suffix in ("obj", "ply", "xyz")]
     assert sorted(names) == sorted([*clouds, "box.json", "box.npz", "box_view.png"])
-    read = predict.photo.read_photo(box)
-    full = predict.photo.resize_mask(lib.painted(edited), read.image.shape[:2])
     with np.load(next(file for file in files if file.endswith(".npz"))) as archive:
-        want = demo.predictor(read.image, full, samples=2, seed=5).points
+        want = demo.predictor(read.image, mask, samples=2, seed=5).points
         np.testing.assert_array_equal(archive["points"], want)
 
 
@@ -81,6 +84,46 @@ def test_the_painted_mask_counts(demo, box):
     assert ratio == pytest.approx((450 - 267) / 200, rel=0.05)
 
 
+@pytest.mark.parametrize("shape", [(900, 1200), (1100, 300), (40, 1000), (57, 61), (16, 16)])
+def test_a_mask_survives_the_editor(shape):
+    """Photo -> canvas -> photo: the mask comes back, to within the canvas's pixels."""
+    rows, columns = lib.place_in_editor(shape)
+    on_canvas = (rows.stop - rows.start, columns.stop - columns.start)
+    assert max(on_canvas[0] / 600, on_canvas[1] / 800) == 1  # it fills the canvas one way
+    mask = np.zeros(shape, np.bool_)
+    mask[shape[0] // 4 : shape[0] // 2, shape[1] // 3 :] = True
+    layer = np.zeros((*lib.EDITOR_SIZE, 4), np.uint8)
+    layer[rows, columns][predict.photo.resize_mask(mask, on_canvas)] = lib.PAINT
+    back = lib.painted({"layers": [layer]}, shape)
+    coarse = max(1, shape[0] / on_canvas[0])
+    assert back.shape == shape
+    assert (back != mask).sum() <= coarse * (2 * mask.any(0).sum() + mask.any(1).sum())
+    if coarse == 1:
+        np.testing.assert_array_equal(back, mask)
+
+
+def test_paint_beside_the_photo_and_thin_paint_do_not_count():
+    layers = [np.zeros((*lib.EDITOR_SIZE, 4), np.uint8) for _ in range(2)]
+    layers[0][:, :200] = lib.PAINT  # the photo lies on columns 250 to 549
+    layers[1][300:, :, 3] = 40
+    layers[1][:60, 250:400, 3] = 255
+    mask = lib.painted({"layers": layers}, (200, 100))
+    want = np.zeros((200, 100), np.bool_)
+    want[:20, :50] = True
+    np.testing.assert_array_equal(mask, want)
+
+
+def test_links_lead_to_the_files(tmp_path):
+    path = tmp_path / 'a "b" #&?é.npz'
+    path.write_bytes(b"12345" * 300)
+    (link,) = re.findall(r'href="([^"]*)"', text := lib.links_to([str(path)]))
+    served = urllib.parse.unquote(html.unescape(link).removeprefix("gradio_api/file="))
+    assert served == str(path)
+    assert not set("?# ") & set(link)
+    assert "(1,500 bytes)" in text
+    assert lib.links_to([]) == ""
+
+
 def test_what_goes_wrong_is_one_line_without_the_folder(demo, box, tmp_path):
     (tmp_path / "a<b>.png").write_text("no image")
     bad = str(tmp_path / "a<b>.png")
@@ -91,11 +134,14 @@ def test_what_goes_wrong_is_one_line_without_the_folder(demo, box, tmp_path):
     blank = tmp_path / "blank.png"
     Image.new("RGB", (80, 80), "blue").save(blank)
     edited, line = demo.open_photo(str(blank), "plain")
-    assert edited["background"].shape == (80, 80, 3)
+    assert edited["background"].shape == (600, 800, 3)
     assert "no object found" in line
     assert "Paint the object" in line
-    for value in (None, edited, {"layers": []}):
-        assert "no mask: paint the object" in demo.predict(str(blank), value, 1, 0, "auto")[2]
+    assert "no mask: paint the object" in demo.predict(str(blank), edited, 1, 0, "auto")[2]
+    other = {**edited, "layers": [np.zeros((80, 80, 4), np.uint8)]}
+    assert "layer is [80, 80]: accepted: [600, 800]" in demo.predict(str(blank), other)[2]
+    for cleared in (None, {"background": None, "layers": []}):  # the mask is looked for, in vain
+        assert "no object found" in demo.predict(str(blank), cleared)[2]
     assert "no photo" in demo.predict(None, None, 1, 0, "auto")[2]
     assert demo.open_photo(None, "auto") == (None, "")
     good, _ = demo.open_photo(str(box), "auto")
@@ -123,6 +169,7 @@ def test_without_gradio(demo, monkeypatch):
         lib.launch(demo)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # gradio's and its server's own
 def test_in_a_browser(demo, box, tmp_path, monkeypatch):
     api = pytest.importorskip("playwright.sync_api")
@@ -142,15 +189,19 @@ def test_in_a_browser(demo, box, tmp_path, monkeypatch):
             page.on("request", lambda request: requests.append(request.url))
             page.on("pageerror", lambda error: errors.append(str(error)))
             page.goto(address)
+            page.wait_for_selector("#predict[disabled]")
             page.locator("input[type=file]").first.set_input_files(str(box))
-            page.get_by_text("Mask found by its plain background").wait_for()
-            page.wait_for_timeout(1000)  # the editor draws
+            page.wait_for_selector("#predict:not([disabled])")
+            assert page.get_by_text("stands out from a plain background").is_visible()
             page.click("#predict")
             frame = page.frame_locator("#viewer iframe")
             frame.locator("#prediction").wait_for()
             assert frame.locator("#name").text_content() == "box"
             assert page.get_by_text("1 cloud of 50 points").is_visible()
-            page.locator("#files a").first.wait_for()
+            with page.expect_download() as download:
+                page.get_by_role("link", name="box.npz").click()
+            with np.load(download.value.path()) as archive:
+                assert archive["points"].shape == (1, 50, 3)
             browser.close()
     finally:
         blocks.close()
