@@ -1,9 +1,15 @@
-"""Shared fixtures. Strict promotion is set before anything is traced."""
+"""Shared fixtures. Strict promotion is set before anything is traced.
+
+On a CPU, programs are compiled without LLVM's optimisation: most of the tests' time is compiling.
+`XLA_FLAGS=` (empty) tests what users run.
+"""
 
 import os
 import pathlib
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
+if os.environ["JAX_PLATFORMS"] == "cpu":
+    os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
 
 import jax
 import numpy as np
