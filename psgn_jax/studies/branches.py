@@ -243,6 +243,10 @@ def _verdict(found: Found) -> str:
     both = f"neighbours at {deconv['order']:.2f} of a random distance, of fc at {fc['order']:.2f}"
     if deconv["order"] < 0.5 and deconv["order"] < 0.7 * fc["order"]:
         said = [f"The deconv points are in the order of a surface, those of fc less so ({both})."]
+    elif deconv["order"] < 0.9 * fc["order"]:
+        said = [
+            f"The deconv points are in more order than those of fc, but no smooth one ({both})."
+        ]
     else:
         said = [f"The deconv points are in no clearer order than those of fc ({both})."]
     said.append(

@@ -17,6 +17,7 @@ import io
 import json
 import pathlib
 import sys
+import zipfile
 from collections.abc import Sequence
 from typing import Any
 
@@ -132,7 +133,7 @@ def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def case_of_prediction(path: str | pathlib.Path) -> Case:
     """A case from an NPZ of `psgn_jax.predict`."""
-    with np.load(path) as archive:
+    with open(path, "rb") as file, np.load(file) as archive:
         return Case(
             name=pathlib.Path(path).stem,
             image=archive["image"],
@@ -225,8 +226,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     try:
         cases = [case_of_prediction(path) for path in arguments.predictions]
+        # Two networks on one photo: files of one name in two folders.
+        names = [case.name for case in cases]
+        cases = [
+            dataclasses.replace(case, name=str(path)) if names.count(case.name) > 1 else case
+            for case, path in zip(cases, arguments.predictions, strict=True)
+        ]
         pages = write_pages(arguments.out, cases, title=arguments.title)
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         sys.stderr.write(f"error: {' '.join(str(error).split())}\n")
         return 2
     for page in sorted(set(pages.values())):

@@ -15,6 +15,7 @@ import importlib.util
 import io
 import pathlib
 import sys
+import zipfile
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
@@ -227,7 +228,7 @@ def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
     """A case for each NPZ of `psgn_jax.predict`: the first samples by height, then by branch."""
     cases = []
     for path in paths:
-        with np.load(path) as archive:
+        with open(path, "rb") as file, np.load(file) as archive:
             points = archive["points"]
             clouds = {
                 f"sample {k}" if len(points) > 1 else "prediction": (p, colours_by_height(p))
@@ -395,7 +396,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sheet(cases, columns=max(1, arguments.columns)).save(arguments.out)
         if arguments.turntable:
             turntable(*next(iter(cases[0].clouds.values())), arguments.turntable)
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         sys.stderr.write(f"error: {' '.join(str(error).split())}\n")
         return 2
     sys.stdout.write(f"{len(cases)} cases: {arguments.out}\n")

@@ -104,6 +104,14 @@ def test_the_command(tmp_path):
     (item,) = data_of(out)["cases"]
     assert (item["name"], item["fc"], len(item["samples"])) == ("a", 75, 3)
     assert lib.main([str(tmp_path / "none.npz"), f"--out={out}"]) == 2
+    whole = (tmp_path / "a.npz").read_bytes()
+    (tmp_path / "cut.npz").write_bytes(whole[: len(whole) // 2])
+    assert lib.main([str(tmp_path / "cut.npz"), f"--out={out}"]) == 2
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "a.npz").write_bytes(whole)  # another network's of the same photo
+    both = [str(tmp_path / "a.npz"), str(tmp_path / "other" / "a.npz")]
+    assert lib.main([*both, f"--out={out}"]) == 0
+    assert [item["name"] for item in data_of(out)["cases"]] == both
 
 
 # --- in the browser ----------------------------------------------------------------------------
