@@ -73,7 +73,7 @@ def test_conversion_and_damage(tmp_path, capsys):
     cameras["camera_mat_2"] = np.eye(4)
     cameras["world_mat_3"], cameras["world_mat_0"] = cameras["world_mat_0"], cameras["world_mat_3"]
     np.savez(chair / "c" / "img_choy2016" / "cameras.npz", **cameras)
-    (chair / "test.lst").write_text("d\nmissing\n../c\n")
+    (chair / "test.lst").write_text("d\nmissing\n../c\nx\0y\na\n")
     (root / "somewhere").mkdir()
     target = tmp_path / "dst"
     command = ["occnet", str(root), str(target), "--views", "4", "--points", "400"]
@@ -87,6 +87,8 @@ def test_conversion_and_damage(tmp_path, capsys):
         "c/img_choy2016/000.jpg: ",
         "missing/pointcloud.npz: missing",
         "test.lst: '../c' is no name of a model",
+        "test.lst: 'x\\x00y' is no name of a model",
+        "test.lst: 'a' is listed a second time",
         "somewhere: not one of the 13",
     ):
         assert message in error
