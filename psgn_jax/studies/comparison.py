@@ -423,6 +423,11 @@ def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Im
         for category in categories
     }
     mean = {key: _mean(key, np.array([row[key] for row in table.values()])) for key in values}
+    models = [name.model_id for name in names]
+
+    def gain(a: str, b: str) -> dict[str, float]:
+        return _gain(values[f"iou:{a}"], values[f"iou:{b}"], models)
+
     document = {
         "split": split,
         "samples": {category: int((of == category).sum()) for category in categories},
@@ -430,10 +435,10 @@ def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Im
         "mean": mean,
         "seconds": {name: seconds(workdir / name) for name in (*POINTS, "volume", *HEADS, PEER)},
         "thresholds": {OURS: ours_at, PEER: peer_at},
-        "gain_volume": _gain(values["iou:head_cd_emd_volume"], values["iou:head_cd_emd"]),
-        "gain_volume_one_cloud": _gain(values["iou:head_cd_volume"], values["iou:head_cd"]),
-        "gain_emd": _gain(values["iou:head_cd_emd"], values["iou:head_cd"]),
-        "gain_over_splat": _gain(values["iou:head_cd"], values["iou:splat_cd"]),
+        "gain_volume": gain("head_cd_emd_volume", "head_cd_emd"),
+        "gain_volume_one_cloud": gain("head_cd_volume", "head_cd"),
+        "gain_emd": gain("head_cd_emd", "head_cd"),
+        "gain_over_splat": gain("head_cd", "splat_cd"),
     }
     shown = list(dict.fromkeys(c for c in (*_CASES, *categories) if c in categories))
     rows = [
@@ -458,9 +463,10 @@ def _mean(key: str, values: np.ndarray) -> float:
     return float(values.mean()) if len(values) else float("nan")
 
 
-def _gain(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
-    """Mean of a - b over samples, and its standard error."""
-    change = a - b
+def _gain(a: np.ndarray, b: np.ndarray, models: Sequence[str]) -> dict[str, float]:
+    """Mean of a - b over models, and its standard error: the views of one are not independent."""
+    _, of = np.unique(models, return_inverse=True)
+    change = np.bincount(of, a - b) / np.bincount(of)
     error = np.std(change, ddof=1) / np.sqrt(len(change)) if len(change) > 1 else np.nan
     return {"mean": float(np.mean(change)), "error": float(error)}
 
@@ -535,6 +541,7 @@ def table(document: Mapping[str, Any]) -> str:
             f"gain of the {what}: {document[key]['mean']:+.4f} +- {document[key]['error']:.4f}"
             for what, key in gains.items()
         ),
+        "Gains: mean over models, and its standard error (of these models, not of trainings).",
         "",
         f"Split {document['split']!r}; mean over categories. Thresholds, chosen on the evaluation "
         f"split: {document['thresholds'][OURS]:g} (ours), "
