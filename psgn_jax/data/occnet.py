@@ -155,6 +155,10 @@ def read_model(
     solid = None
     if voxel_path.is_file():
         grid = binvox.read(voxel_path, max_dim=schema.OCCUPANCY_SIZE)
+        if len(grid.solid) != schema.OCCUPANCY_SIZE:
+            raise ValueError(
+                f"{voxel_path}: dim {len(grid.solid)}, expected {schema.OCCUPANCY_SIZE}"
+            )
         solid = shapenet.solid_of(binvox.Binvox(grid.solid, loc - scale / 2, scale))
     try:
         placement = shapenet.place(world)
