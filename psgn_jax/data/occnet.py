@@ -50,6 +50,7 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
         raise ValueError(f"SRC {str(source)!r}: there is no such folder")
     found: list[tuple[str, str, str]] = []
     messages: list[str] = []
+    listed: set[tuple[str, str]] = set()
     for folder in sorted(p for p in source.iterdir() if p.is_dir()):
         if folder.name not in shapenet.SYNSETS:
             messages.append(f"{folder}: not one of the 13 categories")
@@ -61,9 +62,12 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
                 continue
             for name in path.read_text("utf-8", "replace").split():
                 # Names are used as paths: one that leads out of the folder is refused.
-                if pathlib.PurePath(name).name != name or name == "..":
+                if pathlib.PurePath(name).name != name or name == ".." or "\0" in name:
                     messages.append(f"{path}: {name[:60]!r} is no name of a model")
+                elif (folder.name, name) in listed:
+                    messages.append(f"{path}: {name[:60]!r} is listed a second time")
                 else:
+                    listed.add((folder.name, name))
                     found.append((split, folder.name, name))
     if not found:
         raise ValueError(f"SRC {str(source)!r}: no <synset>/train.lst, val.lst or test.lst there")
@@ -101,7 +105,9 @@ def read_npz(path: pathlib.Path, limits: dict[str, int]) -> dict[str, np.ndarray
                 size = archive.getinfo(f"{key}.npy").file_size
                 if size > 8 * limit + 4096:
                     raise ValueError(f"{key} takes {size} bytes")
-                arrays[key] = _read_npy(archive.read(f"{key}.npy"), key, limit)
+                # With a length, since without one all is inflated, whatever the size said.
+                with archive.open(f"{key}.npy") as member:
+                    arrays[key] = _read_npy(member.read(size), key, limit)
     except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError,
             RuntimeError) as error:  # fmt: skip
         raise ValueError(f"{path}: damaged, or no such file of arrays ({error})") from None
@@ -149,6 +155,10 @@ def read_model(
     solid = None
     if voxel_path.is_file():
         grid = binvox.read(voxel_path, max_dim=schema.OCCUPANCY_SIZE)
+        if len(grid.solid) != schema.OCCUPANCY_SIZE:
+            raise ValueError(
+                f"{voxel_path}: dim {len(grid.solid)}, expected {schema.OCCUPANCY_SIZE}"
+            )
         solid = shapenet.solid_of(binvox.Binvox(grid.solid, loc - scale / 2, scale))
     try:
         placement = shapenet.place(world)

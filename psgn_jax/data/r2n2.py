@@ -110,7 +110,8 @@ def read_model(
     Always the same points for the same model, as those of all its views.
 
     Raises:
-      ValueError: the model as a whole cannot be read; names the file and what is wrong.
+      ValueError: the model as a whole cannot be read; names the file and what is wrong. So too with
+        fewer rows of metadata than pictures: a lost row gives all views after it another's camera.
     """
     rendering, metadata, voxels = input_files(source, synset, name)
     if not voxels.is_file():
@@ -126,6 +127,12 @@ def read_model(
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     world = shapenet.surface_points(solid, num_points, rng)
     rows = read_metadata(metadata)
+    pictures = sum((rendering / f"{view:02d}.png").exists() for view in range(NUM_VIEWS))
+    if len(rows) < pictures:
+        raise ValueError(
+            f"{metadata}: {len(rows)} rows for {pictures} pictures, so that it is not known which "
+            "row belongs to which"
+        )
     for view in range(min(max_views, NUM_VIEWS)):
         path = rendering / f"{view:02d}.png"
         try:

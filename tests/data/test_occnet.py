@@ -6,7 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from psgn_jax.data import camera, convert, occnet, records, shapenet
+from psgn_jax.data import binvox, camera, convert, occnet, records, shapenet
 
 _spec = importlib.util.spec_from_file_location(
     "shapenet_trees", pathlib.Path(__file__).resolve().parent / "shapenet_trees.py"
@@ -73,7 +73,9 @@ def test_conversion_and_damage(tmp_path, capsys):
     cameras["camera_mat_2"] = np.eye(4)
     cameras["world_mat_3"], cameras["world_mat_0"] = cameras["world_mat_0"], cameras["world_mat_3"]
     np.savez(chair / "c" / "img_choy2016" / "cameras.npz", **cameras)
-    (chair / "test.lst").write_text("d\nmissing\n../c\n")
+    trees.write_occnet(root, {"more": ["w"]})
+    binvox.write(chair / "w" / "model.binvox", trees.voxels(16))
+    (chair / "test.lst").write_text("d\nw\nmissing\n../c\nx\0y\na\n")
     (root / "somewhere").mkdir()
     target = tmp_path / "dst"
     command = ["occnet", str(root), str(target), "--views", "4", "--points", "400"]
@@ -85,8 +87,11 @@ def test_conversion_and_damage(tmp_path, capsys):
         "cameras.npz: no world_mat_1 [3, 4]",
         "cameras.npz: no camera_mat_2 [3, 3]",
         "c/img_choy2016/000.jpg: ",
+        "w/model.binvox: dim 16, expected 32",
         "missing/pointcloud.npz: missing",
         "test.lst: '../c' is no name of a model",
+        "test.lst: 'x\\x00y' is no name of a model",
+        "test.lst: 'a' is listed a second time",
         "somewhere: not one of the 13",
     ):
         assert message in error

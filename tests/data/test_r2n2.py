@@ -143,13 +143,19 @@ def test_conversion(tree, tmp_path, capsys):
 
 
 def damage(tree):
-    """Damages a, b, c and d in different ways; returns what the messages must say."""
+    """Damages b, c and others in different ways; returns what the messages must say."""
     rendering = tree / "ShapeNetRendering" / CHAIR
     voxels = tree / "ShapeNetVox32" / CHAIR
     (rendering / "a" / "rendering" / "01.png").unlink()
     Image.new("RGB", (137, 137)).save(rendering / "a" / "rendering" / "02.png")
     metadata = rendering / "b" / "rendering" / "rendering_metadata.txt"
-    metadata.write_text("30.0 25.0 0 0.8 25\n200.5 x 0 0.7 25\n120 0.0 0 0.9 25\n")
+    metadata.write_text(
+        "30.0 25.0 0 0.8 25\n200.5 x 0 0.7 25\n120 0.0 0 0.9 25\n97.0 30.0 0 0.65 25\n"
+    )
+    trees.write_r2n2(tree, names=("g", "h"))
+    metadata = rendering / "g" / "rendering" / "rendering_metadata.txt"
+    rows = metadata.read_text().splitlines()
+    metadata.write_text("\n".join(rows[:1] + rows[2:]) + "\n")
     cut = voxels / "c" / "model.binvox"
     cut.write_bytes(cut.read_bytes()[:-20])
     binvox.write(voxels / "d" / "model.binvox", trees.voxels(16))
@@ -161,7 +167,7 @@ def damage(tree):
         "a/rendering/02.png: not a readable PNG image (mode RGB, expected",
         "b/rendering/rendering_metadata.txt: row 1: '200.5 x 0 0.7 25' are not 5 numbers",
         "b/rendering/02.png: ",  # turned by 180 degrees
-        "b/rendering/rendering_metadata.txt: no row for view 3",
+        "g/rendering/rendering_metadata.txt: 3 rows for 4 pictures",
         "c/model.binvox: cut off",
         "d/model.binvox: dim 16, expected 32",
         "f/model.binvox: missing",
@@ -180,8 +186,9 @@ def test_damage_names_itself_and_stops_nothing(tree, tmp_path, capsys):
     assert f"{len(expected)} things were left out" in error
     train = records.RecordReader(target, "train")
     kept = [(s.model_id[-1], s.view) for s in train]
-    assert kept == [("a", 0), ("a", 3), ("b", 0)]
-    assert [s.view for s in records.RecordReader(target, "test")] == [0, 1, 2, 3]
+    assert kept == [("a", 0), ("a", 3), ("b", 0), ("b", 3), *(("e", view) for view in range(4))]
+    test = records.RecordReader(target, "test")
+    assert [(s.model_id[-1], s.view) for s in test] == [("h", view) for view in range(4)]
 
     assert convert.main([*command[:2], str(tmp_path / "strict"), "--strict"]) == 2
     assert "not one of the 13" in capsys.readouterr().err
