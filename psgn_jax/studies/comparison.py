@@ -141,7 +141,7 @@ DEFAULT = Size(
     num_points=2048,
     batch=(16, 8),
     learning_rate=1e-3,
-    steps=(800, 400, 400, 200),
+    steps=(800, 400, 400, 400),
     widths=8,
     width_multiplier=0.125,
 )
