@@ -275,6 +275,7 @@ for function in (losses.assign, jax.value_and_grad(losses.emd_mean)):
     jax.tree.map(np.testing.assert_array_equal, split(a, b), jax.jit(local)(a, b))
 """
     environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"}
+    environment["XLA_FLAGS"] = "--xla_backend_optimization_level=0"
     result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT
     )

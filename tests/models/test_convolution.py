@@ -200,7 +200,8 @@ print("sharded ok")
 
 def test_sharded_batch_moves_only_the_kernel_gradient():
     tests = str(pathlib.Path(__file__).parent)
-    env = {**os.environ, "XLA_FLAGS": "--xla_force_host_platform_device_count=8"}
+    flags = "--xla_force_host_platform_device_count=8 --xla_backend_optimization_level=0"
+    env = {**os.environ, "XLA_FLAGS": flags}
     done = subprocess.run(
         [sys.executable, "-c", SHARDED.format(tests=tests)],
         env=env,
