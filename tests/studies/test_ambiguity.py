@@ -118,6 +118,7 @@ def test_whole_study_goes_on_where_it_was(tmp_path):
     document = json.loads((tmp_path / "ambiguity.json").read_text())
     assert set(document["networks"]) == set(lib.NETWORKS)
     assert set(document["reached"]) == set(lib.NETWORKS) - {"deterministic"}
-    assert Image.open(tmp_path / "ambiguity.png").size[0] == 4 * 150
+    with Image.open(tmp_path / "ambiguity.png") as figure:
+        assert figure.size[0] == 4 * 150
     jax.clear_caches()
     assert lib.run(tmp_path, size) == text
