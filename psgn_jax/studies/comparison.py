@@ -34,14 +34,13 @@ Choy et al., "3D-R2N2", ECCV 2016. Networks are smaller by default, and the data
 
 import json
 import pathlib
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from absl import app, flags, logging
+from absl import flags, logging
 from PIL import Image, ImageDraw, ImageFont
 
 from psgn_jax import evaluate as evaluate_lib
@@ -49,22 +48,15 @@ from psgn_jax import metrics as metrics_lib
 from psgn_jax import registry
 from psgn_jax import state as state_lib
 from psgn_jax import step as step_lib
-from psgn_jax import train as train_lib
-from psgn_jax.config import Config, ConfigError, UserError, check_paths, parse
+from psgn_jax.config import Config, ConfigError, check_paths, parse
 from psgn_jax.data import records, shapenet
 from psgn_jax.data.default import cache_folder
 from psgn_jax.losses.chamfer import batched
 from psgn_jax.losses.farthest_points import farthest_points
 from psgn_jax.models.voxel_refiner import GRID_EDGE, GRID_ORIGIN
+from psgn_jax.studies import runs
 from psgn_jax.viewing.clouds import draw_cloud, turned
-from psgn_jax.writer import (
-    exit_on_user_error,
-    finite_or_none,
-    log_to_terminal,
-    parse_flags,
-    read_metrics,
-    write_atomic,
-)
+from psgn_jax.writer import finite_or_none, read_metrics, write_atomic
 
 POINTS = ("cd", "emd")
 HEADS: Mapping[str, tuple[str, ...]] = {
@@ -226,16 +218,6 @@ def configuration(
         # Few parameters and, on a CPU, few steps.
         tree["optim"]["learning_rate"] = 5 * rate
     return parse(tree)
-
-
-def train(config: Config, workdir: pathlib.Path) -> None:
-    """Trains a run, or goes on, or finds it done; a `UserError` if a signal stopped it."""
-    logging.info("%s: %d steps", workdir, config.train.steps)
-    outcome = train_lib.train(config, workdir)
-    if outcome.stopped_by:
-        stopped = UserError("stopped by a signal; the same command goes on")
-        stopped.exit_code = 128 + outcome.stopped_by
-        raise stopped
 
 
 def seconds(workdir: pathlib.Path) -> float:
@@ -473,24 +455,17 @@ def _gain(a: np.ndarray, b: np.ndarray, models: Sequence[str]) -> dict[str, floa
     """Mean of a - b over models, and its standard error: the views of one are not independent."""
     _, of = np.unique(models, return_inverse=True)
     change = np.bincount(of, a - b) / np.bincount(of)
-    error = np.std(change, ddof=1) / np.sqrt(len(change)) if len(change) > 1 else np.nan
-    return {"mean": float(np.mean(change)), "error": float(error)}
+    mean, error = runs.mean_and_error(change)
+    return {"mean": mean, "error": error}
 
 
 # --- Tables and pictures ------------------------------------------------------------------------
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join(
-            cell.ljust(w) if i == 0 else cell.rjust(w)
-            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
-    rule = "-" * len(lines[0])
-    return [lines[0], rule, *lines[1:-1], rule, lines[-1]]
+    """`runs.text_table`, its last row set apart."""
+    lines = runs.text_table(rows).splitlines()
+    return [*lines[:-1], lines[1], lines[-1]]
 
 
 def table(document: Mapping[str, Any]) -> str:
@@ -618,14 +593,15 @@ def side_by_side(cases: Sequence[Mapping[str, Any]]) -> Image.Image:
             panels.append(draw_cloud(cloud, inner, view, size))
             panels += [draw_cloud(c, inner, view, size, radius=3) for c in centres]
         strips.append(np.concatenate(panels, axis=1))
-    head = np.full((24, strips[0].shape[1], 3), 255, np.uint8)
-    sheet = Image.fromarray(np.concatenate([head, *strips]))
+    sheet = runs.with_titles(strips, [*titles, *(f"{t}, side" for t in titles[1:])])
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=15)
-    width = strips[0].shape[1] // 9
-    for column, title in enumerate([*titles, *(f"{t}, side" for t in titles[1:])]):
-        pen.text((column * width + 6, 4), title, fill="black", font=font)
     for row, case in enumerate(cases):
-        pen.text((6, 28 + row * strips[0].shape[0]), str(case["category"]), "black", font=font)
+        pen.text(
+            (6, runs.HEAD_HEIGHT + 4 + row * strips[0].shape[0]),
+            str(case["category"]),
+            "black",
+            font=font,
+        )
     return sheet
 
 
@@ -666,10 +642,11 @@ def run(
     split = "test" if "test" in splits else peer.data.eval_split
     if split == peer.data.eval_split:
         logging.warning("no test split: measuring on the split on which thresholds are chosen")
-    for name in (*POINTS, "volume", *HEADS):
-        train(configuration(name, path, workdir, size, scale=scale), workdir / name)
+    names = (*POINTS, "volume", *HEADS)
+    ours = {name: configuration(name, path, workdir, size, scale=scale) for name in names}
+    runs.train_each(ours, workdir)
     steps = budget(peer, workdir, (*POINTS, "volume", OURS), peer_steps)
-    train(configuration(PEER, path, workdir, size, steps=steps), workdir / PEER)
+    runs.train_each({PEER: configuration(PEER, path, workdir, size, steps=steps)}, workdir)
     document, cases = compare(workdir, split)
     document |= {"data": path, "full": full, "steps_of_3d_r2n2": steps}
     text = table(document)
@@ -686,21 +663,14 @@ def run(
     return text
 
 
-def _main(argv: Sequence[str]) -> None:
-    log_to_terminal()
-    values = flags.FLAGS
-    with exit_on_user_error():
-        if len(argv) > 1:
-            raise ConfigError(f"unexpected argument {argv[1]!r}")
-        train_lib.keep_compiled()
-        text = run(
-            values.workdir,
-            data=values.data,
-            full=values.full,
-            scale=values.scale,
-            peer_steps=values.peer_steps,
-        )
-    sys.stdout.write(text)
+def _study(values: Any) -> str:
+    return run(
+        values.workdir,
+        data=values.data,
+        full=values.full,
+        scale=values.scale,
+        peer_steps=values.peer_steps,
+    )
 
 
 if __name__ == "__main__":
@@ -711,4 +681,4 @@ if __name__ == "__main__":
     flags.DEFINE_bool("full", False, "Full-size images and networks: for a GPU.")
     flags.DEFINE_float("scale", 1.0, "Factor on the numbers of steps.", lower_bound=1e-3)
     flags.DEFINE_integer("peer_steps", 0, "Steps of 3D-R2N2; 0 = as long.", lower_bound=0)
-    app.run(_main, flags_parser=parse_flags)
+    runs.main(_study)
