@@ -78,17 +78,21 @@ def l2_authors(params: Any) -> Array:
     return total
 
 
-def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Array | None) -> Array:
-    """Points [B,N,3] of a batch's images; [B,draws,N,3] if r is [B,draws,random_size]."""
+def images(config: Config, batch: Batch) -> Array:
+    """What a network sees of a batch, [B,H,W,C], or [B,V,H,W,C] of several views."""
     camera = batch.get("extrinsics")
-    x = network_input(
+    return network_input(
         batch["image"],
         batch["mask"],
         batch.get("depth"),
         channels=config.data.inputs,
         distance=None if camera is None else camera[..., 2, 3],
     )
-    return cast(Array, model.apply({"params": params}, x, r))
+
+
+def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Array | None) -> Array:
+    """Points [B,N,3] of a batch's images; [B,draws,N,3] if r is [B,draws,random_size]."""
+    return cast(Array, model.apply({"params": params}, images(config, batch), r))
 
 
 def best_draw(

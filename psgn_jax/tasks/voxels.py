@@ -40,7 +40,6 @@ from psgn_jax.config import Config, ConfigError, to_dict, to_json
 from psgn_jax.data.schema import OCCUPANCY_SIZE
 from psgn_jax.losses.iou import PREDICTION_THRESHOLDS, iou_sweep, soft_iou_loss
 from psgn_jax.models import recurrent_volume, voxel_refiner
-from psgn_jax.models.inputs import network_input
 from psgn_jax.models.point_out_net import DTYPES
 from psgn_jax.types import Array
 from psgn_jax.writer import write_atomic
@@ -50,18 +49,6 @@ THRESHOLD_OF = "threshold_of_"
 """Before the name of a metric: the threshold that was chosen for it."""
 
 CLOUDS = ("from_cd", "from_emd")
-
-
-def images(config: Config, batch: step_lib.Batch) -> Array:
-    """What a network sees of a batch, [B,H,W,C], or [B,V,H,W,C] of several views."""
-    camera = batch.get("extrinsics")
-    return network_input(
-        batch["image"],
-        batch["mask"],
-        batch.get("depth"),
-        channels=config.data.inputs,
-        distance=None if camera is None else camera[..., 2, 3],
-    )
 
 
 def _apply(model: nn.Module, params: Any, *inputs: Any) -> Array:
@@ -312,7 +299,7 @@ class Refine(_Voxels):
         splats = jax.vmap(lambda *one: voxel_refiner.splat_clouds(one))(*clouds)
         volumes = None
         if self._with_volume:
-            seen = images(self._config, batch)
+            seen = step_lib.images(self._config, batch)
             volumes = _apply(self._volume_net, frozen["from_volume"], seen)
         return _apply(self._model, params, splats, volumes), splats
 
@@ -347,7 +334,7 @@ class Volume(_Voxels):
         return self._model.init(key, jnp.zeros((1, *model.image_size, model.in_channels)))
 
     def _errors(self, params: Any, batch: step_lib.Batch) -> tuple[Array, Array]:
-        pred = _apply(self._model, params, images(self._config, batch))
+        pred = _apply(self._model, params, step_lib.images(self._config, batch))
         return pred, pred - jax.vmap(voxel_refiner.log_volume)(batch["occupancy"])
 
     def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any) -> Array:
@@ -381,13 +368,13 @@ class Views(_Voxels):
         return self._model.init(key, jnp.zeros((1, 1, *model.image_size, model.in_channels)))
 
     def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any) -> Array:
-        logits = _apply(self._model, params, images(self._config, batch))
+        logits = _apply(self._model, params, step_lib.images(self._config, batch))
         return jax.vmap(recurrent_volume.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
 
     def _measure(
         self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any
     ) -> tuple[Array, dict[str, Array]]:
-        seen, metrics, volumes = images(self._config, batch), {}, []
+        seen, metrics, volumes = step_lib.images(self._config, batch), {}, []
         for count, name in self._names.items():
             logits = _apply(self._model, params, seen[:, :count])
             volumes.append(recurrent_volume.occupancy(logits))
