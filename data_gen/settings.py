@@ -54,6 +54,11 @@ class ImageSettings:
         _one_of("image.background", self.background, BACKGROUNDS)
         if self.background == "folder" and not self.background_folder:
             raise ValueError("image.background_folder: got '', expected a folder of pictures")
+        if self.background != "folder" and self.background_folder:
+            raise ValueError(
+                f"image.background_folder: got {self.background_folder!r}, which has no effect "
+                f"without image.background=folder (it is {self.background!r})"
+            )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,6 +19,8 @@ pytestmark = pytest.mark.skipif(not worker.has_mitsuba(), reason="Mitsuba is not
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
+CONFIG = ROOT / "data_gen" / "config.py"
+
 SMALL = {
     "views": 1,
     "num_points": 600,
@@ -387,15 +389,43 @@ def test_choice_of_the_variant(monkeypatch, tmp_path):
 def test_command_refuses_wrong_arguments(tmp_path):
     command = [sys.executable, str(ROOT / "data_gen" / "render.py"), "--catalogue=procedural",
                "--source=1", f"--out={tmp_path / 'out'}"]  # fmt: skip
+    no_effect = "it has no effect without"
     for wrong, message in (
         ("--shard=2/2", "--shard: got '2/2'"),
         ("--config.views=0", "views: got 0"),
         ("--option=nonsense=1", "--option"),
-        ("--config.vews=3", "--config"),
+        ("--config.vews=3", "--config.vews=3: no such setting; did you mean --config.views?\n"),
         ("--config.views=abc", "abc"),
         ("--catalogue=nonsense", "catalogue"),
         ("--limit=-1", "limit"),
+        ("--config=nowhere.py", "--config=nowhere.py: there is no such file"),
+        (f"--config={CONFIG}:nobody", "camera preset 'nobody': expected one of"),
+        # A flag that the user sets has an effect, or is refused.
+        ("--config.image.path_samples=9", f"image.path_samples: {no_effect} image.shading=path"),
+        ("--seed=3", f"--seed=3: {no_effect} --sample"),
+        ("--exclude=lmap", "--exclude: no category and no name fits 'lmap' (did you mean 'lamp'?)"),
+        # The fields may come before the file that they change.
+        ("--config.camera.aim=(7.,1.) --config={CONFIG}:r2n2", "camera.aim: got (7.0, 1.0)"),
     ):
-        done = subprocess.run([*command, wrong], capture_output=True, text=True, check=False)
+        arguments = wrong.replace("{CONFIG}", str(CONFIG)).split(" ")
+        done = subprocess.run([*command, *arguments], capture_output=True, text=True, check=False)
         assert (done.returncode, message in done.stderr) == (2, True), done.stderr
-        assert "Traceback" not in done.stderr
+        assert done.stderr.startswith("error: "), done.stderr
+        assert done.stderr.count("\n") == 1, done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_tells_of_options_and_settings():
+    command = [sys.executable, str(ROOT / "data_gen" / "render.py"), "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    text = " ".join(done.stdout.split())
+    for part in (
+        "--option=hidden_draws=1 models made of each seed: 1 = one",
+        "--option=leave_out=Weather,Astro,Effects names of folders",
+        "--config.views=4 images of each model.",
+        "--config.camera.roll='(0.0, 0.0)' degrees about the optical axis",
+        "--sample=0 So many models, spread over categories and folders",
+    ):
+        assert part in text
+    assert max(map(len, done.stdout.splitlines())) <= 100
