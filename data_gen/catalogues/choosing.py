@@ -6,6 +6,8 @@ import fnmatch
 import hashlib
 from collections.abc import Sequence
 
+from absl import logging
+
 from data_gen.catalogues import Entry
 
 
@@ -69,6 +71,8 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
     ]  # fmt: skip
     if entries and not left:
         raise ValueError(f"--include, --exclude: none of the {len(entries)} models is left")
+    if choice.sample > len(left):
+        logging.warning("--sample=%d: all of the %d models are taken", choice.sample, len(left))
     return _spread(left, choice.seed)[: choice.sample] if choice.sample else left
 
 

@@ -1,9 +1,9 @@
 """The on-disk form of a data set: sharded, random access, checksummed.
 
 A data set is a folder with a `manifest.json` (format, version, splits, shards, counts) and shards
-`<split>-<number>.arrayrecord` (ArrayRecord files, one group per record). A record is 4 bytes of
-CRC-32 (little-endian) over the rest, which is one msgpack map, a key per field of
-`psgn_jax.data.schema.Sample`. Nothing is ever pickled.
+`<split>-<number>.arrayrecord` (ArrayRecord files, one group per record), with a tag after the
+number in sets that can grow. A record is 4 bytes of CRC-32 (little-endian) over the rest, which is
+one msgpack map, a key per field of `psgn_jax.data.schema.Sample`. Nothing is ever pickled.
 
 image      Lossless WebP, exact.
 mask       Bits, deflated, exact.

@@ -33,6 +33,7 @@ def test_numbers_are_converted():
      ({"job": {"variant": "cuda"}}, "job.variant"),
      ({"light": {"source": "folder"}}, "light.folder"),
      ({"light": {"folder": "maps"}}, "light.folder.*no effect without light.source=folder"),
+     ({"image": {"soft_edges": True, "samples": 0}}, "soft_edges.*no effect with image.samples=0"),
      ({"image": {"background_folder": "walls", "background": "random"}},
       "image.background_folder.*no effect without image.background=folder")],
 )  # fmt: skip
