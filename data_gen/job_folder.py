@@ -154,7 +154,11 @@ def _check_same(
     out: pathlib.Path, stated: Mapping[str, Any], there: Sequence[Name], job: Job, what: str
 ) -> None:
     """Raises `OtherSettingsError` where a job cannot go on with what a folder holds."""
-    difference = _difference(stated.get("job"), job.statement)
+    if not isinstance(stated.get("job"), dict):
+        raise OtherSettingsError(
+            f"--out {str(out)!r}: {what} an earlier version; give another folder, or remove it"
+        )
+    difference = _difference(stated["job"], job.statement)
     if difference:
         difference = difference.removeprefix("settings.")
         raise OtherSettingsError(
@@ -182,7 +186,8 @@ def _begun(out: pathlib.Path) -> tuple[Mapping[str, Any], list[Name]] | None:
     stated = _read_json(out / WORK / JOB)
     if not isinstance(stated, dict):
         return None
-    return stated, [Name(*name) for name in stated.get("models", [])]
+    # An earlier version wrote other fields.
+    return stated, [Name(*name) for name in stated["models"]] if "job" in stated else []
 
 
 def read_report(out: pathlib.Path) -> list[Mapping[str, Any]]:

@@ -200,7 +200,7 @@ def main(argv: list[str]) -> None:
             raise ValueError(f"unexpected argument {argv[1]!r}")
         name, place, out = _CATALOGUE.value, _SOURCE.value, _OUT.value
         if name is None or place is None or out is None:
-            raise ValueError("--catalogue, --source and --out are needed")
+            raise ValueError("--catalogue, --source and --out are needed; see --help")
         options = settings.parse(_CONFIG.value)
         _check_effects(options, config_flags.get_override_values(flags.FLAGS["config"]))
         part = parse_part(_PART.value)
@@ -236,5 +236,4 @@ def main(argv: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    flags.mark_flags_as_required(["catalogue", "source", "out"])
     app.run(main, flags_parser=_parse_flags)

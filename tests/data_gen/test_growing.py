@@ -234,6 +234,15 @@ def test_a_data_set_without_its_statement_does_not_grow(tmp_path):
         make(out, TEN)
 
 
+def test_a_job_of_an_earlier_version_is_refused(tmp_path):
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        make(out, TEN, stop_after=2)
+    (out / job_folder.WORK / job_folder.JOB).write_text('{"format": 1, "models": "0a1b"}')
+    with pytest.raises(job.OtherSettingsError, match="was begun with an earlier version"):
+        make(out, TEN)
+
+
 def test_a_damaged_shard_is_made_again(tmp_path):
     make(tmp_path / "once", TEN)
     out = tmp_path / "grown"
