@@ -51,7 +51,7 @@ class LightSettings:
             raise ValueError(f"light.source: got {self.source!r}, expected one of {list(SOURCES)}")
         if self.source == "folder" and not self.folder:
             raise ValueError("light.folder: got '', expected a folder of .hdr and .exr files")
-        if self.source != "folder" and self.folder:
+        if self.source in ("procedural", "sunsky") and self.folder:
             raise ValueError(
                 f"light.folder: got {self.folder!r}, which has no effect without "
                 f"light.source=folder (it is {self.source!r})"

@@ -386,11 +386,34 @@ def test_choice_of_the_variant(monkeypatch, tmp_path):
         worker.choose_variant("llvm")
 
 
+# Runs the command once for each list of arguments; the imports are made once.
+COMMANDS = """
+import json, os, sys
+from absl import app
+from data_gen import render
+for number, arguments in enumerate(json.loads(sys.argv[1])):
+    if os.fork() == 0:
+        os.dup2(os.open(f"{number}.err", os.O_WRONLY | os.O_CREAT), 2)
+        sys.argv[:] = ["render.py", *arguments]
+        app.run(render.main, flags_parser=render._parse_flags)
+    code = os.waitstatus_to_exitcode(os.wait()[1])
+    print(json.dumps([code, open(f"{number}.err").read()]))
+"""
+
+
+def outcomes(commands, folder):
+    """Exit code and standard error of the command with each list of arguments."""
+    done = subprocess.run(
+        [sys.executable, "-c", COMMANDS, json.dumps(commands)], cwd=folder, text=True, check=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE,
+    )  # fmt: skip
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
 def test_command_refuses_wrong_arguments(tmp_path):
-    command = [sys.executable, str(ROOT / "data_gen" / "render.py"), "--catalogue=procedural",
-               "--source=1", f"--out={tmp_path / 'out'}"]  # fmt: skip
+    command = ["--catalogue=procedural", "--source=1", f"--out={tmp_path / 'out'}"]
     no_effect = "it has no effect without"
-    for wrong, message in (
+    cases = (
         ("--shard=2/2", "--shard: got '2/2'"),
         ("--config.views=0", "views: got 0"),
         ("--option=nonsense=1", "--option"),
@@ -399,19 +422,21 @@ def test_command_refuses_wrong_arguments(tmp_path):
         ("--catalogue=nonsense", "catalogue"),
         ("--limit=-1", "limit"),
         ("--config=nowhere.py", "--config=nowhere.py: there is no such file"),
-        (f"--config={CONFIG}:nobody", "camera preset 'nobody': expected one of"),
+        (f"--config={CONFIG}:nobody", "preset 'nobody': expected one of"),
         # A flag that the user sets has an effect, or is refused.
         ("--config.image.path_samples=9", f"image.path_samples: {no_effect} image.shading=path"),
         ("--seed=3", f"--seed=3: {no_effect} --sample"),
         ("--exclude=lmap", "--exclude: no category and no name fits 'lmap' (did you mean 'lamp'?)"),
         # The fields may come before the file that they change.
         ("--config.camera.aim=(7.,1.) --config={CONFIG}:r2n2", "camera.aim: got (7.0, 1.0)"),
-    ):
-        arguments = wrong.replace("{CONFIG}", str(CONFIG)).split(" ")
-        done = subprocess.run([*command, *arguments], capture_output=True, text=True, check=False)
-        assert (done.returncode, message in done.stderr) == (2, True), done.stderr
-        assert done.stderr.startswith("error: "), done.stderr
-        assert done.stderr.count("\n") == 1, done.stderr
+    )
+    arguments = [
+        [*command, *wrong.replace("{CONFIG}", str(CONFIG)).split(" ")] for wrong, _ in cases
+    ]
+    for (code, said), (_, message) in zip(outcomes(arguments, tmp_path), cases, strict=True):
+        assert (code, message in said) == (2, True), said
+        assert said.startswith("error: "), said
+        assert said.count("\n") == 1, said
     assert not (tmp_path / "out").exists()
 
 
