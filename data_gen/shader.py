@@ -505,7 +505,9 @@ def path_trace(
         values = _mi.traverse(mesh)
         values["vertex_positions"] = np.ascontiguousarray(corners[own]).ravel()
         values["vertex_normals"] = np.ascontiguousarray(normals[own]).ravel()
-        values["vertex_texcoords"] = np.ascontiguousarray(surfaces.uv[own]).ravel()
+        # Mitsuba's v runs down from an image's first row, ours up from its last.
+        uv = surfaces.uv[own] * np.array([1, -1], np.float32) + np.array([0, 1], np.float32)
+        values["vertex_texcoords"] = np.ascontiguousarray(uv, np.float32).ravel()
         values["faces"] = np.arange(3 * len(own), dtype=np.uint32)
         values.update()
         parts[f"part{number}"] = mesh
