@@ -56,14 +56,16 @@ class FilmSettings:
       exposure: in stops, from that of an automatic camera.
       white_balance: how much of the light's colour is taken out, 0 to 1.
       contrast: of the tone curve, 0 = none, 1 = that of films.
+      saturation: factor on the distance of colours from grey.
       vignette: how much darker the corners are, 0 to 1.
       blur: of the lens: deviation in pixels.
       grain: of the sensor: deviation at middle grey, 1 = white.
     """
 
     exposure: Range = (-0.6, 0.7)
-    white_balance: Range = (0.5, 1.0)
-    contrast: Range = (0.3, 1.0)
+    white_balance: Range = (0.6, 1.0)
+    contrast: Range = (0.4, 1.0)
+    saturation: Range = (0.9, 1.25)
     vignette: Range = (0.0, 0.25)
     blur: Range = (0.3, 0.6)
     grain: Range = (0.0, 0.02)
@@ -74,6 +76,7 @@ class FilmSettings:
             "exposure": (-10.0, 10.0),
             "white_balance": (0.0, 1.0),
             "contrast": (0.0, 1.0),
+            "saturation": (0.0, 4.0),
             "vignette": (0.0, 1.0),
             "blur": (0.0, 10.0),
             "grain": (0.0, 1.0),
@@ -217,6 +220,9 @@ class Light:
         matt = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - first)], axis=1)
         # Whatever the patterns' order is, near ones in the list must not share a pattern.
         self._matt = matt.reshape(-1, PATTERNS, 3).swapaxes(0, 1).astype(np.float32)
+        self.spread = np.concatenate(
+            [matt[:: len(matt) // PATTERNS][:PATTERNS, :2], np.zeros((PATTERNS, 1))], axis=1
+        ).astype(np.float32)
         # Tables: the light on surfaces in the open, by normal.
         _, gathering = _gathering()
         if ground is not None:
@@ -530,14 +536,19 @@ def backdrop(
     seen[down], valid[down] = lit, True
     valid &= ~hidden.ravel()
     lit_image = smooth(seen.reshape(height, width, 3), valid.reshape(height, width), None)
-    lit_image = smooth(lit_image, valid.reshape(height, width), None)
     lit = lit_image.reshape(-1, 3)[down]
     value = colour * lit
     if ground.gloss > 0:
         view = -along[down]
-        rough = np.full(len(down), 0.1, np.float32)
+        # Floors are worn: what they mirror is spread, the more the further it is from them.
+        rough = np.full(len(down), 0.25, np.float32)
         mirror = fresnel(np.full((len(down), 3), ground.gloss, np.float32), view[:, 2], rough)
-        value += mirror * light.reflect(points, up, view, rough)
+        uneven = up + light.spread[rows % 4 * 4 + columns % 4] * np.float32(0.06)
+        uneven /= np.linalg.norm(uneven, axis=1, keepdims=True)
+        seen[:], valid[:] = 0, False
+        seen[down], valid[down] = 0.6 * mirror * light.reflect(points, uneven, view, rough), True
+        seen_image = smooth(seen.reshape(height, width, 3), valid.reshape(height, width), None)
+        value += seen_image.reshape(-1, 3)[down]
     if ground.sweep > 0:
         # Paper that bends upward behind the object, as light as what looks to the camera.
         wall = ground.mean * light.in_the_open(np.array([[1.0, 0.0, 0.0]], np.float32))
@@ -602,7 +613,10 @@ def develop(
     values = light * balance.astype(np.float32)
     grey = values.mean(axis=-1)
     middle = np.exp((np.log(grey + 1e-4 * grey.max() + 1e-9) * weight).sum() / weight.sum())
-    values = values * np.float32(0.2 * 2 ** draw["exposure"] / middle)
+    gain = 0.2 * 2 ** draw["exposure"] / middle
+    # What is bright may be white, but not large parts of the picture.
+    gain = min(gain, 1.1 * 2 ** max(draw["exposure"], 0) / max(float(np.quantile(grey, 0.93)), 1e-9))
+    values = values * np.float32(gain)
     values = np.clip(values, 0, _BRIGHTEST)
     if draw["vignette"] > 0:
         rows, columns = np.mgrid[:height, :width]
@@ -620,6 +634,8 @@ def develop(
     x = values * np.float32(0.75)
     film = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
     mixed = plain + draw["contrast"] * (film - plain)
+    grey = mixed.mean(axis=-1, keepdims=True)
+    mixed = grey + np.float32(draw["saturation"]) * (mixed - grey)
     return np.rint(255 * np.clip(mixed, 0, 1) ** (1 / 2.2)).astype(np.uint8)
 
 

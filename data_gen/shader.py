@@ -451,7 +451,15 @@ class _Shade:
         rest[fresh] = False
         rest[open_still] = True
         own = np.flatnonzero(rest)
-        light[own] = self._light.gather(place[own], normal[own], at[own] * 7 % photo.PATTERNS)
+        if len(own):
+            # Samples of one pixel that look the same way share their light.
+            signs = (normal[own] > 0) @ np.array([1, 2, 4])
+            _, some, which = np.unique(
+                pixel[own] * 8 + signs, return_index=True, return_inverse=True
+            )
+            some = own[some]
+            pattern = pixel[some] * 7 % photo.PATTERNS
+            light[own] = self._light.gather(place[some], normal[some], pattern)[which]
         surfaces, strength = self._scene.surfaces, self._scene.lights.specular
         straight, blur = photo.mirror_of(surfaces, owner, strength)
         glossy = np.flatnonzero(straight.max(axis=1) > 0.002)

@@ -109,7 +109,7 @@ def outdoors(
             sharp = 1 / (1 - np.cos(np.deg2rad(width)))
             lobe = np.exp(sharp * (cosine - 1)) * sharp / (2 * np.pi)
             # The sky gives a surface about pi; the sun up to four times as much.
-            result = result + lobe[..., None] * warm * (12 * clear**1.5 * share)
+            result = result + lobe[..., None] * warm * (16 * clear * share)
     else:
         result = scipy.ndimage.zoom(
             sky, (size[0] / sky.shape[0], size[1] / sky.shape[1], 1), order=1, mode="grid-wrap",
@@ -185,7 +185,7 @@ def room(rng: np.random.Generator) -> Surroundings:
                       np.where(face == 0, half[1], half[0]) - np.abs(along))  # fmt: skip
     result = result * (1 - 0.35 * np.exp(-np.maximum(near, 0) / 0.8))[..., None]
     result *= np.clip(1 + 0.06 * noise(rng, size, slope=1.2), 0.7, 1.3)[..., None]
-    level = rng.uniform(0.25, 0.7)
+    level = rng.uniform(0.12, 0.5)
     result = result * level
 
     def rectangle(where: int, left: float, right: float, low: float, high: float) -> Array:
