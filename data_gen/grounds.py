@@ -170,7 +170,9 @@ def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, fl
         colour = np.clip(rng.uniform(0.15, 0.7) * (1 + rng.uniform(-0.25, 0.25, 3)), 0.03, 0.8)
         shade = rng.uniform(0.88, 1.12, number.max() + 1)[number]
         if rng.random() < 0.25:  # a chequered floor
-            shade = shade * np.where((number // max(rows, 1) + number) % 2, 1, rng.uniform(0.2, 0.7))
+            shade = shade * np.where(
+                (number // max(rows, 1) + number) % 2, 1, rng.uniform(0.2, 0.7)
+            )
         body = colour * (shade * (1 + 0.08 * noise(rng, size, slope=1.4)))[..., None]
         grout = rng.uniform(0.1, 0.5) * np.ones(3)
         line = np.clip(edge / rng.uniform(1.2, 3.5) - 0.5, 0, 1)[..., None]
@@ -189,7 +191,9 @@ def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, fl
     if kind == "cloth":
         y, x = np.mgrid[:_TEXELS, :_TEXELS]
         threads = int(2 ** rng.integers(5, 7))
-        weave = np.sin(x * threads * 2 * np.pi / _TEXELS) * np.sin(y * threads * 2 * np.pi / _TEXELS)
+        weave = np.sin(x * threads * 2 * np.pi / _TEXELS) * np.sin(
+            y * threads * 2 * np.pi / _TEXELS
+        )
         colour = np.clip(rng.uniform(0.15, 0.75) * (1 + rng.uniform(-0.4, 0.4, 3)), 0.03, 0.85)
         cloth = colour * np.ones((*size, 1))
         if rng.random() < 0.5:  # checks
@@ -206,10 +210,14 @@ def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, fl
         return colour * np.clip(shade, 0.3, 1.7)[..., None], rng.uniform(2, 5), 0.0
     if kind == "asphalt":
         stones = noise(rng, size, slope=0.35)
-        colour = np.array([1.0, 1.0, 1.0]) * rng.uniform(0.04, 0.2) * (1 + rng.uniform(-0.1, 0.1, 3))
+        colour = (
+            np.array([1.0, 1.0, 1.0]) * rng.uniform(0.04, 0.2) * (1 + rng.uniform(-0.1, 0.1, 3))
+        )
         shade = 1 + 0.35 * stones + 0.1 * noise(rng, size, slope=1.5)
         return colour * np.clip(shade, 0.25, 2.6)[..., None], rng.uniform(1.2, 3), 0.0
-    blades = noise(rng, size, slope=0.5, stretch=(1, 3)) + noise(rng, size, slope=0.5, stretch=(3, 1))
+    blades = noise(rng, size, slope=0.5, stretch=(1, 3)) + noise(
+        rng, size, slope=0.5, stretch=(3, 1)
+    )
     colour = np.array([0.13, 0.19, 0.045]) * rng.uniform(0.6, 1.5)
     dry = np.clip(0.5 * noise(rng, size, slope=1.2) + rng.uniform(-0.3, 0.6), 0, 1)[..., None]
     colour = colour * (1 - dry) + dry * np.array([0.26, 0.22, 0.1])

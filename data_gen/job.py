@@ -343,9 +343,7 @@ def render_catalogue(
             if options.image.background == "folder"
             else []
         )
-        maps = worker.load_maps(
-            options.light, variant, detail=options.image.shading == "photo"
-        )
+        maps = worker.load_maps(options.light, variant, detail=options.image.shading == "photo")
         complete = _begin(out, job, catalogue.name)
     if complete:
         logging.info("%s is complete", out)

@@ -217,7 +217,9 @@ class Light:
         first = (np.arange(count) + 0.5) / count
         second = (np.arange(count) * 0.6180339887 + rng.random()) % 1
         angle, radius = 2 * np.pi * second, np.sqrt(first)
-        matt = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - first)], axis=1)
+        matt = np.stack(
+            [radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - first)], axis=1
+        )
         # Whatever the patterns' order is, near ones in the list must not share a pattern.
         self._matt = matt.reshape(-1, PATTERNS, 3).swapaxes(0, 1).astype(np.float32)
         self.spread = np.concatenate(
@@ -226,7 +228,9 @@ class Light:
         # Tables: the light on surfaces in the open, by normal.
         _, gathering = _gathering()
         if ground is not None:
-            self.open_ground = np.einsum("hwc,hw->c", open_sky, angles * np.maximum(toward[..., 2], 0))
+            self.open_ground = np.einsum(
+                "hwc,hw->c", open_sky, angles * np.maximum(toward[..., 2], 0)
+            )
             self.open_ground = (self.open_ground / np.pi).astype(np.float32)
             from_ground = 0.8 * ground.mean * self.open_ground
             small = np.where((endless & below)[..., None], from_ground, small)
@@ -421,7 +425,9 @@ def mirror_of(
 
 
 def fresnel(
-    straight: Float[np.ndarray, "n 3"], cosine: Float[np.ndarray, " n"], blur: Float[np.ndarray, " n"]
+    straight: Float[np.ndarray, "n 3"],
+    cosine: Float[np.ndarray, " n"],
+    blur: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n 3"]:
     """Reflectance by angle (Schlick 1994); rough surfaces gain less at grazing angles."""
     most = np.where(straight > 0, np.maximum(straight, (1 - blur)[:, None] * 0.7), 0)
@@ -458,7 +464,9 @@ def smooth(
             if guides is not None and offset:
                 mine, its = guides[at], guides[of]
                 same = np.einsum("hwd,hwd->hw", mine[..., :3], its[..., :3])
-                off = np.abs(np.einsum("hwd,hwd->hw", mine[..., :3], mine[..., 3:6] - its[..., 3:6]))
+                off = np.abs(
+                    np.einsum("hwd,hwd->hw", mine[..., :3], mine[..., 3:6] - its[..., 3:6])
+                )
                 part = part * np.clip(10 * same - 8.5, 0, 1) * (off < mine[..., 6] * step)
             total[at] += part[..., None] * result[of]
             weight[at] += part[..., None]
@@ -605,8 +613,7 @@ def develop(
     """
     height, width = weight.shape
     draw = {
-        f.name: float(rng.uniform(*getattr(settings, f.name)))
-        for f in dataclasses.fields(settings)
+        f.name: float(rng.uniform(*getattr(settings, f.name))) for f in dataclasses.fields(settings)
     }
     shift = 1 + 0.02 * rng.standard_normal(3)
     balance = (illuminant.mean() / np.maximum(illuminant, 1e-6)) ** draw["white_balance"] * shift
@@ -615,7 +622,8 @@ def develop(
     middle = np.exp((np.log(grey + 1e-4 * grey.max() + 1e-9) * weight).sum() / weight.sum())
     gain = 0.2 * 2 ** draw["exposure"] / middle
     # What is bright may be white, but not large parts of the picture.
-    gain = min(gain, 1.1 * 2 ** max(draw["exposure"], 0) / max(float(np.quantile(grey, 0.93)), 1e-9))
+    bright = max(float(np.quantile(grey, 0.93)), 1e-9)
+    gain = min(gain, 0.8 * 2 ** max(draw["exposure"], 0) / bright)
     values = values * np.float32(gain)
     values = np.clip(values, 0, _BRIGHTEST)
     if draw["vignette"] > 0:

@@ -381,9 +381,7 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
 class _Shade:
     """Colours of hits in linear light: that of the pixels' centres, and more where they differ."""
 
-    def __init__(
-        self, light: photo.Light, scene: Scene, picture: Picture, window: Window
-    ) -> None:
+    def __init__(self, light: photo.Light, scene: Scene, picture: Picture, window: Window) -> None:
         """Finds the light at the centres of the object's pixels."""
         self._light, self._scene = light, scene
         camera = scene.camera

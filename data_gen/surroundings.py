@@ -116,7 +116,9 @@ def outdoors(
             grid_mode=True,
         )  # fmt: skip
         result = result / max(float(result[height > 0].mean()), 1e-9)
-    cover = 1 / (1 + np.exp(-3 * (noise(rng, size, slope=1.7, stretch=(2, 1)) - rng.uniform(-1, 2))))
+    cover = 1 / (
+        1 + np.exp(-3 * (noise(rng, size, slope=1.7, stretch=(2, 1)) - rng.uniform(-1, 2)))
+    )
     cloud = np.clip(1.1 + 0.25 * noise(rng, size, slope=1.6), 0.3, 2)[..., None]
     veil = (cover * np.clip(degrees / 8, 0, 1))[..., None] * 0.9
     bright = result.mean(axis=-1, keepdims=True) > 4
@@ -227,7 +229,9 @@ def room(rng: np.random.Generator) -> Surroundings:
             low, high = floor + rng.uniform(0.8, 1.6), ceiling - rng.uniform(0.4, 1.5)
             for left in np.arange(-breadth + 0.7, breadth - wide, wide + rng.uniform(0.5, 3.0)):
                 part = rectangle(int(where), left, left + wide, low, high)
-                bar = (np.abs(along - left - wide / 2) < 0.06) | (np.abs(up - (low + high) / 2) < 0.06)
+                bar = (np.abs(along - left - wide / 2) < 0.06) | (
+                    np.abs(up - (low + high) / 2) < 0.06
+                )
                 view = np.clip((up - low) / (high - low), 0, 1)[..., None]
                 outside = tint * strength * (0.35 + 0.65 * np.clip(3 * view - 0.8, 0, 1))
                 result = np.where((part & ~bar)[..., None], outside, result)
@@ -238,9 +242,7 @@ def room(rng: np.random.Generator) -> Surroundings:
         warm = np.array([1.0, 0.88, 0.68]) ** rng.uniform(0.2, 1.3)
         inside = (wall == 4) & (np.hypot(place[..., 0] - x, place[..., 1] - y) < radius)
         result = np.where(inside[..., None], warm * rng.uniform(10, 40), result)
-    return Surroundings(
-        result.astype(np.float32), "room", Room(half, floor, ceiling, turn)
-    )
+    return Surroundings(result.astype(np.float32), "room", Room(half, floor, ceiling, turn))
 
 
 def studio(rng: np.random.Generator) -> Surroundings:
