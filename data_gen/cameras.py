@@ -224,7 +224,7 @@ def draw(
     def value(number: int, interval: Range) -> float:
         return float(interval[0] + (interval[1] - interval[0]) * unit[number])
 
-    parameters = {
+    parameters: dict[str, Any] = {
         name: value(number, getattr(settings, name))
         for number, name in enumerate(("azimuth", "elevation", "distance", "focal", "roll", "aim"))
     }
@@ -248,7 +248,7 @@ def _moved(
     settings: CameraSettings,
     turned: Float[np.ndarray, "n 3"],
     camera: Camera,
-    parameters: Mapping[str, float],
+    parameters: Mapping[str, Any],
 ) -> Camera:
     """The camera turned so that the object, in the view-aligned frame, is somewhere else."""
     pixels, _ = project(turned, camera)
@@ -261,7 +261,9 @@ def _moved(
     for _ in range(12):
         pan = np.arctan(shift / camera.intrinsics[0, 0])
         moved = make(
-            image_size=settings.image_size, **parameters, pan=(float(pan[0]), float(pan[1]))
+            image_size=settings.image_size,
+            pan=(float(pan[0]), float(pan[1])),
+            **parameters,
         )
         if in_frame(turned, moved).all():
             return moved

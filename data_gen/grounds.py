@@ -17,7 +17,8 @@ _TEXELS = 512
 
 # Grounds that fit surroundings, with weights.
 _FITTING = {
-    "room": {"wood": 4, "planks": 3, "tiles": 2, "carpet": 2, "cloth": 2, "paper": 1, "concrete": 1},
+    "room": {"wood": 4, "planks": 3, "tiles": 2, "carpet": 2, "cloth": 2, "paper": 1,
+             "concrete": 1},
     "studio": {"paper": 5, "wood": 2, "cloth": 1, "concrete": 1},
     "outdoors": {"asphalt": 3, "concrete": 3, "grass": 3, "tiles": 2, "planks": 1},
     "map": {"wood": 3, "concrete": 2, "asphalt": 2, "tiles": 2, "paper": 2, "grass": 1, "cloth": 1,
@@ -116,6 +117,13 @@ _WOODS = ((0.46, 0.28, 0.14), (0.32, 0.16, 0.07), (0.6, 0.44, 0.27), (0.16, 0.08
           (0.4, 0.3, 0.2), (0.5, 0.2, 0.09), (0.36, 0.33, 0.3))  # fmt: skip
 
 
+def _tone(rng: np.random.Generator, low: float, high: float, saturation: float) -> np.ndarray:
+    """A random colour, more often warm than cold, as what people lay on floors and tables is."""
+    colour = 1 + saturation * rng.uniform(-1, 1, 3)
+    colour *= np.array([1.1, 1.0, 0.88]) / colour.mean()
+    return np.clip(colour * rng.uniform(low, high), 0.02, 0.85)
+
+
 def _grain(rng: np.random.Generator, colour: np.ndarray) -> np.ndarray:
     """Wood whose grain runs across."""
     size = (_TEXELS, _TEXELS)
@@ -147,7 +155,7 @@ def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, fl
     if kind == "paper":
         colour = np.array([0.75, 0.75, 0.74])
         if rng.random() < 0.5:
-            colour = np.clip(rng.uniform(0.05, 0.8) * (1 + rng.uniform(-0.6, 0.6, 3)), 0.02, 0.85)
+            colour = _tone(rng, 0.05, 0.8, 0.5)
         return colour * (1 + 0.01 * noise(rng, size, slope=1.2)[..., None]), 3.0, 0.0
     if kind in ("wood", "planks"):
         colour = np.array(_WOODS[int(rng.integers(len(_WOODS)))]) * rng.uniform(0.7, 1.3)
@@ -167,7 +175,7 @@ def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, fl
         rows = int(rng.integers(3, 9))
         number, edge = _cells(rng, rows, rows if rng.random() < 0.7 else rows // 2 + 1,
                               rng.random() < 0.25)  # fmt: skip
-        colour = np.clip(rng.uniform(0.15, 0.7) * (1 + rng.uniform(-0.25, 0.25, 3)), 0.03, 0.8)
+        colour = _tone(rng, 0.15, 0.7, 0.15)
         shade = rng.uniform(0.88, 1.12, number.max() + 1)[number]
         if rng.random() < 0.25:  # a chequered floor
             shade = shade * np.where(
@@ -178,13 +186,13 @@ def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, fl
         line = np.clip(edge / rng.uniform(1.2, 3.5) - 0.5, 0, 1)[..., None]
         return body * line + grout * (1 - line), rng.uniform(2.5, 5), rng.choice([0.0, 0.03, 0.06])
     if kind == "carpet":
-        colour = np.clip(rng.uniform(0.06, 0.5) * (1 + rng.uniform(-0.5, 0.5, 3)), 0.02, 0.7)
+        colour = _tone(rng, 0.06, 0.5, 0.35)
         tufts = 1 + 0.22 * white[..., 0] + 0.12 * noise(rng, size, slope=1.3)
         if rng.random() < 0.5:  # a pattern
             y, x = np.mgrid[:_TEXELS, :_TEXELS] * (2 * np.pi / _TEXELS)
             a, b = rng.integers(2, 10, 2)
             wave = np.sin(a * x) * np.sin(b * y) if rng.random() < 0.5 else np.sin(a * x)
-            other = np.clip(rng.uniform(0.06, 0.6) * (1 + rng.uniform(-0.6, 0.6, 3)), 0.02, 0.7)
+            other = _tone(rng, 0.06, 0.6, 0.5)
             share = np.clip(4 * wave + 0.5, 0, 1)[..., None]
             colour = colour * share + other * (1 - share)
         return colour * np.clip(tufts, 0.3, 2)[..., None], rng.uniform(2, 4), 0.0
@@ -194,18 +202,19 @@ def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, fl
         weave = np.sin(x * threads * 2 * np.pi / _TEXELS) * np.sin(
             y * threads * 2 * np.pi / _TEXELS
         )
-        colour = np.clip(rng.uniform(0.15, 0.75) * (1 + rng.uniform(-0.4, 0.4, 3)), 0.03, 0.85)
+        colour = _tone(rng, 0.15, 0.75, 0.35)
         cloth = colour * np.ones((*size, 1))
         if rng.random() < 0.5:  # checks
             count = int(rng.integers(3, 10))
             band = (x * count * 2 // _TEXELS % 2 + y * count * 2 // _TEXELS % 2) / 2.0
-            other = np.clip(rng.uniform(0.1, 0.8) * (1 + rng.uniform(-0.6, 0.6, 3)), 0.03, 0.85)
+            other = _tone(rng, 0.1, 0.8, 0.5)
             cloth = cloth * (1 - band[..., None]) + other * band[..., None]
         shade = 1 + 0.08 * weave + 0.06 * noise(rng, size, slope=1.6)
         return cloth * shade[..., None], rng.uniform(1.2, 2.5), 0.0
     if kind == "concrete":
         colour = np.array([1.0, 0.97, 0.92]) * rng.uniform(0.15, 0.5)
-        shade = 1 + 0.1 * noise(rng, size, slope=1.3) + 0.05 * white[..., 0]
+        shade = 1 + 0.09 * noise(rng, size, slope=1.3) + 0.09 * noise(rng, size, slope=0.7)
+        shade = shade + 0.06 * white[..., 0]
         shade = shade - 0.2 * (noise(rng, size, slope=0.8) > 2.4)
         return colour * np.clip(shade, 0.3, 1.7)[..., None], rng.uniform(2, 5), 0.0
     if kind == "asphalt":

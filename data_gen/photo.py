@@ -5,8 +5,8 @@ in linear light until `develop`. Light is looked for from each pixel along a few
 kinds: toward the bright parts of the environment map, and spread as the surface reflects light;
 their results are weighted by the balance heuristic (Veach 1997). Sixteen patterns of rays take
 turns in blocks of 4 x 4 pixels, and a filter that keeps edges averages over such blocks, so that
-a pixel has the light of sixteen times as many rays. What other surfaces send is estimated from
-their colour and the light at their normal (one reflection).
+a pixel has the light of sixteen times as many rays. What other surfaces send is estimated once
+for each face, from its colour and the light that it gets.
 """
 
 import dataclasses
@@ -33,8 +33,12 @@ _LIGHT_SIZE = (64, 128)
 # meshes with smooth normals would shade themselves otherwise.
 _OFF = 0.002
 
-# Of the light that reaches a surface in the open, what reaches one that another surface sees.
-_SEEN_BY_OTHERS = 0.6
+# Of the light that reaches a surface in the open, what reaches one that another surface sees: a
+# first guess, with which the light on all faces is found.
+_SEEN_BY_OTHERS = 0.5
+
+# Faces that share their light lie in a cell of this part of the frame's unit.
+_CELLS = 10
 
 # Surfaces that light passes through at most, holes and glass.
 _LAYERS = 4
@@ -244,9 +248,9 @@ class Light:
             surfaces, np.arange(count), np.full((count, 3), 1 / 3, np.float32)
         )
         normals = surfaces.face_normals @ turn
-        colour = linear(colour) * np.float32(_SEEN_BY_OTHERS)
+        colour = linear(colour)
         self._normals = normals
-        self._glow = np.stack(
+        self._glow = np.float32(_SEEN_BY_OTHERS) * np.stack(
             [colour * self.in_the_open(normals), colour * self.in_the_open(-normals)], axis=1
         )
         # The light on the ground, coarse, for what sees the ground.
@@ -257,10 +261,25 @@ class Light:
             lit = self.gather(
                 places.reshape(-1, 3).astype(np.float32),
                 np.broadcast_to(np.array([0, 0, 1], np.float32), (33 * 33, 3)),
-                np.arange(33 * 33) % PATTERNS, far=True,
-            ).reshape(33, 33, 3)  # fmt: skip
+                np.arange(33 * 33) % PATTERNS,
+                far=True,
+            ).reshape(33, 33, 3)
             floor = scipy.ndimage.uniform_filter(lit, (3, 3, 1))
             self._floor = (floor * ground.mean).astype(np.float32)
+        self._glow = colour[:, None] * self._light_on_faces(surfaces.corners.mean(axis=1) @ turn)
+
+    def _light_on_faces(self, middles: Float[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 2 3"]:
+        """The light on both sides of faces; those that are near and alike share it."""
+        cells = np.floor((middles + 2) * np.float32(_CELLS)).astype(np.int64)
+        signs = (self._normals > 0) @ np.array([1, 2, 4])
+        key = ((cells[:, 0] * 1024 + cells[:, 1]) * 1024 + cells[:, 2]) * 8 + signs
+        _, some, which = np.unique(key, return_index=True, return_inverse=True)
+        pattern = np.arange(len(some)) % PATTERNS
+        sides = []
+        for sign in (1, -1):
+            normals = (sign * self._normals[some]).astype(np.float32)
+            sides.append(self.gather(middles[some], normals, pattern)[which])
+        return np.stack(sides, axis=1)
 
     def in_the_open(self, normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """The light on surfaces that nothing is in the way of, over pi."""

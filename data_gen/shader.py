@@ -388,30 +388,26 @@ class _Shade:
         self._size = (window.height + 2, window.width + 2)
         shape = (*self._size, 3)
         inner = (slice(1, -1), slice(1, -1))
-        self._mask = np.zeros(self._size, np.bool_)
-        self._normal, self._place = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        self._mask[inner] = picture.mask[window.slices]
-        self._normal[inner] = picture.normals[window.slices]
+        mask = np.zeros(self._size, np.bool_)
+        normal, place = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        mask[inner] = picture.mask[window.slices]
+        normal[inner] = picture.normals[window.slices]
         rows, columns = np.mgrid[window.slices]
         rays = _rays(camera, columns.ravel() + 0.5, rows.ravel() + 0.5)
         depth = picture.depth[window.slices].reshape(-1, 1)
-        place = camera.position.astype(np.float32) + rays * depth
-        self._place[inner] = place.reshape(window.height, window.width, 3)
+        seen = camera.position.astype(np.float32) + rays * depth
+        place[inner] = seen.reshape(window.height, window.width, 3)
         pixel = np.float32(camera.distance / camera.intrinsics[0, 0])
         self._near = 3 * pixel
-        at = np.nonzero(self._mask)
-        pattern = at[0] % 4 * 4 + at[1] % 4
+        at = np.nonzero(mask)
         found = np.zeros(shape, np.float32)
-        found[at] = light.gather(self._place[at], self._normal[at], pattern)
-        guides = np.concatenate(
-            [self._normal, self._place, np.full((*self._size, 1), 1.5 * pixel, np.float32)], axis=-1
-        )
+        found[at] = light.gather(place[at], normal[at], at[0] % 4 * 4 + at[1] % 4)
+        off = np.full((*self._size, 1), 1.5 * pixel, np.float32)
+        guides = np.concatenate([normal, place, off], axis=-1)
         for step in (1, 2):
-            found = photo.smooth(found, self._mask, guides, step=step)
-        self._found = found.reshape(-1, 3)
-        self._mask, self._normal, self._place = (
-            self._mask.ravel(), self._normal.reshape(-1, 3), self._place.reshape(-1, 3),
-        )  # fmt: skip
+            found = photo.smooth(found, mask, guides, step=step)
+        self._mask, self._found = mask.ravel(), found.reshape(-1, 3)
+        self._normal, self._place = normal.reshape(-1, 3), place.reshape(-1, 3)
         self.pixels: Int[np.ndarray, " n"] = np.zeros(0, np.int64)
         """The rays' pixels, as indices of the window grown by a pixel."""
 
@@ -602,6 +598,7 @@ def sunsky_map(
       turbidity: 1 (clear) to 10 (hazy).
       sun_elevation_degrees: of the sun above the horizon.
       albedo: of the ground.
+      size: of the map.
     """
     from data_gen import lights
 

@@ -281,24 +281,23 @@ def draw(
         light, radiance = lights.draw(rng, settings, maps)
         return light, Surroundings(radiance)
     what = float(rng.random())
-    sunsky = None if maps is None else maps[: lights.NUM_SUNSKY]
-    measured = None if maps is None else maps[lights.NUM_SUNSKY :]
-    if measured is not None and len(measured) and what < 0.4:
+    skies = () if maps is None else maps[: lights.NUM_SUNSKY]
+    measured = () if maps is None else maps[lights.NUM_SUNSKY :]
+    if len(measured) and what < 0.4:
         found = Surroundings(np.asarray(measured[int(rng.integers(len(measured)))], np.float32))
-        what = float("nan")
-    elif what < 0.6:
+    else:
         what = float(rng.random())
-    if what < 0.45:
-        found = room(rng)
-    elif what < 0.65:
-        found = studio(rng)
-    elif what == what:
-        clear = sunsky is not None and rng.random() < 0.5
-        found = outdoors(rng, sunsky[int(rng.integers(len(sunsky)))] if clear else None)  # type: ignore[index]
+        if what < 0.45:
+            found = room(rng)
+        elif what < 0.65:
+            found = studio(rng)
+        else:
+            clear = len(skies) and rng.random() < 0.5
+            found = outdoors(rng, skies[int(rng.integers(len(skies)))] if clear else None)
     radiance = found.radiance
     if found.room is None:
         radiance = lights.turned(radiance, float(rng.random()))
-    tint = 1 + rng.uniform(-0.07, 0.07, 3)
+    tint = 1 + rng.uniform(-0.05, 0.05, 3)
     found = dataclasses.replace(found, radiance=(radiance * tint).astype(np.float32))
     ambient = float(rng.uniform(*settings.ambient))
     exposure = float(rng.uniform(*settings.exposure))

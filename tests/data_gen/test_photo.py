@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from data_gen import (
-    cameras, config, grounds, lights, meshes, photo, scene, settings, surroundings, worker,
+    cameras,
+    config,
+    grounds,
+    lights,
+    meshes,
+    photo,
+    scene,
+    settings,
+    surroundings,
+    worker,
 )  # fmt: skip
 from data_gen.catalogues import Entry
 from data_gen.surroundings import Surroundings
@@ -150,6 +159,19 @@ def test_mixed_light_takes_from_all_sources():
     assert "map" not in without
 
 
+@pytest.mark.slow
+@needs_mitsuba
+def test_mixed_maps_are_skies_and_those_of_a_folder(tmp_path):
+    pixels = np.full((64, 128, 4), 128, np.uint8)  # 0.5 each, with an exponent of 128
+    head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 64 +X 128\n"
+    (tmp_path / "even.hdr").write_bytes(head + pixels.tobytes())
+    chosen = lights.LightSettings(source="mixed", folder=str(tmp_path))
+    maps = worker.load_maps(chosen, worker.Variant("scalar_rgb"))
+    assert maps.shape == (lights.NUM_SUNSKY + 1, *lights.DETAIL, 3)
+    np.testing.assert_allclose(maps[-1], 0.5, rtol=0.01)
+    assert maps[0].max() > 10 * maps[0].mean()
+
+
 # --- Light --------------------------------------------------------------------------------------
 
 
@@ -157,7 +179,7 @@ def box(half=0.4, height=0.8, colour=(0, 0, 0)):
     import trimesh
 
     solid = trimesh.creation.box((2 * half, 2 * half, height))
-    vertices = np.asarray(solid.vertices) + [0, 0, height / 2]
+    vertices = np.asarray(solid.vertices) + np.array([0, 0, height / 2])
     model = meshes.build(vertices, solid.faces, materials=[meshes.Material(diffuse=colour)])
     return scene.flatten(model)
 
