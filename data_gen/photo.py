@@ -5,7 +5,8 @@ in linear light until `develop`. Light is looked for from each pixel along a few
 kinds: toward the bright parts of the environment map, and spread as the surface reflects light;
 their results are weighted by the balance heuristic (Veach 1997). Sixteen patterns of rays take
 turns in blocks of 4 x 4 pixels, and a filter that keeps edges averages over such blocks, so that
-a pixel has the light of sixteen times as many rays. What other surfaces send is estimated once
+a pixel has the light of sixteen times as many rays; where nothing is in the way, there is no
+noise. What other surfaces send is estimated once
 for each face, from its colour and the light that it gets.
 """
 
@@ -28,6 +29,7 @@ PATTERNS = 16
 """Patterns of rays that take turns."""
 
 _LIGHT_SIZE = (64, 128)
+_TABLE = (17, 32)
 
 # Rays begin this far off the surface along the normal, and as far again along themselves: coarse
 # meshes with smooth normals would shade themselves otherwise.
@@ -66,7 +68,7 @@ class FilmSettings:
       grain: of the sensor: deviation at middle grey, 1 = white.
     """
 
-    exposure: Range = (-0.6, 0.7)
+    exposure: Range = (-0.6, 0.5)
     white_balance: Range = (0.6, 1.0)
     contrast: Range = (0.4, 1.0)
     saturation: Range = (0.9, 1.25)
@@ -126,16 +128,21 @@ def look_around(
     """A map's values in given directions (unit vectors), interpolated."""
     size = (radiance.shape[0], radiance.shape[1])
     row, column = _cell(direction, size)
-    row, column = np.clip(row - 0.5, 0, size[0] - 1), column - 0.5
-    top, left = np.floor(row).astype(np.int64), np.floor(column)
-    y, x = (row - top)[:, None], (column - left)[:, None]
-    low, high = top, np.minimum(top + 1, size[0] - 1)
-    left = left.astype(np.int64) % size[1]
-    right = (left + 1) % size[1]
-    return (
-        (radiance[low, left] * (1 - x) + radiance[low, right] * x) * (1 - y)
-        + (radiance[high, left] * (1 - x) + radiance[high, right] * x) * y
-    ).astype(np.float32)  # fmt: skip
+    return _between(radiance, np.clip(row - 0.5, 0, size[0] - 1), column - 0.5)
+
+
+def _between(values: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Values at places between the rows and columns of a map; columns go round."""
+    height, width = values.shape[:2]
+    low, left = np.floor(row).astype(np.int64), np.floor(column)
+    y, x = (row - low)[:, None], (column - left)[:, None]
+    high = np.minimum(low + 1, height - 1)
+    left = left.astype(np.int64) % width
+    right = (left + 1) % width
+    upper = values[low, left] * (1 - x) + values[low, right] * x
+    lower = values[high, left] * (1 - x) + values[high, right] * x
+    result: np.ndarray = (upper * (1 - y) + lower * y).astype(np.float32)
+    return result
 
 
 def _blurred(radiance: np.ndarray, radians: float) -> np.ndarray:
@@ -148,12 +155,21 @@ def _blurred(radiance: np.ndarray, radians: float) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=1)
-def _gathering() -> tuple[np.ndarray, np.ndarray]:
-    """Normals on a coarse map, and what they gather of each pixel of a light map, over pi."""
+def _gathering() -> np.ndarray:
+    """What surfaces gather of each pixel of a light map, over pi, by their normal.
+
+    The normals are those of the rows and columns of `_TABLE`, the first and last at the poles.
+    """
     toward = lights.directions_of(_LIGHT_SIZE).reshape(-1, 3)
-    normals = lights.directions_of((16, 32)).reshape(-1, 3)
+    polar = np.linspace(0, np.pi, _TABLE[0])[:, None]
+    around = (np.arange(_TABLE[1]) + 0.5) / _TABLE[1] * 2 * np.pi
+    normals = np.stack(
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around),
+         np.broadcast_to(np.cos(polar), _TABLE)], axis=-1,
+    )  # fmt: skip
     angles = lights.solid_angles(_LIGHT_SIZE).reshape(-1)
-    return normals, (np.maximum(normals @ toward.T, 0) * angles / np.pi).astype(np.float32)
+    gathered = np.maximum(normals.reshape(-1, 3) @ toward.T, 0) * angles / np.pi
+    return gathered.astype(np.float32)
 
 
 def _sides(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -191,7 +207,6 @@ class Light:
           rng: of the directions.
         """
         self._surfaces, self._ground, self._cast = surfaces, ground, cast
-        self.open_ground = np.zeros(3, np.float32)
         turn = rotation.T.astype(np.float32)
         corners = surfaces.vertices @ turn
         self._low, self._high = corners.min(axis=0) - 0.01, corners.max(axis=0) + 0.01
@@ -230,15 +245,14 @@ class Light:
             [matt[:: len(matt) // PATTERNS][:PATTERNS, :2], np.zeros((PATTERNS, 1))], axis=1
         ).astype(np.float32)
         # Tables: the light on surfaces in the open, by normal.
-        _, gathering = _gathering()
+        gathering = _gathering()
         if ground is not None:
-            self.open_ground = np.einsum(
-                "hwc,hw->c", open_sky, angles * np.maximum(toward[..., 2], 0)
-            )
-            self.open_ground = (self.open_ground / np.pi).astype(np.float32)
-            from_ground = 0.8 * ground.mean * self.open_ground
+            up = (angles * np.maximum(toward[..., 2], 0))[..., None]
+            from_ground = 0.8 * ground.mean * (open_sky * up).sum(axis=(0, 1)) / np.pi
             small = np.where((endless & below)[..., None], from_ground, small)
-        self._table = (gathering @ small.reshape(-1, 3)).astype(np.float32)
+        table = gathering @ small.reshape(-1, 3)
+        self._table = table.reshape(*_TABLE, 3).astype(np.float32)
+        self.open_ground = self.in_the_open(np.array([[0, 0, 1]], np.float32))[0]
         self._small = small.reshape(-1, 3).astype(np.float32)
         self._sharp = [whole.astype(np.float32)] + [
             _blurred(small, b).astype(np.float32) for b in _BLURS[1:]
@@ -283,8 +297,8 @@ class Light:
 
     def in_the_open(self, normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """The light on surfaces that nothing is in the way of, over pi."""
-        light: np.ndarray = self._table[_nearest(normals, (16, 32))]
-        return light
+        row, column = _cell(normals, (_TABLE[0] - 1, _TABLE[1]))
+        return _between(self._table, row, column - 0.5)
 
     def see(
         self,
@@ -394,13 +408,21 @@ class Light:
         point = use // rays
         cell = _nearest(along, _LIGHT_SIZE)
         start = (places + _OFF * normals)[point]
-        seen = self.see(start, along, self._small[cell], far=far)
+        distant = self._small[cell]
+        seen = self.see(start, along, distant, far=far)
         bright = self._bright.shape[1]
         density = bright * self._density[cell] + (rays - bright) * cosine / np.float32(np.pi)
-        seen *= (cosine / (np.float32(np.pi) * density))[:, None]
-        return np.stack(
-            [np.bincount(point, seen[:, k], minlength=count) for k in range(3)], axis=1
-        ).astype(np.float32)
+        weight = (cosine / (np.float32(np.pi) * density))[:, None]
+
+        def total(values: np.ndarray) -> np.ndarray:
+            values = values * weight
+            return np.stack(
+                [np.bincount(point, values[:, k], minlength=count) for k in range(3)], axis=1
+            )
+
+        # What a point in the open gets is known exactly: the rays tell the part that is left of it.
+        part = np.minimum(total(seen) / np.maximum(total(distant), 1e-12), 4)
+        return (self.in_the_open(normals) * part).astype(np.float32)
 
     def reflect(
         self,
@@ -584,10 +606,10 @@ def backdrop(
         rise = np.clip(along[:, 2:3] * 1.5, 0, 0.4)
         result = np.broadcast_to(wall, result.shape) * (1 - rise)
     elif not np.isfinite(ground.half).any():
-        haze = (1 - np.exp(-t / 90))[:, None]
-        level = along[down] * np.array([1, 1, 0], np.float32) + np.array([0, 0, 0.02], np.float32)
-        level /= np.linalg.norm(level, axis=1, keepdims=True)
-        value = value * (1 - haze) + haze * look_around(radiance, level)
+        haze = (1 - np.exp(-((t / 80) ** 2)))[:, None]
+        middle = len(radiance) // 2
+        level = np.median(radiance[middle - max(middle // 30, 1) : middle], axis=(0, 1))
+        value = value * (1 - haze) + haze * level
     result[down] += share[:, None] * (value - result[down])
     return result.reshape(height, width, 3)
 
@@ -642,7 +664,7 @@ def develop(
     gain = 0.2 * 2 ** draw["exposure"] / middle
     # What is bright may be white, but not large parts of the picture.
     bright = max(float(np.quantile(grey, 0.93)), 1e-9)
-    gain = min(gain, 0.8 * 2 ** max(draw["exposure"], 0) / bright)
+    gain = min(gain, 0.75 * 2 ** max(draw["exposure"], 0) / bright)
     values = values * np.float32(gain)
     values = np.clip(values, 0, _BRIGHTEST)
     if draw["vignette"] > 0:
