@@ -227,9 +227,9 @@ def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, fl
     blades = noise(rng, size, slope=0.5, stretch=(1, 3)) + noise(
         rng, size, slope=0.5, stretch=(3, 1)
     )
-    colour = np.array([0.13, 0.19, 0.045]) * rng.uniform(0.6, 1.5)
-    dry = np.clip(0.5 * noise(rng, size, slope=1.2) + rng.uniform(-0.3, 0.6), 0, 1)[..., None]
-    colour = colour * (1 - dry) + dry * np.array([0.26, 0.22, 0.1])
+    colour = np.array([0.12, 0.16, 0.055]) * rng.uniform(0.5, 1.3)
+    dry = np.clip(0.5 * noise(rng, size, slope=1.2) + rng.uniform(-0.6, 0.4), 0, 0.7)[..., None]
+    colour = colour * (1 - dry) + dry * np.array([0.2, 0.18, 0.1])
     shade = np.clip(1 + 0.3 * blades + 0.15 * noise(rng, size, slope=1.2), 0.15, 2.4)
     return colour * shade[..., None], rng.uniform(1.5, 3.5), 0.0
 

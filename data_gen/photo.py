@@ -6,8 +6,8 @@ kinds: toward the bright parts of the environment map, and spread as the surface
 their results are weighted by the balance heuristic (Veach 1997). Sixteen patterns of rays take
 turns in blocks of 4 x 4 pixels, and a filter that keeps edges averages over such blocks, so that
 a pixel has the light of sixteen times as many rays; where nothing is in the way, there is no
-noise. What other surfaces send is estimated once
-for each face, from its colour and the light that it gets.
+noise. What other surfaces send is estimated once for each face, from its colour and the light that
+it gets.
 """
 
 import dataclasses
@@ -70,7 +70,7 @@ class FilmSettings:
 
     exposure: Range = (-0.6, 0.5)
     white_balance: Range = (0.6, 1.0)
-    contrast: Range = (0.4, 1.0)
+    contrast: Range = (0.5, 1.0)
     saturation: Range = (0.9, 1.25)
     vignette: Range = (0.0, 0.25)
     blur: Range = (0.3, 0.6)
@@ -105,7 +105,8 @@ class RayHits(NamedTuple):
 
 def linear(display: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
     """Reflectances from colours as they are displayed; no surface is quite black or white."""
-    return np.clip(np.maximum(display, 0) ** np.float32(2.2), 0.015, 0.87).astype(np.float32)
+    value = np.float32(0.82) * np.maximum(display, 0) ** np.float32(2.2)
+    return np.maximum(value, np.float32(0.015)).astype(np.float32)
 
 
 def _cell(direction: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
