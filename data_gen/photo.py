@@ -70,7 +70,7 @@ class FilmSettings:
 
     exposure: Range = (-0.6, 0.5)
     white_balance: Range = (0.6, 1.0)
-    contrast: Range = (0.5, 1.0)
+    contrast: Range = (0.7, 1.0)
     saturation: Range = (0.9, 1.25)
     vignette: Range = (0.0, 0.25)
     blur: Range = (0.3, 0.6)
