@@ -181,7 +181,10 @@ def _check_effects(options: settings.Settings, given: Collection[str]) -> None:
     """Raises ValueError for a flag that was given and has no effect with the others."""
     if _SEED.present and not _SAMPLE.value:
         raise ValueError(f"--seed={_SEED.value}: it has no effect without --sample")
+    no_photo = options.image.shading != "photo" and "without image.shading=photo"
     idle = {
+        **{name: no_photo for name in given if name.startswith("film.")},
+        "image.rays": no_photo,
         "image.path_samples": options.image.shading != "path" and "without image.shading=path",
         "job.workers": bool(_SCHEDULER.value) and "with --scheduler, whose workers' threads render",
     }
