@@ -114,6 +114,7 @@ class Kit:
         self.azimuth: tuple[tuple[float, float], ...] = EVERYWHERE
         self._parts: list[_Part] = []
         self._materials: list[Material] = []
+        self._named: dict[str, Material] = {}
 
     def add(self, material: Material, *parts: Solid, uv: UVMapping | None = None) -> None:
         """Adds parts of one material.
@@ -132,6 +133,27 @@ class Kit:
     def move_from(self, start: int, y: float) -> None:
         """Moves the parts from number `start` on along y."""
         self._parts[start:] = [p._replace(solid=p.solid.at(y=y)) for p in self._parts[start:]]
+
+    def turn_all(self, axis: str, degrees: float) -> None:
+        """Turns the whole model so far; see `Solid.turned`."""
+        self._parts = [p._replace(solid=p.solid.turned(axis, degrees)) for p in self._parts]
+
+    def take(self, other: "Kit", place: Callable[[Solid], Solid]) -> None:
+        """Adds the parts of another model, each moved by `place`."""
+        for part in other._parts:
+            self.add(other._materials[part.material], place(part.solid), uv=part.uv)
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """The least and the greatest coordinates so far."""
+        corners = [f(p.solid.vertices, axis=0) for f in (np.min, np.max) for p in self._parts]
+        half = len(self._parts)
+        return np.min(corners[:half], axis=0), np.max(corners[half:], axis=0)
+
+    def once(self, name: str, make: Callable[[np.random.Generator], Material]) -> Material:
+        """A material drawn at the first call and the same at all later ones with this name."""
+        if name not in self._named:
+            self._named[name] = make(self.rng)
+        return self._named[name]
 
     @property
     def num_parts(self) -> int:
