@@ -1,4 +1,4 @@
-"""Parametric families: the 13 categories of the paper's table and others; endless, seeded, no files.
+"""Parametric families: the 13 categories of the paper's table, and more; endless, seeded, no files.
 
 `generate(category, seed)` makes a model of several parts and materials, its front toward +x. Each
 family has several sub-types with random proportions, parts and colours.
@@ -116,7 +116,7 @@ def generate(
         or outside of its range.
     """
     inner = seed if hidden_seed is None else hidden_seed
-    kit = _built(category, seed, inner, hidden or {})
+    kit = kit_of(category, seed, inner, hidden)
     name = f"{category}-{seed}" + ("" if hidden_seed is None else f"-h{hidden_seed}")
     name += "-set" if hidden else ""
     return kit.model(category, name, {"seed": seed, "hidden_seed": inner})
@@ -129,7 +129,14 @@ def _number(category: str) -> int:
     return 1 << 32 | zlib.crc32(category.encode())
 
 
-def _built(category: str, seed: int, hidden_seed: int, hidden: Mapping[str, float]) -> Kit:
+def kit_of(
+    category: str,
+    seed: int,
+    hidden_seed: int = 0,
+    hidden: Mapping[str, float] | None = None,
+) -> Kit:
+    """The parts of a model before they are put together; see `generate`."""
+    hidden = hidden or {}
     if category not in _ALL:
         raise ValueError(f"category {category!r}: expected one of {list(_ALL)}")
     for name, value in (("seed", seed), ("hidden_seed", hidden_seed)):
@@ -182,7 +189,7 @@ def hidden_ranges(model: str | catalogues.Entry | Model) -> dict[str, HiddenRang
       ValueError: it is no name of a procedural model.
     """
     category, seed = parse_id(model)
-    return dict(_built(category, seed, seed, {}).ranges)
+    return dict(kit_of(category, seed, seed).ranges)
 
 
 def redraw_hidden(

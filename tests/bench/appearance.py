@@ -88,7 +88,8 @@ def of_folder(folder: str, split: str, limit: int) -> tuple[Appearance, int]:
     each = []
     for i in chosen:
         sample = reader.stored(int(i), ("image", "mask"))
-        assert sample.image is not None and sample.mask is not None
+        assert sample.image is not None
+        assert sample.mask is not None
         one = appearance(sample.image, sample.mask)
         each += [] if one is None else [one]
     mean = Appearance(*(np.mean(values, axis=0) for values in zip(*each, strict=True)))

@@ -33,8 +33,22 @@ def _windows(
 
 def building(kit: Kit) -> None:
     """Gabled and hipped houses, tower blocks, church, barn, castle, windmill, lighthouse, hut."""
-    kind = kit.choose("subtype", "house", "house", "hipped", "block", "skyscraper", "stepped", "church",
-                      "barn", "castle", "windmill", "lighthouse", "temple", "modern")  # fmt: skip
+    kind = kit.choose(
+        "subtype",
+        "house",
+        "house",
+        "hipped",
+        "block",
+        "skyscraper",
+        "stepped",
+        "church",
+        "barn",
+        "castle",
+        "windmill",
+        "lighthouse",
+        "temple",
+        "modern",
+    )
     rng = kit.rng
     wall, roof = materials.masonry(rng), materials.roofing(rng)
     frame = pick(rng, (lacquer, wood))(rng)
@@ -50,13 +64,13 @@ def building(kit: Kit) -> None:
         over = kit.uniform("eaves", 0.1, 0.3)
         if kind == "hipped":
             ridge = max(x - y, 0.1) if x > y else 0.3
-            a, b = (
-                np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2,
-                np.array([x + 2 * over, y + 2 * over]),
-            )
+            square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2
+            eaves = square * [x + 2 * over, y + 2 * over]
             kit.add(
                 roof,
-                stack([(a * b, top), (a * b, top + 0.05), (a * [ridge, 0.12], top + rise + 0.1)]),
+                stack(
+                    [(eaves, top), (eaves, top + 0.05), (square * [ridge, 0.12], top + rise + 0.1)]
+                ),
             )
         else:
             sides = shapes.gable(x, y, rise, over, 0.1)
@@ -97,18 +111,22 @@ def building(kit: Kit) -> None:
         ] * kit.uniform("height", 0.8, 1.4)
         levels = 1 if kind in ("block", "skyscraper") else kit.choose("levels", 2, 3, 4)
         low, wide = 0.0, 1.0
-        for level in range(levels):
+        for _ in range(levels):
             tall = height / levels
             a, b = wide * x, wide * y
             shift = (
                 (rng.uniform(-0.3, 0.3) * x, rng.uniform(-0.3, 0.3) * y)
                 if kind == "modern"
-                else (0, 0)
+                else (0.0, 0.0)
             )
             turns = max(round(b / 2.4), 1), max(round(tall / 2.4), 1)
-            face = materials.facade(rng, style, turns) if level == 0 or kind == "modern" else face
-            kit.add(face, box(a, b, tall).at(*shift, low + tall / 2), uv=Fitted(turns))
-            kit.add(frame, box(1.04 * a, 1.04 * b, 0.12).at(*shift, low + tall + 0.05))
+            face = (
+                materials.facade(rng, style, turns)
+                if kind == "modern"
+                else kit.once("face", lambda r: materials.facade(r, style, (1.0, 1.0)))
+            )
+            kit.add(face, box(a, b, tall).at(shift[0], shift[1], low + tall / 2), uv=Fitted(turns))
+            kit.add(frame, box(1.04 * a, 1.04 * b, 0.12).at(shift[0], shift[1], low + tall + 0.05))
             low, wide = (
                 low + tall,
                 wide * (kit.uniform("step", 0.6, 0.85) if kind == "stepped" else 1),
@@ -171,8 +189,11 @@ def building(kit: Kit) -> None:
     elif kind in ("windmill", "lighthouse"):
         r, high = kit.uniform("radius", 0.8, 1.2), kit.uniform("height", 3.5, 6.0)
         bands = materials.pictured(
-            materials.textures.pattern("stripes", 3, [(0.9,) * 3, (0.65, 0.12, 0.1), (0.9,) * 3, (0.2,) * 3]),
-            Wrapped((2, 1.0)))  # fmt: skip
+            materials.textures.pattern(
+                "stripes", 3, [(0.9,) * 3, (0.65, 0.12, 0.1), (0.9,) * 3, (0.2,) * 3]
+            ),
+            Wrapped((2, 1.0)),
+        )
         tower = bands if kind == "lighthouse" and rng.random() < 0.3 else wall
         kit.add(tower, lathe([(r, 0), (0.85 * r, 0.4 * high), (0.65 * r, high)], 28))
         if kind == "windmill":

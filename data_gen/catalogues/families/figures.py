@@ -5,7 +5,7 @@ import numpy as np
 from data_gen.catalogues.families import materials, shapes
 from data_gen.catalogues.families.kit import BLACK, Kit, fabric, metal, paint, pick, wood
 from data_gen.catalogues.families.materials import Material
-from data_gen.catalogues.solids import Solid, ball, box, cylinder, lathe, pillow, rod
+from data_gen.catalogues.solids import Solid, ball, box, cylinder, lathe, pillow, prism, rod
 
 _SKIN = (
     (0.85, 0.64, 0.52),
@@ -29,7 +29,7 @@ def _cloth(kit: Kit) -> Material:
 
 
 def figure(kit: Kit) -> None:
-    """A person who stands, walks, runs, sits, waves or aims; a robot; a statue; in a skirt or coat."""
+    """A person who stands, walks, runs, sits, waves or aims; a robot; a statue."""
     kind = kit.choose(
         "subtype",
         "standing",
@@ -64,9 +64,14 @@ def figure(kit: Kit) -> None:
     neck = hip + 0.34 * h
     skirt = kit.chance("skirt", 0.25) and kind != "sitting"
 
-    torso = [(hip - 0.05, 0.16 * build, 0.28 * build), (hip + 0.05, 0.22 * build, 0.34 * build),
-             (hip + 0.14, 0.19 * build, 0.29 * build), (hip + 0.23 * h, 0.23 * build, wide * 0.86),
-             (neck - 0.03, 0.17 * build, wide * 0.8), (neck + 0.03, 0.1, 0.12)]  # fmt: skip
+    torso = [
+        (hip - 0.05, 0.16 * build, 0.28 * build),
+        (hip + 0.05, 0.22 * build, 0.34 * build),
+        (hip + 0.14, 0.19 * build, 0.29 * build),
+        (hip + 0.23 * h, 0.23 * build, wide * 0.86),
+        (neck - 0.03, 0.17 * build, wide * 0.8),
+        (neck + 0.03, 0.1, 0.12),
+    ]
     kit.add(shirt, shapes.upright(torso, 20))
     if kit.chance("coat", 0.3):
         long = kit.uniform("coat_length", 0.15, 0.5) * hip
@@ -109,25 +114,37 @@ def figure(kit: Kit) -> None:
             foot = np.array(
                 [s * stride, y * 1.3, 0.05 + (0.25 if kind == "running" and s < 0 else 0)]
             )
-            knee = (np.array([0, y, hip]) + foot) / 2 + [0.04 + 0.5 * stride, 0, 0]
+            knee = (np.array([0, y, hip]) + foot) / 2 + np.array([0.04 + 0.5 * stride, 0, 0])
         top = np.array([0, y, hip + 0.02])
         bare = skirt
-        kit.add(skin if bare else trousers, shapes.swept([top, (top + knee) / 2, knee, (knee + foot) / 2, foot],
-                [0.09 * build, 0.085 * build, 0.06 * build, 0.055 * build, 0.045 * build], 12))  # fmt: skip
+        kit.add(
+            skin if bare else trousers,
+            shapes.swept(
+                [top, (top + knee) / 2, knee, (knee + foot) / 2, foot],
+                [0.09 * build, 0.085 * build, 0.06 * build, 0.055 * build, 0.045 * build],
+                12,
+            ),
+        )
         kit.add(
             shoes, pillow(0.27, 0.1, 0.09, 0.04, 2).at(foot[0] + 0.06, foot[1], foot[2] - 0.005)
         )
         shoulder = np.array([0, s * wide * 0.46, neck - 0.06])
         swing = -s * stride * 0.9
-        hand = shoulder + [swing + 0.05, s * rng.uniform(0.05, 0.2), -0.55]
+        hand = shoulder + np.array([swing + 0.05, s * rng.uniform(0.05, 0.2), -0.55])
         elbow = (shoulder + hand) / 2 + [-0.05, s * 0.04, 0]
         if kind == "waving" and s > 0:
-            elbow, hand = shoulder + [0.02, 0.25, 0.05], shoulder + [0.05, 0.3, 0.4]
+            elbow, hand = (
+                shoulder + np.array([0.02, 0.25, 0.05]),
+                shoulder + np.array([0.05, 0.3, 0.4]),
+            )
         elif kind == "aiming":
-            hand = shoulder + [0.42 + 0.1 * s, -s * wide * 0.4, 0.02]
-            elbow = (shoulder + hand) / 2 + [0, s * 0.1, -0.12]
+            hand = shoulder + np.array([0.42 + 0.1 * s, -s * wide * 0.4, 0.02])
+            elbow = (shoulder + hand) / 2 + np.array([0, s * 0.1, -0.12])
         elif kind == "sitting":
-            hand, elbow = np.array([0.32, s * 0.14, hip + 0.1]), shoulder + [-0.02, s * 0.08, -0.28]
+            hand, elbow = (
+                np.array([0.32, s * 0.14, hip + 0.1]),
+                shoulder + np.array([-0.02, s * 0.08, -0.28]),
+            )
         sleeve = (
             shirt if not kit.visible.setdefault("bare_arms", bool(rng.random() < 0.3)) else skin
         )
@@ -137,13 +154,21 @@ def figure(kit: Kit) -> None:
         kit.add(
             skin,
             ball(0.1, 0.07, 0.11, 10).at(
-                *(hand + [0.01, 0, -0.04 if kind != "waving" or s < 0 else 0.05])
+                *(hand + np.array([0.01, 0, -0.04 if kind != "waving" or s < 0 else 0.05]))
             ),
         )
     if skirt:
         low = kit.uniform("skirt_length", 0.05, 0.5) * hip
-        kit.add(trousers, shapes.upright([(low, 0.4, 0.46), (hip - 0.05, 0.26 * build, 0.37 * build),
-                                          (hip + 0.1, 0.2 * build, 0.3 * build)]))  # fmt: skip
+        kit.add(
+            trousers,
+            shapes.upright(
+                [
+                    (low, 0.4, 0.46),
+                    (hip - 0.05, 0.26 * build, 0.37 * build),
+                    (hip + 0.1, 0.2 * build, 0.3 * build),
+                ]
+            ),
+        )
     if kind == "sitting":
         seat = pick(rng, (wood, materials.stone, fabric))(rng)
         kit.add(seat, box(0.42, 0.5, hip - 0.1, 0.02).at(0.03, 0, (hip - 0.1) / 2))
@@ -151,12 +176,17 @@ def figure(kit: Kit) -> None:
             kit.add(seat, box(0.06, 0.5, hip + 0.5, 0.02).at(-0.2, 0, (hip + 0.5) / 2))
     if kind == "aiming":
         z = neck - 0.03
-        kit.add(BLACK, box(0.75, 0.04, 0.08, 0.01).at(0.45, 0, z), rod((0.5, 0, z), (1.05, 0, z + 0.01), 0.014),
-                box(0.05, 0.03, 0.16).at(0.5, 0, z - 0.1))  # fmt: skip
+        kit.add(
+            BLACK,
+            box(0.75, 0.04, 0.08, 0.01).at(0.45, 0, z),
+            rod((0.5, 0, z), (1.05, 0, z + 0.01), 0.014),
+            box(0.05, 0.03, 0.16).at(0.5, 0, z - 0.1),
+        )
     if kit.chance("backpack", 0.2):
         kit.add(_cloth(kit), pillow(0.18, 0.3, 0.42, 0.07).at(-0.19, 0, neck - 0.22))
     if kind == "statue" or kit.chance("base", 0.15):
-        kit.add(materials.stone(rng), box(0.9, 0.8, kit.uniform("base", 0.05, 0.6)).at(z=-0.3))
+        high = kit.uniform("base_height", 0.05, 0.6)
+        kit.add(materials.stone(rng), box(0.9, 0.8, high).at(z=-high / 2))
 
 
 def _robot(kit: Kit) -> None:
@@ -182,8 +212,18 @@ def _robot(kit: Kit) -> None:
         y = s * (wide / 2 + 0.09)
         kit.add(joint, ball(0.2, 0.2, 0.2, 12).at(0, y, leg + 0.88 * body))
         bend = rng.uniform(-0.1, 0.5)
-        kit.add(shell, shapes.swept([(0, y, leg + 0.85 * body), (0, y * 1.1, leg + 0.4 * body), (bend, y * 1.1, leg + 0.1)],
-                                    [0.07, 0.07, 0.09], 10))  # fmt: skip
+        kit.add(
+            shell,
+            shapes.swept(
+                [
+                    (0, y, leg + 0.85 * body),
+                    (0, y * 1.1, leg + 0.4 * body),
+                    (bend, y * 1.1, leg + 0.1),
+                ],
+                [0.07, 0.07, 0.09],
+                10,
+            ),
+        )
         kit.add(trim, box(0.16, 0.06, 0.2, 0.02).at(bend, y * 1.1, leg))
         kit.add(joint, cylinder(0.07, leg, 12).at(0, s * 0.28 * wide, leg / 2))
         kit.add(shell, box(0.45, 0.3 * wide, 0.14, 0.03).at(0.06, s * 0.28 * wide, 0.07))
@@ -191,8 +231,20 @@ def _robot(kit: Kit) -> None:
 
 def animal(kit: Kit) -> None:
     """Dog, horse, cow, giraffe, elephant, bird, penguin, fish, dinosaur, tortoise, insect."""
-    kind = kit.choose("subtype", "dog", "horse", "cow", "giraffe", "elephant", "bird", "penguin", "fish",
-                      "dinosaur", "tortoise", "insect")  # fmt: skip
+    kind = kit.choose(
+        "subtype",
+        "dog",
+        "horse",
+        "cow",
+        "giraffe",
+        "elephant",
+        "bird",
+        "penguin",
+        "fish",
+        "dinosaur",
+        "tortoise",
+        "insect",
+    )
     rng = kit.rng
     coat = materials.fur(rng)
     if kind in ("dog", "horse", "cow", "giraffe", "elephant"):
@@ -200,13 +252,42 @@ def animal(kit: Kit) -> None:
     elif kind == "dinosaur":
         skin = pick(rng, (materials.camouflage, materials.leaf, materials.hide))(rng)
         t = kit.uniform("tail", 0.9, 1.4)
-        kit.add(skin, shapes.trunk([(-t, 0.75, 0.05, 0.05), (-0.5, 0.82, 0.2, 0.24), (0, 0.85, 0.42, 0.5),
-                                    (0.35, 1.0, 0.3, 0.36), (0.55, 1.25, 0.2, 0.24)]))  # fmt: skip
-        kit.add(skin, shapes.trunk([(0.42, 1.28, 0.16, 0.2), (0.6, 1.34, 0.24, 0.28), (0.8, 1.28, 0.19, 0.2),
-                                    (0.98, 1.24, 0.12, 0.1)]))  # fmt: skip
+        kit.add(
+            skin,
+            shapes.trunk(
+                [
+                    (-t, 0.75, 0.05, 0.05),
+                    (-0.5, 0.82, 0.2, 0.24),
+                    (0, 0.85, 0.42, 0.5),
+                    (0.35, 1.0, 0.3, 0.36),
+                    (0.55, 1.25, 0.2, 0.24),
+                ]
+            ),
+        )
+        kit.add(
+            skin,
+            shapes.trunk(
+                [
+                    (0.42, 1.28, 0.16, 0.2),
+                    (0.6, 1.34, 0.24, 0.28),
+                    (0.8, 1.28, 0.19, 0.2),
+                    (0.98, 1.24, 0.12, 0.1),
+                ]
+            ),
+        )
         for s in (-1, 1):
-            kit.add(skin, shapes.swept([(0, s * 0.17, 0.85), (0.18, s * 0.2, 0.5), (-0.05, s * 0.2, 0.25), (0.05, s * 0.2, 0.02)],
-                                       [0.17, 0.12, 0.06, 0.06]))  # fmt: skip
+            kit.add(
+                skin,
+                shapes.swept(
+                    [
+                        (0, s * 0.17, 0.85),
+                        (0.18, s * 0.2, 0.5),
+                        (-0.05, s * 0.2, 0.25),
+                        (0.05, s * 0.2, 0.02),
+                    ],
+                    [0.17, 0.12, 0.06, 0.06],
+                ),
+            )
             kit.add(skin, box(0.26, 0.14, 0.05, 0.02).at(0.12, s * 0.2, 0.02))
             kit.add(
                 skin,
@@ -218,13 +299,26 @@ def animal(kit: Kit) -> None:
     elif kind == "fish":
         d, w = kit.uniform("depth", 0.3, 0.6), kit.uniform("width", 0.12, 0.3)
         z = 0.45
-        kit.add(coat if rng.random() < 0.3 else materials.fabric(rng), shapes.trunk([
-            (0.6, z, 0.03, 0.05), (0.45, z, w * 0.7, d * 0.6), (0.1, z, w, d), (-0.3, z, w * 0.6, d * 0.5),
-            (-0.55, z, 0.04, 0.1)], 20))  # fmt: skip
+        kit.add(
+            coat if rng.random() < 0.3 else materials.fabric(rng),
+            shapes.trunk(
+                [
+                    (0.6, z, 0.03, 0.05),
+                    (0.45, z, w * 0.7, d * 0.6),
+                    (0.1, z, w, d),
+                    (-0.3, z, w * 0.6, d * 0.5),
+                    (-0.55, z, 0.04, 0.1),
+                ],
+                20,
+            ),
+        )
         fin = materials.lacquer(rng)
         tail = [(-0.5, z), (-0.8, z + 0.5 * d), (-0.72, z), (-0.8, z - 0.5 * d)]
-        for outline in (tail, [(0.2, z + 0.4 * d), (-0.05, z + 0.75 * d), (-0.25, z + 0.3 * d)],
-                        [(0.0, z - 0.4 * d), (-0.2, z - 0.65 * d), (-0.2, z - 0.25 * d)]):  # fmt: skip
+        for outline in (
+            tail,
+            [(0.2, z + 0.4 * d), (-0.05, z + 0.75 * d), (-0.25, z + 0.3 * d)],
+            [(0.0, z - 0.4 * d), (-0.2, z - 0.65 * d), (-0.2, z - 0.25 * d)],
+        ):
             kit.add(fin, Solid(*_flat(outline, 0.02)))
         kit.both(BLACK, ball(0.05, 0.03, 0.05, 8).at(0.46, 0.33 * w, z + 0.08 * d))
     elif kind in ("bird", "penguin"):
@@ -248,8 +342,18 @@ def animal(kit: Kit) -> None:
             )
             head = (0.06, 0.0, 0.9)
         else:
-            kit.add(coat, shapes.trunk([(-0.55, 0.5, 0.16, 0.03), (-0.3, 0.48, 0.14, 0.12), (0, 0.5, 0.28, 0.3), (0.2, 0.62, 0.2, 0.24),
-                                        (0.32, 0.76, 0.1, 0.1)]))  # fmt: skip
+            kit.add(
+                coat,
+                shapes.trunk(
+                    [
+                        (-0.55, 0.5, 0.16, 0.03),
+                        (-0.3, 0.48, 0.14, 0.12),
+                        (0, 0.5, 0.28, 0.3),
+                        (0.2, 0.62, 0.2, 0.24),
+                        (0.32, 0.76, 0.1, 0.1),
+                    ]
+                ),
+            )
             head = (0.3, 0.0, 0.78)
             kit.add(coat, ball(0.2, 0.17, 0.18, 14).at(*head))
         bill = Material((0.8, 0.5, 0.12), name="bill")
@@ -263,14 +367,25 @@ def animal(kit: Kit) -> None:
                 part = Solid(*_flat(wing, 0.03)).turned("x", 90).at(0, 0.1, 0.56)
                 kit.add(coat, part if s < 0 else part.mirrored())
             else:
-                kit.add(coat, ball(0.5 if not up else 0.16, 0.05, 0.2 if not up else 0.5, 12)
-                        .turned("x", -12 * s if up else 0).at(-0.08 + 0.08 * up, s * (0.14 + 0.08 * up), 0.52))  # fmt: skip
-            kit.add(bill, rod((0.02, s * 0.07, 0.4 * (not up) + 0.02), (0.04, s * 0.08, 0.01), 0.018, 6),
-                    box(0.16, 0.08, 0.02).at(0.08, s * 0.09, 0.01))  # fmt: skip
+                kit.add(
+                    coat,
+                    ball(0.5 if not up else 0.16, 0.05, 0.2 if not up else 0.5, 12)
+                    .turned("x", -12 * s if up else 0)
+                    .at(-0.08 + 0.08 * up, s * (0.14 + 0.08 * up), 0.52),
+                )
+            kit.add(
+                bill,
+                rod((0.02, s * 0.07, 0.4 * (not up) + 0.02), (0.04, s * 0.08, 0.01), 0.018, 6),
+                box(0.16, 0.08, 0.02).at(0.08, s * 0.09, 0.01),
+            )
             kit.add(BLACK, ball(0.03, 0.03, 0.03, 8).at(head[0] + 0.05, s * 0.075, head[2] + 0.04))
     elif kind == "tortoise":
-        shell = materials.shaded((0.35, 0.28, 0.15), materials.textures.stone("cobbles", int(rng.integers(8))),
-                                 materials.Tiled(1.3), 0.2)  # fmt: skip
+        shell = materials.shaded(
+            (0.35, 0.28, 0.15),
+            materials.textures.stone("cobbles", int(rng.integers(8))),
+            materials.Tiled(1.3),
+            0.2,
+        )
         kit.add(
             shell,
             ball(1.0, 0.8, 0.6, 24)
@@ -291,16 +406,26 @@ def animal(kit: Kit) -> None:
                 ),
             )
     else:
-        shell = paint(rng)
+        armour = paint(rng)
         kit.add(
-            shell,
+            armour,
             ball(0.6, 0.4, 0.34, 20).at(-0.3, 0, 0.35),
             ball(0.3, 0.28, 0.26, 16).at(0.1, 0, 0.35),
         )
         kit.add(BLACK, ball(0.22, 0.24, 0.2, 14).at(0.32, 0, 0.36))
         for k in (-0.1, 0.08, 0.22):
-            kit.both(BLACK, shapes.swept([(k, 0.1, 0.3), (k + 0.3 * (k - 0.08), 0.4, 0.45), (k + 1.2 * (k - 0.08), 0.65, 0.0)],
-                                         [0.025, 0.022, 0.012], 6))  # fmt: skip
+            kit.both(
+                BLACK,
+                shapes.swept(
+                    [
+                        (k, 0.1, 0.3),
+                        (k + 0.3 * (k - 0.08), 0.4, 0.45),
+                        (k + 1.2 * (k - 0.08), 0.65, 0.0),
+                    ],
+                    [0.025, 0.022, 0.012],
+                    6,
+                ),
+            )
         kit.both(
             BLACK,
             shapes.swept(
@@ -310,8 +435,6 @@ def animal(kit: Kit) -> None:
 
 
 def _flat(outline: list[tuple[float, float]], thick: float) -> tuple[np.ndarray, np.ndarray]:
-    from data_gen.catalogues.solids import prism
-
     return prism(outline, thick)
 
 
@@ -323,7 +446,7 @@ def _quadruped(kit: Kit, kind: str, coat: Material) -> None:
         "cow": (1.3, 0.7, 0.6, 0.3, 0.38),
         "giraffe": (1.1, 1.3, 0.5, 1.5, 0.35),
         "elephant": (1.6, 1.0, 1.0, 0.25, 0.6),
-    }[kind]  # fmt: skip
+    }[kind]
     long, leg, deep = (
         v * kit.uniform(n, 0.85, 1.15) for n, v in (("length", long), ("leg", leg), ("girth", deep))
     )
@@ -333,27 +456,43 @@ def _quadruped(kit: Kit, kind: str, coat: Material) -> None:
         coat = materials.shaded(
             (0.42, 0.41, 0.4), materials.textures.leather("grained", 1), materials.Tiled(1.0)
         )
-    kit.add(coat, shapes.trunk([(-0.55 * long, z + 0.1 * deep, 0.2 * wide, 0.3 * deep), (-0.42 * long, z, 0.9 * wide, 0.85 * deep),
-                                (0, z - 0.03, wide, deep), (0.38 * long, z + 0.04, 0.9 * wide, deep),
-                                (0.56 * long, z + 0.1 * deep, 0.4 * wide, 0.5 * deep)], 18))  # fmt: skip
+    kit.add(
+        coat,
+        shapes.trunk(
+            [
+                (-0.55 * long, z + 0.1 * deep, 0.2 * wide, 0.3 * deep),
+                (-0.42 * long, z, 0.9 * wide, 0.85 * deep),
+                (0, z - 0.03, wide, deep),
+                (0.38 * long, z + 0.04, 0.9 * wide, deep),
+                (0.56 * long, z + 0.1 * deep, 0.4 * wide, 0.5 * deep),
+            ],
+            18,
+        ),
+    )
     thick = 0.16 * deep if kind != "elephant" else 0.2 * deep
     stride = kit.uniform("stride", 0, 0.18) * leg
     for sx in (-1, 1):
         for s in (-1, 1):
             x, y = sx * 0.4 * long, s * 0.32 * wide
             step = sx * s * stride
-            kit.add(coat, shapes.swept([(x, y, z), (x + 0.03 * sx, y, 0.5 * leg), (x + step, y, 0.02)],
-                                       [1.9 * thick, 0.9 * thick, 0.75 * thick], 10))  # fmt: skip
+            kit.add(
+                coat,
+                shapes.swept(
+                    [(x, y, z), (x + 0.03 * sx, y, 0.5 * leg), (x + step, y, 0.02)],
+                    [1.9 * thick, 0.9 * thick, 0.75 * thick],
+                    10,
+                ),
+            )
             kit.add(
                 BLACK, cylinder(0.85 * thick, 0.08 * leg, 10).at(x + step + 0.01, y, 0.04 * leg)
             )
     rise = kit.uniform("neck", 0.5, 1.2) if kind != "giraffe" else 1.25
     start = np.array([0.48 * long, 0, z + 0.15 * deep])
-    tip = start + [neck * np.cos(rise), 0, neck * np.sin(rise)]
+    tip = start + np.array([neck * np.cos(rise), 0, neck * np.sin(rise)])
     kit.add(
         coat,
         shapes.swept(
-            [start - [0.08 * long, 0, 0.1 * deep], (start + tip) / 2, tip],
+            [start - np.array([0.08 * long, 0, 0.1 * deep]), (start + tip) / 2, tip],
             [0.36 * deep, 0.24 * deep, 0.17 * deep],
             12,
         ),
@@ -361,28 +500,64 @@ def _quadruped(kit: Kit, kind: str, coat: Material) -> None:
     down = 0.35 * head
     if kind == "elephant":
         kit.add(coat, ball(0.8, 0.7, 0.8, 18).at(*tip))
-        kit.add(coat, shapes.swept([tip + [0.3, 0, 0], tip + [0.6, 0, -0.4], tip + [0.55, 0, -1.0], tip + [0.75, 0, -1.1]],
-                                   [0.18, 0.13, 0.09, 0.06], 12))  # fmt: skip
+        kit.add(
+            coat,
+            shapes.swept(
+                [
+                    tip + np.array([0.3, 0, 0]),
+                    tip + np.array([0.6, 0, -0.4]),
+                    tip + np.array([0.55, 0, -1.0]),
+                    tip + np.array([0.75, 0, -1.1]),
+                ],
+                [0.18, 0.13, 0.09, 0.06],
+                12,
+            ),
+        )
         for s in (-1, 1):
             kit.add(
                 coat,
                 ball(0.5, 0.06, 0.7, 14).turned("z", 30 * s).at(tip[0] - 0.15, s * 0.45, tip[2]),
             )
-            kit.add(materials.WHITE, shapes.swept([tip + [0.3, s * 0.18, -0.2], tip + [0.6, s * 0.22, -0.45], tip + [0.85, s * 0.2, -0.35]],
-                                                  [0.05, 0.04, 0.015], 8))  # fmt: skip
+            kit.add(
+                materials.WHITE,
+                shapes.swept(
+                    [
+                        tip + np.array([0.3, s * 0.18, -0.2]),
+                        tip + np.array([0.6, s * 0.22, -0.45]),
+                        tip + np.array([0.85, s * 0.2, -0.35]),
+                    ],
+                    [0.05, 0.04, 0.015],
+                    8,
+                ),
+            )
     else:
-        muzzle = tip + [head, 0, -down]
-        kit.add(coat, shapes.swept([tip - [0.3 * head, 0, -0.1 * head], tip + [0.3 * head, 0, -0.25 * down], muzzle],
-                                   [0.26 * head, 0.34 * head, 0.19 * head], 14))  # fmt: skip
+        muzzle = tip + np.array([head, 0, -down])
+        kit.add(
+            coat,
+            shapes.swept(
+                [
+                    tip - np.array([0.3 * head, 0, -0.1 * head]),
+                    tip + np.array([0.3 * head, 0, -0.25 * down]),
+                    muzzle,
+                ],
+                [0.26 * head, 0.34 * head, 0.19 * head],
+                14,
+            ),
+        )
         kit.add(
             BLACK,
             ball(0.2 * head, 0.3 * head, 0.18 * head, 10).at(
-                *(muzzle + [0.12 * head, 0, 0.04 * head])
+                *(muzzle + np.array([0.12 * head, 0, 0.04 * head]))
             ),
         )
         for s in (-1, 1):
-            kit.add(coat, lathe([(0.11 * head, 0), (0.12 * head, 0.2 * head), (0, 0.45 * head)], 8).scaled(0.5, 1, 1)
-                    .turned("x", -s * 25).at(tip[0] - 0.05 * head, s * 0.2 * head, tip[2] + 0.2 * head))  # fmt: skip
+            kit.add(
+                coat,
+                lathe([(0.11 * head, 0), (0.12 * head, 0.2 * head), (0, 0.45 * head)], 8)
+                .scaled(0.5, 1, 1)
+                .turned("x", -s * 25)
+                .at(tip[0] - 0.05 * head, s * 0.2 * head, tip[2] + 0.2 * head),
+            )
             kit.add(
                 BLACK,
                 ball(0.1 * head, 0.06 * head, 0.1 * head, 8).at(
@@ -390,11 +565,31 @@ def _quadruped(kit: Kit, kind: str, coat: Material) -> None:
                 ),
             )
             if kind in ("cow", "giraffe"):
-                kit.add(materials.WHITE, shapes.swept([(tip[0], s * 0.15 * head, tip[2] + 0.2 * head), (tip[0], s * 0.4 * head, tip[2] + 0.45 * head),
-                                                       (tip[0] + 0.05, s * 0.4 * head, tip[2] + 0.7 * head)], [0.05, 0.04, 0.015], 7))  # fmt: skip
+                kit.add(
+                    materials.WHITE,
+                    shapes.swept(
+                        [
+                            (tip[0], s * 0.15 * head, tip[2] + 0.2 * head),
+                            (tip[0], s * 0.4 * head, tip[2] + 0.45 * head),
+                            (tip[0] + 0.05, s * 0.4 * head, tip[2] + 0.7 * head),
+                        ],
+                        [0.05, 0.04, 0.015],
+                        7,
+                    ),
+                )
         if kind == "horse":
-            kit.add(BLACK, shapes.swept([start + [-0.2, 0, 0.3 * deep], (start + tip) / 2 + [-0.12, 0, 0.1], tip + [-0.1, 0, 0.15]],
-                                        [0.05, 0.07, 0.04], 8))  # fmt: skip
+            kit.add(
+                BLACK,
+                shapes.swept(
+                    [
+                        start + np.array([-0.2, 0, 0.3 * deep]),
+                        (start + tip) / 2 + np.array([-0.12, 0, 0.1]),
+                        tip + np.array([-0.1, 0, 0.15]),
+                    ],
+                    [0.05, 0.07, 0.04],
+                    8,
+                ),
+            )
             if kit.chance("saddle", 0.4):
                 kit.add(
                     materials.hide(rng),

@@ -24,6 +24,7 @@ from data_gen.catalogues.solids import (
     box,
     cylinder,
     lathe,
+    loft,
     pillow,
     prism,
     rod,
@@ -97,8 +98,12 @@ def clock(kit: Kit) -> None:
         tall, wide = (2.1, 0.42) if kind == "grandfather" else (0.55, 0.5)
         deep = kit.uniform("depth", 0.24, 0.34)
         if kind == "grandfather":
-            kit.add(body, box(deep, wide * 1.15, 0.4, 0.01).at(z=0.2), box(0.85 * deep, 0.8 * wide, tall - 0.8).at(z=tall / 2 - 0.02),
-                    box(deep, wide * 1.1, 0.5, 0.01).at(z=tall - 0.25))  # fmt: skip
+            kit.add(
+                body,
+                box(deep, wide * 1.15, 0.4, 0.01).at(z=0.2),
+                box(0.85 * deep, 0.8 * wide, tall - 0.8).at(z=tall / 2 - 0.02),
+                box(deep, wide * 1.1, 0.5, 0.01).at(z=tall - 0.25),
+            )
             kit.add(materials.DARK_GLASS, box(0.02, 0.55 * wide, 0.9).at(0.43 * deep, 0, 0.9))
             kit.add(
                 GOLD,
@@ -162,8 +167,16 @@ def clock(kit: Kit) -> None:
         w, h, d = kit.uniform("width", 0.5, 0.8), kit.uniform("height", 0.2, 0.3), 0.2
         skin = plastic(rng)
         kit.add(skin, prism([(-d, 0), (d * 0.6, 0), (d * 0.3, h), (-d, h)], w, 0.02))
-        kit.add(materials.pictured(materials.textures.label("plate", int(rng.integers(8))), Fitted((2, 1)), 0.3, 60.0, "display"),
-                box(0.02, 0.85 * w, 0.65 * h).turned("y", -18).at(0.46 * d, 0, 0.5 * h))  # fmt: skip
+        kit.add(
+            materials.pictured(
+                materials.textures.label("plate", int(rng.integers(8))),
+                Fitted((2, 1)),
+                0.3,
+                60.0,
+                "display",
+            ),
+            box(0.02, 0.85 * w, 0.65 * h).turned("y", -18).at(0.46 * d, 0, 0.5 * h),
+        )
         for k in range(4):
             kit.add(BLACK, cylinder(0.025, 0.02, 10).at(-0.3 * d, (k - 1.5) * 0.15 * w, h))
     elif kind == "watch":
@@ -173,11 +186,9 @@ def clock(kit: Kit) -> None:
         rings = [
             outer * [s, 1, 1] * 1.0 + [0, y, 0]
             if s == 1
-            else (outer - [0, 0, 0.42]) * 0.92 + [0, y, 0.42]
+            else (outer - np.array([0, 0, 0.42])) * 0.92 + [0, y, 0.42]
             for s, y in ((1, -0.1), (1, 0.1), (0.92, 0.1), (0.92, -0.1))
         ]
-        from data_gen.catalogues.solids import loft
-
         kit.add(strap, loft(rings, loop=True))
         kit.add(metal(rng), cylinder(0.24, 0.12, 30, 0.03).at(z=0.88))
         kit.add(materials.label(rng, "clock"), cylinder(0.2, 0.02, 30).turned("z", 180).at(z=0.945))
@@ -227,9 +238,12 @@ def one_book(kit: Kit, x: float, y: float, z: float) -> list[tuple[Material, Sol
         (0.88, 0.84, 0.74), materials.textures.wood("veneer", 0), materials.Tiled(0.9, True)
     )
     board = 0.06 * z + 0.008
-    return [(cover, box(x, y, board).at(z=board / 2)), (cover, box(x, y, board).at(z=z - board / 2)),
-            (cover, box(x, board, z).at(y=-y / 2 + board / 2, z=z / 2)),
-            (pages, box(0.96 * x, 0.95 * y, z - 2 * board).at(y=-0.01 * y, z=z / 2))]  # fmt: skip
+    return [
+        (cover, box(x, y, board).at(z=board / 2)),
+        (cover, box(x, y, board).at(z=z - board / 2)),
+        (cover, box(x, board, z).at(y=-y / 2 + board / 2, z=z / 2)),
+        (pages, box(0.96 * x, 0.95 * y, z - 2 * board).at(y=-0.01 * y, z=z / 2)),
+    ]
 
 
 def book(kit: Kit) -> None:
@@ -287,17 +301,29 @@ def book(kit: Kit) -> None:
             kit.add(page, part.turned("y", lean))
         kit.add(cover, box(x * 1.05, 2.06 * y, 0.02).at(z=-0.011).turned("y", lean))
         if kind == "stand":
+            desk = wood(rng)
+            kit.add(desk, box(x * 1.1, 2.2 * y, 0.04).at(z=-0.045).turned("y", lean))
+            foot = box(0.12, 2.2 * y, 0.04).at(0.58 * x, 0, 0.01).turned("y", lean)
             kit.add(
-                wood(rng),
-                box(0.05, 1.2 * y, 0.9 * x).turned("y", lean + 90).at(-0.06, 0, -0.01),
-                box(0.3, 1.2 * y, 0.05).at(0.35 * x, 0, -0.4 * x),
+                desk, foot, box(0.05, 0.3 * y, 1.1 * x).turned("y", -25).at(-0.3 * x, 0, -0.1 * x)
             )
 
 
 def container(kit: Kit) -> None:
     """Crate, cardboard box, chest, barrel, drum, shipping container, gift, basket, bin, safe."""
-    kind = kit.choose("subtype", "crate", "cardboard", "chest", "barrel", "drum", "shipping", "gift", "bin", "safe",
-                      "package")  # fmt: skip
+    kind = kit.choose(
+        "subtype",
+        "crate",
+        "cardboard",
+        "chest",
+        "barrel",
+        "drum",
+        "shipping",
+        "gift",
+        "bin",
+        "safe",
+        "package",
+    )
     rng = kit.rng
     x, y, z = (kit.uniform(n, 0.5, 1.1) for n in ("depth", "width", "height"))
     trim = metal(rng)
@@ -307,8 +333,12 @@ def container(kit: Kit) -> None:
         bar = 0.1 * min(x, y, z)
         for sx in (-1, 1):
             for s in (-1, 1):
-                kit.add(plank, box(bar, bar, z * 1.02).at(sx * x / 2, s * y / 2, z / 2), box(bar, y, bar).at(sx * x / 2, 0, z * (s + 1) / 2),
-                        box(x, bar, bar).at(0, sx * y / 2, z * (s + 1) / 2))  # fmt: skip
+                kit.add(
+                    plank,
+                    box(bar, bar, z * 1.02).at(sx * x / 2, s * y / 2, z / 2),
+                    box(bar, y, bar).at(sx * x / 2, 0, z * (s + 1) / 2),
+                    box(x, bar, bar).at(0, sx * y / 2, z * (s + 1) / 2),
+                )
         if kit.chance("brace", 0.6):
             slant = float(np.degrees(np.arctan2(z, y)))
             for sx in (-1, 1):
@@ -528,9 +558,9 @@ def bed(kit: Kit) -> None:
         blanket = kit.visible.setdefault("blanket", float(rng.uniform(0.55, 0.85)))
         kit.add(
             cover,
-            pillow(long * blanket, wide * 1.02, mattress * 0.8, 0.05).at(
-                long * (0.49 - blanket / 2), 0, top - 0.3 * mattress
-            ),
+            pillow(
+                long * blanket, wide * (0.92 if kind == "cot" else 1.02), mattress * 0.8, 0.05
+            ).at(long * (0.49 - blanket / 2), 0, top - 0.3 * mattress),
         )
         for y in (-0.25, 0.25) if wide > 1.2 else (0.0,):
             kit.add(
@@ -841,8 +871,8 @@ def fixture(kit: Kit) -> None:
                 steel,
                 rod((x / 2 + 0.04, -0.35 * y, 0.62), (x / 2 + 0.04, 0.35 * y, 0.62), 0.012, 8),
             )
-            for sx in (-0.14, 0.14):
-                kit.both(BLACK, cylinder(0.09, 0.02, 20).at(sx, 0.24 * y, h + 0.01))
+            for back in (-0.14, 0.14):
+                kit.both(BLACK, cylinder(0.09, 0.02, 20).at(back, 0.24 * y, h + 0.01))
         else:
             split = kit.uniform("split", 0.3, 0.7) * h
             kit.add(BLACK, box(0.006, y, 0.012).at(x / 2, 0, split))

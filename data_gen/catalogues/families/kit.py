@@ -143,6 +143,10 @@ class Kit:
         for part in other._parts:
             self.add(other._materials[part.material], place(part.solid), uv=part.uv)
 
+    def solids(self) -> tuple[Solid, ...]:
+        """The parts so far."""
+        return tuple(part.solid for part in self._parts)
+
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The least and the greatest coordinates so far."""
         corners = [f(p.solid.vertices, axis=0) for f in (np.min, np.max) for p in self._parts]
@@ -154,6 +158,11 @@ class Kit:
         if name not in self._named:
             self._named[name] = make(self.rng)
         return self._named[name]
+
+    @property
+    def num_faces(self) -> int:
+        """Triangles so far."""
+        return sum(len(part.solid.faces) for part in self._parts)
 
     @property
     def num_parts(self) -> int:

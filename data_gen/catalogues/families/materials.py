@@ -72,7 +72,7 @@ def muted(rng: np.random.Generator) -> tuple[float, float, float]:
 
 def grey(rng: np.random.Generator) -> tuple[float, float, float]:
     """White, greys, black."""
-    tone = float(pick(rng, (0.95, 0.9, 0.8, 0.66, 0.5, 0.36, 0.22, 0.12, 0.08)))
+    tone = float(pick(rng, (0.95, 0.9, 0.8, 0.7, 0.6, 0.5, 0.38, 0.26, 0.16, 0.09)))
     colour: tuple[float, float, float] = shade_of((tone, tone, tone), rng, 0.06)
     return colour
 
@@ -171,7 +171,7 @@ def metal(rng: np.random.Generator) -> Material:
 def paint(rng: np.random.Generator) -> Material:
     """Vehicles' paint, grey or lively, with the seams of panels, dirt, or as new."""
     colour = grey(rng) if rng.random() < 0.5 else lively(rng)
-    kind = pick(rng, ("clean", "panels", "panels", "worn", "worn", "chipped"))
+    kind = pick(rng, ("clean", "panels", "panels", "worn", "worn", "worn"))
     texture = textures.painted(kind, _variant(rng))
     gloss = 0.4 if kind in ("clean", "panels") else 0.2
     return shaded(colour, texture, _tiled(rng, texture), gloss, 60.0, "paint")
@@ -235,9 +235,14 @@ def plastic(rng: np.random.Generator) -> Material:
     colour = shade_of(pick(rng, colours), rng)
     if rng.random() < 0.4:
         return Material(colour, (0.25, 0.25, 0.25), 40.0, name="plastic")
-    texture = pick(rng, (textures.metal("cast", _variant(rng)),
-                         textures.painted("brush", _variant(rng)),
-                         textures.painted("worn", _variant(rng))))  # fmt: skip
+    texture = pick(
+        rng,
+        (
+            textures.metal("cast", _variant(rng)),
+            textures.painted("brush", _variant(rng)),
+            textures.painted("worn", _variant(rng)),
+        ),
+    )
     return shaded(colour, texture, _tiled(rng, texture), 0.25, 40.0, "plastic")
 
 
@@ -267,8 +272,13 @@ def _of(
 def stone(rng: np.random.Generator) -> Material:
     """Marble, granite, concrete, cobbles."""
     kind = pick(rng, ("marble", "granite", "concrete", "cobbles"))
-    colours = ((0.85, 0.84, 0.82), (0.3, 0.3, 0.3), (0.55, 0.53, 0.5), (0.2, 0.22, 0.2),
-               (0.6, 0.5, 0.42))  # fmt: skip
+    colours = (
+        (0.85, 0.84, 0.82),
+        (0.3, 0.3, 0.3),
+        (0.55, 0.53, 0.5),
+        (0.2, 0.22, 0.2),
+        (0.6, 0.5, 0.42),
+    )
     gloss = 0.3 if kind in ("marble", "granite") else 0.0
     return _of(rng, textures.stone(kind, _variant(rng)), colours, "stone", gloss)
 
@@ -285,9 +295,13 @@ def masonry(rng: np.random.Generator) -> Material:
     kind = pick(rng, ("brick", "brick", "blocks", "plaster", "planks"))
     colours: tuple[Sequence[float], ...]
     if kind == "planks":
-        return _of(rng, textures.wood("planks", _variant(rng)),
-                   ((0.85, 0.84, 0.8), (0.5, 0.35, 0.22), (0.55, 0.2, 0.15)), "boards",
-                   along_grain=True)  # fmt: skip
+        return _of(
+            rng,
+            textures.wood("planks", _variant(rng)),
+            ((0.85, 0.84, 0.8), (0.5, 0.35, 0.22), (0.55, 0.2, 0.15)),
+            "boards",
+            along_grain=True,
+        )
     if kind == "plaster":
         colours = ((0.88, 0.86, 0.8), (0.8, 0.72, 0.55), (0.75, 0.6, 0.5), (0.9, 0.9, 0.9))
         return _of(rng, textures.stone("plaster", _variant(rng)), colours, "plaster")
@@ -339,8 +353,13 @@ def wicker(rng: np.random.Generator) -> Material:
 
 def leaves(rng: np.random.Generator) -> Material:
     """A surface of leaves."""
-    colours = ((0.18, 0.28, 0.08), (0.25, 0.34, 0.12), (0.3, 0.36, 0.1), (0.16, 0.24, 0.12),
-               (0.42, 0.34, 0.1))  # fmt: skip
+    colours = (
+        (0.18, 0.28, 0.08),
+        (0.25, 0.34, 0.12),
+        (0.3, 0.36, 0.1),
+        (0.16, 0.24, 0.12),
+        (0.42, 0.34, 0.1),
+    )
     return _of(rng, textures.foliage("leaves", _variant(rng)), colours, "leaves")
 
 
@@ -369,13 +388,19 @@ def grass(rng: np.random.Generator) -> Material:
     return _of(rng, texture, ((0.3, 0.38, 0.14), (0.24, 0.32, 0.12), (0.45, 0.42, 0.2)), "grass")
 
 
-def ground(rng: np.random.Generator) -> Material:
-    """What a scene stands on: lawn, paving, tiles, boards, a rug, water, concrete."""
-    kind = pick(rng, ("grass", "stone", "tiles", "wood", "carpet", "soil"))
+def ground(rng: np.random.Generator, indoors: bool = False) -> Material:
+    """What an object stands on: lawn, earth, paving; indoors tiles, boards, a rug."""
+    kind = pick(
+        rng, ("tiles", "wood", "carpet") if indoors else ("grass", "stone", "tiles", "soil")
+    )
     return {  # type: ignore[no-any-return]
-        "grass": grass, "stone": stone, "tiles": tiles, "wood": wood, "carpet": carpet,
+        "grass": grass,
+        "stone": stone,
+        "tiles": tiles,
+        "wood": wood,
+        "carpet": carpet,
         "soil": soil,
-    }[kind](rng)  # fmt: skip
+    }[kind](rng)
 
 
 def carpet(rng: np.random.Generator) -> Material:
@@ -386,32 +411,51 @@ def carpet(rng: np.random.Generator) -> Material:
 def fur(rng: np.random.Generator) -> Material:
     """An animal's coat: of one colour, or spotted."""
     if rng.random() < 0.3:
-        one, two = pick(rng, (((0.85, 0.82, 0.76), (0.12, 0.1, 0.09)),
-                              ((0.7, 0.5, 0.28), (0.2, 0.12, 0.07)),
-                              ((0.82, 0.8, 0.75), (0.42, 0.26, 0.15))))  # fmt: skip
+        one, two = pick(
+            rng,
+            (
+                ((0.85, 0.82, 0.76), (0.12, 0.1, 0.09)),
+                ((0.7, 0.5, 0.28), (0.2, 0.12, 0.07)),
+                ((0.82, 0.8, 0.75), (0.42, 0.26, 0.15)),
+            ),
+        )
         texture = textures.pattern("camouflage", _variant(rng), [one, one, two, two])
         return pictured(texture, _tiled(rng, texture), name="fur")
-    colours = ((0.36, 0.24, 0.15), (0.52, 0.38, 0.24), (0.2, 0.17, 0.15), (0.65, 0.6, 0.53),
-               (0.4, 0.4, 0.4))  # fmt: skip
+    colours = (
+        (0.36, 0.24, 0.15),
+        (0.52, 0.38, 0.24),
+        (0.2, 0.17, 0.15),
+        (0.65, 0.6, 0.53),
+        (0.4, 0.4, 0.4),
+    )
     return _of(rng, textures.foliage("fur", _variant(rng)), colours, "fur", along_grain=True)
 
 
 def camouflage(rng: np.random.Generator) -> Material:
     """Green, sand, grey."""
-    colours = pick(rng, (
-        [(0.26, 0.3, 0.18), (0.36, 0.36, 0.22), (0.3, 0.22, 0.15), (0.13, 0.14, 0.12)],
-        [(0.66, 0.58, 0.43), (0.56, 0.46, 0.32), (0.42, 0.34, 0.25), (0.74, 0.68, 0.55)],
-        [(0.45, 0.46, 0.47), (0.3, 0.31, 0.32), (0.6, 0.6, 0.6), (0.18, 0.18, 0.19)],
-    ))  # fmt: skip
+    colours = pick(
+        rng,
+        (
+            [(0.26, 0.3, 0.18), (0.36, 0.36, 0.22), (0.3, 0.22, 0.15), (0.13, 0.14, 0.12)],
+            [(0.66, 0.58, 0.43), (0.56, 0.46, 0.32), (0.42, 0.34, 0.25), (0.74, 0.68, 0.55)],
+            [(0.45, 0.46, 0.47), (0.3, 0.31, 0.32), (0.6, 0.6, 0.6), (0.18, 0.18, 0.19)],
+        ),
+    )
     texture = textures.pattern("camouflage", _variant(rng), colours)
     return pictured(texture, _tiled(rng, texture), 0.1, 20.0, "camouflage")
 
 
 def plating(rng: np.random.Generator) -> Material:
     """Machines: riveted plates, tread plate, panels with vents."""
-    texture = pick(rng, (textures.metal("plates", _variant(rng)), textures.metal("tread", 0),
-                         textures.painted("panels", _variant(rng)),
-                         textures.painted("worn", _variant(rng))))  # fmt: skip
+    texture = pick(
+        rng,
+        (
+            textures.metal("plates", _variant(rng)),
+            textures.metal("tread", 0),
+            textures.painted("panels", _variant(rng)),
+            textures.painted("worn", _variant(rng)),
+        ),
+    )
     colour = grey(rng) if rng.random() < 0.7 else lively(rng)
     return shaded(colour, texture, _tiled(rng, texture), 0.3, 40.0, "plating")
 

@@ -4,9 +4,20 @@ from collections.abc import Callable
 
 import numpy as np
 
-from data_gen.catalogues.families import household, materials, plants, vessels
-from data_gen.catalogues.families.kit import Kit, fabric, lacquer, pick, wood
+from data_gen.catalogues.families import (
+    buildings,
+    figures,
+    household,
+    materials,
+    plants,
+    transport,
+    vessels,
+)
+from data_gen.catalogues.families.kit import Kit, fabric, lacquer, metal, pick, wood
 from data_gen.catalogues.solids import Solid, box, cylinder, lathe, pillow
+
+# Objects that would make more are left out.
+_MAX_FACES = 16_000
 
 Family = Callable[[Kit], None]
 
@@ -20,6 +31,8 @@ def _put(
     low, high = inner.bounds()
     scale = size / float((high - low).max())
     centre = (low + high) / 2
+    if kit.num_faces + inner.num_faces > _MAX_FACES:
+        return
 
     def place(part: Solid) -> Solid:
         moved = part.at(-centre[0], -centre[1], -low[2]).scaled(scale, scale, scale)
@@ -89,7 +102,7 @@ def scene(kit: Kit) -> None:
         if kit.chance("rug", 0.4):
             kit.add(materials.carpet(rng), box(1.9 * x, 1.4 * y, 0.02).at(z=-0.01))
     elif kind == "still_life":
-        kit.add(materials.ground(rng), box(1.4, 1.8, 0.06, 0.01).at(z=-0.03))
+        kit.add(materials.ground(rng, indoors=True), box(1.4, 1.8, 0.06, 0.01).at(z=-0.03))
         for k in range(kit.choose("things", 3, 4, 5)):
             family = pick(
                 rng, (vessels.vase, vessels.cup, vessels.bottle, household.book, household.clock)
@@ -104,8 +117,6 @@ def scene(kit: Kit) -> None:
                 rng.uniform(-60, 60),
             )
     elif kind == "garden":
-        from data_gen.catalogues.families import buildings, figures
-
         x, y = kit.uniform("depth", 3, 5), kit.uniform("width", 4, 7)
         kit.add(materials.grass(rng), box(x, y, 0.1).at(z=-0.05))
         if kit.chance("house", 0.7):
@@ -157,7 +168,7 @@ def scene(kit: Kit) -> None:
                 if kit.num_parts > 260:
                     break
     elif kind == "room":
-        kit.add(materials.ground(rng), box(2.4, 2.8, 0.06).at(z=-0.03))
+        kit.add(materials.ground(rng, indoors=True), box(2.4, 2.8, 0.06).at(z=-0.03))
         kit.add(materials.masonry(rng), box(0.06, 2.8, 1.6).at(-1.2, 0, 0.8))
         if kit.chance("second_wall", 0.6):
             kit.add(materials.masonry(rng), box(2.4, 0.06, 1.6).at(0, -1.4, 0.8))
@@ -167,22 +178,18 @@ def scene(kit: Kit) -> None:
         if kit.chance("rug", 0.6):
             kit.add(materials.carpet(rng), box(0.8, 1.2, 0.02).at(0.6, 0.3, 0.01))
     elif kind == "boxes":
-        place, low = 0.0, 0.0
-        for row in range(kit.choose("rows", 2, 3)):
-            for k in range(3 - row):
-                size = rng.uniform(0.7, 0.95)
-                _put(
-                    kit,
-                    household.container,
-                    size,
-                    rng.uniform(-0.1, 0.1),
-                    (k - (2 - row) / 2) * 1.0,
-                    low,
-                    rng.uniform(-15, 15),
-                )
-            low, place = low + 0.55, place + 1
-            kit.add(wood(rng), box(0.9, 2.6 - 0.6 * row, 0.05).at(z=low - 0.03))
-            low += 0.0
+        # A rack of pallets, so that what stands above does not depend on what is below.
+        board, post = wood(rng), metal(rng)
+        rows, wide, gap = kit.choose("rows", 1, 2, 3), kit.choose("columns", 2, 3), 1.05
+        for row in range(rows):
+            low = gap * row
+            if row or rows > 1:
+                kit.add(board, box(0.95, wide, 0.06).at(z=low - 0.03))
+            for k in range(wide):
+                y = k - (wide - 1) / 2 + rng.normal(0, 0.02)
+                _put(kit, household.container, rng.uniform(0.6, 0.9), 0, y, low, rng.normal(0, 6))
+        for sx in (-1, 1) if rows > 1 else ():
+            kit.both(post, box(0.06, 0.06, gap * rows).at(0.47 * sx, wide / 2, gap * (rows / 2)))
     elif kind == "stall":
         frame, roof = wood(rng), fabric(rng)
         for sx in (-1, 1):
@@ -199,8 +206,6 @@ def scene(kit: Kit) -> None:
                 0.83,
             )
     else:
-        from data_gen.catalogues.families import buildings, transport
-
         kit.add(materials.stone(rng), box(4, 6, 0.1).at(z=-0.05))
         kit.add(
             materials.shaded(

@@ -1,6 +1,7 @@
 """Shapes that several of the extra families are made of."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -29,32 +30,45 @@ def vessel(
       outside: (radius, z) from the foot to the rim.
       wall: its thickness.
       floor: height of the bottom inside.
+      sides: of the circle.
     """
     inside = [(max(r - wall, 0.002), z) for r, z in outside if z > floor][::-1]
     last = inside[-1][0] if inside else 0.002
     return lathe([(0.0, outside[0][1]), *outside, *inside, (last, floor), (0.0, floor)], sides)
 
 
-def swept(points: Sequence[Sequence[float]], radii: Sequence[float], sides: int = 10,
-          steps: int = 4) -> Solid:  # fmt: skip
-    """A limb: a round bar along a smooth curve whose radius changes smoothly, too."""
+def swept(points: Sequence[Any], radii: Sequence[float], sides: int = 10, steps: int = 4) -> Solid:
+    """A limb: a round bar along a smooth curve through points whose radius changes, too."""
     path = smooth_path(points, steps)
     place = np.linspace(0, len(radii) - 1, len(path))
-    return tube(path, np.interp(place, np.arange(len(radii)), radii), sides)
+    return tube(path, np.interp(place, np.arange(len(radii)), radii).tolist(), sides)
 
 
-def trunk(sections: Sequence[tuple[float, float, float, float]], sides: int = 16,
-          steps: int = 3) -> Solid:  # fmt: skip
+def bar(start: Any, end: Any, radius: float, sides: int = 8) -> Solid:
+    """`solids.rod` between points of any kind."""
+    return tube(np.asarray([start, end], float), radius, sides)
+
+
+def trunk(
+    sections: Sequence[tuple[float, float, float, float]], sides: int = 16, steps: int = 3
+) -> Solid:
     """A body along x: sections of (x, z of the middle, width along y, height along z)."""
     path = smooth_path([s[:3] for s in sections], steps)
-    high = np.interp(np.linspace(0, 1, len(path)), np.linspace(0, 1, len(sections)),
-                     [s[3] for s in sections])  # fmt: skip
+    high = np.interp(
+        np.linspace(0, 1, len(path)), np.linspace(0, 1, len(sections)), [s[3] for s in sections]
+    )
     angle = np.arange(sides) / sides * 2 * np.pi
     rings = [
-        np.stack([np.full(sides, x), max(w, 0.002) / 2 * np.cos(angle),
-                  z + max(h, 0.002) / 2 * np.sin(angle)], axis=1)
+        np.stack(
+            [
+                np.full(sides, x),
+                max(w, 0.002) / 2 * np.cos(angle),
+                z + max(h, 0.002) / 2 * np.sin(angle),
+            ],
+            axis=1,
+        )
         for (x, z, w), h in zip(path, high, strict=True)
-    ]  # fmt: skip
+    ]
     return solids.loft(rings)
 
 
@@ -70,8 +84,12 @@ def gable(x: float, y: float, height: float, overhang: float, thick: float) -> t
     """The two sides of a roof with its ridge along x over a house of these lengths, eaves at 0."""
     slope = height / (y / 2)
     edge = y / 2 + overhang
-    outline = [(0.0, height), (edge, height - slope * edge), (edge, height - slope * edge + thick),
-               (0.0, height + thick)]  # fmt: skip
+    outline = [
+        (0.0, height),
+        (edge, height - slope * edge),
+        (edge, height - slope * edge + thick),
+        (0.0, height + thick),
+    ]
     side = solids.prism(outline, x + 2 * overhang).turned("z", 90)
     return side, side.turned("z", 180)
 
@@ -105,8 +123,9 @@ def heap(
     return result
 
 
-def blob(rng: np.random.Generator, x: float, y: float, z: float, rough: float = 0.18,
-         sides: int = 14) -> Solid:  # fmt: skip
+def blob(
+    rng: np.random.Generator, x: float, y: float, z: float, rough: float = 0.18, sides: int = 14
+) -> Solid:
     """An ellipsoid of these lengths with dents and bumps, as of a crown of leaves."""
     ball = solids.ball(1, 1, 1, sides)
     waves = rng.normal(0, 3.2, (5, 3))

@@ -121,11 +121,11 @@ def weave(kind: str, variant: int) -> np.ndarray:
     elif kind == "rib":
         shade = 0.72 + 0.28 * np.sin(np.pi * (j % 8 + 0.5) / 8)
     elif kind == "knit":
-        shade = 0.7 + 0.3 * np.abs(np.sin(np.pi * (i + np.abs(j % 8 - 3.5)) / 6))
+        shade = 0.7 + 0.3 * np.abs(np.sin(np.pi * (i + np.abs(j % 8 - 3.5)) / 8))
     else:
-        across = ((i // 8 + j // 8) % 2).astype(bool)
+        across = ((i // 4 + j // 4) % 2).astype(bool)
         shade = np.where(
-            across, np.sin(np.pi * (i % 8 + 0.5) / 8), np.sin(np.pi * (j % 8 + 0.5) / 8)
+            across, np.sin(np.pi * (i % 4 + 0.5) / 4), np.sin(np.pi * (j % 4 + 0.5) / 4)
         )
         shade = 0.35 + 0.65 * shade * np.where(across, 1.0, 0.85)
     return _texture(shade * (1 - 0.05 * np.abs(_noise(rng, 0.7, 0.7, size))))
@@ -174,10 +174,9 @@ def metal(kind: str, variant: int) -> np.ndarray:
         turn = ((i // 8 + j // 8) % 2).astype(bool)
         bar = np.where(turn, np.abs(i % 8 - j % 8) < 2, np.abs(i % 8 + j % 8 - 7) < 2)
         return _texture(np.where(bar, 1.0, 0.7))
-    i, j = np.mgrid[:64, :64]
-    return _texture(
-        np.where(np.hypot(i % 6 - 2.5, (j + 3 * (i // 6 % 2)) % 6 - 2.5) < 2, 0.3, 1.0)[:60]
-    )
+    i, j = np.mgrid[:60, :60]
+    hole = np.hypot(i % 6 - 2.5, (j + 3 * (i // 6 % 2)) % 6 - 2.5) < 2
+    return _texture(np.where(hole, 0.3, 1.0))
 
 
 @functools.lru_cache(maxsize=64)
@@ -259,7 +258,7 @@ def masonry(kind: str, variant: int) -> np.ndarray:
         "blocks": (16, 32, 1),
         "tiles": (16, 16, 1),
         "roof": (8, 8, 2),
-        "shingles": (8, 11, 1),
+        "shingles": (8, 8, 1),
     }[kind]
     i, j = np.mgrid[:_SIZE, :_SIZE]
     course = i // high
@@ -331,7 +330,7 @@ def _pattern(kind: str, variant: int) -> tuple[np.ndarray, np.ndarray]:
     elif kind in ("tartan", "gingham"):
         count = int(rng.integers(3, 5)) if kind == "tartan" else int(rng.integers(6, 11))
         a, b = (row * count % 1 < 0.5), (column * count % 1 < 0.5)
-        plain = plain * np.where(a & b, 1.0, np.where(a | b, 0.85, 0.7))
+        plain = plain * np.where(a & b, 0.75, np.where(a | b, 0.9, 1.0))
         number = (a ^ b).astype(int) if kind == "tartan" else (a | b).astype(int)
         if kind == "tartan":
             for line in (row, column):

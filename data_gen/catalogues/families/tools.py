@@ -41,15 +41,35 @@ def _blade(outline: list[tuple[float, float]], thick: float) -> Solid:
     """A flat blade with sharp edges; the outline is (y, z)."""
     flat = np.array(outline)
     inner = inset(flat, 0.25 * float(np.ptp(flat, axis=0).min()))
-    rings = [np.column_stack([np.full(len(p), x), p]) for p, x in
-             ((inner, -thick / 2), (flat, -0.05 * thick), (flat, 0.05 * thick), (inner, thick / 2))]  # fmt: skip
+    rings = [
+        np.column_stack([np.full(len(p), x), p])
+        for p, x in (
+            (inner, -thick / 2),
+            (flat, -0.05 * thick),
+            (flat, 0.05 * thick),
+            (inner, thick / 2),
+        )
+    ]
     return loft(rings)
 
 
 def tool(kit: Kit) -> None:
     """Hammer, axe, screwdriver, saw, wrench, shovel, knife, sword, brush, pliers, drill, rake."""
-    kind = kit.choose("subtype", "hammer", "axe", "screwdriver", "saw", "wrench", "shovel", "knife", "sword",
-                      "brush", "pliers", "drill", "rake")  # fmt: skip
+    kind = kit.choose(
+        "subtype",
+        "hammer",
+        "axe",
+        "screwdriver",
+        "saw",
+        "wrench",
+        "shovel",
+        "knife",
+        "sword",
+        "brush",
+        "pliers",
+        "drill",
+        "rake",
+    )
     rng = kit.rng
     handle = pick(rng, (wood, wood, plastic, paint))(rng)
     steel = pick(rng, (metal, metal, materials.plating))(rng)
@@ -212,7 +232,7 @@ def tool(kit: Kit) -> None:
                         (0, -1.46, 0.07),
                         (0, -1.46, -0.07),
                         (0, -1.38, -0.08),
-                        (0, -1.28, 0),
+                        (0, -1.28, -0.012),
                     ],
                     3,
                 ),

@@ -30,6 +30,7 @@ from data_gen.catalogues.solids import (
     prism,
     rod,
     smooth_path,
+    stack,
     tube,
 )
 
@@ -41,11 +42,27 @@ def _wheels(kit: Kit, places: list[float], radius: float, gauge: float, rim: Mat
         kit.add(BLACK, rod((x, -gauge, radius), (x, gauge, radius), 0.05, 8))
 
 
-def _carriage(kit: Kit, centre: float, long: float, skin: Material, roof: Material, low: float, high: float,
-              windows: int) -> None:  # fmt: skip
+def _carriage(
+    kit: Kit,
+    centre: float,
+    long: float,
+    skin: Material,
+    roof: Material,
+    low: float,
+    high: float,
+    windows: int,
+) -> None:
     wide = 1.3
-    section = [(wide / 2, low), (wide / 2, 0.8 * high), (0.42 * wide, 0.93 * high), (0.2 * wide, high), (-0.2 * wide, high),
-               (-0.42 * wide, 0.93 * high), (-wide / 2, 0.8 * high), (-wide / 2, low)]  # fmt: skip
+    section = [
+        (wide / 2, low),
+        (wide / 2, 0.8 * high),
+        (0.42 * wide, 0.93 * high),
+        (0.2 * wide, high),
+        (-0.2 * wide, high),
+        (-0.42 * wide, 0.93 * high),
+        (-wide / 2, 0.8 * high),
+        (-wide / 2, low),
+    ]
     kit.add(skin, prism(section[::-1], long).turned("z", 90).at(x=centre))
     kit.add(
         roof,
@@ -64,7 +81,7 @@ def _carriage(kit: Kit, centre: float, long: float, skin: Material, roof: Materi
 
 
 def train(kit: Kit) -> None:
-    """Steam, diesel, express, tram, carriage, goods wagon, tank wagon, underground; on rails or not."""
+    """Steam, diesel, express, tram, carriage, goods wagon, tank wagon; on rails or not."""
     kind = kit.choose(
         "subtype", "steam", "steam", "diesel", "express", "tram", "wagon", "tank", "carriage"
     )
@@ -242,8 +259,12 @@ def train(kit: Kit) -> None:
                     ],
                 )
             if kind in ("tram", "express"):
-                kit.add(BLACK, rod((centre - 0.3, 0, high), (centre + 0.2, 0, high + 0.35), 0.02, 6), rod((centre + 0.2, 0, high + 0.35), (centre - 0.2, 0, high + 0.6), 0.02, 6),
-                        rod((centre - 0.2, -0.5, high + 0.6), (centre - 0.2, 0.5, high + 0.6), 0.02, 6))  # fmt: skip
+                kit.add(
+                    BLACK,
+                    rod((centre - 0.3, 0, high), (centre + 0.2, 0, high + 0.35), 0.02, 6),
+                    rod((centre + 0.2, 0, high + 0.35), (centre - 0.2, 0, high + 0.6), 0.02, 6),
+                    rod((centre - 0.2, -0.5, high + 0.6), (centre - 0.2, 0.5, high + 0.6), 0.02, 6),
+                )
             _wheels(
                 kit,
                 [centre + s * 0.34 * length + d for s in (-1, 1) for d in (-0.25, 0.25)],
@@ -261,7 +282,7 @@ def train(kit: Kit) -> None:
 
 
 def rocket(kit: Kit) -> None:
-    """Launcher, moon rocket, missile, shuttle, satellite, lander, flying saucer; on a pad or in flight."""
+    """Launcher, moon rocket, missile, shuttle, satellite, lander, flying saucer."""
     kind = kit.choose(
         "subtype",
         "launcher",
@@ -441,8 +462,6 @@ def rocket(kit: Kit) -> None:
         eight = np.stack(
             [np.cos(np.radians(around(8, 22.5))), np.sin(np.radians(around(8, 22.5)))], axis=1
         )
-        from data_gen.catalogues.solids import stack
-
         kit.add(foil, stack([(0.9 * eight, 0.6), (eight, 0.7), (eight, 1.2), (0.9 * eight, 1.3)]))
         kit.add(
             skin,
@@ -452,8 +471,12 @@ def rocket(kit: Kit) -> None:
         )
         kit.add(DARK_GLASS, box(0.1, 0.5, 0.2).at(0.66, 0, 1.9))
         for angle in around(4, 45):
-            leg = [rod((0.9, 0, 1.0), (1.7, 0, 0.05), 0.05, 8), rod((0.9, 0.25, 0.65), (1.5, 0, 0.3), 0.03, 6), rod((0.9, -0.25, 0.65), (1.5, 0, 0.3), 0.03, 6),
-                   lathe([(0.05, 0), (0.25, 0), (0.25, 0.04), (0.05, 0.08)], 16).at(1.7)]  # fmt: skip
+            leg = [
+                rod((0.9, 0, 1.0), (1.7, 0, 0.05), 0.05, 8),
+                rod((0.9, 0.25, 0.65), (1.5, 0, 0.3), 0.03, 6),
+                rod((0.9, -0.25, 0.65), (1.5, 0, 0.3), 0.03, 6),
+                lathe([(0.05, 0), (0.25, 0), (0.25, 0.04), (0.05, 0.08)], 16).at(1.7),
+            ]
             kit.add(metal(rng), *[p.turned("z", angle) for p in leg])
         kit.add(BLACK, lathe([(0.2, 0.6), (0.4, 0.25), (0.36, 0.25), (0.15, 0.55)], 20, loop=True))
         if kit.chance("ground", 0.4):
@@ -546,9 +569,9 @@ def cycle(kit: Kit) -> None:
         head = np.array([front - rake, 0, 0.92])
         kit.both(CHROME, rod((front, 0.1, r), (head[0], 0.09, head[2]), 0.028, 10))
         bars = [
-            head + [0.02, 0, 0.05],
-            head + [-0.05, 0.2, 0.13],
-            head + [-0.2, 0.38, kit.uniform("bars", 0.02, 0.3)],
+            head + np.array([0.02, 0, 0.05]),
+            head + np.array([-0.05, 0.2, 0.13]),
+            head + np.array([-0.2, 0.38, kit.uniform("bars", 0.02, 0.3)]),
         ]
         kit.both(BLACK, tube(smooth_path(bars, 4), 0.018, 8))
         kit.add(LIGHT, ball(0.12, 0.2, 0.2, 16).at(head[0] + 0.1, 0, head[2] - 0.05))
@@ -697,50 +720,58 @@ def cycle(kit: Kit) -> None:
         np.array([-0.16, 0, 0.86]),
         np.array([0.36 * base, 0, 0.8]),
     )
-    low = head + [0.04, 0, -0.12]
+    low = head + np.array([0.04, 0, -0.12])
     if kind != "town":
-        kit.add(skin, rod(saddle - [-0.03, 0, 0.1], head, thick, 10))
+        kit.add(skin, shapes.bar(saddle - np.array([-0.03, 0, 0.1]), head, thick, 10))
     else:
         kit.add(
             skin,
             shapes.swept(
-                [saddle - [-0.1, 0, 0.4], (0.15, 0, 0.5), head - [0, 0, 0.03]],
+                [saddle - np.array([-0.1, 0, 0.4]), (0.15, 0, 0.5), head - np.array([0, 0, 0.03])],
                 [thick, thick, thick],
                 10,
             ),
         )
     kit.add(
         skin,
-        rod(pedal, low, 1.2 * thick, 10),
-        rod(pedal, saddle, thick, 10),
-        rod(head + [-0.02, 0, 0.05], low, 1.3 * thick, 10),
+        shapes.bar(pedal, low, 1.2 * thick, 10),
+        shapes.bar(pedal, saddle, thick, 10),
+        shapes.bar(head + np.array([-0.02, 0, 0.05]), low, 1.3 * thick, 10),
     )
     for s in (-1, 1):
         y = 0.05 * s if kind != "tricycle" else 0.26 * s
         kit.add(
             skin,
-            rod(pedal, (rear, y, r), 0.6 * thick, 8),
-            rod(saddle - [-0.03, 0, 0.1], (rear, y, r), 0.55 * thick, 8),
-            rod(low + [0, 0.03 * s, 0], (front, 0.05 * s, r), 0.8 * thick, 8),
+            shapes.bar(pedal, (rear, y, r), 0.6 * thick, 8),
+            shapes.bar(saddle - np.array([-0.03, 0, 0.1]), (rear, y, r), 0.55 * thick, 8),
+            shapes.bar(low + np.array([0, 0.03 * s, 0]), (front, 0.05 * s, r), 0.8 * thick, 8),
         )
         kit.add(
             steel,
-            rod((0, 0.07 * s, 0.28), (0.16 * s, 0.08 * s, 0.28 - 0.06 * s), 0.012, 6),
+            shapes.bar((0, 0.07 * s, 0.28), (0.16 * s, 0.08 * s, 0.28 - 0.06 * s), 0.012, 6),
             box(0.09, 0.07, 0.025).at(0.16 * s, 0.13 * s, 0.28 - 0.06 * s),
         )
     if kind == "racing":
         bar = [
-            head + [0, 0, 0.08],
-            head + [0.02, 0.2, 0.09],
-            head + [0.14, 0.21, 0.06],
-            head + [0.13, 0.21, -0.05],
-            head + [0.02, 0.21, -0.05],
+            head + np.array([0, 0, 0.08]),
+            head + np.array([0.02, 0.2, 0.09]),
+            head + np.array([0.14, 0.21, 0.06]),
+            head + np.array([0.13, 0.21, -0.05]),
+            head + np.array([0.02, 0.21, -0.05]),
         ]
     elif kind == "mountain":
-        bar = [head + [0.02, 0, 0.1], head + [0.02, 0.15, 0.12], head + [-0.02, 0.33, 0.12]]
+        bar = [
+            head + np.array([0.02, 0, 0.1]),
+            head + np.array([0.02, 0.15, 0.12]),
+            head + np.array([-0.02, 0.33, 0.12]),
+        ]
     else:
-        bar = [head + [0, 0, 0.12], head + [0.02, 0.15, 0.2], head + [-0.2, 0.28, 0.18]]
-    kit.both(BLACK, tube(smooth_path(bar, 4), 0.014, 8))
+        bar = [
+            head + np.array([0, 0, 0.12]),
+            head + np.array([0.02, 0.15, 0.2]),
+            head + np.array([-0.2, 0.28, 0.18]),
+        ]
+    kit.both(BLACK, tube(smooth_path(np.asarray(bar).tolist(), 4), 0.014, 8))
     kit.add(
         seat,
         pillow(0.27, 0.15 if kind == "racing" else 0.2, 0.06, 0.028).at(
@@ -751,7 +782,7 @@ def cycle(kit: Kit) -> None:
         steel,
         cylinder(0.1, 0.012, 24).turned("x", 90).at(0, 0.055, 0.28),
         *[
-            rod((0, 0.055, 0.28 + 0.09 * s), (rear, 0.055, r + 0.035 * s), 0.006, 5)
+            shapes.bar((0, 0.055, 0.28 + 0.09 * s), (rear, 0.055, r + 0.035 * s), 0.006, 5)
             for s in (-1, 1)
         ],
     )

@@ -41,8 +41,9 @@ def _sleeve(profile: list[tuple[float, float]], low: float, high: float, sides: 
 
 def bottle(kit: Kit) -> None:
     """Wine, beer, flask, jar, can, spray, squeeze, square, demijohn: with labels and caps."""
-    kind = kit.choose("subtype", "wine", "beer", "soda", "jar", "can", "spray", "square", "flask",
-                      "canister")  # fmt: skip
+    kind = kit.choose(
+        "subtype", "wine", "beer", "soda", "jar", "can", "spray", "square", "flask", "canister"
+    )
     rng = kit.rng
     skin = (
         _coloured_glass(kit)
@@ -58,22 +59,49 @@ def bottle(kit: Kit) -> None:
         depth = r * kit.uniform("depth", 0.9, 1.8)
         body = kit.uniform("body", 0.6, 0.8)
         outline = rounded(depth, 2 * r, 0.2 * r, 3)
-        kit.add(skin, stack([(0.95 * outline, 0), (outline, 0.02), (outline, body),
-                             (0.45 * outline, body + 0.12), (0.42 * outline, body + 0.15)]))  # fmt: skip
+        kit.add(
+            skin,
+            stack(
+                [
+                    (0.95 * outline, 0),
+                    (outline, 0.02),
+                    (outline, body),
+                    (0.45 * outline, body + 0.12),
+                    (0.42 * outline, body + 0.15),
+                ]
+            ),
+        )
         kit.add(cap, cylinder(0.36 * r, 0.1, 20, 0.01).at(z=body + 0.19))
         if kind == "canister":
-            grip = smooth_path([(0, -0.8 * r, body), (0, -0.7 * r, body + 0.2), (0, 0.3 * r, body + 0.25),
-                                (0, 0.6 * r, body + 0.05)], 5)  # fmt: skip
+            grip = smooth_path(
+                [
+                    (0, -0.8 * r, body),
+                    (0, -0.7 * r, body + 0.2),
+                    (0, 0.3 * r, body + 0.25),
+                    (0, 0.6 * r, body + 0.05),
+                ],
+                5,
+            )
             kit.add(skin, tube(grip, 0.07 * r + 0.01, 8))
         face = materials.label(rng, "bottle")
         kit.add(face, stack([(1.01 * outline, 0.12 * body), (1.01 * outline, 0.85 * body)]))
         return
     if kind in ("wine", "beer", "soda", "flask"):
         waist = 0.85 if kind == "soda" else 1.4 if kind == "flask" else 1.0
-        points = [(0.92 * r, 0), (r, 0.03), (r * (1 + (waist - 1) * 0.7), 0.3), (r, shoulder),
-                  (neck * 1.2, shoulder + 0.18), (neck, 0.9), (neck, height)]  # fmt: skip
-        profile = shapes.curve(points, 4) if kind in ("soda", "flask") else [
-            *points[:4], *shapes.curve(points[3:6], 5)[1:], points[6]]  # fmt: skip
+        points = [
+            (0.92 * r, 0),
+            (r, 0.03),
+            (r * (1 + (waist - 1) * 0.7), 0.3),
+            (r, shoulder),
+            (neck * 1.2, shoulder + 0.18),
+            (neck, 0.9),
+            (neck, height),
+        ]
+        profile = (
+            shapes.curve(points, 4)
+            if kind in ("soda", "flask")
+            else [*points[:4], *shapes.curve(points[3:6], 5)[1:], points[6]]
+        )
         kit.add(skin, lathe([(0, 0.015), *profile, (0, height)], 28))
         kit.add(
             cap,
@@ -115,11 +143,16 @@ def bottle(kit: Kit) -> None:
         kit.add(print_, _sleeve(profile, low, high, 32))
 
 
-def _handle(kit: Kit, skin: Material, r: float, low: float, high: float, out: float, y: float,
-            thick: float) -> None:  # fmt: skip
-    path = [(0, y * r * 0.92, low), (0, y * (r + 0.8 * out), low + 0.1 * (high - low)),
-            (0, y * (r + out), 0.5 * (low + high)), (0, y * (r + 0.7 * out), high),
-            (0, y * r * 0.9, high - 0.08 * (high - low))]  # fmt: skip
+def _handle(
+    kit: Kit, skin: Material, r: float, low: float, high: float, out: float, y: float, thick: float
+) -> None:
+    path = [
+        (0, y * r * 0.92, low),
+        (0, y * (r + 0.8 * out), low + 0.1 * (high - low)),
+        (0, y * (r + out), 0.5 * (low + high)),
+        (0, y * (r + 0.7 * out), high),
+        (0, y * r * 0.9, high - 0.08 * (high - low)),
+    ]
     kit.add(skin, tube(smooth_path(path, 5), thick, 10))
 
 
@@ -135,8 +168,12 @@ def vase(kit: Kit) -> None:
     elif rng.random() < 0.2:
         skin = pick(rng, (metal, wood, materials.marble, materials.terracotta))(rng)
     h = kit.uniform("height", 0.7, 1.3)
-    radii = [kit.uniform(f"radius_{k}", a, b) for k, (a, b) in enumerate(
-        ((0.12, 0.3), (0.2, 0.45), (0.22, 0.5), (0.08, 0.3), (0.12, 0.35)))]  # fmt: skip
+    radii = [
+        kit.uniform(f"radius_{k}", a, b)
+        for k, (a, b) in enumerate(
+            ((0.12, 0.3), (0.2, 0.45), (0.22, 0.5), (0.08, 0.3), (0.12, 0.35))
+        )
+    ]
     if kind in ("bowl", "plate"):
         h = 0.4 if kind == "bowl" else kit.uniform("rim", 0.06, 0.12)
         wide = kit.uniform("width", 0.45, 0.6)
@@ -153,8 +190,12 @@ def vase(kit: Kit) -> None:
                 )
                 fruit = Material(materials.shade_of(colour, rng), (0.3,) * 3, 40.0, name="fruit")  # type: ignore[arg-type]
                 out = 0.22 if k < 5 else 0.0
-                kit.add(fruit, shapes.blob(rng, size, size, 0.92 * size, 0.05, 12).at(
-                    out * np.cos(angle), out * np.sin(angle), 0.3 + 0.18 * (k == 5)))  # fmt: skip
+                kit.add(
+                    fruit,
+                    shapes.blob(rng, size, size, 0.92 * size, 0.05, 12).at(
+                        out * np.cos(angle), out * np.sin(angle), 0.3 + 0.18 * (k == 5)
+                    ),
+                )
         return
     if kind == "basket":
         wide = kit.uniform("width", 0.35, 0.6)
@@ -227,8 +268,12 @@ def cup(kit: Kit) -> None:
     if kind in ("pan", "pot") or (kind in ("goblet", "beaker") and rng.random() < 0.6):
         skin = metal(rng)
     r, h = kit.uniform("radius", 0.32, 0.42), kit.uniform("height", 0.7, 1.0)
-    drink = Material(pick(rng, ((0.22, 0.12, 0.06), (0.5, 0.28, 0.08), (0.85, 0.82, 0.75), (0.4, 0.06, 0.06))),
-                     (0.4,) * 3, 60.0, name="drink")  # type: ignore[arg-type]  # fmt: skip
+    drink = Material(
+        pick(rng, ((0.22, 0.12, 0.06), (0.5, 0.28, 0.08), (0.85, 0.82, 0.75), (0.4, 0.06, 0.06))),
+        (0.4,) * 3,
+        60.0,
+        name="drink",
+    )  # type: ignore[arg-type]
     thick = kit.uniform("handle", 0.03, 0.05)
     if kind in ("mug", "beaker"):
         taper = kit.uniform("taper", 0.7, 1.05)
@@ -255,8 +300,16 @@ def cup(kit: Kit) -> None:
         )
     elif kind == "goblet":
         bowl = kit.uniform("bowl", 0.45, 0.6)
-        outside = shapes.curve([(0.85 * r, 0), (0.3 * r, 0.05), (0.12 * r, 0.2), (0.12 * r, bowl * h), (r, h * 1.05),
-                                (kit.uniform("rim", 0.75, 1.1) * r, 1.4 * h)])  # fmt: skip
+        outside = shapes.curve(
+            [
+                (0.85 * r, 0),
+                (0.3 * r, 0.05),
+                (0.12 * r, 0.2),
+                (0.12 * r, bowl * h),
+                (r, h * 1.05),
+                (kit.uniform("rim", 0.75, 1.1) * r, 1.4 * h),
+            ]
+        )
         kit.add(skin, shapes.vessel(outside, 0.03, h * 0.95, 32))
         kit.add(drink, lathe([(0.7 * r, 1.12 * h), (0.7 * r, 1.14 * h), (0, 1.14 * h)], 24))
     elif kind == "teapot":

@@ -23,6 +23,7 @@ from data_gen.catalogues.solids import (
     box,
     cylinder,
     lathe,
+    loft,
     pillow,
     rod,
     smooth_path,
@@ -37,9 +38,21 @@ def _cover(kit: Kit) -> Material:
 
 
 def hat(kit: Kit) -> None:
-    """Cap, top hat, brimmed hat, bowler, beanie, army helmet, motorcycle helmet, crown, sombrero."""
-    kind = kit.choose("subtype", "cap", "top", "brimmed", "brimmed", "bowler", "beanie", "army", "racing", "crown",
-                      "hard", "cone")  # fmt: skip
+    """Cap, top hat, brimmed hat, bowler, beanie, helmets of many sorts, crown, cone."""
+    kind = kit.choose(
+        "subtype",
+        "cap",
+        "top",
+        "brimmed",
+        "brimmed",
+        "bowler",
+        "beanie",
+        "army",
+        "racing",
+        "crown",
+        "hard",
+        "cone",
+    )
     rng = kit.rng
     cover, band = _cover(kit), fabric(rng)
     a, b = 1.0, kit.uniform("narrow", 0.78, 0.92)
@@ -101,12 +114,14 @@ def hat(kit: Kit) -> None:
         gold, points = GOLD if rng.random() < 0.6 else metal(rng), kit.choose("points", 5, 8, 12)
         count = points * 4
         angle = np.arange(count) / count * 2 * np.pi
-        high = 0.3 + 0.25 * np.abs((np.arange(count) % 4) / 2 - 1)
+        rise = 0.3 + 0.25 * np.abs((np.arange(count) % 4) / 2 - 1)
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        from data_gen.catalogues.solids import loft
-
-        rings = [np.column_stack([0.46 * circle, 0 * angle]), np.column_stack([0.5 * circle, 0 * angle]),
-                 np.column_stack([0.6 * circle, high]), np.column_stack([0.57 * circle, high])]  # fmt: skip
+        rings = [
+            np.column_stack([0.46 * circle, 0 * angle]),
+            np.column_stack([0.5 * circle, 0 * angle]),
+            np.column_stack([0.6 * circle, rise]),
+            np.column_stack([0.57 * circle, rise]),
+        ]
         kit.add(gold, loft(rings, loop=True))
         for k in range(points):
             turn = k / points * 2 * np.pi
@@ -154,7 +169,11 @@ def hat(kit: Kit) -> None:
         if kind == "hard":
             kit.add(
                 skin,
-                box(0.9, 0.08, 0.05, 0.02).at(z=high - 0.01),
+                tube(
+                    [(a * r, 0.0, z) for r, z in [*dome[4:], *[(-r, z) for r, z in dome[-2:3:-1]]]],
+                    0.045,
+                    8,
+                ),
                 box(0.25, 0.6, 0.02, 0.008).at(0.6, 0, -0.04),
             )
             kit.add(materials.label(rng, "plate"), box(0.05, 0.2, 0.14).at(0.49, 0, 0.25 * high))
@@ -197,8 +216,19 @@ def hat(kit: Kit) -> None:
 
 def bag(kit: Kit) -> None:
     """Handbag, tote, backpack, suitcase, trolley, sports bag, briefcase, sack, shoe, boot."""
-    kind = kit.choose("subtype", "handbag", "tote", "backpack", "suitcase", "trolley", "sports", "briefcase", "sack",
-                      "shoe", "boot")  # fmt: skip
+    kind = kit.choose(
+        "subtype",
+        "handbag",
+        "tote",
+        "backpack",
+        "suitcase",
+        "trolley",
+        "sports",
+        "briefcase",
+        "sack",
+        "shoe",
+        "boot",
+    )
     rng = kit.rng
     cover, trim = _cover(kit), materials.hide(rng)
     clasp = GOLD if rng.random() < 0.5 else CHROME
@@ -223,23 +253,33 @@ def bag(kit: Kit) -> None:
     if kind in ("shoe", "boot"):
         sole, upper = pick(rng, (plastic, materials.hide))(rng), cover
         foot = [(-0.45, 0.3), (-0.2, 0.28), (0.2, 0.34), (0.4, 0.3), (0.5, 0.12)]
-        from data_gen.catalogues.solids import loft
-
         t = np.linspace(0, 1, 12)
         width = np.interp(t, np.linspace(0, 1, 5), [w for _, w in foot])
         length = np.interp(t, np.linspace(0, 1, 5), [v for v, _ in foot])
         high = np.interp(t, [0, 0.25, 0.5, 0.75, 1], [0.32, 0.36, 0.3, 0.2, 0.13])
         angle = np.linspace(0, np.pi, 9)
-        rings = [np.column_stack([np.full(11, px), [w / 2, *(w / 2 * np.cos(angle)), -w / 2], [0.06, *(0.06 + (h - 0.06) * np.sin(angle)), 0.06]])
-                 for px, w, h in zip(length, width, high, strict=True)]  # fmt: skip
+        rings = [
+            np.column_stack(
+                [
+                    np.full(11, px),
+                    [w / 2, *(w / 2 * np.cos(angle)), -w / 2],
+                    [0.06, *(0.06 + (h - 0.06) * np.sin(angle)), 0.06],
+                ]
+            )
+            for px, w, h in zip(length, width, high, strict=True)
+        ]
         heel = kit.uniform("heel", 0.02, 0.12)
+        right = np.column_stack([length, 0.52 * width])
+        edge = np.concatenate([right, (right * [1, -1])[::-1]])
         for s in (-1, 1):
             turn = 0.25 * s
             kit.add(upper, loft(rings).at(y=turn, z=heel))
-            kit.add(sole, loft([np.column_stack([length, w * width / 2 + turn, np.full(12, q)]) if False else
-                                np.concatenate([np.column_stack([length, 1.04 * width / 2 + turn, np.full(12, q)]),
-                                                np.column_stack([length, -1.04 * width / 2 + turn, np.full(12, q)])[::-1]])
-                                for q, w in ((heel, 1), (heel + 0.07, 1))]))  # fmt: skip
+            kit.add(
+                sole,
+                stack(
+                    [(edge + np.array([0, turn]), heel), (edge + np.array([0, turn]), heel + 0.07)]
+                ),
+            )
             kit.add(sole, box(0.3, 0.28, heel + 0.02).at(-0.3, turn, (heel + 0.02) / 2))
             if kind == "boot":
                 shaft = kit.visible.setdefault("shaft", float(rng.uniform(0.3, 0.8)))
@@ -265,12 +305,12 @@ def bag(kit: Kit) -> None:
         skin = pick(rng, (materials.hide, plastic, paint, fabric))(rng)
         z = z if kind != "trolley" else 1.2 * y
         kit.add(skin, box(x, y, z, 0.04).at(z=z / 2))
-        for k in (-0.3, 0.3):
+        for side in (-0.3, 0.3):
             if kit.visible.setdefault("straps", bool(rng.random() < 0.5)):
-                kit.add(trim, box(x * 1.03, 0.05, z * 1.01).at(0, k * y, z / 2))
-            kit.add(clasp, box(0.02, 0.06, 0.05).at(x / 2, k * y, 0.9 * z))
-        for k in (-1, 0, 1) if kind == "trolley" else ():
-            kit.add(skin, box(0.02, 0.04, 0.85 * z, 0.008).at(x / 2, k * 0.25 * y, z / 2))
+                kit.add(trim, box(x * 1.03, 0.05, z * 1.01).at(0, side * y, z / 2))
+            kit.add(clasp, box(0.02, 0.06, 0.05).at(x / 2, side * y, 0.9 * z))
+        for rib in (-1, 0, 1) if kind == "trolley" else ():
+            kit.add(skin, box(0.02, 0.04, 0.85 * z, 0.008).at(x / 2, rib * 0.25 * y, z / 2))
         grip(0.12, 0.09, 0)
         if kind == "trolley":
             for sx in (-1, 1):
@@ -327,17 +367,28 @@ def bag(kit: Kit) -> None:
         for s in (-1, 1):
             grip(0.3 * y, 0.15, s * 0.15)
     elif kind == "sack":
-        kit.add(materials.shaded((0.6, 0.5, 0.36), materials.textures.weave("plain", 1), materials.Tiled(0.6)),
-                lathe(shapes.curve([(0.25, 0), (0.4, 0.12), (0.38, 0.5), (0.12, 0.72), (0.22, 0.85), (0, 0.86)], 5), 24)
-                .bent(lambda v: v * (1 + 0.05 * np.sin(5 * np.arctan2(v[:, 1], v[:, 0]) + 4 * v[:, 2]))[:, None]))  # fmt: skip
+        kit.add(
+            materials.shaded(
+                (0.6, 0.5, 0.36), materials.textures.weave("plain", 1), materials.Tiled(0.6)
+            ),
+            lathe(
+                shapes.curve(
+                    [(0.25, 0), (0.4, 0.12), (0.38, 0.5), (0.12, 0.72), (0.22, 0.85), (0, 0.86)], 5
+                ),
+                24,
+            ).bent(
+                lambda v: (
+                    v * (1 + 0.05 * np.sin(5 * np.arctan2(v[:, 1], v[:, 0]) + 4 * v[:, 2]))[:, None]
+                )
+            ),
+        )
         kit.add(trim, lathe([(0.12, 0.7), (0.15, 0.7), (0.15, 0.75), (0.12, 0.75)], 18, loop=True))
     else:
         flare = kit.uniform("flare", 0.7, 1.1)
-        base = np.array([x, y])
         levels = [
-            (shapes.oval(*(base * 0.9), 28), 0),
-            (shapes.oval(*base, 28), 0.05),
-            (shapes.oval(*(base * flare), 28), z),
+            (shapes.oval(0.9 * x, 0.9 * y, 28), 0),
+            (shapes.oval(x, y, 28), 0.05),
+            (shapes.oval(flare * x, flare * y, 28), z),
         ]
         if kind == "tote":
             levels = [(rect(x, y, 0.04)(0), 0), (rect(x * flare, y * 1.05, 0.04)(0), z)]
