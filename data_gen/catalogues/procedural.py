@@ -116,7 +116,7 @@ def generate(
         or outside of its range.
     """
     inner = seed if hidden_seed is None else hidden_seed
-    kit = kit_of(category, seed, inner, hidden)
+    kit = _built(category, seed, inner, hidden or {})
     name = f"{category}-{seed}" + ("" if hidden_seed is None else f"-h{hidden_seed}")
     name += "-set" if hidden else ""
     return kit.model(category, name, {"seed": seed, "hidden_seed": inner})
@@ -129,14 +129,7 @@ def _number(category: str) -> int:
     return 1 << 32 | zlib.crc32(category.encode())
 
 
-def kit_of(
-    category: str,
-    seed: int,
-    hidden_seed: int = 0,
-    hidden: Mapping[str, float] | None = None,
-) -> Kit:
-    """The parts of a model before they are put together; see `generate`."""
-    hidden = hidden or {}
+def _built(category: str, seed: int, hidden_seed: int, hidden: Mapping[str, float]) -> Kit:
     if category not in _ALL:
         raise ValueError(f"category {category!r}: expected one of {list(_ALL)}")
     for name, value in (("seed", seed), ("hidden_seed", hidden_seed)):
@@ -189,7 +182,7 @@ def hidden_ranges(model: str | catalogues.Entry | Model) -> dict[str, HiddenRang
       ValueError: it is no name of a procedural model.
     """
     category, seed = parse_id(model)
-    return dict(kit_of(category, seed, seed).ranges)
+    return dict(_built(category, seed, seed, {}).ranges)
 
 
 def redraw_hidden(
