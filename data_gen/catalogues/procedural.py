@@ -29,6 +29,7 @@ from data_gen.catalogues.families import (
     figures,
     furniture,
     household,
+    materials,
     plants,
     scenes,
     tools,
@@ -90,6 +91,9 @@ EXTRA_CATEGORIES = tuple(EXTRA_FAMILIES)
 
 _ALL = {**FAMILIES, **EXTRA_FAMILIES}
 
+# Share of extra models without colours, as many of ShapeNet's are.
+_PLAIN = 0.15
+
 
 def generate(
     category: str,
@@ -142,6 +146,8 @@ def _built(category: str, seed: int, hidden_seed: int, hidden: Mapping[str, floa
         hidden,
     )
     _ALL[category](kit)
+    if category in EXTRA_FAMILIES and kit.chance("plain", _PLAIN):
+        kit.paint_all(materials.plain(kit.rng))
     unknown = [name for name in hidden if name not in kit.ranges]
     if unknown:
         raise ValueError(

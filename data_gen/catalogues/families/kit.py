@@ -147,6 +147,11 @@ class Kit:
         """The parts so far."""
         return tuple(part.solid for part in self._parts)
 
+    def paint_all(self, material: Material) -> None:
+        """Gives all parts so far one material."""
+        self._materials = [material]
+        self._parts = [part._replace(material=0) for part in self._parts]
+
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The least and the greatest coordinates so far."""
         corners = [f(p.solid.vertices, axis=0) for f in (np.min, np.max) for p in self._parts]

@@ -21,12 +21,12 @@ _HUES = (
     (-10, 15, 0.30),
     (15, 45, 0.27),
     (45, 65, 0.09),
-    (65, 100, 0.06),
-    (100, 160, 0.05),
+    (65, 100, 0.08),
+    (100, 160, 0.06),
     (160, 200, 0.04),
     (200, 225, 0.08),
-    (225, 255, 0.08),
-    (255, 330, 0.015),
+    (225, 255, 0.09),
+    (255, 330, 0.03),
     (330, 350, 0.015),
 )
 
@@ -252,6 +252,12 @@ def screen(rng: np.random.Generator) -> Material:
         return Material((0.05, 0.05, 0.06), (0.5, 0.5, 0.5), 120.0, name="screen")
     texture = textures.screen(pick(rng, textures.SCREENS), _variant(rng))
     return pictured(texture, Fitted(), 0.3, 120.0, "screen")
+
+
+def plain(rng: np.random.Generator) -> Material:
+    """The grey of a model without materials."""
+    tone = float(pick(rng, (0.9, 0.8, 0.7, 0.6, 0.5, 0.35)))
+    return Material((tone,) * 3, (float(rng.uniform(0, 0.3)),) * 3, 30.0, name="plain")  # type: ignore[arg-type]
 
 
 # --- More of them ---------------------------------------------------------------------------------
