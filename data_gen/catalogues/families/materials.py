@@ -171,7 +171,7 @@ def metal(rng: np.random.Generator) -> Material:
 def paint(rng: np.random.Generator) -> Material:
     """Vehicles' paint, grey or lively, with the seams of panels, dirt, or as new."""
     colour = grey(rng) if rng.random() < 0.5 else lively(rng)
-    kind = pick(rng, ("clean", "panels", "panels", "worn", "worn", "worn"))
+    kind = pick(rng, ("clean", "panels", "panels", "panels", "worn", "worn"))
     texture = textures.painted(kind, _variant(rng))
     gloss = 0.4 if kind in ("clean", "panels") else 0.2
     return shaded(colour, texture, _tiled(rng, texture), gloss, 60.0, "paint")

@@ -155,7 +155,7 @@ def metal(kind: str, variant: int) -> np.ndarray:
     if kind == "brushed":
         return _texture(0.84 + 0.08 * _noise(rng, 0.5, 30))
     if kind == "cast":
-        return _texture(0.86 + 0.07 * _noise(rng, 0.8, 0.8) + 0.04 * _noise(rng, 8, 8))
+        return _texture(0.88 + 0.045 * _noise(rng, 0.8, 0.8) + 0.03 * _noise(rng, 8, 8))
     if kind == "rusty":
         rust = 1 / (1 + np.exp(-4 * (_fractal(rng, 14) - 0.7)))
         base = 0.92 + 0.04 * _noise(rng, 1, 1)
@@ -209,9 +209,9 @@ def painted(kind: str, variant: int) -> np.ndarray:
     if kind == "worn":
         run = np.maximum(_noise(rng, 24, 1.2), 0)
         dirt = np.maximum(_fractal(rng, 20), 0)
-        brown = (0.09 * run + 0.12 * dirt)[..., None] * [0.8, 1.0, 1.25]
+        brown = (0.05 * run + 0.11 * dirt)[..., None] * [0.8, 1.0, 1.25]
         shade = shade[..., None] * (1 - brown)
-        shade *= 1 - 0.25 * (_noise(rng, 0.5, 7) > 2.3)[..., None]
+        shade *= 1 - 0.2 * (_noise(rng, 0.5, 7) > 2.4)[..., None]
     if kind == "chipped":
         bare = _fractal(rng, 10) > 1.25
         edge = np.roll(bare, 1, axis=0) & ~bare
