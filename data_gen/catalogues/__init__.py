@@ -96,6 +96,7 @@ def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -
 
 CATALOGUES = {
     "procedural": "data_gen.catalogues.procedural:ProceduralCatalogue",
+    "procedural_extra": "data_gen.catalogues.procedural:ExtraCatalogue",
     "folder": "data_gen.catalogues.folder:FolderCatalogue",
     "shapenet": "data_gen.catalogues.shapenet:ShapeNetCatalogue",
     "sh3f": "data_gen.catalogues.sh3f:SweetHomeCatalogue",

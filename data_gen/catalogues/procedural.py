@@ -1,4 +1,4 @@
-"""Parametric families for the 13 categories of the paper's table: endless, seeded, no files.
+"""Parametric families: the 13 categories of the paper's table, and more; endless, seeded, no files.
 
 `generate(category, seed)` makes a model of several parts and materials, its front toward +x. Each
 family has several sub-types with random proportions, parts and colours.
@@ -11,17 +11,33 @@ depend on them, so normalisation keeps the rest where it is. An azimuth is the d
 model's origin to the camera, in degrees from +x toward +y; the ranges hold for cameras at least 15
 degrees above the horizon and at least 2.5 units away. `hidden_azimuth` is a tuple of ranges
 (low, high) in [-180, 180]; `parameters["hidden"]` are the hidden values. `hidden_ranges` tells what
-they are drawn from, `redraw_hidden` makes the other models that look like a given one.
+they are drawn from, `redraw_hidden` makes the other models that look like a given one. The extra
+families have no hidden parameters.
 """
 
 import os
 import re
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from data_gen import catalogues
-from data_gen.catalogues.families import devices, furniture, vehicles
+from data_gen.catalogues.families import (
+    buildings,
+    devices,
+    figures,
+    furniture,
+    household,
+    materials,
+    plants,
+    scenes,
+    tools,
+    transport,
+    vehicles,
+    vessels,
+    wearables,
+)
 from data_gen.catalogues.families.kit import HiddenRange, Kit
 from data_gen.meshes import Model
 
@@ -47,6 +63,37 @@ FAMILIES: dict[str, Callable[[Kit], None]] = {
 
 CATEGORIES = tuple(FAMILIES)
 
+EXTRA_FAMILIES: dict[str, Callable[[Kit], None]] = {
+    "plant": plants.plant,
+    "bottle": vessels.bottle,
+    "vase": vessels.vase,
+    "cup": vessels.cup,
+    "building": buildings.building,
+    "figure": figures.figure,
+    "animal": figures.animal,
+    "tool": tools.tool,
+    "guitar": tools.guitar,
+    "hat": wearables.hat,
+    "bag": wearables.bag,
+    "clock": household.clock,
+    "book": household.book,
+    "container": household.container,
+    "bed": household.bed,
+    "fixture": household.fixture,
+    "train": transport.train,
+    "rocket": transport.rocket,
+    "cycle": transport.cycle,
+    "scene": scenes.scene,
+}
+"""Families that the paper's table lacks and ShapeNet has many models of."""
+
+EXTRA_CATEGORIES = tuple(EXTRA_FAMILIES)
+
+_ALL = {**FAMILIES, **EXTRA_FAMILIES}
+
+# Share of extra models without colours, as many of ShapeNet's are.
+_PLAIN = 0.15
+
 
 def generate(
     category: str,
@@ -58,7 +105,7 @@ def generate(
     """A model of a category, in the project's frame, its front toward +x.
 
     Args:
-      category: one of `CATEGORIES`.
+      category: one of `CATEGORIES` or `EXTRA_CATEGORIES`.
       seed: of everything that can be seen, at least 0; the same seed gives the same model.
       hidden_seed: of what cannot be seen; None = `seed`.
       hidden: values of hidden parameters that are not drawn; see `hidden_ranges`.
@@ -79,19 +126,28 @@ def generate(
     return kit.model(category, name, {"seed": seed, "hidden_seed": inner})
 
 
+def _number(category: str) -> int:
+    """Of a family, part of its seeds: it never changes when families come."""
+    if category in FAMILIES:
+        return CATEGORIES.index(category)
+    return 1 << 32 | zlib.crc32(category.encode())
+
+
 def _built(category: str, seed: int, hidden_seed: int, hidden: Mapping[str, float]) -> Kit:
-    if category not in FAMILIES:
-        raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
+    if category not in _ALL:
+        raise ValueError(f"category {category!r}: expected one of {list(_ALL)}")
     for name, value in (("seed", seed), ("hidden_seed", hidden_seed)):
         if value < 0:
             raise ValueError(f"{name}: got {value}, expected 0 or more")
-    number = CATEGORIES.index(category)
+    number = _number(category)
     kit = Kit(
         np.random.default_rng([_VISIBLE, number, seed]),
         np.random.default_rng([_HIDDEN, number, hidden_seed]),
         hidden,
     )
-    FAMILIES[category](kit)
+    _ALL[category](kit)
+    if category in EXTRA_FAMILIES and kit.chance("plain", _PLAIN):
+        kit.paint_all(materials.plain(kit.rng))
     unknown = [name for name in hidden if name not in kit.ranges]
     if unknown:
         raise ValueError(
@@ -112,7 +168,7 @@ def parse_id(model: str | catalogues.Entry | Model) -> tuple[str, int]:
     """
     name = model if isinstance(model, str) else model.model_id
     match = re.fullmatch(r"([a-z]+)-([0-9]+)(?:-h[0-9]+)?(?:-set)?", name)
-    if match is None or match[1] not in FAMILIES:
+    if match is None or match[1] not in _ALL:
         raise ValueError(f"model {name!r}: expected the name of a procedural model, as 'chair-12'")
     return match[1], int(match[2])
 
@@ -163,7 +219,7 @@ def redraw_hidden(
 
 
 class ProceduralCatalogue:
-    """A number of models of each family.
+    """A number of models of each family of the paper's table.
 
     Args:
       source: models of each category, such as "100"; or categories with their numbers, such as
@@ -178,6 +234,7 @@ class ProceduralCatalogue:
     """
 
     name = "procedural"
+    families: Mapping[str, Callable[[Kit], None]] = FAMILIES
 
     def __init__(
         self,
@@ -189,10 +246,10 @@ class ProceduralCatalogue:
     ) -> None:
         text = str(source).strip()
         parts = [p.partition("=") for p in text.split(",")] if "=" in text else []
-        counts = {c.strip(): n.strip() for c, _, n in parts} or dict.fromkeys(CATEGORIES, text)
+        counts = {c.strip(): n.strip() for c, _, n in parts} or dict.fromkeys(self.families, text)
         for category, count in counts.items():
-            if category not in FAMILIES:
-                raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
+            if category not in self.families:
+                raise ValueError(f"category {category!r}: expected one of {list(self.families)}")
             if not count.isdecimal() or int(count) < 1:
                 raise ValueError(
                     f"source {text!r}: expected a number of models, or category=number,..."
@@ -222,3 +279,25 @@ class ProceduralCatalogue:
                     name = f"{category}-{seed}" + ("" if hidden is None else f"-h{hidden}")
                     make = catalogues.loader(generate, category, seed, hidden_seed=hidden)
                     yield catalogues.Entry(name, category, split, make)
+
+
+class ExtraCatalogue(ProceduralCatalogue):
+    """A number of models of each of the extra families, such as "100" or "plant=50,vase=20".
+
+    Args:
+      source: see `ProceduralCatalogue`.
+      first_seed: of each category.
+      fractions: see `catalogues.split_of`.
+    """
+
+    name = "procedural_extra"
+    families = EXTRA_FAMILIES
+
+    def __init__(
+        self,
+        source: str | os.PathLike[str] = "100",
+        *,
+        first_seed: int = 0,
+        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
+    ) -> None:
+        super().__init__(source, first_seed=first_seed, fractions=fractions)

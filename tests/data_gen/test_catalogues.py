@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import sh3f, shapenet
+from data_gen.catalogues import procedural, sh3f, shapenet
 from data_gen.meshes import UnusableModelError
 
 BOX = """\
@@ -290,6 +290,19 @@ def test_a_damaged_member_is_refused_for_that_model_alone(tmp_path):
     with pytest.raises(UnusableModelError, match="damaged"):
         entries[0].load()
     assert len(entries[1].load().faces) == 12
+
+
+def test_extra_procedural_catalogue():
+    extra = catalogues.open("procedural_extra", "1")
+    assert len(extra) == len(procedural.EXTRA_CATEGORIES) >= 10
+    assert [e.category for e in extra.entries()] == list(procedural.EXTRA_CATEGORIES)
+    check(catalogues.open("procedural_extra", "plant=2, vase=1"))
+    # Neither catalogue has what is in the other.
+    assert not set(procedural.CATEGORIES) & set(procedural.EXTRA_CATEGORIES)
+    with pytest.raises(ValueError, match="category 'chair': expected one of"):
+        catalogues.open("procedural_extra", "chair=1")
+    with pytest.raises(ValueError, match="category 'plant': expected one of"):
+        catalogues.open("procedural", "plant=1")
 
 
 def test_procedural_catalogue():
