@@ -100,6 +100,7 @@ CATALOGUES = {
     "shapenet": "data_gen.catalogues.shapenet:ShapeNetCatalogue",
     "sh3f": "data_gen.catalogues.sh3f:SweetHomeCatalogue",
     "ac3d": "data_gen.catalogues.ac3d:AC3DCatalogue",
+    "pyrogenesis": "data_gen.catalogues.pyrogenesis:PyrogenesisCatalogue",
 }
 """Names of the catalogues and where their classes are."""
 
