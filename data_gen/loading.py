@@ -204,18 +204,21 @@ def _with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.nda
 def bounded(materials: Sequence[Material], notes: Notes) -> tuple[Material, ...]:
     """The materials with the largest textures halved until all together fit."""
     result = list(materials)
+    # Materials may share a texture, which then counts once and is halved for all of them.
+    distinct = {id(m.texture): m.texture for m in result if m.texture is not None}
 
-    def size(index: int) -> int:
-        texture = result[index].texture
-        return 0 if texture is None else texture.shape[0] * texture.shape[1]
+    def size(key: int) -> int:
+        return distinct[key].shape[0] * distinct[key].shape[1]
 
-    while sum(map(size, range(len(result)))) > _MAX_TEXELS:
+    while sum(map(size, distinct)) > _MAX_TEXELS:
         notes.add(f"textures reduced: together they have more than {_MAX_TEXELS} pixels")
-        largest = max(range(len(result)), key=size)
-        texture = result[largest].texture
-        assert texture is not None
-        half = Image.fromarray(texture).reduce(2)
-        result[largest] = dataclasses.replace(result[largest], texture=np.asarray(half))
+        largest = max(distinct, key=size)
+        half = np.asarray(Image.fromarray(distinct[largest]).reduce(2))
+        distinct[largest] = half
+    result = [
+        m if m.texture is None else dataclasses.replace(m, texture=distinct[id(m.texture)])
+        for m in result
+    ]
     return tuple(result)
 
 

@@ -376,4 +376,4 @@ class AC3DCatalogue(folder.FolderCatalogue):
             raise ValueError(f"catalogue 'ac3d': {NO_ASSIMP}")
 
     def _endings(self) -> set[str]:
-        return {".ac"}
+        return {".ac", ".acc"}

@@ -32,7 +32,7 @@ ACTORS = "art/actors/"
 
 _MAX_XML_BYTES = 1 << 20
 _MAX_MESH_BYTES = 32 << 20
-_MAX_PARTS = 200
+_MAX_PARTS = 1000
 _MAX_DEPTH = 6
 _MAX_BONES = 255
 
@@ -42,8 +42,8 @@ _CATEGORIES = (
     (r"fauna/", "animal"),
     (r"flora/trees/", "tree"),
     (r"flora/|props/flora/", "plant"),
-    (r"units/[^/]+/.*(ship|boat|trireme|quinquereme|bireme|penteconter|raft)", "ship"),
-    (r"structures/[^/]+/.*(ship|boat|trireme|quinquereme|bireme|penteconter|raft)", "ship"),
+    (r"(units|structures|campaigns)/.*(ship|boat|trireme|quinq|bireme|penteconter|merchant)", "ship"),
+    (r"units/[^/]+/.*(operator|_infantry_|_[dh][0-9]?\.xml)", "person"),
     (r"units/[^/]+/.*(siege|catapult|ballista|onager|scorpio|wagon|chariot|cart_)", "machine"),
     (r"units/[^/]+/.*(cavalry|elephant|camel|horse|trader_h)", "rider"),
     (r"units/", "person"),
@@ -61,7 +61,7 @@ _NO_OBJECTS = re.compile(
     r"decal|fndn|foundation|rubble|scaf|aura|marker|label|water|particle|smoke|fire|blood|fog"
     r"|delimitator|dirt|road|ground|path_|_top|_leaves|_leaf|crown|foliage|_props|_nature|_shields"
     r"|_tiles|_trees|_roof|_packed_|wings|temp/|/old/|sample|test|preloader|birds|butterfl|circle"
-    r"|impact|shadow|field|helmets/props/|shields/props/|weapons/props/|_ammo|_r\.xml$|_dest|hero_star|projectile|_pivot|oar|rein|rope"
+    r"|impact|shadow|field|helmets/props/|shields/props/|weapons/props/|_ammo|_r[0-9]?\.xml$|destruct_|structures/plot|rice_paddy|wall_gate_door|_dest|hero_star|projectile|_pivot|oar|rein|rope"
 )
 
 # Names of variants that an object at rest is not in.
