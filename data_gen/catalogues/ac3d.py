@@ -41,6 +41,9 @@ _STATEMENT = re.compile(
     rb"^[ \t]*(OBJECT|kids|numvert|numsurf|SURF|refs|loc|rot|crease|data)\b[ \t]*([^\r\n]*)",
     re.MULTILINE,
 )
+# Objects that are no part of the thing: water and shade that move with it.
+_NO_PARTS = re.compile(r"wake\b|sillage|shadow", re.IGNORECASE)
+
 _SURFACE = re.compile(rb"^([ \t]*SURF[ \t]+0[xX])([0-9a-fA-F]{1,8})", re.MULTILINE)
 
 
@@ -88,8 +91,13 @@ def _numbers(words: bytes, count: int, what: str) -> np.ndarray:
     return values
 
 
-def read_outline(data: bytes, max_faces: int = meshes.MAX_FACES) -> list[Object]:
+def read_outline(
+    data: bytes, max_faces: int = meshes.MAX_FACES, notes: loading.Notes | None = None
+) -> list[Object]:
     """The objects of a file in its order, after all that it announces has been compared with it.
+
+    Some exporters count objects that they leave out. With `notes`, a file that ends with a whole
+    object is read all the same, and they say how many are missing.
 
     Raises:
       UnusableModelError: it is no AC3D file, torn, or has too many faces or objects.
@@ -148,8 +156,11 @@ def read_outline(data: bytes, max_faces: int = meshes.MAX_FACES) -> list[Object]
             here.crease = float(np.clip(_numbers(rest, 1, "crease")[0], 0, 180))
     if not objects:
         raise UnusableModelError("the mesh is empty: the file has no objects")
-    if objects[-1].kids is None or any(left for _, left in open_):
+    missing = sum(left for _, left in open_)
+    if objects[-1].kids is None or (missing and notes is None):
         raise UnusableModelError("not readable as AC3D: it is torn: objects are missing")
+    if missing and notes is not None:
+        notes.add(f"{missing} objects that the file announces are missing")
     if any(o.found != o.surfaces for o in objects):
         raise UnusableModelError("not readable as AC3D: it is torn: surfaces are missing")
     return objects
@@ -273,7 +284,7 @@ def read(
     Raises:
       UnusableModelError: it is torn, no AC3D file, too large or empty, or assimp is missing.
     """
-    objects = read_outline(data, max_faces)
+    objects = read_outline(data, max_faces, notes)
 
     # Assimp would write the backs of two-sided surfaces as faces of their own.
     def one_sided(match: re.Match[bytes]) -> bytes:
@@ -293,6 +304,9 @@ def read(
     normals = []
     offset = 0
     for node, each, (turn, move) in zip(nodes, objects, _places(objects), strict=True):
+        if _NO_PARTS.match(str(node.get("name", ""))):
+            notes.add("a ship's wake or a painted shadow left out")
+            continue
         begin = len(parts["faces"])
         start = offset
         for index in node.get("meshes", []):

@@ -539,6 +539,46 @@ def assemble(
     return arrays | {"materials": loading.bounded(materials, notes)}
 
 
+def cut_below(arrays: dict[str, Any], level: float = 0.0) -> dict[str, Any]:
+    """Arrays for `meshes.build` without what lies below a height (y), such as foundations.
+
+    Triangles that cross it are cut; one with two corners above becomes two.
+    """
+    corners = arrays["vertices"][arrays["faces"]]
+    # Per corner: position, normal, texture coordinates.
+    rows = np.concatenate([corners, arrays["normals"], arrays["uv"]], axis=2)
+    above = rows[..., 1] >= level
+    count = above.sum(axis=1)
+    result, owners = [rows[count == 3]], [arrays["face_material"][count == 3]]
+    for number in (1, 2):
+        here = np.flatnonzero(count == number)
+        # The corner that is alone on its side comes first.
+        first = (above[here] == (number == 1)).argmax(axis=1)
+        turn = (first[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(rows[here], turn[..., None], axis=1), 1, 0)
+        ab, ac = (
+            a + ((level - a[:, 1]) / (other[:, 1] - a[:, 1]))[:, None] * (other - a)
+            for other in (b, c)
+        )
+        if number == 1:
+            result.append(np.stack([a, ab, ac], axis=1))
+            owners.append(arrays["face_material"][here])
+        else:
+            result += [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
+            owners += [arrays["face_material"][here]] * 2
+    whole = np.concatenate(result)
+    if not len(whole):
+        return arrays
+    vertices, index = np.unique(whole[..., :3].reshape(-1, 3), axis=0, return_inverse=True)
+    return arrays | {
+        "vertices": vertices,
+        "faces": index.reshape(-1, 3),
+        "normals": whole[..., 3:6],
+        "uv": whole[..., 6:],
+        "face_material": np.concatenate(owners),
+    }
+
+
 # --- The catalogue ----------------------------------------------------------------------------
 
 
@@ -554,6 +594,8 @@ def _load(path: str, name: str, variant: int, category: str, model_id: str, max_
         raise UnusableModelError(f"archive {path!r} cannot be read: {error}"[:200]) from error
     notes = loading.Notes()
     arrays = assemble(_game(files), name, variant, loading.TEXTURE_SIDE, max_faces, notes)
+    if category == "building":  # its foundation is in the ground
+        arrays = cut_below(arrays)
     model = meshes.build(
         **arrays,
         category=category,
