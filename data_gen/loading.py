@@ -463,10 +463,13 @@ class _Lines:
 
 
 def _parsed(text: bytes, kind: type) -> np.ndarray:
-    """Numbers with blanks between them, up to the first word that is none."""
+    """Numbers with blanks between them; none or fewer where a word is no number."""
     with python_warnings.catch_warnings():
-        python_warnings.simplefilter("ignore", DeprecationWarning)  # there is such a word
-        return np.fromstring(text, kind, sep=" ")
+        python_warnings.simplefilter("error", DeprecationWarning)  # older releases' way to say so
+        try:
+            return np.fromstring(text, kind, sep=" ")
+        except (ValueError, DeprecationWarning):
+            return np.zeros(0, kind)
 
 
 def _indices(tokens: list[str]) -> np.ndarray:

@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from ac3d_files import CUBE, MATERIALS, SIDES, cube, obj, read, write
 from PIL import Image
 
 from data_gen import catalogues, worker
@@ -17,7 +18,6 @@ from data_gen.catalogues import ac3d, torcs
 from data_gen.meshes import UnusableModelError
 from data_gen.sets import free, sources
 from psgn_jax.data import records
-from tests.data_gen.test_ac3d import CUBE, MATERIALS, SIDES, cube, obj, read, write
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
