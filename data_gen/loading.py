@@ -391,10 +391,12 @@ class _Lines:
         """All that stands in the lines of a kind."""
         return self._bytes[np.repeat(self.kind == kind, self._length)[: len(self._bytes)]].tobytes()
 
-    def text(self, line: int) -> str:
+    def text(self, line: int | np.integer[Any]) -> str:
         """A line."""
         stop = self._ends[line]
-        return self._bytes[stop + 1 - self._length[line] : stop].tobytes().decode("utf-8", "replace")
+        return (
+            self._bytes[stop + 1 - self._length[line] : stop].tobytes().decode("utf-8", "replace")
+        )
 
     def rows(self, kind: int, columns: int) -> np.ndarray:
         """The numbers of the lines of a kind: short lines are filled with 0, long ones cut.

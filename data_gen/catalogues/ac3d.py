@@ -97,7 +97,7 @@ def read_outline(
     """The objects of a file in its order, after all that it announces has been compared with it.
 
     Some exporters count objects that they leave out. With `notes`, a file that ends with a whole
-    object is read all the same, and they say how many are missing.
+    object and has more than are missing is read all the same, and they say how many are missing.
 
     Raises:
       UnusableModelError: it is no AC3D file, torn, or has too many faces or objects.
@@ -157,7 +157,7 @@ def read_outline(
     if not objects:
         raise UnusableModelError("the mesh is empty: the file has no objects")
     missing = sum(left for _, left in open_)
-    if objects[-1].kids is None or (missing and notes is None):
+    if objects[-1].kids is None or (missing and (notes is None or missing >= len(objects))):
         raise UnusableModelError("not readable as AC3D: it is torn: objects are missing")
     if missing and notes is not None:
         notes.add(f"{missing} objects that the file announces are missing")

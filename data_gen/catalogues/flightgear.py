@@ -68,7 +68,9 @@ def _wrapper(path: pathlib.Path, root: pathlib.Path, depth: int = 0) -> tuple[st
     return (model if model.casefold().endswith(".ac") else ""), livery
 
 
-def _load(root: str, name: str, livery: str, category: str, model_id: str, max_faces: int) -> object:
+def _load(
+    root: str, name: str, livery: str, category: str, model_id: str, max_faces: int
+) -> meshes.Model:
     return loading.load(
         name,
         LiveryFiles(root, livery),

@@ -42,7 +42,10 @@ _CATEGORIES = (
     (r"fauna/", "animal"),
     (r"flora/trees/", "tree"),
     (r"flora/|props/flora/", "plant"),
-    (r"(units|structures|campaigns)/.*(ship|boat|trireme|quinq|bireme|penteconter|merchant)", "ship"),
+    (
+        r"(units|structures|campaigns)/.*(ship|boat|trireme|quinq|bireme|penteconter|merchant)",
+        "ship",
+    ),
     (r"units/[^/]+/.*(operator|_infantry_|_[dh][0-9]?\.xml)", "person"),
     (r"units/[^/]+/.*(siege|catapult|ballista|onager|scorpio|wagon|chariot|cart_)", "machine"),
     (r"units/[^/]+/.*(cavalry|elephant|camel|horse|trader_h)", "rider"),
@@ -129,7 +132,9 @@ def read_pmd(data: bytes, max_faces: int = meshes.MAX_FACES) -> Mesh:
         raise UnusableModelError(f"not readable as PMD: version {version}, expected 3 or 4")
     sets = int(take(1, "<u4")[0]) if version == 4 else 1
     if not 1 <= sets <= 8:
-        raise UnusableModelError(f"not readable as PMD: {sets} texture coordinates, expected 1 to 8")
+        raise UnusableModelError(
+            f"not readable as PMD: {sets} texture coordinates, expected 1 to 8"
+        )
     vertex = f"({6 + 2 * sets},)<f4, (4,)u1, (4,)<f4"
     vertices = take(count, vertex)
     numbers = vertices["f0"].astype(np.float64)
@@ -309,8 +314,10 @@ class Game:
         return root
 
     def _groups(self, name: str) -> list[list[list[ElementTree.Element]]]:
-        """Groups of an actor; each has variants that an object at rest may be in, and a variant
-        is its own element after those of the files that it includes."""
+        """Groups of an actor: the variants of each that an object at rest may be in.
+
+        A variant is its own element after those of the files that it includes.
+        """
         result = []
         for group in self._root(name).findall("group"):
             options = []
@@ -480,8 +487,10 @@ def assemble(
                 except ValueError as error:  # UnusableModelError is one
                     notes.add(f"texture {actor.texture!r}: {error}; grey stands in")
             if texture is not None and mode != "clear":
-                texture = _with_colour(texture, colour or (1.0, 1.0, 1.0)) if colour else np.dstack(
-                    [texture[..., :3], np.full(texture.shape[:2], 255, np.uint8)]
+                texture = (
+                    _with_colour(texture, colour or (1.0, 1.0, 1.0))
+                    if colour
+                    else np.dstack([texture[..., :3], np.full(texture.shape[:2], 255, np.uint8)])
                 )
             grey = (0.6, 0.6, 0.6) if texture is None else (1.0, 1.0, 1.0)
             materials.append(Material(diffuse=grey, texture=texture, name=actor.texture))

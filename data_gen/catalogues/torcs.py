@@ -92,9 +92,7 @@ def read_car(
             turn = turn @ np.diag([-1.0, 1.0, -1.0])
         linear = turn.T
         normals = wheel["normals"] @ np.linalg.inv(turn)
-        parts.append(
-            {**wheel, "vertices": wheel["vertices"] @ linear + where, "normals": normals}
-        )
+        parts.append({**wheel, "vertices": wheel["vertices"] @ linear + where, "normals": normals})
     count = materials = 0
     for part in parts:
         part["faces"] = part["faces"] + count

@@ -90,11 +90,14 @@ SOURCES = (
         package="torcs-data",
         place="usr/share/games/torcs",
         licences=(
-            Licence("GPL-2.0-or-later", "^cars/(155-DTM|buggy|p406)/",
-                    "Eric Espié; Christophe Guionneau; Bernhard Wymann; Andrea Alfieri"),
+            Licence(
+                "GPL-2.0-or-later",
+                "^cars/(155-DTM|buggy|p406)/",
+                "Eric Espié; Christophe Guionneau; Bernhard Wymann; Andrea Alfieri",
+            ),
             Licence("LAL-1.2 (Free Art)", holders=_FREE_ART),
         ),
-    ),  # fmt: skip
+    ),
     Source(
         "ancient",
         "pyrogenesis",
@@ -120,7 +123,7 @@ SOURCES = (
         families="",
         licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
     ),
-)  # fmt: skip
+)
 """All sources; one whose catalogue does not exist here is left out."""
 
 PHOTO = 0.0

@@ -88,7 +88,9 @@ class Source:
 
     def path(self, packages: str | os.PathLike[str]) -> str:
         """The catalogue's source, given the folder that the packages are unpacked in."""
-        return str(pathlib.Path(packages) / self.package / self.place) if self.package else self.place
+        return (
+            str(pathlib.Path(packages) / self.package / self.place) if self.package else self.place
+        )
 
     def family(self, model_id: str) -> str:
         """What near-duplicates of a model have in common, "" if the catalogue decides."""
@@ -249,7 +251,9 @@ def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
     for each in rows:
         package = f"{each['package']} {each['version']}".strip() or "none"
         names = "; ".join(f"{n} ({x['models']})" for n, x in sorted(each["licences"].items()))
-        holders = "; ".join(dict.fromkeys(h for x in each["licences"].values() for h in x["holders"]))
+        holders = "; ".join(
+            dict.fromkeys(h for x in each["licences"].values() for h in x["holders"])
+        )
         out.append(
             f"| {each['source']} | {package} | {each['models']} | {each['images']} | "
             f"{sum(each['refused'].values())} | {names} | {holders} |"

@@ -11,6 +11,7 @@ from data_gen.meshes import UnusableModelError
 
 needs_assimp = pytest.mark.skipif(not ac3d.find_assimp(), reason="assimp is not installed")
 
+
 @needs_assimp
 def test_objects_stand_where_their_parents_put_them(tmp_path):
     # A quarter turn about z: x to y.

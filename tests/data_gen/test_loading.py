@@ -442,7 +442,9 @@ def plain_obj(text):
             corners += [(parts[0], parts[k], parts[k + 1]) for k in range(1, len(parts) - 1)]
 
     def of(face, column, key, count):
-        return [rows[key][c[column]][:count] if c[column] is not None else [0] * count for c in face]
+        return [
+            rows[key][c[column]][:count] if c[column] is not None else [0] * count for c in face
+        ]
 
     return (
         np.array([of(f, 0, "v", 3) for f in corners]),

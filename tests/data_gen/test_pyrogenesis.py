@@ -73,6 +73,10 @@ def variant(mesh="", texture="", props=(), name="", frequency=1, file="", more="
     return f'<variant name="{name}" frequency="{frequency}" {file}>{text}{more}</variant>'
 
 
+def material(define):
+    return f'<material><define name="{define}" value="1"/></material>'.encode()
+
+
 RED_AND_HALF = [[[200, 0, 0, 255], [200, 0, 0, 0]]]
 
 
@@ -89,8 +93,8 @@ def archive(path, **changes):
         "art/textures/skins/skin.dds.cached.dds": picture(RED_AND_HALF, "DDS"),
         "art/textures/skins/leaf.png": picture(RED_AND_HALF),
         "art/materials/plain.xml": b"<material/>",
-        "art/materials/player.xml": b'<material><define name="USE_PLAYERCOLOR" value="1"/></material>',
-        "art/materials/leaf.xml": b'<material><define name="USE_TRANSPARENT" value="1"/></material>',
+        "art/materials/player.xml": material("USE_PLAYERCOLOR"),
+        "art/materials/leaf.xml": material("USE_TRANSPARENT"),
         "art/variants/pose.xml": b'<variant><animations><animation file="idle.dae" name="Idle"/>'
         b"</animations></variant>",
         "art/actors/units/rome/soldier.xml": actor(
