@@ -1,9 +1,9 @@
 """The on-disk form of a data set: sharded, random access, checksummed.
 
 A data set is a folder with a `manifest.json` (format, version, splits, shards, counts) and shards
-`<split>-<number>.arrayrecord` (ArrayRecord files, one group per record). A record is 4 bytes of
-CRC-32 (little-endian) over the rest, which is one msgpack map, a key per field of
-`psgn_jax.data.schema.Sample`. Nothing is ever pickled.
+`<split>-<number>.arrayrecord` (ArrayRecord files, one group per record), with a tag after the
+number in sets that can grow. A record is 4 bytes of CRC-32 (little-endian) over the rest, which is
+one msgpack map, a key per field of `psgn_jax.data.schema.Sample`. Nothing is ever pickled.
 
 image      Lossless WebP, exact.
 mask       Bits, deflated, exact.
@@ -624,11 +624,17 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
 # --- Writing ----------------------------------------------------------------------------------
 
 
-def shard_name(split: str, number: int) -> str:
-    """File name of a shard; names of one split sort in the order of their numbers."""
+def shard_name(split: str, number: int, tag: str = "") -> str:
+    """File name of a shard; names of one split sort in the order of their numbers.
+
+    Args:
+      split: of its records.
+      number: of the shard in the split.
+      tag: ends the name, for shards of one number that differ; "" = none.
+    """
     if not _SPLIT_NAME.fullmatch(split):
         raise ValueError(f"split {split!r}: expected lower-case letters, digits and _")
-    return f"{split}-{number:05d}.arrayrecord"
+    return f"{split}-{number:05d}{tag and '-'}{tag}.arrayrecord"
 
 
 def _file_crc32(path: pathlib.Path) -> int:
@@ -646,9 +652,15 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
     """
 
     def __init__(
-        self, folder: pathlib.Path, split: str, number: int, inputs: Iterable[str] = ()
+        self,
+        folder: pathlib.Path,
+        split: str,
+        number: int,
+        inputs: Iterable[str] = (),
+        *,
+        tag: str = "",
     ) -> None:
-        self._path = folder / shard_name(split, number)
+        self._path = folder / shard_name(split, number, tag)
         self._temporary = folder / f".{self._path.name}.{os.getpid()}.tmp"
         self._split, self.inputs = split, tuple(inputs)
         self._categories: dict[str, int] = {}
@@ -872,6 +884,21 @@ class RecordReader:
                 raise RecordError(
                     f"shard {path} is damaged: its checksum does not fit; {self._remedy(shard)}"
                 )
+
+
+def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
+    """The bytes of all records of one file, whatever data set it belongs to.
+
+    Raises:
+      RecordError: it is missing or damaged.
+    """
+    if not os.path.exists(path):
+        raise RecordError(f"shard {path} is missing")
+    try:
+        reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
+        return list(reader.read(list(range(reader.num_records()))))
+    except (RuntimeError, IndexError, OSError) as error:
+        raise RecordError(f"shard {path} is damaged: {_first_line(error)}") from error
 
 
 class JoinedReader:

@@ -4,7 +4,7 @@ import pathlib
 import pytest
 
 from data_gen import default as recipe
-from data_gen import job, settings, worker
+from data_gen import job, job_folder, settings, worker
 from psgn_jax.config import ConfigError, DataConfig
 from psgn_jax.data import default, loader, records
 
@@ -46,7 +46,8 @@ def test_one_begun_otherwise_is_begun_anew(cache, monkeypatch):
     folder = cache / "data"
     other = dataclasses.replace(TINY, seed=1)
     entries = list(source.entries())
-    assert not job._begin(folder, job._job_of("procedural", entries, other, "none"), "procedural")
+    begun = job.job_of("procedural", entries, other, "none", job.EVERYTHING, 0)
+    assert not job_folder.begin(folder, begun)
     recipe.build(folder, options=TINY)
     splits = records.load_manifest(folder).splits()
     assert sum(len(records.RecordReader(folder, split)) for split in splits) == 3
