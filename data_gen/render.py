@@ -2,7 +2,7 @@
 
     python data_gen/render.py --catalogue NAME --source PATH --out RECORDS
 
-NAME is one of procedural, folder, shapenet, sh3f, ac3d; PATH is what the catalogue reads. RECORDS
+NAME is one of procedural, folder, shapenet, sh3f, ac3d, flightgear, torcs, pyrogenesis; PATH is what the catalogue reads. RECORDS
 becomes a data set of `psgn_jax.data.records` that training reads, with `models.jsonl` beside it: a
 line for each model with its status, reason, checks and times.
 

@@ -42,7 +42,8 @@ _STATEMENT = re.compile(
     re.MULTILINE,
 )
 # Objects that are no part of the thing: water and shade that move with it.
-_NO_PARTS = re.compile(r"wake\b|sillage|shadow", re.IGNORECASE)
+_NO_PARTS = re.compile(r"wake([\W_0-9]|$)|sillage|shadow", re.IGNORECASE)
+_NO_PART = "a ship's wake or a painted shadow left out"
 
 _SURFACE = re.compile(rb"^([ \t]*SURF[ \t]+0[xX])([0-9a-fA-F]{1,8})", re.MULTILINE)
 
@@ -276,6 +277,12 @@ def _material(properties: list[dict[str, Any]], textures: loading.Textures) -> t
     return material, value.get("$tex.uvtrafo", (0.0, 0.0, 1.0, 1.0, 0.0))
 
 
+def _is_wake(properties: list[dict[str, Any]]) -> bool:
+    """Whether a material's picture is that of a wake or a shadow."""
+    name = next((str(p["value"]) for p in properties if p["key"] == "$tex.file"), "")
+    return bool(_NO_PARTS.match(re.split(r"[/\\]", name)[-1]))
+
+
 def read(
     data: bytes, files: loading.Files, base: str, side: int, max_faces: int, notes: loading.Notes
 ) -> dict[str, Any]:
@@ -300,12 +307,13 @@ def read(
         )
     textures = loading.Textures(files, base, side, notes)
     looks = [_material(m["properties"], textures) for m in tree.get("materials", [])]
+    no_parts = {i for i, m in enumerate(tree.get("materials", [])) if _is_wake(m["properties"])}
     parts: dict[str, list[np.ndarray]] = {k: [] for k in ("faces", "vertices", "uv", "owner")}
     normals = []
     offset = 0
     for node, each, (turn, move) in zip(nodes, objects, _places(objects), strict=True):
         if _NO_PARTS.match(str(node.get("name", ""))):
-            notes.add("a ship's wake or a painted shadow left out")
+            notes.add(_NO_PART)
             continue
         begin = len(parts["faces"])
         start = offset
@@ -313,6 +321,9 @@ def read(
             mesh = tree["meshes"][index]
             polygons = [f for f in mesh.get("faces", []) if len(f) >= 3]
             if not polygons:
+                continue
+            if mesh["materialindex"] in no_parts:
+                notes.add(_NO_PART)
                 continue
             # Assimp has moved them already; it must come after the turning.
             local = np.array(mesh["vertices"], np.float64).reshape(-1, 3) - each.location

@@ -92,7 +92,7 @@ class FlightGearCatalogue:
     Args:
       source: the folder `AI/Aircraft` of FlightGear's data.
       liveries: most models of one file, spread over the names of its liveries.
-      fractions: see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.split_of`.
       max_faces: models with more are refused.
 
     Raises:

@@ -634,7 +634,7 @@ class PyrogenesisCatalogue:
       source: the archive, such as 0 A.D.'s `public.zip`, or a folder below which it lies.
       shapes: most models of one actor.
       colours: most models of the same meshes.
-      fractions: see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.split_of`.
       max_faces: models with more are refused.
 
     Raises:

@@ -125,7 +125,7 @@ class TorcsCatalogue:
 
     Args:
       source: the folder that has `cars` and `wheels` in it.
-      fractions: see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.split_of`.
       max_faces: models with more are refused.
 
     Raises:

@@ -56,6 +56,7 @@ SOURCES = (
         views=12,
         package="sweethome3d-furniture",
         place="usr/share/sweethome3d",
+        exclude="#(passage-pieton|fleche-|stationnement-)",  # paint on a road
         licences=(
             Licence("CC-BY-3.0", "^Scopia/", "Scopia"),
             Licence("CC-BY-3.0", "^BlendSwap-CC-BY/", "Blend Swap contributors"),

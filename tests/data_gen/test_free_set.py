@@ -157,9 +157,11 @@ def test_parameters_read_no_other_file():
 @needs_assimp
 def test_wakes_are_no_part_of_a_ship(tmp_path):
     wake = cube(lines=["loc 9 0 0"]).replace('name "été"', 'name "Wake"')
-    arrays, notes = read(write(tmp_path / "a.ac", cube(), wake))
-    assert len(arrays["faces"]) == 12
-    assert len(notes) == 1
+    foam = cube(lines=["loc 9 9 0", 'texture "foam\\\\wake_big.png"'])
+    awake = cube(lines=['texture "awake.png"']).replace('name "été"', 'name "wakefield"')
+    arrays, notes = read(write(tmp_path / "a.ac", cube(), wake, foam, awake))
+    assert len(arrays["faces"]) == 24
+    assert [n for n in notes if "left out" in n] == ["a ship's wake or a painted shadow left out"]
 
 
 @needs_assimp
