@@ -41,11 +41,12 @@ from psgn_jax.data import records
 _FLIGHTGEAR = "Curtis L. Olson and the FlightGear team"
 _FREE_ART = "Jean-Christophe Durieu; ViPeR"
 
-# Lights, clouds, marks, water, pieces, and whole towns.
+# Lights, clouds, marks, water, pieces, whole towns, copies, and a train with a stray sphere.
 _NO_OBJECTS = (
     r"(?i)^(Weather|Astro|Effects|Autopush|Volcanoes)/|light|flare|strobe|beacon\.ac|Crater|contrail"
     r"|null\.|puff|square\.|thermalcap|tracer|glide-path|Sillage|/cut\.|/datum\.|wave-off|flols|flash"
     r"|propeller\.|parks-and-objects|groundtile|towropes|banlieue|zone_?maisons|ZoneImmeubles"
+    r"|ICE3firstcar|Buildings/(cow|horse)-stable|Geometry/(container_carrier|Ensign)"
     r"|AutoGate|DockingGate|jetway-movable|testpilot|Foxtrot\.|hull\.ac|superstructure|saratoga-"
 )
 
