@@ -2,9 +2,9 @@
 
     python data_gen/render.py --catalogue NAME --source PATH --out RECORDS
 
-NAME is one of procedural, folder, shapenet, sh3f, ac3d; PATH is what the catalogue reads. RECORDS
-becomes a data set of `psgn_jax.data.records` that training reads, with `models.jsonl` beside it: a
-line for each model with its status, reason, checks and times.
+NAME is one of procedural, folder, shapenet, sh3f, ac3d, flightgear, torcs, pyrogenesis; PATH is
+what the catalogue reads. RECORDS becomes a data set of `psgn_jax.data.records` that training reads,
+with `models.jsonl` beside it: a line for each model with its status, reason, checks and times.
 
 Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; `--help` lists all
 of them, and the options of the catalogues. Killed and started again, the command goes on where it

@@ -101,6 +101,9 @@ CATALOGUES = {
     "shapenet": "data_gen.catalogues.shapenet:ShapeNetCatalogue",
     "sh3f": "data_gen.catalogues.sh3f:SweetHomeCatalogue",
     "ac3d": "data_gen.catalogues.ac3d:AC3DCatalogue",
+    "flightgear": "data_gen.catalogues.flightgear:FlightGearCatalogue",
+    "torcs": "data_gen.catalogues.torcs:TorcsCatalogue",
+    "pyrogenesis": "data_gen.catalogues.pyrogenesis:PyrogenesisCatalogue",
 }
 """Names of the catalogues and where their classes are."""
 
