@@ -9,7 +9,7 @@ Colours are display values (sRGB) in [0, 1], as material files have them.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -537,41 +537,175 @@ def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
 
 # --- Occupancy --------------------------------------------------------------------------------
 
-# Fine cells along the edge of a cell of the grid. At 4, a third more time than at 3.
-_FINE = 4
+# Small cells along the edge of a cell of the grid. Odd: of two or four centres across a cell, the
+# half that decides would be inside already where the surface is a quarter or an eighth short of
+# the cell's middle, and flat objects would come out too thick.
+_FINE = 3
 
-# Distance between the points that stand for a surface, in fine cells. Every point of the surface
-# is then within sqrt(1/2) * 0.66 < 1/2 of one of them, which is what makes the voxels tight.
-_SPACING = 0.66
+# How far beside a triangle a line still counts as meeting it, in small cells. It is far above the
+# rounding of coordinates, so that no line slips between two triangles that share an edge.
+_TOLERANCE = 1e-6
 
-# Surface points of one model: about a second. Only a hostile model needs more.
-_MAX_POINTS = 60_000_000
+# Meeting points with the lines of one axis, from above: seconds. Only a hostile model has more.
+_MAX_POINTS = 10_000_000
 _POINTS_AT_ONCE = 1_000_000
 
+# Distance of the points that stand for an edge, in small cells.
+_SPACING = 0.7
 
-def _covering_points(corners: np.ndarray, spacing: float) -> np.ndarray:
-    """Points [n, 3] on triangles [F, 3, 3], each triangle covered by rows along its longest edge.
 
-    Rows and points in a row are at most `spacing` apart, so slivers cost little.
+def _repeat(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For `counts[i]` items of each i: the owners i, and the items' numbers from 0."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def _centres_between(low: np.ndarray, high: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """The first cell whose centre lies in [low, high], and how many do; within the grid."""
+    first = np.maximum(np.ceil(low - (0.5 + _TOLERANCE)), 0)
+    last = np.minimum(np.floor(high + (_TOLERANCE - 0.5)), size - 1)
+    return first, np.maximum(last - first + 1, 0).astype(np.int64)
+
+
+def _line_hits(
+    corners: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], axis: int, size: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Where triangles meet the lines along an axis through the centres of a grid's cells.
+
+    Each triangle is cut into rows of lines and each row into lines. A triangle's border counts, so
+    a line through a common edge meets at least one of the triangles there.
+
+    Args:
+      corners: positions, unit = the edge of a cell.
+      faces: indices into `corners`.
+      axis: along which the lines run.
+      size: cells along an edge of the grid.
+
+    Yields:
+      Cells of the lines along the next two axes (in cyclic order), and the place on the line.
+
+    Raises:
+      UnusableModelError: that would be more than `_MAX_POINTS`.
     """
-    edges = np.roll(corners, -1, axis=1) - corners
-    longest = np.linalg.norm(edges, axis=2).argmax(axis=1)
-    turn = (longest[:, None] + np.arange(3)) % 3
-    a, b, c = np.moveaxis(np.take_along_axis(corners, turn[..., None], axis=1), 1, 0)
-    base = np.linalg.norm(b - a, axis=1)
-    height = np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.maximum(base, 1e-300)
-    rows = np.ceil(height / spacing).astype(np.int64) + 1
-    # One entry per row: how far up it is, and how many points it has.
-    triangle = np.repeat(np.arange(len(corners)), rows)
-    number = np.arange(len(triangle)) - np.repeat(np.cumsum(rows) - rows, rows)
-    up = number / (rows[triangle] - 1).clip(1)
-    points = np.ceil(base[triangle] * (1 - up) / spacing).astype(np.int64) + 1
-    row = np.repeat(np.arange(len(points)), points)
-    along = (np.arange(len(row)) - np.repeat(np.cumsum(points) - points, points)) / (
-        points[row] - 1
-    ).clip(1)
-    triangle, up = triangle[row], up[row][:, None]
-    return a[triangle] + (1 - up) * along[:, None] * (b - a)[triangle] + up * (c - a)[triangle]
+    u, v, w = (np.ascontiguousarray(corners[:, (axis + k) % 3]) for k in (1, 2, 0))
+    first, rows = _centres_between(v[faces].min(axis=1), v[faces].max(axis=1), size)
+    rows *= _centres_between(u[faces].min(axis=1), u[faces].max(axis=1), size)[1] > 0
+    kept = np.flatnonzero(rows)
+    faces, first, rows = faces[kept], first[kept], rows[kept]
+    if not len(faces):
+        return
+    faces = np.take_along_axis(faces, v[faces].argsort(axis=1, kind="stable"), axis=1)
+    low, middle, high = faces.T
+    width = _centres_between(u[faces].min(axis=1), u[faces].max(axis=1), size)[1]
+    # The rows of a triangle are half as long as its width on average.
+    bound = rows * (width / 2 + 1)
+    if bound.sum() > _MAX_POINTS:
+        raise UnusableModelError(
+            f"the surface crosses {bound.sum():.2g} lines of cells, more than {_MAX_POINTS:.2g}: "
+            "it is too much to voxelise"
+        )
+    group = np.floor(np.cumsum(bound) / _POINTS_AT_ONCE).astype(np.int64)
+    for part in np.split(np.arange(len(faces)), np.flatnonzero(np.diff(group)) + 1):
+        owner, number = _repeat(rows[part])
+        owner = part[owner]
+        row = first[owner] + number
+        # Both ends of the row: on the edge from the lowest corner to the highest, and on the other.
+        at = row + 0.5
+        lower = at <= v[middle[owner]]
+        begin = np.where(lower, low[owner], middle[owner])
+        end = np.where(lower, middle[owner], high[owner])
+        span = v[end] - v[begin]
+        along = np.where(
+            span > 0, np.clip((at - v[begin]) / np.where(span > 0, span, 1), 0, 1), lower
+        )
+        one_u, one_w = (c[begin] + along * (c[end] - c[begin]) for c in (u, w))
+        begin, end = low[owner], high[owner]
+        along = np.clip((at - v[begin]) / np.maximum(v[end] - v[begin], 1e-300), 0, 1)
+        two_u, two_w = (c[begin] + along * (c[end] - c[begin]) for c in (u, w))
+        over = one_u > two_u
+        one_u, two_u = np.where(over, two_u, one_u), np.where(over, one_u, two_u)
+        one_w, two_w = np.where(over, two_w, one_w), np.where(over, one_w, two_w)
+        start, columns = _centres_between(one_u, two_u, size)
+        slope = (two_w - one_w) / np.maximum(two_u - one_u, 1e-300)
+        owner, number = _repeat(columns)
+        column = start[owner] + number
+        place = np.clip(
+            one_w[owner] + (column + 0.5 - one_u[owner]) * slope[owner],
+            np.minimum(one_w, two_w)[owner],
+            np.maximum(one_w, two_w)[owner],
+        )
+        yield column.astype(np.int64), row[owner].astype(np.int64), place
+
+
+def _edge_points(corners: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Points [n, 3] on all edges of triangles, at most `_SPACING` apart, and all their corners."""
+    pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    steps = np.ceil(
+        np.linalg.norm(corners[pairs[:, 1]] - corners[pairs[:, 0]], axis=1) / _SPACING
+    ).astype(np.int64)
+    pairs, steps = pairs[steps > 1], steps[steps > 1]
+    _, once = np.unique(pairs[:, 0] * len(corners) + pairs[:, 1], return_index=True)
+    pairs, steps = pairs[once], steps[once]
+    owner, number = _repeat(steps - 1)
+    begin, end = pairs[owner].T
+    along = ((number + 1) / steps[owner])[:, None]
+    return np.concatenate([corners, corners[begin] + along * (corners[end] - corners[begin])])
+
+
+def _mark_surface(
+    corners: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], size: int
+) -> tuple[Bool[np.ndarray, "n n n"], list[Bool[np.ndarray, "n n n"]]]:
+    """Cells that a surface passes through, so that no air gets across it from cell to cell.
+
+    Marked are the cells that contain
+      - a point where the surface meets a line along an axis through the cells' centres, and
+      - a point of an edge or a corner of a triangle, which keeps parts thinner than a cell.
+
+    No leak: let the surface meet the segment between the centres of two cells with a common face.
+    The segment lies on one of the lines, and in these two cells; so does the meeting point, and
+    one of the two is marked. Air that steps from the centre of an unmarked cell to that of an
+    unmarked neighbour has not crossed the surface, whatever the shape of the triangles. (A segment
+    that lies in a triangle's plane is of no concern: where it leads inside of a closed surface, a
+    segment beside it does so, too, through a triangle that is not parallel to it, and whose border
+    the first segment touches at least.) Rounding moves a meeting point by far less than half a
+    cell, which is what it would take to mark neither.
+
+    Args:
+      corners: positions, unit = the edge of a cell; the grid spans [0, size] on each axis. What
+        sticks out is not marked.
+      faces: indices into `corners`.
+      size: cells along an edge of the grid.
+
+    Returns:
+      The marked cells, and for each axis whether the surface lies between the centre of a cell and
+      that of the next.
+
+    Raises:
+      UnusableModelError: it would take minutes.
+    """
+    marked = np.zeros((size, size, size), bool)
+    crossed = []
+    strides = size ** np.arange(2, -1, -1)
+    for axis in range(3):
+        between = np.zeros((size, size, size), bool)
+        step = strides[axis]
+        for column, row, place in _line_hits(corners, faces, axis, size):
+            line = column * strides[(axis + 1) % 3] + row * strides[(axis + 2) % 3]
+            # A point on the grid's border belongs to the cell inside.
+            cell = np.floor(place).astype(np.int64)
+            cell[(place > -_TOLERANCE) & (place < 0)] = 0
+            cell[(place >= size) & (place < size + _TOLERANCE)] = size - 1
+            here = (cell >= 0) & (cell < size)
+            marked.reshape(-1)[line[here] + cell[here] * step] = True
+            cell = np.floor(place - 0.5).astype(np.int64)
+            here = (cell >= 0) & (cell < size - 1)
+            between.reshape(-1)[line[here] + cell[here] * step] = True
+        crossed.append(between)
+    cell = np.floor(_edge_points(corners, faces)).astype(np.int64)
+    cell -= cell == size
+    cell = cell[((cell >= 0) & (cell < size)).all(axis=1)]
+    marked.reshape(-1)[cell @ strides] = True
+    return marked, crossed
 
 
 def _outside(blocked: np.ndarray) -> np.ndarray:
@@ -579,6 +713,38 @@ def _outside(blocked: np.ndarray) -> np.ndarray:
     padded = np.pad(~blocked, ((1, 1), (1, 1), (0, 1)), constant_values=True)
     label, _ = scipy.ndimage.label(padded)
     return (label == label[0, 0, -1])[1:-1, 1:-1, :-1]
+
+
+def _with_border(
+    outside: np.ndarray, marked: np.ndarray, crossed: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Outside cells, and those marked cells whose centre is outside.
+
+    That is so if a neighbour's centre is, and the surface does not lie between the two. Two steps:
+    beyond lie marked cells with none but marked ones around.
+    """
+    for _ in range(2):
+        reached = np.zeros_like(outside)
+        for axis, between in enumerate(crossed):
+            first = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
+            second = tuple(slice(1, None) if k == axis else slice(None) for k in range(3))
+            free = ~between[first]
+            reached[first] |= outside[second] & free
+            reached[second] |= outside[first] & free
+        outside = outside | (marked & reached)
+    return outside
+
+
+def _in_cells(fine: np.ndarray) -> np.ndarray:
+    """How many of the small cells of each large cell [x, y, z] are true."""
+    counts = fine.view(np.uint8)
+    # Sums of slices, axis after axis: one reduction over three axes takes fifty times as long.
+    for axis in range(3):
+        first, *others = (counts[*[slice(None)] * axis, start::_FINE] for start in range(_FINE))
+        counts = first.copy()
+        for part in others:
+            counts += part
+    return counts
 
 
 def solid_occupancy(
@@ -591,15 +757,17 @@ def solid_occupancy(
     size] in x, the same in y, and [2 k / size, 2 (k+1) / size] in z.
 
     The rule:
-      1. The surface is marked in cells of a quarter of the edge, without gaps.
+      1. The surface is marked in small cells of a third of the edge, without gaps
+         (`_mark_surface`).
       2. Outside is what air reaches from the border without crossing it; it does not come through
-         the ground, so an object without a bottom is solid. All else is solid.
+         the ground, so an object without a bottom is solid. All else is inside. A marked small
+         cell is inside or outside as its centre is.
       3. The same is done with the large cells: what is closed at their size (cracks and gaps under
          a cell) is solid, too.
-      4. A cell is occupied if at least half of its small cells are solid.
-      5. Thin parts are kept: a cell with solid small cells is occupied as well if neither it nor
-         any of its 26 neighbours is by 4. So is, of thin sheets and bars, everything that is a
-         cell or more away from thicker parts.
+      4. A cell is occupied if at least half of its small cells are inside.
+      5. Thin parts are kept: a cell with small cells that are marked or inside is occupied as well
+         if neither it nor any of its 26 neighbours is by 4. So is, of thin sheets and bars,
+         everything that is a cell or more away from thicker parts.
 
     Args:
       model: in the project's frame, normalised. What sticks out of the grid is not counted.
@@ -610,38 +778,21 @@ def solid_occupancy(
       UnusableModelError: the area is so large that marking it would take minutes.
     """
     fine = size * _FINE
-    scale = fine / 2
-    corners = (model.vertices @ np.asarray(rotation, np.float64).T + [1, 1, 0]) * scale
-    triangles = corners[model.faces]
-    edge = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
-    area = face_areas(corners, model.faces)
-    # Points of `_covering_points`, from above: rows times points of the longest row.
-    bound = (2 * area / edge.clip(1e-300) / _SPACING + 2) * (edge / _SPACING + 2)
-    if bound.sum() > _MAX_POINTS:
-        raise UnusableModelError(
-            f"an area of {area.sum() / scale**2:.0f} (unit: squared radius) is too much to voxelise"
-        )
-    surface = np.zeros(fine**3, bool)
-    group = np.floor(np.cumsum(bound) / _POINTS_AT_ONCE).astype(np.int64)
-    for part in np.split(triangles, np.flatnonzero(np.diff(group)) + 1):
-        cell = np.floor(_covering_points(part, _SPACING)).astype(np.int64)
-        # A point on the grid's upper border belongs to the last cell.
-        cell -= cell == fine
-        cell = cell[((cell >= 0) & (cell < fine)).all(axis=1)]
-        surface[(cell[:, 0] * fine + cell[:, 1]) * fine + cell[:, 2]] = True
-    shell = surface.reshape(fine, fine, fine)
-
-    blocks = (size, _FINE, size, _FINE, size, _FINE)
-    touched: np.ndarray = np.any(shell.reshape(blocks), axis=(1, 3, 5))
+    corners = (model.vertices @ np.asarray(rotation, np.float64).T + [1, 1, 0]) * (fine / 2)
+    marked, crossed = _mark_surface(corners, model.faces, fine)
+    touched = _in_cells(marked) > 0
     # The flood runs in the part of the grid that the object fills, with air around it.
     if not touched.any():
         return touched
-    x, y, z = (slice(int(i.min()) * _FINE, (int(i.max()) + 1) * _FINE) for i in np.nonzero(touched))
-    window = (x, y, slice(0, z.stop))
-    solid = np.zeros_like(shell)
-    solid[window] = ~_outside(shell[window])
-    sealed = ~_outside(touched) & ~touched
-    fraction = solid.reshape(blocks).sum(axis=(1, 3, 5), dtype=np.int64) / _FINE**3
-    thick = (fraction >= 0.5) | sealed
+    large = [slice(int(i.min()), int(i.max()) + 1) for i in np.nonzero(touched)]
+    large[2] = slice(0, large[2].stop)
+    x, y, z = (slice(s.start * _FINE, s.stop * _FINE) for s in large)
+    marked = marked[x, y, z]
+    outside = _outside(marked)
+    inside = ~_with_border(outside, marked, [c[x, y, z] for c in crossed])
+    thick = ~_outside(touched) & ~touched
+    thick[*large] |= _in_cells(inside) >= _FINE**3 // 2 + 1
+    thin = np.zeros_like(touched)
+    thin[*large] = _in_cells(~outside) > 0
     near = scipy.ndimage.maximum_filter(thick, size=3)
-    return thick | ((fraction > 0) & ~near)
+    return thick | (thin & ~near)
