@@ -85,3 +85,16 @@ def cells_of(points, turn):
     index = np.floor((centre @ turn + [1, 1, 0]) * len(points) / 2).astype(int)
     kept = ((index >= 0) & (index < len(points))).all(axis=-1)
     return kept & points[tuple(np.moveaxis(index.clip(0, len(points) - 1), -1, 0))]
+
+
+def sheltered_cells(points):
+    """Cells at least half of whose points are air that gaps of 2 points (0.4 cells) let in alone.
+
+    Voxels this large close such gaps, as between a drawer and its cabinet: what lies behind is
+    solid to them.
+    """
+    cube = np.ones((3, 3, 3), bool)
+    air = np.pad(~points, ((2, 2), (2, 2), (0, 2)), constant_values=True)
+    open_, _ = scipy.ndimage.label(scipy.ndimage.binary_erosion(air, cube, border_value=1))
+    reached = scipy.ndimage.binary_dilation(open_ == open_[0, 0, -1], cube)
+    return occupancy((air & ~reached)[2:-2, 2:-2, :-2])

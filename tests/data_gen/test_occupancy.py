@@ -86,16 +86,21 @@ def test_a_body_of_slivers_is_solid(angle):
 def compare(model, angles=(20.0, 63.0), least=100):
     """IoU with the winding numbers in two views, least volume over largest, and that of winding.
 
-    Thick parts alone count, see `winding.thick_parts`; None if they have less than `least` cells.
+    Thick parts alone count, see `winding.thick_parts`, and no air behind narrow gaps, see
+    `winding.sheltered_cells`; None if thick parts have less than `least` cells.
     """
     turns = [cameras.turn_about_vertical(-a) for a in angles]
     points = winding.inside(model, turns[0])
     thick = winding.thick_parts(points)
     if winding.cells_of(thick, np.eye(3)).sum() < least:
         return None
-    want = [winding.occupancy(points), winding.occupancy(winding.inside(model, turns[1]))]
+    views = [points, winding.inside(model, turns[1])]
+    want = [winding.occupancy(view) for view in views]
     got = [meshes.solid_occupancy(model, turn) for turn in turns]
-    parts = [winding.cells_of(thick, turn @ turns[0].T) for turn in turns]
+    parts = [
+        winding.cells_of(thick, turn @ turns[0].T) & ~winding.sheltered_cells(view)
+        for turn, view in zip(turns, views, strict=True)
+    ]
     iou = [
         (g & w & p).sum() / ((g | w) & p).sum() for g, w, p in zip(got, want, parts, strict=True)
     ]
