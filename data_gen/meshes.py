@@ -565,6 +565,39 @@ def outline(
     return np.concatenate([points, _existing_extremes(model, faces, measure, best)])
 
 
+# An empty part of the longest extent from which on what lies beyond is a stray. Of FlightGear's 494
+# models that load, one has more (0.93; the next have 0.45 and 0.25); see BUILD.md.
+_STRAY_GAP = 0.6
+
+
+def _check_strays(model: Model) -> None:
+    """Refuses models that consist of parts far from one another.
+
+    Raises:
+      UnusableModelError: names the smaller part.
+    """
+    corners = model.corners()
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    extent = float((high.max(axis=0) - low.min(axis=0)).max())
+    for axis in range(3):
+        order = np.argsort(low[:, axis], kind="stable")
+        reached = np.maximum.accumulate(high[order, axis])
+        gaps = low[order[1:], axis] - reached[:-1]
+        if not len(gaps) or gaps.max() <= _STRAY_GAP * extent:
+            continue
+        index = int(gaps.argmax()) + 1
+        sides = sorted((order[:index], order[index:]), key=lambda s: face_areas(
+            model.vertices, model.faces[s]).sum())  # fmt: skip
+        names = sorted({model.materials[i].name for i in model.face_material[sides[0]]} - {""})
+        centre = ", ".join(f"{c:.3g}" for c in corners[sides[0]].mean(axis=(0, 1)))
+        raise UnusableModelError(
+            f"a stray part of {len(sides[0])} faces"
+            + (f" (material {', '.join(names[:3])})" if names else "")
+            + f" around ({centre}): {gaps.max() / extent:.0%} of the model's extent are empty "
+            "between it and the rest"
+        )
+
+
 def normalize(model: Model) -> Model:
     """Moves and scales a model to the project's frame; its axes must be right already (`orient`).
 
@@ -574,8 +607,10 @@ def normalize(model: Model) -> Model:
     exact to 0.002 of the extent.
 
     Raises:
-      UnusableModelError: the model has no extent, or one that overflows.
+      UnusableModelError: the model has no extent, or one that overflows; or it has stray parts
+        far away, beside which the object would be a dot.
     """
+    _check_strays(model)
     points = outline(model, lambda points: np.concatenate([points, -points], axis=1))
     if not len(points):
         raise UnusableModelError("nothing of the surface exists: its textures are transparent")
@@ -662,8 +697,18 @@ class _Twins:
     def __init__(self, model: Model) -> None:
         self._model = model
         self._has_alpha = len(_faces_with_alpha(model)) > 0
-        self._normal = face_normals(model.vertices, model.faces)
         corners = model.corners()
+        # Affine functions of a point for each face: its distance from the face's plane, and its
+        # second and third barycentric coordinates there.
+        origin, one, two = np.moveaxis(corners, 1, 0)
+        one, two = one - origin, two - origin
+        cross = np.cross(one, two)
+        square = np.maximum(_dot(cross, cross), 1e-300)[:, None]
+        normal = cross / np.sqrt(square)
+        self._forms = np.stack(
+            [normal, np.cross(two, cross) / square, np.cross(cross, one) / square], axis=1
+        )
+        self._offsets = -np.einsum("nij,nj->ni", self._forms, origin)
         low, high = corners.min(axis=1), corners.max(axis=1)
         self._low = low.min(axis=0)
         extent = float((high.max(axis=0) - self._low).max())
@@ -676,9 +721,7 @@ class _Twins:
             if count.sum() <= _MAX_BINNED:
                 break
         # Directions of planes. Steps and signs change where no model has planes in number.
-        turned = (
-            np.where(self._normal @ [0.3713, 0.6137, 0.6969] < 0, -1, 1)[:, None] * self._normal
-        )
+        turned = np.where(normal @ [0.3713, 0.6137, 0.6969] < 0, -1, 1)[:, None] * normal
         step = np.floor((turned + 1) * (_DIRECTIONS / 2) + 0.371).astype(np.int64)
         self._direction = step @ ((_DIRECTIONS + 1) ** np.arange(3))
         # The faces of each cell and direction, one after another.
@@ -720,24 +763,21 @@ class _Twins:
             owner, number = _repeat(count[part])
             owner = part[owner]
             other = self._faces[start[owner] + number]
-            cosine = _dot(self._normal[other], self._normal[face[owner]])
-            kept = (other != face[owner]) & (np.abs(cosine) > _PARALLEL)
-            owner, other, cosine = owner[kept], other[kept], cosine[kept]
-            away = points[owner] - self._model.vertices[self._model.faces[other, 0]]
-            near = np.abs(_dot(away, self._normal[other])) <= self._tolerance
-            owner, other, cosine, away = owner[near], other[near], cosine[near], away[near]
-            # Barycentric coordinates by the Gram matrix of two edges.
-            origin, one, two = np.moveaxis(self._model.vertices[self._model.faces[other]], 1, 0)
-            one, two = one - origin, two - origin
-            a, b, c = _dot(one, one), _dot(one, two), _dot(two, two)
-            d, e = _dot(away, one), _dot(away, two)
-            area = np.maximum(a * c - b * b, 1e-300)
-            s, t = (c * d - b * e) / area, (a * e - b * d) / area
-            here = (s >= 0) & (t >= 0) & (s + t <= 1)
+            kept = other != face[owner]
+            owner, other = owner[kept], other[kept]
+            away, s, t = (
+                np.einsum("nij,nj->in", self._forms[other], points[owner], optimize=False)
+                + self._offsets[other].T
+            )
+            here = np.flatnonzero(
+                (np.abs(away) <= self._tolerance) & (s >= 0) & (t >= 0) & (s + t <= 1)
+            )
+            owner, other, s, t = owner[here], other[here], s[here], t[here]
+            cosine = _dot(self._forms[other, 0], self._forms[face[owner], 0])
+            here = np.abs(cosine) > _PARALLEL
             if self._has_alpha:
                 weights = np.stack([1 - s - t, s, t], axis=1)
-                index = np.flatnonzero(here)
-                here[index] = opacity_at(self._model, other[index], weights[index]) >= EXISTS
+                here &= opacity_at(self._model, other, weights) >= EXISTS
             owner, other, cosine = owner[here], other[here], cosine[here]
             np.minimum.at(result, owner, other)
             both[owner[cosine < 0]] = True

@@ -234,6 +234,26 @@ def test_normalize_refuses_what_overflows():
         meshes.normalize(dataclasses.replace(model_of(cube()), vertices=cube().vertices * 1e200))
 
 
+def test_normalize_refuses_strays_by_name():
+    far = solids.ball(0.1, 0.1, 0.1, 8).at(0, 20, 0.5)
+    vertices, faces = joined(cube(), far)
+    owner = (np.arange(len(faces)) >= 12).astype(int)
+    materials = [Material(name="paint"), Material(name="marker")]
+    model = meshes.build(vertices, faces, face_material=owner, materials=materials)
+    with pytest.raises(
+        meshes.UnusableModelError, match=r"stray part .*marker.*\(.*20, 0\.5.*empty"
+    ):
+        meshes.normalize(model)
+    # A pair of things half an extent apart is one object.
+    pair = joined(cube(), cube().at(2.5, 0, 0))
+    assert len(meshes.normalize(meshes.build(*pair)).faces) == 24
+
+
+def test_a_railway_car_with_a_stray_sphere_is_refused():
+    with pytest.raises(meshes.UnusableModelError, match="stray part"):
+        free_meshes.model("ac3d", "Transport/ICE3firstcar.ac")
+
+
 def test_samples_are_uniform_by_area():
     model = meshes.normalize(model_of(solids.box(4, 2, 1)))
     sample = meshes.sample_surface(model, 7000, 3)
