@@ -568,7 +568,7 @@ def outline(
     whole = np.ones(len(model.faces), bool)
     whole[faces] = False
     points = model.vertices[np.unique(model.faces[whole])]
-    best = measure(model.vertices[:1])[0] * 0 - np.inf
+    best = np.full(measure(model.vertices[:1]).shape[1], -np.inf)
     if len(points):
         best = measure(points).max(axis=0)
     return np.concatenate([points, _existing_extremes(model, faces, measure, best)])
