@@ -574,9 +574,10 @@ def outline(
     return np.concatenate([points, _existing_extremes(model, faces, measure, best)])
 
 
-# An empty part of the longest extent from which on what lies beyond is a stray. Of FlightGear's 494
-# models that load, one has more (0.93; the next have 0.45 and 0.25); see BUILD.md.
-_STRAY_GAP = 0.6
+# A model is in stray parts if an empty gap takes this part of its extent, and what lies on either
+# side is smaller than that. Of FlightGear's 494 models that load, one has a gap of over 0.6 (0.93;
+# the next have 0.45 and 0.25).
+_STRAY_GAP, _STRAY_SIZE = 0.6, 0.15
 
 
 def _check_strays(model: Model) -> None:
@@ -595,6 +596,12 @@ def _check_strays(model: Model) -> None:
         if not len(gaps) or gaps.max() <= _STRAY_GAP * extent:
             continue
         index = int(gaps.argmax()) + 1
+        sizes = [
+            np.ptp(corners[side].reshape(-1, 3), axis=0).max()
+            for side in (order[:index], order[index:])
+        ]
+        if max(sizes) > _STRAY_SIZE * extent:
+            continue
         sides = sorted((order[:index], order[index:]), key=lambda s: face_areas(
             model.vertices, model.faces[s]).sum())  # fmt: skip
         names = sorted({model.materials[i].name for i in model.face_material[sides[0]]} - {""})
