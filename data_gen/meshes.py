@@ -576,7 +576,7 @@ def outline(
 
 # A model is in stray parts if an empty gap takes this part of its extent, and what lies on either
 # side is smaller than that. Of FlightGear's 494 models that load, one has a gap of over 0.6 (0.93;
-# the next have 0.45 and 0.25).
+# the next have 0.45 and 0.25), of 82 pieces of Sweet Home 3D none has more than 0.12.
 _STRAY_GAP, _STRAY_SIZE = 0.6, 0.15
 
 
