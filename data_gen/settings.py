@@ -99,7 +99,7 @@ class CheckSettings:
       luminance: least mean brightness of the object's pixels, 0 to 255.
     """
 
-    coverage: float = 0.001
+    coverage: float = 0.005
     inside: float = 0.9
     depth: float = 0.03
     luminance: float = 2.0

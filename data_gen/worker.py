@@ -372,15 +372,17 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             "warnings": list(model.warnings),
         }
         surface = meshes.sample_surface(model, settings.num_points, seed)
-        tree = scipy.spatial.cKDTree(surface.points)
+        # A few hundred searches a view: a tree that is made fast serves better than a good one.
+        tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
         lap("points")
         surfaces = scene.flatten(model)
+        outline = meshes.outline(model)
         mesh = shader.Mesh(surfaces.corners)
         lap("mesh")
         parameters = _plain(model.parameters)
         for view in range(settings.views):
             rng = np.random.default_rng([seed, view])
-            camera = cameras.draw(rng, settings.camera, model.vertices)
+            camera = cameras.draw(rng, settings.camera, outline)
             light, around = surroundings.draw(rng, settings.light, context.maps)
             behind = _background(rng, settings, context.pictures)
             shown = scene.Scene(surfaces, camera, light, behind)
