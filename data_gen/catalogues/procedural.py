@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from data_gen import catalogues
-from data_gen.catalogues.families import devices, furniture, vehicles
+from data_gen.catalogues.families import car, devices, furniture, vehicles
 from data_gen.catalogues.families.kit import HiddenRange, Kit
 from data_gen.meshes import Model
 
@@ -32,7 +32,7 @@ FAMILIES: dict[str, Callable[[Kit], None]] = {
     "plane": vehicles.plane,
     "bench": furniture.bench,
     "cabinet": furniture.cabinet,
-    "car": vehicles.car,
+    "car": car.car,
     "chair": furniture.chair,
     "monitor": devices.monitor,
     "lamp": furniture.lamp,
