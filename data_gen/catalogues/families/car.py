@@ -148,7 +148,7 @@ def _shell(kit: Kit, form: Form, kind: str, skin: Material) -> Shell:
     floor = low + 0.28 if kind != "pickup" else 0.62 * belt
 
     overhang = kit.uniform("overhang", 1.35, 1.8) * radius
-    axles = [front - overhang - 0.15 * shift, rear + overhang * kit.uniform("tail_end", 1.0, 1.4)]
+    axles = [front - overhang - 0.5 * shift, rear + overhang * kit.uniform("tail_end", 1.0, 1.4)]
     if kind in ("bus", "double_decker"):
         axles = [front - 0.22 * length, rear + 0.27 * length]
     arch = 1.13 * radius
@@ -331,7 +331,7 @@ def _fittings(kit: Kit, form: Shell, kind: str, skin: Material, trim: Material) 
                         *(box(0.05, 0.04, 0.2).at(x + at * long, s * 0.6 * half, z)
                           for s in (-1, 1)))  # fmt: skip
     if kind == "double_decker" or kind == "bus":
-        _bus_windows(kit, form, kind)
+        _bus_windows(kit, form, kind, skin)
     if kind in ("roadster", "jeep"):
         _cockpit(kit, form, kind, skin)
     if kind == "pickup":
@@ -352,7 +352,7 @@ def _fittings(kit: Kit, form: Shell, kind: str, skin: Material, trim: Material) 
                 kit.add(BLACK, tube(bow, 0.03, 6).at(rear + 0.05 + at * (long - 0.15)))
 
 
-def _bus_windows(kit: Kit, form: Shell, kind: str) -> None:
+def _bus_windows(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
     """The upper deck's windows, the destination sign, what stands on the roof."""
     length = form.front - form.rear
     if kind == "double_decker":
@@ -361,6 +361,7 @@ def _bus_windows(kit: Kit, form: Shell, kind: str) -> None:
         kit.add(DARK_GLASS, box(length * 0.93, width + 0.14, high, 0.02).at(0, 0, z))
         for x in np.linspace(-0.36, 0.36, 6) * length:
             kit.both(BLACK, box(0.1, 0.02, high).at(x, width / 2 + 0.075, z))
+        kit.add(skin, box(length * 0.985, width + 0.2, 0.12 * form.height, 0.03).at(0, 0, 0.6 * form.height))
     elif kit.chance("roof_units", 0.6):
         for x in (-0.22, 0.2):
             kit.add(WHITE, pillow(0.17 * length, 1.6, 0.3, 0.12, 2).at(x * length, 0, form.height))
