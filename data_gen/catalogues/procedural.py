@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from data_gen import catalogues
-from data_gen.catalogues.families import car, devices, furniture, vehicles
+from data_gen.catalogues.families import car, devices, furniture, plane, vehicles
 from data_gen.catalogues.families.kit import HiddenRange, Kit
 from data_gen.meshes import Model
 
@@ -29,7 +29,7 @@ from data_gen.meshes import Model
 _VISIBLE, _HIDDEN = 0x70736776, 0x70736768
 
 FAMILIES: dict[str, Callable[[Kit], None]] = {
-    "plane": vehicles.plane,
+    "plane": plane.plane,
     "bench": furniture.bench,
     "cabinet": furniture.cabinet,
     "car": car.car,
