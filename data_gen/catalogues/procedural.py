@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from data_gen import catalogues
-from data_gen.catalogues.families import car, devices, furniture, plane, vehicles
+from data_gen.catalogues.families import car, devices, furniture, plane, vehicles, watercraft
 from data_gen.catalogues.families.kit import HiddenRange, Kit
 from data_gen.meshes import Model
 
@@ -41,7 +41,7 @@ FAMILIES: dict[str, Callable[[Kit], None]] = {
     "couch": furniture.couch,
     "table": furniture.table,
     "cellphone": devices.cellphone,
-    "watercraft": vehicles.watercraft,
+    "watercraft": watercraft.watercraft,
 }
 """The families, in the order of the paper's table."""
 

@@ -690,7 +690,7 @@ GREYS = ((0.42, 0.45, 0.36), (0.36, 0.38, 0.3), (0.5, 0.52, 0.55), (0.62, 0.64, 
 
 def plane(kit: Kit) -> None:
     """Planes of 13 kinds. Hidden: the depth of a bay in the belly."""
-    kind = kit.choose("subtype", "airliner", "fighter", "light", *KINDS)
+    kind = kit.choose("subtype", "airliner", "airliner", "fighter", "fighter", "light", "warbird", *KINDS)
     grey = Material(pick(kit.rng, GREYS), (0.15,) * 3, 20.0, name="service paint")
     civil = paint(kit.rng) if kind not in ("airliner", "business", "glider") or kit.rng.random() < 0.2 else WHITE
     service = {"fighter": 0.85, "warbird": 0.75, "flying_wing": 0.85, "helicopter": 0.3}.get(kind, 0.05)
