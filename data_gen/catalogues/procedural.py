@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from data_gen import catalogues
-from data_gen.catalogues.families import car, devices, furniture, plane, vehicles, watercraft
+from data_gen.catalogues.families import car, devices, firearm, furniture, plane, watercraft
 from data_gen.catalogues.families.kit import HiddenRange, Kit
 from data_gen.meshes import Model
 
@@ -37,7 +37,7 @@ FAMILIES: dict[str, Callable[[Kit], None]] = {
     "monitor": devices.monitor,
     "lamp": furniture.lamp,
     "speaker": devices.speaker,
-    "firearm": vehicles.firearm,
+    "firearm": firearm.firearm,
     "couch": furniture.couch,
     "table": furniture.table,
     "cellphone": devices.cellphone,
