@@ -320,7 +320,7 @@ def body(
     rows = through(stations, places)
     rings = []
     for x, row in zip(places, rows, strict=True):
-        w, h, z = np.maximum(row[:2], 0).tolist() + [row[2]]
+        w, h, z = max(row[0], 0.0), max(row[1], 0.0), row[2]
         outline = superellipse(2 * w, 2 * h, row[3] if len(row) > 3 else power, sides)
         rings.append(np.column_stack([np.full(sides, x), outline[:, 0], outline[:, 1] + z]))
     return loft(rings)
