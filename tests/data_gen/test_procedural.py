@@ -115,6 +115,22 @@ def test_the_authors_camera_sees_nothing_of_what_is_hidden(category):
         assert changed.sum() <= 2
 
 
+@pytest.mark.parametrize(("name", "azimuth"), [("plane-48", 156.0), ("watercraft-5", 180.0)])
+def test_nobody_looks_into_the_underside_from_behind(name, azimuth):
+    models = []
+    for end in ("low", "high"):
+        ranges = procedural.hidden_ranges(name)
+        values = {key: getattr(span, end) for key, span in ranges.items()}
+        models.append(procedural.redraw_hidden(name, values=values))
+    one, two = (
+        rasteriser.inverse_depth(
+            m, azimuth, distance=2.5, elevation=15.0, size=(72, 96), focal=110.0
+        )
+        for m in models
+    )
+    np.testing.assert_array_equal(one[0], two[0])
+
+
 def test_hidden_seed_defaults_to_the_seed():
     one, two = procedural.generate("chair", 3), procedural.generate("chair", 3, hidden_seed=3)
     np.testing.assert_array_equal(one.vertices, two.vertices)

@@ -62,39 +62,39 @@ class Form(NamedTuple):
 
 FORMS = {
     "hatchback": Form((3.4, 4.2), (1.6, 1.8), (1.38, 1.56), (0.28, 0.33), (0.14, 0.2), (0.18, 0.26),
-                    (0.005, 0.02), (0.6, 1.0), (0.15, 0.7), (0.58, 0.66), (0.72, 0.9),
-                    (0.08, 0.2), 2),
+                      (0.005, 0.02), (0.6, 1.0), (0.15, 0.7), (0.58, 0.66), (0.72, 0.9),
+                      (0.08, 0.2), 2),
     "saloon": Form((4.2, 5.3), (1.7, 1.9), (1.35, 1.52), (0.3, 0.35), (0.13, 0.2), (0.22, 0.29),
-                 (0.12, 0.2), (0.6, 1.0), (0.5, 0.9), (0.6, 0.68), (0.72, 0.95), (0.06, 0.18), 2),
+                   (0.12, 0.2), (0.6, 1.0), (0.5, 0.9), (0.6, 0.68), (0.72, 0.95), (0.06, 0.18), 2),
     "estate": Form((4.4, 5.1), (1.7, 1.9), (1.4, 1.6), (0.3, 0.35), (0.14, 0.22), (0.22, 0.28),
-                 (0.005, 0.02), (0.6, 0.9), (0.15, 0.5), (0.6, 0.66), (0.75, 0.92),
-                 (0.06, 0.16), 3),
+                   (0.005, 0.02), (0.6, 0.9), (0.15, 0.5), (0.6, 0.66), (0.75, 0.92),
+                   (0.06, 0.16), 3),
     "coupe": Form((3.9, 4.9), (1.7, 1.95), (1.15, 1.36), (0.31, 0.36), (0.1, 0.16), (0.28, 0.42),
-                (0.03, 0.14), (0.7, 1.1), (0.9, 1.5), (0.6, 0.7), (0.66, 0.85), (0.12, 0.24), 1),
+                  (0.03, 0.14), (0.7, 1.1), (0.9, 1.5), (0.6, 0.7), (0.66, 0.85), (0.12, 0.24), 1),
     "supercar": Form((4.2, 4.7), (1.9, 2.08), (1.02, 1.18), (0.33, 0.37), (0.09, 0.13),
-                   (0.16, 0.24), (0.18, 0.34), (1.0, 1.4), (0.5, 1.2), (0.62, 0.74), (0.4, 0.6),
-                   (0.15, 0.3), 1),
+                     (0.16, 0.24), (0.18, 0.34), (1.0, 1.4), (0.5, 1.2), (0.62, 0.74), (0.4, 0.6),
+                     (0.15, 0.3), 1),
     "roadster": Form((3.4, 4.4), (1.55, 1.85), (1.15, 1.3), (0.29, 0.35), (0.1, 0.17), (0.32, 0.45),
-                   (0.15, 0.25), (0.3, 0.5), (0.1, 0.2), (0.62, 0.72), (0.65, 0.9),
-                   (0.12, 0.28), 1),
+                     (0.15, 0.25), (0.3, 0.5), (0.1, 0.2), (0.62, 0.72), (0.65, 0.9),
+                     (0.12, 0.28), 1),
     "suv": Form((4.1, 5.2), (1.8, 2.05), (1.62, 1.98), (0.35, 0.43), (0.2, 0.34), (0.18, 0.28),
-              (0.005, 0.02), (0.35, 0.8), (0.1, 0.5), (0.58, 0.66), (0.8, 0.97), (0.04, 0.14), 3),
+                (0.005, 0.02), (0.35, 0.8), (0.1, 0.5), (0.58, 0.66), (0.8, 0.97), (0.04, 0.14), 3),
     "jeep": Form((3.2, 4.1), (1.55, 1.8), (1.65, 1.9), (0.36, 0.46), (0.25, 0.4), (0.3, 0.4),
                (0.01, 0.03), (0.08, 0.2), (0.04, 0.1), (0.55, 0.64), (0.92, 1.0), (0.01, 0.04), 2),
     "microcar": Form((2.2, 3.2), (1.4, 1.6), (1.42, 1.6), (0.24, 0.29), (0.12, 0.18), (0.08, 0.18),
-                   (0.01, 0.1), (0.5, 0.8), (0.1, 0.6), (0.52, 0.62), (0.75, 0.95),
-                   (0.1, 0.3), 1),
+                     (0.01, 0.1), (0.5, 0.8), (0.1, 0.6), (0.52, 0.62), (0.75, 0.95),
+                     (0.1, 0.3), 1),
     "van": Form((4.3, 6.6), (1.8, 2.1), (1.85, 2.75), (0.31, 0.37), (0.16, 0.24), (0.06, 0.16),
               (0.003, 0.01), (0.5, 0.95), (0.03, 0.15), (0.48, 0.58), (0.7, 0.9), (0.05, 0.15), 3),
     "bus": Form((7.0, 13.0), (2.35, 2.55), (2.8, 3.4), (0.45, 0.52), (0.25, 0.35), (0.003, 0.006),
-              (0.002, 0.004), (0.08, 0.35), (0.05, 0.2), (0.42, 0.52), (0.98, 1.0),
-              (0.02, 0.08), 7),
+                (0.002, 0.004), (0.08, 0.35), (0.05, 0.2), (0.42, 0.52), (0.98, 1.0),
+                (0.02, 0.08), 7),
     "double_decker": Form((8.5, 11.5), (2.45, 2.55), (4.1, 4.5), (0.48, 0.52), (0.25, 0.32),
-                        (0.003, 0.006), (0.002, 0.004), (0.08, 0.35), (0.05, 0.15), (0.28, 0.32),
-                        (0.98, 1.0), (0.02, 0.06), 7),
+                          (0.003, 0.006), (0.002, 0.004), (0.08, 0.35), (0.05, 0.15), (0.28, 0.32),
+                          (0.98, 1.0), (0.02, 0.06), 7),
     "pickup": Form((4.7, 5.9), (1.75, 2.05), (1.6, 1.95), (0.34, 0.43), (0.22, 0.36), (0.2, 0.28),
-                 (0.3, 0.45), (0.45, 0.85), (0.08, 0.2), (0.58, 0.66), (0.82, 0.97),
-                 (0.03, 0.12), 2),
+                   (0.3, 0.45), (0.45, 0.85), (0.08, 0.2), (0.58, 0.66), (0.82, 0.97),
+                   (0.03, 0.12), 2),
 }
 
 
@@ -156,9 +156,9 @@ def _shell(kit: Kit, form: Form, kind: str, skin: Material) -> Shell:
     doors = [p for p in pillars[1:-1] if low < p + 10] if not blind else [pillars[-2]]
 
     cuts = [front, front - 0.04, front - 0.15, screen + 0.02, screen, rear, rear + 0.05,
-              rear + 0.2, back, roof_front, roof_rear, *np.linspace(screen, roof_front, 5),
-              *np.linspace(back, roof_rear, 4), *np.linspace(rear + 0.3, front - 0.25, 9),
-              *(pillars + 0.04), *(pillars - 0.04), *(d + 0.012 for d in doors)]
+            rear + 0.2, back, roof_front, roof_rear, *np.linspace(screen, roof_front, 5),
+            *np.linspace(back, roof_rear, 4), *np.linspace(rear + 0.3, front - 0.25, 9),
+            *(pillars + 0.04), *(pillars - 0.04), *(d + 0.012 for d in doors)]
     if kind in ("roadster", "jeep"):
         pit_front, pit_rear = screen - 0.12, max(back - 0.1, rear + 0.06)
         pit_rear = pit_rear if kind == "jeep" else max(screen - 1.6, back)
@@ -168,7 +168,7 @@ def _shell(kit: Kit, form: Form, kind: str, skin: Material) -> Shell:
         cuts += [pit_front, pit_front + 0.01, pit_rear, pit_rear - 0.01]
     for x in axles:
         cuts += [x + side * arch * c for c in (1.001, 1.0, 0.92, 0.7, 0.38, 0)
-                   for side in (-1, 1)]
+                 for side in (-1, 1)]
     places = np.unique(np.round(cuts, 4))
 
     deck = _at([(front, nose * 0.8), (front - 0.05, nose * 0.97), (front - 0.2, nose),
@@ -310,7 +310,7 @@ def _fittings(kit: Kit, form: Shell, kind: str, skin: Material, trim: Material) 
         kit.both(BLACK, rod((form.screen - 0.32, half * 0.93, belt - 0.05),
                             (form.screen - 0.32, half + reach * 0.3, belt + 0.08), 0.02, 6))
     kit.both(BLACK, cylinder(0.035, 0.2, 10).turned("y", 90).at(rear + 0.02, half * 0.6,
-        form.low + 0.1))
+                                                                form.low + 0.1))
     if kind in ("coupe", "supercar", "saloon", "hatchback") and kit.chance(
         "spoiler", 0.6 if kind in ("coupe", "supercar") else 0.15
     ):
@@ -318,7 +318,7 @@ def _fittings(kit: Kit, form: Shell, kind: str, skin: Material, trim: Material) 
         kit.add(skin, solids.wing([(rear + 0.3, -half * 0.9, belt + high, 0.3),
                                    (rear + 0.3, half * 0.9, belt + high, 0.3)], 0.1))
         kit.both(BLACK, box(0.1, 0.03, high + 0.12).at(rear + 0.2, half * 0.6,
-            belt + high / 2 - 0.06))
+                                                       belt + high / 2 - 0.06))
     if kind in ("suv", "estate", "van") and kit.chance("roof_load", 0.45):
         z, x = form.height - 0.05, (form.screen + form.back) / 2 - 0.1
         long = 0.45 * (form.screen - form.back)
@@ -350,7 +350,7 @@ def _fittings(kit: Kit, form: Shell, kind: str, skin: Material, trim: Material) 
                                  (form.back - 0.02, belt + high), (rear + 0.2, belt + high)],
                                 half * 1.72, 0.08))
             kit.both(DARK_GLASS, box(long * 0.7, 0.02, high * 0.5).at(x, half * 0.86,
-                belt + high * 0.5))
+                                                                      belt + high * 0.5))
         elif load == "bars":
             for at in (0.1, 0.5, 0.9):
                 bow = [(0, -half * 0.85, belt - 0.02), (0, -half * 0.8, form.height - 0.15),
@@ -386,7 +386,7 @@ def _cockpit(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
             continue
         high = belt + 0.12 - floor
         kit.both(leather, pillow(0.5, half * 0.62, 0.24, 0.08, 2).at(at + 0.1, half * 0.42,
-            floor + 0.12),
+                                                                     floor + 0.12),
                  pillow(0.18, half * 0.6, high, 0.08, 2).turned("y", -12)
                  .at(at - 0.2, half * 0.42, floor + high / 2))
     ring = [(0.18 * np.cos(a), 0.18 * np.sin(a)) for a in np.linspace(0, 2 * np.pi, 15)]
@@ -416,7 +416,7 @@ def _cockpit(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
         if roof == "soft":
             long = pane[-1, 0, 0] - rear
             kit.add(leather, pillow(long, half * 1.66, 0.1, 0.04, 2).at(rear + long / 2, 0,
-                form.height))
+                                                                        form.height))
         if kit.chance("spare_wheel", 0.7):
             for material, part in wheel(kit.visible["wheel"], 0.24, 5, BLACK):
                 kit.add(material, part.turned("z", 90).at(form.rear - 0.12, 0, belt * 0.85))
@@ -424,7 +424,7 @@ def _cockpit(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
         for s in (-1, 1):
             bow = [(0, -0.22, 0), (0, -0.18, 0.28), (0, 0.18, 0.28), (0, 0.22, 0)]
             kit.add(CHROME, tube(smooth_path(bow, 4), 0.03, 6).at(x - 0.42, s * half * 0.45,
-                belt - 0.05))
+                                                                  belt - 0.05))
 
 
 def car(kit: Kit) -> None:

@@ -71,15 +71,15 @@ def lorry(kit: Kit, skin: Material) -> None:
     lean = np.degrees(np.arctan2(rake, tall - waist))
     wide = 2 * half * (0.8 if not hooded else 0.72)
     kit.add(DARK_GLASS, box(0.06, wide, high, 0.02).turned("y", -lean).at(front - hood - rake / 2,
-        0, z))
+                                                                          0, z))
     side = half * (0.94 if not hooded else 0.86)
     kit.both(DARK_GLASS, box(cab * 0.42, 0.03, high * 0.9).at(front - hood - cab * 0.42, side, z))
     kit.add(CHROME if kit.rng.random() < 0.5 else BLACK,
             box(0.06, half, (waist - low) * 0.45, 0.02).at(front + 0.005, 0,
-                low + 0.55 * (waist - low)),
+                                                           low + 0.55 * (waist - low)),
             box(0.16, half * 1.9, 0.3, 0.04).at(front, 0, low))
     kit.both(LIGHT, cylinder(0.13, 0.1, 14, 0.02).turned("y", 90).at(front - 0.01, half * 0.75,
-        low + 0.35))
+                                                                     low + 0.35))
     kit.both(BLACK, box(0.08, 0.22, 0.5, 0.02).at(front - hood - 0.7 * rake - 0.12, half + 0.08, z),
              rod((front - hood - 0.7 * rake - 0.12, side - 0.06, z + 0.1),
                  (front - hood - 0.7 * rake - 0.12, half + 0.1, z + 0.1), 0.03, 6))
@@ -111,9 +111,9 @@ def lorry(kit: Kit, skin: Material) -> None:
         kit.add(wood(kit.rng), box(long, 2 * half, 0.14, 0.02).at(middle, 0, deck))
         side_height = kit.uniform("sides", 0.15, 0.6)
         kit.both(cover, box(long, 0.06, side_height, 0.01).at(middle, half - 0.03,
-            deck + side_height / 2))
+                                                              deck + side_height / 2))
         kit.add(cover, box(0.06, 2 * half, side_height * 1.6).at(start - 0.03, 0,
-            deck + side_height * 0.8))
+                                                                 deck + side_height * 0.8))
         timber = wood(kit.rng)
         for k in range(kit.choose("logs", 0, 0, 3, 6)):
             y, up = ((k % 3) - 1) * 0.62 * half, 0.32 + 0.5 * (k // 3)
@@ -185,12 +185,12 @@ def formula(kit: Kit, skin: Material, accent: Material) -> None:
         for x, chord, up, span in ((front, 0.45, 0.14, 0.96), (rear + 0.4, 0.42, 0.85, 0.6)):
             for k in range(2):
                 kit.add(accent, solids.wing([(x - 0.24 * k, -half * span, up + 0.08 * k,
-                    chord * (1 - 0.3 * k)),
+                                              chord * (1 - 0.3 * k)),
                                              (x - 0.24 * k, half * span, up + 0.08 * k,
-                                                 chord * (1 - 0.3 * k))],
+                                              chord * (1 - 0.3 * k))],
                                             0.09).at())
             kit.both(accent, box(chord * 1.3, 0.025, 0.3).at(x - chord * 0.6, half * span,
-                up + 0.06))
+                                                             up + 0.06))
         kit.add(BLACK, box(0.2, 0.06, 0.6).at(rear + 0.25, 0, 0.6))
         kit.add(skin, box(0.3, 0.12, 0.12).at(front - 0.3, 0, 0.2))
         if kit.chance("halo", 0.5):
@@ -246,10 +246,10 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
         leather = fabric(kit.rng)
         for x in (cabin - 0.75, tail + 0.55):
             kit.add(leather, pillow(0.2, wide * 1.6, 0.5, 0.08, 2).turned("y", -10).at(x - 0.2, 0,
-                belt + 0.12),
+                                                                                       belt + 0.12),
                     pillow(0.5, wide * 1.6, 0.2, 0.08, 2).at(x, 0, belt))
         kit.add(DARK_GLASS, box(0.03, wide * 1.6, 0.4).turned("y", -8).at(cabin - 0.1, 0,
-            belt + 0.2))
+                                                                          belt + 0.2))
         if kit.chance("hood_up", 0.4):
             kit.add(leather, pillow(1.2, wide * 1.9, 0.12, 0.05, 2).at(tail + 0.7, 0, belt + high))
             kit.both(BLACK, rod((tail + 0.2, wide, belt - 0.05),
@@ -259,7 +259,7 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
     else:
         x, long = (cabin - 0.12 + end) / 2, cabin - 0.12 - end
         kit.add(DARK_GLASS, box(long - 0.1, wide * 1.84, high, 0.02).at(x, 0,
-            belt + high / 2 - 0.02))
+                                                                        belt + high / 2 - 0.02))
         kit.add(accent, pillow(long + 0.16, wide * 2.02, 0.18, 0.07, 2).at(x, 0, belt + high))
         for t in (-0.5, 0.02, 0.5):
             kit.both(skin, box(0.12 if t else 0.09, 0.09, high).at(x + t * (long - 0.12),
@@ -267,7 +267,7 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
         kit.add(skin, box(0.08, wide * 1.7, high * 0.5).at(end + 0.04, 0, belt + high * 0.2))
         if kind == "half" and kit.chance("dickey_seat", 0.5):
             kit.add(fabric(kit.rng), pillow(0.2, wide * 1.4, 0.45, 0.08, 2).at(tail + 0.35, 0,
-                belt + 0.15))
+                                                                               belt + 0.15))
     # Mudguards: sheets round the wheels, joined by the running board.
     for x, reach in ((axle, (150, -5)), (back_axle, (185, 30))):
         angles = np.radians(np.linspace(*reach, 10))
@@ -280,7 +280,7 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
     kit.both(accent, box(axle - back_axle - 1.8 * radius, 0.32, 0.05,
                          0.01).at((axle + back_axle) / 2, half - 0.15, radius * 0.85))
     kit.both(BLACK, box(0.1, half - narrow * 0.6, 0.06).at(axle - radius,
-        (half + narrow) / 2 * 0.8, radius))
+                                                           (half + narrow) / 2 * 0.8, radius))
     hub = pick(kit.rng, (wood(kit.rng), CHROME, skin))
     for x in (axle, back_axle):
         for material, part in wheel(radius, 0.15, 12, hub):
@@ -290,7 +290,7 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
              rod((axle + 0.12, narrow * 0.3, frame + 0.1),
                  (axle + 0.12, narrow * 0.95, belt * 0.84), 0.02, 6))
     kit.both(LIGHT, cylinder(0.11, 0.02, 14).turned("y", 90).at(axle + 0.245, narrow * 0.95,
-        belt * 0.88))
+                                                                belt * 0.88))
     kit.add(CHROME, tube(smooth_path([(front - 0.05, -half * 0.9, radius),
                                       (front + 0.02, 0, radius),
                                       (front - 0.05, half * 0.9, radius)], 4), 0.035, 6))
@@ -307,7 +307,7 @@ def buggy(kit: Kit, skin: Material, accent: Material) -> None:
     if kart:
         length, half = length * 0.55, half * 0.7
     front, rear, radius = length / 2, -length / 2, 0.16 if kart else kit.uniform("wheel", 0.33,
-        0.45)
+                                                                                 0.45)
     floor = radius * 0.6 if kart else radius * 1.1
     roof = floor + (0.3 if kart else kit.uniform("height", 1.05, 1.3))
     wide = half * 0.55
@@ -341,7 +341,7 @@ def buggy(kit: Kit, skin: Material, accent: Material) -> None:
                               (front * 0.42, wide * 0.95, 0.26, floor + 0.24)], 4.0, 3, 16))
         if kit.chance("roof_panel", 0.5):
             kit.add(accent, box(front * 0.15 + 0.3, wide * 1.8, 0.03).at((front * 0.15 - 0.3) / 2,
-                0, roof))
+                                                                         0, roof))
         kit.both(LIGHT, ball(0.1, 0.2, 0.2, 12).at(front * 0.62, wide * 0.75, floor + 0.48))
     metal_ = metal(kit.rng)
     kit.add(metal_, box(0.5, wide * 1.1, 0.4 if not kart else 0.2,

@@ -37,7 +37,7 @@ def rifle(kit: Kit, steel: Material, grip: Material) -> None:
     """Bolt action, lever action, semi-automatic; for hunters, soldiers and marksmen."""
     form = kit.choose("form", "bolt", "bolt", "lever", "marksman", "carbine")
     long, w = kit.uniform("barrel", 0.36, 0.72) * (0.8 if form in ("lever", "carbine")
-        else 1), kit.uniform("width", 0.016, 0.021)
+                                                   else 1), kit.uniform("width", 0.016, 0.021)
     add_barrel(kit, steel, 0.08, 0.08 + long, kit.uniform("barrel_radius", 0.007, 0.011),
                kit.choose("tip", "plain", "plain", "hider", "brake"))
     add_receiver(kit, steel, [(-0.14, -0.03, 0.012, w * 0.85), (-0.1, -0.03, 0.018, w * 0.85),
@@ -116,7 +116,7 @@ def assault(kit: Kit, steel: Material, grip: Material) -> None:
              kit.uniform("slant", 12, 30))
     add_guard(kit, steel, gx + 0.085, -0.03, 0.07, 0.03)
     kind = "curved" if form == "curved" else kit.choose("magazine", "straight", "curved", "curved",
-        "drum")
+                                                        "drum")
     add_magazine(kit, BLACK if kit.rng.random() < 0.6 else steel, kind, magazine,
                  -0.028 if not bull else -0.05, 0.06, kit.uniform("magazine_length", 0.1, 0.19),
                  w * 0.75)
@@ -167,7 +167,7 @@ def submachine_gun(kit: Kit, steel: Material, grip: Material) -> None:
                kit.choose("tip", *{"tube": ("jacket", "plain"),
                                    "wood": ("jacket", "jacket", "brake"),
                                    "drum": ("brake", "plain")}.get(form,
-                                       ("plain", "silencer", "hider"))))
+                                                                   ("plain", "silencer", "hider"))))
     place = {"box": -0.02, "compact": -0.02}.get(form, 0.045)
     gx = -0.02 if form in ("box", "compact") else -0.08
     if form != "wood":
@@ -178,7 +178,7 @@ def submachine_gun(kit: Kit, steel: Material, grip: Material) -> None:
                      kit.uniform("magazine_length", 0.09, 0.19), w * 0.7)
     else:
         kind = "drum" if form == "drum" else kit.choose("magazine", "straight", "straight", "side",
-            "curved", "top")
+                                                        "curved", "top")
         up = tall if kind == "top" else -tall
         add_magazine(kit, BLACK, kind, place, up, 0.034,
                      kit.uniform("magazine_length", 0.14, 0.24), w * 0.8)
@@ -247,7 +247,7 @@ def shotgun(kit: Kit, steel: Material, grip: Material) -> None:
     if form == "tactical" and kit.chance("shield", 0.5):
         kit.add(BLACK, lathe([(r * 1.5, 0), (r * 1.9, 0), (r * 1.9, long * 0.6),
                               (r * 1.5, long * 0.6)], 16, loop=True).turned("y", 90).at(0.08, 0,
-                                  0.004))
+                                                                                        0.004))
     kit.add(GOLD, ball(0.008, 0.006, 0.008, 8).at(0.07 + long, 0, 0.018))
 
 

@@ -133,12 +133,12 @@ def add_stock(kit: Kit, material: Material, steel: Material, kind: str, x: float
                    (x - 0.17, z - 0.012), (x - 0.1, z - 0.012)]
         kit.add(material, prism(profile, 2 * wide, 0.008))
         kit.add(RUBBER, box(0.016, 1.9 * wide, 0.11 + drop).at(end - 0.008, 0,
-            z - drop / 2 - 0.035))
+                                                               z - drop / 2 - 0.035))
     elif kind == "skeleton":
         kit.add(steel, tube([(x, 0, z + 0.012), (end, 0, z + 0.005), (end, 0, z - drop - 0.08),
                              (x, 0, z - 0.025)], 0.009, 8))
         kit.add(RUBBER, box(0.02, 1.7 * wide, drop + 0.11, 0.006).at(end - 0.005, 0,
-            z - drop / 2 - 0.04))
+                                                                     z - drop / 2 - 0.04))
     elif kind == "wire":
         for s in (-1, 1):
             kit.add(steel, tube([(x, s * wide * 0.8, z), (end, s * wide * 0.8, z - 0.3 * drop)],
@@ -155,7 +155,7 @@ def add_stock(kit: Kit, material: Material, steel: Material, kind: str, x: float
     else:
         kit.add(steel, rod((x, wide * 1.3, z - 0.01), (x + 0.9 * long, wide * 1.5, z - 0.02),
                            0.008, 8), box(0.02, 0.012, 0.1, 0.003).at(x + 0.9 * long, wide * 1.5,
-                               z - 0.03))
+                                                                      z - 0.03))
         kit.add(steel, box(0.03, 1.6 * wide, 0.05, 0.005).at(x + 0.01, wide * 0.6, z - 0.005))
 
 
@@ -183,10 +183,10 @@ def add_magazine(kit: Kit, material: Material, kind: str, x: float, z: float, de
                             wide * 1.2 + 0.011 * k, 6) for k in range(4)))
     elif kind == "pan":
         kit.add(material, cylinder(kit.uniform("pan", 0.085, 0.13), 0.05, 28, 0.012).at(x, 0,
-            z + 0.03))
+                                                                                        z + 0.03))
     else:
         kit.add(material, box(deep, long, 1.4 * wide, 0.004).at(x, long / 2 + wide * 0.6,
-            z + 0.035))
+                                                                z + 0.035))
 
 
 def add_barrel(kit: Kit, steel: Material, start: float, end: float, radius: float,
@@ -215,7 +215,7 @@ def add_barrel(kit: Kit, steel: Material, start: float, end: float, radius: floa
     elif tip == "bell":
         kit.add(steel, lathe([(radius, -0.12), (radius * 1.5, -0.02), (radius * 2.6, 0.04),
                               (radius * 2.2, 0.04), (radius * 0.8, -0.06)], 18).turned("y",
-                                  90).at(end))
+                                                                                       90).at(end))
 
 
 def add_scope(kit: Kit, x: float, z: float, long: float, radius: float) -> None:
@@ -234,7 +234,7 @@ def add_scope(kit: Kit, x: float, z: float, long: float, radius: float) -> None:
             cylinder(0.4 * radius, radius * 1.8, 12).turned("x", 90).at(x, 0, up))
     for t in (-0.14, 0.14):
         kit.add(BLACK, box(0.02, 1.2 * radius, up - z + 0.3 * radius).at(x + t * long, 0,
-            (up + z) / 2))
+                                                                         (up + z) / 2))
 
 
 def add_sights(kit: Kit, steel: Material, rear: float, front: float, z_rear: float, z_front: float,
@@ -248,7 +248,7 @@ def add_bipod(kit: Kit, steel: Material, x: float, z: float, long: float, folded
     """Two legs, down or folded forward."""
     kit.add(steel, box(0.03, 0.04, 0.02, 0.004).at(x, 0, z))
     foot = (x + 0.92 * long, 0.028, z - 0.02) if folded else (x + 0.12 * long, 0.45 * long,
-        z - 0.85 * long)
+                                                              z - 0.85 * long)
     kit.both(steel, tube([(x, 0.015, z), foot], [0.008, 0.006], 8),
              ball(0.026, 0.022, 0.02, 8).at(*foot))
 

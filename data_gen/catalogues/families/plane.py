@@ -44,6 +44,6 @@ def plane(kit: Kit) -> None:
     civil = paint(kit.rng) if kind not in ("airliner", "business",
                                            "glider") or kit.rng.random() < 0.2 else WHITE
     service = {"fighter": 0.85, "warbird": 0.75, "flying_wing": 0.85, "helicopter": 0.3}.get(kind,
-        0.05)
+                                                                                             0.05)
     skin = grey if kit.rng.random() < service else WHITE if kit.rng.random() < 0.25 else civil
     KINDS[kind](kit, skin, paint(kit.rng))

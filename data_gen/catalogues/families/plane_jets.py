@@ -34,7 +34,7 @@ def airliner(kit: Kit, skin: Material, accent: Material) -> None:
     sweep = kit.uniform("sweep", 18, 38)
     root = kit.uniform("root", 0.03, 0.13) * long - (0.1 * long if layout == "rear" else 0)
     edge = add_wings(kit, skin, (root + chord * 0.4, wide * 0.4, z - high * 0.6), span, chord,
-                  taper=0.28, sweep=sweep, dihedral=kit.uniform("dihedral", 2, 8), kink=0.45)
+                     taper=0.28, sweep=sweep, dihedral=kit.uniform("dihedral", 2, 8), kink=0.45)
     if kit.chance("winglets", 0.5):
         x, y, up, c = edge[2]
         add_fin(kit, accent, x - 0.1 * c, up, kit.uniform("winglet", 0.6, 1.4) * c, c * 0.8, y=y,
@@ -46,19 +46,19 @@ def airliner(kit: Kit, skin: Material, accent: Material) -> None:
     tail = (rear + 1.35 * fin - fin * 0.78 + 0.1 * fin, 0.0, top + fin * 0.95) if t_tail else (
         rear + 1.05 * fin, wide * 0.15, z + high * 0.5)
     add_wings(kit, skin, tail, fin * kit.uniform("stabiliser", 0.95, 1.25), fin * 0.72, taper=0.4,
-           sweep=32, dihedral=0 if t_tail else 6, thick=0.09)
+              sweep=32, dihedral=0 if t_tail else 6, thick=0.09)
     radius = wide * kit.uniform("engine", 0.42, 0.68)
     places = {"twin": (0.33,), "jumbo": (0.36, 0.66), "four": (0.33, 0.62), "three": (0.33,)}
     for share in places.get(layout, ()):
         x, y, up, c = (np.interp(share, [0, 0.35, 0.97], edge[:3, col]) for col in range(4))
         add_nacelle(kit, skin, x + 0.32 * c + radius, y, up - radius * 1.15, radius, radius * 3.4)
         kit.both(skin, box(c * 0.8, radius * 0.2, radius * 1.2).at(x - 0.1 * c, y,
-            up - radius * 0.4))
+                                                                   up - radius * 0.4))
     if layout == "rear":
         x = rear + 0.3 * long
         add_nacelle(kit, skin, x, wide + radius * 0.8, z + high * 0.4, radius * 0.9, radius * 4)
         kit.both(skin, box(radius * 2, wide, radius * 0.3).at(x - 1.7 * radius, wide * 0.7,
-            z + high * 0.4))
+                                                              z + high * 0.4))
     if layout == "three":
         add_nacelle(kit, skin, rear + 1.5 * fin, 0, z + high * 0.95 + radius * 0.5, radius * 0.85,
                     fin * 1.1)
@@ -72,7 +72,7 @@ def airliner(kit: Kit, skin: Material, accent: Material) -> None:
                             (long * 0.06, 0.1, 0.1, z + high * 0.8)]))
     if kit.chance("stripe", 0.4):
         kit.both(accent, box(0.6 * long, 0.04 * wide, 0.3 * high).at(0, wide * 0.97,
-            z - 0.1 * high))
+                                                                     z - 0.1 * high))
     if kit.chance("gear", 0.6):
         under = root + chord * 0.4 - chord * 0.75
         add_gear(kit, [(long * 0.38, 0.0, z - 0.5 * high), (under, wide * 0.95, z - 0.5 * high)],
@@ -87,14 +87,14 @@ def business(kit: Kit, skin: Material, accent: Material) -> None:
     add_fuselage(kit, skin, stations)
     span, sweep = long * kit.uniform("span", 0.42, 0.58), kit.uniform("sweep", 5, 34)
     edge = add_wings(kit, skin, (0.06 * long, 0.0, z - 0.8 * wide), span, 0.17 * long, taper=0.36,
-                  sweep=sweep, dihedral=4)
+                     sweep=sweep, dihedral=4)
     if kit.chance("winglets", 0.6):
         add_fin(kit, accent, edge[2, 0], edge[2, 2], 0.9, edge[2, 3] * 0.8, y=edge[2, 1], cant=12)
     rear, fin = -long / 2, long * kit.uniform("fin", 0.15, 0.2)
     add_fin(kit, accent, rear + 1.2 * fin, z + 0.5 * wide, fin, fin, taper=0.55, sweep=42)
     add_wings(kit, skin, (rear + 0.35 * fin, 0, z + 0.5 * wide + fin * 0.95), 0.18 * long,
               0.6 * fin,
-           taper=0.5, sweep=28, thick=0.08)
+              taper=0.5, sweep=28, thick=0.08)
     radius = wide * kit.uniform("engine", 0.48, 0.66)
     add_nacelle(kit, skin, rear + 0.36 * long, wide + radius * 0.75, z + 0.45 * wide, radius,
                 radius * 4)
@@ -121,7 +121,7 @@ def fighter(kit: Kit, skin: Material, accent: Material) -> None:
                                (front - 0.25 * long, wide * 0.68, wide * 0.74, z + 0.05),
                 (front - 0.42 * long, wide * (1.3 if twin else 1.05), wide * 0.95 * flat, z),
                                (-0.1 * long, wide * (1.5 if twin else 1.1), wide * 0.95 * flat, z),
-                (rear + 0.2 * long, tail * 1.05, wide * 0.82 * flat, z),
+                               (rear + 0.2 * long, tail * 1.05, wide * 0.82 * flat, z),
                                (rear + 0.03 * long, tail * 0.8, wide * 0.6 * flat, z)]
     if round_nose:
         stations[:2] = [(front - 0.06 * long, wide * 0.6, wide * 0.62, z),
@@ -138,7 +138,7 @@ def fighter(kit: Kit, skin: Material, accent: Material) -> None:
                                  "forward": (0.26, 0.36, -24, 0.4),
                                  "straight": (0.2, 0.4, 6, 0.6)}[form]
     span, chord = span_ * long * kit.uniform("span", 0.9, 1.15), root * long * kit.uniform("chord",
-        0.9, 1.1)
+                                                                                           0.9, 1.1)
     x = rear + {"delta": 0.62, "cropped_delta": 0.54, "forward": 0.36, "straight": 0.54}.get(form,
         0.52) * long
     edge = add_wings(kit, skin, (x, wide * 0.6, wing_z), span, chord, taper=taper, sweep=sweep,
@@ -163,7 +163,7 @@ def fighter(kit: Kit, skin: Material, accent: Material) -> None:
     add_canopy(kit, front - 0.27 * long, 0.2 * long, wide * 0.52, wide * 0.75, z + wide * 0.5)
     if not round_nose:
         kit.both(skin, box(0.22 * long, wide * 0.6, wide * 1.1, 0.1).at(-0.0 * long, wide * 1.25,
-            z - 0.1))
+                                                                        z - 0.1))
         kit.both(BLACK, box(0.01, wide * 0.5, wide * 0.9).at(0.11 * long, wide * 1.25, z - 0.1))
     for s in (-1, 1) if twin else (0,):
         r = wide * (0.48 if twin else 0.62)
@@ -202,7 +202,7 @@ def flying_wing(kit: Kit, skin: Material, accent: Material) -> None:
                             (0.05 * root, fat * 0.8, fat * 0.7, z + 0.15),
                             (-0.4 * root, fat * 0.5, 0.1, z)], 2.6).at(0, s * fat * 2.4, 0))
         kit.add(BLACK, box(0.02 * root, fat, fat * 0.45).at(0.15 * root, s * fat * 2.4,
-            z + fat * 0.25))
+                                                            z + fat * 0.25))
     fins = kit.choose("fins", "none", "none", "tips", "inner")
     if fins == "tips":
         add_fin(kit, accent, edge[2, 0] + 0.2, edge[2, 2], 0.15 * span, edge[2, 3], y=edge[2, 1],
@@ -238,7 +238,7 @@ def supersonic(kit: Kit, skin: Material, accent: Material) -> None:
     add_fuselage(kit, skin, [(front, 0.05, 0.05, z - droop),
                              (front - 0.06 * long, wide * 0.5, wide * 0.5, z - droop * 0.4),
                              (front - 0.14 * long, wide, wide * 1.05, z),
-                          (rear + 0.3 * long, wide, wide * 1.05, z), (rear, 0.1, 0.15, z + 0.5)])
+                             (rear + 0.3 * long, wide, wide * 1.05, z), (rear, 0.1, 0.15, z + 0.5)])
     span = long * kit.uniform("span", 0.18, 0.25)
     x = rear + 0.62 * long
     sections = [(x, wide * 0.6, z - 0.7, 0.5 * long),
@@ -249,7 +249,7 @@ def supersonic(kit: Kit, skin: Material, accent: Material) -> None:
     add_fin(kit, accent, rear + 0.24 * long, z + 0.8, 0.11 * long, 0.2 * long, taper=0.25, sweep=52)
     for y in (0.3, 0.48):
         kit.both(skin, box(0.17 * long, 1.9, 1.7, 0.2).at(rear + 0.21 * long, wide + y * span,
-            z - 1.7))
+                                                          z - 1.7))
         kit.both(BLACK, box(0.1, 1.5, 1.3).at(rear + 0.296 * long, wide + y * span, z - 1.7))
     add_windows(kit, rear + 0.3 * long, front - 0.2 * long, 1.3, wide, z + 0.3, 0.35)
     kit.add(DARK_GLASS, body([(front - 0.075 * long, 0.1, 0.1, z + 0.1),

@@ -26,18 +26,24 @@ def add_fuselage(
     rows = through(stations, places)
     middle = stations[0][0] + 0.5 * (stations[-1][0] - stations[0][0])
     reach = 0.16 * abs(stations[0][0] - stations[-1][0])
+    # Where the belly rises, a camera before or behind the plane would look into the bay.
+    rise = np.abs(np.diff(rows[:, 2] - rows[:, 1]) / np.diff(places))
+    rise = np.maximum(np.append(rise, np.inf), np.append(np.inf, rise))
+    inside = (np.abs(places - middle) < reach) & (rise < 0.12)
+    if not inside.any():
+        inside = rise <= max(rise.min(), 0.12)
     rings = []
-    for x, (w, h, z) in zip(places, rows, strict=True):
+    for x, (w, h, z), here in zip(places, rows, inside, strict=True):
         outline = solids.superellipse(2 * w, 2 * h, power, sides)
         # Doubled corners beside the keel are the bay's walls.
         bay = np.repeat(outline, [2 if k in (17, 19) else 1 for k in range(sides)], axis=0)
-        bay[18:21, 1] += depth * h if abs(x - middle) < reach else 0.0
+        bay[18:21, 1] += depth * h * here
         rings.append(np.column_stack([np.full(len(bay), x), bay[:, 0], bay[:, 1] + z]))
     kit.add(skin, loft(np.array(rings)))
 
 
 def cigar_stations(long: float, wide: float, high: float, z: float, nose: float, tail: float,
-           lift: float, end: float = 0.1) -> list[Station]:
+                   lift: float, end: float = 0.1) -> list[Station]:
     """Stations of a fuselage: a round nose, a straight middle, a tail that rises.
 
     Args:
@@ -64,8 +70,8 @@ def cigar_stations(long: float, wide: float, high: float, z: float, nose: float,
 
 
 def add_wings(kit: Kit, skin: Material, at: Sequence[float], half_span: float, chord: float, *,
-           taper: float = 0.5, sweep: float = 0.0, dihedral: float = 0.0, thick: float = 0.11,
-           kink: float = 0.0, elliptic: bool = False) -> np.ndarray:
+              taper: float = 0.5, sweep: float = 0.0, dihedral: float = 0.0, thick: float = 0.11,
+              kink: float = 0.0, elliptic: bool = False) -> np.ndarray:
     """A pair of wings; returns the leading edge [N, 4] with the chords, root to tip, on +y.
 
     Args:
@@ -101,7 +107,7 @@ def add_wings(kit: Kit, skin: Material, at: Sequence[float], half_span: float, c
 
 
 def add_fin(kit: Kit, skin: Material, x: float, z: float, high: float, chord: float, *,
-         taper: float = 0.5, sweep: float = 35.0, y: float = 0.0, cant: float = 0.0) -> None:
+            taper: float = 0.5, sweep: float = 35.0, y: float = 0.0, cant: float = 0.0) -> None:
     """An upright fin, or two (y > 0), canted outward by degrees."""
     lean, back = high * np.tan(np.radians(cant)), high * np.tan(np.radians(sweep))
     rows = [(x, y, z, chord), (x - 0.95 * back, y + 0.95 * lean, z + 0.95 * high, chord * taper),
@@ -127,7 +133,7 @@ def add_nacelle(kit: Kit, skin: Material, x: float, y: float, z: float, radius: 
 
 
 def add_propeller(kit: Kit, accent: Material, x: float, y: float, z: float, radius: float,
-               hub: float, blades: int, back: bool = False) -> None:
+                  hub: float, blades: int, back: bool = False) -> None:
     """A spinner with blades in front of x (or behind)."""
     turn = kit.rng.uniform(0, 180)
     way = -1 if back else 1

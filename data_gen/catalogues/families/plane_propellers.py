@@ -84,14 +84,14 @@ def light(kit: Kit, skin: Material, accent: Material) -> None:
     stations: list[Station] = [(front, 0.3, 0.33, z - 0.05),
                                (front - 0.1, 0.45 * wide / 0.6, 0.45, z - 0.05),
                 (front - 0.22 * long, wide, high * 0.85, z), (front - 0.42 * long, wide, high, z),
-                (front - 0.62 * long, wide * 0.7, high * 0.72, z + 0.04),
+                               (front - 0.62 * long, wide * 0.7, high * 0.72, z + 0.04),
                                (rear, 0.06, 0.16, z + 0.22)]
     add_fuselage(kit, skin, stations, 2.8)
     span, chord = long * kit.uniform("span", 0.5, 0.75), kit.uniform("chord", 1.2, 1.7)
     up = {"high": z + high * 1.35, "low": z - high * 0.75, "parasol": z + high * 1.9}[place]
     add_wings(kit, skin, (front - 0.2 * long, 0.0, up), span, chord,
               taper=kit.uniform("taper", 0.55, 1.0),
-           dihedral=kit.uniform("dihedral", 0.5, 6), thick=0.13,
+              dihedral=kit.uniform("dihedral", 0.5, 6), thick=0.13,
               elliptic=kit.chance("round_tips", 0.25))
     cabin = front - 0.24 * long
     if place == "high":
@@ -156,14 +156,14 @@ def biplane(kit: Kit, skin: Material, accent: Material) -> None:
     add_fuselage(kit, skin, [(front, wide * 0.75, wide * 0.85, z),
                              (front - 0.15, wide, wide * 1.1, z),
                              (front - 0.35 * long, wide, wide * 1.2, z),
-                          (front - 0.6 * long, wide * 0.7, wide * 0.85, z + 0.05),
+                             (front - 0.6 * long, wide * 0.7, wide * 0.85, z + 0.05),
                              (rear, 0.05, 0.2, z + 0.15)], square)
     kit.add(metal(kit.rng), body([(front + 0.12, wide * 0.6, wide * 0.6, z),
                                   (front, wide * 0.85, wide * 0.95, z),
                                   (front - 0.4, wide * 1.05, wide * 1.15, z)]))
     span, chord = long * kit.uniform("span", 0.52, 0.75), kit.uniform("chord", 1.0, 1.5)
     gap, stagger = kit.uniform("gap", 1.3, 1.7) * (0.7 if decks == 3
-        else 1), kit.uniform("stagger", 0.0, 0.6)
+                                                   else 1), kit.uniform("stagger", 0.0, 0.6)
     low, x = z - wide * 1.0, front - 0.16 * long
     for k in range(decks):
         size = 1.0 if k == decks - 1 else kit.uniform(f"wing_{k}", 0.8, 1.0)
@@ -210,7 +210,7 @@ def glider(kit: Kit, skin: Material, accent: Material) -> None:
     add_fuselage(kit, skin, [(front, 0.03, 0.03, z - 0.1),
                              (front - 0.25, pod * 0.5, pod * 0.6, z - 0.06),
                              (front - 0.9, pod * 0.92, pod * 1.1, z),
-                          (front - 1.9, pod, pod * 1.25, z),
+                             (front - 1.9, pod, pod * 1.25, z),
                              (front - 3.2, pod * 0.5, pod * 0.6, z + 0.08),
                              (rear + 1.2, 0.14, 0.16, z + 0.12), (rear, 0.07, 0.1, z + 0.15)])
     kit.add(DARK_GLASS, body([(front - 0.5, 0.05, 0.05, z + 0.2),
@@ -247,9 +247,9 @@ def warbird(kit: Kit, skin: Material, accent: Material) -> None:
     stations: list[Station] = [(front, wide * nose * 0.8, wide * nose * 0.8, z),
                                (front - 0.03 * long, wide * max(nose, 0.45), wide * max(nose, 0.5),
                                 z),
-                (front - 0.14 * long, wide * 0.95, wide * 1.15, z),
+                               (front - 0.14 * long, wide * 0.95, wide * 1.15, z),
                                (front - 0.4 * (front - rear), wide, wide * 1.3, z),
-                (front - 0.65 * (front - rear), wide * 0.7, wide * 0.95, z + 0.08),
+                               (front - 0.65 * (front - rear), wide * 0.7, wide * 0.95, z + 0.08),
                                (rear, 0.06, 0.12, z + 0.2)]
     add_fuselage(kit, skin, stations)
     span, chord = long * kit.uniform("span", 0.5, 0.64), long * kit.uniform("chord", 0.2,
@@ -289,10 +289,10 @@ def warbird(kit: Kit, skin: Material, accent: Material) -> None:
         add_wings(kit, skin, (tail + fin, 0, z + 0.2), half, 0.75 * fin, taper=0.6, sweep=8)
     if engines == 4 or form == "twin":
         kit.add(DARK_GLASS, ball(0.12 * long, wide * 1.4, wide * 1.5, 16).at(front - 0.02 * long,
-            0, z))
+                                                                             0, z))
         for at in kit.choose("turrets", (-0.1,), (0.0, -0.25)):
             kit.add(DARK_GLASS, ball(0.06 * long, wide * 1.0, wide * 1.0, 14).at(at * long, 0,
-                z + wide * 1.1))
+                                                                                 z + wide * 1.1))
     add_canopy(kit, front - (0.3 if engines == 1 else 0.17) * long,
                0.2 * long if engines == 1 else 0.13 * long, wide * 0.72, wide * 1.1, z + wide * 0.9)
     if kit.chance("gear", 0.6):
@@ -314,11 +314,11 @@ def flying_boat(kit: Kit, skin: Material, accent: Material) -> None:
                              (0.41 * long, wide * 0.5, wide * 0.6, z + 0.2 * wide),
                              (0.3 * long, wide * 0.95, wide * 1.05, z),
                              (0.02 * long, wide, wide * 1.25, z),
-                          (-0.02 * long, wide * 0.95, wide * 1.0, z + 0.25 * wide),
+                             (-0.02 * long, wide * 0.95, wide * 1.0, z + 0.25 * wide),
                              (-0.3 * long, wide * 0.5, wide * 0.65, z + 0.6 * wide),
                              (-0.55 * long, 0.1, 0.2, z + 1.1 * wide)], 2.5)
     span, chord, parasol = long * kit.uniform("span", 0.55,
-        0.75), long * 0.15, kit.chance("parasol", 0.4)
+                                              0.75), long * 0.15, kit.chance("parasol", 0.4)
     up = z + wide * (2.3 if parasol else 1.15)
     add_wings(kit, skin, (0.12 * long, 0, up), span, chord, taper=0.55, sweep=2, dihedral=1,
               thick=0.14)
@@ -344,7 +344,7 @@ def flying_boat(kit: Kit, skin: Material, accent: Material) -> None:
               0.65 * fin, taper=0.6, sweep=8)
     kit.both(skin, body([(0.08 * long, 0.02, 0.02, 0), (0.03 * long, 0.2 * wide, 0.22 * wide, 0),
                          (-0.08 * long, 0.05, 0.05, 0.05)], 2, 3, 14).at(0.06 * long, 0.72 * span,
-                             z * 0.85))
+                                                                         z * 0.85))
     kit.both(CHROME, rod((0.07 * long, 0.72 * span, z * 0.85), (0.07 * long, 0.72 * span, up),
                          0.008 * long, 6))
     kit.add(DARK_GLASS, body([(0.36 * long, 0.1, 0.05, z + 0.7 * wide),
@@ -376,7 +376,7 @@ def helicopter(kit: Kit, skin: Material, accent: Material) -> None:
                          (front - 0.24 * long, wide * 0.98, high * 0.85, z + 0.12 * high),
                          (front - 0.4 * long, wide * 0.9, high * 0.6, z + 0.2 * high)], 2.5, 3, 20))
     kit.both(glass, box(0.2 * long, 0.06, high * 0.6, 0.02).at(-0.12 * long, wide * 0.98,
-        z + 0.2 * high))
+                                                               z + 0.2 * high))
     mast = z + high * 1.5
     spots = [(-0.02 * long, mast)]
     if form == "tandem":

@@ -44,7 +44,7 @@ from data_gen.meshes import Material
 def _outboard(kit: Kit, x: float, y: float, z: float) -> None:
     size = max(0.12 * z, 0.3)
     kit.add(BLACK, pillow(1.2 * size, 0.7 * size, 0.9 * size, 0.25 * size, 2).at(x - 0.4 * size, y,
-        z + 0.5 * size),
+                                                                                 z + 0.5 * size),
             box(0.35 * size, 0.2 * size, z * 0.9, 0.03).at(x - 0.4 * size, y, z * 0.55),
             ball(0.9 * size, 0.2 * size, 0.25 * size, 12).at(x - 0.4 * size, y, 0.2 * z))
 
@@ -59,16 +59,15 @@ def sailing_yacht(kit: Kit, skin: Material, trim: Material) -> None:
     deck = wood(kit.rng)
     hull = make_hull(kit, skin, long, beam, depth, sheer=kit.uniform("sheer", 0.1, 0.45),
                      stern=kit.uniform("stern", 0.3, 0.85), bow=kit.uniform("bow", 1.7, 2.6),
-                 belly=kit.uniform("belly", 1.6, 2.6), rake=kit.uniform("rake", 0.05, 0.2),
+                     belly=kit.uniform("belly", 1.6, 2.6), rake=kit.uniform("rake", 0.05, 0.2),
                      rise=0.75, aft_rise=0.6, deck=deck, trim=trim)
     z = hull.deck_at(0)
     add_house(kit, skin, -0.2 * long, 0.38 * long, beam * 0.55, z - 0.02,
               z + depth * kit.uniform("cabin", 0.25, 0.5), nose=0.1 * long, lean=(0.12 * long, 0))
     kit.add(BLACK, pillow(0.42 * long, beam * 0.8, depth * 0.1, 0.03 * long, 2).at(-0.55 * long, 0,
-        z))
-    mast, high = long * kit.uniform("mast_place", 0.1,
-                                    0.3) + (0.4 * long if rig == "catboat"
-                                            else 0), long * kit.uniform("mast", 1.9, 2.9)
+                                                                                   z))
+    mast = long * (kit.uniform("mast_place", 0.1, 0.3) + (0.4 if rig == "catboat" else 0))
+    high = long * kit.uniform("mast", 1.9, 2.9)
     spar = wood(kit.rng) if rig in ("gaff", "schooner") else CHROME
     masts = [(mast, high, 0.75)]
     if rig == "ketch":
@@ -85,7 +84,7 @@ def sailing_yacht(kit: Kit, skin: Material, trim: Material) -> None:
         kit.add(spar, rod((x, 0, boom), end, 0.011 * long))
         if up:
             head = (x - 0.01 * long, 0, z + tall * (0.97 if rig not in ("gaff", "schooner")
-                else 0.7))
+                                                    else 0.7))
             corners = [(x - 0.02 * long, 0, boom), (end[0], end[1], boom + 0.01), head]
             if rig in ("gaff", "schooner"):
                 peak = (x - 0.62 * reach * long, 0.3 * end[1], z + tall * 0.97)
@@ -135,12 +134,12 @@ def galleon(kit: Kit, skin: Material, trim: Material) -> None:
     hull = make_hull(kit, oak, long, beam, depth, sheer=0.15 + 0.3 * castles, stern=0.65,
                      bow=kit.uniform("bow", 2.2, 3.6), belly=2.6, rake=0.16, rise=0.5,
                      aft_rise=0.4, aft_sheer=0.9,
-                 bulwark=0.12, deck=wood(kit.rng), trim=trim)
+                     bulwark=0.12, deck=wood(kit.rng), trim=trim)
     tall = depth * (0.15 + 0.5 * castles)
     for share, (back, front) in ((1.0, (-1.0, -0.45)), (0.9, (-1.0, -0.7)),
                                  (0.75, (0.55, 0.82)))[: 3 if castles > 0.4 else 1]:
         base = hull.deck_at((back + front) / 2 * long) + (tall if back == -1.0 and front == -0.7
-            else 0)
+                                                          else 0)
         half = min(hull.half_width(back * long), hull.half_width(front * long)) * 0.98 * share
         add_house(kit, oak, back * long, front * long, half, base - 0.05 * depth, base + tall,
                   inset=0.1, glass=None)
@@ -158,7 +157,7 @@ def galleon(kit: Kit, skin: Material, trim: Material) -> None:
     count, high = kit.choose("masts", 2, 3, 3, 4), long * kit.uniform("mast", 1.2, 1.7)
     up = kit.chance("sails_up", 0.75)
     cloth = WHITE if kit.rng.random() < 0.5 else Material(shade_of((0.85, 0.78, 0.62), kit.rng),
-        name="canvas")
+                                                          name="canvas")
     belly, turn = long * kit.uniform("belly", 0.04, 0.12), kit.uniform("brace", -30, 30)
     rows = kit.choose("rows", 2, 3, 4)
     lateen = kit.chance("lateen_mizzen", 0.6)
@@ -210,11 +209,11 @@ def rowing(kit: Kit, skin: Material, trim: Material) -> None:
     """Open boats: rowing boat, canoe, kayak, gondola, longship, inflatable."""
     form = kit.choose("form", "dinghy", "canoe", "kayak", "longship", "punt", "inflatable")
     shapes = {  # half length, beam / it, depth / it, sheer, stern, bow, belly, rake, bulwark
-        "dinghy": ((1.3, 2.6), (0.32, 0.45), 0.25, 0.25, 0.7, 2.3, 2.2, 0.1, 0.72),
-        "canoe": ((2.0, 3.0), (0.15, 0.2), 0.14, 0.5, 0.0, 2.6, 3.0, 0.05, 0.85),
-        "kayak": ((1.6, 2.8), (0.1, 0.16), 0.11, 0.25, 0.0, 2.0, 2.4, 0.1, 0.02),
-        "longship": ((8, 12), (0.17, 0.24), 0.14, 1.4, 0.0, 2.3, 1.8, 0.12, 0.7),
-        "punt": ((2.0, 4.0), (0.18, 0.3), 0.13, 0.2, 0.8, 6.0, 5.0, 0.02, 0.8),
+              "dinghy": ((1.3, 2.6), (0.32, 0.45), 0.25, 0.25, 0.7, 2.3, 2.2, 0.1, 0.72),
+              "canoe": ((2.0, 3.0), (0.15, 0.2), 0.14, 0.5, 0.0, 2.6, 3.0, 0.05, 0.85),
+              "kayak": ((1.6, 2.8), (0.1, 0.16), 0.11, 0.25, 0.0, 2.0, 2.4, 0.1, 0.02),
+              "longship": ((8, 12), (0.17, 0.24), 0.14, 1.4, 0.0, 2.3, 1.8, 0.12, 0.7),
+              "punt": ((2.0, 4.0), (0.18, 0.3), 0.13, 0.2, 0.8, 6.0, 5.0, 0.02, 0.8),
     }
     blade_wood = wood(kit.rng)
     if form == "inflatable":
@@ -238,10 +237,10 @@ def rowing(kit: Kit, skin: Material, trim: Material) -> None:
     span, beam_, depth_, sheer, stern, bow, belly, rake, bulwark = shapes[form]
     long = kit.uniform("half_length", *span)
     beam, depth = long * kit.uniform("beam", *beam_), long * depth_ * kit.uniform("freeboard",
-        0.85, 1.2)
+                                                                                  0.85, 1.2)
     hull = make_hull(kit, skin if form != "longship" else blade_wood, long, beam, depth,
                      sheer=sheer, stern=stern, bow=bow, belly=belly, rake=rake, rise=0.75,
-                 aft_rise=0.75 if not stern else 0.2, aft_sheer=1.0 if not stern else 0.3,
+                     aft_rise=0.75 if not stern else 0.2, aft_sheer=1.0 if not stern else 0.3,
                      bulwark=bulwark, wall=0.05, deck=wood(kit.rng), trim=trim)
     if form == "kayak":
         kit.add(BLACK, ball(0.4 * long, beam * 1.2, depth * 0.5, 16).at(-0.1 * long, 0, depth))
@@ -249,7 +248,7 @@ def rowing(kit: Kit, skin: Material, trim: Material) -> None:
                             0.02))
         for s in (-1, 1):
             kit.add(trim, ball(0.16, 0.4, 0.05, 12).turned("x", 15).at(-0.05 * long, 1.2 * s,
-                depth * (1.2 + 0.33 * s)))
+                                                                       depth * (1.2 + 0.33 * s)))
         return
     for x in np.linspace(-0.6, 0.55, 3 if form != "longship" else 9) * long:
         kit.add(blade_wood, box(0.06 * min(long, 3), 1.88 * hull.half_width(x), 0.05 * depth).at(x,
@@ -277,7 +276,7 @@ def rowing(kit: Kit, skin: Material, trim: Material) -> None:
         for k, x in enumerate(np.linspace(-0.6, 0.6, 9) * long):
             disc = ball(0.09 * long, 0.03 * long, 0.09 * long, 14)
             kit.both(shields[k % 2], disc.at(x, hull.half_width(x),
-                float(np.interp(x, hull.rail[:, 0], hull.rail[:, 2]))))
+                                             float(np.interp(x, hull.rail[:, 0], hull.rail[:, 2]))))
     oars = {"longship": 7, "dinghy": 1, "punt": 0, "canoe": 0}[form]
     reach = 2.2 * beam + 0.3
     for x in np.linspace(-0.45, 0.5, oars) * long if oars > 1 else [0.1 * long] * oars:
@@ -286,7 +285,7 @@ def rowing(kit: Kit, skin: Material, trim: Material) -> None:
         size = 0.01 * long + 0.01
         oar = tube([(0, 0.3 * beam, 1.25 * depth), (0, reach, 0.35 * depth)], size, 6)
         blade = box(0.12 * beam + 0.05, 0.35 * beam, 0.02, 0.005).turned("x", -15).at(0, reach,
-            0.35 * depth)
+                                                                                      0.35 * depth)
         kit.both(blade_wood, oar.at(x), blade.at(x))
 
 
@@ -299,7 +298,7 @@ def speedboat(kit: Kit, skin: Material, trim: Material) -> None:
     hull = make_hull(kit, skin, long, beam * (0.75 if form == "racer" else 1), depth,
                      sheer=kit.uniform("sheer", -0.05, 0.25),
                      stern=kit.uniform("stern", 0.75, 0.95), bow=kit.uniform("bow", 1.6, 2.8),
-                 belly=kit.uniform("belly", 1.2, 2.0), rake=kit.uniform("rake", 0.1, 0.3),
+                     belly=kit.uniform("belly", 1.2, 2.0), rake=kit.uniform("rake", 0.1, 0.3),
                      rise=0.7, bulwark=bulwark, wall=0.12, deck=wood(kit.rng), trim=trim)
     z, floor = depth, hull.deck_at(0)
     seats = fabric(kit.rng)
@@ -387,7 +386,7 @@ def motor_yacht(kit: Kit, skin: Material, trim: Material) -> None:
     """One to three storeys over a sharp bow."""
     long = kit.uniform("half_length", 5, 30)
     beam, depth = long * kit.uniform("beam", 0.19, 0.32), long * kit.uniform("freeboard", 0.16,
-        0.28)
+                                                                             0.28)
     hull = make_hull(kit, skin, long, beam, depth, sheer=kit.uniform("sheer", 0.1, 0.5),
                      stern=kit.uniform("stern", 0.75, 0.95), bow=kit.uniform("bow", 1.8, 3.0),
                      belly=1.9,
@@ -418,11 +417,11 @@ def motor_yacht(kit: Kit, skin: Material, trim: Material) -> None:
                (back + 0.1 * long, half * 0.8, z + 0.8 * tall), (back, half, z - 0.1)]
         kit.add(skin, tube(bow, 0.03 * long, 6))
         kit.add(WHITE, ball(0.1 * beam + 0.3, 0.1 * beam + 0.3, 0.4, 12).at(back + 0.1 * long, 0,
-            z + 0.9 * tall))
+                                                                            z + 0.9 * tall))
     elif top == "mast":
         add_mast(kit, CHROME, (back + front) / 2, z - 0.1, depth * 1.1, 0.015 * long)
         kit.add(WHITE, box(0.02 * long, 0.12 * long, 0.02 * long).at((back + front) / 2, 0,
-            z + 0.7 * depth))
+                                                                     z + 0.7 * depth))
     else:
         grid = np.array([[(front - 0.04 * long - 0.05 * long * t - 0.06 * long * y**2, half * y,
                            z - 0.02 + 0.35 * tall * t) for y in np.linspace(-1, 1, 7)]
@@ -460,7 +459,7 @@ def catamaran(kit: Kit, skin: Material, trim: Material) -> None:
         kit.add(CHROME, rod((0.85 * long, -apart, depth * 0.97),
                             (0.85 * long, apart, depth * 0.97), 0.015 * long))
         kit.add(trim, box(0.6 * long, 0.02 * long + 1.2 * apart, 0.01 * long).at(0.55 * long, 0,
-            depth * 0.95))
+                                                                                 depth * 0.95))
     top = depth * 1.0
     if not small and not tri:
         high = depth * kit.uniform("house", 0.55, 1.0)
@@ -468,7 +467,7 @@ def catamaran(kit: Kit, skin: Material, trim: Material) -> None:
                   apart * kit.uniform("house_width", 0.7, 1.05), top - 0.05, top + high,
                   nose=0.25 * long, lean=(0.25 * long * kit.rng.uniform(0.4, 1.2), 0), inset=0.15)
         kit.add(skin, box(0.7 * long, 1.5 * apart, 0.06 * depth, 0.02).at(-0.4 * long, 0,
-            top + high))
+                                                                          top + high))
     if kit.chance("sail", 0.7) or small or tri:
         mast, high = 0.15 * long, long * kit.uniform("mast", 1.7, 2.5)
         add_mast(kit, CHROME, mast, top * 0.9, high, 0.014 * long)

@@ -44,10 +44,10 @@ class Hull(NamedTuple):
 
 def make_hull(kit: Kit, skin: Material, long: float, beam: float, depth: float, *,
               sheer: float = 0.15,
-          stern: float = 0.75, bow: float = 2.4, belly: float = 2.2, rake: float = 0.12,
+              stern: float = 0.75, bow: float = 2.4, belly: float = 2.2, rake: float = 0.12,
           rise: float = 0.5, aft_rise: float = 0.15, aft_sheer: float = 0.3, bulwark: float = 0.08,
-          wall: float = 0.06, deck: Material | None = None, trim: Material | None = None,
-          y: float = 0.0) -> Hull:
+              wall: float = 0.06, deck: Material | None = None, trim: Material | None = None,
+              y: float = 0.0) -> Hull:
     """A hull. Hidden: how far its bottom is hollow.
 
     Args:
@@ -90,9 +90,10 @@ def make_hull(kit: Kit, skin: Material, long: float, beam: float, depth: float, 
         flat = 0.2 * width
         side = flat + (width - flat) * levels ** (1 / belly)
         z = keel + (top - keel) * levels
-        end = np.clip((1 - abs(t)) / 0.25, 0, 1)
+        # Where the keel rises, a camera before or behind the boat would look into the hollow.
+        end = np.clip((1 - abs(t)) / 0.25, 0, 1) * (keel < 0.03 * depth)
         roof = keel + max(hollow * end, 0.01) * 0.6 * (depth * (1 - min(bulwark,
-            0.85)) - keel * end)
+                                                                        0.85)) - keel * end)
         roof = max(min(roof, top - depth * bulwark - 0.05 * depth), keel)
         floor = max(top - depth * bulwark, keel + 0.1 * (top - keel), roof + 0.02 * depth)
         floor = min(floor, top - 0.005 * depth)
@@ -130,8 +131,8 @@ def house_outline(back: float, front: float, half: float, nose: float) -> np.nda
 
 def add_house(kit: Kit, skin: Material, back: float, front: float, half: float, low: float,
               high: float, *,
-           nose: float = 0.0, lean: tuple[float, float] = (0.0, 0.0), inset: float = 0.06,
-           glass: tuple[float, float] | None = (0.45, 0.8)) -> None:
+              nose: float = 0.0, lean: tuple[float, float] = (0.0, 0.0), inset: float = 0.06,
+              glass: tuple[float, float] | None = (0.45, 0.8)) -> None:
     """A deckhouse between two heights.
 
     Args:
@@ -150,7 +151,7 @@ def add_house(kit: Kit, skin: Material, back: float, front: float, half: float, 
 
     def level(t: float, grow: float = 0.0) -> tuple[np.ndarray, float]:
         outline = house_outline(back + lean[1] * t - grow, front - lean[0] * t + grow,
-                           half * (1 - inset * t) + grow, nose)
+                                half * (1 - inset * t) + grow, nose)
         return outline, low + t * (high - low)
 
     kit.add(skin, solids.stack([level(0.0), level(1.0)]))

@@ -147,7 +147,7 @@ def hovercraft(kit: Kit, skin: Material, trim: Material) -> None:
         for dy in (-0.4, 0.4):
             kit.add(skin, box(0.14 * long, 0.03 * fan, 1.7 * fan).at(-0.98 * long, y + dy * fan,
                 up), box(0.1 * long, 0.03 * fan, 0.3 * fan).at(-0.9 * long, y + dy * fan,
-                    z + 0.1 * fan))
+                                                               z + 0.1 * fan))
 
 
 def cargo_ship(kit: Kit, skin: Material, trim: Material) -> None:
@@ -163,13 +163,13 @@ def cargo_ship(kit: Kit, skin: Material, trim: Material) -> None:
     hull = make_hull(kit, paint_, long, beam, depth, sheer=kit.uniform("sheer", 0.1, 0.45),
                      stern=0.75, bow=kit.uniform("bow", 4.0, 8.0), belly=4.5,
                      rake=kit.uniform("rake", 0.02, 0.08), rise=0.25,
-                 aft_rise=0.5, aft_sheer=0.1, bulwark=0.06, deck=floor, trim=None)
+                     aft_rise=0.5, aft_sheer=0.1, bulwark=0.06, deck=floor, trim=None)
     z = hull.deck_at(0)
     tower = kit.uniform("tower", 0.14, 0.26) * long
     place = kit.choose("bridge", -0.78, -0.78, -0.55, 0.55 if load == "feeder" else -0.8) * long
     _bridge(kit, place, 0.055 * long, beam, hull.deck_at(place) - 0.02 * depth, tower, trim)
     kit.add(paint_, ball(0.12 * long, 0.5 * beam, 0.5 * beam, 14).at(0.97 * long, 0,
-        0.2 * depth + 0.25 * beam))
+                                                                     0.2 * depth + 0.25 * beam))
     low, high = (-0.62 * long, 0.82 * long) if place < -0.6 * long else (-0.4 * long,
         0.82 * long) if place < 0 else (-0.92 * long, 0.4 * long)
     if load in ("containers", "feeder"):
@@ -231,7 +231,7 @@ def tug(kit: Kit, skin: Material, trim: Material) -> None:
     hull = make_hull(kit, paint_, long, beam, depth, sheer=kit.uniform("sheer", 0.35, 0.8),
                      stern=kit.uniform("stern", 0.55, 0.85), bow=kit.uniform("bow", 2.4, 4.0),
                      belly=2.4, rake=0.1, rise=0.4, aft_rise=0.5,
-                 aft_sheer=0.25, bulwark=0.25, deck=wood(kit.rng), trim=BLACK)
+                     aft_sheer=0.25, bulwark=0.25, deck=wood(kit.rng), trim=BLACK)
     fishing = kit.chance("fishing", 0.5)
     x = kit.uniform("house_place", -0.5 if fishing else 0.0, 0.3) * long
     z, tall = hull.deck_at(x), depth * kit.uniform("storey", 0.55, 0.85)
@@ -242,7 +242,7 @@ def tug(kit: Kit, skin: Material, trim: Material) -> None:
               half * 0.85, z + tall, z + 1.9 * tall, nose=0.4 * half, lean=(-0.05 * tall, 0),
               inset=-0.06, glass=(0.35, 0.85))
     kit.add(WHITE, box(0.4 * long, 1.9 * half, 0.08 * tall, 0.02).at(x + 0.02 * long, 0,
-        z + 1.92 * tall))
+                                                                     z + 1.92 * tall))
     if fishing:
         far = -0.55 * long if x > -0.15 * long else 0.5 * long
         base = hull.deck_at(far)
@@ -251,13 +251,13 @@ def tug(kit: Kit, skin: Material, trim: Material) -> None:
                             (far - np.sign(far) * 0.4 * long, 0, base + 2.0 * depth),
                             0.014 * long), rod((far, 0, base + 2.3 * depth),
                                 (far - np.sign(far) * 0.4 * long, 0, base + 2.0 * depth),
-                                    0.004 * long, 4))
+                                               0.004 * long, 4))
         if kit.chance("outriggers", 0.5):
             kit.both(CHROME, rod((far, 0, base + 0.4 * depth),
                                  (far, 1.6 * beam, base + 2.4 * depth), 0.012 * long))
         kit.add(fabric(kit.rng), pillow(0.3 * long, 1.0 * beam, 0.3 * depth, 0.1 * depth,
                                         2).at(-0.75 * long, 0,
-                                            hull.deck_at(-0.75 * long) + 0.15 * depth))
+                                              hull.deck_at(-0.75 * long) + 0.15 * depth))
     else:
         add_funnel(kit, trim, BLACK, x - 0.22 * long, 0, z + tall, 1.1 * tall, 0.13 * beam + 0.2,
                    0.05 * long)
@@ -269,7 +269,7 @@ def tug(kit: Kit, skin: Material, trim: Material) -> None:
         tyre = lathe([(0.04 * long, -0.02 * long), (0.07 * long, -0.02 * long),
                       (0.07 * long, 0.02 * long), (0.04 * long, 0.02 * long)], 14, loop=True)
         kit.both(BLACK, tyre.turned("x", 90).at(tx * long, hull.half_width(tx * long) * 1.02,
-            0.72 * depth))
+                                                0.72 * depth))
     add_mast(kit, CHROME, x, z + 1.9 * tall, 1.2 * depth, 0.014 * long)
 
 
@@ -277,7 +277,7 @@ def liner(kit: Kit, skin: Material, trim: Material) -> None:
     """Cruise ships, ferries, old liners, river boats with paddles."""
     form = kit.choose("form", "cruise", "ferry", "old", "paddle")
     long = kit.uniform("half_length", 20, 40) if form == "paddle" else kit.uniform("half_length",
-        45, 150)
+                                                                                   45, 150)
     beam, depth = long * kit.uniform("beam", 0.13, 0.22), long * kit.uniform("freeboard", 0.1,
         0.17) * (0.6 if form == "paddle" else 1)
     dark = Material(pick(kit.rng, HULLS), (0.2,) * 3, 30.0, name="hull") if form in ("old",
@@ -285,7 +285,7 @@ def liner(kit: Kit, skin: Material, trim: Material) -> None:
     hull = make_hull(kit, dark, long, beam, depth, sheer=kit.uniform("sheer", 0.05, 0.35),
                      stern=0.3 if form == "old" else 0.85, bow=kit.uniform("bow", 2.6, 4.5),
                      belly=3.5, rake=kit.uniform("rake", 0.06, 0.16),
-                 rise=0.3, aft_rise=0.3, bulwark=0.04, deck=wood(kit.rng))
+                     rise=0.3, aft_rise=0.3, bulwark=0.04, deck=wood(kit.rng))
     decks = kit.choose("decks", *{"cruise": (5, 7, 8), "ferry": (3, 4), "old": (3, 4),
                                   "paddle": (2, 3)}[form])
     tall = kit.uniform("storey", 0.026, 0.034) * long * {"paddle": 2.2, "ferry": 1.5}.get(form, 1.0)
@@ -318,7 +318,7 @@ def liner(kit: Kit, skin: Material, trim: Material) -> None:
                           else [-kit.uniform("funnel_place", 0.1, 0.6) * long]):
         if form == "paddle":
             kit.both(BLACK, cylinder(0.03 * long, up, 14).at(0.3 * long, 0.45 * half,
-                z + up / 2)) if k == 0 else None
+                                                             z + up / 2)) if k == 0 else None
         else:
             add_funnel(kit, trim, WHITE if form != "old" else BLACK, x, 0, z, up,
                        0.022 * long if form == "old" else 0.035 * long, 0.03 * long)
@@ -440,12 +440,12 @@ def warship(kit: Kit, skin: Material, trim: Material) -> None:
     size = beam * {"battleship": 0.62, "patrol": 0.3}.get(form, 0.4)
     barrels = kit.choose("barrels", 2, 3) if form == "battleship" else 1
     spots = [(0.62, 1, 0.0), (0.44, 1, 0.7), (-0.72, -1, 0.0)][: 3 if form == "battleship"
-        else kit.choose("turrets", 1, 2)]
+                                                               else kit.choose("turrets", 1, 2)]
     for x, aim, step in spots:
         base = hull.deck_at(x * long)
         if step and form == "battleship":
             kit.add(grey, cylinder(0.8 * size, step * size, 18).at(x * long, 0,
-                base + step * size / 2))
+                                                                   base + step * size / 2))
             base += step * size
         add_turret(kit, grey, x * long, base, size, aim, barrels,
                    (2.6 if form == "battleship" else 2.0) * size)
