@@ -25,17 +25,20 @@ import numpy as np
 from data_gen import catalogues
 from data_gen.catalogues.families import (
     buildings,
+    car,
     devices,
     figures,
+    firearm,
     furniture,
     household,
     materials,
+    plane,
     plants,
     scenes,
     tools,
     transport,
-    vehicles,
     vessels,
+    watercraft,
     wearables,
 )
 from data_gen.catalogues.families.kit import HiddenRange, Kit
@@ -45,19 +48,19 @@ from data_gen.meshes import Model
 _VISIBLE, _HIDDEN = 0x70736776, 0x70736768
 
 FAMILIES: dict[str, Callable[[Kit], None]] = {
-    "plane": vehicles.plane,
+    "plane": plane.plane,
     "bench": furniture.bench,
     "cabinet": furniture.cabinet,
-    "car": vehicles.car,
+    "car": car.car,
     "chair": furniture.chair,
     "monitor": devices.monitor,
     "lamp": furniture.lamp,
     "speaker": devices.speaker,
-    "firearm": vehicles.firearm,
+    "firearm": firearm.firearm,
     "couch": furniture.couch,
     "table": furniture.table,
     "cellphone": devices.cellphone,
-    "watercraft": vehicles.watercraft,
+    "watercraft": watercraft.watercraft,
 }
 """The families, in the order of the paper's table."""
 

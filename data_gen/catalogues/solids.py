@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy.interpolate
 
 from data_gen import meshes
 
@@ -264,3 +265,118 @@ def tube(
         side = np.cross(t, normal)
         rings.append(point + r * (np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * side))
     return loft(rings)
+
+
+# --- Bodies -----------------------------------------------------------------------------------
+
+
+def through(table: Sequence[Sequence[float]], places: np.ndarray) -> np.ndarray:
+    """Rows of a table between its own, smooth and without overshoot.
+
+    Args:
+      table: [K, C + 1], in each row a place and what is there; places in ascending or descending
+        order, no two alike.
+      places: [N]; beyond the ends the nearest row stays.
+
+    Returns:
+      [N, C].
+    """
+    rows = np.asarray(table, np.float64)
+    if rows[0, 0] > rows[-1, 0]:
+        rows = rows[::-1]
+    inside = np.clip(places, rows[0, 0], rows[-1, 0])
+    if len(rows) == 2:
+        share = ((inside - rows[0, 0]) / (rows[1, 0] - rows[0, 0]))[:, None]
+        return np.asarray((1 - share) * rows[0, 1:] + share * rows[1, 1:])
+    return np.asarray(scipy.interpolate.PchipInterpolator(rows[:, 0], rows[:, 1:])(inside))
+
+
+def between(places: Sequence[float], steps: int) -> np.ndarray:
+    """The places with each interval between neighbours cut into `steps` equal ones."""
+    knots = np.asarray(places, np.float64)
+    return np.interp(np.arange((len(knots) - 1) * steps + 1) / steps, np.arange(len(knots)), knots)
+
+
+def superellipse(x: float, y: float, power: float = 2.0, sides: int = 24) -> np.ndarray:
+    """Outline [sides, 2] of |2u/x|^power + |2v/y|^power = 1; a power of 2 is an ellipse."""
+    angle = np.arange(sides) / sides * 2 * np.pi
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.sign(circle) * np.abs(circle) ** (2 / power) * [x / 2, y / 2]
+
+
+def body(
+    stations: Sequence[Sequence[float]], power: float = 2.0, steps: int = 3, sides: int = 24
+) -> Solid:
+    """A skin over superellipses across the x axis, smooth from one to the next.
+
+    Args:
+      stations: rows of x, half width, half height and z of the centre; a fifth number is the power
+        there, which goes before the argument.
+      power: of the superellipses.
+      steps: sections for each interval between stations.
+      sides: points of a section.
+    """
+    places = between([s[0] for s in stations], steps)
+    rows = through(stations, places)
+    rings = []
+    for x, row in zip(places, rows, strict=True):
+        w, h, z = max(row[0], 0.0), max(row[1], 0.0), row[2]
+        outline = superellipse(2 * w, 2 * h, row[3] if len(row) > 3 else power, sides)
+        rings.append(np.column_stack([np.full(sides, x), outline[:, 0], outline[:, 1] + z]))
+    return loft(rings)
+
+
+def sheet(grid: np.ndarray, thickness: float) -> Solid:
+    """A curved pane: the surface through a grid [R, C, 3] and its copy at a distance, closed."""
+    points = np.asarray(grid, np.float64)
+    along, across = np.gradient(points, axis=0), np.gradient(points, axis=1)
+    normal = np.cross(along, across)
+    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
+    rows, columns = points.shape[:2]
+    number = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    front = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+    rim = np.concatenate([number[0], number[1:, -1], number[-1, -2::-1], number[-2:0:-1, 0]])
+    following, back = np.roll(rim, -1), rows * columns
+    edge = np.stack(
+        [rim, following, following + back, rim, following + back, rim + back], axis=-1
+    ).reshape(-1, 3)
+    vertices = np.concatenate([points, points - thickness * normal]).reshape(-1, 3)
+    return _outward(vertices, np.concatenate([front, front[:, ::-1] + back, edge]))
+
+
+AEROFOIL = np.array(
+    [(1, 0.04), (0.8, 0.4), (0.55, 0.78), (0.3, 1), (0.12, 0.8), (0.03, 0.42), (0, 0),
+     (0.03, -0.3), (0.12, -0.5), (0.3, -0.6), (0.55, -0.45), (0.8, -0.2)]
+)  # fmt: skip
+"""Distance behind the leading edge in chords, height in thicknesses."""
+
+
+def wing(
+    sections: Sequence[Sequence[float]], thickness: float = 0.1, steps: int = 1, fin: bool = False
+) -> Solid:
+    """A wing over aerofoils from the root to the tip, its nose toward +x.
+
+    Args:
+      sections: rows of x, y, z of the leading edge and the chord; a fifth number is the thickness
+        there in chords, which goes before the argument.
+      thickness: in chords.
+      steps: sections for each interval; from 2 on the outline is smooth.
+      fin: thick along y (and symmetrical) in place of along z.
+    """
+    table = [(float(k), *row) for k, row in enumerate(sections)]
+    rings = []
+    for row in through(table, between(range(len(table)), steps)) if steps > 1 else sections:
+        x, y, z, chord = row[:4]
+        high = (row[4] if len(row) > 4 else thickness) * chord * AEROFOIL[:, 1]
+        if fin:
+            high = np.where(high < 0, high / 0.6, high) / 2
+        flat = np.stack([x - chord * AEROFOIL[:, 0], np.full(12, y), np.full(12, z)], axis=1)
+        flat[:, 1 if fin else 2] += high
+        rings.append(flat)
+    return loft(rings)
+
+
+def split(solid: Solid, chosen: np.ndarray) -> tuple[Solid, Solid]:
+    """The chosen faces (bool [F]) and the others, each open where the other was."""
+    return Solid(solid.vertices, solid.faces[chosen]), Solid(solid.vertices, solid.faces[~chosen])

@@ -115,6 +115,22 @@ def test_the_authors_camera_sees_nothing_of_what_is_hidden(category):
         assert changed.sum() <= 2
 
 
+@pytest.mark.parametrize(("name", "azimuth"), [("plane-48", 156.0), ("watercraft-5", 180.0)])
+def test_nobody_looks_into_the_underside_from_behind(name, azimuth):
+    models = []
+    for end in ("low", "high"):
+        ranges = procedural.hidden_ranges(name)
+        values = {key: getattr(span, end) for key, span in ranges.items()}
+        models.append(procedural.redraw_hidden(name, values=values))
+    one, two = (
+        rasteriser.inverse_depth(
+            m, azimuth, distance=2.5, elevation=15.0, size=(72, 96), focal=110.0
+        )
+        for m in models
+    )
+    np.testing.assert_array_equal(one[0], two[0])
+
+
 def test_hidden_seed_defaults_to_the_seed():
     one, two = procedural.generate("chair", 3), procedural.generate("chair", 3, hidden_seed=3)
     np.testing.assert_array_equal(one.vertices, two.vertices)
@@ -199,6 +215,11 @@ PARTS = {
     "prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5),
     "star prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5, 0.05),
     "tray": solids.tray(lambda d: solids.rounded(2 - 2 * d, 1 - 2 * d, 0.2), 0.3, 0.1, 0.2),
+    "body": solids.body([(2, 0.1, 0.1, 0, 2), (1, 1, 0.8, 0.2, 3), (-1, 1, 1, 0, 4)]),
+    "sheet": solids.sheet(np.stack([*np.mgrid[:3.0, :4.0], np.zeros((3, 4))], axis=-1), 0.1),
+    "wing": solids.wing([(0, 0, 0, 2), (-1, 3, 0.2, 1)]),
+    "round wing": solids.wing([(0, 0, 0, 2), (-1, 3, 0.2, 1), (-2, 4, 0, 0.5)], steps=3),
+    "fin": solids.wing([(0, 0, 0, 2), (-1, 0.3, 3, 1)], fin=True),
     "mirrored": solids.box(1, 2, 3).mirrored(),
     "turned": solids.prism([(0, 0), (2, 0), (0, 1)], 0.5).turned("x", 50).turned("z", 200),
 }  # fmt: skip
@@ -228,3 +249,47 @@ def test_parts_are_closed_and_face_outward(name):
         assert volume == pytest.approx(3 * np.pi, rel=0.01)
     if name == "prism":
         assert volume == pytest.approx(1.5)
+    if name == "sheet":
+        assert volume == pytest.approx(0.1 * 3 * 2)
+
+
+def test_curves_pass_through_their_points_and_do_not_overshoot():
+    table = [(3, 1, 0.0), (2, 1, 5), (1, 0, 5), (-1, 0, 5)]
+    places = solids.between([row[0] for row in table], 8)
+    assert len(places) == 25
+    np.testing.assert_allclose(solids.through(table, places)[::8], [row[1:] for row in table])
+    one, two = solids.through(table, places).T
+    assert one.min() == 0
+    assert one.max() == 1
+    assert two.max() == 5
+    assert (np.diff(one) <= 0).all()
+    np.testing.assert_array_equal(solids.through(table, np.array([-9.0])), [[0, 5]])
+    np.testing.assert_allclose(solids.through([(0, 2), (2, 4)], np.array([0.5])), [[2.5]])
+
+
+def test_superellipses_go_from_diamonds_to_boxes():
+    for power, area in ((1, 2 * 3 * 4 / 4), (2, np.pi * 3), (40, 4 * 3)):
+        x, y = solids.superellipse(4, 3, power, 400).T
+        found = abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()) / 2
+        assert found == pytest.approx(area, rel=0.02)
+    np.testing.assert_allclose(np.ptp(solids.superellipse(4, 3, 3.0), axis=0), [4, 3])
+
+
+def test_a_split_solid_keeps_all_faces():
+    whole = solids.box(1, 2, 3)
+    chosen = np.arange(len(whole.faces)) % 3 == 0
+    one, two = solids.split(whole, chosen)
+    assert (len(one.faces), len(two.faces)) == (chosen.sum(), (~chosen).sum())
+    np.testing.assert_array_equal(one.faces, whole.faces[chosen])
+
+
+@pytest.mark.parametrize(
+    ("category", "kinds"), [("car", 15), ("plane", 12), ("watercraft", 12), ("firearm", 10)]
+)
+def test_vehicles_differ_in_kind(category, kinds):
+    models = [procedural.generate(category, s) for s in range(60)]
+    assert len({m.parameters["subtype"] for m in models}) >= kinds
+    size = np.array([np.ptp(m.vertices, axis=0) for m in models])
+    # Length to width to height: far from one shape in many colours.
+    for ratio in (size[:, 1] / size[:, 0], size[:, 2] / size[:, 0]):
+        assert np.percentile(ratio, 90) > 1.3 * np.percentile(ratio, 10)
