@@ -84,8 +84,8 @@ def generate(
 
     Returns:
       A normalised model named `<category>-<seed>`, `-open` appended where its back is open,
-      `-h<hidden_seed>` where one is given, and `-set` where `hidden` is, with every parameter in `parameters`: see this module's
-      docstring for the hidden ones.
+      `-h<hidden_seed>` where one is given, and `-set` where `hidden` is, with every parameter in
+      `parameters`: see this module's docstring for the hidden ones.
 
     Raises:
       ValueError: there is no such category, or none with an open back, a seed is negative, or a

@@ -197,7 +197,9 @@ def ball(x: float, y: float, z: float, sides: int = 16) -> Solid:
     ).scaled(x / 2, y / 2, z / 2)
 
 
-def prism(outline: Sequence[Sequence[float]], thickness: float, bevel: float = 0.0) -> Solid:
+def prism(
+    outline: np.ndarray | Sequence[Sequence[float]], thickness: float, bevel: float = 0.0
+) -> Solid:
     """A profile of (x, z) from the side, extruded along y around 0."""
     flat = np.asarray(outline, np.float64)
     half, cut = thickness / 2, min(bevel, 0.4 * thickness)
@@ -226,7 +228,7 @@ def inset(outline: np.ndarray, distance: float) -> np.ndarray:
     return outline + distance * middle
 
 
-def smooth_path(points: Sequence[Sequence[float]], steps: int = 6) -> np.ndarray:
+def smooth_path(points: np.ndarray | Sequence[Sequence[float]], steps: int = 6) -> np.ndarray:
     """A curve [M, 3] through the points (Catmull-Rom, centripetal enough for even spacing)."""
     p = np.asarray(points, np.float64)
     p = np.concatenate([[2 * p[0] - p[1]], p, [2 * p[-1] - p[-2]]])
@@ -260,7 +262,9 @@ def cushion(
     """A superellipsoid of these lengths around the origin: a filled cushion.
 
     Args:
-      x, y, z: lengths.
+      x: length.
+      y: length.
+      z: length.
       corner: power of the outline seen from above; 2 = round, large = square.
       edge: power of the outline seen from the side; 1 = sharp seams, 2 = round, large = a slab.
       sides: points around.
@@ -283,7 +287,7 @@ def sweep(
     section: np.ndarray,
     path: np.ndarray | Sequence[Sequence[float]],
     across: Sequence[float],
-    scale: float | Sequence[float] = 1.0,
+    scale: float | np.ndarray | Sequence[float] = 1.0,
     loop: bool = False,
 ) -> Solid:
     """A section carried along a path that lies in a plane.
@@ -336,7 +340,7 @@ def rise(path: Callable[[float], Sequence[float]], steps: int) -> np.ndarray:
 
 def tube(
     path: np.ndarray | Sequence[Sequence[float]],
-    radius: float | Sequence[float],
+    radius: float | np.ndarray | Sequence[float],
     sides: int = 8,
 ) -> Solid:
     """A round bar along a path [M, 3]; `radius` may be one for each point."""

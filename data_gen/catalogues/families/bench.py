@@ -1,5 +1,6 @@
 """Benches: of the park, the church, the hall, the gym."""
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -9,7 +10,6 @@ from data_gen.catalogues.families import hollows, legs
 from data_gen.catalogues.families.kit import (
     BLACK,
     Kit,
-    around,
     fabric,
     lacquer,
     metal,
@@ -66,7 +66,7 @@ def _back(
         )
         panels = max(2, round(length / 0.55))
         edges = np.linspace(-length / 2 + 0.08, length / 2 - 0.08, panels + 1)
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in itertools.pairwise(edges):
             for y0, y1 in ((a, b), (b, a)):
                 kit.add(main, tilt(rod((0, y0, high * 0.2), (0, y1, high), 0.013, 6)))
     else:
@@ -244,10 +244,26 @@ def _pew(kit: Kit) -> None:
     end = kit.choose("ends", "scroll", "square", "gothic")
     low = [(-0.62, 0), (0.55, 0), (0.55, 0.05), (0.45, 0.1), (0.45, seat)]
     high_ = {
-        "scroll": [(0.5, seat + 0.2), (0.25, seat + 0.28), (-0.2, seat + 0.3), (-0.35, seat + high), (-0.65, seat + high)],
-        "square": [(0.45, seat + 0.22), (-0.3, seat + 0.22), (-0.3, seat + high), (-0.65, seat + high)],
-        "gothic": [(0.3, seat + 0.25), (0.05, seat + high), (-0.25, seat + high * 1.35), (-0.62, seat + high)],
-    }[end]  # fmt: skip
+        "scroll": [
+            (0.5, seat + 0.2),
+            (0.25, seat + 0.28),
+            (-0.2, seat + 0.3),
+            (-0.35, seat + high),
+            (-0.65, seat + high),
+        ],
+        "square": [
+            (0.45, seat + 0.22),
+            (-0.3, seat + 0.22),
+            (-0.3, seat + high),
+            (-0.65, seat + high),
+        ],
+        "gothic": [
+            (0.3, seat + 0.25),
+            (0.05, seat + high),
+            (-0.25, seat + high * 1.35),
+            (-0.62, seat + high),
+        ],
+    }[end]
     shape = [(a * depth, b) for a, b in (*low, *high_)]
     kit.both(main, solids.prism(shape, 0.06, 0.006).at(y=length / 2))
     lean = kit.uniform("lean", 4, 12)

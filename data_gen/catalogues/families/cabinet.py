@@ -1,5 +1,6 @@
 """Cabinets: what stands against a wall and holds things."""
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -339,7 +340,7 @@ def _bookcase(kit: Kit) -> None:
         y0 = (c - (columns - 1) / 2) * one
         edges = _shelves(kit, look.body, depth, one, low, top, count, back, y0)
         if books:
-            for z, above in zip(edges[:-1], edges[1:], strict=True):
+            for z, above in itertools.pairwise(edges):
                 if kit.rng.random() < 0.75:
                     _books(
                         kit,
@@ -566,9 +567,9 @@ def _corner_unit(kit: Kit) -> None:
             look.body,
             solids.stack([(inner, z + 0.03 * share), (inner, z), (flat, z), (flat, z + 0.035)]),
         )
-    for a in (-45, 45):
-        wall = box(size, 0.015, height + 0.03).at(size / 2, 0, height / 2 + 0.015).turned("z", a)
-        kit.add(look.body, wall.at(-size / 2))
+    for side in (-45, 45):
+        wall = box(size, 0.015, height + 0.03).at(size / 2, 0, height / 2 + 0.015)
+        kit.add(look.body, wall.turned("z", side).at(-size / 2))
 
 
 def _cubes(kit: Kit) -> None:
@@ -816,13 +817,16 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "small": _trunk,
 }
 
+_SHARES = {"wardrobe": 2, "chest": 2, "sideboard": 2, "bookcase": 2}
+
 CASES = ("wardrobe", "chest", "sideboard", "filing")
 """The kinds whose back can be open."""
 
 
 def cabinet(kit: Kit) -> None:
     """Thirteen kinds, see `KINDS`. Hidden: the hollow below."""
-    KINDS[kit.choose("subtype", *KINDS)](kit)
+    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
+    KINDS[kit.choose("subtype", *names)](kit)
 
 
 def open_cabinet(kit: Kit) -> None:

@@ -49,7 +49,8 @@ class _Look:
 def _slab(kit: Kit, look: _Look, tall: float, deep: float, name: str = "socket_depth") -> Solid:
     """An upright slab on z = 0, its front at x = deep / 2; a socket in its lower end.
 
-    The depth of the socket is hidden, of the first slab of a phone. With an open back (`open_cellphone`) the slab is a tray instead whose hollow is.
+    The depth of the socket is hidden, of the first slab of a phone. With an open back
+    (`open_cellphone`) the slab is a tray instead, and the depth of its hollow is hidden.
     """
     w, r = look.width, min(look.corner, 0.4 * tall)
     angle = np.linspace(0, np.pi / 2, 5)

@@ -1,5 +1,6 @@
 """Chairs: for the table, the office, the bar, the garden, the fireside."""
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -44,7 +45,8 @@ def back(
     kit: Kit, style: str, width: float, high: float, frame: Material, cover: Material
 ) -> list[tuple[Material, Solid]]:
     """The back of a chair, upright over y = 0, from z = 0 at the seat's rear edge to `high`."""
-    half, parts = width / 2 - 0.02, []
+    half = width / 2 - 0.02
+    parts: list[tuple[Material, Solid]] = []
 
     def put(material: Material, *solids_: Solid) -> None:
         parts.extend((material, part) for part in solids_)
@@ -77,8 +79,8 @@ def back(
     elif style == "ladder":
         posts(0.02)
         for z in np.linspace(high * 0.25, high - 0.035, kit.choose("back_rungs", 2, 3, 4, 5)):
-            bow = solids.smooth_path([(0, -half, z), (-0.03, 0, z), (0, half, z)], 5)
-            put(frame, solids.sweep(solids.rounded(0.06, 0.015, 0.005, 1), bow, (0, 0, 1)))
+            rung = solids.smooth_path([(0, -half, z), (-0.03, 0, z), (0, half, z)], 5)
+            put(frame, solids.sweep(solids.rounded(0.06, 0.015, 0.005, 1), rung, (0, 0, 1)))
     elif style in ("spindles", "hoop"):
         bow = [
             (0, -half, 0.0),
@@ -109,8 +111,8 @@ def back(
         put(frame, tube(solids.smooth_path(crest, 4), 0.024))
         shape = [(0.3, 0), (0.2, 0.12), (0.34, 0.35), (0.18, 0.55), (0.4, 0.8), (0.28, 1.0)]
         curve = solids.smooth_profile([(a * half, b * high) for a, b in shape], 3)
-        outline = [(-a, b) for a, b in curve] + [(a, b) for a, b in reversed(curve)]
-        put(frame, solids.prism(outline, 0.014).turned("z", 90))
+        splat = [(-a, b) for a, b in curve] + [(a, b) for a, b in reversed(curve)]
+        put(frame, solids.prism(splat, 0.014).turned("z", 90))
     elif style == "cross":
         posts()
         put(
@@ -469,7 +471,7 @@ def _stool(kit: Kit) -> None:
                     (r * np.cos(np.radians(a)), r * np.sin(np.radians(a)), under * z)
                     for a in (*around(count, 45), 45)
                 ]
-                for a, b in zip(ends[:-1], ends[1:], strict=True):
+                for a, b in itertools.pairwise(ends):
                     kit.add(frame, rod(a, b, 0.009))
     if tall and kit.chance("stool_back", 0.5):
         _add_back(

@@ -111,8 +111,8 @@ def _arm(kit: Kit, s: _Seat, style: str, depth: float) -> list[tuple[Material, S
         return [(s.foot, part) for part in (*parts, rail)]
     # "tube": a loop of steel
     half = depth * 0.45
-    path = [(-half, 0, 0.02), (half, 0, 0.02), (half, 0, high), (-half, 0, high)]
-    closed = [*path, path[0], path[1]]
+    loop = [(-half, 0, 0.02), (half, 0, 0.02), (half, 0, high), (-half, 0, high)]
+    closed = [*loop, loop[0], loop[1]]
     return [(CHROME, solids.tube(np.array(closed), 0.018))]
 
 
@@ -465,7 +465,9 @@ def _modular(kit: Kit) -> None:
     )
     backs = kit.choose("backs", "rear", "rear", "all", "none")
     soft = kit.uniform("softness", 2.5, 8)
-    cells = [(i, j) for i, row in enumerate(rows) for j, used in enumerate(row) if used]
+    cells = [
+        (float(i), float(j)) for i, row in enumerate(rows) for j, used in enumerate(row) if used
+    ]
     if all(i == 0 for i, _ in cells) and kit.chance("stool", 0.7):
         cells.append((1.4, 0.0))
     share = kit.hide("base_recess", *hollows.RANGE)
@@ -580,7 +582,6 @@ def _bench_like(kit: Kit) -> None:
 def _group(kit: Kit) -> None:
     """A couch, one or two armchairs and perhaps a table between them."""
     s = _Seat(kit)
-    share = None
     style = kit.choose("arm", "box", "rolled", "sloped")
 
     def couch(x: float, y: float, turn: float, seats: int) -> None:
@@ -763,6 +764,10 @@ KINDS: dict[str, Callable[[Kit], None]] = {
 }
 
 
+_SHARES = {"straight": 5, "corner": 2, "loveseat": 2}
+
+
 def couch(kit: Kit) -> None:
     """Fourteen kinds, see `KINDS`. Hidden: the hollow below."""
-    KINDS[kit.choose("subtype", *KINDS)](kit)
+    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
+    KINDS[kit.choose("subtype", *names)](kit)

@@ -101,11 +101,11 @@ def leg(
         return [tube(solids.smooth_path(path, 4), radius, 12)]
     if style == "sabre":
         out = 0.16 * height
-        path = solids.rise(
+        bow = solids.rise(
             lambda t: (-a * out * (1 - (1 - t) ** 2), -b * out * (1 - (1 - t) ** 2), t * height), 8
         )
         section = solids.rounded(thick * 0.8, thick, 0.005, 1)
-        return [solids.sweep(section, path, (-b, a, 0), np.linspace(0.6, 1.1, 9))]
+        return [solids.sweep(section, bow, (-b, a, 0), np.linspace(0.6, 1.1, 9))]
     if style == "hairpin":
         wide, r = max(1.2 * thick, 0.12 * height), max(0.006, 0.12 * thick)
         return [

@@ -12,6 +12,7 @@ from data_gen.catalogues.families.kit import (
     DARK_GLASS,
     WHITE,
     Kit,
+    around,
     lacquer,
     metal,
     pick,
@@ -89,8 +90,8 @@ def _stand(kit: Kit, body: Material, width: float, lift: float, reach: float, ri
     elif neck == "round":
         kit.add(body, cylinder(0.025 * width + 0.004, top, 16).at(-0.03 * width, 0, top / 2))
     else:
-        path = [(-reach * 0.7, 0, thick), (-0.03 * width, 0, top)]
-        kit.add(body, solids.sweep(solids.rounded(width * 0.1, 0.02, 0.004, 1), path, (0, 1, 0)))
+        ends = [(-reach * 0.7, 0.0, thick), (-0.03 * width, 0.0, top)]
+        kit.add(body, solids.sweep(solids.rounded(width * 0.1, 0.02, 0.004, 1), ends, (0, 1, 0)))
 
 
 def _desk(kit: Kit) -> None:
@@ -534,8 +535,9 @@ def _sign(kit: Kit) -> None:
             box(0.04, wide + 0.05, 0.04).at(0, 0, lift + tall),
             rod((-0.03, 0, 0.1), (-0.03, 0, lift + tall), 0.014),
         )
-        for a in (90, 210, 330):
-            kit.add(BLACK, rod((0, 0, 0.3), (0.55, 0, 0.01), 0.012).turned("z", a).at(-0.03))
+        for angle in around(3, 90):
+            foot = rod((0, 0, 0.3), (0.55, 0, 0.01), 0.012)
+            kit.add(BLACK, foot.turned("z", angle).at(-0.03))
         return
     wide = kit.uniform("width", 1.2, 2.0)
     tall, lift = wide * kit.uniform("tall", 0.35, 0.6), kit.uniform("lift", 0.8, 1.6)

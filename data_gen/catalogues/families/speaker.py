@@ -261,6 +261,16 @@ def _bar(kit: Kit) -> None:
             flat = solids.rounded(depth, width, 0.02)
             levels = [(flat, 0.0), (flat * [0.6, 1] - [0.2 * depth, 0], height)]
         kit.add(body, hollows.body(kit, levels, 0.3 * height))
+        cloth = [(flat * [1.01, 0.9], 0.0), (flat * [1.01, 0.9], 0.6 * height)]
+        if section != "wedge":
+            kit.add(
+                GRILLE,
+                solids.stack(cloth).at(0.004 if section == "bowed" else 0.0, 0, 0.2 * height),
+            )
+        else:
+            tip = float(np.degrees(np.arctan2(0.4 * depth, height)))
+            strip = box(0.008, 0.9 * width, 0.8 * height).turned("y", -tip)
+            kit.add(GRILLE, strip.at(0.3 * depth, 0, 0.5 * height))
     x = depth / 2
     if section in ("box", "oval"):
         kit.add(GRILLE, box(0.006, width * 0.7, height * 0.6).at(x, 0, height / 2))
@@ -554,12 +564,14 @@ def _set(kit: Kit) -> None:
             WHITE, *(box(0.012, 0.03, 0.012).at(0.125, w * (0.1 * k - 0.3), 0.06) for k in range(5))
         )
     else:
-        s = kit.uniform("sub", 0.2, 0.36)
-        d, w, h = (s * 1.1, s * 0.9, s) if middle == "subwoofer" else (depth, height * 1.4, width)
+        sub = kit.uniform("sub", 0.2, 0.36)
+        d, w, h = (
+            (sub * 1.1, sub * 0.9, sub) if middle == "subwoofer" else (depth, height * 1.4, width)
+        )
         kit.add(body, solids.tray(rect(d, w, 0.01), h, 0.02, share * 0.2 * h))
-        for y in (0.0,) if middle == "subwoofer" else (-0.3, 0.3):
+        for t in (0.0,) if middle == "subwoofer" else (-0.3, 0.3):
             for material, part in driver(cone, 0.38 * min(w, h)):
-                kit.add(material, part.at(d / 2, y * w, h / 2))
+                kit.add(material, part.at(d / 2, t * w, h / 2))
 
 
 def _radio(kit: Kit) -> None:
@@ -757,8 +769,8 @@ def _panel(kit: Kit) -> None:
         return
     # A body rolled up like a snail's shell.
     a = np.linspace(0.6, 3.2 * np.pi, 44)
-    r = 0.05 + 0.035 * a
-    path = np.stack([0 * a, r * np.cos(a), r * np.sin(a)], axis=1)
+    spiral = 0.05 + 0.035 * a
+    path = np.stack([0 * a, spiral * np.cos(a), spiral * np.sin(a)], axis=1)
     size = np.linspace(0.4, 1.6, 44) * kit.uniform("thick", 0.08, 0.14)
     low = float((path[:, 2] - size).min())
     kit.add(

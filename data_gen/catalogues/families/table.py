@@ -298,7 +298,7 @@ def _drawers(
     knob: Material,
     x: float,
     y: float,
-    size: tuple[float, float, float],
+    size: tuple[float, float, tuple[float, float]],
     count: int,
 ) -> None:
     """A stack of drawers whose box is centred on (x, y) and hangs from size[2][1] to [0]."""
@@ -397,7 +397,10 @@ def _corner_desk(kit: Kit) -> None:
          (short, long - deep), (short, long), (0, long)]
     )  # fmt: skip
     shape = (shape - [short / 2, long / 2]) * [1, mirror]
-    outline: Outline = lambda inward: solids.inset(shape, inward)
+
+    def outline(inward: float) -> np.ndarray:
+        return solids.inset(shape, inward)
+
     under = height - thick + 0.002
     kit.add(main, hollows.slab(kit, "top_recess", outline, thick).at(z=height - thick))
     knob = metal(kit.rng)
@@ -545,7 +548,7 @@ def _games(kit: Kit) -> None:
         )
         return
     top, frame = paint(kit.rng), metal(kit.rng)
-    length, depth, height = kit.uniform("length", 2.4, 2.8), 1.5, 0.76
+    length, depth, height = kit.uniform("length", 2.4, 2.8), kit.uniform("depth", 1.4, 1.6), 0.76
     kit.add(top, hollows.slab(kit, "top_recess", rect(depth, length), 0.05).at(z=height - 0.05))
     kit.add(WHITE, box(depth + 0.2, 0.006, 0.15).at(z=height + 0.08))
     kit.add(
@@ -553,17 +556,17 @@ def _games(kit: Kit) -> None:
         box(0.015, length, 0.003).at(z=height),
         box(depth, 0.03, 0.003).at(0, length / 2 - 0.02, height),
     )
-    for y in (-0.35, -0.08, 0.08, 0.35):
+    for t in (-0.35, -0.08, 0.08, 0.35):
         for sign in (-1, 1):
             kit.add(
                 frame,
                 rod(
-                    (sign * depth * 0.4, y * length, 0),
-                    (sign * depth * 0.4, y * length, height - 0.04),
+                    (sign * depth * 0.4, t * length, 0),
+                    (sign * depth * 0.4, t * length, height - 0.04),
                     0.025,
                 ),
             )
-        kit.add(frame, rod((-depth * 0.4, y * length, 0.1), (depth * 0.4, y * length, 0.1), 0.02))
+        kit.add(frame, rod((-depth * 0.4, t * length, 0.1), (depth * 0.4, t * length, 0.1), 0.02))
 
 
 def _drafting(kit: Kit) -> None:
@@ -727,6 +730,10 @@ KINDS: dict[str, Callable[[Kit], None]] = {
 }
 
 
+_SHARES = {"dining": 4, "coffee": 2, "desk": 2, "pedestal": 2}
+
+
 def table(kit: Kit) -> None:
     """Nineteen kinds, see `KINDS`. Hidden: the hollow under the top, or what a panel covers."""
-    KINDS[kit.choose("subtype", *KINDS)](kit)
+    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
+    KINDS[kit.choose("subtype", *names)](kit)
