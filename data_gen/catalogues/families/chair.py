@@ -1133,7 +1133,7 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "school": _school,
 }
 
-_SHARES = {"dining": 3, "office": 2, "stool": 2, "armchair": 2}
+_SHARES = {"dining": 5, "office": 3, "stool": 3, "armchair": 3, "shell": 2, "cantilever": 2}
 
 
 def chair(kit: Kit) -> None:

@@ -635,8 +635,9 @@ def _group(kit: Kit) -> None:
     if plan == "facing":
         couch(far, 0, 180, long)
     elif plan == "facing_pair":
-        couch(far, 0.65, 160, 1)
-        couch(far, -0.65, -160, 1)
+        apart = s.one / 2 + s.arm + 0.25
+        couch(far, apart, 165, 1)
+        couch(far, -apart, -165, 1)
     else:
         couch(far * 0.35, side, -90, kit.choose("short", 1, 2))
         if plan == "both_sides":
