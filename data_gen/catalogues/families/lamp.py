@@ -218,9 +218,9 @@ def _torchiere(kit: Kit) -> None:
     for angle in around(stems):
         off = 0.03 if stems > 1 else 0.0
         kit.add(
-            body, cylinder(0.012, high - low, 10).at(off, 0, (high + low) / 2).turned("z", angle)
+            body, cylinder(0.017, high - low, 10).at(off, 0, (high + low) / 2).turned("z", angle)
         )
-    r, deep = kit.uniform("bowl", 0.12, 0.24), kit.uniform("bowl_depth", 0.06, 0.24)
+    r, deep = kit.uniform("bowl", 0.15, 0.28), kit.uniform("bowl_depth", 0.06, 0.24)
     power = kit.uniform("bowl_shape", 0.4, 1.6)
     t = np.linspace(0, 1, 9)
     outer = [(max(r * float(a) ** power, 0.015), high + deep * float(a)) for a in t]
@@ -778,7 +778,10 @@ def _tiffany(kit: Kit) -> None:
         kit.add(
             body,
             hollows.turned(
-                kit, solids.smooth_profile([(r * high, z * high) for r, z in profile], 4), 28, 0.02
+                kit,
+                solids.smooth_profile([(r * high, z * high) for r, z in profile], 4),
+                28,
+                0.01 * high,
             ),
         )
         glass = [(0.06, 0.46), (0.12, 0.58), (0.1, 0.7), (0.05, 0.85), (0.05, 1.0)]

@@ -260,7 +260,7 @@ def _bar(kit: Kit) -> None:
         else:
             flat = solids.rounded(depth, width, 0.02)
             levels = [(flat, 0.0), (flat * [0.6, 1] - [0.2 * depth, 0], height)]
-        kit.add(body, hollows.body(kit, levels, 0.3 * height))
+        kit.add(body, hollows.body(kit, levels, 0.1 * height))
         cloth = [(flat * [1.01, 0.9], 0.0), (flat * [1.01, 0.9], 0.6 * height)]
         if section != "wedge":
             kit.add(
@@ -343,7 +343,7 @@ def _wedge(kit: Kit) -> None:
         (foot, 0.12 * height),
         (solids.rounded(depth - t, width, 0.01, 1) - [t / 2, 0], height),
     ]
-    kit.add(body, hollows.body(kit, levels, 0.1))
+    kit.add(body, hollows.body(kit, levels, 0.12 * height))
     rise, run = 0.88 * height, t
     tip = np.degrees(np.arctan2(run, rise))
     slope = float(np.hypot(rise, run))
