@@ -9,9 +9,10 @@ azimuth in `parameters["hidden_azimuth"]`, pixel for pixel, and differ where the
 in the hollow of a seat, below a foot, on the far side. The bounding box and hemisphere do not
 depend on them, so normalisation keeps the rest where it is. An azimuth is the direction from the
 model's origin to the camera, in degrees from +x toward +y; the ranges hold for cameras at least 15
-degrees above the horizon and at least 2.5 units away. `hidden_azimuth` is a tuple of ranges
-(low, high) in [-180, 180]; `parameters["hidden"]` are the hidden values. `hidden_ranges` tells what
-they are drawn from, `redraw_hidden` makes the other models that look like a given one.
+degrees above the horizon, at least 2.5 units away and no lower than the model's highest point.
+`hidden_azimuth` is a tuple of ranges (low, high) in [-180, 180]; `parameters["hidden"]` are the
+hidden values. `hidden_ranges` tells what they are drawn from, `redraw_hidden` makes the other
+models that look like a given one.
 """
 
 import os
