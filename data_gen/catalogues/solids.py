@@ -198,7 +198,9 @@ def ball(x: float, y: float, z: float, sides: int = 16) -> Solid:
     ).scaled(x / 2, y / 2, z / 2)
 
 
-def prism(outline: Sequence[Sequence[float]], thickness: float, bevel: float = 0.0) -> Solid:
+def prism(
+    outline: np.ndarray | Sequence[Sequence[float]], thickness: float, bevel: float = 0.0
+) -> Solid:
     """A profile of (x, z) from the side, extruded along y around 0."""
     flat = np.asarray(outline, np.float64)
     half, cut = thickness / 2, min(bevel, 0.4 * thickness)
@@ -227,7 +229,7 @@ def inset(outline: np.ndarray, distance: float) -> np.ndarray:
     return outline + distance * middle
 
 
-def smooth_path(points: Sequence[Sequence[float]], steps: int = 6) -> np.ndarray:
+def smooth_path(points: np.ndarray | Sequence[Sequence[float]], steps: int = 6) -> np.ndarray:
     """A curve [M, 3] through the points (Catmull-Rom, centripetal enough for even spacing)."""
     p = np.asarray(points, np.float64)
     p = np.concatenate([[2 * p[0] - p[1]], p, [2 * p[-1] - p[-2]]])
@@ -245,9 +247,106 @@ def smooth_path(points: Sequence[Sequence[float]], steps: int = 6) -> np.ndarray
     return np.concatenate([*pieces, p[-2:-1]])
 
 
+# --- Soft and turned forms --------------------------------------------------------------------
+
+
+def superellipse(x: float, y: float, power: float = 2.0, sides: int = 32) -> np.ndarray:
+    """Outline [sides, 2] of lengths x, y: |2u/x|^power + |2v/y|^power = 1. 2 is an ellipse."""
+    angle = np.arange(sides) / sides * 2 * np.pi
+    flat = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.sign(flat) * np.abs(flat) ** (2 / power) * [x / 2, y / 2]
+
+
+def cushion(
+    x: float, y: float, z: float, corner: float = 5.0, edge: float = 2.5, sides: int = 28
+) -> Solid:
+    """A superellipsoid of these lengths around the origin: a filled cushion.
+
+    Args:
+      x: length.
+      y: length.
+      z: length.
+      corner: power of the outline seen from above; 2 = round, large = square.
+      edge: power of the outline seen from the side; 1 = sharp seams, 2 = round, large = a slab.
+      sides: points around.
+    """
+    flat = superellipse(x, y, corner, sides)
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, 11)
+    radius = np.abs(np.cos(latitude)) ** (2 / edge)
+    height = np.sign(latitude) * np.abs(np.sin(latitude)) ** (2 / edge) * z / 2
+    radius[[0, -1]] = 0.0
+    return stack([(flat * r, float(h)) for r, h in zip(radius, height, strict=True)])
+
+
+def smooth_profile(points: Sequence[Sequence[float]], steps: int = 4) -> list[tuple[float, float]]:
+    """A curve of (radius, z) through the points, for `lathe`; no radius becomes negative."""
+    curve = smooth_path([(r, 0.0, z) for r, z in points], steps)
+    return [(max(float(r), 0.0), float(z)) for r, _, z in curve]
+
+
+def sweep(
+    section: np.ndarray,
+    path: np.ndarray | Sequence[Sequence[float]],
+    across: Sequence[float],
+    scale: float | np.ndarray | Sequence[float] = 1.0,
+    loop: bool = False,
+) -> Solid:
+    """A section carried along a path that lies in a plane.
+
+    Args:
+      section: outline [N, 2]; its first axis is `across`, its second lies in the path's plane.
+      path: [M, 3].
+      across: the normal of the path's plane.
+      scale: of the section; may be one for each point.
+      loop: whether the path is closed.
+    """
+    points = np.asarray(path, np.float64)
+    side = np.asarray(across, np.float64) / np.linalg.norm(across)
+    if loop:
+        step = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    else:
+        step = np.gradient(points, axis=0)
+    normal = np.cross(step, side)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    size = np.broadcast_to(np.asarray(scale, np.float64), (len(points),))[:, None, None]
+    rings = section[None, :, :1] * side + section[None, :, 1:] * normal[:, None]
+    return loft(points[:, None] + size * rings, loop)
+
+
+def _grid_normals(points: np.ndarray) -> np.ndarray:
+    """Unit normals [K, N, 3] of the surface through a grid of points."""
+    normal = np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1))
+    return normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
+
+
+def sheet(grid: np.ndarray, thickness: float) -> Solid:
+    """A curved panel [K, N, 3] of even thickness around the surface through the points."""
+    points = np.asarray(grid, np.float64)
+    normal = _grid_normals(points)
+    rows, columns = points.shape[:2]
+    count = rows * columns
+    index = np.arange(count).reshape(rows, columns)
+
+    def quads(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+        return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+
+    front = quads(index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
+    border = np.concatenate([index[0, :-1], index[:-1, -1], index[-1, :0:-1], index[:0:-1, 0]])
+    after = np.roll(border, -1)
+    rim = quads(border, after, after + count, border + count)
+    vertices = np.concatenate([points + normal * thickness / 2, points - normal * thickness / 2])
+    faces = np.concatenate([front, front[:, ::-1] + count, rim])
+    return _outward(vertices.reshape(-1, 3), faces)
+
+
+def rise(path: Callable[[float], Sequence[float]], steps: int) -> np.ndarray:
+    """The curve [steps + 1, 3] of a function of t from 0 to 1."""
+    return np.array([path(float(t)) for t in np.linspace(0, 1, steps + 1)], np.float64)
+
+
 def tube(
     path: np.ndarray | Sequence[Sequence[float]],
-    radius: float | Sequence[float],
+    radius: float | np.ndarray | Sequence[float],
     sides: int = 8,
 ) -> Solid:
     """A round bar along a path [M, 3]; `radius` may be one for each point."""
@@ -297,13 +396,6 @@ def between(places: Sequence[float], steps: int) -> np.ndarray:
     return np.interp(np.arange((len(knots) - 1) * steps + 1) / steps, np.arange(len(knots)), knots)
 
 
-def superellipse(x: float, y: float, power: float = 2.0, sides: int = 24) -> np.ndarray:
-    """Outline [sides, 2] of |2u/x|^power + |2v/y|^power = 1; a power of 2 is an ellipse."""
-    angle = np.arange(sides) / sides * 2 * np.pi
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return np.sign(circle) * np.abs(circle) ** (2 / power) * [x / 2, y / 2]
-
-
 def body(
     stations: Sequence[Sequence[float]], power: float = 2.0, steps: int = 3, sides: int = 24
 ) -> Solid:
@@ -326,23 +418,10 @@ def body(
     return loft(rings)
 
 
-def sheet(grid: np.ndarray, thickness: float) -> Solid:
-    """A curved pane: the surface through a grid [R, C, 3] and its copy at a distance, closed."""
+def pane(grid: np.ndarray, thickness: float) -> Solid:
+    """As `sheet`, but the surface through the points is the outer face."""
     points = np.asarray(grid, np.float64)
-    along, across = np.gradient(points, axis=0), np.gradient(points, axis=1)
-    normal = np.cross(along, across)
-    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
-    rows, columns = points.shape[:2]
-    number = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    front = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
-    rim = np.concatenate([number[0], number[1:, -1], number[-1, -2::-1], number[-2:0:-1, 0]])
-    following, back = np.roll(rim, -1), rows * columns
-    edge = np.stack(
-        [rim, following, following + back, rim, following + back, rim + back], axis=-1
-    ).reshape(-1, 3)
-    vertices = np.concatenate([points, points - thickness * normal]).reshape(-1, 3)
-    return _outward(vertices, np.concatenate([front, front[:, ::-1] + back, edge]))
+    return sheet(points - thickness / 2 * _grid_normals(points), thickness)
 
 
 AEROFOIL = np.array(

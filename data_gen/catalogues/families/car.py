@@ -29,7 +29,6 @@ from data_gen.catalogues.solids import (
     pillow,
     prism,
     rod,
-    sheet,
     smooth_path,
     through,
     tube,
@@ -399,7 +398,7 @@ def _cockpit(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
     pane = np.array([[(form.screen - 0.06 - rake * t - 0.25 * form.shift * (y / half) ** 2,
                        y * (1 - 0.08 * t), belt * 0.97 + t * rise) for y in ys]
                      for t in (0, 0.5, 1)])
-    kit.add(DARK_GLASS, sheet(pane, 0.025))
+    kit.add(DARK_GLASS, pane(pane, 0.025))
     for line in (pane[:, 0], pane[:, -1], pane[-1]):
         kit.add(BLACK if kind == "jeep" else CHROME, tube(line, 0.025, 6))
     if kind == "jeep":

@@ -24,10 +24,10 @@ from data_gen.catalogues.solids import (
     body,
     box,
     cylinder,
+    pane,
     pillow,
     prism,
     rod,
-    sheet,
     smooth_path,
     tube,
 )
@@ -276,7 +276,7 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
         arc = arc if x == axle else arc[::-1]
         grid = np.stack([arc + np.array([0, half - 0.3 + 0.3 * t, -0.05 * (2 * t - 1) ** 2])
                          for t in np.linspace(0, 1, 4)], 1)
-        kit.both(accent, sheet(grid, 0.03))
+        kit.both(accent, pane(grid, 0.03))
     kit.both(accent, box(axle - back_axle - 1.8 * radius, 0.32, 0.05,
                          0.01).at((axle + back_axle) / 2, half - 0.15, radius * 0.85))
     kit.both(BLACK, box(0.1, half - narrow * 0.6, 0.06).at(axle - radius,

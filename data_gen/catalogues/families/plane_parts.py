@@ -7,7 +7,7 @@ import numpy as np
 from data_gen.catalogues import solids
 from data_gen.catalogues.families.kit import BLACK, CHROME, DARK_GLASS, Kit, around
 from data_gen.catalogues.families.wheels import small_wheel
-from data_gen.catalogues.solids import body, box, lathe, loft, rod, sheet, through, wing
+from data_gen.catalogues.solids import body, box, lathe, loft, pane, rod, through, wing
 from data_gen.meshes import Material
 
 # fmt: off
@@ -179,7 +179,7 @@ def add_cockpit_band(kit: Kit, stations: Sequence[Station], start: float, end: f
     grid = [np.column_stack([np.full(11, x), 1.02 * w * np.cos(angle),
                              z + 1.02 * h * np.sin(angle)])
             for x, (w, h, z) in zip(np.linspace(start, end, 3), rows, strict=True)]
-    kit.add(DARK_GLASS, sheet(np.array(grid), 0.1 * stations[5][2]))
+    kit.add(DARK_GLASS, pane(np.array(grid), 0.1 * stations[5][2]))
 
 
 def add_windows(kit: Kit, start: float, end: float, pitch: float, y: float, z: float,

@@ -25,7 +25,7 @@ from data_gen.catalogues.families.plane_parts import (
     cigar_stations,
 )
 from data_gen.catalogues.families.wheels import small_wheel
-from data_gen.catalogues.solids import ball, body, box, rod, sheet, tube, wing
+from data_gen.catalogues.solids import ball, body, box, pane, rod, tube, wing
 from data_gen.meshes import Material
 
 # fmt: off
@@ -185,7 +185,7 @@ def biplane(kit: Kit, skin: Material, accent: Material) -> None:
     for k in range(kit.choose("cockpits", 1, 2)):
         cx = front - 0.42 * long - 0.95 * k
         kit.add(BLACK, ball(0.75, wide * 1.4, 0.25, 14).at(cx, 0, z + wide * (1.1 - 0.12 * k)))
-        kit.add(DARK_GLASS, sheet(np.array([[(cx + 0.4 - 0.1 * t, y, z + wide + 0.05 + 0.3 * t)
+        kit.add(DARK_GLASS, pane(np.array([[(cx + 0.4 - 0.1 * t, y, z + wide + 0.05 + 0.3 * t)
             for y in np.linspace(-0.3, 0.3, 5)] for t in (0, 1)]), 0.02))
     fin = kit.uniform("fin", 0.9, 1.3)
     add_fin(kit, accent, rear + 0.8, z + 0.1, fin, 0.95, taper=0.6, sweep=20)
@@ -444,7 +444,7 @@ def ultralight(kit: Kit, skin: Material, accent: Material) -> None:
         grid = np.array([[(nose - u * back - c * (2.2 - 1.2 * u), s * u * span,
                            z + lift * np.sin(np.pi * u) * (0.3 + c) + 0.12 * u) for u in us]
                          for c in (0, 0.3, 0.65, 1.0)])
-        kit.add(skin if s > 0 or kit.rng.random() < 0.7 else accent, sheet(grid, 0.03))
+        kit.add(skin if s > 0 or kit.rng.random() < 0.7 else accent, pane(grid, 0.03))
         kit.add(CHROME, rod((nose, 0, z), (nose - back, s * span, z + 0.12), 0.04, 6),
                 rod((0.2, 0, z + 0.9), (0.1 - 0.5 * back, s * span * 0.5, z + lift), 0.012, 4),
                 rod((0.75, s * 0.75, z - 1.5), (0.1 - 0.5 * back, s * span * 0.5, z), 0.012, 4),

@@ -30,9 +30,9 @@ from data_gen.catalogues.solids import (
     body,
     box,
     cylinder,
+    pane,
     pillow,
     rod,
-    sheet,
     smooth_path,
     tube,
 )
@@ -185,7 +185,7 @@ def galleon(kit: Kit, skin: Material, trim: Material) -> None:
                     width = w0 * 0.95 + (w1 * 0.95 - w0 * 0.95) * v
                     grid = np.stack([0.05 * long + belly * (1 - u**2) * np.sin(np.pi * (0.1
                         + 0.85 * v)), u * width, (a + 0.02 + v * (b - a - 0.03)) * tall], -1)
-                    part = sheet(grid, 0.04)
+                    part = pane(grid, 0.04)
                     kit.add(cloth, part.turned("z", turn).at(x, 0, z))
         if k < 3:
             kit.add(oak, cylinder(0.05 * long, 0.03 * long, 12).at(x, 0, z + 0.6 * tall))
@@ -263,7 +263,7 @@ def rowing(kit: Kit, skin: Material, trim: Material) -> None:
                 u, v = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(0, 1, 6))
                 grid = np.stack([0.1 + 0.1 * long * (1 - u**2) * np.sin(np.pi * v),
                                  u * 0.55 * long, 1.3 * depth + v * (mast - 1.25 * depth)], -1)
-                kit.add(fabric(kit.rng), sheet(grid, 0.04))
+                kit.add(fabric(kit.rng), pane(grid, 0.04))
             kit.add(blade_wood, rod((0.1, -0.6 * long, mast + 0.1 * depth),
                                     (0.1, 0.6 * long, mast + 0.1 * depth), 0.01 * long))
         for end in (1, -1):
@@ -315,7 +315,7 @@ def speedboat(kit: Kit, skin: Material, trim: Material) -> None:
         base = z + (0.3 if form != "cuddy" else 0.6) * 0.3 * depth
         grid = np.array([[(x - rake * t - 0.2 * long * y**2, beam * 0.78 * y * (1 - 0.1 * t),
                            base + rise * t) for y in ys] for t in (0, 0.5, 1)])
-        kit.add(DARK_GLASS, sheet(grid, 0.02))
+        kit.add(DARK_GLASS, pane(grid, 0.02))
         kit.add(CHROME, tube(grid[-1], 0.012 * depth + 0.01, 6))
     else:
         kit.add(skin, pillow(0.24 * long, 0.6 * beam, 1.0 * depth, 0.05 * long, 2).at(0, 0,
@@ -426,7 +426,7 @@ def motor_yacht(kit: Kit, skin: Material, trim: Material) -> None:
         grid = np.array([[(front - 0.04 * long - 0.05 * long * t - 0.06 * long * y**2, half * y,
                            z - 0.02 + 0.35 * tall * t) for y in np.linspace(-1, 1, 7)]
                          for t in (0, 1)])
-        kit.add(DARK_GLASS, sheet(grid, 0.004 * long))
+        kit.add(DARK_GLASS, pane(grid, 0.004 * long))
         kit.both(fabric(kit.rng), pillow(0.1 * long, half * 0.6, 0.35 * tall, 0.02 * long,
                                          2).at((back + front) / 2, half * 0.45, z + 0.12 * tall))
     kit.both(DARK_GLASS, *(ball(0.09 * long, 0.02 * beam, 0.18 * depth, 12).at(x * long,

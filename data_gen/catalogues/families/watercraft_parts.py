@@ -7,7 +7,7 @@ import numpy as np
 
 from data_gen.catalogues import solids
 from data_gen.catalogues.families.kit import BLACK, CHROME, DARK_GLASS, Kit
-from data_gen.catalogues.solids import cylinder, loft, rod, sheet, tube
+from data_gen.catalogues.solids import cylinder, loft, pane, rod, tube
 from data_gen.meshes import Material
 
 # fmt: off
@@ -173,7 +173,7 @@ def add_sail(kit: Kit, cloth: Material, corners: Sequence[Sequence[float]], bell
         line = luff + u * (leech - luff)
         line[:, 1] += belly * np.sin(np.pi * u[:, 0] ** 0.8) * np.sin(np.pi * (0.15 + 0.8 * s))
         grid.append(line)
-    kit.add(cloth, sheet(np.array(grid), 0.02))
+    kit.add(cloth, pane(np.array(grid), 0.02))
 
 
 def add_railing(kit: Kit, hull: Hull, start: float, high: float) -> None:
