@@ -58,8 +58,8 @@ import jax.numpy as jnp
 from flax import linen as nn
 
 from psgn_jax.config import ModelConfig
-from psgn_jax.models import blocks
-from psgn_jax.models.blocks import Conv, ConvTranspose, Dense
+from psgn_jax.models import layers
+from psgn_jax.models.layers import Conv, ConvTranspose, Dense
 from psgn_jax.types import Array, Float
 
 VERSIONS = ("vanilla", "two_branch", "hourglass")
@@ -125,7 +125,7 @@ class Bottleneck(nn.Module):
             dense = Dense(
                 x[0].size,
                 use_bias=False,
-                kernel_init=blocks.SUMMED,
+                kernel_init=layers.SUMMED,
                 dtype=self.dtype,
                 name="random",
             )
@@ -150,7 +150,7 @@ class Merge(nn.Module):
     @nn.compact
     def __call__(self, x: Array, skip: Array) -> Array:
         """Returns features of the size of `skip`, which may be shared by several draws of x."""
-        init, dtype = blocks.SUMMED, self.dtype
+        init, dtype = layers.SUMMED, self.dtype
         if self.down_size:
             x = Conv(
                 self.width, self.down_size, stride=2, kernel_init=init, dtype=dtype, name="down"
@@ -234,14 +234,14 @@ class FullyConnected(nn.Module):
         """
         *first, last = [x.reshape(x.shape[0], -1) for x in bottlenecks]
         hidden, dtype = self.widths[0], self.dtype
-        init = blocks.SUMMED if first else blocks.RELU
+        init = layers.SUMMED if first else layers.RELU
         x = Dense(hidden, kernel_init=init, dtype=dtype, name="hidden0")(last)
         for flat in first:
             y = nn.relu(Dense(hidden, dtype=dtype, name="first_pass")(flat))
-            x = x + Dense(hidden, kernel_init=blocks.SUMMED, dtype=dtype, name="carry")(y)
+            x = x + Dense(hidden, kernel_init=layers.SUMMED, dtype=dtype, name="carry")(y)
         if r is not None:
             dense = Dense(
-                hidden, use_bias=False, kernel_init=blocks.SUMMED, dtype=dtype, name="random"
+                hidden, use_bias=False, kernel_init=layers.SUMMED, dtype=dtype, name="random"
             )
             x = _add(dense(r), x)
         x = nn.relu(x)
@@ -249,8 +249,8 @@ class FullyConnected(nn.Module):
             x = nn.relu(Dense(width, dtype=dtype, name=f"hidden{i}")(x))
         points = Dense(
             3 * self.num_points,
-            kernel_init=blocks.small(0.1),
-            bias_init=blocks.cloud_bias(blocks.CLOUD_SPREAD),
+            kernel_init=layers.small(0.1),
+            bias_init=layers.cloud_bias(layers.CLOUD_SPREAD),
             name="points",
         )(x)
         return points.reshape(points.shape[0], self.num_points, 3)
@@ -327,12 +327,12 @@ class PointOutNet(nn.Module):
             x = nn.relu(Conv(x.shape[-1], dtype=dtype, name="deconv_conv")(x))
             points = Conv(
                 self.deconv_channels,
-                kernel_init=blocks.small(blocks.CLOUD_SPREAD),
-                bias_init=blocks.cloud_bias(0.0),
+                kernel_init=layers.small(layers.CLOUD_SPREAD),
+                bias_init=layers.cloud_bias(0.0),
                 name="deconv_points",
             )(x)
             height, width, channels = points.shape[1:]
-            points = points + blocks.grid_offset(height, width, channels // 3)[None]
+            points = points + layers.grid_offset(height, width, channels // 3)[None]
             points = points.reshape(points.shape[0], -1, 3)
             if late is not None:  # the same points in every draw
                 points = jnp.repeat(points, len(late) // len(points), axis=0)

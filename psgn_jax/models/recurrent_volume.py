@@ -32,8 +32,7 @@ import jax
 import jax.numpy as jnp
 from flax import linen as nn
 
-from psgn_jax.models.blocks import Conv, Dense
-from psgn_jax.models.convolution3d import Conv3D
+from psgn_jax.models.layers import Conv, Conv3D, Dense
 from psgn_jax.models.point_out_net import scaled_widths
 from psgn_jax.types import Array, Bool, Float
 

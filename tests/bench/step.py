@@ -206,14 +206,14 @@ def compare_layers(network: dict[str, Any], batch: int) -> None:
     import jax
     import torch
 
-    from psgn_jax.models import convolution
+    from psgn_jax.models import cpu_convolution
 
     torch.set_num_threads(_THREADS.value)
     rng = np.random.default_rng(0)
     print("milliseconds here / PyTorch channels last, fastest of the repeats")
     print(f"{'':34}{'forward':>16}{'input gradient':>18}{'kernel gradient':>18}")
     for kind, h, w, c_in, c_out, k, s in layers(network):
-        function = convolution.conv2d if kind == "conv" else convolution.conv2d_transpose
+        function = cpu_convolution.conv2d if kind == "conv" else cpu_convolution.conv2d_transpose
         x = jax.numpy.asarray(rng.standard_normal((batch, h, w, c_in), np.float32))
         kernel = jax.numpy.asarray(rng.standard_normal((k, k, c_in, c_out), np.float32))
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from psgn_jax.config import ModelConfig
-from psgn_jax.models import blocks, point_out_net
+from psgn_jax.models import layers, point_out_net
 from psgn_jax.models.point_out_net import branch_of_point, build, num_points, output_grid
 
 # Compiling takes most of the time of these tests, running them almost none.
@@ -246,7 +246,7 @@ def test_output_order(name):
     outputs = captured["intermediates"]
     fc = outputs["fc"]["points"]["__call__"][0]
     cells = outputs["deconv_points"]["__call__"][0]
-    cells = cells + blocks.grid_offset(*output_grid(config))[None]
+    cells = cells + layers.grid_offset(*output_grid(config))[None]
     grid, (fc_range, deconv_range) = output_grid(config), branch_of_point(config)
     assert cells.shape == (2, grid.height, grid.width, 3 * grid.points_per_cell)
     assert points.shape == (2, num_points(config), 3)
@@ -468,19 +468,19 @@ def test_first_clouds_are_around_the_object_and_repeat_with_the_key():
     assert jax.tree.all(jax.tree.map(jnp.array_equal, first, second))
     points = apply(config, first["params"], x)[0]
     fc, deconv = points[:256], points[256:]
-    np.testing.assert_allclose(fc.mean(0), blocks.CLOUD_CENTRE, atol=0.1)
-    np.testing.assert_allclose(fc.std(0), blocks.CLOUD_SPREAD, atol=0.1)
-    assert jnp.abs(deconv - jnp.asarray(blocks.CLOUD_CENTRE)[None]).max() < 1.5
+    np.testing.assert_allclose(fc.mean(0), layers.CLOUD_CENTRE, atol=0.1)
+    np.testing.assert_allclose(fc.std(0), layers.CLOUD_SPREAD, atol=0.1)
+    assert jnp.abs(deconv - jnp.asarray(layers.CLOUD_CENTRE)[None]).max() < 1.5
 
 
 def test_initial_variances():
     """A unit input gives the variances that `blocks` states, also where a stride spreads it."""
     x = jax.random.normal(jax.random.key(0), (2, 16, 16, 64))
     cases = [
-        (blocks.Conv(64, 3, kernel_init=blocks.RELU), 2.0),
-        (blocks.Conv(64, 3, kernel_init=blocks.SUMMED), 1.0),
-        (blocks.Conv(64, 5, stride=2, kernel_init=blocks.SUMMED), 1.0),
-        (blocks.ConvTranspose(64), 1.0),
+        (layers.Conv(64, 3, kernel_init=layers.RELU), 2.0),
+        (layers.Conv(64, 3, kernel_init=layers.SUMMED), 1.0),
+        (layers.Conv(64, 5, stride=2, kernel_init=layers.SUMMED), 1.0),
+        (layers.ConvTranspose(64), 1.0),
     ]
     for layer, variance in cases:
         y, _ = quick_jit(layer.init_with_output)(jax.random.key(1), x)

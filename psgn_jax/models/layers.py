@@ -1,7 +1,7 @@
 """Layers of the networks: convolution, transposed convolution, dense; and how they start.
 
 Every layer keeps float32 parameters named `kernel` and `bias`, in the plain form of
-`models.convolution`, and computes in its `dtype`: input, kernel and bias are cast to it.
+`models.cpu_convolution`, and computes in its `dtype`: input, kernel and bias are cast to it.
 
 Initial values (**ours**; the paper names none). The networks have no normalisation, so the size of
 the activations must survive some twenty layers by the choice of variances alone (He et al. 2015,
@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from flax import linen as nn
 
-from psgn_jax.models import convolution
+from psgn_jax.models import cpu_convolution
 from psgn_jax.types import Array, Float, PRNGKey
 
 Initializer = Callable[[PRNGKey, Sequence[int], Any], jax.Array]
@@ -62,8 +62,44 @@ class Conv(nn.Module):
         shape = (self.kernel_size, self.kernel_size, x.shape[-1], self.features)
         kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
         bias = self.param("bias", self.bias_init, (self.features,), jnp.float32)
-        y = convolution.conv2d(x.astype(self.dtype), kernel.astype(self.dtype), stride=self.stride)
+        y = cpu_convolution.conv2d(
+            x.astype(self.dtype), kernel.astype(self.dtype), stride=self.stride
+        )
         return y + bias.astype(self.dtype)[None, None, None, :]
+
+
+class Conv3D(nn.Module):
+    """`conv3d(x, kernel, stride=stride) + bias`.
+
+    Attributes:
+      features: output channels.
+      kernel_size: edge of the cubic kernel.
+      stride: step in all directions.
+      use_bias: whether to add one.
+      kernel_init, bias_init: initial values.
+      dtype: of the arithmetic and the output.
+    """
+
+    features: int
+    kernel_size: int = 3
+    stride: int = 1
+    use_bias: bool = True
+    kernel_init: Initializer = RELU
+    bias_init: Initializer = nn.initializers.zeros_init()
+    dtype: Any = jnp.float32
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "b x y z c_in"]) -> Float[Array, "b xo yo zo c_out"]:
+        """Maps a batch of volumes."""
+        shape = (*(self.kernel_size,) * 3, x.shape[-1], self.features)
+        kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
+        y = cpu_convolution.conv3d(
+            x.astype(self.dtype), kernel.astype(self.dtype), stride=self.stride
+        )
+        if self.use_bias:
+            bias = self.param("bias", self.bias_init, (self.features,), jnp.float32)
+            y = y + bias.astype(self.dtype)[None, None, None, None, :]
+        return y
 
 
 class ConvTranspose(nn.Module):
@@ -93,7 +129,7 @@ class ConvTranspose(nn.Module):
         shape = (self.kernel_size, self.kernel_size, x.shape[-1], self.features)
         kernel = self.param("kernel", init, shape, jnp.float32)
         bias = self.param("bias", nn.initializers.zeros_init(), (self.features,), jnp.float32)
-        y = convolution.conv2d_transpose(
+        y = cpu_convolution.conv2d_transpose(
             x.astype(self.dtype), kernel.astype(self.dtype), stride=self.stride
         )
         return y + bias.astype(self.dtype)[None, None, None, :]

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.models import convolution
+from psgn_jax.models import cpu_convolution
 
 
 def correlate(x, kernel, dy, stride):
@@ -62,7 +62,7 @@ def make(seed, batch, h, w, c_in, c_out, size, stride, transposed):
 
 
 def run(x, kernel, dy, stride, transposed):
-    function = convolution.conv2d_transpose if transposed else convolution.conv2d
+    function = cpu_convolution.conv2d_transpose if transposed else cpu_convolution.conv2d
 
     @jax.jit
     def all_three(x, kernel, dy):
@@ -141,7 +141,7 @@ def test_vmap_over_kernels_and_images():
     x, kernel, dy = (np.stack(a) for a in zip(*(make(s, *case) for s in (0, 1)), strict=True))
 
     def gradients(x, kernel, dy):
-        y, vjp = jax.vjp(convolution.conv2d, x, kernel)
+        y, vjp = jax.vjp(cpu_convolution.conv2d, x, kernel)
         return y, *vjp(dy)
 
     many = jax.jit(jax.vmap(gradients))(x, kernel, dy)
@@ -161,7 +161,7 @@ def test_second_derivative():
     x, kernel, _ = make(0, 1, 4, 6, 4, 3, 3, 1, False)
 
     def norm_sq_of_gradient(kernel):
-        return jnp.sum(jax.grad(lambda k: jnp.sum(convolution.conv2d(x, k) ** 2))(kernel) ** 2)
+        return jnp.sum(jax.grad(lambda k: jnp.sum(cpu_convolution.conv2d(x, k) ** 2))(kernel) ** 2)
 
     step = 1e-2 * np.random.default_rng(1).standard_normal(kernel.shape, np.float32)
     slope = jnp.vdot(jax.grad(norm_sq_of_gradient)(kernel), step)
@@ -174,15 +174,15 @@ import re, sys
 import jax, numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec as P
 sys.path.insert(0, {tests!r})
-import test_convolution as t
-from psgn_jax.models import convolution
+import test_cpu_convolution as t
+from psgn_jax.models import cpu_convolution
 assert jax.device_count() == 8
 mesh = Mesh(np.array(jax.devices()), ("data",))
 split, whole = NamedSharding(mesh, P("data")), NamedSharding(mesh, P())
 for case in ((16, 16, 64, 16, 16, 3, 1, False), (8, 6, 8, 16, 16, 5, 2, False),
              (8, 3, 4, 16, 8, 5, 2, True)):
     arrays = t.make(0, *case)
-    function = convolution.conv2d_transpose if case[-1] else convolution.conv2d
+    function = cpu_convolution.conv2d_transpose if case[-1] else cpu_convolution.conv2d
     def all_three(x, kernel, dy):
         y, vjp = jax.vjp(lambda x, k: function(x, k, stride=case[-2]), x, kernel)
         return y, *vjp(dy)
@@ -211,3 +211,14 @@ def test_sharded_batch_moves_only_the_kernel_gradient():
         timeout=300,
     )
     assert "sharded ok" in done.stdout, done.stdout + done.stderr
+
+
+def test_environment_switch_takes_xlas_own_convolutions(rng, monkeypatch):
+    x = rng.normal(size=(1, 6, 8, 3)).astype(np.float32)
+    kernel = rng.normal(size=(3, 3, 3, 20)).astype(np.float32)
+    want = cpu_convolution.conv2d(x, kernel)
+    # A new function each time: JAX keeps the traces of an old one.
+    assert "custom_vjp" in str(jax.make_jaxpr(lambda k: cpu_convolution.conv2d(x, k))(kernel))
+    monkeypatch.setenv("PSGN_CONVOLUTIONS", "xla")
+    assert "custom_vjp" not in str(jax.make_jaxpr(lambda k: cpu_convolution.conv2d(x, k))(kernel))
+    np.testing.assert_allclose(cpu_convolution.conv2d(x, kernel), want, atol=1e-4)

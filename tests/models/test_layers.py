@@ -3,7 +3,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.models.convolution3d import Conv3D, conv3d
+from psgn_jax.models.cpu_convolution import conv3d
+from psgn_jax.models.layers import Conv3D
 
 
 def xla(x, kernel):
