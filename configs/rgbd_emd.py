@@ -1,6 +1,6 @@
 """Shape completion from RGB-D: the full two-branch network, colour, mask and depth, under the EMD.
 
-Command: python -m psgn_jax.data.convert authors SRC records/authors
+Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/rgbd_emd.py --workdir=runs/rgbd_emd
 Hardware: a GPU; on two CPU cores a step takes some seconds (see BUILD.md).
 Time: not measured.

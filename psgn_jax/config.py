@@ -171,7 +171,7 @@ class LossConfig:
 
     Attributes:
       name: an entry of `registry.LOSSES`.
-      l2: "authors" adds `l2_scale` times the L2 terms of `step.l2_authors`.
+      l2: "authors" adds `l2_scale` times the L2 terms of `training.step.l2_authors`.
       l2_scale: their 0.1.
       emd_tolerance: of the losses that are an EMD: accepted relative error of the assignment.
       emd_schedule: how their auction sets epsilon, see `losses.assign`.

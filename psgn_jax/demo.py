@@ -30,8 +30,8 @@ from PIL import Image
 from psgn_jax.config import ConfigError
 from psgn_jax.data import masks, photo
 from psgn_jax.predict import Predictor, predict_photo, use_compile_cache, without_lines_about
+from psgn_jax.training.log import exit_on_user_error, log_to_terminal, parse_flags
 from psgn_jax.viewing import page
-from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags
 
 EDITOR_SIZE = (600, 800)
 """Height and width of the canvas that the mask is painted on, whatever the photo's shape.

@@ -1,8 +1,8 @@
 """Evaluation of a run: `python -m psgn_jax.evaluate --workdir W`.
 
 Every sample of a split is predicted and counted once. Metrics are those of
-`metrics.evaluate_pair`; the unit is the radius of an object's bounding hemisphere. Two averages
-are given and named: over samples, and over categories (each category counts the same).
+`metrics.clouds.evaluate_pair`; the unit is the radius of an object's bounding hemisphere. Two
+averages are given and named: over samples, and over categories (each category counts the same).
 
 A run whose task is another than points (`Config.task`) is measured as that task says.
 
@@ -24,20 +24,22 @@ import jax
 import numpy as np
 from absl import app, flags, logging
 
-from psgn_jax import metrics as metrics_lib
-from psgn_jax import registry, sampler_metrics, sampling
-from psgn_jax import step as step_lib
-from psgn_jax.checkpoint import CheckpointError, Checkpoints
+from psgn_jax import registry
 from psgn_jax.config import Config, ConfigError, check_paths, check_points, from_json
 from psgn_jax.losses.chamfer import batched, chamfer_sq_mean
-from psgn_jax.state import params_from_named_leaves
-from psgn_jax.writer import (
+from psgn_jax.metrics import clouds as metrics_lib
+from psgn_jax.metrics import samples as sample_metrics
+from psgn_jax.prediction import sampling
+from psgn_jax.training import step as step_lib
+from psgn_jax.training.checkpoint import CheckpointError, Checkpoints
+from psgn_jax.training.log import (
     exit_on_user_error,
     finite_or_none,
     log_to_terminal,
     parse_flags,
     write_atomic,
 )
+from psgn_jax.training.state import params_from_named_leaves
 
 _COLUMNS = (
     "cd_sq_radius2",
@@ -280,7 +282,8 @@ def with_draws(
 
     Added to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, of the EMD
     where `eval.emd_tolerance` asks for it, and `total_mutual_difference_radius2`, see
-    `sampler_metrics`. The draws are those of `sampling.draws` with the configuration's seed.
+    `metrics.samples`. The draws are those of `prediction.sampling.draws` with the configuration's
+    seed.
 
     Raises:
       ConfigError: the network has no random input.
@@ -295,11 +298,11 @@ def with_draws(
             distances["emd_radius"] = lambda a, b: metrics_lib.emd(a, b, tolerance=tolerance).emd
 
         def one(draws: Any, gt: Any) -> dict[str, Any]:
-            return sampler_metrics.summarise_draws(draws, gt, distances)
+            return sample_metrics.summarise_draws(draws, gt, distances)
 
         found = batched(one)(points, gt)
         if num_draws > 1:
-            difference = jax.vmap(sampler_metrics.total_mutual_difference)
+            difference = jax.vmap(sample_metrics.total_mutual_difference)
             found["total_mutual_difference_radius2"] = difference(mutual)
         return found
 

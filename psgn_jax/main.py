@@ -15,7 +15,7 @@ from absl import app, flags
 from ml_collections import config_flags
 
 from psgn_jax.config import ConfigError, check_paths, parse
-from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags
+from psgn_jax.training.log import exit_on_user_error, log_to_terminal, parse_flags
 
 _CONFIG = config_flags.DEFINE_config_file(
     "config", None, "Path of a configuration, such as configs/base.py.", lock_config=True
@@ -35,7 +35,7 @@ def main(argv: Sequence[str]) -> None:
         config = parse(_config())
         check_paths(config)
         # Only now, so that a wrong configuration is answered before JAX is even imported.
-        from psgn_jax.train import keep_compiled, train
+        from psgn_jax.training.loop import keep_compiled, train
 
         keep_compiled()
         path = config_flags.get_config_filename(flags.FLAGS["config"])

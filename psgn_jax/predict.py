@@ -5,10 +5,11 @@ from the file's transparency, or is found (`data.masks`); then the object is cro
 where training objects sit (`data.photo`), unless the image already is framed so: 4:3 on the grey of
 the training renderings.
 
-For each image: the cloud as PLY, XYZ, OBJ and NPZ (`export`: frame, colours), what the network saw
-as `NAME_view.png`, and `NAME.json` with camera, configuration, checkpoint and times. With several
-samples the NPZ also tells each point's spread and the clouds' mutual distances. One bad image
-does not stop the others. Exit code: 0 all came out, 1 some failed, 2 none did or a wrong argument.
+For each image: the cloud as PLY, XYZ, OBJ and NPZ (`prediction.export`: frame, colours), what the
+network saw as `NAME_view.png`, and `NAME.json` with camera, configuration, checkpoint and times.
+With several samples the NPZ also tells each point's spread and the clouds' mutual distances. One
+bad image does not stop the others. Exit code: 0 all came out, 1 some failed, 2 none did or a wrong
+argument.
 
 In a notebook: `Predictor.from_workdir(workdir)(image)`, with arrays.
 """
@@ -34,16 +35,18 @@ import numpy as np
 from absl import app, flags, logging
 from PIL import Image
 
-from psgn_jax import export, registry, sampler_metrics, sampling
-from psgn_jax import step as step_lib
+from psgn_jax import registry
 from psgn_jax.config import Config, ConfigError, UserError, check_points, to_dict
 from psgn_jax.data import masks, photo, resize
 from psgn_jax.data.default import cache_folder
 from psgn_jax.evaluate import load_config, load_params
 from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.metrics import samples as sample_metrics
 from psgn_jax.models.point_out_net import branch_of_point
-from psgn_jax.state import named_leaves
-from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags, write_atomic
+from psgn_jax.prediction import export, sampling
+from psgn_jax.training import step as step_lib
+from psgn_jax.training.log import exit_on_user_error, log_to_terminal, parse_flags, write_atomic
+from psgn_jax.training.state import named_leaves
 
 FC, DECONV = 0, 1
 
@@ -54,7 +57,8 @@ class Prediction:
 
     Attributes:
       points: float32 [k, n, 3] in the project's frame (+z up, +y image right, +x to the camera).
-      colours: uint8 [k, n, 3] from the image, `export.UNSEEN` for points it does not show.
+      colours: uint8 [k, n, 3] from the image, `prediction.export.UNSEEN` for points it does not
+      show.
       seen: bool [k, n].
       branch: uint8 [n], which branch predicts a point, `FC` or `DECONV`.
       view: what the network saw, with the camera (`data.photo.View`).
@@ -107,7 +111,7 @@ class Predictor:
             return step_lib.predict(config, model, params, {"image": image, "mask": mask}, r)
 
         def mutual(points: Any) -> Any:
-            return sampler_metrics.mutual_distances(points, chamfer_sq_mean)
+            return sample_metrics.mutual_distances(points, chamfer_sq_mean)
 
         self._network = jax.jit(network)
         self._mutual = jax.jit(mutual)
@@ -226,7 +230,7 @@ def predict_files(
       images: files, and folders whose images are taken by name.
       out: folder for the results.
       mask: a mask's file (for one image), or a folder with a file of each image's name.
-      formats: any of `export.FORMATS`.
+      formats: any of `prediction.export.FORMATS`.
       **options: of `Predictor.__call__`.
 
     Yields:
@@ -306,7 +310,7 @@ def predict_photo(
       path: where the photo comes from, for the record.
       name: of the results, without suffix.
       out: folder for the results.
-      formats: any of `export.FORMATS`.
+      formats: any of `prediction.export.FORMATS`.
       seconds: of what was done before, for the record.
       **options: of `Predictor.__call__`.
 

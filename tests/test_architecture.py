@@ -17,18 +17,17 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax", "psgn_jax.types"),
     ("psgn_jax.config", "psgn_jax.data.schema", "psgn_jax.data.camera", "psgn_jax.data.records"),
     ("psgn_jax.losses", "psgn_jax.models", "psgn_jax.data"),
-    ("psgn_jax.metrics", "psgn_jax.sampler_metrics", "psgn_jax.registry"),
-    ("psgn_jax.state", "psgn_jax.step", "psgn_jax.sampling", "psgn_jax.checkpoint",
-     "psgn_jax.writer", "psgn_jax.export"),
-    ("psgn_jax.train", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.viewing",
-     "psgn_jax.studies", "psgn_jax.tasks", "psgn_jax.data.inspect"),  # inspect draws
-    ("psgn_jax.main", "psgn_jax.demo"),
+    ("psgn_jax.metrics", "psgn_jax.registry"),
+    ("psgn_jax.training", "psgn_jax.prediction"),
+    ("psgn_jax.training.loop", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.viewing",
+     "psgn_jax.experiments", "psgn_jax.tasks"),
+    ("psgn_jax.main", "psgn_jax.demo", "psgn_jax.inspect", "psgn_jax.convert"),
 ]  # fmt: skip
 
 # Packages that are heavy or optional, and the only modules that may import them.
 DOORS = {
-    "orbax": {"psgn_jax.checkpoint"},
-    "tensorboardX": {"psgn_jax.writer"},
+    "orbax": {"psgn_jax.training.checkpoint"},
+    "tensorboardX": {"psgn_jax.training.log"},
     "grain": {"psgn_jax.data.loader"},
     "array_record": {"psgn_jax.data.records"},
     "mitsuba": set(),
@@ -54,8 +53,8 @@ DATA_GEN_MAY_IMPORT = {
 # A study renders its own data.
 DATA_GEN_IMPORTERS = {
     "psgn_jax.data.default",
-    "psgn_jax.studies.ambiguity",
-    "psgn_jax.studies.comparison",
+    "psgn_jax.experiments.ambiguity",
+    "psgn_jax.experiments.comparison",
 }
 DATA_GEN_DOORS = {
     "dask": {"data_gen.cluster"},

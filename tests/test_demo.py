@@ -3,7 +3,6 @@
 import html
 import pathlib
 import re
-import runpy
 import shutil
 import urllib.parse
 
@@ -11,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import standin
 from PIL import Image
 
 from psgn_jax import demo as lib
@@ -18,7 +18,6 @@ from psgn_jax import predict, registry
 from psgn_jax.config import ConfigError
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
@@ -26,7 +25,7 @@ CHROMIUM = next(
 
 @pytest.fixture(scope="module")
 def predictor():
-    config = STANDIN["config"](
+    config = standin.config(
         model__name="vanilla",
         model__widths=(4, 6, 8),
         model__fc_points=50,

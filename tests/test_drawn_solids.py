@@ -1,8 +1,9 @@
-import drawn_solids as solids
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 
-from psgn_jax.data import inspect, schema
+from psgn_jax import inspect
+from psgn_jax.data import schema
 
 
 @pytest.mark.parametrize("category", solids.CATEGORIES)

@@ -4,27 +4,26 @@ import csv
 import dataclasses
 import json
 import pathlib
-import runpy
 
-import drawn_solids as solids
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
+from helpers import standin
 
 from psgn_jax import evaluate as lib
 from psgn_jax import registry
-from psgn_jax.checkpoint import CheckpointError
 from psgn_jax.config import ConfigError, to_json
 from psgn_jax.data import loader, records
+from psgn_jax.training.checkpoint import CheckpointError
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
 
 
 @pytest.fixture(autouse=True)
 def source(monkeypatch):
-    monkeypatch.setitem(registry.DATA_SOURCES, "records", STANDIN["SOURCE"])
+    monkeypatch.setitem(registry.DATA_SOURCES, "records", standin.SOURCE)
 
 
 def fake_step(params, batch, index):
@@ -35,27 +34,25 @@ def fake_step(params, batch, index):
 
 def expected(config):
     rows = [
-        STANDIN["sample"](
-            config.data, 1000 + n, config.data.num_eval_points, np.random.default_rng(n)
-        )
-        for n in range(STANDIN["SIZES"]["validation"])
+        standin.sample(config.data, 1000 + n, config.data.num_eval_points, np.random.default_rng(n))
+        for n in range(standin.SIZES["validation"])
     ]
     return np.array([row["points"].astype(np.float64).mean() for row in rows])
 
 
 @pytest.mark.parametrize("batch_size", [1, 4, 11, 16])
 def test_every_sample_counts_once(batch_size):
-    config = STANDIN["config"](eval__batch_size=batch_size)
+    config = standin.config(eval__batch_size=batch_size)
     result = lib.evaluate(config, {}, eval_step=fake_step)
     np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config))
     assert result.names == [
-        lib.SampleName(n, STANDIN["CATEGORIES"][n % 3], f"model{n}", n) for n in range(11)
+        lib.SampleName(n, standin.CATEGORIES[n % 3], f"model{n}", n) for n in range(11)
     ]
     assert result.num_points == (2, 64)
 
 
 def test_first_samples_only_and_hook():
-    config = STANDIN["config"](eval__batch_size=4)
+    config = standin.config(eval__batch_size=4)
     seen = []
     result = lib.evaluate(
         config, {}, eval_step=fake_step, max_samples=6, on_batch=lambda *a: seen.append(a[0])
@@ -66,7 +63,7 @@ def test_first_samples_only_and_hook():
 
 def test_compiled_step_agrees_across_batch_sizes():
     small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
-    configs = [STANDIN["config"](eval__batch_size=b, **small) for b in (4, 11)]
+    configs = [standin.config(eval__batch_size=b, **small) for b in (4, 11)]
     model = registry.build_model(configs[0].model)
     size = (*configs[0].model.image_size, configs[0].model.in_channels)
     params = jax.jit(lambda: model.init(jax.random.key(0), jnp.zeros((1, *size)), None))()["params"]
@@ -77,7 +74,7 @@ def test_compiled_step_agrees_across_batch_sizes():
 
 def test_emd_is_measured_where_there_are_points_enough():
     small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
-    config = STANDIN["config"](eval__emd_tolerance=0.05, data__num_eval_points=12, **small)
+    config = standin.config(eval__emd_tolerance=0.05, data__num_eval_points=12, **small)
     model = registry.build_model(config.model)
     size = (*config.model.image_size, config.model.in_channels)
     params = jax.jit(lambda: model.init(jax.random.key(0), jnp.zeros((1, *size)), None))()["params"]
@@ -147,7 +144,7 @@ def test_json_of_what_is_not_finite_is_json(table):
 def test_missing_runs_and_checkpoints_are_named(tmp_path):
     with pytest.raises(ConfigError, match=r"no run there"):
         lib.evaluate_workdir(tmp_path)
-    (tmp_path / "config.json").write_text(to_json(STANDIN["config"]()))
+    (tmp_path / "config.json").write_text(to_json(standin.config()))
     with pytest.raises(CheckpointError, match="no checkpoint there"):
         lib.evaluate_workdir(tmp_path)
     with pytest.raises(ConfigError, match=r"data.path='/no/such' does not exist"):
@@ -211,7 +208,7 @@ def test_records_with_depth_have_the_columns_whatever_the_network_sees(monkeypat
     small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
 
     def configured(folder, **changes):
-        return STANDIN["config"](data__path=str(tmp_path / folder), **small, **changes)
+        return standin.config(data__path=str(tmp_path / folder), **small, **changes)
 
     config = configured("deep", eval__batch_size=2)
     model = registry.build_model(config.model)

@@ -9,15 +9,16 @@ import json
 import pathlib
 import zipfile
 
-import drawn_solids as solids
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 
-from psgn_jax import evaluate, train
-from psgn_jax import state as state_lib
-from psgn_jax.checkpoint import Checkpoints
+from psgn_jax import evaluate
 from psgn_jax.config import parse
 from psgn_jax.data import records
+from psgn_jax.training import loop
+from psgn_jax.training import state as state_lib
+from psgn_jax.training.checkpoint import Checkpoints
 
 FOLDER = pathlib.Path(__file__).with_name("oracles")
 GOLDEN = json.loads((FOLDER / "golden.json").read_text())
@@ -73,7 +74,7 @@ def test_an_old_run_is_evaluated_as_before(old_run):
 def test_an_old_run_goes_on_as_before(old_run):
     tree = json.loads((old_run / "config.json").read_text())
     tree["train"]["steps"] = 12
-    state = train.train(parse(tree), old_run).state
+    state = loop.train(parse(tree), old_run).state
     leaves = state_lib.named_leaves(state)
     assert leaves.keys() == GOLDEN["resumed"].keys()
     for name, value in GOLDEN["resumed"].items():

@@ -583,7 +583,7 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
     if not path.is_file():
         raise RecordError(
             f"data set {str(folder)!r}: not a data set of this project, it has no {MANIFEST} "
-            "(`python -m psgn_jax.data.convert` makes one)"
+            "(`python -m psgn_jax.convert` makes one)"
         )
     try:
         content = json.loads(path.read_text())

@@ -45,7 +45,7 @@ from jax.custom_batching import sequential_vmap
 from jax.experimental.xla_metadata import set_xla_metadata
 
 from psgn_jax.losses.distances import check_points
-from psgn_jax.losses.kernels import select, use_kernels
+from psgn_jax.losses.kernels.dispatch import select, use_kernels
 from psgn_jax.types import Array, Bool, Float, Int
 
 Schedule = Literal["scaling", "authors"]
@@ -455,7 +455,7 @@ _SOLVERS = {authors: _solver(authors) for authors in (False, True)}
 
 
 def _trial() -> bool:
-    from psgn_jax.losses import auction_kernel
+    from psgn_jax.losses.kernels import auction as auction_kernel
 
     return auction_kernel.trial()
 
@@ -465,7 +465,7 @@ def _for_platform(solver: Any, n: int, schedule: Schedule) -> Any:
     if schedule != "scaling" or not use_kernels(_trial):
         return solver
     # Imported where it is used: Pallas takes a while, and a CPU has no need of it.
-    from psgn_jax.losses import auction_kernel
+    from psgn_jax.losses.kernels import auction as auction_kernel
 
     if n > auction_kernel.MAX_POINTS:
         return solver

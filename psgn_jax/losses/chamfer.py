@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 
 from psgn_jax.losses.distances import check_points, pairwise_sq, safe_sqrt
-from psgn_jax.losses.kernels import select, use_kernels
+from psgn_jax.losses.kernels.dispatch import select, use_kernels
 from psgn_jax.types import Array, Float, Int
 
 # A tile of distances is _TILE rows by the whole shorter cloud: 256 kB at 1,024 points, which
@@ -94,7 +94,7 @@ def _search_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _trial() -> bool:
-    from psgn_jax.losses import chamfer_kernel
+    from psgn_jax.losses.kernels import chamfer as chamfer_kernel
 
     return chamfer_kernel.trial()
 
@@ -103,7 +103,7 @@ def _trial() -> bool:
 def _nearest_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
     if a.dtype == jnp.float32 and use_kernels(_trial):
         # Imported where it is used: Pallas takes a while, and a CPU has no need of it.
-        from psgn_jax.losses import chamfer_kernel
+        from psgn_jax.losses.kernels import chamfer as chamfer_kernel
 
         from_a, index_a, from_b, index_b = select(chamfer_kernel.search, _search_both, a, b)
     else:

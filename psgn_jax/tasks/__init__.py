@@ -1,7 +1,7 @@
 """What a run trains and measures, behind one interface: `registry.task` makes the one named.
 
-`train.train` and `evaluate.evaluate_workdir` know a task by the methods below alone: what of a
-batch goes to the device, how parameters begin, what is minimised, what is measured.
+`training.loop.train` and `evaluate.evaluate_workdir` know a task by the methods below alone: what
+of a batch goes to the device, how parameters begin, what is minimised, what is measured.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,8 +12,8 @@ import optax
 from jax.sharding import Mesh
 
 from psgn_jax.evaluate import Evaluation
-from psgn_jax.state import TrainState
-from psgn_jax.step import Batch
+from psgn_jax.training.state import TrainState
+from psgn_jax.training.step import Batch
 from psgn_jax.types import Array
 
 
@@ -40,7 +40,7 @@ class Task(Protocol):
     def train_step(
         self, tx: optax.GradientTransformation, mesh: Mesh
     ) -> Callable[[TrainState, Batch], tuple[TrainState, dict[str, Array]]]:
-        """The compiled step, see `step.compile_train_step`."""
+        """The compiled step, see `training.step.compile_train_step`."""
 
     def evaluate(
         self,

@@ -13,9 +13,9 @@ from jax.sharding import Mesh
 
 from psgn_jax import evaluate as evaluate_lib
 from psgn_jax import registry
-from psgn_jax import state as state_lib
-from psgn_jax import step as step_lib
 from psgn_jax.config import Config, ConfigError
+from psgn_jax.training import state as state_lib
+from psgn_jax.training import step as step_lib
 from psgn_jax.types import Array
 from psgn_jax.viewing.clouds import draw_cases
 
@@ -49,7 +49,7 @@ class Points:
     ) -> Callable[
         [state_lib.TrainState, step_lib.Batch], tuple[state_lib.TrainState, dict[str, Array]]
     ]:
-        """`step.make_train_step`."""
+        """`training.step.make_train_step`."""
         loss = registry.loss(self._config.loss)
         return step_lib.make_train_step(self._config, self._model, loss, tx, mesh)
 

@@ -33,16 +33,16 @@ from jax.sharding import Mesh
 
 from psgn_jax import evaluate as evaluate_lib
 from psgn_jax import registry
-from psgn_jax import state as state_lib
-from psgn_jax import step as step_lib
-from psgn_jax.checkpoint import Checkpoints
 from psgn_jax.config import Config, ConfigError, to_dict, to_json
 from psgn_jax.data.schema import OCCUPANCY_SIZE
 from psgn_jax.losses.iou import PREDICTION_THRESHOLDS, iou_sweep, soft_iou_loss
-from psgn_jax.models import recurrent_volume, voxel_refiner
+from psgn_jax.models import r2n2, voxel_refiner
 from psgn_jax.models.point_out_net import DTYPES
+from psgn_jax.training import state as state_lib
+from psgn_jax.training import step as step_lib
+from psgn_jax.training.checkpoint import Checkpoints
+from psgn_jax.training.log import write_atomic
 from psgn_jax.types import Array
-from psgn_jax.writer import write_atomic
 
 GRID = (OCCUPANCY_SIZE,) * 3
 THRESHOLD_OF = "threshold_of_"
@@ -103,7 +103,7 @@ class _Voxels:
     ) -> Callable[
         [state_lib.TrainState, step_lib.Batch], tuple[state_lib.TrainState, dict[str, Array]]
     ]:
-        """`step.compile_train_step` of the task's loss."""
+        """`training.step.compile_train_step` of the task's loss."""
 
         def objective(
             params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any, _: Any
@@ -348,7 +348,7 @@ class Volume(_Voxels):
 
 
 class Views(_Voxels):
-    """3D-R2N2 (`models.recurrent_volume`): one or more images to a volume, by cross-entropy.
+    """3D-R2N2 (`models.r2n2`): one or more images to a volume, by cross-entropy.
 
     Metrics: `iou_1_views`, `iou_3_views`, ... for each of `voxels.eval_views`. The prediction is
     that of the first of these numbers.
@@ -358,7 +358,7 @@ class Views(_Voxels):
         super().__init__(config, workdir)
         voxels = config.voxels
         dtype = DTYPES[config.model.compute_dtype]
-        self._model = recurrent_volume.build(voxels.cell, voxels.width_multiplier, dtype)
+        self._model = r2n2.build(voxels.cell, voxels.width_multiplier, dtype)
         self._names = {count: f"iou_{count}_views" for count in voxels.eval_views}
         self.metric = self._names[voxels.eval_views[0]]
         self.title = f"3D-R2N2 ({voxels.cell}, widths times {voxels.width_multiplier:g})"
@@ -369,7 +369,7 @@ class Views(_Voxels):
 
     def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any) -> Array:
         logits = _apply(self._model, params, step_lib.images(self._config, batch))
-        return jax.vmap(recurrent_volume.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
+        return jax.vmap(r2n2.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
 
     def _measure(
         self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any
@@ -377,6 +377,6 @@ class Views(_Voxels):
         seen, metrics, volumes = step_lib.images(self._config, batch), {}, []
         for count, name in self._names.items():
             logits = _apply(self._model, params, seen[:, :count])
-            volumes.append(recurrent_volume.occupancy(logits))
+            volumes.append(r2n2.occupancy(logits))
             metrics[name] = jax.vmap(iou_sweep)(volumes[-1], batch["occupancy"])
         return volumes[0], metrics

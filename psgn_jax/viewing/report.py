@@ -18,8 +18,8 @@ import numpy as np
 from PIL import Image
 
 from psgn_jax.evaluate import Evaluation
+from psgn_jax.training.log import write_atomic
 from psgn_jax.viewing import page, spheres
-from psgn_jax.writer import write_atomic
 
 ERROR = "cd_sq_radius2"
 SHEET_CASES = 160

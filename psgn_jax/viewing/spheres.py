@@ -23,8 +23,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFilter
 
 from psgn_jax.data import camera
+from psgn_jax.training.log import write_atomic
 from psgn_jax.viewing.clouds import turned
-from psgn_jax.writer import write_atomic
 
 RADIUS = 0.028
 """Of a sphere, unit of the frame: half the distance of 1,024 points on a usual surface."""

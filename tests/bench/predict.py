@@ -33,8 +33,9 @@ def make_run(folder: pathlib.Path) -> None:
     """A run of the default configuration whose parameters are as initialised."""
     import jax
 
-    from psgn_jax import config, registry, state
-    from psgn_jax.checkpoint import Checkpoints
+    from psgn_jax import config, registry
+    from psgn_jax.training import state
+    from psgn_jax.training.checkpoint import Checkpoints
 
     settings = config.parse({})
     model = registry.build_model(settings.model)

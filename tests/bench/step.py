@@ -248,15 +248,16 @@ def compare_layers(network: dict[str, Any], batch: int) -> None:
 def compare_draws(network: dict[str, Any], batch: int) -> None:
     """Prints, for each network, the cost of a step with Min-of-N over that of the plain step.
 
-    "all": every draw goes forward and backward; "winners": `step.best_draw`. The loss is the CD of
-    1,024 and 4,096 points. Competitors take turns in one process.
+    "all": every draw goes forward and backward; "winners": `training.step.best_draw`. The loss is
+    the CD of 1,024 and 4,096 points. Competitors take turns in one process.
     """
     import jax
     import jax.numpy as jnp
 
-    from psgn_jax import registry, step
+    from psgn_jax import registry
     from psgn_jax.config import parse
     from psgn_jax.losses import batched, chamfer_sq_mean, min_of_n
+    from psgn_jax.training import step
 
     rng = np.random.default_rng(0)
     height, width = network["image_size"]

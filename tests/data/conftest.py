@@ -3,9 +3,9 @@
 import pathlib
 import zlib
 
-import drawn_solids as solids
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 
 from psgn_jax.data import camera, records, schema
 

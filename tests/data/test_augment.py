@@ -1,8 +1,8 @@
 import dataclasses
 
-import drawn_solids as solids
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 
 from psgn_jax.data import augment, camera, schema
 

@@ -1,8 +1,8 @@
 """The classes of true points: a literal, slow rule; solids whose visibility is known exactly."""
 
-import drawn_solids as solids
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 
 from psgn_jax.config import EvalConfig
 from psgn_jax.data import camera, records, visibility

@@ -1,4 +1,3 @@
-import importlib.util
 import pathlib
 import subprocess
 import sys
@@ -7,16 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import reference
 
 from psgn_jax import losses
-from psgn_jax.data import authors
+from psgn_jax.data.sources import authors
 from psgn_jax.losses import auction as module
-
-_spec = importlib.util.spec_from_file_location(
-    "reference", pathlib.Path(__file__).resolve().parents[1] / "reference.py"
-)
-reference = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(reference)
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 KINDS = ["near", "far", "init", "dup", "grid"]

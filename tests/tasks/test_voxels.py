@@ -9,12 +9,13 @@ import jax
 import numpy as np
 import pytest
 
-from psgn_jax import evaluate, predict, registry, state, step
-from psgn_jax.checkpoint import Checkpoints
+from psgn_jax import evaluate, predict, registry
 from psgn_jax.config import ConfigError, parse, to_dict
 from psgn_jax.data import camera, loader, records, schema
 from psgn_jax.tasks import voxels as lib
-from psgn_jax.train import train
+from psgn_jax.training import state, step
+from psgn_jax.training.checkpoint import Checkpoints
+from psgn_jax.training.loop import train
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 VIEWS = 3

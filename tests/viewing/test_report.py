@@ -1,24 +1,22 @@
 """The gallery of an evaluation: its numbers, its links, its order; pages that work in a browser."""
 
 import json
-import pathlib
-import runpy
 import shutil
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import standin
 from PIL import Image
 
 from psgn_jax import evaluate, registry
-from psgn_jax.checkpoint import Checkpoints
 from psgn_jax.config import ConfigError, to_json
 from psgn_jax.data import camera
-from psgn_jax.state import named_leaves
+from psgn_jax.training.checkpoint import Checkpoints
+from psgn_jax.training.state import named_leaves
 from psgn_jax.viewing import report as lib
 
-STANDIN = runpy.run_path(str(pathlib.Path(__file__).resolve().parents[1] / "standin.py"))
 CATEGORIES = ("car", "lamp", "")
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
@@ -90,9 +88,9 @@ def test_histogram_of_odd_errors(errors):
 
 
 def test_from_a_run(tmp_path, monkeypatch):
-    monkeypatch.setitem(registry.DATA_SOURCES, "records", STANDIN["SOURCE"])
+    monkeypatch.setitem(registry.DATA_SOURCES, "records", standin.SOURCE)
     small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
-    config = STANDIN["config"](**small)
+    config = standin.config(**small)
     model = registry.build_model(config.model)
     image = jnp.zeros((1, *config.model.image_size, 4))
     params = jax.jit(lambda: model.init(jax.random.key(0), image, None))()["params"]

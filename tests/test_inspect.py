@@ -1,0 +1,57 @@
+import numpy as np
+from PIL import Image
+
+from psgn_jax import inspect
+from psgn_jax.data import records
+
+
+def test_report_and_sheet(dataset, tmp_path, capsys):
+    sheet = tmp_path / "sheet.png"
+    assert inspect.main([str(dataset), "--sheet", str(sheet), "--samples", "4"]) == 0
+    out = capsys.readouterr().out
+    assert "split train: 37 samples in 4 shards" in out
+    assert "split validation: 11 samples" in out
+    assert "box 8" in out
+    assert "points strictly inside the mask" in out
+    assert "flagged" not in out
+    picture = np.asarray(Image.open(sheet))
+    assert picture.shape == (2 * (48 + 16), 2 * 3 * (64 + 4), 3)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 100
+
+
+def test_samples_off_their_masks_are_flagged(make, rng, tmp_path):
+    sample = make.sample(rng, mask=np.zeros((24, 32), np.bool_), depth=None)
+    records.write_dataset(tmp_path, {"train": [sample]}, source="test")
+    lines, whole = inspect.report(tmp_path)
+    assert whole
+    assert any("flagged: record 0 (m1 view 3): 0.0 %" in line for line in lines)
+
+
+def test_damage_is_reported_and_the_rest_goes_on(make, dataset, tmp_path, capsys):
+    for path in dataset.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    shard = tmp_path / "train-00000.arrayrecord"
+    make.damage(shard, records.RecordReader(tmp_path, "train").read(2))
+    assert inspect.main([str(tmp_path), "--sheet", str(tmp_path / "s.png")]) == 1
+    out = capsys.readouterr().out
+    assert "DAMAGED record 2 of" in out
+    assert "36 samples checked" in out
+    (tmp_path / "validation-00000.arrayrecord").unlink()
+    assert inspect.main([str(tmp_path), "--sheet", str(tmp_path / "s.png"), "--check", "2"]) == 1
+    streams = capsys.readouterr()
+    assert "is missing" in streams.out
+    assert "contact sheet" in streams.out  # of the split that is whole
+    (tmp_path / "train-00001.arrayrecord").unlink()
+    assert inspect.main([str(tmp_path), "--sheet", str(tmp_path / "s.png")]) == 1
+    assert "no contact sheet: " in capsys.readouterr().err
+
+
+def test_not_a_data_set(tmp_path, capsys):
+    assert inspect.main([str(tmp_path)]) == 2
+    assert "not a data set of this project" in capsys.readouterr().err
+
+
+def test_nearest_distance(rng):
+    a, b = rng.normal(size=(60, 3)), rng.normal(size=(1500, 3))
+    want = np.linalg.norm(a[:, None] - b, axis=2).min(axis=1)
+    np.testing.assert_allclose(inspect._nearest_distance(a, b), want, atol=1e-7)
