@@ -26,7 +26,8 @@ from absl import app, flags, logging
 
 from psgn_jax import registry
 from psgn_jax.config import Config, ConfigError, check_paths, check_points, from_json
-from psgn_jax.losses.chamfer import batched, chamfer_sq_mean
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.losses.distances import map_pairs
 from psgn_jax.metrics import clouds as metrics_lib
 from psgn_jax.metrics import samples as sample_metrics
 from psgn_jax.prediction import sampling
@@ -300,7 +301,7 @@ def with_draws(
         def one(draws: Any, gt: Any) -> dict[str, Any]:
             return sample_metrics.summarise_draws(draws, gt, distances)
 
-        found = batched(one)(points, gt)
+        found = map_pairs(one)(points, gt)
         if num_draws > 1:
             difference = jax.vmap(sample_metrics.total_mutual_difference)
             found["total_mutual_difference_radius2"] = difference(mutual)

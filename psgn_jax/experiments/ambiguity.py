@@ -47,7 +47,8 @@ from psgn_jax import registry
 from psgn_jax.config import Config, ConfigError, parse
 from psgn_jax.data import records
 from psgn_jax.data.camera import scale_intrinsics
-from psgn_jax.losses.chamfer import batched, chamfer_sq_mean
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.losses.distances import map_pairs
 from psgn_jax.metrics import samples as sample_metrics
 from psgn_jax.prediction import sampling
 from psgn_jax.training import step as step_lib
@@ -265,9 +266,9 @@ def measure(config: Config, params: Any, size: Size, known: Sequence[Truth]) -> 
     k = size.num_draws if random else 1
     num_drawn = max(size.num_measured, k) if random else 1
     cross = jax.jit(
-        batched(lambda p, g: sample_metrics.cross_distances(p, g[None], chamfer_sq_mean)[:, 0])
+        map_pairs(lambda p, g: sample_metrics.cross_distances(p, g[None], chamfer_sq_mean)[:, 0])
     )
-    mutual_of = jax.jit(batched(lambda p, _: sample_metrics.mutual_distances(p, chamfer_sq_mean)))
+    mutual_of = jax.jit(map_pairs(lambda p, _: sample_metrics.mutual_distances(p, chamfer_sq_mean)))
     predict = jax.jit(lambda params, batch: step_lib.predict(config, model, params, batch, None))
     keys = [key for key in step_lib.input_keys(config) if key != "points"]
     each, depths, clouds, mutual, gts = [], [], [], [], []

@@ -50,7 +50,7 @@ from psgn_jax.data import records
 from psgn_jax.data.default import cache_folder
 from psgn_jax.data.sources import shapenet
 from psgn_jax.experiments import common
-from psgn_jax.losses.chamfer import batched
+from psgn_jax.losses.distances import map_pairs
 from psgn_jax.losses.farthest_points import farthest_points
 from psgn_jax.metrics import clouds as metrics_lib
 from psgn_jax.models.voxel_refiner import GRID_EDGE, GRID_ORIGIN
@@ -311,7 +311,7 @@ def _sampled(candidates: Any) -> Any:
 
 @jax.jit
 def _distances(pred: Any, gt: Any) -> dict[str, Any]:
-    return batched(lambda a, b: metrics_lib.evaluate_pair(a, b, emd_tolerance=0.01))(pred, gt)
+    return map_pairs(lambda a, b: metrics_lib.evaluate_pair(a, b, emd_tolerance=0.01))(pred, gt)
 
 
 def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:

@@ -210,7 +210,7 @@ def mean_shape(
 
     def objective(x: Array, clouds: Array) -> Array:
         repeated = jnp.broadcast_to(in_space(x)[None], (shapes, num_points, 3))
-        return losses.batched(distance)(repeated, clouds).mean()
+        return losses.map_pairs(distance)(repeated, clouds).mean()
 
     def step(carry: tuple[Array, optax.OptState], number: Array) -> tuple[tuple, None]:
         x, opt_state = carry

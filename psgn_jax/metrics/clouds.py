@@ -5,7 +5,7 @@ Those of several predictions of one image are in `metrics.samples`.
 `pred` [n, 3] and `gt` [m, 3], n, m >= 1, in one frame. Distances are in the unit of the
 coordinates; in the project's frame that is the radius of the object's bounding hemisphere
 (`_radius`: a name for reports, no conversion takes place). All of them raise `ValueError` as
-`losses.nearest_both` does; callers batch with `losses.batched`.
+`losses.nearest_both` does; callers batch with `losses.map_pairs`.
 """
 
 from typing import NamedTuple

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from psgn_jax.losses.chamfer import batched
+from psgn_jax.losses.distances import map_pairs
 from psgn_jax.types import Array, Float
 
 Distance = Callable[[Array, Array], Array]
@@ -31,7 +31,7 @@ def cross_distances(
 ) -> Float[Array, "k t"]:
     """The distance of every cloud of `a` from every cloud of `b`: entry (i, j) is d(a_i, b_j)."""
     k, t = len(a), len(b)
-    pairs = batched(distance)(jnp.repeat(a, t, axis=0), jnp.tile(b, (k, 1, 1)))
+    pairs = map_pairs(distance)(jnp.repeat(a, t, axis=0), jnp.tile(b, (k, 1, 1)))
     return pairs.reshape(k, t)
 
 
@@ -98,7 +98,7 @@ def mutual_distances(draws: Float[Array, "k n 3"], distance: Distance) -> Float[
     matrix = jnp.zeros((len(draws), len(draws)), draws.dtype)
     if not len(first):
         return matrix
-    values = batched(distance)(draws[first], draws[second])
+    values = map_pairs(distance)(draws[first], draws[second])
     return matrix.at[first, second].set(values).at[second, first].set(values)
 
 

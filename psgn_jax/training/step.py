@@ -17,7 +17,7 @@ from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from psgn_jax.config import Config, ConfigError
-from psgn_jax.losses.chamfer import batched
+from psgn_jax.losses.distances import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import posterior
 from psgn_jax.models.inputs import network_input
@@ -111,7 +111,7 @@ def best_draw(
     preds = predict(config, model, frozen, batch, r)
 
     def total(preds: Array) -> tuple[Array, MinOfN]:
-        best = batched(min_of_n(loss))(preds, batch["points"])
+        best = map_pairs(min_of_n(loss))(preds, batch["points"])
         return jnp.sum(best.value), best
 
     (value, best), by_points = jax.value_and_grad(total, has_aux=True)(preds)
@@ -164,7 +164,7 @@ def make_train_step(
             metrics["loss_of_draws"] = jnp.mean(best.distances)
         else:
             pred = predict(config, model, params, batch, r)
-            value = jnp.mean(batched(loss)(pred, batch["points"]))
+            value = jnp.mean(map_pairs(loss)(pred, batch["points"]))
         metrics["loss_step"] = value
         if config.loss.l2 != "none":
             metrics["l2"] = config.loss.l2_scale * l2_authors(params)
@@ -293,7 +293,7 @@ def make_eval_step(
     def measure(params: Any, _: Any, batch: Batch, r: Array | None) -> Any:
         pred = predict(config, model, params, batch, r)
         visible = [batch["visible"]] if "visible" in batch else []
-        return pred, batched(metrics)(pred, batch["points"], *visible)
+        return pred, map_pairs(metrics)(pred, batch["points"], *visible)
 
     def draw(index: Array, batch_size: int) -> Array | None:
         return draw_r(config, index, batch_size, train=False)

@@ -202,7 +202,7 @@ def clocked(call, arguments, gpu=False):
 def emd_ours(version, a, b, budget):
     """(forward s, forward+backward s, sums, gaps, bids, extra bytes) of one way to batch."""
     batch = {
-        "map": lambda f: losses.batched(f, platform="cpu"),
+        "map": lambda f: losses.map_pairs(f, platform="cpu"),
         "vmap": jax.vmap,
     }[version]
     a, b = jnp.asarray(a), jnp.asarray(b)
@@ -386,7 +386,7 @@ def cd_table(args, whole):
             print(f"| {size} | {kind} | cKDTree | {tree:.3f} | | 1 | | ~{needs:.1f} | | |",
                   flush=True)  # fmt: skip
             versions = {
-                "ours, map": losses.batched(losses.chamfer_sq_mean, platform="cpu"),
+                "ours, map": losses.map_pairs(losses.chamfer_sq_mean, platform="cpu"),
                 "ours, vmap": jax.vmap(losses.chamfer_sq_mean),
                 "naive": jax.vmap(naive),
             }

@@ -256,7 +256,7 @@ def compare_draws(network: dict[str, Any], batch: int) -> None:
 
     from psgn_jax import registry
     from psgn_jax.config import parse
-    from psgn_jax.losses import batched, chamfer_sq_mean, min_of_n
+    from psgn_jax.losses import chamfer_sq_mean, map_pairs, min_of_n
     from psgn_jax.training import step
 
     rng = np.random.default_rng(0)
@@ -280,10 +280,10 @@ def compare_draws(network: dict[str, Any], batch: int) -> None:
         model = registry.build_model(config.model)
 
         def plain(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
-            return jnp.mean(batched(chamfer_sq_mean)(step.predict(c, m, p, b, r), b["points"]))
+            return jnp.mean(map_pairs(chamfer_sq_mean)(step.predict(c, m, p, b, r), b["points"]))
 
         def every(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
-            best = batched(min_of_n(chamfer_sq_mean))(step.predict(c, m, p, b, r), b["points"])
+            best = map_pairs(min_of_n(chamfer_sq_mean))(step.predict(c, m, p, b, r), b["points"])
             return jnp.mean(best.value)
 
         def winners(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:

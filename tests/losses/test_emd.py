@@ -138,7 +138,7 @@ def test_non_finite(rng, bad, argument):
 
 def test_a_second_call_compiles_nothing(rng, caplog):
     pair = clouds(rng)
-    batch = losses.batched(losses.emd_mean)
+    batch = losses.map_pairs(losses.emd_mean)
     for call in (lambda: losses.emd_mean(*pair), lambda: batch(*(x[None] for x in pair))):
         call()
         with jax.log_compiles():
@@ -152,7 +152,7 @@ def test_gradient_of_a_batch(rng):
     b = rng.normal(size=(3, N, 3)).astype(np.float32)
     want = np.stack([mean_and_grad(x, y)[1][0] for x, y in zip(a, b, strict=True)])
     for platform in ("cpu", "gpu"):
-        batch = losses.batched(losses.emd_mean, platform=platform)
+        batch = losses.map_pairs(losses.emd_mean, platform=platform)
         grad = jax.jit(jax.grad(lambda a, b, batch=batch: batch(a, b).sum()))(a, b)
         np.testing.assert_allclose(grad, want, atol=1e-7)
 

@@ -69,7 +69,7 @@ def test_precision_is_of_pred():
 
 def test_batched_under_jit(pair):
     pred, gt = (np.stack([x, x[::-1] + 0.01]) for x in pair)
-    got = jax.jit(losses.batched(metrics_lib.evaluate_pair))(pred, gt)
+    got = jax.jit(losses.map_pairs(metrics_lib.evaluate_pair))(pred, gt)
     for i in range(2):
         for name, value in metrics_lib.evaluate_pair(pred[i], gt[i]).items():
             np.testing.assert_allclose(got[name][i], value, rtol=1e-5)
@@ -128,7 +128,7 @@ def test_visible_points_batched_under_jit_and_never_hiding_nan(pair, rng):
     pred, gt = (np.stack([x, x[::-1] + 0.01]) for x in pair)
     visible = rng.random(gt.shape[:2]) < 0.5
     visible[1] = False
-    step = jax.jit(losses.batched(metrics_lib.evaluate_pair))
+    step = jax.jit(losses.map_pairs(metrics_lib.evaluate_pair))
     got = step(pred, gt, visible)
     for i in range(2):
         for name, value in metrics_lib.evaluate_pair(pred[i], gt[i], visible[i]).items():

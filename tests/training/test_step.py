@@ -13,7 +13,7 @@ from helpers import standin
 
 from psgn_jax import registry
 from psgn_jax.config import ConfigError, OptimConfig
-from psgn_jax.losses.chamfer import batched
+from psgn_jax.losses.distances import map_pairs
 from psgn_jax.losses.min_of_n import min_of_n
 from psgn_jax.training import state, step
 
@@ -152,7 +152,7 @@ def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(vers
 
     def plain(params):
         preds = step.predict(config, model, params, batch, r)
-        best = batched(min_of_n(distance))(preds, batch["points"])
+        best = map_pairs(min_of_n(distance))(preds, batch["points"])
         return jnp.mean(best.value), best
 
     def quick(params):

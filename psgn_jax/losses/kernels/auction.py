@@ -1,10 +1,11 @@
 """The auction on a GPU: a Pallas kernel (Triton) that solves one pair of clouds per program.
 
-The algorithm is that of `auction.py` (Bertsekas, epsilon scaling, phases that keep the pairs which
-still satisfy epsilon-complementary slackness), laid out for a GPU: the whole solve is one launch,
-not one per bid. The objects' coordinates, prices and owners live in the registers of one program
-(4 warps for 1,024 points, 8 objects a thread), the bidders' coordinates in the first-level cache;
-under `vmap` the batch becomes an axis of the launch, one program a pair, each ending on its own.
+The algorithm is that of `losses.auction` (Bertsekas, epsilon scaling, phases that keep the pairs
+which still satisfy epsilon-complementary slackness), laid out for a GPU: the whole solve is one
+launch, not one per bid. The objects' coordinates, prices and owners live in the registers of one
+program (4 warps for 1,024 points, 8 objects a thread), the bidders' coordinates in the first-level
+cache; under `vmap` the batch becomes an axis of the launch, one program a pair, each ending on its
+own.
 
 A round. Each of K lanes holds a bidder without object. Over the tile [K, n] of distances, computed
 from coordinates: the least of distance plus price, the first object that attains it, the least of
@@ -25,7 +26,7 @@ each. That is 10 to 18 million cycles: 6 to 10 ms at 1.75 GHz, all pairs at once
 many multiprocessors. An estimate: it has not been run on a GPU so far.
 
 What the kernel returns is a matching and prices; the bijection, the cost and the proven gap come
-from the code of `auction.py`, which trusts nothing that was computed here.
+from `certificate`, which trusts nothing that was computed here.
 """
 
 import functools
@@ -39,6 +40,7 @@ from jax import lax
 from jax.experimental import pallas as pl
 from jax.experimental.pallas import triton as plgpu
 
+from psgn_jax.losses import certificate
 from psgn_jax.losses.kernels.dispatch import varying_like
 from psgn_jax.types import Array
 
@@ -323,20 +325,18 @@ def solve_pair(
     *,
     interpret: bool = False,
 ) -> tuple[Array, Array, Array, Array]:
-    """index, prices, bids and proven gap of one pair, as the solvers of `auction.py` return them.
+    """index, prices, bids and proven gap of one pair, as a solver of `losses.auction` does.
 
-    The bijection, its cost and the certificate are made by that module's code from the matching
+    The bijection, its cost and the certificate come from `certificate`, from the matching
     and the prices found here. Non-finite coordinates: i -> i and a NaN gap.
     """
-    from psgn_jax.losses import auction  # it imports this module
-
-    problem = auction._prepare(a, b)
+    problem = certificate.prepare(a, b)
     budget = jnp.where(problem.finite, max_bids, 0)
     found = solve(problem.a, problem.b, tolerance, budget, interpret=interpret)
-    index = auction._index(found.owner)
+    index = certificate.bijection(found.owner)
     # There the least price is zero.
-    judged = auction._judge(problem, index, found.prices - found.prices.min())
-    gap = auction._gap(judged.cost, judged.lower, len(a))
+    judged = certificate.judge(problem, index, found.prices - found.prices.min())
+    gap = certificate.gap_of(judged.cost, judged.lower, len(a))
     gap = jnp.where(problem.finite, gap, jnp.nan)
     return index, judged.prices * problem.unit, found.bids, gap
 
