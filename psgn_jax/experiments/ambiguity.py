@@ -42,18 +42,20 @@ import optax
 from absl import app, flags, logging
 from PIL import Image, ImageDraw, ImageFont
 
-from psgn_jax import evaluate as evaluate_lib
-from psgn_jax import registry
+from psgn_jax.command_line import exit_on_user_error, log_to_terminal, parse_flags
 from psgn_jax.config import Config, ConfigError, parse
-from psgn_jax.data import records
+from psgn_jax.data import loader
 from psgn_jax.data.camera import scale_intrinsics
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.files import write_atomic
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.distances import map_pairs
 from psgn_jax.metrics import samples as sample_metrics
+from psgn_jax.models import point_out_net
 from psgn_jax.prediction import sampling
 from psgn_jax.training import step as step_lib
-from psgn_jax.training.log import exit_on_user_error, log_to_terminal, parse_flags, write_atomic
 from psgn_jax.training.loop import train
+from psgn_jax.training.run_folder import open_run
 from psgn_jax.types import Array
 from psgn_jax.viewing import spheres
 from psgn_jax.viewing.clouds import turned
@@ -213,7 +215,7 @@ def config_of(network: str, data: pathlib.Path, size: Size) -> Config:
 
 def truths(data: pathlib.Path, split: str = "validation") -> list[Truth]:
     """Kind, seed, scale and hidden depth of every record of a split, in order."""
-    reader = records.RecordReader(data, split)
+    reader = RecordReader(data, split)
     found = []
     for index in range(len(reader)):
         sample = reader[index]
@@ -258,8 +260,8 @@ def measure(config: Config, params: Any, size: Size, known: Sequence[Truth]) -> 
     Returns:
       numbers by name; `front` and `turned` after a name stand for images in doubt and in none.
     """
-    model = registry.build_model(config.model)
-    batches = registry.data_source().eval_batches(
+    model = point_out_net.build(config.model)
+    batches = loader.eval_batches(
         config.data, split="validation", batch_size=config.eval.batch_size, seed=config.seed
     )
     random = bool(config.model.random_size)
@@ -527,7 +529,7 @@ def run(workdir: str | pathlib.Path, size: Size = DEFAULT) -> str | int:
     shown = sharing[0]
     sample: dict[str, Any] = {}
     for name, config in configs.items():
-        _, params = evaluate_lib.load_params(workdir / name, "last")
+        params = open_run(workdir / name, "last").params
         results[name] = measure(config, params, size, known)
         logging.info("%s: measured", name)
         if config.loss.min_of_n > 1:
@@ -545,7 +547,7 @@ def run(workdir: str | pathlib.Path, size: Size = DEFAULT) -> str | int:
         "reached": judge(results),
         "depth measured on the truth [share]": check_measure(data),
     }
-    reader = records.RecordReader(data, "validation")
+    reader = RecordReader(data, "validation")
     shapes = np.stack([reader[i].points for i in sharing])
     figure(sample, shapes, clouds).save(workdir / "ambiguity.png")
     write_atomic(workdir / "ambiguity.json", json.dumps(document, indent=2) + "\n")
@@ -557,14 +559,14 @@ def _draws_of(
 ) -> tuple[dict[str, Any], np.ndarray]:
     """One validation sample and `count` predictions of it, one if the network is deterministic."""
     batch_size = config.eval.batch_size
-    batches = registry.data_source().eval_batches(
+    batches = loader.eval_batches(
         config.data, split="validation", batch_size=batch_size, seed=config.seed
     )
     batch = next(b for number, b in enumerate(batches) if number == index // batch_size)
     row = index % batch_size
     keys = ("image", "mask", "points", "intrinsics", "extrinsics")
     one = {key: batch[key][row : row + 1] for key in keys}
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     if config.model.random_size:
         found = sampling.draws(config, model, params, one, count, first=index).points[0]
     else:
@@ -574,7 +576,7 @@ def _draws_of(
 
 def check_measure(data: pathlib.Path) -> dict[str, float]:
     """How well `measured_depth` does on the true points: mean and largest error."""
-    reader, known = records.RecordReader(data, "validation"), truths(data)
+    reader, known = RecordReader(data, "validation"), truths(data)
     errors = [
         abs(measured_depth(reader[i].points, t.scale) - t.depth)
         for i, t in enumerate(known)

@@ -33,11 +33,13 @@ import numpy as np
 from absl import flags
 from PIL import Image, ImageDraw, ImageFont
 
-from psgn_jax import evaluate as evaluate_lib
 from psgn_jax.config import Config, ConfigError, check_paths, parse, to_dict
 from psgn_jax.data import camera
+from psgn_jax.default_data import with_default_data
 from psgn_jax.experiments import common
-from psgn_jax.models.point_out_net import Branches, OutputGrid, branch_of_point, output_grid
+from psgn_jax.metrics.evaluation import Evaluation
+from psgn_jax.models.point_layout import Branches, OutputGrid, branch_of_point, output_grid
+from psgn_jax.training.run_folder import load_config
 from psgn_jax.viewing import spheres
 from psgn_jax.viewing.clouds import turned
 
@@ -229,7 +231,7 @@ def _profile_lines(found: Found) -> list[list[str]]:
     for key, title in PROFILES.items():
         profile = 100 * found.profiles[key]
         mean, error = last_minus_first(profile)
-        shown = [f"{runs.mean_and_error(fifth)[0]:.1f}" for fifth in profile.T]
+        shown = [f"{common.mean_and_error(fifth)[0]:.1f}" for fifth in profile.T]
         lines.append([f"fifths by {title}", *shown, f"{mean:+.1f} +- {error:.1f}"])
     return lines
 
@@ -269,7 +271,7 @@ def _verdict(found: Found) -> str:
     return " ".join(said)
 
 
-def _note(evaluation: evaluate_lib.Evaluation, found: Found) -> str:
+def _note(evaluation: Evaluation, found: Found) -> str:
     return (
         f"{len(evaluation.names)} samples of {evaluation.split!r}, {evaluation.num_points[0]} "
         f"predicted points against {evaluation.num_points[1]} true ones, CD squared "
@@ -279,19 +281,19 @@ def _note(evaluation: evaluate_lib.Evaluation, found: Found) -> str:
     )
 
 
-def table(evaluation: evaluate_lib.Evaluation, found: Found) -> str:
+def table(evaluation: Evaluation, found: Found) -> str:
     """Both tables as text."""
     parts = [common.text_table(_lines(found)), common.text_table(_profile_lines(found))]
     return "\n".join([*parts, _note(evaluation, found)]) + "\n"
 
 
-def markdown(evaluation: evaluate_lib.Evaluation, found: Found) -> str:
+def markdown(evaluation: Evaluation, found: Found) -> str:
     """Both tables for a README."""
     parts = [common.markdown_table(_lines(found)), common.markdown_table(_profile_lines(found))]
     return "\n".join([*parts, _note(evaluation, found)]) + "\n"
 
 
-def numbers(evaluation: evaluate_lib.Evaluation, found: Found) -> dict[str, Any]:
+def numbers(evaluation: Evaluation, found: Found) -> dict[str, Any]:
     """The measures for JSON; fractions, not percent, and null for what is not finite."""
 
     def entry(values: np.ndarray) -> dict[str, float | None]:
@@ -483,7 +485,7 @@ def run(
 
 
 def _config_of(trained: pathlib.Path, data: str | None) -> Config:
-    config = evaluate_lib.load_config(trained)
+    config = load_config(trained)
     if data is not None:
         tree = to_dict(config)
         tree["data"]["path"] = data
@@ -495,7 +497,7 @@ def _config_of(trained: pathlib.Path, data: str | None) -> Config:
             f"--run={trained}: model.name={config.model.name!r} with {len(branches.fc)} fc and "
             f"{len(branches.deconv)} deconv points: accepted: a network with both branches"
         )
-    return config
+    return with_default_data(config)
 
 
 def _study(values: Any) -> str:

@@ -16,11 +16,15 @@ import numpy as np
 from absl import app, flags, logging
 from PIL import Image, ImageDraw, ImageFont
 
-from psgn_jax import evaluate as evaluate_lib
-from psgn_jax import registry
+from psgn_jax import tasks
+from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
 from psgn_jax.config import Config, ConfigError, UserError, check_paths, parse
+from psgn_jax.data import loader
+from psgn_jax.default_data import default_dataset
+from psgn_jax.files import write_atomic
+from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.training import loop as train_lib
-from psgn_jax.training.log import exit_on_user_error, log_to_terminal, parse_flags, write_atomic
+from psgn_jax.training.run_folder import open_run
 
 USUAL_DATA = "records/authors"
 """Where README.md puts the authors' records; taken where no data are named."""
@@ -33,21 +37,18 @@ HEAD_HEIGHT = 24
 
 
 def find_data(named: str | None) -> str:
-    """Folder of the records to train on; "" is the default data set.
+    """Folder of the records to train on: named, the usual one, or the default data set.
 
     Raises:
       ConfigError: a folder was named that is not there.
     """
-    if named is not None:
+    if named:
         check_paths(parse({"data": {"path": named}}))
         return named
-    if pathlib.Path(USUAL_DATA).is_dir():
+    if named is None and pathlib.Path(USUAL_DATA).is_dir():
         return USUAL_DATA
-    logging.info(
-        "no --data named and none in %s: training on the default data set",
-        USUAL_DATA,
-    )
-    return ""
+    logging.info("no --data named and none in %s: training on the default data set", USUAL_DATA)
+    return default_dataset()
 
 
 def recipe(
@@ -96,10 +97,9 @@ def recipe(
 
 def check_data(config: Config) -> None:
     """Raises `ConfigError` if the data cannot serve a configuration, before any training."""
-    source = registry.data_source()
     try:
         for split in (config.data.train_split, config.data.eval_split):
-            source.eval_batches(config.data, split=split, batch_size=1).close()
+            loader.eval_batches(config.data, split=split, batch_size=1).close()
     except (ValueError, OSError) as error:
         raise ConfigError(f"--data={config.data.path!r}: {error}") from error
 
@@ -131,7 +131,7 @@ def train_each(
 class Measured(NamedTuple):
     """One network on the split: metrics of every sample, and some samples with predictions."""
 
-    evaluation: evaluate_lib.Evaluation
+    evaluation: Evaluation
     cases: dict[int, dict[str, np.ndarray]]
 
 
@@ -158,9 +158,9 @@ def measure(
       check: called with each batch; raises if the data lack something.
       on_sample: called with the number of each sample, and `keys` and `pred` of it.
     """
-    step, params = evaluate_lib.load_params(workdir, "last")
-    logging.info("measuring %s, step %d", workdir, step)
-    total = registry.data_source().num_samples(config.data, config.data.eval_split)
+    run = open_run(workdir, "last")
+    logging.info("measuring %s, step %d", workdir, run.step)
+    total = loader.num_samples(config.data, config.data.eval_split)
     wanted = {int(i) for i in np.linspace(0, total - 1, min(num_cases, total))}
     cases: dict[int, dict[str, np.ndarray]] = {}
 
@@ -179,7 +179,7 @@ def measure(
                 # Not views, which would keep their whole batches.
                 cases[number] = {k: v.copy() for k, v in case.items()}
 
-    return Measured(evaluate_lib.evaluate(config, params, on_batch=keep), cases)
+    return Measured(tasks.create(config, workdir).evaluate(run.params, on_batch=keep), cases)
 
 
 # --- Comparisons ------------------------------------------------------------------------------
@@ -314,7 +314,7 @@ def main(study: Callable[[Any], str]) -> None:
         with exit_on_user_error():
             if len(argv) > 1:
                 raise ConfigError(f"unexpected argument {argv[1]!r}")
-            train_lib.keep_compiled()
+            keep_compiled()
             text = study(flags.FLAGS)
         sys.stdout.write(text)
 

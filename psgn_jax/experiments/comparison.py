@@ -43,20 +43,22 @@ import numpy as np
 from absl import flags, logging
 from PIL import Image, ImageDraw, ImageFont
 
-from psgn_jax import evaluate as evaluate_lib
-from psgn_jax import registry
+from psgn_jax import tasks
 from psgn_jax.config import Config, ConfigError, check_paths, parse
-from psgn_jax.data import records
-from psgn_jax.data.default import cache_folder
+from psgn_jax.data import loader
+from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.sources import shapenet
 from psgn_jax.experiments import common
+from psgn_jax.files import cache_folder, finite_or_none, write_atomic
 from psgn_jax.losses.distances import map_pairs
 from psgn_jax.losses.farthest_points import farthest_points
 from psgn_jax.metrics import clouds as metrics_lib
+from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.models.voxel_refiner import GRID_EDGE, GRID_ORIGIN
 from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
-from psgn_jax.training.log import finite_or_none, read_metrics, write_atomic
+from psgn_jax.training.log import read_metrics
+from psgn_jax.training.run_folder import load_config, open_run
 from psgn_jax.viewing.clouds import draw_cloud, turned
 
 POINTS = ("cd", "emd")
@@ -226,7 +228,7 @@ def seconds(workdir: pathlib.Path) -> float:
 
     But for 3D-R2N2, whose step is compiled once more for each further number of views.
     """
-    batch = evaluate_lib.load_config(workdir).train.batch_size
+    batch = load_config(workdir).train.batch_size
     total, before = 0.0, 0
     for entry in read_metrics(workdir / "metrics.jsonl"):
         if entry["kind"] != "train":
@@ -239,7 +241,7 @@ def seconds(workdir: pathlib.Path) -> float:
 
 def step_seconds(config: Config, workdir: pathlib.Path) -> float:
     """Seconds of a step of 3D-R2N2, a mean over the numbers of views: linear in them."""
-    task = registry.task(config, workdir)
+    task = tasks.create(config, workdir)
     mesh = step_lib.data_mesh()
     tx = state_lib.optimizer(config.optim, config.train.steps)
     step = task.train_step(tx, mesh)
@@ -334,14 +336,13 @@ def clouds_of(volumes: Sequence[np.ndarray]) -> np.ndarray:
 class Run(NamedTuple):
     """A run on the split: metrics of every sample, and predictions [s, ...]."""
 
-    evaluation: evaluate_lib.Evaluation
+    evaluation: Evaluation
     predictions: np.ndarray
 
 
 def measure(workdir: pathlib.Path, split: str, samples: dict[str, list[Any]] | None = None) -> Run:
     """A run's last checkpoint on a split; `samples` takes what is known of its samples."""
-    config = evaluate_lib.load_config(workdir)
-    step, params = evaluate_lib.load_params(workdir, "last")
+    run = open_run(workdir, "last")
     kept: list[np.ndarray] = []
     keys = ("image", "points", "occupancy", "intrinsics", "extrinsics")
 
@@ -352,10 +353,9 @@ def measure(workdir: pathlib.Path, split: str, samples: dict[str, list[Any]] | N
             for key in keys:
                 samples.setdefault(key, []).extend(batch[key][rows])
 
-    logging.info("measuring %s, step %d, on %r", workdir, step, split)
-    chosen = evaluate_lib.load_scores(workdir, step)
-    task = registry.task(config, workdir)
-    found = task.evaluate(params, split=split, on_batch=keep, chosen=chosen)
+    logging.info("measuring %s, step %d, on %r", workdir, run.step, split)
+    task = tasks.create(run.config, workdir)
+    found = task.evaluate(run.params, split=split, on_batch=keep, chosen=run.scores)
     return Run(found, np.concatenate(kept))
 
 
@@ -636,8 +636,8 @@ def run(
     check_paths(peer)
     # What only the last training needs is checked before the others.
     try:
-        registry.data_source().train_batches(peer.data, batch_size=1, seed=0, start_step=0).close()
-        splits = set().union(*(records.load_manifest(f).splits() for f in peer.data.folders))
+        loader.train_batches(peer.data, batch_size=1, seed=0, start_step=0).close()
+        splits = set().union(*(load_manifest(f).splits() for f in peer.data.folders))
     except (ValueError, OSError) as error:
         raise ConfigError(f"--data={path!r}: {error}") from error
     split = "test" if "test" in splits else peer.data.eval_split

@@ -22,10 +22,10 @@ import numpy as np
 from absl import flags
 from PIL import Image
 
-from psgn_jax import evaluate as evaluate_lib
 from psgn_jax.config import Config, ConfigError
 from psgn_jax.experiments import common
 from psgn_jax.experiments.common import USUAL_DATA, Difference, find_data
+from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.viewing.clouds import draw_cloud, turned
 
 INPUTS: Mapping[str, tuple[str, ...]] = {
@@ -127,13 +127,13 @@ def _measure(config: Config, workdir: pathlib.Path, num_cases: int) -> common.Me
     return common.measure(config, workdir, num_cases, keys=keys, check=check)
 
 
-def compare(evaluations: Mapping[str, evaluate_lib.Evaluation], metric: str) -> Difference:
+def compare(evaluations: Mapping[str, Evaluation], metric: str) -> Difference:
     """What depth changes in a metric, RGB-D minus RGB; NaN where no sample has it."""
     rgb, rgbd = (evaluations[name].metrics[metric] for name in INPUTS)
     return common.difference(rgbd, rgb, more=metric in _PERCENT)
 
 
-def _rows(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> list[list[str]]:
+def _rows(evaluations: Mapping[str, Evaluation]) -> list[list[str]]:
     rows = []
     for metric, title in METRICS.items():
         if metric not in evaluations["rgb"].metrics:  # no EMD
@@ -154,7 +154,7 @@ def _rows(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> list[list[str]]
 _HEAD = ("", *TITLES.values(), "difference", "RGB-D better on")
 
 
-def _note(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> str:
+def _note(evaluations: Mapping[str, Evaluation]) -> str:
     found = evaluations["rgbd"]
     return (
         f"{len(found.names)} samples of {found.split!r}, {found.num_points[0]} predicted points "
@@ -166,19 +166,19 @@ def _note(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> str:
     )
 
 
-def table(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> str:
+def table(evaluations: Mapping[str, Evaluation]) -> str:
     """The comparison as text."""
     lines = [list(_HEAD), *_rows(evaluations)]
-    return f"{runs.text_table(lines)}\n{_note(evaluations)}\n"
+    return f"{common.text_table(lines)}\n{_note(evaluations)}\n"
 
 
-def markdown(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> str:
+def markdown(evaluations: Mapping[str, Evaluation]) -> str:
     """The comparison as a table for a README."""
     lines = [list(_HEAD), *_rows(evaluations)]
-    return f"{runs.markdown_table(lines)}\n{_note(evaluations)}\n"
+    return f"{common.markdown_table(lines)}\n{_note(evaluations)}\n"
 
 
-def numbers(evaluations: Mapping[str, evaluate_lib.Evaluation]) -> dict[str, Any]:
+def numbers(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     """The comparison for JSON; fractions, not percent, and null for what is not finite."""
     found = evaluations["rgbd"]
     shared = [m for m in METRICS if m in found.metrics]

@@ -26,11 +26,13 @@ import numpy as np
 from absl import flags
 from PIL import Image, ImageDraw, ImageFont
 
-from psgn_jax import evaluate as evaluate_lib
 from psgn_jax.config import Config, ConfigError, check_paths, flatten, parse, to_dict
 from psgn_jax.data import camera
+from psgn_jax.default_data import with_default_data
 from psgn_jax.experiments import common
 from psgn_jax.experiments.common import Difference
+from psgn_jax.metrics.evaluation import Evaluation
+from psgn_jax.training.run_folder import load_config
 from psgn_jax.viewing import spheres
 from psgn_jax.viewing.clouds import turned
 
@@ -68,7 +70,7 @@ def configuration(loss: str, path: str, *, full: bool, steps: int = 0) -> Config
     """The recipe of `configs/authors_small.py` (or, `full`, of `configs/authors.py`), shortened.
 
     Args:
-      loss: an entry of `registry.LOSSES`.
+      loss: an entry of `losses.by_name.LOSSES`.
       path: folder of records, "" = the default data set.
       full: full-size images, the published network's widths, 20,000 steps of 32.
       steps: in place of the recipe's.
@@ -136,7 +138,7 @@ def _lines(metrics: Numbers) -> list[list[str]]:
     return lines
 
 
-def _note(found: evaluate_lib.Evaluation, steps: Mapping[str, int]) -> str:
+def _note(found: Evaluation, steps: Mapping[str, int]) -> str:
     counts = f"after {steps['cd']:,} steps of each training"
     if steps["cd"] != steps["emd"]:
         counts = f"after {steps['cd']:,} steps by CD, {steps['emd']:,} by EMD: not one budget"
@@ -148,17 +150,17 @@ def _note(found: evaluate_lib.Evaluation, steps: Mapping[str, int]) -> str:
     )
 
 
-def table(metrics: Numbers, found: evaluate_lib.Evaluation, steps: Mapping[str, int]) -> str:
+def table(metrics: Numbers, found: Evaluation, steps: Mapping[str, int]) -> str:
     """The comparison as text."""
-    return f"{runs.text_table(_lines(metrics))}\n{_note(found, steps)}\n"
+    return f"{common.text_table(_lines(metrics))}\n{_note(found, steps)}\n"
 
 
-def markdown(metrics: Numbers, found: evaluate_lib.Evaluation, steps: Mapping[str, int]) -> str:
+def markdown(metrics: Numbers, found: Evaluation, steps: Mapping[str, int]) -> str:
     """The comparison as a table for a README."""
-    return f"{runs.markdown_table(_lines(metrics))}\n{_note(found, steps)}\n"
+    return f"{common.markdown_table(_lines(metrics))}\n{_note(found, steps)}\n"
 
 
-def numbers(metrics: Numbers, found: evaluate_lib.Evaluation) -> dict[str, Any]:
+def numbers(metrics: Numbers, found: Evaluation) -> dict[str, Any]:
     """The comparison for JSON; fractions, not percent, and null for what is not finite."""
     shared = [metric for metric in METRICS if metric in metrics["cd"]]
     return {
@@ -313,7 +315,7 @@ def run(
 
 def _configs_of(folders: Mapping[str, pathlib.Path], data: str | None) -> dict[str, Config]:
     """The configurations of finished runs, which are measured alike."""
-    configs = {name: evaluate_lib.load_config(folder) for name, folder in folders.items()}
+    configs = {name: load_config(folder) for name, folder in folders.items()}
     for name, config in configs.items():
         if not config.loss.name.startswith({"cd": "chamfer", "emd": "emd"}[name]):
             raise ConfigError(
@@ -339,7 +341,7 @@ def _configs_of(folders: Mapping[str, pathlib.Path], data: str | None) -> dict[s
         )
     for config in configs.values():
         check_paths(config)
-    return configs
+    return {name: with_default_data(config) for name, config in configs.items()}
 
 
 def _study(values: Any) -> str:

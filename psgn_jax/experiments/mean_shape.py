@@ -28,8 +28,9 @@ from absl import app, flags, logging
 from PIL import Image, ImageDraw, ImageFont
 
 from psgn_jax import losses
+from psgn_jax.command_line import exit_on_user_error, log_to_terminal, parse_flags
 from psgn_jax.config import ConfigError
-from psgn_jax.training.log import exit_on_user_error, log_to_terminal, parse_flags, write_atomic
+from psgn_jax.files import write_atomic
 from psgn_jax.types import Array, Float, PRNGKey
 
 Plane = Float[Array, "n 2"]

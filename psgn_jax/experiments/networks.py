@@ -28,12 +28,12 @@ import numpy as np
 from absl import flags
 from PIL import Image, ImageDraw, ImageFont
 
-from psgn_jax import evaluate as evaluate_lib
-from psgn_jax import registry
 from psgn_jax.config import Config
 from psgn_jax.experiments import common
 from psgn_jax.experiments.common import Difference
-from psgn_jax.models.point_out_net import padded_size
+from psgn_jax.metrics.evaluation import Evaluation
+from psgn_jax.models import point_out_net
+from psgn_jax.models.point_layout import padded_size
 from psgn_jax.training import state as state_lib
 from psgn_jax.training.log import read_metrics
 
@@ -121,7 +121,7 @@ def _fc_parameters(config: Config) -> int:
 
 def num_parameters(config: Config) -> int:
     """Parameters of a configuration's network; nothing is computed."""
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     tx = state_lib.optimizer(config.optim, config.train.steps)
     shapes = jax.eval_shape(lambda: state_lib.create(config, model, tx).params)
     return sum(leaf.size for leaf in jax.tree.leaves(shapes))
@@ -140,7 +140,7 @@ class Trained(NamedTuple):
       minutes: of all steps, without compilation, evaluations and checkpoints.
     """
 
-    evaluation: evaluate_lib.Evaluation
+    evaluation: Evaluation
     parameters: int
     seconds: float
     minutes: float

@@ -29,6 +29,9 @@ from psgn_jax.types import Array, Float, PRNGKey
 
 Initializer = Callable[[PRNGKey, Sequence[int], Any], jax.Array]
 
+DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
+"""Of `model.compute_dtype`."""
+
 RELU: Initializer = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal")
 SUMMED: Initializer = nn.initializers.variance_scaling(1.0, "fan_in", "truncated_normal")
 

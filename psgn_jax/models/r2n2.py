@@ -33,7 +33,7 @@ import jax.numpy as jnp
 from flax import linen as nn
 
 from psgn_jax.models.layers import Conv, Conv3D, Dense
-from psgn_jax.models.point_out_net import scaled_widths
+from psgn_jax.models.point_layout import scaled_widths
 from psgn_jax.types import Array, Bool, Float
 
 CELLS = ("gru", "lstm")

@@ -22,7 +22,7 @@ from flax import linen as nn
 
 from psgn_jax.config import ModelConfig
 from psgn_jax.data.schema import OCCUPANCY_SIZE
-from psgn_jax.models import layers, point_out_net
+from psgn_jax.models import layers, point_layout, point_out_net
 from psgn_jax.models.layers import Conv3D, Dense
 from psgn_jax.types import Array, Bool, Float
 
@@ -170,6 +170,6 @@ class VolumeNet(nn.Module):
 
 def build_volume_net(config: ModelConfig) -> VolumeNet:
     """The volume network with the encoder widths of a configuration."""
-    widths = point_out_net.scaled_widths(config.widths, config.width_multiplier)
-    hidden = point_out_net.scaled_widths((512,), config.width_multiplier)[0]
-    return VolumeNet(widths, hidden, point_out_net.DTYPES[config.compute_dtype])
+    widths = point_layout.scaled_widths(config.widths, config.width_multiplier)
+    hidden = point_layout.scaled_widths((512,), config.width_multiplier)[0]
+    return VolumeNet(widths, hidden, layers.DTYPES[config.compute_dtype])

@@ -14,7 +14,7 @@ import numpy as np
 
 from psgn_jax.data import camera
 from psgn_jax.data.photo import View
-from psgn_jax.training.log import write_atomic
+from psgn_jax.files import write_atomic
 
 UNSEEN = (150, 150, 150)
 """Colour of the points that the image does not show."""

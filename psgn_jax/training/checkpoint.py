@@ -20,7 +20,7 @@ import orbax.checkpoint as ocp
 from absl import logging
 
 from psgn_jax.config import UserError
-from psgn_jax.training.log import write_atomic
+from psgn_jax.files import write_atomic
 
 FORMAT = 1
 

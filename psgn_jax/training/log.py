@@ -1,114 +1,137 @@
-"""What a run writes: JSON lines, tensorboard, progress on a terminal, files whole or not at all.
+"""What a training writes: JSON lines, tensorboard, and progress on the terminal.
 
 The only importer of tensorboardX. `metrics.jsonl` has one JSON object per line with `step`, `kind`
 ("train" or "eval") and numbers, or lists of them. A resumed run drops the lines past its first
 step, since it will write them again; so lines are neither lost nor doubled.
 """
 
+import collections
 import contextlib
-import fcntl
 import json
-import logging as python_logging
 import math
 import os
 import pathlib
-import re
-import sys
+import time
 import types
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import jax
 import numpy as np
-from absl import flags, logging
+from absl import logging
 
-from psgn_jax.config import ConfigError
-from psgn_jax.data.records import write_atomic as write_atomic  # for whoever writes results
+from psgn_jax.config import Config, UserError
+from psgn_jax.files import finite_or_none, write_atomic
+from psgn_jax.training.state import WATCHED
 
 
-def log_to_terminal() -> None:
-    """Shows the progress of this package and of `data_gen`, of others only warnings, on stderr."""
-    logging.use_absl_handler()
-    if not flags.FLAGS.is_parsed():  # in a notebook: absl would complain with the first line
-        flags.FLAGS.mark_as_parsed()
-    logging.set_verbosity(logging.INFO)
-    logging.set_stderrthreshold(logging.INFO)
-    handler = logging.get_absl_handler()
-    handler.setFormatter(python_logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
-    package = pathlib.Path(__file__).resolve().parents[1]
-    own = (f"{package}{os.sep}", f"{package.parent / 'data_gen'}{os.sep}")
-    handler.addFilter(
-        lambda r: (
-            r.levelno >= python_logging.WARNING or os.path.realpath(r.pathname).startswith(own)
+class NonFiniteError(UserError):
+    """The loss or its gradient is not finite."""
+
+    exit_code = 3
+
+
+class TrainingLog:
+    """Metrics of the steps -> lines, two steps late so that the device never waits for the host.
+
+    It also keeps the host from running ahead of the device by more than those two steps.
+    """
+
+    def __init__(self, config: Config, writer: "MetricsWriter | None", start: int):
+        self._config = config
+        self._writer = writer
+        self._pending: collections.deque[tuple[int, dict[str, jax.Array]]] = collections.deque()
+        self._start = self._last_step = start
+        self._began = self._last_time = time.monotonic()
+        self._paused = 0.0
+        self._last: dict[str, jax.Array] = {}
+
+    def add(self, step: int, metrics: dict[str, jax.Array]) -> None:
+        """Takes the metrics of a step that has been dispatched."""
+        self._pending.append((step, metrics))
+        while len(self._pending) > 2:
+            self._pop()
+        if step == self._start + 1:
+            self.drain()
+            logging.info("first step after %.1f s", time.monotonic() - self._began)
+            self._restart_clock(step)
+
+    def drain(self) -> None:
+        """Waits for all steps; raises `NonFiniteError` if one was not finite."""
+        while self._pending:
+            self._pop()
+        self._check()
+
+    @contextlib.contextmanager
+    def pause(self) -> Iterator[None]:
+        """Context whose time does not count as training."""
+        self.drain()
+        began = time.monotonic()
+        try:
+            yield
+        finally:
+            self._paused += time.monotonic() - began
+
+    def evaluation(self, step: int, means: Mapping[str, float]) -> None:
+        """Logs an evaluation."""
+        main = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore", "log_volume_abs_error")
+        names = [name for name in means if name in main or name.startswith("iou")]
+        numbers = ", ".join(f"{name} {means[name]:.5f}" for name in names)
+        logging.info("step %d: evaluation: %s", step, numbers)
+        if self._writer:
+            self._writer.scalars(step, "eval", means)
+            self._writer.flush()
+
+    def _pop(self) -> None:
+        step, self._last = self._pending.popleft()
+        jax.block_until_ready(self._last)
+        if step % self._config.train.log_every and step != self._config.train.steps:
+            return
+        self._check()
+        hidden = ("bad_step", "bad_metric", "loss_step")
+        values = {k: float(v) for k, v in self._last.items() if k not in hidden and not v.ndim}
+        vectors = {k: np.asarray(v) for k, v in self._last.items() if v.ndim}
+        seconds = time.monotonic() - self._last_time - self._paused
+        steps = step - self._last_step
+        if steps:  # none where the first step, which compiles, is itself logged
+            values["samples_per_second"] = steps * self._config.train.batch_size / seconds
+        self._line(step, values, seconds / max(1, steps))
+        if self._writer:
+            self._writer.scalars(step, "train", values, vectors)
+            self._writer.flush()
+        self._restart_clock(step)
+
+    def _restart_clock(self, step: int) -> None:
+        self._last_step, self._last_time, self._paused = step, time.monotonic(), 0.0
+
+    def _line(self, step: int, values: Mapping[str, float], seconds_per_step: float) -> None:
+        total = self._config.train.steps
+        if "samples_per_second" in values:
+            left = _duration((total - step) * seconds_per_step)
+            speed = f", {values['samples_per_second']:.3g} samples/s, {left} left"
+        else:
+            speed = ""
+        kl = ""
+        if "kl" in values:
+            kl = f", KL {values['kl']:.3g} nats in {values['active_dims']:.0f} dimensions"
+        logging.info(
+            "step %d/%d: loss %.5g%s, gradient norm %.3g%s",
+            step,
+            total,
+            values["loss"],
+            kl,
+            values["grad_norm"],
+            speed,
         )
-    )
 
-
-@contextlib.contextmanager
-def exit_on_user_error() -> Iterator[None]:
-    """Ends the process with one line and the error's exit code for what a user can mend.
-
-    Those are the errors that have an `exit_code`: `UserError` and, since the records' code does not
-    depend on the configuration's, `RecordError`.
-    """
-    try:
-        yield
-    except ValueError as error:
-        exit_code = getattr(error, "exit_code", None)
-        if exit_code is None:
-            raise
-        line = " ".join(str(error).split())
-        sys.stderr.write(f"error: {line}\n")
-        sys.exit(exit_code)
-
-
-def parse_flags(argv: list[str]) -> list[str]:
-    """Parses flags as absl does, but ends with one line whatever is wrong with one.
-
-    For `app.run(..., flags_parser=parse_flags)`.
-    """
-    with exit_on_user_error():
-        try:
-            return flags.FLAGS(argv)
-        except (AttributeError, KeyError) as error:
-            # An unknown field; the message is a repr inside a repr: its quotes and escapes go.
-            text = re.sub(r"\\n", " ", str(error.args[0])).translate(str.maketrans("", "", "\\'\""))
-            text = " ".join(text.split())
-            name = next(iter(re.findall(r"\w+", text)), "")
-            given = next((a for a in argv if re.search(rf"\b{name}\b", a)), "--config")
-            raise ConfigError(f"{given}: no such field: {text}") from error
-        except (flags.Error, TypeError, ValueError, OSError) as error:
-            raise ConfigError(str(error)) from error
-
-
-def finite_or_none(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """JSON has no NaN: None, its null, in place of floats that are not finite."""
-    return {k: _finite(v) for k, v in entry.items()}
-
-
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-@contextlib.contextmanager
-def locked(workdir: str | pathlib.Path) -> Iterator[None]:
-    """Keeps a second process from writing into a run's folder; the lock ends with the process.
-
-    Raises:
-      ConfigError: another process holds the folder.
-    """
-    path = pathlib.Path(workdir) / ".lock"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with open(path, "a") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ConfigError(
-                f"--workdir={workdir}: another training is running there; wait for it, end it, "
-                "or give another folder"
-            ) from None
-        except OSError as error:  # file systems without locks
-            logging.warning("%s cannot be locked (%s): start no second training there", path, error)
-        yield
+    def _check(self) -> None:
+        if self._last and int(self._last["bad_step"]) >= 0:
+            metric = WATCHED[int(self._last["bad_metric"])]
+            raise NonFiniteError(
+                f"the {metric} is not finite at step {int(self._last['bad_step'])}; stopped, the "
+                "checkpoints are from before; in a new --workdir, a lower optim.learning_rate or "
+                "optim.clip_norm=1 may help"
+            )
 
 
 def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
@@ -189,6 +212,18 @@ class MetricsWriter:
                 purge_step=self._step + 1 if folder.exists() else None,
             )
         return self._tensorboard
+
+
+def _duration(seconds: float) -> str:
+    seconds = round(seconds)
+    hours, minutes = seconds // 3600, seconds % 3600 // 60
+    if hours:
+        return f"{hours} h {minutes:02d} min"
+    return f"{minutes} min {seconds % 60:02d} s" if minutes else f"{seconds} s"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _line(entry: Mapping[str, Any]) -> str:

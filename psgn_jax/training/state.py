@@ -20,6 +20,10 @@ from psgn_jax.types import Array, PRNGKey
 _INIT, _TRAIN_RANDOM, _EVAL_RANDOM, _INIT_POSTERIOR = 0, 1, 2, 3
 
 
+WATCHED = ("loss", "gradient norm")
+"""What must stay finite; `TrainState.bad_metric` is an index into it."""
+
+
 class TrainState(NamedTuple):
     """State of training.
 
@@ -32,7 +36,7 @@ class TrainState(NamedTuple):
       loss_sum: float32, sum of the losses since the last multiple of `train.log_every`.
       loss_count: int32, how many these are.
       bad_step: int32, first step with a non-finite loss or gradient, -1 = none.
-      bad_metric: int32, index into `training.step.WATCHED` of what was not finite there.
+      bad_metric: int32, index into `WATCHED` of what was not finite there.
     """
 
     step: Array

@@ -24,9 +24,6 @@ from psgn_jax.models.inputs import network_input
 from psgn_jax.training.state import TrainState, random_key, schedule
 from psgn_jax.types import Array
 
-WATCHED = ("loss", "gradient norm")
-"""What must stay finite; `TrainState.bad_metric` is an index into it."""
-
 # Weights of the L2 terms in the authors' published training code, each w * sum(kernel**2) / 2 as in
 # tf.nn.l2_loss.
 L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from psgn_jax.training.log import write_atomic
+from psgn_jax.files import write_atomic
 from psgn_jax.viewing import spheres
 
 MAX_BYTES = 5_000_000

@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from psgn_jax.evaluate import Evaluation
-from psgn_jax.training.log import write_atomic
+from psgn_jax.files import write_atomic
+from psgn_jax.metrics import table
+from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.viewing import page, spheres
 
 ERROR = "cd_sq_radius2"
@@ -129,7 +130,7 @@ def write_report(
         "about": f"{len(names)} cases of the split {first.split!r}; {first.num_points[0]} "
         f"predicted against {first.num_points[1]} true points; radius = that of the bounding "
         "hemisphere",
-        "error_name": first.header(ERROR),
+        "error_name": table.header(first, ERROR),
         "table": _table(runs),
         "histogram": _histogram(errors[0]),
         "cases": cases,
@@ -212,7 +213,7 @@ def _table(runs: Sequence[Run]) -> list[list[str]]:
     for run in runs:
         names = [name for name in metrics if name in run.evaluation.metrics]
         prefix = f"{run.label}: " if len(runs) > 1 else ""
-        head += [prefix + run.evaluation.header(name) for name in names]
+        head += [prefix + table.header(run.evaluation, name) for name in names]
         for cells, row in zip(body, run.evaluation.rows(), strict=True):
             cells += [
                 f"{100 * row.metrics[n]:.2f}" if n == "fscore" else f"{row.metrics[n]:.5f}"

@@ -23,7 +23,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFilter
 
 from psgn_jax.data import camera
-from psgn_jax.training.log import write_atomic
+from psgn_jax.files import write_atomic
 from psgn_jax.viewing.clouds import turned
 
 RADIUS = 0.028

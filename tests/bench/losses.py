@@ -53,9 +53,10 @@ def real_clouds(folder, pairs):
 
 def default_clouds(pairs):
     """Clouds of the default data set, where the authors' are absent."""
-    from psgn_jax.data import default, records
+    from psgn_jax import default_data
+    from psgn_jax.data.dataset import RecordReader
 
-    reader = records.RecordReader(default.default_dataset(), "train")
+    reader = RecordReader(default_data.default_dataset(), "train")
     return np.stack([reader[i].points for i in range(min(pairs, len(reader)))])
 
 

@@ -88,10 +88,10 @@ def build_jax(network: dict[str, Any], batch: int) -> dict[str, Any]:
     import jax
     import jax.numpy as jnp
 
-    from psgn_jax import registry
     from psgn_jax.config import ModelConfig
+    from psgn_jax.models import point_out_net
 
-    model = registry.build_model(
+    model = point_out_net.build(
         ModelConfig(in_channels=IN_CHANNELS, fc_points=FC_POINTS, **network)
     )
     x = _images(network, batch)
@@ -254,9 +254,9 @@ def compare_draws(network: dict[str, Any], batch: int) -> None:
     import jax
     import jax.numpy as jnp
 
-    from psgn_jax import registry
     from psgn_jax.config import parse
     from psgn_jax.losses import chamfer_sq_mean, map_pairs, min_of_n
+    from psgn_jax.models import point_out_net
     from psgn_jax.training import step
 
     rng = np.random.default_rng(0)
@@ -277,7 +277,7 @@ def compare_draws(network: dict[str, Any], batch: int) -> None:
                 "model": {"name": name, "random_size": 128, **fields},
             }
         )
-        model = registry.build_model(config.model)
+        model = point_out_net.build(config.model)
 
         def plain(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
             return jnp.mean(map_pairs(chamfer_sq_mean)(step.predict(c, m, p, b, r), b["points"]))

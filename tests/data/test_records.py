@@ -8,7 +8,13 @@ import msgpack
 import numpy as np
 import pytest
 
-from psgn_jax.data import records, schema
+from psgn_jax import files
+from psgn_jax.data import schema
+from psgn_jax.data.codec import DepthCodes, PointLattice, decode, decode_stored, encode, unpack
+from psgn_jax.data.dataset import RecordReader, ShardWriter, shard_name, write_dataset
+from psgn_jax.data.manifest import MANIFEST, load_manifest
+from psgn_jax.data.schema import RecordError
+from psgn_jax.files import write_atomic
 
 
 def sorted_rows(points):
@@ -16,7 +22,7 @@ def sorted_rows(points):
 
 
 def test_round_trip_of_every_field(sample):
-    back = records.decode(records.encode(sample))
+    back = decode(encode(sample))
     schema.validate(back)
     for field in ("image", "mask", "occupancy", "intrinsics", "extrinsics"):
         np.testing.assert_array_equal(getattr(back, field), getattr(sample, field))
@@ -28,7 +34,7 @@ def test_round_trip_of_every_field(sample):
 
 
 def test_optional_fields_stay_absent(make, rng):
-    back = records.decode(records.encode(make.sample(rng, optional=False)))
+    back = decode(encode(make.sample(rng, optional=False)))
     assert back.depth is None
     assert back.normals is None
     assert back.occupancy is None
@@ -37,7 +43,7 @@ def test_optional_fields_stay_absent(make, rng):
 @pytest.mark.parametrize("bits", [1, 8, 9, 12, 16])
 def test_point_error_is_half_a_lattice_step(make, rng, bits):
     sample = make.sample(rng, num_points=500)
-    back = records.decode(records.encode(sample, point_bits=bits, normal_bits=16))
+    back = decode(encode(sample, point_bits=bits, normal_bits=16))
     # Normals came along in the same order: they identify the points.
     distance = np.linalg.norm(back.normals[:, None] - sample.normals, axis=2)
     match = distance.argmin(axis=1)
@@ -51,14 +57,14 @@ def test_normal_error_is_under_a_degree(make, rng):
     more = rng.normal(size=(20000, 3))
     normals = np.concatenate([axes, more / np.linalg.norm(more, axis=1, keepdims=True)])
     points = np.arange(len(normals))[:, None] * np.ones(3)  # a lattice that keeps the order
-    lattice = records.PointLattice(
+    lattice = PointLattice(
         np.stack([np.zeros(len(points)), points[:, 0] // 65536, points[:, 0]], 1).astype(np.uint16),
         np.eye(3, 4),
     )
     sample = make.sample(
         rng, points=lattice.points(), normals=normals.astype(np.float32), num_points=4
     )
-    back = records.decode(records.encode(sample, points=lattice))
+    back = decode(encode(sample, points=lattice))
     cosine = np.clip((back.normals * normals).sum(1), -1, 1)
     assert np.rad2deg(np.arccos(cosine)).max() < 1
 
@@ -70,13 +76,13 @@ def test_lattice_points_are_exact_and_keep_multiplicity(make, rng, dtype):
     codes[100:200] = codes[:100]
     codes[0], codes[1] = 0, top
     matrix = rng.normal(size=(3, 4))
-    lattice = records.PointLattice(codes, matrix)
+    lattice = PointLattice(codes, matrix)
     sample = make.sample(rng, points=lattice.points(), normals=None)
-    back = records.decode_stored(records.encode(sample, points=lattice))
+    back = decode_stored(encode(sample, points=lattice))
     np.testing.assert_array_equal(sorted_rows(back.points.codes), sorted_rows(codes))
     np.testing.assert_array_equal(back.points.matrix, matrix)
     np.testing.assert_array_equal(
-        sorted_rows(records.decode(records.encode(sample, points=lattice)).points),
+        sorted_rows(decode(encode(sample, points=lattice)).points),
         sorted_rows(sample.points),
     )
 
@@ -84,7 +90,7 @@ def test_lattice_points_are_exact_and_keep_multiplicity(make, rng, dtype):
 def test_one_repeated_point(make, rng):
     sample = make.sample(rng, num_points=50, normals=None)
     sample = dataclasses.replace(sample, points=np.full((50, 3), 0.25, np.float32))
-    np.testing.assert_array_equal(records.decode(records.encode(sample)).points, sample.points)
+    np.testing.assert_array_equal(decode(encode(sample)).points, sample.points)
 
 
 @pytest.mark.parametrize("everywhere", [True, False])
@@ -92,9 +98,9 @@ def test_sixteen_bit_depth_is_exact(make, rng, everywhere):
     codes = rng.integers(0, 65536, (24, 32)).astype(np.uint16)
     mask = rng.random((24, 32)) < 0.4
     valid = np.ones_like(mask) if everywhere else mask
-    depth = records.DepthCodes(codes, valid, -3.6 / 65535, 5.4)
+    depth = DepthCodes(codes, valid, -3.6 / 65535, 5.4)
     sample = make.sample(rng, mask=mask, depth=depth.depth())
-    back = records.decode_stored(records.encode(sample, depth=depth)).depth
+    back = decode_stored(encode(sample, depth=depth)).depth
     np.testing.assert_array_equal(back.codes[valid], codes[valid])
     np.testing.assert_array_equal(back.depth(), sample.depth)
 
@@ -102,13 +108,13 @@ def test_sixteen_bit_depth_is_exact(make, rng, everywhere):
 def test_empty_mask_and_depth(make, rng):
     nothing = np.zeros((24, 32), np.bool_)
     sample = make.sample(rng, mask=nothing, depth=np.zeros((24, 32), np.float32))
-    back = records.decode(records.encode(sample))
+    back = decode(encode(sample))
     assert not back.mask.any()
     assert not back.depth.any()
 
 
 def test_fields_asked_for_alone_are_decoded(sample):
-    stored = records.decode_stored(records.encode(sample), ("points",))
+    stored = decode_stored(encode(sample), ("points",))
     assert stored.points is not None
     assert stored.image is None
     assert stored.mask is None
@@ -116,7 +122,7 @@ def test_fields_asked_for_alone_are_decoded(sample):
 
 
 def test_records_of_other_makers_are_refused(sample):
-    data = records.encode(sample)
+    data = encode(sample)
     content = msgpack.unpackb(data[4:])
 
     def with_changes(**changes):
@@ -140,11 +146,11 @@ def test_records_of_other_makers_are_refused(sample):
         {"mask": "text"},
     ):
         with pytest.raises(ValueError, match=r"expected|inflate|image|buffer|reshape|bytes"):
-            records.decode(with_changes(**changes))
+            decode(with_changes(**changes))
 
 
 def test_data_set_round_trip(dataset):
-    train = records.RecordReader(dataset, "train")
+    train = RecordReader(dataset, "train")
     assert len(train) == 37
     assert [s.count for s in train.shards] == [10, 10, 10, 7]
     assert [train[i].model_id for i in (0, 9, 10, 36)] == [
@@ -159,7 +165,7 @@ def test_data_set_round_trip(dataset):
         train.read(37)
     copy = pickle.loads(pickle.dumps(train))
     assert copy.read(20) == train.read(20)
-    manifest = records.load_manifest(dataset)
+    manifest = load_manifest(dataset)
     assert "normals" in manifest.fields()
     assert "occupancy" not in manifest.fields()
     assert sum(train.shards[0].categories.values()) == 10
@@ -173,15 +179,15 @@ def copied(dataset, tmp_path):
 
 
 def test_not_a_data_set(tmp_path):
-    with pytest.raises(records.RecordError, match="no such folder"):
-        records.RecordReader(tmp_path / "missing", "train")
-    with pytest.raises(records.RecordError, match="not a data set of this project"):
-        records.RecordReader(tmp_path, "train")
+    with pytest.raises(RecordError, match="no such folder"):
+        RecordReader(tmp_path / "missing", "train")
+    with pytest.raises(RecordError, match="not a data set of this project"):
+        RecordReader(tmp_path, "train")
 
 
 def test_unknown_split_lists_the_others(dataset):
-    with pytest.raises(records.RecordError, match=r"no split 'test'.*'train', 'validation'"):
-        records.RecordReader(dataset, "test")
+    with pytest.raises(RecordError, match=r"no split 'test'.*'train', 'validation'"):
+        RecordReader(dataset, "test")
 
 
 @pytest.mark.parametrize(
@@ -195,47 +201,47 @@ def test_unknown_split_lists_the_others(dataset):
     ],
 )
 def test_wrong_manifests(copied, changes, message):
-    path = copied / records.MANIFEST
+    path = copied / MANIFEST
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
-    with pytest.raises(records.RecordError, match=message):
-        records.RecordReader(copied, "train")
+    with pytest.raises(RecordError, match=message):
+        RecordReader(copied, "train")
 
 
 def test_a_shard_name_cannot_leave_the_folder(copied):
-    path = copied / records.MANIFEST
+    path = copied / MANIFEST
     content = json.loads(path.read_text())
     content["shards"][0]["file"] = "../train-00000.arrayrecord"
     path.write_text(json.dumps(content))
-    with pytest.raises(records.RecordError, match="damaged"):
-        records.load_manifest(copied)
+    with pytest.raises(RecordError, match="damaged"):
+        load_manifest(copied)
 
 
 def test_damaged_manifest_text(copied):
-    (copied / records.MANIFEST).write_text('{"format": ')
-    with pytest.raises(records.RecordError, match=r"manifest\.json: damaged"):
-        records.load_manifest(copied)
+    (copied / MANIFEST).write_text('{"format": ')
+    with pytest.raises(RecordError, match=r"manifest\.json: damaged"):
+        load_manifest(copied)
 
 
 def test_missing_and_truncated_shards(copied):
     shard = copied / "train-00001.arrayrecord"
     data = shard.read_bytes()
     shard.write_bytes(data[:-1])
-    with pytest.raises(records.RecordError, match=r"train-00001\.arrayrecord has \d+ bytes"):
-        records.RecordReader(copied, "train")
+    with pytest.raises(RecordError, match=r"train-00001\.arrayrecord has \d+ bytes"):
+        RecordReader(copied, "train")
     shard.unlink()
-    with pytest.raises(records.RecordError, match=r"train-00001\.arrayrecord is missing"):
-        records.RecordReader(copied, "train")
+    with pytest.raises(RecordError, match=r"train-00001\.arrayrecord is missing"):
+        RecordReader(copied, "train")
 
 
 def test_damage_names_file_and_record_and_spares_the_others(make, copied):
     shard = copied / "train-00001.arrayrecord"
-    make.damage(shard, records.RecordReader(copied, "train").read(13))
-    reader = records.RecordReader(copied, "train")
+    make.damage(shard, RecordReader(copied, "train").read(13))
+    reader = RecordReader(copied, "train")
     with pytest.raises(
-        records.RecordError, match=r"record 3 of .*train-00001\.arrayrecord is damaged.*again"
+        RecordError, match=r"record 3 of .*train-00001\.arrayrecord is damaged.*again"
     ):
         reader[13]
-    with pytest.raises(records.RecordError, match="checksum does not fit"):
+    with pytest.raises(RecordError, match="checksum does not fit"):
         reader.verify()
     assert all(reader[i].model_id for i in range(37) if i != 13)
 
@@ -243,7 +249,7 @@ def test_damage_names_file_and_record_and_spares_the_others(make, copied):
 def test_no_damage_goes_unseen_or_ends_the_process(copied):
     shard = copied / "train-00003.arrayrecord"
     data = shard.read_bytes()
-    want = [records.RecordReader(copied, "train").read(i) for i in range(30, 37)]
+    want = [RecordReader(copied, "train").read(i) for i in range(30, 37)]
     choose = random.Random(0)
     for trial in range(150):
         bad = bytearray(data)
@@ -256,12 +262,12 @@ def test_no_damage_goes_unseen_or_ends_the_process(copied):
             end = min(at + 4096, len(bad))
             bad[at:end] = choose.randbytes(end - at)
         shard.write_bytes(bad)
-        reader = records.RecordReader(copied, "train")
+        reader = RecordReader(copied, "train")
         for i in range(30, 37):
             message = ""
             try:
                 got = reader.stored(i)
-            except records.RecordError as error:
+            except RecordError as error:
                 message = str(error)
             if message:
                 assert "train-00003.arrayrecord" in message
@@ -277,22 +283,22 @@ def test_failed_writing_leaves_nothing_under_the_name(tmp_path, sample):
 
 
 def _write_and_fail(folder, sample):
-    with records.ShardWriter(folder, "train", 0) as writer:
-        writer.write(records.encode(sample), sample)
+    with ShardWriter(folder, "train", 0) as writer:
+        writer.write(encode(sample), sample)
         raise RuntimeError("stop")
 
 
 def test_files_appear_whole_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "a.json"
-    records.write_atomic(path, "é\n")
+    write_atomic(path, "é\n")
     assert path.read_bytes() == "é\n".encode()
 
     def fail(descriptor):
         raise OSError("disk")
 
-    monkeypatch.setattr(records.os, "fsync", fail)
+    monkeypatch.setattr(files.os, "fsync", fail)
     with pytest.raises(OSError, match="disk"):
-        records.write_atomic(path, b"new")
+        write_atomic(path, b"new")
     assert path.read_bytes() == "é\n".encode()
     assert list(tmp_path.iterdir()) == [path]
 
@@ -300,7 +306,7 @@ def test_files_appear_whole_or_not_at_all(tmp_path, monkeypatch):
 def test_writing_is_reproducible(tmp_path, make):
     for name in "ab":
         rng = np.random.default_rng(5)
-        records.write_dataset(
+        write_dataset(
             tmp_path / name, {"train": [make.sample(rng) for _ in range(5)]}, source="test"
         )
     for path in (tmp_path / "a").iterdir():
@@ -309,24 +315,24 @@ def test_writing_is_reproducible(tmp_path, make):
 
 def test_a_data_set_is_not_overwritten_unasked(tmp_path, make, rng):
     def write(**more):
-        return records.write_dataset(tmp_path, {"train": [make.sample(rng)]}, source="test", **more)
+        return write_dataset(tmp_path, {"train": [make.sample(rng)]}, source="test", **more)
 
     write()
-    with pytest.raises(records.RecordError, match="exists; give another folder"):
+    with pytest.raises(RecordError, match="exists; give another folder"):
         write()
-    assert len(records.RecordReader(tmp_path, "train")) == 1
+    assert len(RecordReader(tmp_path, "train")) == 1
     write(overwrite=True)
 
 
 def test_bad_split_names(tmp_path):
     with pytest.raises(ValueError, match="split"):
-        records.shard_name("../train", 0)
+        shard_name("../train", 0)
 
 
 def test_extra_is_kept_and_checked(make, rng):
     sample = make.sample(rng)
-    assert "extra" not in records.unpack(records.encode(sample))
+    assert "extra" not in unpack(encode(sample))
     told = dataclasses.replace(sample, extra='{"seed": 3, "name": "café"}')
-    assert records.decode(records.encode(told)).extra == told.extra
+    assert decode(encode(told)).extra == told.extra
     with pytest.raises(ValueError, match=r"'extra'.*JSON object"):
-        records.encode(dataclasses.replace(sample, extra="[1]"))
+        encode(dataclasses.replace(sample, extra="[1]"))

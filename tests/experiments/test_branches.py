@@ -7,11 +7,11 @@ import pytest
 from helpers import drawn_solids as solids
 from PIL import Image
 
-from psgn_jax import evaluate as evaluate_lib
 from psgn_jax.config import ConfigError, flatten, parse, to_json
-from psgn_jax.data import records
+from psgn_jax.data.dataset import write_dataset
 from psgn_jax.experiments import branches as lib
-from psgn_jax.models.point_out_net import branch_of_point, output_grid
+from psgn_jax.metrics.evaluation import Evaluation, SampleName
+from psgn_jax.models.point_layout import branch_of_point, output_grid
 
 MODEL = {"widths": (4, 6, 8), "deconv_level": 1, "fc_points": 30, "fc_widths": (8,)}
 CONFIG = parse({"data": {"image_size": (24, 32)}, "model": MODEL})
@@ -46,9 +46,9 @@ def test_a_sheet_with_rods_is_told_from_the_rods(rng):
     assert measures["deconv"]["gt_to_pred"] == pytest.approx(gaps.min(axis=1).mean(), rel=1e-5)
 
     found = lib.gather([sample, sample])
-    names = [evaluate_lib.SampleName(i, "car", f"m{i}", 0) for i in range(2)]
+    names = [SampleName(i, "car", f"m{i}", 0) for i in range(2)]
     metrics = {"cd_sq_radius2": np.array([0.01, 0.02])}
-    evaluation = evaluate_lib.Evaluation("validation", names, metrics, 0.01, (222, 990), 0.025)
+    evaluation = Evaluation("validation", names, metrics, 0.01, (222, 990), 0.025)
     text = lib.table(evaluation, found)
     assert "fc has more of the nearest points far from the centre" in text
     assert "a main body" in text
@@ -118,7 +118,7 @@ def test_the_whole_study_and_again(tmp_path, monkeypatch):
     monkeypatch.setattr(lib, "configuration", configuration)
     data, work = tmp_path / "data", tmp_path / "work"
     drawn = list(solids.samples(4, seed=0, image_size=(24, 32)))
-    records.write_dataset(data, {"train": drawn[:2], "validation": drawn}, source="")
+    write_dataset(data, {"train": drawn[:2], "validation": drawn}, source="")
     text = lib.run(work, data=str(data), num_cases=2)
     assert text == (work / "branches.txt").read_text()
     document = json.loads((work / "branches.json").read_text())

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from psgn_jax import evaluate
 from psgn_jax.config import ConfigError, parse
-from psgn_jax.data import camera, records, schema
+from psgn_jax.data import camera, schema
+from psgn_jax.data.dataset import write_dataset
 from psgn_jax.experiments import comparison as lib
+from psgn_jax.metrics.evaluation import Evaluation, SampleName
 
 
 def test_configurations_differ_where_they_should():
@@ -184,9 +185,7 @@ def test_what_is_compared(tmp_path, monkeypatch):
 
     def measure(workdir, split, into=None):
         name = workdir.name
-        names = [
-            evaluate.SampleName(i, s.category, s.model_id, s.view) for i, s in enumerate(known)
-        ]
+        names = [SampleName(i, s.category, s.model_id, s.view) for i, s in enumerate(known)]
         metrics = {"iou": np.full(4, 0.7 if "volume" in name else 0.6)}
         metrics |= {f"iou_splat_{n}": np.full(4, 0.5) for n in lib.POINTS}
         metrics |= {f"iou_{count}_views": np.full(4, 0.1 * count) for count in lib.VIEWS}
@@ -198,7 +197,7 @@ def test_what_is_compared(tmp_path, monkeypatch):
         predictions = truth.astype(np.float32) if name != lib.PEER else 0.1 * truth
         if name in lib.POINTS:
             predictions = clouds
-        found = evaluate.Evaluation(split, names, metrics, 0.01, (0, 0), chosen=chosen)
+        found = Evaluation(split, names, metrics, 0.01, (0, 0), chosen=chosen)
         return lib.Run(found, predictions)
 
     monkeypatch.setattr(lib, "measure", measure)
@@ -221,7 +220,7 @@ def test_what_is_compared(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_the_whole_study_and_again(tmp_path, monkeypatch):
     splits = ("train", "validation", "test")
-    records.write_dataset(tmp_path / "data", {s: samples(s) for s in splits}, source="")
+    write_dataset(tmp_path / "data", {s: samples(s) for s in splits}, source="")
     tiny = lib.DEFAULT._replace(
         image_size=(16, 32),
         model={"name": "vanilla", "widths": (4, 4), "fc_points": 64, "fc_widths": (8,)},
@@ -251,7 +250,7 @@ def test_the_whole_study_and_again(tmp_path, monkeypatch):
 
 def test_records_without_five_views_are_refused_before_anything(tmp_path):
     few = [s for s in samples("train") if s.view < 2]
-    records.write_dataset(tmp_path / "data", {"train": few, "validation": few}, source="")
+    write_dataset(tmp_path / "data", {"train": few, "validation": few}, source="")
     with pytest.raises(ConfigError, match=r"has 2 views of the 5 that voxels.max_views asks for"):
         lib.run(tmp_path / "work", data=str(tmp_path / "data"))
     assert not (tmp_path / "work").exists()

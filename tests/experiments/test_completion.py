@@ -10,10 +10,10 @@ import pytest
 from helpers import drawn_solids as solids
 from PIL import Image
 
-from psgn_jax import evaluate as evaluate_lib
 from psgn_jax.config import ConfigError, flatten, parse
-from psgn_jax.data import records
+from psgn_jax.data.dataset import write_dataset
 from psgn_jax.experiments import completion as lib
+from psgn_jax.metrics.evaluation import Evaluation, SampleName
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -56,14 +56,14 @@ def test_data_named_found_or_drawn(tmp_path, monkeypatch):
 
 
 def evaluation(hidden, fscore):
-    names = [evaluate_lib.SampleName(i, "car", f"m{i}", 0) for i in range(4)]
+    names = [SampleName(i, "car", f"m{i}", 0) for i in range(4)]
     metrics = {
         "cd_sq_radius2": np.array([1.0, 2, 3, 4]),
         "fscore": np.array(fscore),
         "cd_sq_gt_to_pred_hidden_radius2": np.array(hidden),
         "visible_share": np.array([0.5, 0.5, 0.5, 1.0]),
     }
-    return evaluate_lib.Evaluation("validation", names, metrics, 0.01, (1024, 4096), 0.025)
+    return Evaluation("validation", names, metrics, 0.01, (1024, 4096), 0.025)
 
 
 def test_differences_are_paired_and_leave_out_what_no_sample_has():
@@ -113,7 +113,7 @@ def test_the_whole_study_and_again(tmp_path, monkeypatch):
     monkeypatch.setattr(lib, "configuration", tiny)
     drawn = list(solids.samples(5, seed=0, image_size=(48, 64)))
     data = tmp_path / "data"
-    records.write_dataset(data, {"train": drawn[:2], "validation": drawn}, source="")
+    write_dataset(data, {"train": drawn[:2], "validation": drawn}, source="")
     work = tmp_path / "work"
     text = lib.run(work, data=str(data), num_cases=2)
     assert "hidden true points" in text
@@ -130,7 +130,7 @@ def test_the_whole_study_and_again(tmp_path, monkeypatch):
 
     bare = tmp_path / "bare"
     flat = [dataclasses.replace(s, depth=None) for s in drawn[:2]]
-    records.write_dataset(bare, {"train": flat, "validation": flat}, source="")
+    write_dataset(bare, {"train": flat, "validation": flat}, source="")
     with pytest.raises(ConfigError, match="asks for depth"):
         lib.run(tmp_path / "other", data=str(bare))
     assert not (tmp_path / "other").exists()

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from psgn_jax import evaluate as evaluate_lib
 from psgn_jax.config import ConfigError, flatten, parse, to_json
 from psgn_jax.experiments import losses as lib
+from psgn_jax.metrics.evaluation import Evaluation, SampleName
 
 
 def test_both_trainings_differ_in_the_loss_alone():
@@ -48,8 +48,8 @@ def test_the_table_and_its_numbers():
     assert found.error == pytest.approx(change.std(ddof=1) / 2)
     assert found.better == 0.75
     assert lib.compare(both, "fscore").better == 0.75  # the larger the better
-    names = [evaluate_lib.SampleName(i, "car", f"m{i}", 0) for i in range(4)]
-    evaluation = evaluate_lib.Evaluation("validation", names, {}, 0.01, (1024, 4096), 0.025)
+    names = [SampleName(i, "car", f"m{i}", 0) for i in range(4)]
+    evaluation = Evaluation("validation", names, {}, 0.01, (1024, 4096), 0.025)
     text = lib.table(both, evaluation, {"cd": 30, "emd": 30})
     assert "after 30 steps of each training" in text
     assert "not one budget" in lib.table(both, evaluation, {"cd": 30, "emd": 20})

@@ -7,11 +7,11 @@ import pytest
 from helpers import drawn_solids as solids
 from PIL import Image
 
-from psgn_jax import evaluate as evaluate_lib
 from psgn_jax.config import flatten, parse
-from psgn_jax.data import records
+from psgn_jax.data.dataset import write_dataset
 from psgn_jax.experiments import branches, losses
 from psgn_jax.experiments import networks as lib
+from psgn_jax.metrics.evaluation import Evaluation, SampleName
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def test_one_budget_and_equal_parameters(configs):
 
 
 def results(rng):
-    names = [evaluate_lib.SampleName(i, "car", f"m{i}", 0) for i in range(9)]
+    names = [SampleName(i, "car", f"m{i}", 0) for i in range(9)]
     found = {}
     for loss in lib.LOSSES:
         for factor, name in zip((1.0, 1.05, 0.8, 0.7), lib.NETWORKS, strict=True):
@@ -42,7 +42,7 @@ def results(rng):
                 "cd_sq_radius2": factor * rng.uniform(0.9, 1.1, 9) / 100,
                 "emd_radius": factor * rng.uniform(0.9, 1.1, 9) / 10,
             }
-            evaluation = evaluate_lib.Evaluation("validation", names, metrics, 0.01, (1024, 4096))
+            evaluation = Evaluation("validation", names, metrics, 0.01, (1024, 4096))
             found[f"{name}_{loss}"] = lib.Trained(evaluation, 4_300_000, 0.25, 3.0)
     return found
 
@@ -115,7 +115,7 @@ def test_the_whole_study_again_and_what_takes_its_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(lib, "figure", lambda results: Image.new("RGB", (9, 9)))
     data, work = tmp_path / "data", tmp_path / "work"
     drawn = list(solids.samples(4, seed=0, image_size=(48, 64)))
-    records.write_dataset(data, {"train": drawn[:2], "validation": drawn}, source="")
+    write_dataset(data, {"train": drawn[:2], "validation": drawn}, source="")
     text = lib.run(work, data=str(data))
     assert text == (work / "networks.txt").read_text()
     document = json.loads((work / "networks.json").read_text())

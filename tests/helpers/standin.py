@@ -11,7 +11,6 @@ import os
 import pathlib
 import sys
 import time
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -49,9 +48,7 @@ def stack(samples):
 
 def train_batches(cfg, *, batch_size, seed, start_step, process_index=0, process_count=1):
     if cfg.path:
-        from psgn_jax.data import loader
-
-        yield from loader.train_batches(
+        yield from _loader("train_batches")(
             cfg, batch_size=batch_size, seed=seed, start_step=start_step
         )
     step = start_step
@@ -66,9 +63,7 @@ def train_batches(cfg, *, batch_size, seed, start_step, process_index=0, process
 
 def eval_batches(cfg, *, split, batch_size, seed=0, visible_tolerance=0.0):
     if cfg.path:
-        from psgn_jax.data import loader
-
-        yield from loader.eval_batches(
+        yield from _loader("eval_batches")(
             cfg,
             split=split,
             batch_size=batch_size,
@@ -94,9 +89,25 @@ def num_samples(cfg, split):
     return SIZES.get(split, 0)
 
 
-SOURCE = SimpleNamespace(
-    train_batches=train_batches, eval_batches=eval_batches, num_samples=num_samples
-)
+_LOADER = {}
+
+
+def _loader(name):
+    """A function of the loader that this source took the place of."""
+    from psgn_jax.data import loader
+
+    return _LOADER.get(name) or getattr(loader, name)
+
+
+def install(monkeypatch):
+    """Puts this source in place of the loader, for what trains or evaluates in this process."""
+    from psgn_jax import default_data
+    from psgn_jax.data import loader
+
+    for function in (train_batches, eval_batches, num_samples):
+        _LOADER.setdefault(function.__name__, getattr(loader, function.__name__))
+        monkeypatch.setattr(loader, function.__name__, function)
+    monkeypatch.setattr(default_data, "default_dataset", lambda: "")
 
 
 def config(**changes):
@@ -138,10 +149,10 @@ def config(**changes):
 if __name__ == "__main__":
     sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
+    import pytest
     from absl import app
 
-    from psgn_jax import main, registry
-    from psgn_jax.training import log
+    from psgn_jax import command_line, main
 
-    registry.DATA_SOURCES["records"] = SOURCE
-    app.run(main.main, flags_parser=log.parse_flags)
+    install(pytest.MonkeyPatch())
+    app.run(main.main, flags_parser=command_line.parse_flags)

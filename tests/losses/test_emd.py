@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from helpers import reference
 
-from psgn_jax import losses, registry
+from psgn_jax import losses
 from psgn_jax.config import LossConfig
+from psgn_jax.losses.by_name import configured_loss
 from psgn_jax.metrics import clouds as metrics_lib
 
 N = 96
@@ -166,7 +167,7 @@ def test_bfloat16_is_computed_in_float32(rng):
 
 def test_registry_and_metrics(rng):
     for name in ("emd_mean", "emd_sum"):
-        assert registry.loss(LossConfig(name=name)).func is getattr(losses, name)
+        assert configured_loss(LossConfig(name=name)).func is getattr(losses, name)
     a, b = clouds(rng)
     more = np.concatenate([b, b + 100])
     found = jax.jit(lambda x, y: metrics_lib.evaluate_pair(x, y, emd_tolerance=0.01))(a, b)

@@ -15,11 +15,13 @@ from helpers import drawn_solids as solids
 from helpers import standin
 from PIL import Image
 
-from psgn_jax import predict as lib
-from psgn_jax import registry
 from psgn_jax.config import ConfigError, to_json
-from psgn_jax.data import camera, records
+from psgn_jax.data import camera
+from psgn_jax.data.dataset import write_dataset
+from psgn_jax.models import point_out_net
 from psgn_jax.prediction import sampling
+from psgn_jax.prediction.files import predict_files
+from psgn_jax.prediction.predictor import DECONV, FC, Prediction, Predictor
 from psgn_jax.training import loop
 from psgn_jax.training.checkpoint import Checkpoints
 from psgn_jax.training.state import named_leaves
@@ -42,14 +44,14 @@ def config():
 
 @pytest.fixture(scope="module")
 def params(config):
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     image = jnp.zeros((1, 24, 32, 4))
     return jax.jit(lambda: model.init(jax.random.key(0), image, jnp.zeros((1, 3))))()["params"]
 
 
 @pytest.fixture(scope="module")
 def predictor(config, params):
-    return lib.Predictor(config, params, step=7, source="runs/x")
+    return Predictor(config, params, step=7, source="runs/x")
 
 
 def photo_of_a_box(height=90, width=120):
@@ -64,7 +66,7 @@ def test_arrays_in_arrays_out(predictor):
     assert result.points.shape == (3, n, 3)
     assert result.points.dtype == np.float32
     assert result.colours.shape == (3, n, 3)
-    assert result.branch.tolist() == [lib.FC] * 5 + [lib.DECONV] * (n - 5)
+    assert result.branch.tolist() == [FC] * 5 + [DECONV] * (n - 5)
     assert result.mask_from == "plain"
     np.testing.assert_allclose(result.spread, result.points.std(axis=0), atol=1e-6)
     assert result.mutual.shape == (3, 3)
@@ -119,10 +121,10 @@ def test_wrong_arguments(predictor, config, params):
         predictor(photo_of_a_box(), np.ones((5, 5), bool))
     depth = standin.config(data__inputs=("rgb", "mask", "depth"))
     with pytest.raises(ConfigError, match="network reads depth"):
-        lib.Predictor(depth, params)
+        Predictor(depth, params)
     fixed = standin.config(model__random_size=0)
     with pytest.raises(ConfigError, match="samples=2: accepted: 1, as this network has no random"):
-        lib.Predictor(fixed, params)(photo_of_a_box(), samples=2)
+        Predictor(fixed, params)(photo_of_a_box(), samples=2)
 
 
 def test_files_and_folders(predictor, tmp_path):
@@ -132,9 +134,9 @@ def test_files_and_folders(predictor, tmp_path):
         Image.fromarray(photo_of_a_box()).save(folder / name)
     (folder / "notes.txt").write_text("no image")
     images = [folder, folder / "deep" / "a.png", folder / "a.png"]
-    results = list(lib.predict_files(predictor, images, out, samples=2, seed=5))
+    results = list(predict_files(predictor, images, out, samples=2, seed=5))
     assert [path.name for path, _ in results] == ["A.bmp", "a.png", "b.jpg", "a.png"]
-    assert all(isinstance(result, lib.Prediction) for _, result in results)
+    assert all(isinstance(result, Prediction) for _, result in results)
     alone = predictor(photo_of_a_box(), samples=2, seed=5)
     np.testing.assert_array_equal(results[1][1].points, alone.points)  # whatever its place
     names = {p.name for p in out.iterdir()}
@@ -167,16 +169,16 @@ def test_masks_by_name(predictor, tmp_path):
     Image.fromarray(mask).save(folder / "a.png")
     Image.fromarray(mask).resize((60, 45)).save(folder / "b_mask.png")
     Image.fromarray(mask * 0).save(folder / "c.png")
-    results = dict(lib.predict_files(predictor, [images], out, mask=str(folder)))
+    results = dict(predict_files(predictor, [images], out, mask=str(folder)))
     a, b, c, d = (results[images / f"{name}.png"] for name in "abcd")
     assert a.mask_from == b.mask_from == "given"
     assert "is empty: no pixel of it is object" in str(c)
     assert "no file there is named d" in str(d)
     with pytest.raises(ConfigError, match="accepted for 4 images: a folder"):
-        next(lib.predict_files(predictor, [images], out, mask=str(folder / "a.png")))
+        next(predict_files(predictor, [images], out, mask=str(folder / "a.png")))
     (tmp_path / "empty").mkdir()
     with pytest.raises(ConfigError, match="no image in"):
-        next(lib.predict_files(predictor, [tmp_path / "empty"], out))
+        next(predict_files(predictor, [tmp_path / "empty"], out))
 
 
 def hostile(folder):
@@ -198,8 +200,8 @@ def hostile(folder):
 
 def test_bad_files_do_not_stop_the_others(predictor, tmp_path):
     good = hostile(tmp_path / "in")
-    results = list(lib.predict_files(predictor, [tmp_path / "in"], tmp_path / "out"))
-    assert {p.stem for p, r in results if isinstance(r, lib.Prediction)} == good
+    results = list(predict_files(predictor, [tmp_path / "in"], tmp_path / "out"))
+    assert {p.stem for p, r in results if isinstance(r, Prediction)} == good
     assert {p.stem for p in (tmp_path / "out").glob("*.json")} == good
     for path, result in results:
         if path.stem not in good:
@@ -207,7 +209,7 @@ def test_bad_files_do_not_stop_the_others(predictor, tmp_path):
 
 
 def test_a_network_gone_bad_is_told(config, params, tmp_path):
-    broken = lib.Predictor(config, jax.tree.map(lambda leaf: leaf * np.nan, params))
+    broken = Predictor(config, jax.tree.map(lambda leaf: leaf * np.nan, params))
     with pytest.raises(ConfigError, match="not finite"):
         broken(photo_of_a_box())
 
@@ -301,7 +303,7 @@ def test_a_trained_network_predicts_right_side_up(tmp_path):
     """Over 90 % of the points fall on the masks of images as framed, nearly as many in photos."""
     trained_on, new = (list(solids.samples(n, seed=n)) for n in (60, 20))
     splits = {"train": trained_on, "validation": new}
-    records.write_dataset(tmp_path / "records", splits, source="solids")
+    write_dataset(tmp_path / "records", splits, source="solids")
     steps = {"steps": 500, "eval_every": 500, "checkpoint_every": 500, "log_every": 100}
     settings = {
         "data": {"path": str(tmp_path / "records"), "image_size": (48, 64), "num_points": 512}
@@ -314,7 +316,7 @@ def test_a_trained_network_predicts_right_side_up(tmp_path):
         "eval": {"emd_tolerance": 0},
     }
     loop.train(settings, tmp_path / "run")
-    predictor = lib.Predictor.from_workdir(tmp_path / "run", "last")
+    predictor = Predictor.from_workdir(tmp_path / "run", "last")
     for samples in (trained_on, new):
         shares = shares_on_the_mask(predictor, samples)
         print(shares)

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from helpers import reference, standin
 
-from psgn_jax import evaluate, registry
 from psgn_jax.config import ConfigError
+from psgn_jax.metrics import table as table_lib
+from psgn_jax.models import point_out_net
 from psgn_jax.prediction import sampling
+from psgn_jax.tasks.points import Points
 from psgn_jax.training import state
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -21,7 +23,7 @@ def network(**changes):
     config = standin.config(
         model__name="vanilla", model__widths=(4, 6, 8), model__fc_points=16, **changes
     )
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     tx = state.optimizer(config.optim, config.train.steps)
     quick = {"xla_backend_optimization_level": 0}
     params = jax.jit(lambda: state.create(config, model, tx), compiler_options=quick)().params
@@ -62,17 +64,16 @@ def test_a_draw_depends_on_seed_sample_and_number_alone():
 def test_a_network_without_random_input_gives_one_prediction():
     config = standin.config(model__random_size=0)
     with pytest.raises(ConfigError, match=r"model.random_size=0: this network gives one"):
-        sampling.make_draws(config, registry.build_model(config.model), 2)
+        sampling.make_draws(config, point_out_net.build(config.model), 2)
     config, model, params = network()
     with pytest.raises(ValueError, match="num_draws: got 0"):
         sampling.draws(config, model, params, {}, 0)
 
 
 def test_evaluation_with_draws(monkeypatch):
-    monkeypatch.setitem(registry.DATA_SOURCES, "records", standin.SOURCE)
+    standin.install(monkeypatch)
     config, model, params = network(eval__emd_tolerance=0.05)
-    step = evaluate.with_draws(config, model, evaluate.make_step(config, model), 3)
-    result = evaluate.evaluate(config, params, eval_step=step)
+    result = Points(config, pathlib.Path()).evaluate(params, draws=3)
     best, mean = (result.metrics[f"cd_sq_radius2_{what}_of_3"] for what in ("best", "mean"))
     assert (best < mean).all()
     assert (result.metrics["emd_radius_best_of_3"] < result.metrics["emd_radius_mean_of_3"]).all()
@@ -83,7 +84,7 @@ def test_evaluation_with_draws(monkeypatch):
     tmd = reference.total_mutual_difference(np.asarray(drawn.points[1]))
     difference = result.metrics["total_mutual_difference_radius2"]
     np.testing.assert_allclose(difference[1], tmd, rtol=1e-3)
-    text = result.text()
+    text = table_lib.text(result)
     assert "best of 3 draws: CD squared [radius^2]" in text
     assert "mean of 3 draws: EMD [radius]" in text
     assert "total mutual difference [radius^2]" in text

@@ -3,16 +3,11 @@
 import json
 import pathlib
 import struct
-import subprocess
-import sys
 
 import numpy as np
-import pytest
 import tensorboardX
 
-from psgn_jax.config import ConfigError, UserError
-from psgn_jax.training import log as writer_lib
-from psgn_jax.training.log import MetricsWriter, locked, read_metrics, write_atomic
+from psgn_jax.training.log import MetricsWriter, read_metrics
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -80,48 +75,3 @@ def test_a_killed_run_is_purged_from_tensorboard_also_before_its_first_checkpoin
         writer.scalars(step + 1, "train", {"loss": 0.5})
         writer.close()
     assert purged == [None, 1, 6]
-
-
-def test_terminal_shows_own_progress_and_others_warnings():
-    code = """
-from absl import logging
-from psgn_jax.training import log
-from psgn_jax.data.sources import authors
-from psgn_jax import convert
-writer.log_to_terminal()
-logging.info("of another package")
-logging.warning("their warning")
-exec(compile("logging.info('own progress')", convert.__file__, "exec"))
-"""
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
-    lines = [line.partition(" ")[2] for line in result.stderr.splitlines()]
-    assert lines == ["their warning", "own progress"], result.stderr
-
-
-def test_a_folder_is_locked_until_its_owner_ends(tmp_path):
-    with locked(tmp_path / "run"), pytest.raises(ConfigError, match="another training is running"):
-        locked(tmp_path / "run").__enter__()
-    with locked(tmp_path / "run"):
-        pass
-
-
-def test_write_atomic_replaces_whole_files(tmp_path, monkeypatch):
-    path = tmp_path / "new" / "file"
-    write_atomic(path, "one")
-    assert path.read_text() == "one"
-
-    def fail(*_):
-        raise OSError("disk full")
-
-    monkeypatch.setattr(writer_lib.os, "fsync", fail)
-    with pytest.raises(OSError, match="disk full"):
-        write_atomic(path, "two")
-    assert path.read_text() == "one"
-    assert [p.name for p in path.parent.iterdir()] == ["file"]
-
-
-def test_user_errors_end_in_one_line(capsys):
-    with pytest.raises(SystemExit) as caught, writer_lib.exit_on_user_error():
-        raise UserError("one\n two")
-    assert caught.value.code == 2
-    assert capsys.readouterr().err == "error: one two\n"

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 from helpers import standin
 
-from psgn_jax import evaluate, registry
 from psgn_jax.config import ConfigError, from_json, parse
+from psgn_jax.data import loader
+from psgn_jax.tasks.runs import evaluate_run
 from psgn_jax.training import step
 from psgn_jax.training.checkpoint import Checkpoints
-from psgn_jax.training.loop import NonFiniteError, _duration, train
+from psgn_jax.training.log import NonFiniteError, _duration
+from psgn_jax.training.loop import train
 from psgn_jax.viewing.clouds import draw_case, draw_cloud
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -24,7 +26,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 @pytest.fixture(autouse=True)
 def source(monkeypatch):
-    monkeypatch.setitem(registry.DATA_SOURCES, "records", standin.SOURCE)
+    standin.install(monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +40,7 @@ def config():
 def run(config, tmp_path_factory):
     workdir = tmp_path_factory.mktemp("train") / "run"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(registry.DATA_SOURCES, "records", standin.SOURCE)
+        standin.install(patch)
         outcome = train(config, workdir)
     return workdir, outcome
 
@@ -60,7 +62,7 @@ def test_a_run_leaves_everything_behind(run, config):
 
 def test_evaluating_the_workdir_repeats_the_evaluation_of_training(run):
     workdir, _ = run
-    result = evaluate.evaluate_workdir(workdir, checkpoint="last", out=workdir / "again")
+    result = evaluate_run(workdir, checkpoint="last", out=workdir / "again")
     scores = json.loads((workdir / "checkpoints" / "scores.json").read_text())["12"]
     first = {name: float(np.mean(values[:6])) for name, values in result.metrics.items()}
     assert first == pytest.approx(scores, rel=1e-6)
@@ -68,19 +70,14 @@ def test_evaluating_the_workdir_repeats_the_evaluation_of_training(run):
 
 
 def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypatch):
-    class Source:
-        num_samples = staticmethod(standin.num_samples)
-        eval_batches = staticmethod(standin.eval_batches)
+    def train_batches(cfg, **arguments):
+        batches = standin.train_batches(cfg, **arguments)
+        for number, batch in enumerate(batches, arguments["start_step"] + 1):
+            if number == 5:
+                batch["points"] = np.full_like(batch["points"], np.inf)
+            yield batch
 
-        @staticmethod
-        def train_batches(cfg, **arguments):
-            batches = standin.train_batches(cfg, **arguments)
-            for number, batch in enumerate(batches, arguments["start_step"] + 1):
-                if number == 5:
-                    batch["points"] = np.full_like(batch["points"], np.inf)
-                yield batch
-
-    monkeypatch.setitem(registry.DATA_SOURCES, "records", Source)
+    monkeypatch.setattr(loader, "train_batches", train_batches)
     with pytest.raises(NonFiniteError, match=r"the loss is not finite at step 5;"):
         train(config, tmp_path / "run")
     assert Checkpoints(tmp_path / "run" / "checkpoints", read_only=True).steps() == [3]
@@ -103,13 +100,12 @@ def test_training_batch_must_fit_the_devices(tmp_path, monkeypatch):
 
 def test_evaluation_where_the_devices_do_not_divide_its_batch(tmp_path):
     code = f"""
-import jax, sys
+import jax, pytest, sys
 jax.config.update("jax_num_cpu_devices", 2)
-from psgn_jax import registry
 from psgn_jax.training.loop import train
 sys.path.insert(0, {str(ROOT / "tests")!r})
 from helpers import standin
-registry.DATA_SOURCES["records"] = standin.SOURCE
+standin.install(pytest.MonkeyPatch())
 config = standin.config(
     model__name="vanilla", model__widths=(4, 6, 8), eval__batch_size=3, train__steps=2,
     train__eval_every=2, train__images_every=2, train__log_every=2, optim__warmup_steps=0,

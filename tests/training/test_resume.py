@@ -16,9 +16,9 @@ from helpers import drawn_solids as solids
 from helpers import standin
 
 from psgn_jax.config import to_dict
-from psgn_jax.data import records
+from psgn_jax.data.dataset import write_dataset
 from psgn_jax.training.checkpoint import Checkpoints
-from psgn_jax.training.log import locked
+from psgn_jax.training.run_folder import locked
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 STEPS = 120
@@ -180,7 +180,7 @@ def test_killed_run_on_records_ends_bit_identical(command, tmp_path):
         "train": solids.samples(20, seed=0, image_size=(48, 64)),
         "validation": solids.samples(5, seed=1, image_size=(48, 64)),
     }
-    records.write_dataset(tmp_path / "records", splits, source="solids", records_per_shard=7)
+    write_dataset(tmp_path / "records", splits, source="solids", records_per_shard=7)
     flags = [
         f"--config.data.path={tmp_path / 'records'}",
         "--config.data.flip=True",

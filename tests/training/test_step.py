@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from helpers import standin
 
-from psgn_jax import registry
 from psgn_jax.config import ConfigError, OptimConfig
+from psgn_jax.losses.by_name import configured_loss
 from psgn_jax.losses.distances import map_pairs
 from psgn_jax.losses.min_of_n import min_of_n
+from psgn_jax.models import point_out_net
 from psgn_jax.training import state, step
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -27,12 +28,12 @@ QUICK = {"xla_backend_optimization_level": 0}
 def compiled(config, devices):
     """The initial state's function and the training step, compiled once for all tests."""
     mesh = step.data_mesh(list(devices) if devices else None)
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     tx = state.optimizer(config.optim, config.train.steps)
     create = jax.jit(lambda: state.create(config, model, tx), compiler_options=QUICK)
     return (
         create,
-        step.make_train_step(config, model, registry.loss(config.loss), tx, mesh),
+        step.make_train_step(config, model, configured_loss(config.loss), tx, mesh),
         mesh,
     )
 
@@ -93,7 +94,7 @@ def test_state_counts_and_averages(tiny, trained):
 def test_first_non_finite_step_and_metric_are_remembered(tiny):
     final, history = run(tiny, 4, spoil=2)
     assert final.bad_step == 2
-    assert step.WATCHED[int(final.bad_metric)] == "loss"
+    assert state.WATCHED[int(final.bad_metric)] == "loss"
     assert [h["bad_step"] for h in history] == [-1, 2, 2, 2]
 
 
@@ -142,13 +143,13 @@ def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(vers
         loss__min_of_n=3,
         data__num_points=136,
     )
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     create, _, _ = compiled(config, None)
     params = create().params
     batch = next(standin.train_batches(config.data, batch_size=4, seed=0, start_step=0))
     batch = {key: batch[key] for key in step.input_keys(config)}
     r = step.draw_r(config, 0, 4, train=True)
-    distance = registry.loss(config.loss)
+    distance = configured_loss(config.loss)
 
     def plain(params):
         preds = step.predict(config, model, params, batch, r)
@@ -208,7 +209,7 @@ def test_evaluation_takes_z_from_the_prior_and_the_generator_uses_it():
     config = standin.config(**VAE)
     create, _, _ = compiled(config, None)
     params = create().params
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     batch = next(standin.train_batches(config.data, batch_size=2, seed=0, start_step=0))
     r = step.draw_r(config, 0, 2, train=False)
     predict = jax.jit(lambda z: step.predict(config, model, params, batch, z))
@@ -234,7 +235,7 @@ def test_l2_of_the_authors_by_layer_type():
 
 def test_l2_reaches_the_layer_that_carries_the_hourglass():
     config = standin.config(model__name="hourglass")
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     tx = state.optimizer(config.optim, 5)
     shapes = jax.eval_shape(lambda: state.create(config, model, tx)).params
     carry = [n for n in state.named_leaves(shapes) if "carry" in n and n.endswith("kernel")]

@@ -17,7 +17,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from psgn_jax.data import camera, records, schema
+from psgn_jax.data import camera, schema
+from psgn_jax.data.codec import DepthCodes, PointLattice, encode
 
 BATCH = 32
 HEIGHT, WIDTH = 192, 256
@@ -53,12 +54,12 @@ class Entry:
     """One sample and what it is exactly stored from."""
 
     sample: schema.Sample
-    points: records.PointLattice
-    depth: records.DepthCodes
+    points: PointLattice
+    depth: DepthCodes
 
     def encode(self) -> bytes:
         """The sample as the bytes of a record."""
-        return records.encode(self.sample, points=self.points, depth=self.depth)
+        return encode(self.sample, points=self.points, depth=self.depth)
 
 
 def split_of(model_id: str) -> str:
@@ -146,8 +147,8 @@ def read_batch(path: str | pathlib.Path) -> Iterator[Entry]:
         for i, key in enumerate(keys):
             codes = arrays["depth"][i]
             mask = codes > 0
-            points = records.PointLattice(arrays["points"][i], lattice_matrix(rotation[i]))
-            depth = records.DepthCodes(codes, mask, DEPTH_SCALE, DEPTH_OFFSET)
+            points = PointLattice(arrays["points"][i], lattice_matrix(rotation[i]))
+            depth = DepthCodes(codes, mask, DEPTH_SCALE, DEPTH_OFFSET)
             yield Entry(
                 schema.Sample(
                     image=np.ascontiguousarray(arrays["colour"][i, :, :, ::-1]),

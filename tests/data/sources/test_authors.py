@@ -4,9 +4,13 @@ import zlib
 import numpy as np
 import pytest
 
-from psgn_jax import convert, inspect
-from psgn_jax.data import records, schema
+from psgn_jax import convert
+from psgn_jax.data import conversion, schema
+from psgn_jax.data.codec import PointLattice, _lattice_keys, decode_stored
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data.schema import RecordError
 from psgn_jax.data.sources import authors
+from psgn_jax.viewing import dataset as dataset_view
 
 
 def test_own_batch_file(authors_file, make):
@@ -18,15 +22,15 @@ def test_own_batch_file(authors_file, make):
     assert entry.sample.image[entry.sample.mask][0].tolist() == [200, 20, 10]  # RGB
     assert (entry.sample.image[~entry.sample.mask] == schema.BACKGROUND_GREY).all()
     assert entry.sample.model_id == content["names"].decode().split("\n")[3]
-    found = inspect.check(entry.sample)
+    found = dataset_view.check(entry.sample)
     assert found.inside == 1.0  # each point made its own pixel
     assert found.depth_median < 0.02  # a pixel's centre is up to half a pixel from its point
     assert abs(found.lowest) < 0.006  # stands on the ground, up to the 8-bit lattice
     # Nothing is lost in a record.
-    stored = records.decode_stored(entry.encode())
+    stored = decode_stored(entry.encode())
     np.testing.assert_array_equal(
-        np.sort(records._lattice_keys(stored.points.codes)),
-        np.sort(records._lattice_keys(content["points"][3])),
+        np.sort(_lattice_keys(stored.points.codes)),
+        np.sort(_lattice_keys(content["points"][3])),
     )
     np.testing.assert_array_equal(stored.depth.codes, content["depth"][3])
     np.testing.assert_array_equal(stored.image, entry.sample.image)
@@ -40,7 +44,7 @@ def test_points_follow_the_reference(make):
     tilt = np.array([[np.cos(b), 0, -np.sin(b)], [0, 1, 0], [np.sin(b), 0, np.cos(b)]])
     p = (codes / 255 - [0.7, 0.5, 0.5]) / 0.4 @ (rotation @ np.linalg.inv(tilt)) + [1, 0, 0]
     want = np.stack([p[:, 2], p[:, 1], 1 - p[:, 0]], axis=1)
-    got = records.PointLattice(codes, authors.lattice_matrix(rotation)).points()
+    got = PointLattice(codes, authors.lattice_matrix(rotation)).points()
     np.testing.assert_allclose(got, want, atol=1e-6)
 
 
@@ -94,9 +98,9 @@ def test_conversion_leaves_out_bad_files_and_reports(make, authors_file, tmp_pat
     assert "train: 32 samples" in streams.out
     assert "validation: 32 samples" in streams.out
     assert "10.gz" in streams.err
-    train = records.RecordReader(target, "train")
+    train = RecordReader(target, "train")
     assert [s.model_id[0] for s in train] == ["a"] * 32
-    assert records.RecordReader(target, "validation")[0].model_id.startswith("f001")
+    assert RecordReader(target, "validation")[0].model_id.startswith("f001")
     assert max(len(train.read(i)) for i in range(32)) < 60_000
 
     before = {p.name: p.read_bytes() for p in target.glob("*.arrayrecord")}
@@ -113,7 +117,7 @@ def test_a_killed_conversion_goes_on(authors_file, tmp_path, monkeypatch):
     source.mkdir()
     for i in range(3):
         (source / f"{i}.gz").write_bytes(authors_file.read_bytes())
-    monkeypatch.setattr(convert, "FILES_PER_SHARD", 1)
+    monkeypatch.setattr(conversion, "FILES_PER_SHARD", 1)
     calls = []
     real = authors.read_batch
 
@@ -126,8 +130,8 @@ def test_a_killed_conversion_goes_on(authors_file, tmp_path, monkeypatch):
     monkeypatch.setattr(authors, "read_batch", interrupted)
     with pytest.raises(KeyboardInterrupt):
         convert.convert_authors(source, target)
-    with pytest.raises(records.RecordError, match="has not ended"):
-        records.RecordReader(target, "train")
+    with pytest.raises(RecordError, match="has not ended"):
+        RecordReader(target, "train")
     calls.clear()
     monkeypatch.setattr(authors, "read_batch", lambda path: calls.append(path.name) or real(path))
     manifest, refused = convert.convert_authors(source, target)
@@ -142,12 +146,12 @@ def test_conversion_after_a_source_was_removed(authors_file, tmp_path, monkeypat
     source.mkdir()
     for i in range(3):
         (source / f"{i}.gz").write_bytes(authors_file.read_bytes())
-    monkeypatch.setattr(convert, "FILES_PER_SHARD", 1)
+    monkeypatch.setattr(conversion, "FILES_PER_SHARD", 1)
     convert.convert_authors(source, target)
     (source / "0.gz").unlink()
     manifest, _ = convert.convert_authors(source, target)
     assert [s.inputs[0].split(":")[0] for s in manifest.shards] == ["1.gz", "2.gz"]
-    reader = records.RecordReader(target, manifest.shards[0].split)
+    reader = RecordReader(target, manifest.shards[0].split)
     reader.verify()
     assert len(reader) == 64
     files = {p.name for p in target.glob("*.arrayrecord")}
@@ -175,12 +179,12 @@ def test_real_batches(authors_batches):
                 "validation" if name == "15.gz" else "train"
             )
             if number % 4 == 0:
-                checks.append(inspect.check(entry.sample))
+                checks.append(dataset_view.check(entry.sample))
                 sizes.append(len(entry.encode()))
             colour = (entry.sample.image != schema.BACKGROUND_GREY).any(axis=2)
             assert (colour != entry.sample.mask).mean() < 1e-2  # some objects have grey pixels
     assert np.mean([c.inside for c in checks]) > 0.93
-    assert np.mean([c.near >= inspect.FLAG_BELOW for c in checks]) > 0.9
+    assert np.mean([c.near >= dataset_view.FLAG_BELOW for c in checks]) > 0.9
     assert np.median([c.depth_median for c in checks]) < 0.009
     assert max(c.reach for c in checks) < 1.02
     # Of all 1,504 samples, the mean is 22 kB; a few with finely textured images exceed 60 kB.

@@ -6,7 +6,8 @@ import pytest
 from helpers import shapenet_trees as trees
 
 from psgn_jax import convert
-from psgn_jax.data import camera, records
+from psgn_jax.data import camera
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.sources import binvox, occnet, shapenet
 
 CHAIR = "03001627"
@@ -90,8 +91,8 @@ def test_conversion_and_damage(tmp_path, capsys):
         "somewhere: not one of the 13",
     ):
         assert message in error
-    assert [s.view for s in records.RecordReader(target, "train")] == [0, 2, 3]
-    assert len(records.RecordReader(target, "test")) == 4
+    assert [s.view for s in RecordReader(target, "train")] == [0, 2, 3]
+    assert len(RecordReader(target, "test")) == 4
     assert convert.main([*command[:2], str(tmp_path / "strict"), "--strict"]) == 2
 
 

@@ -4,7 +4,8 @@ from helpers import shapenet_trees as trees
 from PIL import Image
 
 from psgn_jax import convert
-from psgn_jax.data import camera, records
+from psgn_jax.data import camera
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.sources import binvox, r2n2, shapenet
 
 CHAIR = "03001627"
@@ -124,11 +125,11 @@ def test_conversion(tree, tmp_path, capsys):
     command = ["r2n2", str(tree), str(target), "--views", "2", "--points", "500"]
     assert convert.main(command) == 0
     assert "test: 2 samples" in capsys.readouterr().out
-    train = records.RecordReader(target, "train")
+    train = RecordReader(target, "train")
     assert [(s.model_id, s.view) for s in train] == [
         (f"{CHAIR}/{name}", view) for name in "abcd" for view in range(2)
     ]
-    assert records.RecordReader(target, "test")[0].model_id == f"{CHAIR}/e"
+    assert RecordReader(target, "test")[0].model_id == f"{CHAIR}/e"
     assert train[0].points.shape == (500, 3)
     assert shapenet.grid_of_extra(train[0].extra)[0].sum() == trees.voxels().solid.sum()
     before = {p.name: p.stat().st_mtime_ns for p in target.glob("*.arrayrecord")}
@@ -178,10 +179,10 @@ def test_damage_names_itself_and_stops_nothing(tree, tmp_path, capsys):
     for message in expected:
         assert message in error
     assert f"{len(expected)} things were left out" in error
-    train = records.RecordReader(target, "train")
+    train = RecordReader(target, "train")
     kept = [(s.model_id[-1], s.view) for s in train]
     assert kept == [("a", 0), ("a", 3), ("b", 0), ("b", 3), *(("e", view) for view in range(4))]
-    test = records.RecordReader(target, "test")
+    test = RecordReader(target, "test")
     assert [(s.model_id[-1], s.view) for s in test] == [("h", view) for view in range(4)]
 
     assert convert.main([*command[:2], str(tmp_path / "strict"), "--strict"]) == 2

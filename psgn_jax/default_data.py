@@ -1,23 +1,35 @@
 """The default data set: procedural models rendered by the data stage on first use, then kept.
 
-What a configuration without `data.path` trains on. It is made by the ordinary pipeline
-(`data_gen`, extra `render`) into a cache folder, which takes a minute or two; see
-`data_gen.default` for what is in it.
+What a configuration without `data.path` trains on. Commands make it, by the ordinary
+pipeline (`data_gen`, extra `render`), into a cache folder, which takes a minute or two; see
+`data_gen.default` for what is in it. A program that calls the library calls `with_default_data`.
 """
 
+import dataclasses
 import fcntl
-import os
 import pathlib
 
 from absl import logging
 
-from psgn_jax.config import ConfigError
-from psgn_jax.data import records
+from data_gen import default
+from psgn_jax.config import Config, ConfigError
+from psgn_jax.files import cache_folder
+from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.schema import RecordError
 
 
-def cache_folder() -> pathlib.Path:
-    """Where data made on first use is kept: $PSGN_CACHE, or ~/.cache/psgn_jax."""
-    return pathlib.Path(os.environ.get("PSGN_CACHE") or pathlib.Path.home() / ".cache" / "psgn_jax")
+def with_default_data(config: Config) -> Config:
+    """A configuration that finds its data: one without `data.path` gets the default data set.
+
+    `data.path` itself, and so what a run's folder says, stays as it is.
+
+    Raises:
+      ConfigError: as `default_dataset`.
+    """
+    if config.data.path:
+        return config
+    data = dataclasses.replace(config.data, default_folder=default_dataset())
+    return dataclasses.replace(config, data=data)
 
 
 def default_dataset() -> str:
@@ -29,8 +41,6 @@ def default_dataset() -> str:
     Raises:
       ConfigError: it is not there and cannot be made, with the remedy.
     """
-    from data_gen import default
-
     folder = cache_folder() / default.NAME
     if _is_complete(folder):
         return str(folder)
@@ -57,6 +67,6 @@ def default_dataset() -> str:
 
 def _is_complete(folder: pathlib.Path) -> bool:
     try:
-        return records.load_manifest(folder, allow_incomplete=True).complete
-    except records.RecordError:
+        return load_manifest(folder, allow_incomplete=True).complete
+    except RecordError:
         return False
