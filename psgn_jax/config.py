@@ -41,7 +41,7 @@ Channel = Literal["rgb", "mask", "depth"]
 Task = Literal["points", "refine", "volume", "views"]
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
-"""Channels of each input, see `models.inputs.network_input`; one of depth says where it is."""
+"""Channels of each input, see `models.inputs.stack_channels`; one of depth says where it is."""
 
 
 @dataclasses.dataclass(frozen=True)
