@@ -58,7 +58,8 @@ class DataConfig:
       num_points: ground-truth points drawn per sample and training step.
       num_eval_points: ground-truth points per sample in an evaluation.
       flip: mirror half of the training samples (y to -y).
-      stretch: largest relative change of width, s uniform in [1 - stretch, 1 + stretch].
+      stretch: largest relative change of width, s uniform in [1 - stretch, 1 + stretch]; samples of
+        rolled cameras stay as they are.
       zoom: largest relative change of scale, another crop of the image, in [1 - zoom, 1 + zoom].
       shift: largest move of that crop over the image's height and width.
       colour_jitter: strength of the change of brightness, contrast and channel gains; 0 = off.
