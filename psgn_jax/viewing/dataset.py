@@ -156,26 +156,33 @@ def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
             "  bytes of a record, mean: "
             + ", ".join(f"{f} {np.mean(v):.0f}" for f, v in sizes.items())
         )
-        inside = np.array([c.inside for c in checks.values()])
-        near = np.array([c.near for c in checks.values()])
-        lines.append(
-            f"  {len(checks)} samples checked: points strictly inside the mask {inside.mean():.2%}"
-            f" on average (lowest {inside.min():.2%}); {(near >= FLAG_BELOW).sum()} samples have"
-            f" {FLAG_BELOW:.0%} within {NEAR_PIXELS} pixels"
-        )
-        medians = [c.depth_median for c in checks.values() if c.depth_median is not None]
-        if medians:
-            lines.append(
-                f"  depth to the cloud: median {np.median(medians):.4f} of the samples' medians,"
-                f" largest {max(medians):.4f} (unit: radius of the bounding hemisphere)"
-            )
-        reach = [c.reach for c in checks.values()]
-        lowest = [c.lowest for c in checks.values()]
-        lines.append(
-            f"  farthest point {min(reach):.3f} to {max(reach):.3f} from the origin, lowest z"
-            f" {min(lowest):.3f} to {max(lowest):.3f}"
-        )
+        lines += _summary(list(checks.values()))
     return lines + flagged
+
+
+def _summary(checks: Sequence[Check]) -> list[str]:
+    """Lines about the samples that were checked."""
+    lines = []
+    inside = np.array([c.inside for c in checks])
+    near = np.array([c.near for c in checks])
+    lines.append(
+        f"  {len(checks)} samples checked: points strictly inside the mask {inside.mean():.2%}"
+        f" on average (lowest {inside.min():.2%}); {(near >= FLAG_BELOW).sum()} samples have"
+        f" {FLAG_BELOW:.0%} within {NEAR_PIXELS} pixels"
+    )
+    medians = [c.depth_median for c in checks if c.depth_median is not None]
+    if medians:
+        lines.append(
+            f"  depth to the cloud: median {np.median(medians):.4f} of the samples' medians,"
+            f" largest {max(medians):.4f} (unit: radius of the bounding hemisphere)"
+        )
+    reach = [c.reach for c in checks]
+    lowest = [c.lowest for c in checks]
+    lines.append(
+        f"  farthest point {min(reach):.3f} to {max(reach):.3f} from the origin, lowest z"
+        f" {min(lowest):.3f} to {max(lowest):.3f}"
+    )
+    return lines
 
 
 def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str], bool]:
