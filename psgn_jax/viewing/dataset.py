@@ -13,6 +13,7 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import FORMAT, VERSION, load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.viewing.clouds import render_cloud, turned
+from psgn_jax.viewing.page import nearest_distances
 
 # Below this share of points within 2 pixels of the mask a sample is flagged: its image does not
 # show all of its surface, or its camera is wrong. Of the authors' samples 2.5 % are.
@@ -20,7 +21,6 @@ FLAG_BELOW = 0.99
 NEAR_PIXELS = 2
 
 _DEPTH_PIXELS = 400
-_BLOCK = 1024
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,18 +43,6 @@ class Check:
     lowest: float
 
 
-def _nearest_distance(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distance [n] to the nearest of `points`, in blocks of bounded memory."""
-    centre = points.mean(axis=0)  # centred, the expansion of the square loses no digits here
-    queries, points = (queries - centre).astype(np.float64), (points - centre).astype(np.float64)
-    squares = (points**2).sum(axis=1)
-    best = np.full(len(queries), np.inf)
-    for start in range(0, len(points), _BLOCK):
-        part = slice(start, start + _BLOCK)
-        best = np.minimum(best, (squares[part] - 2 * queries @ points[part].T).min(axis=1))
-    return np.sqrt(np.maximum(best + (queries**2).sum(axis=1), 0))
-
-
 def check(sample: schema.Sample) -> Check:
     """Projects the points onto the mask and the depth onto the points."""
     pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
@@ -63,7 +51,7 @@ def check(sample: schema.Sample) -> Check:
     if sample.depth is not None and (sample.depth > 0).any():
         surface = camera.back_project(sample.depth, sample.intrinsics, sample.extrinsics)
         some = surface[:: max(1, len(surface) // _DEPTH_PIXELS)]
-        median = float(np.median(_nearest_distance(some, sample.points)))
+        median = float(np.median(nearest_distances(some, sample.points)))
     return Check(
         inside=float(camera.inside_mask(pixels, sample.mask).mean()),
         near=float(camera.inside_mask(pixels, sample.mask, NEAR_PIXELS).mean()),
