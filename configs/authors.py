@@ -1,6 +1,6 @@
 """The full two-branch network on the authors' batches, at full image size.
 
-Command: python -m psgn_jax.data.convert authors SRC records/authors
+Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors.py --workdir=runs/authors
 Hardware: a GPU; on two CPU cores a step takes some seconds (see BUILD.md).
 Time: not measured to its end.

@@ -1,6 +1,6 @@
 """Two branches on half-size images of the authors' batches: half an hour on two CPU cores.
 
-Command: python -m psgn_jax.data.convert authors SRC records/authors
+Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small
 Hardware: two CPU cores (5.2 M parameters; about .3 s a step).
 Time: 28 minutes on cores that had other work too.

@@ -1,6 +1,6 @@
 """Shape completion from RGB-D: the full two-branch network, colour, mask and depth, under the EMD.
 
-Command: python -m psgn_jax.data.convert authors SRC records/authors
+Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/rgbd_emd.py --workdir=runs/rgbd_emd
 Hardware: a GPU; on two CPU cores a step takes some seconds (see BUILD.md).
 Time: not measured.
@@ -8,7 +8,7 @@ Expect: a lower emd_radius than `authors_emd.py` gives and than `rgbd_cd.py`; no
 
 The recipe is that of `authors_emd.py`, 1,024 points of the truth included; any records with depth
 will do (`--config.data.path=RECORDS`). What the network sees of the depth:
-`models.inputs.network_input`.
+`models.inputs.stack_channels`.
 
 Source: paper, section "3D Shape Completion from RGBD Images", which names no recipe of its own.
 """

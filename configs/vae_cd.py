@@ -10,8 +10,8 @@ VoxNet-like network that reads the volume of the ground truth (`psgn_jax.models.
 time from N(0, I). The paper names no sizes and no weight. **Ours**: 128 numbers as for r; weight
 0.3, which for a sum of squared distances stands for a scatter of the points of
 sqrt(0.3 / 2) = .39 over all of them, .005 for each of the 5,120 (for the mean CD that is about
-1e-4; in `psgn_jax.studies.ambiguity` 2e-4 worked and 5e-4 kept z too quiet); warmed up over 10,000
-steps, lest the divergence push z out of use before the generator has learned to read it.
+1e-4; in `psgn_jax.experiments.ambiguity` 2e-4 worked and 5e-4 kept z too quiet); warmed up over
+10,000 steps, lest the divergence push z out of use before the generator has learned to read it.
 """
 
 import ml_collections

@@ -1,4 +1,4 @@
-"""The configuration: frozen dataclasses, and the only place that checks one.
+"""The configuration: frozen dataclasses, and the checks that need more than one field.
 
 `parse` turns an `ml_collections.ConfigDict` (or any nested mapping) into a `Config`. It reads the
 dataclasses below: their field names, annotations and defaults are the whole specification, so a
@@ -10,63 +10,38 @@ Lengths are in the project's unit, the radius of the object's bounding hemispher
 """
 
 import dataclasses
-import difflib
 import json
-import math
 import os
 import pathlib
 import types
-import typing
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal
 
-T = TypeVar("T")
+from psgn_jax.structured import (
+    Bounds,
+    ConfigError,
+    Count,
+    Fraction,
+    NonNegative,
+    Positive,
+    PositiveInt,
+    build,
+    to_dict,
+    wrong,
+)
+from psgn_jax.structured import UserError as UserError
+from psgn_jax.structured import flatten as flatten
+from psgn_jax.structured import suggestion as suggestion
 
+_DERIVED = {"derived": "data.image_size, data.inputs, task and voxels"}
 
-class UserError(ValueError):
-    """Something a user can mend; the message is one line, shown without a traceback."""
-
-    exit_code = 2
-
-
-class ConfigError(UserError):
-    """A wrong configuration."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Bounds:
-    """Accepted interval of a number; `open_low` and `open_high` leave out an end."""
-
-    low: float | int = -math.inf
-    high: float | int = math.inf
-    open_low: bool = False
-    open_high: bool = False
-
-    def holds(self, value: float | int) -> bool:
-        """Whether `value` lies in the interval."""
-        above = value > self.low if self.open_low else value >= self.low
-        return above and (value < self.high if self.open_high else value <= self.high)
-
-    def __str__(self) -> str:
-        ends = [
-            (self.low, ">" if self.open_low else ">="),
-            (self.high, "<" if self.open_high else "<="),
-        ]
-        return " and ".join(f"{sign} {end:g}" for end, sign in ends if math.isfinite(end))
-
-
-Count = Annotated[int, Bounds(low=0)]
-PositiveInt = Annotated[int, Bounds(low=1)]
-NonNegative = Annotated[float, Bounds(low=0)]
-Positive = Annotated[float, Bounds(low=0, open_low=True)]
-Fraction = Annotated[float, Bounds(low=0, high=1)]
 # Adam's decay rates and the averaging rate: at 1 nothing would ever be forgotten (or learned).
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Channel = Literal["rgb", "mask", "depth"]
 Task = Literal["points", "refine", "volume", "views"]
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
-"""Channels of each input, see `models.inputs.network_input`; one of depth says where it is."""
+"""Channels of each input, see `models.inputs.stack_channels`; one of depth says where it is."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,6 +68,7 @@ class DataConfig:
       occupancy: batches hold the solid volume too; filled in from `task`.
       train_views, eval_views: images of the same model in each row of a batch, 0 = the record's
         own, without an axis of views; filled in from `task` and `voxels`.
+      default_folder: of the default data set, filled in by `default_data.with_default_data`.
     """
 
     path: str = ""
@@ -109,14 +85,16 @@ class DataConfig:
     colour_jitter: Fraction = 0.0
     num_workers: Count = 0
     cache: bool = False
-    occupancy: bool = dataclasses.field(default=False, metadata={"derived": True})
-    train_views: int = dataclasses.field(default=0, metadata={"derived": True})
-    eval_views: int = dataclasses.field(default=0, metadata={"derived": True})
+    occupancy: bool = dataclasses.field(default=False, metadata=_DERIVED)
+    train_views: int = dataclasses.field(default=0, metadata=_DERIVED)
+    eval_views: int = dataclasses.field(default=0, metadata=_DERIVED)
+    default_folder: str = dataclasses.field(default="", metadata={"derived": "data.path"})
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """The folders that `path` names; none stands for the default data set."""
-        return tuple(folder.strip() for folder in self.path.split(",") if folder.strip())
+        """The folders that `path` names, or that of the default data set; none if it is unknown."""
+        path = self.path or self.default_folder
+        return tuple(folder.strip() for folder in path.split(",") if folder.strip())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,7 +102,7 @@ class ModelConfig:
     """The network (paper, section 4.1; sizes of the authors' published network).
 
     Attributes:
-      name: an entry of `registry.MODELS`.
+      name: of the version, see `models.point_out_net`.
       widths: feature maps at each resolution level, full size first; each level halves the size.
       width_multiplier: factor on every hidden width, rounded to multiples of 8, at least 8.
       fc_points: points from the fully connected branch; all points of `vanilla`.
@@ -144,7 +122,7 @@ class ModelConfig:
       image_size, in_channels: filled in from `data`; not keys of a config file.
     """
 
-    name: str = "two_branch"
+    name: Literal["vanilla", "two_branch", "hourglass"] = "two_branch"
     widths: tuple[PositiveInt, ...] = (16, 32, 64, 128, 256, 512, 512)
     width_multiplier: Positive = 1.0
     fc_points: Count = 256
@@ -157,8 +135,8 @@ class ModelConfig:
     posterior_widths: tuple[PositiveInt, ...] = (32, 64, 128)
     posterior_hidden: PositiveInt = 128
     compute_dtype: Literal["float32", "bfloat16"] = "float32"
-    image_size: tuple[int, int] = dataclasses.field(default=(192, 256), metadata={"derived": True})
-    in_channels: int = dataclasses.field(default=4, metadata={"derived": True})
+    image_size: tuple[int, int] = dataclasses.field(default=(192, 256), metadata=_DERIVED)
+    in_channels: int = dataclasses.field(default=4, metadata=_DERIVED)
 
     @property
     def divisor(self) -> int:
@@ -171,8 +149,8 @@ class LossConfig:
     """What is minimised.
 
     Attributes:
-      name: an entry of `registry.LOSSES`.
-      l2: "authors" adds `l2_scale` times the L2 terms of `step.l2_authors`.
+      name: an entry of `losses.by_name.LOSSES`.
+      l2: "authors" adds `l2_scale` times the L2 terms of `training.step.l2_authors`.
       l2_scale: their 0.1.
       emd_tolerance: of the losses that are an EMD: accepted relative error of the assignment.
       emd_schedule: how their auction sets epsilon, see `losses.assign`.
@@ -335,7 +313,7 @@ def parse(config: Any) -> Config:
       ConfigError: for an unknown key, a wrong type, a value out of range or fields that do not
         fit together; one line naming field, value and what is accepted.
     """
-    parsed = _build(Config, config, "")
+    parsed = build(Config, config, "")
     views = parsed.task == "views"
     parsed = dataclasses.replace(
         parsed,
@@ -366,16 +344,6 @@ def check_paths(config: Config) -> None:
             )
 
 
-def to_dict(config: Any) -> dict[str, Any]:
-    """Nested dict of a configuration dataclass, without derived fields; inverse of `parse`."""
-    return {
-        field.name: to_dict(value) if dataclasses.is_dataclass(value) else value
-        for field in dataclasses.fields(config)
-        if not field.metadata.get("derived")
-        for value in [getattr(config, field.name)]
-    }
-
-
 def to_json(config: Config) -> str:
     """The text of a run's `config.json`."""
     return json.dumps(to_dict(config), indent=2) + "\n"
@@ -390,147 +358,56 @@ def from_json(text: str) -> Config:
     return parse(raw)
 
 
-def flatten(config: Config) -> dict[str, Any]:
-    """`{"train.steps": 2000, ...}`, without derived fields."""
-
-    def walk(node: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-        flat: dict[str, Any] = {}
-        for key, value in node.items():
-            if isinstance(value, Mapping):
-                flat |= walk(value, f"{prefix}{key}.")
-            else:
-                flat[prefix + key] = value
-        return flat
-
-    return walk(to_dict(config), "")
-
-
-def suggestion(name: str, choices: typing.Iterable[str]) -> str:
-    """`"did you mean 'x'? "` where one of `choices` is near `name`, else nothing."""
-    near = difflib.get_close_matches(name, list(choices), n=1)
-    return f"did you mean {near[0]!r}? " if near else ""
-
-
-def _build(cls: type[T], node: Any, prefix: str) -> T:
-    """Walks one dataclass: every key known, every value converted by its annotation."""
-    if hasattr(node, "to_dict"):
-        node = node.to_dict()
-    if not isinstance(node, Mapping):
-        raise _wrong(prefix.rstrip("."), node, f"a section with {_listed(_keys(cls))}")
-    keys = _keys(cls)
-    for key in node:
-        if key in keys:
-            continue
-        path = f"{prefix}{key}"
-        if any(field.name == key for field in dataclasses.fields(cls)):  # type: ignore[arg-type]
-            raise ConfigError(
-                f"{path} follows from data.image_size, data.inputs, task and voxels; remove it"
-            )
-        raise ConfigError(
-            f"{path} is no field; {suggestion(str(key), keys)}accepted: {_listed(keys)}"
-        )
-    hints = typing.get_type_hints(cls, include_extras=True)
-    return cls(**{key: _convert(hints[key], value, prefix + key) for key, value in node.items()})
-
-
-def _convert(hint: Any, value: Any, path: str) -> Any:
-    """`value` as the annotation `hint` wants it, or a `ConfigError`."""
-    if dataclasses.is_dataclass(hint):
-        return _build(typing.cast(type, hint), value, path + ".")
-    origin, args = get_origin(hint), get_args(hint)
-    if origin is Annotated:
-        converted = _convert(args[0], value, path)
-        for bounds in args[1:]:
-            if not bounds.holds(converted):
-                raise _wrong(path, value, f"a number {bounds}")
-        return converted
-    if origin is Literal:
-        if not isinstance(value, str) or value not in args:
-            hint_text = suggestion(value, args) if isinstance(value, str) else ""
-            raise _wrong(path, value, _listed(map(repr, args)), hint_text)
-        return value
-    if origin is tuple:
-        return _convert_tuple(args, value, path)
-    if hint is bool or hint is str:
-        if not isinstance(value, hint):
-            raise _wrong(path, value, "True or False" if hint is bool else "a string")
-        return value
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise _wrong(path, value, "an integer" if hint is int else "a number")
-    if hint is int:
-        if not isinstance(value, int):
-            raise _wrong(path, value, "an integer")
-        return value
-    if not math.isfinite(value):
-        raise _wrong(path, value, "a finite number")
-    return float(value)
-
-
-def _convert_tuple(args: tuple[Any, ...], value: Any, path: str) -> tuple[Any, ...]:
-    if not isinstance(value, list | tuple):
-        raise _wrong(path, value, "a tuple")
-    if args[-1] is Ellipsis:
-        hints = args[:1] * len(value)
-    elif len(value) == len(args):
-        hints = args
-    else:
-        raise _wrong(path, value, f"a tuple of {len(args)}")
-    return tuple(
-        _convert(hint, item, f"{path}[{i}]")
-        for i, (hint, item) in enumerate(zip(hints, value, strict=True))
-    )
-
-
 def _check_together(config: Config) -> None:
     """Checks that need more than one field, or more of one than its annotation says."""
     data, model, optim, train = config.data, config.model, config.optim, config.train
     if len(set(data.inputs)) < len(data.inputs) or "rgb" not in data.inputs:
-        raise _wrong("data.inputs", data.inputs, "'rgb' and any of 'mask', 'depth', each once")
+        raise wrong("data.inputs", data.inputs, "'rgb' and any of 'mask', 'depth', each once")
     if len(model.widths) < 2:
-        raise _wrong("model.widths", model.widths, "at least two resolution levels")
+        raise wrong("model.widths", model.widths, "at least two resolution levels")
     # Smaller ones would be mostly padding (the network pads to multiples of the divisor).
     if min(data.image_size) < max(8, model.divisor // 2):
-        raise _wrong(
+        raise wrong(
             "data.image_size",
             data.image_size,
             f"(height, width) of at least {max(8, model.divisor // 2)} pixels each (model.widths "
             f"has {len(model.widths)} levels); multiples of {model.divisor} need no padding",
         )
     if model.fc_points and not model.fc_widths:
-        raise _wrong("model.fc_widths", (), "at least one width, such as (1024,)")
+        raise wrong("model.fc_widths", (), "at least one width, such as (1024,)")
     if model.name == "vanilla":
         if not model.fc_points:
-            raise _wrong("model.fc_points", 0, "at least 1 (all the points of 'vanilla')")
+            raise wrong("model.fc_points", 0, "at least 1 (all the points of 'vanilla')")
     else:
         if model.deconv_level > len(model.widths) - 2:
-            raise _wrong(
+            raise wrong(
                 "model.deconv_level",
                 model.deconv_level,
                 f"0 to {len(model.widths) - 2} (model.widths has {len(model.widths)} levels)",
             )
         if model.deconv_channels % 3:
-            raise _wrong("model.deconv_channels", model.deconv_channels, "a multiple of 3")
+            raise wrong("model.deconv_channels", model.deconv_channels, "a multiple of 3")
     if model.random_at == "fc" and not model.fc_points:
-        raise _wrong("model.random_at", "fc", "'bottleneck', as model.fc_points=0: no fc branch")
+        raise wrong("model.random_at", "fc", "'bottleneck', as model.fc_points=0: no fc branch")
     if config.loss.min_of_n > 1 and not model.random_size:
-        raise _wrong(
+        raise wrong(
             "loss.min_of_n",
             config.loss.min_of_n,
             "1, since without a random input (model.random_size=0) all draws are equal",
         )
     if model.posterior:
         if not model.random_size:
-            raise _wrong("model.random_size", 0, "at least 1 with model.posterior=True")
+            raise wrong("model.random_size", 0, "at least 1 with model.posterior=True")
         if config.loss.min_of_n > 1:
-            raise _wrong(
+            raise wrong(
                 "loss.min_of_n",
                 config.loss.min_of_n,
                 "1 with model.posterior=True, whose one draw of each sample knows the truth",
             )
         if not 1 <= len(model.posterior_widths) <= 5:
-            raise _wrong("model.posterior_widths", model.posterior_widths, "1 to 5 widths")
+            raise wrong("model.posterior_widths", model.posterior_widths, "1 to 5 widths")
     if optim.warmup_steps >= train.steps:
-        raise _wrong(
+        raise wrong(
             "optim.warmup_steps", optim.warmup_steps, f"fewer than train.steps={train.steps}"
         )
     if config.task != "points":
@@ -541,41 +418,27 @@ def _check_voxels(config: Config) -> None:
     """Checks of the tasks on volumes."""
     data, voxels = config.data, config.voxels
     if data.stretch:
-        raise _wrong("data.stretch", data.stretch, f"0 with task={config.task!r} (volumes stay)")
+        raise wrong("data.stretch", data.stretch, f"0 with task={config.task!r} (volumes stay)")
     if config.loss.l2 != "none":
-        raise _wrong("loss.l2", config.loss.l2, f"'none' with task={config.task!r}")
+        raise wrong("loss.l2", config.loss.l2, f"'none' with task={config.task!r}")
     if config.task == "refine" and not (voxels.from_cd or voxels.from_emd):
-        raise _wrong("voxels.from_cd", "", "the folder of a trained run (or voxels.from_emd)")
+        raise wrong("voxels.from_cd", "", "the folder of a trained run (or voxels.from_emd)")
     if config.task == "volume" and any(side % config.model.divisor for side in data.image_size):
-        raise _wrong(
+        raise wrong(
             "data.image_size", data.image_size, f"multiples of {config.model.divisor} for 'volume'"
         )
     if config.task == "views":
         if "depth" in data.inputs:
-            raise _wrong("data.inputs", data.inputs, "'rgb' and 'mask' with task='views'")
+            raise wrong("data.inputs", data.inputs, "'rgb' and 'mask' with task='views'")
         if data.zoom or data.shift:
             field = "zoom" if data.zoom else "shift"
-            raise _wrong(f"data.{field}", getattr(data, field), "0 with task='views'")
+            raise wrong(f"data.{field}", getattr(data, field), "0 with task='views'")
         counts = voxels.eval_views
         if not counts or len(set(counts)) < len(counts):
-            raise _wrong("voxels.eval_views", counts, "numbers of views, each once")
+            raise wrong("voxels.eval_views", counts, "numbers of views, each once")
 
 
-def check_points(config: Config, what: str) -> None:
+def require_points_task(config: Config, what: str) -> None:
     """Raises `ConfigError` if a run that `what` is asked for does not predict points."""
     if config.task != "points":
         raise ConfigError(f"task={config.task!r}: {what} is for runs of the task 'points'")
-
-
-def _keys(cls: Any) -> list[str]:
-    return [f.name for f in dataclasses.fields(cls) if not f.metadata.get("derived")]
-
-
-def _listed(names: typing.Iterable[str]) -> str:
-    return ", ".join(names)
-
-
-def _wrong(path: str, value: Any, accepted: str, hint: str = "") -> ConfigError:
-    shown = " ".join(repr(value).split())
-    shown = shown if len(shown) <= 80 else shown[:77] + "..."
-    return ConfigError(f"{path or 'config'}={shown}: {hint}accepted: {accepted}")

@@ -14,8 +14,13 @@ from typing import Any
 from absl import app, flags
 from ml_collections import config_flags
 
+from psgn_jax.command_line import (
+    exit_on_user_error,
+    keep_compiled,
+    log_to_terminal,
+    parse_flags,
+)
 from psgn_jax.config import ConfigError, check_paths, parse
-from psgn_jax.writer import exit_on_user_error, log_to_terminal, parse_flags
 
 _CONFIG = config_flags.DEFINE_config_file(
     "config", None, "Path of a configuration, such as configs/base.py.", lock_config=True
@@ -35,11 +40,13 @@ def main(argv: Sequence[str]) -> None:
         config = parse(_config())
         check_paths(config)
         # Only now, so that a wrong configuration is answered before JAX is even imported.
-        from psgn_jax.train import keep_compiled, train
-
         keep_compiled()
+        from psgn_jax.default_data import with_default_data
+        from psgn_jax.training.loop import train
+
         path = config_flags.get_config_filename(flags.FLAGS["config"])
-        outcome = train(config, _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem))
+        workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
+        outcome = train(with_default_data(config), workdir)
     if outcome.stopped_by:
         sys.exit(128 + outcome.stopped_by)
 

@@ -9,7 +9,6 @@ import jax
 import ml_collections
 import pytest
 
-from psgn_jax import registry
 from psgn_jax.config import (
     Config,
     ConfigError,
@@ -20,6 +19,7 @@ from psgn_jax.config import (
     to_dict,
     to_json,
 )
+from psgn_jax.models import point_out_net
 
 
 def test_defaults_are_the_dataclasses():
@@ -131,7 +131,7 @@ def test_config_files_parse(name, request):
         (["--config.train.steps=-1"], "train.steps=-1: accepted: a number >= 1"),
         (["--config.data.image_size=(4,4)"], "data.image_size=(4, 4): accepted"),
         (["--config.data.path=/no/such"], "data.path='/no/such' does not exist"),
-        (["--config.model.name=pointnet"], "model.name='pointnet' is unknown; accepted: vanilla"),
+        (["--config.model.name=pointnet"], "model.name='pointnet': accepted: 'vanilla'"),
         (["--config=configs/none.py"], "configs/none.py"),
         (["--nonsense"], "nonsense"),
         (["stray"], "unexpected argument 'stray'"),
@@ -171,7 +171,7 @@ def test_size_of_the_small_network():
     """`authors_small.py` promises at most 10 M parameters."""
     (path,) = [p for p in FILES if p.stem == "authors_small"]
     config = parse(runpy.run_path(str(path))["get_config"]())
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     image = jax.ShapeDtypeStruct((1, *config.model.image_size, 4), "float32")
     params = jax.eval_shape(lambda x: model.init(jax.random.key(0), x, None), image)["params"]
     assert sum(leaf.size for leaf in jax.tree.leaves(params)) < 10e6

@@ -3,7 +3,6 @@
 import html
 import pathlib
 import re
-import runpy
 import shutil
 import urllib.parse
 
@@ -11,14 +10,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import standin
 from PIL import Image
 
-from psgn_jax import demo as lib
-from psgn_jax import predict, registry
 from psgn_jax.config import ConfigError
+from psgn_jax.data import photo
+from psgn_jax.models import point_out_net
+from psgn_jax.prediction import demo_page as lib
+from psgn_jax.prediction.predictor import Predictor
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
@@ -26,7 +27,7 @@ CHROMIUM = next(
 
 @pytest.fixture(scope="module")
 def predictor():
-    config = STANDIN["config"](
+    config = standin.config(
         model__name="vanilla",
         model__widths=(4, 6, 8),
         model__fc_points=50,
@@ -34,10 +35,10 @@ def predictor():
         model__random_size=3,
         data__image_size=(24, 32),
     )
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     image = jnp.zeros((1, 24, 32, 4))
     params = jax.jit(lambda: model.init(jax.random.key(0), image, jnp.zeros((1, 3))))()["params"]
-    return predict.Predictor(config, params)
+    return Predictor(config, params)
 
 
 @pytest.fixture
@@ -59,7 +60,7 @@ def test_from_photo_to_files(demo, box):
     edited, line = demo.open_photo(str(box), "auto")
     assert "plain background" in line
     assert edited["background"].shape == (600, 800, 3)
-    read = predict.photo.read_photo(box)
+    read = photo.read_photo(box)
     mask = lib.painted(edited, read.image.shape)
     assert mask.mean() == pytest.approx(1 / 7.2, rel=0.02)
     shown, files, line = demo.predict(str(box), edited, 2, 5, "auto")
@@ -93,7 +94,7 @@ def test_a_mask_survives_the_editor(shape):
     mask = np.zeros(shape, np.bool_)
     mask[shape[0] // 4 : shape[0] // 2, shape[1] // 3 :] = True
     layer = np.zeros((*lib.EDITOR_SIZE, 4), np.uint8)
-    layer[rows, columns][predict.photo.resize_mask(mask, on_canvas)] = lib.PAINT
+    layer[rows, columns][photo.resize_mask(mask, on_canvas)] = lib.PAINT
     back = lib.painted({"layers": [layer]}, shape)
     coarse = max(1, shape[0] / on_canvas[0])
     assert back.shape == shape

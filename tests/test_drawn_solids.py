@@ -1,8 +1,9 @@
-import drawn_solids as solids
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 
-from psgn_jax.data import inspect, schema
+from psgn_jax.data import schema
+from psgn_jax.viewing import dataset as dataset_view
 
 
 @pytest.mark.parametrize("category", solids.CATEGORIES)
@@ -13,7 +14,7 @@ def test_samples_are_valid_and_agree_with_their_images(category):
             solids.random_solid(category, rng), rng, image_size=(96, 128), num_points=8192
         )
         schema.validate(sample)
-        found = inspect.check(sample)
+        found = dataset_view.check(sample)
         assert found.near == 1.0
         assert found.inside > 0.85
         assert found.depth_median < 0.02

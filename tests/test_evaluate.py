@@ -4,27 +4,30 @@ import csv
 import dataclasses
 import json
 import pathlib
-import runpy
 
-import drawn_solids as solids
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
+from helpers import standin
 
-from psgn_jax import evaluate as lib
-from psgn_jax import registry
-from psgn_jax.checkpoint import CheckpointError
 from psgn_jax.config import ConfigError, to_json
-from psgn_jax.data import loader, records
+from psgn_jax.data.dataset import write_dataset
+from psgn_jax.metrics import table as table_lib
+from psgn_jax.metrics.evaluation import Evaluation, SampleName
+from psgn_jax.models import point_out_net
+from psgn_jax.tasks.points import Points
+from psgn_jax.tasks.runs import evaluate_run
+from psgn_jax.training.checkpoint import CheckpointError
+from psgn_jax.training.evaluation import evaluate_split
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-STANDIN = runpy.run_path(str(ROOT / "tests" / "standin.py"))
 
 
 @pytest.fixture(autouse=True)
 def source(monkeypatch):
-    monkeypatch.setitem(registry.DATA_SOURCES, "records", STANDIN["SOURCE"])
+    standin.install(monkeypatch)
 
 
 def fake_step(params, batch, index):
@@ -35,30 +38,28 @@ def fake_step(params, batch, index):
 
 def expected(config):
     rows = [
-        STANDIN["sample"](
-            config.data, 1000 + n, config.data.num_eval_points, np.random.default_rng(n)
-        )
-        for n in range(STANDIN["SIZES"]["validation"])
+        standin.sample(config.data, 1000 + n, config.data.num_eval_points, np.random.default_rng(n))
+        for n in range(standin.SIZES["validation"])
     ]
     return np.array([row["points"].astype(np.float64).mean() for row in rows])
 
 
 @pytest.mark.parametrize("batch_size", [1, 4, 11, 16])
 def test_every_sample_counts_once(batch_size):
-    config = STANDIN["config"](eval__batch_size=batch_size)
-    result = lib.evaluate(config, {}, eval_step=fake_step)
+    config = standin.config(eval__batch_size=batch_size)
+    result = evaluate_split(config, {}, fake_step)
     np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config))
     assert result.names == [
-        lib.SampleName(n, STANDIN["CATEGORIES"][n % 3], f"model{n}", n) for n in range(11)
+        SampleName(n, standin.CATEGORIES[n % 3], f"model{n}", n) for n in range(11)
     ]
     assert result.num_points == (2, 64)
 
 
 def test_first_samples_only_and_hook():
-    config = STANDIN["config"](eval__batch_size=4)
+    config = standin.config(eval__batch_size=4)
     seen = []
-    result = lib.evaluate(
-        config, {}, eval_step=fake_step, max_samples=6, on_batch=lambda *a: seen.append(a[0])
+    result = evaluate_split(
+        config, {}, fake_step, max_samples=6, on_batch=lambda *a: seen.append(a[0])
     )
     np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config)[:6])
     assert seen == [0, 1]
@@ -66,39 +67,39 @@ def test_first_samples_only_and_hook():
 
 def test_compiled_step_agrees_across_batch_sizes():
     small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
-    configs = [STANDIN["config"](eval__batch_size=b, **small) for b in (4, 11)]
-    model = registry.build_model(configs[0].model)
+    configs = [standin.config(eval__batch_size=b, **small) for b in (4, 11)]
+    model = point_out_net.build(configs[0].model)
     size = (*configs[0].model.image_size, configs[0].model.in_channels)
     params = jax.jit(lambda: model.init(jax.random.key(0), jnp.zeros((1, *size)), None))()["params"]
-    results = [lib.evaluate(config, params) for config in configs]
+    results = [Points(config, pathlib.Path()).evaluate(params) for config in configs]
     for name, values in results[0].metrics.items():
         np.testing.assert_allclose(values, results[1].metrics[name], rtol=1e-5, err_msg=name)
 
 
 def test_emd_is_measured_where_there_are_points_enough():
     small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
-    config = STANDIN["config"](eval__emd_tolerance=0.05, data__num_eval_points=12, **small)
-    model = registry.build_model(config.model)
+    config = standin.config(eval__emd_tolerance=0.05, data__num_eval_points=12, **small)
+    model = point_out_net.build(config.model)
     size = (*config.model.image_size, config.model.in_channels)
     params = jax.jit(lambda: model.init(jax.random.key(0), jnp.zeros((1, *size)), None))()["params"]
-    result = lib.evaluate(config, params, max_samples=4)
+    result = Points(config, pathlib.Path()).evaluate(params, max_samples=4)
     assert (result.metrics["emd_radius"] > 0.1).all()
     assert (result.metrics["emd_gap"] <= 0.05).all()
-    assert "EMD [radius]" in result.text()
+    assert "EMD [radius]" in table_lib.text(result)
     few = dataclasses.replace(config, data=dataclasses.replace(config.data, num_eval_points=7))
-    assert "emd_radius" not in lib.evaluate(few, params, max_samples=4).metrics
+    assert "emd_radius" not in Points(few, pathlib.Path()).evaluate(params, max_samples=4).metrics
 
 
 @pytest.fixture
 def table():
     models = [("car", "a"), ("car", "b"), ("car", "c"), ("lamp", "d")]
-    names = [lib.SampleName(i, *name, view=7) for i, name in enumerate(models)]
+    names = [SampleName(i, *name, view=7) for i, name in enumerate(models)]
     metrics = {
         "cd_sq_radius2": np.array([1.0, 2.0, 3.0, 6.0]),
         "precision": np.array([0.0, 0.0, 0.0, 1.0]),
         "fscore": np.array([0.1, 0.2, 0.3, 0.6]),
     }
-    return lib.Evaluation("validation", names, metrics, 0.01, (1024, 4096))
+    return Evaluation("validation", names, metrics, 0.01, (1024, 4096))
 
 
 def test_averages_are_labelled(table):
@@ -111,22 +112,22 @@ def test_averages_are_labelled(table):
 
 
 def test_table_as_text_csv_and_json(table):
-    text = table.text()
+    text = table_lib.text(table)
     head = text.splitlines()[0]
     assert "CD squared [radius^2]" in head
     assert "F-score at 0.01 radius [%]" in head
     (line,) = [line for line in text.splitlines() if line.startswith("mean over samples")]
     assert line.split() == ["mean", "over", "samples", "4", "3.00000", "30.00"]
-    rows = list(csv.DictReader(table.csv().splitlines()))
+    rows = list(csv.DictReader(table_lib.csv_text(table).splitlines()))
     assert float(rows[1]["cd_sq_radius2"]) == 6
-    samples = list(csv.DictReader(table.samples_csv().splitlines()))
+    samples = list(csv.DictReader(table_lib.samples_csv(table).splitlines()))
     assert [r["model_id"] for r in samples] == list("abcd")
     assert [r["record"] for r in samples] == list("0123")
     assert samples[3]["view"] == "7"
     assert rows[-1]["category"] == "mean over categories"
     assert rows[-1]["samples"] == "4"
     assert "1024 predicted points against 4096 true ones" in text
-    document = json.loads(table.json(step=7))
+    document = json.loads(table_lib.json_text(table, step=7))
     assert document["mean_over_samples"]["fscore"] == pytest.approx(0.3)
     assert document["categories"]["car"]["samples"] == 3
     assert document["step"] == 7
@@ -139,24 +140,24 @@ def test_json_of_what_is_not_finite_is_json(table):
     def refuse(word):
         raise AssertionError(word)
 
-    document = json.loads(table.json(), parse_constant=refuse)
+    document = json.loads(table_lib.json_text(table), parse_constant=refuse)
     assert document["categories"]["car"]["fscore"] is None
     assert document["categories"]["lamp"]["fscore"] == 0.6
 
 
 def test_missing_runs_and_checkpoints_are_named(tmp_path):
     with pytest.raises(ConfigError, match=r"no run there"):
-        lib.evaluate_workdir(tmp_path)
-    (tmp_path / "config.json").write_text(to_json(STANDIN["config"]()))
+        evaluate_run(tmp_path)
+    (tmp_path / "config.json").write_text(to_json(standin.config()))
     with pytest.raises(CheckpointError, match="no checkpoint there"):
-        lib.evaluate_workdir(tmp_path)
+        evaluate_run(tmp_path)
     with pytest.raises(ConfigError, match=r"data.path='/no/such' does not exist"):
-        lib.evaluate_workdir(tmp_path, data="/no/such")
+        evaluate_run(tmp_path, data="/no/such")
 
 
 def visibility_table(share, visible):
     models = [("car", "a"), ("car", "b"), ("lamp", "c")]
-    names = [lib.SampleName(i, *name, view=0) for i, name in enumerate(models)]
+    names = [SampleName(i, *name, view=0) for i, name in enumerate(models)]
     hidden = np.where(np.asarray(share) < 1, 4.0, np.nan)
     metrics = {
         "cd_sq_radius2": np.ones(3),
@@ -164,7 +165,7 @@ def visibility_table(share, visible):
         "cd_sq_gt_to_pred_hidden_radius2": hidden,
         "visible_share": np.array(share),
     }
-    return lib.Evaluation("validation", names, metrics, 0.01, (1024, 4096), 0.025)
+    return Evaluation("validation", names, metrics, 0.01, (1024, 4096), 0.025)
 
 
 def test_samples_without_visible_points_have_no_part_in_their_means():
@@ -175,20 +176,20 @@ def test_samples_without_visible_points_have_no_part_in_their_means():
     assert np.isnan(rows["lamp"][key])
     assert rows["mean over samples"][key] == rows["mean over categories"][key] == 2
     assert rows["mean over samples"]["visible_share"] == pytest.approx(1 / 6)
-    text = table.text()
+    text = table_lib.text(table)
     assert "visible truth to pred [radius^2]" in text
     assert "hidden [radius^2]" in text
     assert "visible [%]" in text
     assert "within 0.025 radius of what the depth image measured" in text
     assert "16.67" in text
-    assert json.loads(table.json())["categories"]["lamp"][key] is None
+    assert json.loads(table_lib.json_text(table))["categories"]["lamp"][key] is None
 
 
 def test_no_visible_point_at_all_is_no_crash():
     table = visibility_table([0.0, 0.0, 0.0], [np.nan] * 3)
     assert np.isnan(table.means["cd_sq_gt_to_pred_visible_radius2"])
     assert table.means["cd_sq_gt_to_pred_hidden_radius2"] == 4
-    assert "nan" in table.text()
+    assert "nan" in table_lib.text(table)
 
 
 def test_a_broken_prediction_is_not_left_out_of_the_means():
@@ -199,28 +200,27 @@ def test_a_broken_prediction_is_not_left_out_of_the_means():
 
 
 def test_records_with_depth_have_the_columns_whatever_the_network_sees(monkeypatch, tmp_path):
-    monkeypatch.setitem(registry.DATA_SOURCES, "records", loader)
-    records.write_dataset(
+    write_dataset(
         tmp_path / "deep", {"validation": solids.samples(5, seed=1, image_size=(48, 64))}, source=""
     )
     bare = (
         dataclasses.replace(s, depth=None) for s in solids.samples(5, seed=1, image_size=(48, 64))
     )
-    records.write_dataset(tmp_path / "bare", {"validation": bare}, source="")
+    write_dataset(tmp_path / "bare", {"validation": bare}, source="")
 
     small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
 
     def configured(folder, **changes):
-        return STANDIN["config"](data__path=str(tmp_path / folder), **small, **changes)
+        return standin.config(data__path=str(tmp_path / folder), **small, **changes)
 
     config = configured("deep", eval__batch_size=2)
-    model = registry.build_model(config.model)
+    model = point_out_net.build(config.model)
     size = (1, *config.model.image_size, config.model.in_channels)
     params = jax.jit(lambda: model.init(jax.random.key(0), jnp.zeros(size), None))()["params"]
-    result = lib.evaluate(config, params)
+    result = Points(config, pathlib.Path()).evaluate(params)
     share = result.metrics["visible_share"]
     assert ((share > 0.1) & (share < 0.9)).all()
-    assert "hidden [radius^2]" in result.text()
+    assert "hidden [radius^2]" in table_lib.text(result)
 
     def shares(config):
         """What reaches the compiled step: the share of visible points, or None."""
@@ -230,7 +230,7 @@ def test_records_with_depth_have_the_columns_whatever_the_network_sees(monkeypat
             seen.append(batch.get("visible"))
             return fake_step(params, batch, index)
 
-        lib.evaluate(config, {}, eval_step=step)
+        evaluate_split(config, {}, step)
         return None if seen[0] is None else np.concatenate(seen)[:5].mean(axis=1)
 
     seen = shares(configured("deep", data__inputs=("rgb", "depth"), data__image_size=(24, 40)))

@@ -50,6 +50,12 @@ FIELDS = (
 OPTIONAL_FIELDS = ("depth", "normals", "occupancy")
 
 
+class RecordError(ValueError):
+    """A data set, a shard or a record that is missing, damaged or of another format."""
+
+    exit_code = 2  # commands end with the message alone and this code
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sample:
     """One image of an object and the object's surface.

@@ -1,9 +1,8 @@
-"""Distances between point clouds: pure functions on one pair; callers vmap (or use `batched`)."""
+"""Distances between point clouds: pure functions on one pair; callers vmap (or use `map_pairs`)."""
 
-from psgn_jax.losses.auction import Assignment, assign
+from psgn_jax.losses.assignment import Assignment, assign
 from psgn_jax.losses.chamfer import (
     Nearest,
-    batched,
     chamfer_authors,
     chamfer_l1_mean,
     chamfer_sq,
@@ -13,6 +12,7 @@ from psgn_jax.losses.chamfer import (
     nearest,
     nearest_both,
 )
+from psgn_jax.losses.distances import map_pairs
 from psgn_jax.losses.emd import (
     ExactAssignment,
     MatchedDistances,
@@ -32,7 +32,6 @@ __all__ = [
     "MinOfN",
     "Nearest",
     "assign",
-    "batched",
     "chamfer_authors",
     "chamfer_l1_mean",
     "chamfer_sq",
@@ -46,6 +45,7 @@ __all__ = [
     "farthest_points",
     "iou",
     "iou_sweep",
+    "map_pairs",
     "matched_distances",
     "min_of_n",
     "nearest",

@@ -1,21 +1,21 @@
 """Nearest neighbours between two point clouds, and the Chamfer distances built on them.
 
 Everything takes one pair, `pred` [n, 3] and `gt` [m, 3], any n, m >= 1; callers batch, on a CPU
-best with `batched`: for 32 pairs and their gradient on one core, `lax.map` took .033 s at
+best with `map_pairs`: for 32 pairs and their gradient on one core, `lax.map` took .033 s at
 1024 x 1024 and .45 s at 1024 x 16384, `vmap` .051 and .63 s (tests/bench/losses.py).
 
 Units: coordinates are in the unit of the caller's clouds (the project's: radius of the bounding
 hemisphere); what has `sq` in its name is in unit^2, the others in unit.
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from psgn_jax.losses.distances import check_points, pairwise_sq, safe_sqrt
-from psgn_jax.losses.kernels import select, use_kernels
+from psgn_jax.losses.kernels.dispatch import select, use_kernels
+from psgn_jax.losses.xla import vary_with, write_once
 from psgn_jax.types import Array, Float, Int
 
 # A tile of distances is _TILE rows by the whole shorter cloud: 256 kB at 1,024 points, which
@@ -58,8 +58,7 @@ def _search(rows: Array, cols: Array) -> tuple[Array, Array, Array, Array]:
     ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         best, best_tile = carry
         number, tile = inputs
-        # The barrier makes XLA write the tile once instead of computing it for each minimum.
-        d = jax.lax.optimization_barrier(pairwise_sq(tile, cols))
+        d = write_once(pairwise_sq(tile, cols))
         blocks = d.reshape(_TILE, -1, _BLOCK)
         row_min, block = _first_min(blocks.min(axis=-1))
         winner = jnp.take_along_axis(blocks, block[:, None, None], axis=1)[:, 0]
@@ -69,12 +68,8 @@ def _search(rows: Array, cols: Array) -> tuple[Array, Array, Array, Array]:
         carry = jnp.where(better, col_min, best), jnp.where(better, number, best_tile)
         return carry, (row_min, block * _BLOCK + offset)
 
-    # Constants, written with the data so that inside shard_map they vary along the same axes.
-    anything = cols[:, 0] == rows[0, 0]
-    start = (
-        jnp.where(anything, jnp.inf, jnp.full_like(cols[:, 0], jnp.inf)),
-        jnp.where(anything, 0, 0),
-    )
+    here = cols[:, 0] == rows[0, 0]
+    start = vary_with(jnp.full_like(cols[:, 0], jnp.inf), here), vary_with(0, here)
     numbers = jnp.arange(len(tiles), dtype=jnp.int32)
     (col_min, tile), (row_min, row_index) = jax.lax.scan(step, start, (numbers, tiles))
     # Which row of the winning tile: once more the exact distances, of _TILE rows for each col.
@@ -94,7 +89,7 @@ def _search_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _trial() -> bool:
-    from psgn_jax.losses import chamfer_kernel
+    from psgn_jax.losses.kernels import chamfer as chamfer_kernel
 
     return chamfer_kernel.trial()
 
@@ -103,7 +98,7 @@ def _trial() -> bool:
 def _nearest_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
     if a.dtype == jnp.float32 and use_kernels(_trial):
         # Imported where it is used: Pallas takes a while, and a CPU has no need of it.
-        from psgn_jax.losses import chamfer_kernel
+        from psgn_jax.losses.kernels import chamfer as chamfer_kernel
 
         from_a, index_a, from_b, index_b = select(chamfer_kernel.search, _search_both, a, b)
     else:
@@ -239,32 +234,3 @@ def chamfer_authors(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float
     """
     to_gt, to_pred = nearest_both(pred, gt, names=_PAIR)
     return 1e4 * (to_pred.distance_sq.mean() + 0.5 * to_gt.distance_sq.mean())
-
-
-def batched(function: Callable, *, platform: str | None = None) -> Callable:
-    """Turns a function of one pair into one of a batch of pairs, the fast way for the platform.
-
-    On a CPU one pair after the other (`jax.lax.map`): a pair's tile then stays in the cache. On
-    accelerators all at once (`jax.vmap`; not measured there). The values agree within rounding.
-    The EMD's auction goes pair by pair on a CPU under `jax.vmap` too: lock step would make every
-    pair wait for the slowest.
-
-    Args:
-      function: of one pair, (pred [n, 3], gt [m, 3]) -> any pytree of arrays.
-      platform: "cpu", "gpu" or "tpu"; None asks JAX for its default backend.
-
-    Returns:
-      (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. Further
-      arrays, if the function takes them, have that axis too.
-    """
-
-    # Made once, so that JAX knows it again and compiles it once, also without `jit` around.
-    def one_more(_: None, arrays: tuple[Array, ...]) -> tuple[None, Any]:
-        return None, function(*arrays)
-
-    def over_batch(pred: Array, gt: Array, *more: Array) -> Any:
-        if (platform or jax.default_backend()) == "cpu":
-            return jax.lax.scan(one_more, None, (pred, gt, *more))[1]
-        return jax.vmap(function)(pred, gt, *more)
-
-    return over_batch

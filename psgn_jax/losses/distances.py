@@ -1,4 +1,7 @@
-"""Squared distances, safe square roots and the checks shared by all losses."""
+"""Squared distances, safe square roots, the check of a cloud, and batches of pairs."""
+
+from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -26,7 +29,7 @@ def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
     if points.ndim != 2 or points.shape[-1] != 3 or points.shape[0] < 1:
         raise ValueError(
             f"{name}: got shape {tuple(points.shape)}, expected [n, 3] with n >= 1"
-            " (one cloud; use jax.vmap or losses.batched for a batch)"
+            " (one cloud; use jax.vmap or losses.map_pairs for a batch)"
         )
     if not jnp.issubdtype(points.dtype, jnp.floating):
         raise ValueError(f"{name}: got dtype {points.dtype}, expected a floating dtype")
@@ -58,3 +61,32 @@ def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """sqrt(x) for x >= 0 with gradient 0 at x = 0 in place of infinity; NaN stays NaN."""
     is_zero = x == 0
     return jnp.where(is_zero, 0, jnp.sqrt(jnp.where(is_zero, 1, x)))
+
+
+def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
+    """Turns a function of one pair into one of a batch of pairs, the fast way for the platform.
+
+    On a CPU one pair after the other (`jax.lax.map`): a pair's tile then stays in the cache. On
+    accelerators all at once (`jax.vmap`; not measured there). The values agree within rounding.
+    The EMD's auction goes pair by pair on a CPU under `jax.vmap` too: lock step would make every
+    pair wait for the slowest.
+
+    Args:
+      function: of one pair, (pred [n, 3], gt [m, 3]) -> any pytree of arrays.
+      platform: "cpu", "gpu" or "tpu"; None asks JAX for its default backend.
+
+    Returns:
+      (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. Further
+      arrays, if the function takes them, have that axis too.
+    """
+
+    # Made once, so that JAX knows it again and compiles it once, also without `jit` around.
+    def one_pair(_: None, arrays: tuple[Array, ...]) -> tuple[None, Any]:
+        return None, function(*arrays)
+
+    def over_batch(pred: Array, gt: Array, *others: Array) -> Any:
+        if (platform or jax.default_backend()) == "cpu":
+            return jax.lax.scan(one_pair, None, (pred, gt, *others))[1]
+        return jax.vmap(function)(pred, gt, *others)
+
+    return over_batch

@@ -4,7 +4,7 @@
 
 with the Euclidean, not the squared, distance: Fan, Su, Guibas, "A Point Set Generation Network for
 3D Object Reconstruction from a Single Image", CVPR 2017, section 4.2. Everything takes one pair,
-`pred` and `gt` [n, 3]; callers batch with `losses.batched`.
+`pred` and `gt` [n, 3]; callers batch with `losses.map_pairs`.
 
 Units: that of the caller's clouds. `emd_sum` is the paper's sum, `emd_mean` the sum over n: the
 mean distance a point travels, which does not depend on the number of points. Distances are roots of
@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from psgn_jax.losses.auction import TOLERANCE, Assignment, Schedule, assign
+from psgn_jax.losses.assignment import TOLERANCE, Assignment, Schedule, assign
 from psgn_jax.losses.distances import check_points, safe_sqrt
 from psgn_jax.types import Array, Float, Int
 

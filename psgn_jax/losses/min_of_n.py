@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from psgn_jax.losses.chamfer import batched
+from psgn_jax.losses.distances import map_pairs
 from psgn_jax.types import Array, Float, Int
 
 
@@ -49,7 +49,7 @@ def min_of_n(distance: Callable[..., Any]) -> Callable[[Array, Array], MinOfN]:
 
     Returns:
       (preds [draws, n, 3], gt [m, 3]) -> `MinOfN`; any draws >= 1; for `jit`, and for `vmap` or
-      `batched` over samples. It raises ValueError for another shape of `preds`, and what
+      `map_pairs` over samples. It raises ValueError for another shape of `preds`, and what
       `distance` raises.
     """
 
@@ -59,7 +59,7 @@ def min_of_n(distance: Callable[..., Any]) -> Callable[[Array, Array], MinOfN]:
                 f"preds: got shape {tuple(preds.shape)}, expected [draws, n, 3] with draws >= 1"
             )
         gts = jnp.broadcast_to(gt[None], (len(preds), *gt.shape))
-        distances = batched(distance)(preds, gts)
+        distances = map_pairs(distance)(preds, gts)
         winner = jnp.argmin(distances)
         return MinOfN(distances[winner], winner, jax.lax.stop_gradient(distances))
 

@@ -52,34 +52,22 @@ convolutions have four axes, those of dense layers two; the hourglass's linear l
 first pass, to which the authors give a weight of its own, is `params["fc"]["carry"]`.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 from flax import linen as nn
 
 from psgn_jax.config import ModelConfig
-from psgn_jax.models import blocks
-from psgn_jax.models.blocks import Conv, ConvTranspose, Dense
+from psgn_jax.models import layers
+from psgn_jax.models.layers import DTYPES, Conv, ConvTranspose, Dense
+from psgn_jax.models.point_layout import (
+    RANDOM_AT,
+    num_points,
+    padded_size,
+    scaled_widths,
+    wrong_field,
+)
 from psgn_jax.types import Array, Float
-
-VERSIONS = ("vanilla", "two_branch", "hourglass")
-RANDOM_AT = ("bottleneck", "fc")
-DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
-
-
-class OutputGrid(NamedTuple):
-    """The image of points that a deconv branch predicts: 24 rows, 32 columns, 1 by default."""
-
-    height: int
-    width: int
-    points_per_cell: int
-
-
-class Branches(NamedTuple):
-    """Indices of the points that each branch predicts."""
-
-    fc: range
-    deconv: range
 
 
 class Encoder(nn.Module):
@@ -125,7 +113,7 @@ class Bottleneck(nn.Module):
             dense = Dense(
                 x[0].size,
                 use_bias=False,
-                kernel_init=blocks.SUMMED,
+                kernel_init=layers.SUMMED,
                 dtype=self.dtype,
                 name="random",
             )
@@ -150,7 +138,7 @@ class Merge(nn.Module):
     @nn.compact
     def __call__(self, x: Array, skip: Array) -> Array:
         """Returns features of the size of `skip`, which may be shared by several draws of x."""
-        init, dtype = blocks.SUMMED, self.dtype
+        init, dtype = layers.SUMMED, self.dtype
         if self.down_size:
             x = Conv(
                 self.width, self.down_size, stride=2, kernel_init=init, dtype=dtype, name="down"
@@ -234,14 +222,14 @@ class FullyConnected(nn.Module):
         """
         *first, last = [x.reshape(x.shape[0], -1) for x in bottlenecks]
         hidden, dtype = self.widths[0], self.dtype
-        init = blocks.SUMMED if first else blocks.RELU
+        init = layers.SUMMED if first else layers.RELU
         x = Dense(hidden, kernel_init=init, dtype=dtype, name="hidden0")(last)
         for flat in first:
             y = nn.relu(Dense(hidden, dtype=dtype, name="first_pass")(flat))
-            x = x + Dense(hidden, kernel_init=blocks.SUMMED, dtype=dtype, name="carry")(y)
+            x = x + Dense(hidden, kernel_init=layers.SUMMED, dtype=dtype, name="carry")(y)
         if r is not None:
             dense = Dense(
-                hidden, use_bias=False, kernel_init=blocks.SUMMED, dtype=dtype, name="random"
+                hidden, use_bias=False, kernel_init=layers.SUMMED, dtype=dtype, name="random"
             )
             x = _add(dense(r), x)
         x = nn.relu(x)
@@ -249,8 +237,8 @@ class FullyConnected(nn.Module):
             x = nn.relu(Dense(width, dtype=dtype, name=f"hidden{i}")(x))
         points = Dense(
             3 * self.num_points,
-            kernel_init=blocks.small(0.1),
-            bias_init=blocks.cloud_bias(blocks.CLOUD_SPREAD),
+            kernel_init=layers.small(0.1),
+            bias_init=layers.cloud_bias(layers.CLOUD_SPREAD),
             name="points",
         )(x)
         return points.reshape(points.shape[0], self.num_points, 3)
@@ -292,7 +280,7 @@ class PointOutNet(nn.Module):
         """Predicts the clouds of a batch.
 
         Args:
-          x: from `inputs.network_input`.
+          x: from `inputs.stack_channels`.
           r: standard normal numbers, [b, random_size], or [b, draws, random_size] for several
             clouds of each image, at the cost of one encoder; None exactly if `random_size` is 0.
 
@@ -327,12 +315,12 @@ class PointOutNet(nn.Module):
             x = nn.relu(Conv(x.shape[-1], dtype=dtype, name="deconv_conv")(x))
             points = Conv(
                 self.deconv_channels,
-                kernel_init=blocks.small(blocks.CLOUD_SPREAD),
-                bias_init=blocks.cloud_bias(0.0),
+                kernel_init=layers.small(layers.CLOUD_SPREAD),
+                bias_init=layers.cloud_bias(0.0),
                 name="deconv_points",
             )(x)
             height, width, channels = points.shape[1:]
-            points = points + blocks.grid_offset(height, width, channels // 3)[None]
+            points = points + layers.grid_offset(height, width, channels // 3)[None]
             points = points.reshape(points.shape[0], -1, 3)
             if late is not None:  # the same points in every draw
                 points = jnp.repeat(points, len(late) // len(points), axis=0)
@@ -368,17 +356,17 @@ def build(config: ModelConfig) -> PointOutNet:
     """
     num_points(config)
     if config.compute_dtype not in DTYPES:
-        raise _wrong("compute_dtype", config.compute_dtype, f"one of {tuple(DTYPES)}")
+        raise wrong_field("compute_dtype", config.compute_dtype, f"one of {tuple(DTYPES)}")
     if config.in_channels < 1:
-        raise _wrong("in_channels", config.in_channels, "at least 1; 3 to 5 with `inputs`")
+        raise wrong_field("in_channels", config.in_channels, "at least 1; 3 to 5 with `inputs`")
     if config.fc_points and not config.fc_widths:
-        raise _wrong("fc_widths", config.fc_widths, "at least one width")
+        raise wrong_field("fc_widths", config.fc_widths, "at least one width")
     if config.random_size < 0:
-        raise _wrong("random_size", config.random_size, "0 (none) or more")
+        raise wrong_field("random_size", config.random_size, "0 (none) or more")
     if config.random_at not in RANDOM_AT:
-        raise _wrong("random_at", config.random_at, f"one of {RANDOM_AT}")
+        raise wrong_field("random_at", config.random_at, f"one of {RANDOM_AT}")
     if config.random_size and config.random_at == "fc" and not config.fc_points:
-        raise _wrong("random_at", "fc", "'bottleneck', as fc_points=0 leaves no fc branch")
+        raise wrong_field("random_at", "fc", "'bottleneck', as fc_points=0 leaves no fc branch")
     return PointOutNet(
         version=config.name,
         image_size=config.image_size,
@@ -394,89 +382,6 @@ def build(config: ModelConfig) -> PointOutNet:
     )
 
 
-def scaled_widths(widths: tuple[int, ...], multiplier: float) -> tuple[int, ...]:
-    """Widths times `multiplier`, to the nearest multiple of 8, at least 8; unchanged if it is 1.
-
-    Raises:
-      ValueError: for a width or a multiplier that is not positive.
-    """
-    if multiplier <= 0:
-        raise _wrong("width_multiplier", multiplier, "a positive number")
-    if any(width < 1 for width in widths):
-        raise _wrong("widths", widths, "positive integers")
-    if multiplier == 1:
-        return tuple(widths)
-    return tuple(max(8, 8 * round(width * multiplier / 8)) for width in widths)
-
-
-def padded_size(image_size: tuple[int, int], num_levels: int) -> tuple[int, int]:
-    """Image size after padding: the next multiples of `2 ** (num_levels - 1)`.
-
-    Raises:
-      ValueError: if a side is under half of that, so that most of the image would be padding.
-    """
-    divisor = 2 ** (num_levels - 1)
-    if min(image_size) < divisor / 2:
-        raise _wrong(
-            "image_size",
-            tuple(image_size),
-            f"sides of at least {max(1, divisor // 2)} pixels, half of 2^{num_levels - 1} "
-            f"(there are {num_levels} widths)",
-        )
-    height, width = (-(-side // divisor) * divisor for side in image_size)
-    return height, width
-
-
-def output_grid(config: ModelConfig) -> OutputGrid:
-    """The grid of the deconv branch; (0, 0, 0) for `vanilla`.
-
-    Raises:
-      ValueError: for a field out of range.
-    """
-    levels = len(config.widths)
-    if config.name not in VERSIONS:
-        raise _wrong("name", config.name, f"one of {VERSIONS}")
-    if levels < 2:
-        raise _wrong("widths", config.widths, "at least two levels")
-    height, width = padded_size(config.image_size, levels)
-    if config.name == "vanilla":
-        return OutputGrid(0, 0, 0)
-    if not 0 <= config.deconv_level <= levels - 2:
-        raise _wrong(
-            "deconv_level", config.deconv_level, f"0 to {levels - 2}, above the bottleneck"
-        )
-    if config.deconv_channels < 3 or config.deconv_channels % 3:
-        raise _wrong("deconv_channels", config.deconv_channels, "a positive multiple of 3")
-    cell = 2**config.deconv_level
-    return OutputGrid(height // cell, width // cell, config.deconv_channels // 3)
-
-
-def branch_of_point(config: ModelConfig) -> Branches:
-    """Which branch predicts which of the points: fc 0 to 255, deconv 256 to 1,023 by default.
-
-    Raises:
-      ValueError: for a field out of range.
-    """
-    grid = output_grid(config)
-    lowest = 1 if config.name == "vanilla" else 0
-    if config.fc_points < lowest:
-        raise _wrong("fc_points", config.fc_points, f"at least {lowest}")
-    deconv_points = grid.height * grid.width * grid.points_per_cell
-    return Branches(
-        range(config.fc_points), range(config.fc_points, config.fc_points + deconv_points)
-    )
-
-
-def num_points(config: ModelConfig) -> int:
-    """Points of one prediction, 1,024 by default.
-
-    Raises:
-      ValueError: for a field out of range.
-    """
-    branches = branch_of_point(config)
-    return len(branches.fc) + len(branches.deconv)
-
-
 def _pad(x: Array, size: tuple[int, int]) -> Array:
     """Repeats the border pixels until the image has the size, the odd pixel bottom and right."""
     extra = [target - side for target, side in zip(size, x.shape[1:3], strict=True)]
@@ -490,7 +395,3 @@ def _add(x: Array, shared: Array) -> Array:
     """Sum; x may hold several draws of each sample of `shared`, one after another."""
     grouped = x.reshape(len(shared), -1, *shared.shape[1:])
     return (grouped + shared[:, None]).reshape(x.shape)
-
-
-def _wrong(field: str, value: Any, accepted: str) -> ValueError:
-    return ValueError(f"model.{field}={value!r}: accepted: {accepted}")

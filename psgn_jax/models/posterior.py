@@ -31,9 +31,8 @@ from flax import linen as nn
 
 from psgn_jax.config import ModelConfig
 from psgn_jax.data.schema import OCCUPANCY_SIZE
-from psgn_jax.models import blocks
-from psgn_jax.models.blocks import Dense
-from psgn_jax.models.convolution3d import Conv3D
+from psgn_jax.models import layers
+from psgn_jax.models.layers import Conv3D, Dense
 from psgn_jax.types import Array, Float
 
 NAME = "posterior"
@@ -77,7 +76,7 @@ class Posterior(nn.Module):
             x = nn.relu(Conv3D(width, 3 if i else 5, stride=2, name=f"conv{i}")(x))
         x = x.reshape(x.shape[0], -1)
         x = nn.relu(Dense(self.hidden, name="hidden")(x))
-        x = Dense(2 * self.size, kernel_init=blocks.small(0.1), name="gaussian")(x)
+        x = Dense(2 * self.size, kernel_init=layers.small(0.1), name="gaussian")(x)
         return Gaussian(x[:, : self.size], x[:, self.size :])
 
 

@@ -22,9 +22,8 @@ from flax import linen as nn
 
 from psgn_jax.config import ModelConfig
 from psgn_jax.data.schema import OCCUPANCY_SIZE
-from psgn_jax.models import blocks, point_out_net
-from psgn_jax.models.blocks import Dense
-from psgn_jax.models.convolution3d import Conv3D
+from psgn_jax.models import layers, point_layout, point_out_net
+from psgn_jax.models.layers import Conv3D, Dense
 from psgn_jax.types import Array, Bool, Float
 
 GRID_ORIGIN = (-1.0, -1.0, 0.0)
@@ -130,7 +129,7 @@ class VoxelRefiner(nn.Module):
             x = nn.relu(Conv3D(width, dtype=self.dtype, name=f"conv{i}")(x))
         last = Conv3D(
             1,
-            kernel_init=blocks.small(1.0),
+            kernel_init=layers.small(1.0),
             bias_init=nn.initializers.constant(_FIRST_LOGIT),
             name="occupancy",
         )
@@ -162,7 +161,7 @@ class VolumeNet(nn.Module):
         x = nn.relu(Dense(self.hidden, dtype=self.dtype, name="dense")(x))
         last = Dense(
             1,
-            kernel_init=blocks.small(0.3),
+            kernel_init=layers.small(0.3),
             bias_init=nn.initializers.constant(_LOG_VOLUME),
             name="log_volume",
         )
@@ -171,6 +170,6 @@ class VolumeNet(nn.Module):
 
 def build_volume_net(config: ModelConfig) -> VolumeNet:
     """The volume network with the encoder widths of a configuration."""
-    widths = point_out_net.scaled_widths(config.widths, config.width_multiplier)
-    hidden = point_out_net.scaled_widths((512,), config.width_multiplier)[0]
-    return VolumeNet(widths, hidden, point_out_net.DTYPES[config.compute_dtype])
+    widths = point_layout.scaled_widths(config.widths, config.width_multiplier)
+    hidden = point_layout.scaled_widths((512,), config.width_multiplier)[0]
+    return VolumeNet(widths, hidden, layers.DTYPES[config.compute_dtype])

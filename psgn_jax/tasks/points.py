@@ -11,37 +11,45 @@ import optax
 from flax import linen as nn
 from jax.sharding import Mesh
 
-from psgn_jax import evaluate as evaluate_lib
-from psgn_jax import registry
-from psgn_jax import state as state_lib
-from psgn_jax import step as step_lib
 from psgn_jax.config import Config, ConfigError
+from psgn_jax.data import loader
+from psgn_jax.losses.by_name import configured_loss
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.losses.distances import map_pairs
+from psgn_jax.metrics import clouds as metrics_lib
+from psgn_jax.metrics import samples as sample_metrics
+from psgn_jax.metrics.evaluation import Evaluation
+from psgn_jax.models import point_out_net
+from psgn_jax.prediction import sampling
+from psgn_jax.training import evaluation
+from psgn_jax.training import state as state_lib
+from psgn_jax.training import step as step_lib
 from psgn_jax.types import Array
-from psgn_jax.viewing.clouds import draw_cases
+from psgn_jax.viewing.clouds import render_cases
 
 
 class Points:
-    """See `tasks.Task`."""
+    """See `tasks.base.Task`."""
 
     def __init__(self, config: Config, workdir: pathlib.Path) -> None:
         self._config = config
-        self._model = registry.build_model(config.model)
-        self.title = config.model.name
+        self._model = point_out_net.build(config.model)
+        self.title: str = config.model.name
         self.keys = step_lib.input_keys(config)
 
     @functools.cached_property
     def _eval_step(self) -> Callable[..., Any]:
-        return evaluate_lib.make_step(self._config, self._model)
+        return make_eval_step(self._config, self._model)
 
     def check(self) -> None:
-        """As `Task.check`."""
-        _check_loss(self._config, self._model, registry.loss(self._config.loss))
+        """Raises `ConfigError` if the loss does not take the network's points and the truth's."""
+        _check_loss(self._config, self._model, configured_loss(self._config.loss))
 
     def keep_sources(self) -> None:
         """There are none."""
 
     def create(self, tx: optax.GradientTransformation) -> state_lib.TrainState:
-        """As `Task.create`."""
+        """The state before the first step, see `training.state.create`."""
         return state_lib.create(self._config, self._model, tx)
 
     def train_step(
@@ -49,8 +57,8 @@ class Points:
     ) -> Callable[
         [state_lib.TrainState, step_lib.Batch], tuple[state_lib.TrainState, dict[str, Array]]
     ]:
-        """`step.make_train_step`."""
-        loss = registry.loss(self._config.loss)
+        """`training.step.make_train_step`."""
+        loss = configured_loss(self._config.loss)
         return step_lib.make_train_step(self._config, self._model, loss, tx, mesh)
 
     def evaluate(
@@ -62,24 +70,24 @@ class Points:
         on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
         chosen: Mapping[str, float] | None = None,
         draws: int = 0,
-    ) -> evaluate_lib.Evaluation:
-        """As `Task.evaluate`; nothing is chosen. With `draws` see `evaluate.with_draws`."""
+    ) -> Evaluation:
+        """Metrics of clouds on a split; nothing is chosen. With `draws` see `with_draws`."""
         eval_step = self._eval_step
         if draws:
-            eval_step = evaluate_lib.with_draws(self._config, self._model, eval_step, draws)
-        return evaluate_lib.evaluate(
+            eval_step = with_draws(self._config, self._model, eval_step, draws)
+        return evaluation.evaluate_split(
             self._config,
             params,
+            eval_step,
             split=split,
             max_samples=max_samples,
-            eval_step=eval_step,
             on_batch=on_batch,
         )
 
     def picture(self, params: Any) -> np.ndarray:
         """Predictions of the first evaluation samples beside the truth."""
         config = self._config
-        batches = registry.data_source().eval_batches(
+        batches = loader.eval_batches(
             config.data,
             split=config.data.eval_split,
             batch_size=config.eval.batch_size,
@@ -89,7 +97,67 @@ class Points:
         batch = next(iter(batches))
         points, _ = self._eval_step(params, batch, 0)
         shown = np.flatnonzero(batch["valid"])[: config.train.num_images]
-        return draw_cases(batch, np.asarray(points), shown.tolist())
+        return render_cases(batch, np.asarray(points), shown.tolist())
+
+
+def make_eval_step(config: Config, model: Any) -> Callable[..., Any]:
+    """The compiled evaluation step, over the local devices if they divide the batch."""
+
+    def pair(pred: Any, gt: Any, visible: Any = None) -> Any:
+        # A bijection wants at least as many true points; without them there is no EMD.
+        emd_tolerance = config.eval.emd_tolerance if len(pred) <= len(gt) else 0
+        return metrics_lib.evaluate_pair(
+            pred,
+            gt,
+            visible,
+            threshold=config.eval.fscore_threshold,
+            emd_tolerance=emd_tolerance or None,
+        )
+
+    return evaluation.over_devices(
+        config,
+        step_lib.input_keys(config),
+        lambda mesh: step_lib.make_eval_step(config, model, pair, mesh),
+    )
+
+
+def with_draws(
+    config: Config, model: Any, eval_step: Callable[..., Any], num_draws: int
+) -> Callable[..., Any]:
+    """An evaluation step that also measures `num_draws` draws of each image.
+
+    Added to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, of the EMD
+    where `eval.emd_tolerance` asks for it, and `total_mutual_difference_radius2`, see
+    `metrics.samples`. The draws are those of `prediction.sampling.predict_samples` with the
+    configuration's seed.
+
+    Raises:
+      ConfigError: the network has no random input.
+    """
+    sample = sampling.compile_predict_samples(config, model, num_draws)
+
+    @jax.jit
+    def measure(points: Any, gt: Any, mutual: Any) -> dict[str, Any]:
+        distances: dict[str, Any] = {"cd_sq_radius2": chamfer_sq_mean}
+        if config.eval.emd_tolerance and points.shape[2] <= gt.shape[1]:
+            tolerance = config.eval.emd_tolerance
+            distances["emd_radius"] = lambda a, b: metrics_lib.emd(a, b, tolerance=tolerance).emd
+
+        def one(draws: Any, gt: Any) -> dict[str, Any]:
+            return sample_metrics.summarise_draws(draws, gt, distances)
+
+        found = map_pairs(one)(points, gt)
+        if num_draws > 1:
+            difference = jax.vmap(sample_metrics.total_mutual_difference)
+            found["total_mutual_difference_radius2"] = difference(mutual)
+        return found
+
+    def run(params: Any, batch: Any, index: int) -> Any:
+        points, values = eval_step(params, batch, index)
+        found = sample(params, batch, config.seed, index * len(batch["image"]))
+        return points, {**values, **measure(found.points, batch["points"], found.mutual)}
+
+    return run
 
 
 def _check_loss(config: Config, model: nn.Module, loss: step_lib.PairFunction) -> None:

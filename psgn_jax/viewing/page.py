@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from psgn_jax.files import write_atomic
 from psgn_jax.viewing import spheres
-from psgn_jax.writer import write_atomic
 
 MAX_BYTES = 5_000_000
 """Of one page; more cases go onto further pages, linked at the foot."""

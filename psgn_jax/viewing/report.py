@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from psgn_jax.evaluate import Evaluation
+from psgn_jax.files import write_atomic
+from psgn_jax.metrics import table
+from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.viewing import page, spheres
-from psgn_jax.writer import write_atomic
 
 ERROR = "cd_sq_radius2"
 SHEET_CASES = 160
@@ -129,13 +130,24 @@ def write_report(
         "about": f"{len(names)} cases of the split {first.split!r}; {first.num_points[0]} "
         f"predicted against {first.num_points[1]} true points; radius = that of the bounding "
         "hemisphere",
-        "error_name": first.header(ERROR),
+        "error_name": table.header(first, ERROR),
         "table": _table(runs),
         "histogram": _histogram(errors[0]),
         "cases": cases,
     }
     text = _TEMPLATE.read_text(encoding="utf-8").replace("/*DATA*/", page.to_json(document), 1)
     write_atomic(folder / "index.html", text)
+    _write_sheets(folder, samples, runs, errors)
+    return folder / "index.html"
+
+
+def _write_sheets(
+    folder: pathlib.Path,
+    samples: Sequence[Sample],
+    runs: Sequence[Run],
+    errors: Sequence[np.ndarray],
+) -> None:
+    """Writes `sheet.png` and `extremes.png`."""
     ranked = np.argsort(errors[0], kind="stable")  # what is not finite comes last
     count = min(len(samples), SHEET_CASES)
     chosen = np.linspace(0, len(samples) - 1, count).astype(int)
@@ -154,7 +166,6 @@ def write_report(
         for i in members
     ]
     _save(spheres.sheet(extremes, columns=1, height=144), folder / "extremes.png")
-    return folder / "index.html"
 
 
 def _viewer_case(
@@ -189,7 +200,7 @@ def _sheet_case(
 
 def _thumbs(sample: Sample, clouds: Sequence[np.ndarray]) -> list[str]:
     """Data URIs of the image and of each cloud, small."""
-    drawn = spheres.draw_case(
+    drawn = spheres.render_spheres(
         spheres.Case(
             "",
             sample.image,
@@ -212,7 +223,7 @@ def _table(runs: Sequence[Run]) -> list[list[str]]:
     for run in runs:
         names = [name for name in metrics if name in run.evaluation.metrics]
         prefix = f"{run.label}: " if len(runs) > 1 else ""
-        head += [prefix + run.evaluation.header(name) for name in names]
+        head += [prefix + table.header(run.evaluation, name) for name in names]
         for cells, row in zip(body, run.evaluation.rows(), strict=True):
             cells += [
                 f"{100 * row.metrics[n]:.2f}" if n == "fscore" else f"{row.metrics[n]:.5f}"

@@ -14,8 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from psgn_jax.models.convolution import conv2d
-from psgn_jax.models.convolution3d import conv3d
+from psgn_jax.models.cpu_convolution import conv2d, conv3d
 
 
 def lax(x, kernel):

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from psgn_jax import losses
-from psgn_jax.losses.kernels import use_kernels
+from psgn_jax.losses.kernels.dispatch import use_kernels
 
 _INSTRUCTIONS = 8
 _LANES = 128  # float32 lanes of a multiprocessor since compute capability 8.6, and of 9.0
@@ -80,13 +80,15 @@ def path(kernels, interpret):
     os.environ["PSGN_KERNELS"] = "on" if kernels else "off"
     jax.clear_caches()
     if kernels and interpret:
-        from psgn_jax.losses import auction, auction_kernel, chamfer, chamfer_kernel
+        from psgn_jax.losses import assignment, chamfer
+        from psgn_jax.losses.kernels import auction as auction_kernel
+        from psgn_jax.losses.kernels import chamfer as chamfer_kernel
 
         search = functools.partial(chamfer_kernel.search, interpret=True)
         solve = functools.partial(auction_kernel.solve_pair, interpret=True)
         chamfer.select = lambda kernel, plain, *arrays: search(*arrays)
-        plain = auction._for_platform
-        auction._for_platform = lambda solver, n, schedule: (
+        plain = assignment._for_platform
+        assignment._for_platform = lambda solver, n, schedule: (
             solve if use_kernels(bool) else plain(solver, n, schedule)
         )
 

@@ -15,8 +15,11 @@ import time
 
 import numpy as np
 
+from psgn_jax import default_data
 from psgn_jax.config import DataConfig
-from psgn_jax.data import augment, default, loader, records, resize
+from psgn_jax.data import augment, batches, loader, resize
+from psgn_jax.data.codec import decode_stored, unpack
+from psgn_jax.data.dataset import RecordReader
 
 BATCH = 32
 
@@ -49,7 +52,7 @@ def microseconds(function, count=40):
 
 def parts(cfg):
     """Time of each part of one sample, averaged over some samples."""
-    reader = records.RecordReader(cfg.path, cfg.train_split)
+    reader = RecordReader(cfg.path, cfg.train_split)
     rng = np.random.default_rng(0)
     times = {}
 
@@ -59,17 +62,17 @@ def parts(cfg):
     for index in np.linspace(0, len(reader) - 1, 6).astype(int):
         index = int(index)
         data, stored = reader.read(index), reader.stored(index)
-        chosen = loader._subset(rng, len(stored.points.codes), cfg.num_points)
-        view = loader._view(loader._Items(cfg, reader)[index], rng, cfg.num_points)
+        chosen = batches._subset(rng, len(stored.points.codes), cfg.num_points)
+        view = batches._view(batches.Items(cfg, reader)[index], rng, cfg.num_points)
         add("read", lambda i=index: reader.read(i))
-        add("checksum and map", lambda d=data: records.unpack(d))
+        add("checksum and map", lambda d=data: unpack(d))
         for field in ("image", "mask", "points", "depth"):
-            add(f"decode {field}", lambda d=data, f=field: records.decode_stored(d, (f,)))
+            add(f"decode {field}", lambda d=data, f=field: decode_stored(d, (f,)))
         add("resize image", lambda s=stored: resize.resize_image(s.image, cfg.image_size))
         add("resize mask", lambda s=stored: resize.resize_mask(s.mask, cfg.image_size))
         add(
             "choose points",
-            lambda s=stored: loader._subset(rng, len(s.points.codes), cfg.num_points),
+            lambda s=stored: batches._subset(rng, len(s.points.codes), cfg.num_points),
         )
         add("points to the frame", lambda s=stored, c=chosen: s.points.points(c))
         add("flip", lambda v=view: augment.flip(v))
@@ -85,8 +88,8 @@ def main():
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--step_samples", type=float, default=0.0)
     arguments = parser.parse_args()
-    path = arguments.path or default.default_dataset()
-    num_points = min(4096, len(records.RecordReader(path, "train")[0].points))
+    path = arguments.path or default_data.default_dataset()
+    num_points = min(4096, len(RecordReader(path, "train")[0].points))
     for image_size in ((192, 256), (96, 128)):
         plain = DataConfig(path=path, image_size=image_size, num_points=num_points)
         augmented = dataclasses.replace(plain, flip=True, stretch=0.1, colour_jitter=0.2)

@@ -53,9 +53,10 @@ def real_clouds(folder, pairs):
 
 def default_clouds(pairs):
     """Clouds of the default data set, where the authors' are absent."""
-    from psgn_jax.data import default, records
+    from psgn_jax import default_data
+    from psgn_jax.data.dataset import RecordReader
 
-    reader = records.RecordReader(default.default_dataset(), "train")
+    reader = RecordReader(default_data.default_dataset(), "train")
     return np.stack([reader[i].points for i in range(min(pairs, len(reader)))])
 
 
@@ -202,7 +203,7 @@ def clocked(call, arguments, gpu=False):
 def emd_ours(version, a, b, budget):
     """(forward s, forward+backward s, sums, gaps, bids, extra bytes) of one way to batch."""
     batch = {
-        "map": lambda f: losses.batched(f, platform="cpu"),
+        "map": lambda f: losses.map_pairs(f, platform="cpu"),
         "vmap": jax.vmap,
     }[version]
     a, b = jnp.asarray(a), jnp.asarray(b)
@@ -386,7 +387,7 @@ def cd_table(args, whole):
             print(f"| {size} | {kind} | cKDTree | {tree:.3f} | | 1 | | ~{needs:.1f} | | |",
                   flush=True)  # fmt: skip
             versions = {
-                "ours, map": losses.batched(losses.chamfer_sq_mean, platform="cpu"),
+                "ours, map": losses.map_pairs(losses.chamfer_sq_mean, platform="cpu"),
                 "ours, vmap": jax.vmap(losses.chamfer_sq_mean),
                 "naive": jax.vmap(naive),
             }

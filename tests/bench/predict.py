@@ -33,11 +33,13 @@ def make_run(folder: pathlib.Path) -> None:
     """A run of the default configuration whose parameters are as initialised."""
     import jax
 
-    from psgn_jax import config, registry, state
-    from psgn_jax.checkpoint import Checkpoints
+    from psgn_jax import config
+    from psgn_jax.models import point_out_net
+    from psgn_jax.training import state
+    from psgn_jax.training.checkpoint import Checkpoints
 
     settings = config.parse({})
-    model = registry.build_model(settings.model)
+    model = point_out_net.build(settings.model)
     tx = state.optimizer(settings.optim, 1)
     made = jax.jit(lambda: state.create(settings, model, tx).params)()
     folder.mkdir()

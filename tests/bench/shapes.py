@@ -23,7 +23,7 @@ import scipy.spatial
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from data_gen import meshes
 from data_gen.catalogues import procedural
-from psgn_jax.data import authors
+from psgn_jax.data.sources import authors
 
 POINTS = 1536
 TURNS = 36

@@ -88,10 +88,10 @@ def build_jax(network: dict[str, Any], batch: int) -> dict[str, Any]:
     import jax
     import jax.numpy as jnp
 
-    from psgn_jax import registry
     from psgn_jax.config import ModelConfig
+    from psgn_jax.models import point_out_net
 
-    model = registry.build_model(
+    model = point_out_net.build(
         ModelConfig(in_channels=IN_CHANNELS, fc_points=FC_POINTS, **network)
     )
     x = _images(network, batch)
@@ -206,14 +206,14 @@ def compare_layers(network: dict[str, Any], batch: int) -> None:
     import jax
     import torch
 
-    from psgn_jax.models import convolution
+    from psgn_jax.models import cpu_convolution
 
     torch.set_num_threads(_THREADS.value)
     rng = np.random.default_rng(0)
     print("milliseconds here / PyTorch channels last, fastest of the repeats")
     print(f"{'':34}{'forward':>16}{'input gradient':>18}{'kernel gradient':>18}")
     for kind, h, w, c_in, c_out, k, s in layers(network):
-        function = convolution.conv2d if kind == "conv" else convolution.conv2d_transpose
+        function = cpu_convolution.conv2d if kind == "conv" else cpu_convolution.conv2d_transpose
         x = jax.numpy.asarray(rng.standard_normal((batch, h, w, c_in), np.float32))
         kernel = jax.numpy.asarray(rng.standard_normal((k, k, c_in, c_out), np.float32))
 
@@ -248,15 +248,16 @@ def compare_layers(network: dict[str, Any], batch: int) -> None:
 def compare_draws(network: dict[str, Any], batch: int) -> None:
     """Prints, for each network, the cost of a step with Min-of-N over that of the plain step.
 
-    "all": every draw goes forward and backward; "winners": `step.best_draw`. The loss is the CD of
-    1,024 and 4,096 points. Competitors take turns in one process.
+    "all": every draw goes forward and backward; "winners": `training.step.min_of_n_loss`. The loss
+    is the CD of 1,024 and 4,096 points. Competitors take turns in one process.
     """
     import jax
     import jax.numpy as jnp
 
-    from psgn_jax import registry, step
     from psgn_jax.config import parse
-    from psgn_jax.losses import batched, chamfer_sq_mean, min_of_n
+    from psgn_jax.losses import chamfer_sq_mean, map_pairs, min_of_n
+    from psgn_jax.models import point_out_net
+    from psgn_jax.training import step
 
     rng = np.random.default_rng(0)
     height, width = network["image_size"]
@@ -276,17 +277,17 @@ def compare_draws(network: dict[str, Any], batch: int) -> None:
                 "model": {"name": name, "random_size": 128, **fields},
             }
         )
-        model = registry.build_model(config.model)
+        model = point_out_net.build(config.model)
 
         def plain(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
-            return jnp.mean(batched(chamfer_sq_mean)(step.predict(c, m, p, b, r), b["points"]))
+            return jnp.mean(map_pairs(chamfer_sq_mean)(step.predict(c, m, p, b, r), b["points"]))
 
         def every(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
-            best = batched(min_of_n(chamfer_sq_mean))(step.predict(c, m, p, b, r), b["points"])
+            best = map_pairs(min_of_n(chamfer_sq_mean))(step.predict(c, m, p, b, r), b["points"])
             return jnp.mean(best.value)
 
         def winners(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
-            return step.best_draw(c, m, chamfer_sq_mean, p, b, r)[0]
+            return step.min_of_n_loss(c, m, chamfer_sq_mean, p, b, r)[0]
 
         cases = [("plain", plain, 1)]
         cases += [(f"Mo{n}, {how}", f, n) for n in (2, 8) for how, f in

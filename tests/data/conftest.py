@@ -3,11 +3,12 @@
 import pathlib
 import zlib
 
-import drawn_solids as solids
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 
-from psgn_jax.data import camera, records, schema
+from psgn_jax.data import camera, schema
+from psgn_jax.data.dataset import write_dataset
 
 
 def random_sample(rng, *, size=(24, 32), num_points=200, optional=True, **changes):
@@ -46,7 +47,7 @@ def dataset(tmp_path_factory) -> pathlib.Path:
         "train": solids.samples(37, seed=0, image_size=(48, 64)),
         "validation": solids.samples(11, seed=1, image_size=(48, 64)),
     }
-    records.write_dataset(folder, splits, source="solids", records_per_shard=10)
+    write_dataset(folder, splits, source="solids", records_per_shard=10)
     return folder
 
 

@@ -1,9 +1,9 @@
 import dataclasses
 
-import drawn_solids as solids
 import numpy as np
 import pytest
 import scipy.ndimage
+from helpers import drawn_solids as solids
 
 from psgn_jax.data import augment, camera, schema
 

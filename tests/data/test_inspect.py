@@ -1,7 +1,9 @@
 import numpy as np
 from PIL import Image
 
-from psgn_jax.data import inspect, records
+from psgn_jax import inspect
+from psgn_jax.data.dataset import RecordReader, write_dataset
+from psgn_jax.viewing import page
 
 
 def test_report_and_sheet(dataset, tmp_path, capsys):
@@ -20,7 +22,7 @@ def test_report_and_sheet(dataset, tmp_path, capsys):
 
 def test_samples_off_their_masks_are_flagged(make, rng, tmp_path):
     sample = make.sample(rng, mask=np.zeros((24, 32), np.bool_), depth=None)
-    records.write_dataset(tmp_path, {"train": [sample]}, source="test")
+    write_dataset(tmp_path, {"train": [sample]}, source="test")
     lines, whole = inspect.report(tmp_path)
     assert whole
     assert any("flagged: record 0 (m1 view 3): 0.0 %" in line for line in lines)
@@ -30,7 +32,7 @@ def test_damage_is_reported_and_the_rest_goes_on(make, dataset, tmp_path, capsys
     for path in dataset.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     shard = tmp_path / "train-00000.arrayrecord"
-    make.damage(shard, records.RecordReader(tmp_path, "train").read(2))
+    make.damage(shard, RecordReader(tmp_path, "train").read(2))
     assert inspect.main([str(tmp_path), "--sheet", str(tmp_path / "s.png")]) == 1
     out = capsys.readouterr().out
     assert "DAMAGED record 2 of" in out
@@ -53,4 +55,4 @@ def test_not_a_data_set(tmp_path, capsys):
 def test_nearest_distance(rng):
     a, b = rng.normal(size=(60, 3)), rng.normal(size=(1500, 3))
     want = np.linalg.norm(a[:, None] - b, axis=2).min(axis=1)
-    np.testing.assert_allclose(inspect._nearest_distance(a, b), want, atol=1e-7)
+    np.testing.assert_allclose(page.nearest_distances(a, b), want, atol=1e-7)

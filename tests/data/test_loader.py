@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from psgn_jax.config import DataConfig
-from psgn_jax.data import camera, loader, records, visibility
+from psgn_jax.data import batches, camera, loader, visibility
+from psgn_jax.data.codec import decode
+from psgn_jax.data.dataset import RecordReader, open_split, write_dataset
+from psgn_jax.data.schema import RecordError
 
 
 @pytest.fixture
@@ -113,14 +116,14 @@ def test_cache_changes_nothing(cfg, monkeypatch):
     cached = dataclasses.replace(cfg, cache=True)
     for got, one in zip(take(15, cached), want, strict=True):
         assert_same(got, one)
-    monkeypatch.setattr(loader, "CACHE_BYTES", 50_000)  # a few samples fit
+    monkeypatch.setattr(batches, "CACHE_BYTES", 50_000)  # a few samples fit
     for got, one in zip(take(15, cached), want, strict=True):
         assert_same(got, one)
 
 
 def test_cache_is_bounded(cfg):
     cached = dataclasses.replace(cfg, cache=True)
-    items = loader._Items(cached, records.RecordReader(cfg.path, "train"))
+    items = batches.Items(cached, RecordReader(cfg.path, "train"))
     items._bound = 100_000
     for i in range(37):
         items[i]
@@ -166,7 +169,7 @@ def test_workers_start_where_no_flags_were_parsed(dataset, tmp_path):
 
 
 def test_evaluation_sees_every_sample_once(cfg, dataset):
-    names = [s.model_id for s in records.RecordReader(dataset, "validation")]
+    names = [s.model_id for s in RecordReader(dataset, "validation")]
     for batch_size in (1, 4, 11, 16):
         seen, categories = [], []
         for batch in loader.eval_batches(cfg, split="validation", batch_size=batch_size):
@@ -190,10 +193,10 @@ def test_evaluation_does_not_depend_on_the_batch_size(cfg):
 
 
 def test_subsets(rng):
-    drawn = loader._subset(rng, 100, 60)
+    drawn = batches._subset(rng, 100, 60)
     assert len(set(drawn.tolist())) == 60
-    assert loader._subset(rng, 100, 100) == slice(None)
-    counts = np.bincount(loader._subset(rng, 10, 34), minlength=10)
+    assert batches._subset(rng, 100, 100) == slice(None)
+    counts = np.bincount(batches._subset(rng, 10, 34), minlength=10)
     assert counts.sum() == 34
     assert set(counts) == {3, 4}
 
@@ -219,13 +222,13 @@ def test_wrong_arguments_fail_at_the_call(cfg, options, message):
 
 
 def test_missing_data_fail_at_the_call(cfg, make, rng, tmp_path):
-    with pytest.raises(records.RecordError, match="no split 'test'"):
+    with pytest.raises(RecordError, match="no split 'test'"):
         loader.eval_batches(cfg, split="test", batch_size=2)
-    with pytest.raises(records.RecordError, match="no such folder"):
+    with pytest.raises(RecordError, match="no such folder"):
         loader.num_samples(dataclasses.replace(cfg, path="/nowhere"), "train")
-    records.write_dataset(tmp_path, {"train": [make.sample(rng, optional=False)]}, source="test")
+    write_dataset(tmp_path, {"train": [make.sample(rng, optional=False)]}, source="test")
     bare = dataclasses.replace(cfg, path=str(tmp_path))
-    with pytest.raises(records.RecordError, match=r"remove 'depth' from data\.inputs"):
+    with pytest.raises(RecordError, match=r"remove 'depth' from data\.inputs"):
         loader.train_batches(bare, batch_size=1, seed=0, start_step=0)
 
 
@@ -234,7 +237,7 @@ def test_a_damaged_record_is_named_while_iterating(make, cfg, dataset, tmp_path,
     for path in dataset.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     shard = tmp_path / "validation-00000.arrayrecord"
-    make.damage(shard, records.RecordReader(tmp_path, "validation").read(5))
+    make.damage(shard, RecordReader(tmp_path, "validation").read(5))
     cfg = dataclasses.replace(cfg, path=str(tmp_path), num_workers=num_workers)
     batches = loader.eval_batches(cfg, split="validation", batch_size=4)
     next(batches)
@@ -263,10 +266,10 @@ def test_visibility_is_that_of_the_records_own_depth(cfg, dataset):
     )
     assert [b["visible"].shape for b in batches] == [(4, 150)] * 3
     assert all("depth" not in b for b in batches)
-    reader = records.RecordReader(dataset, "validation")
+    reader = RecordReader(dataset, "validation")
     for number in (0, 10):
         batch, row = batches[number // 4], number % 4
-        s = records.decode(reader.read(number))
+        s = decode(reader.read(number))
         want = visibility.visible_points(
             batch["points"][row], s.depth, s.intrinsics, s.extrinsics, 0.03
         )
@@ -283,9 +286,7 @@ def test_visibility_is_that_of_the_records_own_depth(cfg, dataset):
 
 
 def test_records_without_depth_have_no_visibility(cfg, make, rng, tmp_path):
-    records.write_dataset(
-        tmp_path, {"validation": [make.sample(rng, optional=False)]}, source="test"
-    )
+    write_dataset(tmp_path, {"validation": [make.sample(rng, optional=False)]}, source="test")
     bare = dataclasses.replace(cfg, path=str(tmp_path), inputs=("rgb", "mask"))
     (batch,) = loader.eval_batches(bare, split="validation", batch_size=1, visible_tolerance=0.03)
     assert "visible" not in batch
@@ -294,30 +295,30 @@ def test_records_without_depth_have_no_visibility(cfg, make, rng, tmp_path):
 def test_several_folders_are_joined(cfg, dataset, tmp_path, make, rng):
     """The second has no validation split; its records follow those of the first."""
     extra = [make.sample(rng, num_points=120, model_id=f"extra{i}") for i in range(3)]
-    records.write_dataset(tmp_path / "more", {"train": extra}, source="test")
+    write_dataset(tmp_path / "more", {"train": extra}, source="test")
     joined = dataclasses.replace(cfg, path=f"{dataset}, {tmp_path / 'more'}")
     assert loader.num_samples(joined, "train") == 40
     assert loader.num_samples(joined, "validation") == 11
-    reader = records.open_split(joined.folders, "train")
+    reader = open_split(joined.folders, "train")
     assert [reader[i].model_id for i in (37, 38, 39)] == ["extra0", "extra1", "extra2"]
-    assert reader[36].model_id == records.RecordReader(dataset, "train")[36].model_id
+    assert reader[36].model_id == RecordReader(dataset, "train")[36].model_id
     assert reader.locate(38) == (tmp_path / "more" / "train-00000.arrayrecord", 1)
     with pytest.raises(IndexError):
         reader[40]
     assert [batch["points"].shape for batch in take(8, joined)] == [(6, 100, 3)] * 8
-    with pytest.raises(records.RecordError, match=r"none of the data sets .* has a split 'test'"):
+    with pytest.raises(RecordError, match=r"none of the data sets .* has a split 'test'"):
         loader.num_samples(joined, "test")
 
 
 def test_rolled_cameras_are_trained_on_with_a_stretch(cfg, dataset, tmp_path):
     """All other samples are stretched as ever; those of rolled cameras keep their points' width."""
-    samples = list(records.RecordReader(dataset, "train"))
+    samples = list(RecordReader(dataset, "train"))
     turn = np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]], np.float32)
     mixed = [
         dataclasses.replace(s, extrinsics=turn @ s.extrinsics) if k % 2 else s
         for k, s in enumerate(samples)
     ]
-    records.write_dataset(tmp_path / "rolled", {"train": mixed}, source="rolled")
+    write_dataset(tmp_path / "rolled", {"train": mixed}, source="rolled")
     cfg = dataclasses.replace(cfg, path=str(tmp_path / "rolled"), flip=False, stretch=0.5)
     plain = dataclasses.replace(cfg, stretch=0.0)
     rolled = stretched = 0

@@ -270,7 +270,7 @@ def test_placing_refuses():
 
 
 def test_the_rule_fits_the_authors_images(authors_batches):
-    from psgn_jax.data import authors
+    from psgn_jax.data.sources import authors
 
     path = sorted(authors_batches.glob("*.gz"))[0]
     logs, rows = [], []

@@ -1,11 +1,12 @@
 """The classes of true points: a literal, slow rule; solids whose visibility is known exactly."""
 
-import drawn_solids as solids
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 
 from psgn_jax.config import EvalConfig
-from psgn_jax.data import camera, records, visibility
+from psgn_jax.data import camera, visibility
+from psgn_jax.data.codec import lattice_of
 
 TOLERANCE = EvalConfig().visible_tolerance
 
@@ -83,7 +84,7 @@ def test_convex_solids_show_the_points_that_face_the_camera(category):
 
 def test_the_lattice_of_stored_points_moves_few_classes():
     s = drawn("box", size=(192, 256))
-    stored = records.lattice_of(s.points, bits=8).points()
+    stored = lattice_of(s.points, bits=8).points()
     assert np.mean(classes(s) != classes(s, points=stored)) < 0.03
 
 

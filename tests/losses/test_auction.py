@@ -1,4 +1,3 @@
-import importlib.util
 import pathlib
 import subprocess
 import sys
@@ -7,22 +6,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import reference
 
 from psgn_jax import losses
-from psgn_jax.data import authors
+from psgn_jax.data.sources import authors
 from psgn_jax.losses import auction as module
-
-_spec = importlib.util.spec_from_file_location(
-    "reference", pathlib.Path(__file__).resolve().parents[1] / "reference.py"
-)
-reference = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(reference)
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 KINDS = ["near", "far", "init", "dup", "grid"]
 solve = jax.jit(losses.assign, static_argnames="schedule")
 solve_map = jax.jit(
-    lambda a, b, tolerance=0.01: losses.batched(
+    lambda a, b, tolerance=0.01: losses.map_pairs(
         lambda x, y: losses.assign(x, y, tolerance=tolerance), platform="cpu"
     )(a, b)
 )
@@ -251,7 +245,7 @@ def test_jit_vmap_map_and_shard_map_agree(rng):
     spec = jax.sharding.PartitionSpec("data")
 
     def sharded(platform):
-        local = losses.batched(losses.assign, platform=platform)
+        local = losses.map_pairs(losses.assign, platform=platform)
         return jax.shard_map(local, mesh=mesh, in_specs=(spec, spec), out_specs=spec)
 
     # "gpu" is vmap.
@@ -270,7 +264,7 @@ a, b = np.random.default_rng(0).normal(size=(2, 8, 60, 3)).astype(np.float32)
 mesh = jax.make_mesh((4,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
 spec = jax.sharding.PartitionSpec("data")
 for function in (losses.assign, jax.value_and_grad(losses.emd_mean)):
-    local = losses.batched(function)
+    local = losses.map_pairs(function)
     split = jax.jit(jax.shard_map(local, mesh=mesh, in_specs=(spec, spec), out_specs=spec))
     jax.tree.map(np.testing.assert_array_equal, split(a, b), jax.jit(local)(a, b))
 """
@@ -288,7 +282,7 @@ def test_lock_step_version(rng):
     b = rng.normal(size=(3, 40, 3)).astype(np.float32)
     tolerance, max_bids = jnp.float32(0.01), jnp.int32(10_000)
     index, prices, bids, gap = jax.jit(
-        jax.vmap(lambda x, y: module._SOLVERS[False][1](x, y, tolerance, max_bids))
+        jax.vmap(lambda x, y: module.SOLVERS[False][1](x, y, tolerance, max_bids))
     )(a, b)
     for i in range(3):
         found = losses.Assignment(index[i], prices[i], gap[i] <= 0.01, bids[i], gap[i])
@@ -312,3 +306,19 @@ def test_bfloat16_and_mixed(rng):
     a, b = clouds(rng, 40)
     a16 = jnp.asarray(a, jnp.bfloat16)
     check(np.asarray(a16, np.float32), b, solve(a16, b))
+
+
+def test_without_the_experimental_function_of_jax(rng):
+    code = """
+import sys
+sys.modules["jax.experimental.xla_metadata"] = None  # its import raises ImportError
+import numpy as np
+from psgn_jax import losses
+from psgn_jax.losses import xla
+assert xla.set_xla_metadata is None
+points = np.random.default_rng(0).normal(size=(20, 3)).astype(np.float32)
+found = losses.assign(points, points[::-1], tolerance=0.0)
+assert found.index.tolist() == list(range(19, -1, -1))
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

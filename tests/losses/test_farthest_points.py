@@ -1,18 +1,10 @@
-import importlib.util
-import pathlib
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import reference
 
 from psgn_jax import losses
-
-_spec = importlib.util.spec_from_file_location(
-    "reference", pathlib.Path(__file__).resolve().parents[1] / "reference.py"
-)
-reference = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(reference)
 
 
 @pytest.mark.parametrize(("n", "k"), [(1, 1), (7, 7), (128, 20), (300, 300), (1000, 64)])

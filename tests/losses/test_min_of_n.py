@@ -55,7 +55,7 @@ def test_different_sizes_and_a_distance_that_closes_over_a_traced_value(rng):
 
 
 @pytest.mark.parametrize(
-    ("over", "distance"), [(jax.vmap, CD), (losses.batched, CD), (losses.batched, EMD)]
+    ("over", "distance"), [(jax.vmap, CD), (losses.map_pairs, CD), (losses.map_pairs, EMD)]
 )
 def test_over_a_batch(rng, over, distance):
     preds = rng.normal(size=(4, 3, 16, 3)).astype(np.float32)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from psgn_jax.config import ModelConfig
-from psgn_jax.models import blocks, point_out_net
-from psgn_jax.models.point_out_net import branch_of_point, build, num_points, output_grid
+from psgn_jax.models import layers, point_layout
+from psgn_jax.models.point_layout import branch_of_point, num_points, output_grid
+from psgn_jax.models.point_out_net import build
 
 # Compiling takes most of the time of these tests, running them almost none.
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
@@ -121,7 +122,7 @@ FULL_COUNT = {"vanilla": 34_608_384, "two_branch": 38_910_019, "hourglass": 70_1
 def versions(*fast: str):
     """Parameters: all versions, of which those not named are compiled by `-m slow` alone."""
     return [
-        pytest.param(v, marks=[pytest.mark.slow] * (v not in fast)) for v in point_out_net.VERSIONS
+        pytest.param(v, marks=[pytest.mark.slow] * (v not in fast)) for v in point_layout.VERSIONS
     ]
 
 
@@ -175,7 +176,7 @@ def apply(config: ModelConfig, params, x, r=None, *, intermediates=False):
     return _jitted(config, intermediates)({"params": params}, x, r)
 
 
-@pytest.mark.parametrize("name", point_out_net.VERSIONS)
+@pytest.mark.parametrize("name", point_layout.VERSIONS)
 def test_full_size_is_the_published_network(name):
     config = full_config(name)
     network = build(config)
@@ -246,7 +247,7 @@ def test_output_order(name):
     outputs = captured["intermediates"]
     fc = outputs["fc"]["points"]["__call__"][0]
     cells = outputs["deconv_points"]["__call__"][0]
-    cells = cells + blocks.grid_offset(*output_grid(config))[None]
+    cells = cells + layers.grid_offset(*output_grid(config))[None]
     grid, (fc_range, deconv_range) = output_grid(config), branch_of_point(config)
     assert cells.shape == (2, grid.height, grid.width, 3 * grid.points_per_cell)
     assert points.shape == (2, num_points(config), 3)
@@ -354,10 +355,10 @@ def test_hourglass_with_five_halvings_runs():
 
 def test_padding_repeats_the_border_on_both_sides():
     config = tiny_config(image_size=(29, 37))
-    assert point_out_net.padded_size((29, 37), 5) == (32, 48)
-    assert point_out_net.padded_size((61, 100), 7) == (64, 128)
-    assert point_out_net.padded_size((192, 256), 7) == (192, 256)
-    assert point_out_net.padded_size((32, 65), 7) == (64, 128)
+    assert point_layout.padded_size((29, 37), 5) == (32, 48)
+    assert point_layout.padded_size((61, 100), 7) == (64, 128)
+    assert point_layout.padded_size((192, 256), 7) == (192, 256)
+    assert point_layout.padded_size((32, 65), 7) == (64, 128)
     x, _ = arguments(config)
     padded = np.pad(x, [(0, 0), (1, 2), (5, 6), (0, 0)], mode="edge")
     whole = dataclasses.replace(config, image_size=(32, 48))
@@ -468,19 +469,19 @@ def test_first_clouds_are_around_the_object_and_repeat_with_the_key():
     assert jax.tree.all(jax.tree.map(jnp.array_equal, first, second))
     points = apply(config, first["params"], x)[0]
     fc, deconv = points[:256], points[256:]
-    np.testing.assert_allclose(fc.mean(0), blocks.CLOUD_CENTRE, atol=0.1)
-    np.testing.assert_allclose(fc.std(0), blocks.CLOUD_SPREAD, atol=0.1)
-    assert jnp.abs(deconv - jnp.asarray(blocks.CLOUD_CENTRE)[None]).max() < 1.5
+    np.testing.assert_allclose(fc.mean(0), layers.CLOUD_CENTRE, atol=0.1)
+    np.testing.assert_allclose(fc.std(0), layers.CLOUD_SPREAD, atol=0.1)
+    assert jnp.abs(deconv - jnp.asarray(layers.CLOUD_CENTRE)[None]).max() < 1.5
 
 
 def test_initial_variances():
     """A unit input gives the variances that `blocks` states, also where a stride spreads it."""
     x = jax.random.normal(jax.random.key(0), (2, 16, 16, 64))
     cases = [
-        (blocks.Conv(64, 3, kernel_init=blocks.RELU), 2.0),
-        (blocks.Conv(64, 3, kernel_init=blocks.SUMMED), 1.0),
-        (blocks.Conv(64, 5, stride=2, kernel_init=blocks.SUMMED), 1.0),
-        (blocks.ConvTranspose(64), 1.0),
+        (layers.Conv(64, 3, kernel_init=layers.RELU), 2.0),
+        (layers.Conv(64, 3, kernel_init=layers.SUMMED), 1.0),
+        (layers.Conv(64, 5, stride=2, kernel_init=layers.SUMMED), 1.0),
+        (layers.ConvTranspose(64), 1.0),
     ]
     for layer, variance in cases:
         y, _ = quick_jit(layer.init_with_output)(jax.random.key(1), x)
@@ -489,10 +490,10 @@ def test_initial_variances():
 
 def test_scaled_widths():
     widths = (16, 20, 512)
-    assert point_out_net.scaled_widths(widths, 1.0) == widths
-    assert point_out_net.scaled_widths(widths, 0.5) == (8, 8, 256)
-    assert point_out_net.scaled_widths(widths, 0.01) == (8, 8, 8)
-    assert point_out_net.scaled_widths(widths, 1.5) == (24, 32, 768)
+    assert point_layout.scaled_widths(widths, 1.0) == widths
+    assert point_layout.scaled_widths(widths, 0.5) == (8, 8, 256)
+    assert point_layout.scaled_widths(widths, 0.01) == (8, 8, 8)
+    assert point_layout.scaled_widths(widths, 1.5) == (24, 32, 768)
 
 
 @pytest.mark.parametrize(

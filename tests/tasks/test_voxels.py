@@ -9,12 +9,21 @@ import jax
 import numpy as np
 import pytest
 
-from psgn_jax import evaluate, predict, registry, state, step
-from psgn_jax.checkpoint import Checkpoints
+from psgn_jax import predict, tasks
 from psgn_jax.config import ConfigError, parse, to_dict
-from psgn_jax.data import camera, loader, records, schema
+from psgn_jax.data import camera, loader, schema
+from psgn_jax.data.dataset import write_dataset
+from psgn_jax.data.schema import RecordError
+from psgn_jax.metrics import table as table_lib
+from psgn_jax.metrics.evaluation import Evaluation, SampleName
+from psgn_jax.models import point_out_net
+from psgn_jax.tasks import refiner
 from psgn_jax.tasks import voxels as lib
-from psgn_jax.train import train
+from psgn_jax.tasks.runs import evaluate_run, report_runs
+from psgn_jax.training import state, step
+from psgn_jax.training.checkpoint import Checkpoints
+from psgn_jax.training.loop import train
+from psgn_jax.training.run_folder import open_run
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 VIEWS = 3
@@ -46,7 +55,7 @@ def data(tmp_path_factory):
     folder = tmp_path_factory.mktemp("boxes") / "data"
     boxes = [box(n, v) for n in range(6) for v in range(VIEWS)]
     splits = {"train": boxes[: 4 * VIEWS], "validation": boxes[4 * VIEWS :]}
-    records.write_dataset(folder, splits, source="boxes", records_per_shard=7)
+    write_dataset(folder, splits, source="boxes", records_per_shard=7)
     return str(folder)
 
 
@@ -142,10 +151,10 @@ def test_a_mirrored_model_is_so_in_all_views_and_in_its_volume(data, monkeypatch
 
 def test_too_few_views_or_no_volumes_are_named(data, tmp_path):
     wrong = config(data, task="views", voxels__max_views=4)
-    with pytest.raises(records.RecordError, match=r"has 3 views of the 4 that voxels.max_views"):
+    with pytest.raises(RecordError, match=r"has 3 views of the 4 that voxels.max_views"):
         loader.train_batches(wrong.data, batch_size=2, seed=0, start_step=0)
     bare = [dataclasses.replace(box(0, 0), occupancy=None)]
-    records.write_dataset(tmp_path / "bare", {"train": bare, "validation": bare}, source="")
+    write_dataset(tmp_path / "bare", {"train": bare, "validation": bare}, source="")
     with pytest.raises(ConfigError, match=r"wants solid volumes \(occupancy\), which not every"):
         train(config(str(tmp_path / "bare"), task="volume"), tmp_path / "run")
     assert not (tmp_path / "run").exists()
@@ -179,7 +188,7 @@ def test_wrong_configurations(changes, message):
 def test_the_variant_for_images_of_128_pixels():
     path = ROOT / "configs" / "r2n2_cd.py"
     settings = parse(runpy.run_path(str(path))["get_config"]())
-    model = registry.build_model(settings.model)
+    model = point_out_net.build(settings.model)
     image = jax.ShapeDtypeStruct((2, 128, 128, 3), np.float32)
     points, variables = jax.eval_shape(
         lambda x: model.init_with_output(jax.random.key(0), x, None), image
@@ -223,24 +232,24 @@ def test_a_refiner_trains_and_keeps_its_threshold(refined):
 def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_run, tmp_path):
     settings, workdir, _ = refined
     copy = workdir / "frozen" / "from_cd"
-    before, kept = evaluate.load_params(points_run, "best"), evaluate.load_params(copy, "last")
+    before, kept = open_run(points_run, "best"), open_run(copy, "last")
     assert before[0] == kept[0]
     jax.tree.map(np.testing.assert_array_equal, before[1], kept[1])
     moved = dataclasses.replace(settings.voxels, from_cd="/no/such")
-    assert lib.load_source(
+    assert refiner.open_source(
         dataclasses.replace(settings, voxels=moved), workdir, "from_cd"
     ).step == 2  # fmt: skip
-    result = evaluate.evaluate_workdir(workdir, out=tmp_path / "out")
+    result = evaluate_run(workdir, out=tmp_path / "out")
     (found,) = entries(workdir, "eval")
     assert result.means["iou"] == pytest.approx(found["iou"], rel=1e-6)
-    assert "chosen where the run was evaluated while it trained: iou" in result.text()
+    assert "chosen where the run was evaluated while it trained: iou" in table_lib.text(result)
     document = json.loads((tmp_path / "out" / "table.json").read_text())
     assert set(document["categories"]) == {"box", "crate"}
     assert "num_pred_points" not in document
     for wrong in (
         lambda: predict.Predictor.from_workdir(workdir),
-        lambda: evaluate.evaluate_workdir(workdir, draws=2),
-        lambda: evaluate.report(tmp_path / "pages", [workdir]),
+        lambda: evaluate_run(workdir, draws=2),
+        lambda: report_runs(tmp_path / "pages", [workdir]),
     ):
         with pytest.raises(ConfigError, match="is for runs of the task 'points'"):
             wrong()
@@ -248,7 +257,7 @@ def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_ru
 
 def test_sources_that_do_not_fit(data, points_run, refined, tmp_path):
     def load(**changes):
-        lib.load_source(config(data, task="refine", **changes), tmp_path, "from_cd")
+        refiner.open_source(config(data, task="refine", **changes), tmp_path, "from_cd")
 
     with pytest.raises(ConfigError, match=r"voxels.from_cd='/no/such': no run there"):
         load(voxels__from_cd="/no/such")
@@ -280,7 +289,7 @@ def test_all_inputs_of_a_refiner_and_going_on(data, points_run, tmp_path):
 @pytest.mark.parametrize("count", [1, 3])
 def test_a_step_of_3d_r2n2_takes_any_number_of_views(data, tmp_path, count):
     settings = config(data, task="views")
-    task = registry.task(settings, tmp_path)
+    task = tasks.create(settings, tmp_path)
     tx = state.optimizer(settings.optim, 2)
     before = jax.eval_shape(lambda: task.create(tx))
     batch = {
@@ -317,7 +326,7 @@ def test_3d_r2n2_on_one_to_three_views_and_going_on(data, tmp_path):
     train(config(data, task="views", train__steps=2, train__eval_every=0), tmp_path / "parts")
     parts = train(settings, tmp_path / "parts")
     jax.tree.map(np.testing.assert_array_equal, whole.state.params, parts.state.params)
-    result = evaluate.evaluate_workdir(tmp_path / "whole")
+    result = evaluate_run(tmp_path / "whole")
     assert result.means["iou_3_views"] == pytest.approx(found["iou_3_views"], rel=1e-6)
 
 
@@ -328,12 +337,12 @@ def test_thresholds_are_chosen_or_taken():
     sweep = np.zeros((2, 19))
     sweep[:, 7] = (0.5, 0.7)  # .40
     sweep[0, 3] = 1.0  # .20, better for one sample
-    names = [evaluate.SampleName(i, "c", "m", 0) for i in range(2)]
-    found = evaluate.Evaluation("test", names, {"iou": sweep, "x": np.ones(2)}, 0.01, (0, 0))
+    names = [SampleName(i, "c", "m", 0) for i in range(2)]
+    found = Evaluation("test", names, {"iou": sweep, "x": np.ones(2)}, 0.01, (0, 0))
     fresh = lib.at_thresholds(found, {}, best="iou")
     assert fresh.chosen == {"threshold_of_iou": 0.4}
     assert fresh.means == pytest.approx({"iou": 0.6, "x": 1.0, "one_minus_iou": 0.4})
-    assert "chosen on this very split" in fresh.text()
+    assert "chosen on this very split" in table_lib.text(fresh)
     taken = lib.at_thresholds(found, {"threshold_of_iou": 0.2}, best="iou")
     assert taken.means["iou"] == pytest.approx(0.5)
 

@@ -1,24 +1,24 @@
 """The gallery of an evaluation: its numbers, its links, its order; pages that work in a browser."""
 
 import json
-import pathlib
-import runpy
 import shutil
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import standin
 from PIL import Image
 
-from psgn_jax import evaluate, registry
-from psgn_jax.checkpoint import Checkpoints
 from psgn_jax.config import ConfigError, to_json
 from psgn_jax.data import camera
-from psgn_jax.state import named_leaves
+from psgn_jax.metrics.evaluation import Evaluation, SampleName
+from psgn_jax.models import point_out_net
+from psgn_jax.tasks.runs import report_runs
+from psgn_jax.training.checkpoint import Checkpoints
+from psgn_jax.training.state import named_leaves
 from psgn_jax.viewing import report as lib
 
-STANDIN = runpy.run_path(str(pathlib.Path(__file__).resolve().parents[1] / "standin.py"))
 CATEGORIES = ("car", "lamp", "")
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
@@ -33,10 +33,10 @@ def made(count=13, label="first", n=40, seed=0):
         lib.Sample(image, rng.uniform(-0.5, 0.5, (90, 3)), intrinsics, extrinsics)
         for _ in range(count)
     ]
-    names = [evaluate.SampleName(i, CATEGORIES[i % 3], f"model{i}", 0) for i in range(count)]
+    names = [SampleName(i, CATEGORIES[i % 3], f"model{i}", 0) for i in range(count)]
     error = rng.permutation(count) * 0.01 + 0.005
     metrics = {"cd_sq_radius2": error, "cd_l1_radius": error**0.5, "fscore": 1 - error}
-    evaluation = evaluate.Evaluation("validation", names, metrics, 0.01, (n, 90))
+    evaluation = Evaluation("validation", names, metrics, 0.01, (n, 90))
     preds = [rng.uniform(-0.5, 0.5, (n, 3)).astype(np.float32) for _ in range(count)]
     return samples, lib.Run(label, evaluation, preds, n // 4)
 
@@ -90,10 +90,10 @@ def test_histogram_of_odd_errors(errors):
 
 
 def test_from_a_run(tmp_path, monkeypatch):
-    monkeypatch.setitem(registry.DATA_SOURCES, "records", STANDIN["SOURCE"])
+    standin.install(monkeypatch)
     small = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
-    config = STANDIN["config"](**small)
-    model = registry.build_model(config.model)
+    config = standin.config(**small)
+    model = point_out_net.build(config.model)
     image = jnp.zeros((1, *config.model.image_size, 4))
     params = jax.jit(lambda: model.init(jax.random.key(0), image, None))()["params"]
     (tmp_path / "run").mkdir()
@@ -101,12 +101,12 @@ def test_from_a_run(tmp_path, monkeypatch):
     checkpoints = Checkpoints(tmp_path / "run" / "checkpoints")
     checkpoints.save(1, named_leaves({"params": params}), {})
     checkpoints.close()
-    found = evaluate.report(tmp_path / "pages", [tmp_path / "run"], checkpoint="last")
+    found = report_runs(tmp_path / "pages", [tmp_path / "run"], checkpoint="last")
     data = data_of(tmp_path / "pages" / "index.html")
     errors = [case["error"] for case in data["cases"]]
     np.testing.assert_allclose(errors, found.metrics["cd_sq_radius2"])
     with pytest.raises(ConfigError, match="no run there"):
-        evaluate.report(tmp_path / "pages", [tmp_path / "none"])
+        report_runs(tmp_path / "pages", [tmp_path / "none"])
 
 
 def test_in_a_browser(tmp_path):

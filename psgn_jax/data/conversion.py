@@ -1,0 +1,248 @@
+"""Foreign data sets to records, shard by shard; a conversion that was stopped goes on.
+
+What cannot be read (a file, a model, one view of a model) is reported and left out, or, strict,
+stops the conversion. Started again, it goes on behind the shards that are complete, and converts
+those again that something was left out of; a finished conversion is left as it is.
+"""
+
+import contextlib
+import functools
+import pathlib
+import re
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+from absl import logging
+
+from psgn_jax.data import schema
+from psgn_jax.data.codec import encode
+from psgn_jax.data.dataset import ShardWriter
+from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
+from psgn_jax.data.schema import RecordError
+from psgn_jax.data.sources import authors, occnet, r2n2, shapenet
+
+FILES_PER_SHARD = 8
+MODELS_PER_SHARD = 64
+LAYOUTS = {"r2n2": r2n2, "occnet": occnet}
+
+
+class _Item(NamedTuple):
+    """One thing that is converted as a whole.
+
+    Attributes:
+      tag: names it and its state.
+      read: its records as (split, bytes, sample); a string in place of one that is damaged.
+    """
+
+    tag: str
+    read: Callable[[], Iterator[tuple[str, bytes, schema.Sample] | str]]
+
+
+def _natural(path: pathlib.Path) -> tuple[int | str, ...]:
+    """Sort key: 2.gz before 10.gz."""
+    parts = re.split(r"(\d+)", path.name)
+    return tuple(int(p) if p.isdigit() else p for p in parts)
+
+
+def _input_tag(path: pathlib.Path) -> str:
+    """Names an input and its state, so that a changed file is converted again."""
+    status = path.stat()
+    return f"{path.name}:{status.st_size}:{status.st_mtime_ns}"
+
+
+def convert_authors(
+    source: str | pathlib.Path, destination: str | pathlib.Path
+) -> tuple[Manifest, list[str]]:
+    """Converts a folder of the authors' batches; one file in memory at a time.
+
+    Args:
+      source: folder with `*.gz`.
+      destination: folder of the data set, made where missing.
+
+    Returns:
+      the manifest, and a message for every file that was refused.
+
+    Raises:
+      ValueError: `source` holds no batch file, or no file of it can be read.
+      RecordError: `destination` holds a data set from another source.
+    """
+    source, destination = pathlib.Path(source), pathlib.Path(destination)
+    if not source.is_dir():
+        raise ValueError(f"SRC {str(source)!r}: there is no such folder")
+    paths = sorted((p for p in source.glob("*.gz") if p.is_file()), key=_natural)
+    if not paths:
+        raise ValueError(f"SRC {str(source)!r}: no *.gz file there")
+
+    def read(path: pathlib.Path) -> Iterator[tuple[str, bytes, schema.Sample]]:
+        # Encoded before the first one is given away: a file is taken whole or not at all.
+        encoded = [(e.encode(), e.sample) for e in authors.read_batch(path)]
+        return ((authors.split_of(sample.model_id), record, sample) for record, sample in encoded)
+
+    items = [_Item(_input_tag(path), functools.partial(read, path)) for path in paths]
+    return _convert("authors", source, items, destination, FILES_PER_SHARD)
+
+
+def convert_models(
+    layout: str,
+    source: str | pathlib.Path,
+    destination: str | pathlib.Path,
+    *,
+    num_points: int = shapenet.NUM_POINTS,
+    max_views: int = 24,
+    strict: bool = False,
+) -> tuple[Manifest, list[str]]:
+    """Converts a tree of ShapeNet models; one model in memory at a time.
+
+    Args:
+      layout: "r2n2" or "occnet", see the modules of these names.
+      source: the tree.
+      destination: folder of the data set, made where missing.
+      num_points: points of a sample, at most.
+      max_views: the first so many views of each model.
+      strict: whether to stop at the first thing that cannot be read.
+
+    Returns:
+      the manifest, and a message for everything that was left out.
+
+    Raises:
+      ValueError: `source` has not the layout, or nothing in it can be read; under `strict`, the
+        first message.
+      RecordError: `destination` holds a data set from another source.
+    """
+    source, destination = pathlib.Path(source), pathlib.Path(destination)
+    reader: Any = LAYOUTS[layout]
+    found, messages = reader.models(source)
+    for message in messages:
+        logging.error("%s", message)
+    if strict and messages:
+        raise ValueError(messages[0])
+
+    def read(
+        split: str, synset: str, name: str
+    ) -> Iterator[tuple[str, bytes, schema.Sample] | str]:
+        for sample in reader.read_model(
+            source, synset, name, num_points=num_points, max_views=max_views
+        ):
+            yield sample if isinstance(sample, str) else (split, encode(sample), sample)
+
+    items = []
+    for split, synset, name in found:
+        states = (_state(path) for path in reader.input_files(source, synset, name))
+        tag = f"{split}/{synset}/{name}:{num_points}:{max_views}:" + ":".join(states)
+        items.append(_Item(tag, functools.partial(read, split, synset, name)))
+    manifest, refused = _convert(layout, source, items, destination, MODELS_PER_SHARD, strict)
+    return manifest, messages + refused
+
+
+def _state(path: pathlib.Path) -> str:
+    """Size and time of a path, "-" where it is missing."""
+    try:
+        status = path.stat()
+    except OSError:
+        return "-"
+    return f"{status.st_size}.{status.st_mtime_ns}"
+
+
+def _convert(
+    kind: str,
+    source: pathlib.Path,
+    items: Sequence[_Item],
+    destination: pathlib.Path,
+    per_shard: int,
+    strict: bool = False,
+) -> tuple[Manifest, list[str]]:
+    """Converts items in groups, each to at most one shard of each split; goes on where it stopped.
+
+    Raises:
+      ValueError: nothing could be read, or `strict` and not everything could.
+      RecordError: `destination` holds a data set from another source.
+    """
+    destination.mkdir(parents=True, exist_ok=True)
+    # A finished shard is kept where its number and its inputs are what this run would give it: one
+    # of another number could be overwritten by the group that now has that number.
+    done: dict[tuple[int, tuple[str, ...]], list[Shard]] = {}
+    if (destination / MANIFEST).exists():
+        previous = load_manifest(destination, allow_incomplete=True)
+        if previous.source != kind:
+            raise RecordError(
+                f"DST {str(destination)!r} holds a data set from {previous.source!r}; "
+                "give another folder"
+            )
+        for shard in previous.shards:
+            path = destination / shard.file
+            if path.is_file() and path.stat().st_size == shard.size:
+                done.setdefault((_number(shard.file), shard.inputs), []).append(shard)
+    elif any(not (p.name[0] == "." and p.suffix == ".tmp") for p in destination.iterdir()):
+        raise ValueError(f"DST {str(destination)!r}: not empty and not a data set")
+    for left in destination.glob(".*.tmp"):
+        left.unlink()  # of a run that was killed
+
+    shards: list[Shard] = []
+    refused: list[str] = []
+    for number, start in enumerate(range(0, len(items), per_shard)):
+        group = items[start : start + per_shard]
+        inputs = tuple(item.tag for item in group)
+        if (number, inputs) in done:
+            shards += done[number, inputs]
+            continue
+        made, messages = _convert_group(group, destination, number, strict)
+        refused += messages
+        shards += made
+        save_manifest(destination, Manifest(kind, False, tuple(shards)))
+        logging.info("%d of %d", min(start + per_shard, len(items)), len(items))
+    if not shards:
+        raise ValueError(
+            f"SRC {str(source)!r}: no file could be read; the first: {(refused or ['none'])[0]}"
+        )
+    manifest = Manifest(kind, True, tuple(shards))
+    save_manifest(destination, manifest)
+    for left in destination.glob("*.arrayrecord"):
+        if left.name not in {shard.file for shard in shards}:
+            left.unlink()  # of inputs that are no longer there
+    return manifest, refused
+
+
+def _number(file: str) -> int:
+    """The number in a shard's file name."""
+    return int(pathlib.PurePath(file).stem.rpartition("-")[2])
+
+
+def _convert_group(
+    group: Sequence[_Item], folder: pathlib.Path, number: int, strict: bool
+) -> tuple[list[Shard], list[str]]:
+    """Converts some items to at most one shard of each split."""
+    writers: dict[str, ShardWriter] = {}
+    refused: list[str] = []
+    inputs: list[str] = []
+    with contextlib.ExitStack() as stack:
+        for item in group:
+            messages: list[str] = []
+            try:
+                for found in item.read():
+                    if isinstance(found, str):
+                        messages.append(found)
+                        continue
+                    split, record, sample = found
+                    if split not in writers:
+                        writer = ShardWriter(folder, split, number)
+                        writers[split] = stack.enter_context(writer)
+                    writers[split].write(record, sample)
+            except (ValueError, OSError) as error:
+                messages.append(str(error))
+            # What was not read whole is not among the inputs, so that the group is tried again
+            # next time.
+            if not messages:
+                inputs.append(item.tag)
+            for message in messages:
+                logging.error("%s", message)
+                if strict:
+                    raise ValueError(message)
+            refused += messages
+        for writer in writers.values():
+            writer.inputs = tuple(inputs)
+    shards = []
+    for split in sorted(writers):
+        shard = writers[split].shard
+        assert shard is not None  # set by the block's end
+        shards.append(shard)
+    return shards, refused

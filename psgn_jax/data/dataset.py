@@ -1,0 +1,360 @@
+"""Data sets on disk: sharded, random access, checksummed.
+
+A data set is a folder with a `manifest.json` (`data.manifest`) and shards
+`<split>-<number>.arrayrecord` (ArrayRecord files, one group per record) of records (`data.codec`),
+with a tag after the number in sets that can grow.
+
+Writers write to a temporary name, fsync and rename, and write the manifest last: a folder whose
+manifest says `complete` is complete. ArrayRecord finds damaged blocks by its own hashes and raises
+(it never aborted in some thousands of damaged files); the CRC also covers what happens between.
+"""
+
+import contextlib
+import os
+import pathlib
+import re
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from array_record.python import array_record_module
+
+from psgn_jax.data import schema
+from psgn_jax.data.codec import DEFAULT_POINT_BITS, Stored, decode, decode_stored, encode
+from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
+from psgn_jax.data.schema import RecordError, Sample
+from psgn_jax.files import file_crc32, install
+
+# One record per group: reading one record never decodes its neighbours. The payload is compressed
+# already.
+_WRITER_OPTIONS = "group_size:1,uncompressed"
+# Read-ahead serves sequential reads and costs memory in random ones.
+_READER_OPTIONS = "readahead_buffer_size:0"
+
+_SPLIT_NAME = re.compile(r"[a-z0-9_]+")
+
+
+def shard_name(split: str, number: int, tag: str = "") -> str:
+    """File name of a shard; names of one split sort in the order of their numbers.
+
+    Args:
+      split: of its records.
+      number: of the shard in the split.
+      tag: ends the name, for shards of one number that differ; "" = none.
+    """
+    if not _SPLIT_NAME.fullmatch(split):
+        raise ValueError(f"split {split!r}: expected lower-case letters, digits and _")
+    return f"{split}-{number:05d}{tag and '-'}{tag}.arrayrecord"
+
+
+class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
+    """Writes one shard; the file appears under its name only when the block ends without error.
+
+    After the block, `shard` describes the file.
+    """
+
+    def __init__(
+        self,
+        folder: pathlib.Path,
+        split: str,
+        number: int,
+        inputs: Iterable[str] = (),
+        *,
+        tag: str = "",
+    ) -> None:
+        self._path = folder / shard_name(split, number, tag)
+        self._temporary = folder / f".{self._path.name}.{os.getpid()}.tmp"
+        self._split, self.inputs = split, tuple(inputs)
+        self._categories: dict[str, int] = {}
+        self._fields: set[str] = set(schema.FIELDS)
+        self._writer = array_record_module.ArrayRecordWriter(str(self._temporary), _WRITER_OPTIONS)
+        self.count = 0
+        self.shard: Shard | None = None
+
+    def write(self, record: bytes, sample: Sample) -> None:
+        """Appends `record`, the encoded form of `sample`."""
+        self._writer.write(record)
+        self.count += 1
+        self._categories[sample.category] = self._categories.get(sample.category, 0) + 1
+        self._fields -= {f for f in schema.OPTIONAL_FIELDS if getattr(sample, f) is None}
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        """Closes the file; gives it its name, or removes it after an error."""
+        self._writer.close()
+        if kind is not None:
+            self._temporary.unlink(missing_ok=True)
+            return
+        install(self._temporary, self._path)
+        self.shard = Shard(
+            file=self._path.name,
+            split=self._split,
+            count=self.count,
+            size=self._path.stat().st_size,
+            crc32=file_crc32(self._path),
+            categories=dict(sorted(self._categories.items())),
+            fields=tuple(f for f in schema.FIELDS if f in self._fields),
+            inputs=tuple(self.inputs),
+        )
+
+
+def write_dataset(
+    folder: str | os.PathLike[str],
+    splits: Mapping[str, Iterable[Sample]],
+    *,
+    source: str,
+    records_per_shard: int = 512,
+    point_bits: int = DEFAULT_POINT_BITS,
+    overwrite: bool = False,
+) -> Manifest:
+    """Writes a whole data set; samples are taken one at a time.
+
+    Args:
+      folder: made where missing.
+      splits: samples of each split.
+      source: of the data set, for the manifest.
+      records_per_shard: at most this many records in a file.
+      point_bits: resolution of the points' lattice, see `lattice_of`.
+      overwrite: whether to replace a data set that is there already, from the first record on.
+
+    Raises:
+      RecordError: there is a data set already, and `overwrite` is not set.
+    """
+    folder = pathlib.Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    if (folder / MANIFEST).exists():
+        if not overwrite:
+            raise RecordError(
+                f"data set {str(folder)!r} exists; give another folder, or overwrite=True"
+            )
+        (folder / MANIFEST).unlink()
+    shards: list[Shard] = []
+    for split, samples in splits.items():
+        iterator = iter(samples)
+        sample = next(iterator, None)
+        number = 0
+        while sample is not None:
+            with ShardWriter(folder, split, number) as writer:
+                while sample is not None and writer.count < records_per_shard:
+                    writer.write(encode(sample, point_bits=point_bits), sample)
+                    sample = next(iterator, None)
+            assert writer.shard is not None  # set by the block's end
+            shards.append(writer.shard)
+            number += 1
+    manifest = Manifest(source, True, tuple(shards))
+    save_manifest(folder, manifest)
+    return manifest
+
+
+class RecordReader:
+    """Random access to the records of one split; safe to share by threads and to pickle.
+
+    Opening checks that every shard is there and has its size; reading checks each record.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], split: str) -> None:
+        self.folder = pathlib.Path(folder)
+        self.split = split
+        self.manifest = load_manifest(folder)
+        splits = self.manifest.splits()
+        if split not in splits:
+            raise RecordError(
+                f"data set {str(self.folder)!r} has no split {split!r}; it has {sorted(splits)}"
+            )
+        self.shards = splits[split]
+        for shard in self.shards:
+            self._check_size(shard)
+        self._ends = np.cumsum([s.count for s in self.shards])
+        self._init_handles()
+
+    def _init_handles(self) -> None:
+        self._readers: dict[int, Any] = {}
+        self._lock = threading.Lock()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the open files, which the copy opens anew."""
+        state = self.__dict__.copy()
+        del state["_readers"], state["_lock"]
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restores the reader with no file open."""
+        self.__dict__.update(state)
+        self._init_handles()
+
+    def __len__(self) -> int:
+        """Number of records."""
+        return int(self._ends[-1]) if len(self._ends) else 0
+
+    def _remedy(self, shard: Shard) -> str:
+        return f"copy {shard.file} again from where the data set is whole, or make the set again"
+
+    def _check_size(self, shard: Shard) -> None:
+        path = self.folder / shard.file
+        if not path.is_file():
+            raise RecordError(f"shard {path} is missing; {self._remedy(shard)}")
+        if path.stat().st_size != shard.size:
+            raise RecordError(
+                f"shard {path} has {path.stat().st_size} bytes, the manifest says {shard.size}; "
+                + self._remedy(shard)
+            )
+
+    def _reader(self, number: int) -> Any:
+        with self._lock:
+            if number not in self._readers:
+                shard = self.shards[number]
+                path = self.folder / shard.file
+                try:
+                    reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
+                    found = reader.num_records()
+                except (RuntimeError, OSError) as error:
+                    raise RecordError(
+                        f"shard {path} does not open ({_first_line(error)}); {self._remedy(shard)}"
+                    ) from error
+                if found != shard.count:
+                    raise RecordError(
+                        f"shard {path} is damaged: {found} of {shard.count} records are found; "
+                        + self._remedy(shard)
+                    )
+                self._readers[number] = reader
+            return self._readers[number]
+
+    def locate(self, index: int) -> tuple[pathlib.Path, int]:
+        """File and number inside the file of record `index`."""
+        if not 0 <= index < len(self):
+            raise IndexError(f"record {index} of {len(self)}")
+        number = int(np.searchsorted(self._ends, index, side="right"))
+        start = int(self._ends[number]) - self.shards[number].count
+        return self.folder / self.shards[number].file, index - start
+
+    def read(self, index: int) -> bytes:
+        """The bytes of one record.
+
+        Raises:
+          RecordError: the file is damaged there; names file and record.
+          IndexError: `index` is not in [0, len).
+        """
+        path, position = self.locate(index)
+        number = int(np.searchsorted(self._ends, index, side="right"))
+        reader = self._reader(number)
+        try:
+            return reader.read([position])[0]
+        except (RuntimeError, IndexError, OSError) as error:
+            raise self._damaged(path, position, number, _first_line(error)) from error
+
+    def _damaged(self, path: pathlib.Path, position: int, number: int, why: str) -> RecordError:
+        return RecordError(
+            f"record {position} of {path} is damaged: {why}; {self._remedy(self.shards[number])}"
+        )
+
+    def _decoded(self, index: int, decoder: Callable[[bytes], Any]) -> Any:
+        data = self.read(index)
+        try:
+            return decoder(data)
+        except ValueError as error:
+            path, position = self.locate(index)
+            number = int(np.searchsorted(self._ends, index, side="right"))
+            raise self._damaged(path, position, number, _first_line(error)) from error
+
+    def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Stored:
+        """Record `index` with points and depth still compact, `fields` alone decoded."""
+        return self._decoded(index, lambda data: decode_stored(data, fields))
+
+    def __getitem__(self, index: int) -> Sample:
+        """Sample `index`.
+
+        Raises:
+          RecordError: the record is damaged; names file and record.
+        """
+        return self._decoded(index, decode)
+
+    def __iter__(self) -> Iterator[Sample]:
+        """All samples in order."""
+        return (self[i] for i in range(len(self)))
+
+    def verify(self) -> None:
+        """Reads every shard and compares its checksum.
+
+        Raises:
+          RecordError: names the first shard that differs from what was written.
+        """
+        for shard in self.shards:
+            path = self.folder / shard.file
+            if file_crc32(path) != shard.crc32:
+                raise RecordError(
+                    f"shard {path} is damaged: its checksum does not fit; {self._remedy(shard)}"
+                )
+
+
+def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
+    """The bytes of all records of one file, whatever data set it belongs to.
+
+    Raises:
+      RecordError: it is missing or damaged.
+    """
+    if not os.path.exists(path):
+        raise RecordError(f"shard {path} is missing")
+    try:
+        reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
+        return list(reader.read(list(range(reader.num_records()))))
+    except (RuntimeError, IndexError, OSError) as error:
+        raise RecordError(f"shard {path} is damaged: {_first_line(error)}") from error
+
+
+class JoinedReader:
+    """The records of one split of several data sets, one set after the other."""
+
+    def __init__(self, readers: Sequence[RecordReader]) -> None:
+        self._readers = tuple(readers)
+        self._ends = np.cumsum([len(reader) for reader in readers])
+        self.shards = tuple(shard for reader in readers for shard in reader.shards)
+
+    def __len__(self) -> int:
+        """Number of records."""
+        return int(self._ends[-1])
+
+    def _of(self, index: int) -> tuple[RecordReader, int]:
+        if not 0 <= index < len(self):
+            raise IndexError(f"record {index} of {len(self)}")
+        number = int(np.searchsorted(self._ends, index, side="right"))
+        reader = self._readers[number]
+        return reader, index - int(self._ends[number]) + len(reader)
+
+    def locate(self, index: int) -> tuple[pathlib.Path, int]:
+        """As `RecordReader.locate`."""
+        reader, own = self._of(index)
+        return reader.locate(own)
+
+    def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Stored:
+        """As `RecordReader.stored`."""
+        reader, own = self._of(index)
+        return reader.stored(own, fields)
+
+    def __getitem__(self, index: int) -> Sample:
+        """As `RecordReader.__getitem__`."""
+        reader, own = self._of(index)
+        return reader[own]
+
+
+def open_split(
+    folders: Sequence[str | os.PathLike[str]], split: str
+) -> RecordReader | JoinedReader:
+    """The records of a split of one or more data sets; a set without that split adds none.
+
+    Raises:
+      RecordError: a folder holds no whole data set, or none has the split.
+      TypeError: one folder in place of a list of them.
+    """
+    if isinstance(folders, str | os.PathLike):
+        raise TypeError(f"folders: got {folders!r}, expected a list of folders")
+    having = [f for f in folders if len(folders) == 1 or split in load_manifest(f).splits()]
+    if not having:
+        names = [str(folder) for folder in folders]
+        raise RecordError(f"none of the data sets {names} has a split {split!r}")
+    readers = [RecordReader(folder, split) for folder in having]
+    return readers[0] if len(readers) == 1 else JoinedReader(readers)
+
+
+def _first_line(error: BaseException) -> str:
+    lines = str(error).splitlines()
+    return lines[0][:200] if lines else type(error).__name__

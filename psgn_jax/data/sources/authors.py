@@ -1,0 +1,167 @@
+"""The authors' published training batches as samples.
+
+One file holds 32 samples as a zlib stream (not gzip, whatever its name says) of, in order: colour
+uint8 [32, 192, 256, 3] in BGR; depth uint16 [32, 192, 256], 0 = background; rotation float32
+[32, 3, 3]; points uint8 [32, 16384, 3]; 32x1024x4 uint16 of other data, not needed; then the
+models' names, separated by newlines. Names beginning with `f` are for validation, and whole files
+are of one kind.
+
+Points keep their 8-bit lattice, depth its 16 bits: nothing is lost. The camera was fitted on the
+silhouettes (it is `camera.default_camera`).
+"""
+
+import dataclasses
+import pathlib
+import zlib
+from collections.abc import Iterator
+
+import numpy as np
+
+from psgn_jax.data import camera, schema
+from psgn_jax.data.codec import DepthCodes, PointLattice, encode
+
+BATCH = 32
+HEIGHT, WIDTH = 192, 256
+NUM_POINTS = 16384
+TILT_DEGREES = 20.0
+
+# Depth: z = 1.8 * (3 - 2 d / 65535) along the optical axis.
+DEPTH_OFFSET = 5.4
+DEPTH_SCALE = -3.6 / 65535
+
+_LAYOUT = (
+    ("colour", np.dtype("<u1"), (BATCH, HEIGHT, WIDTH, 3)),
+    ("depth", np.dtype("<u2"), (BATCH, HEIGHT, WIDTH)),
+    ("rotation", np.dtype("<f4"), (BATCH, 3, 3)),
+    ("points", np.dtype("<u1"), (BATCH, NUM_POINTS, 3)),
+    ("other", np.dtype("<u2"), (BATCH, 1024, 4)),
+)
+_ARRAYS_SIZE = sum(dtype.itemsize * int(np.prod(shape)) for _, dtype, shape in _LAYOUT)
+_MAX_KEY = 256
+# Room for the names; what inflates to more is not such a file.
+_MAX_SIZE = _ARRAYS_SIZE + BATCH * (_MAX_KEY + 1)
+# No honest file is larger than its content and deflate's overhead.
+_MAX_FILE_SIZE = _MAX_SIZE + (1 << 16)
+_BLOCK = 1 << 16
+
+# From (p - (1, 0, 0)) of the authors' target frame (down, right, toward the camera) to the
+# project's: (x, y, z) = (p2, p1, 1 - p0).
+_TO_PROJECT = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Entry:
+    """One sample and what it is exactly stored from."""
+
+    sample: schema.Sample
+    points: PointLattice
+    depth: DepthCodes
+
+    def encode(self) -> bytes:
+        """The sample as the bytes of a record."""
+        return encode(self.sample, points=self.points, depth=self.depth)
+
+
+def split_of(model_id: str) -> str:
+    """The split of a model by the authors' rule."""
+    return "validation" if model_id.startswith("f") else "train"
+
+
+def _inflate(path: pathlib.Path) -> bytes:
+    """The content of a zlib file, never more than `_MAX_SIZE` bytes in memory."""
+    size = path.stat().st_size
+    if size > _MAX_FILE_SIZE:
+        raise ValueError(f"{path}: {size} bytes, more than any file of this format has")
+    stream = zlib.decompressobj()
+    out = bytearray()
+    with path.open("rb") as file:
+        while not stream.eof:
+            block = file.read(_BLOCK)
+            if not block:
+                raise ValueError(f"{path}: truncated, the zlib stream has no end")
+            try:
+                out += stream.decompress(block, _MAX_SIZE + 1 - len(out))
+            except zlib.error as error:
+                raise ValueError(f"{path}: not a zlib stream, or damaged ({error})") from None
+            if len(out) > _MAX_SIZE or stream.unconsumed_tail:
+                raise ValueError(
+                    f"{path}: inflates to more than {_MAX_SIZE} bytes, not a file of this format"
+                )
+        if stream.unused_data or file.read(1):
+            raise ValueError(f"{path}: bytes after the end of the zlib stream")
+    return bytes(out)
+
+
+def _keys(data: bytes, path: pathlib.Path) -> list[str]:
+    try:
+        keys = data.decode("ascii").removesuffix("\n").split("\n")
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: the models' names are not ASCII") from None
+    if len(keys) != BATCH or not all(k and k.isprintable() and len(k) <= _MAX_KEY for k in keys):
+        raise ValueError(f"{path}: {len(keys)} names of models, expected {BATCH} printable ones")
+    return keys
+
+
+def lattice_matrix(rotation: np.ndarray) -> np.ndarray:
+    """The map from 8-bit coordinates to the project's frame, float64 [3, 4].
+
+    m = (points / 255 - (0.7, 0.5, 0.5)) / 0.4 is the model's frame, m @ (R @ inv(V)) the authors'
+    target less (1, 0, 0), with V the tilt of the camera.
+
+    Args:
+      rotation: [3, 3], the file's R.
+    """
+    cosine, sine = np.cos(np.deg2rad(TILT_DEGREES)), np.sin(np.deg2rad(TILT_DEGREES))
+    tilt = np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
+    turn = _TO_PROJECT @ (rotation.astype(np.float64) @ np.linalg.inv(tilt)).T / 0.4
+    return np.concatenate([turn / 255, turn @ [[-0.7], [-0.5], [-0.5]]], axis=1)
+
+
+def read_batch(path: str | pathlib.Path) -> Iterator[Entry]:
+    """The 32 samples of one file; all checks are done before the first one.
+
+    Raises:
+      ValueError: names the file and what is wrong: truncated, corrupt, of the wrong size, with
+        bytes after its end, with names, rotations or depths that cannot be.
+    """
+    path = pathlib.Path(path)
+    data = _inflate(path)
+    if len(data) <= _ARRAYS_SIZE:
+        raise ValueError(f"{path}: inflates to {len(data)} bytes, expected over {_ARRAYS_SIZE}")
+    arrays: dict[str, np.ndarray] = {}
+    start = 0
+    for name, dtype, shape in _LAYOUT:
+        count = int(np.prod(shape))
+        arrays[name] = np.frombuffer(data, dtype, count, start).reshape(shape)
+        start += count * dtype.itemsize
+    keys = _keys(data[start:], path)
+    rotation = arrays["rotation"].astype(np.float64)
+    if not np.isfinite(rotation).all():
+        raise ValueError(f"{path}: a rotation is not finite")
+    defect = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max()
+    if defect > 1e-3 or (np.linalg.det(rotation) < 0).any():
+        raise ValueError(f"{path}: a rotation is not one (defect {defect:.3g})")
+    intrinsics, extrinsics = camera.default_camera((HEIGHT, WIDTH), tilt_degrees=TILT_DEGREES)
+
+    def entries() -> Iterator[Entry]:
+        for i, key in enumerate(keys):
+            codes = arrays["depth"][i]
+            mask = codes > 0
+            points = PointLattice(arrays["points"][i], lattice_matrix(rotation[i]))
+            depth = DepthCodes(codes, mask, DEPTH_SCALE, DEPTH_OFFSET)
+            yield Entry(
+                schema.Sample(
+                    image=np.ascontiguousarray(arrays["colour"][i, :, :, ::-1]),
+                    mask=mask,
+                    depth=depth.depth(),
+                    points=points.points(),
+                    intrinsics=intrinsics,
+                    extrinsics=extrinsics,
+                    model_id=key,
+                    source="authors",
+                ),
+                points,
+                depth,
+            )
+
+    return entries()

@@ -1,0 +1,269 @@
+"""The ShapeNet subset of Occupancy Networks as samples.
+
+The published layout (github.com/autonomousvision/occupancy_networks, `im2mesh/data`):
+
+    <synset>/train.lst, val.lst, test.lst            names of models, one a line
+    <synset>/<model>/pointcloud.npz                  points [N, 3], normals [N, 3], loc [3], scale
+    <synset>/<model>/model.binvox                    3D-R2N2's voxels of the model (optional here)
+    <synset>/<model>/img_choy2016/000.jpg .. 023.jpg 137x137 on white, no alpha
+    <synset>/<model>/img_choy2016/cameras.npz        camera_mat_<i> [3, 3], world_mat_<i> [3, 4]
+
+`points` are normalised, ShapeNet's are `points * scale + loc`; `world_mat` takes those (y up) to
+the camera's frame, `camera_mat` to pixels of the 137x137 image (their `get_camera_args`). The
+voxels fill the cube [-1/2, 1/2]^3 of the normalised points (their `VoxelGrid`). Splits: `val` is
+called `validation` here.
+
+The images have no mask. **Ours**: the silhouette is where the points fall (100,000 of them leave no
+gap of a pixel; gaps of one are closed), which no colour of the object can mislead; at least 80 % of
+the pixels that are clearly not white must lie in it, else the view is left out.
+"""
+
+import io
+import math
+import pathlib
+import zipfile
+import zlib
+from collections.abc import Iterator
+
+import numpy as np
+
+from psgn_jax.data import camera, schema
+from psgn_jax.data.sources import binvox, shapenet
+
+SPLITS = {"train": "train", "val": "validation", "test": "test"}
+IMAGES = "img_choy2016"
+NUM_VIEWS = 24
+
+_MAX_POINTS = 1 << 21
+_MAX_LIST = 1 << 22
+_NOT_WHITE = 225
+_LEAST_INSIDE = 0.8
+_NEAR_PIXELS = 2
+
+
+def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]:
+    """All listed models as (split, synset, name), and messages for lists that cannot be used.
+
+    Raises:
+      ValueError: the folder has not the layout.
+    """
+    if not source.is_dir():
+        raise ValueError(f"SRC {str(source)!r}: there is no such folder")
+    found: list[tuple[str, str, str]] = []
+    messages: list[str] = []
+    listed: set[tuple[str, str]] = set()
+    for folder in sorted(p for p in source.iterdir() if p.is_dir()):
+        if folder.name not in shapenet.SYNSETS:
+            messages.append(f"{folder}: not one of the 13 categories")
+            continue
+        for file, split in SPLITS.items():
+            path = folder / f"{file}.lst"
+            if not path.is_file() or path.stat().st_size > _MAX_LIST:
+                messages.append(f"{path}: missing, or far too long")
+                continue
+            for name in path.read_text("utf-8", "replace").split():
+                # Names are used as paths: one that leads out of the folder is refused.
+                if pathlib.PurePath(name).name != name or name == ".." or "\0" in name:
+                    messages.append(f"{path}: {name[:60]!r} is no name of a model")
+                elif (folder.name, name) in listed:
+                    messages.append(f"{path}: {name[:60]!r} is listed a second time")
+                else:
+                    listed.add((folder.name, name))
+                    found.append((split, folder.name, name))
+    if not found:
+        raise ValueError(f"SRC {str(source)!r}: no <synset>/train.lst, val.lst or test.lst there")
+    return found, messages
+
+
+def input_files(source: pathlib.Path, synset: str, name: str) -> list[pathlib.Path]:
+    """The paths whose state tells whether a model changed."""
+    folder = source / synset / name
+    files = ("pointcloud.npz", "model.binvox", f"{IMAGES}/cameras.npz", IMAGES)
+    return [folder / file for file in files]
+
+
+def read_npz(path: pathlib.Path, limits: dict[str, int]) -> dict[str, np.ndarray]:
+    """Some arrays of numbers of an npz file; nothing is ever unpickled.
+
+    Sizes are checked before anything is inflated, and the header of each array against its size.
+
+    Args:
+      path: the file.
+      limits: the arrays wanted, and the most numbers that each may have; of those that are not in
+        the file nothing is said.
+
+    Raises:
+      ValueError: names the file and what is wrong.
+    """
+    data = shapenet.read_limited(path)
+    arrays = {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = set(archive.namelist())
+            for key, limit in limits.items():
+                if f"{key}.npy" not in names:
+                    continue
+                size = archive.getinfo(f"{key}.npy").file_size
+                if size > 8 * limit + 4096:
+                    raise ValueError(f"{key} takes {size} bytes")
+                # With a length, since without one all is inflated, whatever the size said.
+                with archive.open(f"{key}.npy") as member:
+                    arrays[key] = _read_npy(member.read(size), key, limit)
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError,
+            RuntimeError) as error:  # fmt: skip
+        raise ValueError(f"{path}: damaged, or no such file of arrays ({error})") from None
+    return arrays
+
+
+def _read_npy(data: bytes, key: str, limit: int) -> np.ndarray:
+    file = io.BytesIO(data)
+    version = np.lib.format.read_magic(file)
+    readers = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    if version not in readers:
+        raise ValueError(f"{key}: npy version {version}")
+    shape, _, dtype = readers[version](file)
+    count = math.prod(shape)
+    if (
+        dtype.kind not in "fiu"
+        or count > limit
+        or len(data) - file.tell() != count * dtype.itemsize
+    ):
+        raise ValueError(f"{key}: {dtype} {list(shape)} in {len(data)} bytes")
+    return np.load(io.BytesIO(data), allow_pickle=False)
+
+
+def read_model(
+    source: pathlib.Path,
+    synset: str,
+    name: str,
+    *,
+    num_points: int = shapenet.NUM_POINTS,
+    max_views: int = NUM_VIEWS,
+) -> Iterator[schema.Sample | str]:
+    """The views of one model in order; in place of a view that is damaged, a message.
+
+    Always the same points for the same model, drawn without replacement from the file's.
+
+    Raises:
+      ValueError: the model as a whole cannot be read; names the file and what is wrong.
+    """
+    cloud_path, voxel_path, camera_path, images = input_files(source, synset, name)
+    points, normals, loc, scale = _read_cloud(cloud_path)
+    world = (points * scale + loc) @ shapenet.TO_WORLD.T
+    solid = None
+    if voxel_path.is_file():
+        grid = binvox.read(voxel_path, max_dim=schema.OCCUPANCY_SIZE)
+        if len(grid.solid) != schema.OCCUPANCY_SIZE:
+            raise ValueError(
+                f"{voxel_path}: dim {len(grid.solid)}, expected {schema.OCCUPANCY_SIZE}"
+            )
+        solid = shapenet.solid_of(binvox.Binvox(grid.solid, loc - scale / 2, scale))
+    try:
+        placement = shapenet.place(world)
+    except ValueError as error:
+        raise ValueError(f"{cloud_path}: {error}") from None
+    keys = [f"{kind}_mat_{i}" for i in range(NUM_VIEWS) for kind in ("world", "camera")]
+    cameras = read_npz(camera_path, dict.fromkeys(keys, 16))
+    rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
+    chosen = rng.permutation(len(world))[:num_points]
+    centred = (world - placement.origin) / placement.unit
+    for view in range(min(max_views, NUM_VIEWS)):
+        path = images / f"{view:03d}.jpg"
+        try:
+            eye, inner = _camera(cameras, view, camera_path)
+            turn = shapenet.turn_to_view(eye)
+            extrinsics = shapenet.frame_extrinsics(eye, turn, placement)
+            image = shapenet.read_image(path, "JPEG", "RGB")
+            side = shapenet.IMAGE_SIDE
+            if image.shape[:2] != (side, side):
+                raise ValueError(f"{path}: {image.shape[:2]} pixels, expected {(side, side)}")
+            whole = centred @ turn.T
+            mask = _silhouette(whole, inner, extrinsics, image, path)
+            sample = schema.Sample(
+                image=np.where(mask[..., None], image, np.uint8(schema.BACKGROUND_GREY)),
+                mask=mask,
+                points=whole[chosen].astype(np.float32),
+                normals=(normals[chosen] @ shapenet.TO_WORLD.T @ turn.T).astype(np.float32),
+                occupancy=shapenet.turned_occupancy(solid, placement, turn) if solid else None,
+                intrinsics=inner.astype(np.float32),
+                extrinsics=extrinsics,
+                category=shapenet.SYNSETS[synset],
+                model_id=f"{synset}/{name}",
+                view=view,
+                source="occnet",
+                extra=shapenet.grid_extra(solid, placement, turn) if solid else "",
+            )
+            yield schema.validate(sample)
+        except (ValueError, OSError) as error:
+            yield str(error)
+
+
+def _read_cloud(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    limits = {"points": 3 * _MAX_POINTS, "normals": 3 * _MAX_POINTS, "loc": 3, "scale": 1}
+    arrays = read_npz(path, limits)
+    for key in limits:
+        if key not in arrays:
+            raise ValueError(f"{path}: no array {key!r}, it has {sorted(arrays)}")
+    points, normals = (arrays[key].astype(np.float64) for key in ("points", "normals"))
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points) or normals.shape != points.shape:
+        raise ValueError(f"{path}: points {points.shape}, normals {normals.shape}, expected [n, 3]")
+    loc, scale = arrays["loc"].astype(np.float64).reshape(-1), float(arrays["scale"].reshape(-1)[0])
+    if loc.shape != (3,) or not (np.isfinite(loc).all() and np.isfinite(scale) and scale > 0):
+        raise ValueError(f"{path}: loc {loc.tolist()}, scale {scale:g}: no placement")
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    if not (np.isfinite(points).all() and np.isfinite(length).all() and length.min() > 0.1):
+        raise ValueError(f"{path}: points or normals that are not finite, or normals of length 0")
+    return points, normals / length, loc, scale
+
+
+def _camera(
+    cameras: dict[str, np.ndarray], view: int, path: pathlib.Path
+) -> tuple[np.ndarray, np.ndarray]:
+    """World to camera [3, 4] and intrinsics [3, 3] of a view."""
+    for key, shape in ((f"world_mat_{view}", (3, 4)), (f"camera_mat_{view}", (3, 3))):
+        if key not in cameras or cameras[key].shape != shape:
+            raise ValueError(f"{path}: no {key} {list(shape)}")
+    given = cameras[f"world_mat_{view}"].astype(np.float64)
+    inner = cameras[f"camera_mat_{view}"].astype(np.float64)
+    eye = np.concatenate([given[:, :3] @ shapenet.TO_WORLD.T, given[:, 3:]], axis=1)
+    try:
+        schema.check_camera(inner, eye)
+    except ValueError as error:
+        raise ValueError(f"{path}: view {view}: {error}") from None
+    return eye, inner
+
+
+def _silhouette(
+    points: np.ndarray,
+    inner: np.ndarray,
+    extrinsics: np.ndarray,
+    image: np.ndarray,
+    path: pathlib.Path,
+) -> np.ndarray:
+    """The pixels that points fall into, gaps of one pixel closed, bool [H, W]."""
+    height, width = image.shape[:2]
+    pixels, depth = camera.project(points, inner, extrinsics)
+    pixels = pixels[depth > 0]
+    cell = np.floor(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)
+    cell = cell[((cell >= 0) & (cell < (width, height))).all(axis=1)]
+    hit = np.zeros((height + 2, width + 2), np.bool_)
+    hit[cell[:, 1] + 1, cell[:, 0] + 1] = True
+    mask = ~_grown(~_grown(hit))[1:-1, 1:-1]
+    seen = np.argwhere(image.min(axis=2) < _NOT_WHITE)[:, ::-1] + 0.5
+    inside = camera.inside_mask(seen, mask, _NEAR_PIXELS).mean() if len(seen) else 0.0
+    if inside < _LEAST_INSIDE or not mask.any():
+        raise ValueError(
+            f"{path}: {inside:.0%} of the pixels that are not white lie where the points project, "
+            f"expected {_LEAST_INSIDE:.0%}; camera, shape and image disagree"
+        )
+    return mask
+
+
+def _grown(mask: np.ndarray) -> np.ndarray:
+    """By one pixel in all eight directions."""
+    padded = np.pad(mask, 1, mode="edge")
+    rows = padded[:-2] | padded[1:-1] | padded[2:]
+    return rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]

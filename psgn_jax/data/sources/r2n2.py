@@ -1,0 +1,180 @@
+"""3D-R2N2's renderings and voxels as samples.
+
+The published layout (github.com/chrischoy/3D-R2N2, its README): two archives unpacked in a folder,
+
+    ShapeNetRendering/<synset>/<model>/rendering/00.png .. 23.png   137x137, RGBA
+    ShapeNetRendering/<synset>/<model>/rendering/rendering_metadata.txt
+    ShapeNetVox32/<synset>/<model>/model.binvox                     32^3, solid, ShapeNet's axes
+
+A line of the metadata, one for each view: azimuth, elevation, in-plane rotation (0 in all of them),
+distance ratio, field of view. Camera: `shapenet`.
+
+Split: of the models of a category, sorted by name, the first 80 % (rounded down) are `train`, the
+others `test`, their rule (`lib/data_io.py`) applied to the names that are here.
+
+There are no surface points in this data set. **Ours**: `points` are drawn uniformly from the
+outside of the voxels, whose place the header of the binvox gives; so they are as coarse as the
+voxels (1/32 of the longest edge), and `normals` are absent. `occupancy` is the volume turned to
+the view; the untouched one is in `extra`.
+"""
+
+import pathlib
+import zlib
+from collections.abc import Iterator
+
+import numpy as np
+
+from psgn_jax.data import schema
+from psgn_jax.data.sources import binvox, shapenet
+
+RENDERINGS = "ShapeNetRendering"
+VOXELS = "ShapeNetVox32"
+NUM_VIEWS = 24
+TRAIN_SHARE = 0.8
+_MAX_LINES = 1000
+
+# A voxel at the surface reaches up to its diagonal beyond the model: 3.3 pixels * sqrt(3), say.
+_NEAR_PIXELS = 6
+_LEAST_NEAR = 0.9
+
+
+def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]:
+    """All models as (split, synset, name), and a message for each folder that is none of the 13.
+
+    A model is listed if it has renderings or voxels, so that a missing half is reported.
+
+    Raises:
+      ValueError: the folder has not the layout.
+    """
+    for part in (RENDERINGS, VOXELS):
+        if not (source / part).is_dir():
+            raise ValueError(f"SRC {str(source)!r}: no folder {part} there")
+    found: list[tuple[str, str, str]] = []
+    messages: list[str] = []
+    folders = {p.name for part in (RENDERINGS, VOXELS) for p in (source / part).iterdir()}
+    for synset in sorted(folders):
+        places = [p for part in (RENDERINGS, VOXELS) if (p := source / part / synset).is_dir()]
+        if synset not in shapenet.SYNSETS:
+            if places:
+                messages.append(f"{places[0]}: not one of the 13 categories")
+            continue
+        names = sorted({p.name for place in places for p in place.iterdir() if p.is_dir()})
+        last = int(TRAIN_SHARE * len(names))
+        found += [("train" if i < last else "test", synset, name) for i, name in enumerate(names)]
+    return found, messages
+
+
+def input_files(source: pathlib.Path, synset: str, name: str) -> list[pathlib.Path]:
+    """The paths whose state tells whether a model changed."""
+    rendering = source / RENDERINGS / synset / name / "rendering"
+    voxels = source / VOXELS / synset / name / "model.binvox"
+    return [rendering, rendering / "rendering_metadata.txt", voxels]
+
+
+def read_metadata(path: pathlib.Path) -> list[tuple[float, float, float, float, float] | str]:
+    """The rows of a metadata file; in place of a row that is wrong, what is wrong with it.
+
+    Raises:
+      ValueError: the file is missing or far too long.
+    """
+    text = shapenet.read_limited(path).decode("ascii", "replace")
+    lines = text.splitlines()
+    if len(lines) > _MAX_LINES:
+        raise ValueError(f"{path}: {len(lines)} lines, expected {NUM_VIEWS}")
+    rows: list[tuple[float, float, float, float, float] | str] = []
+    for line in lines:
+        try:
+            azimuth, elevation, roll, ratio, field = (float(word) for word in line.split())
+        except ValueError:
+            rows.append(f"{line[:60]!r} are not 5 numbers")
+            continue
+        numbers = (azimuth, elevation, roll, ratio, field)
+        if not np.isfinite(numbers).all() or ratio <= 0 or abs(elevation) > 90:
+            rows.append(f"{line[:60]!r}: expected finite numbers, |elevation| <= 90, distance > 0")
+        elif abs(roll) > 1e-3:
+            rows.append(f"in-plane rotation {roll:g}, expected 0 as in all published rows")
+        else:
+            rows.append(numbers)
+    return rows
+
+
+def read_model(
+    source: pathlib.Path,
+    synset: str,
+    name: str,
+    *,
+    num_points: int = shapenet.NUM_POINTS,
+    max_views: int = NUM_VIEWS,
+) -> Iterator[schema.Sample | str]:
+    """The views of one model in order; in place of a view that is damaged, a message.
+
+    Always the same points for the same model, as those of all its views.
+
+    Raises:
+      ValueError: the model as a whole cannot be read; names the file and what is wrong. So too with
+        fewer rows of metadata than pictures: a lost row gives all views after it another's camera.
+    """
+    rendering, metadata, voxels = input_files(source, synset, name)
+    if not voxels.is_file():
+        raise ValueError(f"{voxels}: missing")
+    grid = binvox.read(voxels, max_dim=schema.OCCUPANCY_SIZE)
+    if len(grid.solid) != schema.OCCUPANCY_SIZE:
+        raise ValueError(f"{voxels}: dim {len(grid.solid)}, expected {schema.OCCUPANCY_SIZE}")
+    solid = shapenet.solid_of(grid)
+    try:
+        placement = shapenet.place(shapenet.corners(solid))
+    except ValueError as error:
+        raise ValueError(f"{voxels}: {error}") from None
+    rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
+    world = shapenet.surface_points(solid, num_points, rng)
+    rows = read_metadata(metadata)
+    pictures = sum((rendering / f"{view:02d}.png").exists() for view in range(NUM_VIEWS))
+    if len(rows) < pictures:
+        raise ValueError(
+            f"{metadata}: {len(rows)} rows for {pictures} pictures, so that it is not known which "
+            "row belongs to which"
+        )
+    for view in range(min(max_views, NUM_VIEWS)):
+        path = rendering / f"{view:02d}.png"
+        try:
+            if view >= len(rows):
+                raise ValueError(f"{metadata}: no row for view {view}, it has {len(rows)}")
+            row = rows[view]
+            if isinstance(row, str):
+                raise ValueError(f"{metadata}: row {view}: {row}")
+            image, mask = _read_view(path)
+            azimuth, elevation, _, ratio, _ = row
+            eye = shapenet.orbit_camera(azimuth, elevation, ratio * shapenet.MAX_DISTANCE)
+            turn = shapenet.turn_to_view(eye)
+            sample = schema.Sample(
+                image=image,
+                mask=mask,
+                points=((world - placement.origin) @ turn.T / placement.unit).astype(np.float32),
+                occupancy=shapenet.turned_occupancy(solid, placement, turn),
+                intrinsics=shapenet.intrinsics().astype(np.float32),
+                extrinsics=shapenet.frame_extrinsics(eye, turn, placement),
+                category=shapenet.SYNSETS[synset],
+                model_id=f"{synset}/{name}",
+                view=view,
+                source="r2n2",
+                extra=shapenet.grid_extra(solid, placement, turn),
+            )
+            schema.validate(sample)
+            yield shapenet.check_projection(sample, _NEAR_PIXELS, _LEAST_NEAR, path)
+        except (ValueError, OSError) as error:
+            yield str(error)
+
+
+def _read_view(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray]:
+    """Image over the project's background, and mask: where alpha is over a half."""
+    rgba = shapenet.read_image(path, "PNG", "RGBA")
+    side = shapenet.IMAGE_SIDE
+    if rgba.shape[:2] != (side, side):
+        raise ValueError(f"{path}: {rgba.shape[:2]} pixels, expected {(side, side)}")
+    alpha = rgba[..., 3:].astype(np.float32) / 255
+    mask = rgba[..., 3] > 127
+    if not mask.any():
+        raise ValueError(f"{path}: nothing in the picture, alpha is 0 everywhere")
+    over = rgba[..., :3] * alpha + schema.BACKGROUND_GREY * (1 - alpha)
+    image = np.where(mask[..., None], np.rint(over), schema.BACKGROUND_GREY).astype(np.uint8)
+    return image, mask

@@ -1,0 +1,298 @@
+"""What the foreign layouts built on ShapeNet share: categories, frames, cameras, volumes.
+
+**World**: ShapeNet's models have +y up; here they are turned to +z up, `(x, y, z) = (X, -Z, Y)`, as
+Blender does when it reads an OBJ. A sample's frame is the project's: turned about the vertical so
+that the image's right is +y, origin on the ground under the middle of the bounding box, unit = the
+distance of the farthest point (`Placement`).
+
+**Camera** of 3D-R2N2's renderings (its commit 3f62115, `lib/blender_renderer.py`, and the matrices
+that later projects derived from it and agree on): images of 137x137 pixels, focal length 35 mm on
+a sensor of 32 mm, so 35/32 * 137 = 149.8 pixels (the "field of view" of the metadata, 25, was not
+used), looking at the world's origin from the distance 1.75 * ratio, at the elevation over the
+ground and at the azimuth against the direction (1, 0), clockwise seen from above.
+"""
+
+import base64
+import dataclasses
+import io
+import json
+import pathlib
+import zlib
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from psgn_jax.data import camera, schema
+from psgn_jax.data.sources.binvox import Binvox
+
+SYNSETS = {
+    "02691156": "plane",
+    "02828884": "bench",
+    "02933112": "cabinet",
+    "02958343": "car",
+    "03001627": "chair",
+    "03211117": "monitor",
+    "03636649": "lamp",
+    "03691459": "speaker",
+    "04090263": "firearm",
+    "04256520": "couch",
+    "04379243": "table",
+    "04401088": "cellphone",
+    "04530566": "watercraft",
+}
+"""The 13 categories of 3D-R2N2 under the names of the paper's table."""
+
+NUM_POINTS = 16384
+IMAGE_SIDE = 137
+FOCAL = 35 / 32 * IMAGE_SIDE
+MAX_DISTANCE = 1.75
+
+# ShapeNet's axes to the world's.
+TO_WORLD = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+
+_MAX_FILE_SIZE = 1 << 24
+_MAX_IMAGE_SIDE = 4096
+_FINE = 4
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Placement:
+    """Where an object stands in the world: frame = (world - origin) / unit, then turned."""
+
+    origin: np.ndarray
+    unit: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Solid:
+    """A volume in the world.
+
+    Attributes:
+      cells: bool [n, n, n] indexed [x, y, z], z up.
+      low: [3], its lowest corner.
+      edge: of one cell.
+    """
+
+    cells: np.ndarray
+    low: np.ndarray
+    edge: float
+
+
+def intrinsics() -> np.ndarray:
+    """The camera of 3D-R2N2's renderings, float64 [3, 3] at 137x137 pixels."""
+    half = IMAGE_SIDE / 2
+    return np.array([[FOCAL, 0, half], [0, FOCAL, half], [0, 0, 1]])
+
+
+def orbit_camera(azimuth: float, elevation: float, distance: float) -> np.ndarray:
+    """World to camera [3, 4] of a camera that looks at the world's origin; degrees, world units."""
+    a, e = np.deg2rad(azimuth), np.deg2rad(elevation)
+    outward = np.array([np.cos(a) * np.cos(e), -np.sin(a) * np.cos(e), np.sin(e)])
+    right = np.array([np.sin(a), np.cos(a), 0])
+    rotation = np.stack([right, np.cross(-outward, right), -outward])
+    return np.concatenate([rotation, [[0], [0], [distance]]], axis=1)
+
+
+def turn_to_view(world_to_camera: np.ndarray) -> np.ndarray:
+    """The rotation [3, 3] about the vertical, world to frame, that takes the image's right to +y.
+
+    Raises:
+      ValueError: the image's right points up or down (a camera on its side).
+    """
+    right = world_to_camera[0, :2]
+    length = float(np.linalg.norm(right))
+    if not length > 0.1:
+        raise ValueError("the camera is rolled on its side: accepted: the image's right level")
+    x, y = right / length
+    return np.array([[y, -x, 0], [x, y, 0], [0, 0, 1.0]])
+
+
+def place(points: np.ndarray) -> Placement:
+    """The placement of an object from all its points [n, 3] in the world.
+
+    Raises:
+      ValueError: the points have no extent, or are not finite.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+    unit = float(np.linalg.norm(points - origin, axis=1).max())
+    if not (np.isfinite(unit) and unit > 0):
+        raise ValueError(f"the object's radius is {unit:g}")
+    return Placement(origin, unit)
+
+
+def frame_extrinsics(
+    world_to_camera: np.ndarray, turn: np.ndarray, placement: Placement
+) -> np.ndarray:
+    """Extrinsics float32 [3, 4] of the sample's frame: lengths in its unit, pixels the same."""
+    rotation, shift = world_to_camera[:, :3], world_to_camera[:, 3]
+    moved = (rotation @ placement.origin + shift) / placement.unit
+    return np.concatenate([rotation @ turn.T, moved[:, None]], axis=1).astype(np.float32)
+
+
+def solid_of(grid: Binvox) -> Solid:
+    """A binvox of a ShapeNet model in the world."""
+    cells = grid.solid.transpose(0, 2, 1)[:, ::-1]
+    x, y, z = grid.translate
+    low = np.array([x, -(z + grid.scale), y])
+    return Solid(cells, low, grid.scale / len(cells))
+
+
+def corners(solid: Solid) -> np.ndarray:
+    """Corners of all occupied cells in the world, [n, 3].
+
+    Raises:
+      ValueError: the volume is empty.
+    """
+    cells = np.argwhere(solid.cells)
+    if not len(cells):
+        raise ValueError("the volume is empty")
+    steps = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.unique((cells[:, None] + steps).reshape(-1, 3), axis=0) * solid.edge + solid.low
+
+
+def surface_points(solid: Solid, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Uniformly distributed points on the faces between occupied and empty cells, in the world.
+
+    Faces on the border of the grid count. Stairs make the surface rougher and larger than the
+    model's: on a slanted plane the points lie up to one cell from it.
+
+    Args:
+      solid: not empty.
+      count: number of points.
+      rng: draws them.
+
+    Returns:
+      float64 [count, 3].
+    """
+    padded = np.pad(solid.cells, 1)
+    faces = []
+    for axis in range(3):
+        between = np.diff(padded.astype(np.int8), axis=axis) != 0
+        low = np.argwhere(between) - 1.0  # indices of the padded grid
+        low[:, axis] += 1
+        faces.append(np.concatenate([low, np.full((len(low), 1), axis)], axis=1))
+    chosen = np.concatenate(faces)
+    chosen = chosen[rng.integers(len(chosen), size=count)]
+    offset = rng.random((count, 3))
+    offset[np.arange(count), chosen[:, 3].astype(int)] = 0
+    return (chosen[:, :3] + offset) * solid.edge + solid.low
+
+
+def turned_occupancy(solid: Solid, placement: Placement, turn: np.ndarray) -> np.ndarray:
+    """The volume in the schema's grid of a frame, bool [32, 32, 32].
+
+    A cell is occupied if at least half of its 4^3 parts have their centre in an occupied cell of
+    `solid`; and if any has, but neither the cell nor one of its 26 neighbours is occupied by that
+    rule (thin parts stay, as in data_gen). Coarse grids turned to a view lose detail: compare with
+    3D-R2N2 in its own grid, see `grid_extra`.
+    """
+    size, fine = schema.OCCUPANCY_SIZE, schema.OCCUPANCY_SIZE * _FINE
+    along = (np.arange(fine) + 0.5) * (2 / fine)
+    n = len(solid.cells)
+    x, y = np.meshgrid(along - 1, along - 1, indexing="ij")
+    world = np.stack([x, y], axis=-1) @ turn[:2, :2] * placement.unit + placement.origin[:2]
+    column = np.floor((world - solid.low[:2]) / solid.edge).astype(np.int64)
+    height = along * placement.unit + placement.origin[2]
+    level = np.floor((height - solid.low[2]) / solid.edge).astype(np.int64)
+    column, level = np.clip(column, -1, n) + 1, np.clip(level, -1, n) + 1
+    padded = np.pad(solid.cells, 1)
+    parts = padded[column[..., 0], column[..., 1]][:, :, level]
+    share = parts.reshape(size, _FINE, size, _FINE, size, _FINE).mean(axis=(1, 3, 5))
+    thick = share >= 0.5
+    near = np.pad(thick, 1)
+    for axis in range(3):
+        near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)  # the border is empty
+    return thick | ((share > 0) & ~near[1:-1, 1:-1, 1:-1])
+
+
+def grid_extra(solid: Solid, placement: Placement, turn: np.ndarray) -> str:
+    """The untouched volume for a sample's `extra`, to compare in the grid of its source.
+
+    JSON: `grid`, base64 of the deflated bits of `cells`, [n, n, n]; `grid_size`, n; `grid_to_frame`
+    [3, 4], from indices (cell (i, j, k) spans [i, i+1] ..) to the sample's frame.
+    """
+    linear = turn * (solid.edge / placement.unit)
+    moved = turn @ (solid.low - placement.origin) / placement.unit
+    packed = zlib.compress(np.packbits(solid.cells).tobytes(), 9)
+    content: dict[str, Any] = {
+        "grid": base64.b64encode(packed).decode(),
+        "grid_size": len(solid.cells),
+        "grid_to_frame": np.concatenate([linear, moved[:, None]], axis=1).tolist(),
+    }
+    return json.dumps(content)
+
+
+def grid_of_extra(extra: str) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse of `grid_extra`: cells bool [n, n, n], and `grid_to_frame` float64 [3, 4].
+
+    Raises:
+      ValueError: `extra` holds no such volume.
+    """
+    try:
+        content = json.loads(extra)
+        size = content["grid_size"]
+        if not 1 <= size <= 256:
+            raise ValueError(f"grid_size {size}, expected 1 to 256")
+        wanted = -(-(size**3) // 8)
+        packed = zlib.decompressobj().decompress(base64.b64decode(content["grid"]), wanted)
+        bits = np.unpackbits(np.frombuffer(packed, np.uint8), count=size**3)
+        matrix = np.array(content["grid_to_frame"], np.float64).reshape(3, 4)
+    except (ValueError, TypeError, KeyError, zlib.error) as error:
+        raise ValueError(f"extra holds no volume: {error!r}") from None
+    return bits.reshape(size, size, size).astype(np.bool_), matrix
+
+
+def read_limited(path: pathlib.Path) -> bytes:
+    """The content of a file.
+
+    Raises:
+      ValueError: it is missing, no file, or larger than any of these layouts has.
+    """
+    if not path.is_file():
+        raise ValueError(f"{path}: missing")
+    if path.stat().st_size > _MAX_FILE_SIZE:
+        raise ValueError(f"{path}: {path.stat().st_size} bytes, expected at most {_MAX_FILE_SIZE}")
+    return path.read_bytes()
+
+
+def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
+    """Decodes an image as uint8 [H, W, channels of `mode`].
+
+    Args:
+      path: the file.
+      kind: the format that it must have, Pillow's name.
+      mode: "RGB" (grey is accepted) or "RGBA".
+
+    Raises:
+      ValueError: names the file and what is wrong.
+    """
+    data = read_limited(path)
+    try:
+        picture = Image.open(io.BytesIO(data), formats=(kind,))
+        if max(picture.size) > _MAX_IMAGE_SIDE:
+            raise ValueError(f"{picture.size} pixels")
+        if mode == "RGBA" and picture.mode not in ("RGBA", "LA"):
+            raise ValueError(f"mode {picture.mode}, expected one with an alpha channel")
+        return np.asarray(picture.convert(mode))
+    except (ValueError, OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ValueError(f"{path}: not a readable {kind} image ({error})") from None
+
+
+def check_projection(
+    sample: schema.Sample, radius: int, least: float, path: pathlib.Path
+) -> schema.Sample:
+    """Returns the sample if its points lie on its image.
+
+    Raises:
+      ValueError: fewer than the share `least` lie within `radius` pixels of the mask.
+    """
+    pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
+    near = camera.inside_mask(pixels, sample.mask, radius)[depth > 0].sum() / len(depth)
+    if near < least:
+        raise ValueError(
+            f"{path}: {near:.0%} of the points project to within {radius} pixels of the object, "
+            f"expected {least:.0%}; camera, shape and image disagree"
+        )
+    return sample

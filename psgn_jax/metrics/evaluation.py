@@ -1,0 +1,97 @@
+"""Metrics of every sample of a split, and their averages.
+
+Two averages are given and named: over samples, and over categories (each category counts the same).
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+OVER_SAMPLES, OVER_CATEGORIES = "mean over samples", "mean over categories"
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One line of the table: a category (or an average), its samples, its mean metrics."""
+
+    name: str
+    count: int
+    metrics: dict[str, float]
+
+
+class SampleName(NamedTuple):
+    """Which sample a row of `samples.csv` is about; `record` counts those of the split."""
+
+    record: int
+    category: str
+    model_id: str
+    view: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluation:
+    """Metrics of every sample of a split, in order.
+
+    Attributes:
+      split: the split's name.
+      names: one per sample.
+      metrics: name -> float64 [samples].
+      threshold: the F-score's distance, unit.
+      num_points: points of a prediction, points of a truth; most metrics depend on both.
+      visible_tolerance: what "visible" means, see `data.visibility`; unit.
+      note: below the table, in place of what is said there of points; "" = metrics of points.
+      chosen: numbers that were chosen on a split to evaluate with, such as thresholds.
+    """
+
+    split: str
+    names: list[SampleName]
+    metrics: dict[str, np.ndarray]
+    threshold: float
+    num_points: tuple[int, int]
+    visible_tolerance: float = 0.0
+    note: str = ""
+    chosen: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def means(self) -> dict[str, float]:
+        """Every metric's mean over samples.
+
+        A sample without visible (or hidden) points has no part in the metrics of those; NaN where
+        no sample has any. Every other NaN is one of the means too.
+        """
+        everything = range(len(self.names))
+        return {name: _mean(self._counted(name, everything)) for name in self.metrics}
+
+    def _counted(self, name: str, of: Sequence[int]) -> np.ndarray:
+        """A metric of some of the samples, without those that have no such points."""
+        values, share = self.metrics[name][list(of)], self.metrics.get("visible_share")
+        if share is not None and "_visible" in name:
+            return values[share[list(of)] > 0]
+        if share is not None and "_hidden" in name:
+            return values[share[list(of)] < 1]
+        return values
+
+    def rows(self) -> list[Row]:
+        """A row per category by name, then the mean over samples and over categories."""
+        members: dict[str, list[int]] = {}
+        for i, name in enumerate(self.names):
+            members.setdefault(name.category or "(none)", []).append(i)
+        rows = [
+            Row(name, len(indices), {k: _mean(self._counted(k, indices)) for k in self.metrics})
+            for name, indices in sorted(members.items())
+        ]
+        over_categories = {
+            name: _mean([_mean(v) for of in members.values() if len(v := self._counted(name, of))])
+            for name in self.metrics
+        }
+        return [
+            *rows,
+            Row(OVER_SAMPLES, len(self.names), self.means),
+            Row(OVER_CATEGORIES, len(self.names), over_categories),
+        ]
+
+
+def _mean(values: Sequence[float] | np.ndarray) -> float:
+    return float(np.mean(values)) if len(values) else float("nan")

@@ -1,0 +1,145 @@
+"""An evaluation as a table: text, CSV and JSON, with one row per category and the two averages."""
+
+import csv
+import io
+import json
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from psgn_jax.files import finite_or_none
+from psgn_jax.metrics.evaluation import OVER_CATEGORIES, OVER_SAMPLES, Evaluation, SampleName
+
+_COLUMNS = (
+    "cd_sq_radius2",
+    "cd_l1_radius",
+    "emd_radius",
+    "fscore",
+    "cd_sq_gt_to_pred_visible_radius2",
+    "cd_sq_gt_to_pred_hidden_radius2",
+    "visible_share",
+)
+
+
+def header(evaluation: Evaluation, metric: str) -> str:
+    """A metric's name with its unit, as it heads a column."""
+    if of_draws := re.fullmatch(r"(.*)_(best|mean)_of_(\d+)", metric):
+        return f"{of_draws[2]} of {of_draws[3]} draws: {header(evaluation, of_draws[1])}"
+    return {
+        "cd_sq_radius2": "CD squared [radius^2]",
+        "cd_sq_pred_to_gt_radius2": "pred to truth [radius^2]",
+        "cd_sq_gt_to_pred_radius2": "truth to pred [radius^2]",
+        "cd_l1_radius": "CD-L1 [radius]",
+        "emd_radius": "EMD [radius]",
+        "total_mutual_difference_radius2": "total mutual difference [radius^2]",
+        "fscore": f"F-score at {evaluation.threshold:g} radius [%]",
+        "cd_sq_gt_to_pred_visible_radius2": "visible truth to pred [radius^2]",
+        "cd_sq_gt_to_pred_hidden_radius2": "hidden [radius^2]",
+        "cd_l1_gt_to_pred_visible_radius": "visible truth to pred [radius]",
+        "cd_l1_gt_to_pred_hidden_radius": "hidden truth to pred [radius]",
+        "visible_share": "visible [%]",
+        "log_volume_abs_error": "|log predicted - log true volume|",
+        "log_volume_spread": "the same of the split's mean",
+    }.get(metric, f"{metric} [fraction]")
+
+
+def text(evaluation: Evaluation) -> str:
+    """The table as text."""
+    names = [name for name in _COLUMNS if name in evaluation.metrics]
+    if evaluation.note:
+        names = list(evaluation.metrics)
+    names += [name for name in evaluation.metrics if "_of_" in name or "mutual" in name]
+    head = ["category", "samples", *(header(evaluation, name) for name in names)]
+    body = [
+        [row.name, str(row.count), *(_number(name, row.metrics[name]) for name in names)]
+        for row in evaluation.rows()
+    ]
+    widths = [max(map(len, column)) for column in zip(head, *body, strict=True)]
+    lines = [_aligned(head, widths), "-" * (sum(widths) + 2 * len(widths) - 2)]
+    lines += [_aligned(line, widths) for line in body[:-2]]
+    lines += [lines[1], *(_aligned(line, widths) for line in body[-2:])]
+    if evaluation.note:
+        return "\n".join(lines) + f"\n\nSplit {evaluation.split!r}. {evaluation.note}\n"
+    return "\n".join(lines) + "\n" + _note_on_points(evaluation)
+
+
+def csv_text(evaluation: Evaluation) -> str:
+    """The table as CSV; the F-score, precision and recall are fractions here."""
+    rows = [[r.name, r.count, *r.metrics.values()] for r in evaluation.rows()]
+    return _csv(["category", "samples", *evaluation.metrics], rows)
+
+
+def samples_csv(evaluation: Evaluation) -> str:
+    """One row per sample."""
+    columns = [values.tolist() for values in evaluation.metrics.values()]
+    rows = [[*name, *numbers] for name, *numbers in zip(evaluation.names, *columns, strict=True)]
+    return _csv([*SampleName._fields, *evaluation.metrics], rows)
+
+
+def json_text(evaluation: Evaluation, **others: Any) -> str:
+    """The table as JSON, with fractions as `csv_text`; `others` is stored beside it.
+
+    JSON has no NaN: null stands for what is not finite.
+    """
+    *categories, over_samples, over_categories = evaluation.rows()
+    of_points = {
+        "num_pred_points": evaluation.num_points[0],
+        "num_gt_points": evaluation.num_points[1],
+        "fscore_threshold": evaluation.threshold,
+    }
+    document = {
+        **others,
+        "split": evaluation.split,
+        "samples": over_samples.count,
+        **(evaluation.chosen if evaluation.note else of_points),
+        "categories": {
+            r.name: {"samples": r.count, **finite_or_none(r.metrics)} for r in categories
+        },
+        OVER_SAMPLES.replace(" ", "_"): finite_or_none(over_samples.metrics),
+        OVER_CATEGORIES.replace(" ", "_"): finite_or_none(over_categories.metrics),
+    }
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+
+
+def _note_on_points(evaluation: Evaluation) -> str:
+    emd = visibility = ""
+    if "emd_gap" in evaluation.metrics:
+        gap = 100 * float(np.max(evaluation.metrics["emd_gap"]))
+        emd = f""" EMD: mean distance of matched points,
+each used once, of the prediction and as many true points; at most {gap:.2f} % above the least."""
+    if "visible_share" in evaluation.metrics:
+        tolerance = evaluation.visible_tolerance
+        visibility = f"""
+Visible: true points within {tolerance:g} radius of what the depth image measured;
+hidden: the others. Their columns: mean over such points of the squared distance to the nearest
+predicted one."""
+    num_pred, num_gt = evaluation.num_points
+    return f"""
+Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones.
+radius = that of an object's bounding hemisphere, the unit of all coordinates.
+CD squared: mean over predicted points of the squared distance to the nearest true point, plus the
+mean over true points of that to the nearest predicted one. CD-L1: half the sum of both means of the
+distances themselves.{emd}{visibility}
+"""
+
+
+def _number(metric: str, value: float) -> str:
+    if metric in ("fscore", "visible_share"):
+        return f"{100 * value:.2f}"
+    return f"{value:.5f}"
+
+
+def _aligned(cells: Sequence[str], widths: Sequence[int]) -> str:
+    first, *rest = (
+        cell.ljust(w) if i == 0 else cell.rjust(w)
+        for i, (cell, w) in enumerate(zip(cells, widths, strict=True))
+    )
+    return "  ".join([first, *rest])
+
+
+def _csv(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows([head, *rows])
+    return buffer.getvalue()

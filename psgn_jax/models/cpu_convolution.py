@@ -1,0 +1,338 @@
+"""The linear maps that the networks consist of, as pure functions: convolutions, fast on a CPU.
+
+Kernels have the plain form `[kh, kw, c_in, c_out]` whatever formulation computes the map, so that
+checkpoints do not depend on it. Arithmetic happens in the dtype of the arguments; formulations
+agree up to rounding, and each gives the same bits in every run.
+
+On a GPU or TPU these are XLA's convolutions. On a CPU, XLA computes convolutions without dilation
+about as fast as PyTorch, those with one (a transposed convolution, the input gradient of a strided
+one) and the gradient of the kernel up to a hundred times slower. So there both maps are made of
+
+- `_correlate`, a convolution: XLA's own. With few channels XLA does not use its fast routine;
+  more output channels than needed make it do so.
+- `_spread`, its adjoint, which is the input gradient of `conv2d` and the value of
+  `conv2d_transpose`: the pixels of the larger image at one place of the `stride x stride` cells are
+  a convolution of stride 1 with every `stride`th tap, so that there are as many products as needed.
+- `_kernel_gradient`: a product of two matrices. At stride 1 one holds the horizontally, the other
+  the vertically shifted pixels: `kw + kh` copies instead of the `kh * kw` of an im2col. A few rows
+  of the image at a time stay in the cache.
+
+Where the kernel is larger than the images, to rearrange it costs more than the convolution; there
+`_correlate` and `_spread` use an im2col and its adjoint, which take the kernel as it is. All rules
+are in `_is_small`, `_narrow` and `_rows_of_block`; `tests/bench/step.py --layers` prints the times.
+
+For volumes (`conv3d`) XLA's routine on a CPU is some ten times slower than its two-dimensional one,
+so there a volume is a batch of slices: the neighbouring slices side by side are the channels of one
+`conv2d`, with that function's gradients. CPU seconds for two volumes of 32^3, 3x3x3, value and then
+value with both gradients (`tests/bench/convolution3d.py`): 16 to 16 channels .017 and .094 instead
+of .27 and .96; 1 to 16 .025 and .045 instead of .10 and .34. Four of 32^3, 16 to 1: .027 and .12
+instead of .56 and 1.41; four of 8^3, 128 to 128: .026 and .077 instead of .064 and .29. To put the
+three depths beside each other in the output channels instead is faster forward at 32^3 and mostly
+slower backward.
+
+The backend is asked when a function is traced. On a CPU there is no forward-mode derivative. With
+`PSGN_CONVOLUTIONS=xla` in the environment XLA's own convolutions are used on a CPU too.
+"""
+
+import functools
+import os
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from psgn_jax.types import Array, Float
+
+_LAYOUT = ("NHWC", "HWIO", "NHWC")
+_LAYOUT_3D = ("NDHWC", "DHWIO", "NDHWC")
+
+# Measured on AVX-512 with jax 0.10; the rules that use them say what for.
+_NARROW_CHANNELS = 16
+_SMALL_PIXELS = 4
+_BLOCK_PIXELS = 512
+
+
+class _Geometry(NamedTuple):
+    """Which pixels a convolution reads: padding so that `(out - 1) * stride + k` are left.
+
+    The padding, (top, bottom), (left, right), is negative where pixels at the end are not read.
+    """
+
+    stride: int
+    padding: tuple[tuple[int, int], tuple[int, int]]
+
+
+def uses_xla() -> bool:
+    """Whether convolutions are XLA's own: not on a CPU, unless `PSGN_CONVOLUTIONS` is "xla"."""
+    return jax.default_backend() != "cpu" or os.environ.get("PSGN_CONVOLUTIONS") == "xla"
+
+
+def conv2d(
+    x: Float[Array, "b h w c_in"], kernel: Float[Array, "kh kw c_in c_out"], *, stride: int = 1
+) -> Float[Array, "b ho wo c_out"]:
+    """Convolution (correlation) without bias, TensorFlow's SAME padding: `ho = ceil(h / stride)`.
+
+    Args:
+      x: a batch of feature maps.
+      kernel: the weights.
+      stride: step in both directions.
+    """
+    if uses_xla():
+        return jax.lax.conv_general_dilated(
+            x, kernel, (stride, stride), "SAME", dimension_numbers=_LAYOUT
+        )
+
+    def padding(n: int, k: int) -> tuple[int, int]:
+        total = (-(-n // stride) - 1) * stride + k - n
+        low = max(0, total) // 2
+        return low, total - low
+
+    (h, w), (kh, kw) = x.shape[1:3], kernel.shape[:2]
+    return _conv(x, kernel, _Geometry(stride, (padding(h, kh), padding(w, kw))))
+
+
+def conv2d_transpose(
+    x: Float[Array, "b h w c_in"], kernel: Float[Array, "kh kw c_in c_out"], *, stride: int = 2
+) -> Float[Array, "b ho wo c_out"]:
+    """Transposed convolution without bias, the map of `jax.lax.conv_transpose(..., "SAME")`.
+
+    Args:
+      x: a batch of feature maps.
+      kernel: the weights, in the orientation of `conv2d` (no swapped channels).
+      stride: `ho = stride * h`.
+    """
+    if uses_xla():
+        return jax.lax.conv_transpose(
+            x, kernel, (stride, stride), "SAME", dimension_numbers=_LAYOUT
+        )
+
+    def padding(k: int) -> tuple[int, int]:
+        # What `jax.lax.conv_transpose` puts before the dilated input, seen from the output.
+        before = k - 1 if stride > k - 1 else -(-(k + stride - 2) // 2)
+        low = k - 1 - before
+        return low, k - stride - low
+
+    geometry = _Geometry(stride, (padding(kernel.shape[0]), padding(kernel.shape[1])))
+    size = (stride * x.shape[1], stride * x.shape[2])
+    return _conv_adjoint(x, jnp.flip(kernel, (0, 1)).swapaxes(2, 3), geometry, size)
+
+
+def conv3d(
+    x: Float[Array, "b x y z c_in"], kernel: Float[Array, "kx ky kz c_in c_out"], *, stride: int = 1
+) -> Float[Array, "b xo yo zo c_out"]:
+    """Convolution (correlation) of volumes without bias, SAME padding as in `conv2d`.
+
+    On a CPU a volume is a batch of slices (see the module).
+
+    Args:
+      x: a batch of volumes.
+      kernel: the weights.
+      stride: step in all directions.
+    """
+    if uses_xla():
+        return jax.lax.conv_general_dilated(
+            x, kernel, (stride,) * 3, "SAME", dimension_numbers=_LAYOUT_3D
+        )
+    b, depth, height, width, c_in = x.shape
+    kd, kh, kw, _, c_out = kernel.shape
+    planes = -(-depth // stride)
+    total = max(0, (planes - 1) * stride + kd - depth)
+    low = total // 2
+    x = jnp.pad(x, ((0, 0), (low, total - low), (0, 0), (0, 0), (0, 0)))
+    shifted = [x[:, tap : tap + (planes - 1) * stride + 1 : stride] for tap in range(kd)]
+    slices = jnp.concatenate(shifted, axis=-1).reshape(-1, height, width, kd * c_in)
+    flat = kernel.transpose(1, 2, 0, 3, 4).reshape(kh, kw, kd * c_in, c_out)
+    y = conv2d(slices, flat, stride=stride)
+    return y.reshape(b, planes, *y.shape[1:])
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(2,))
+def _conv(x: Array, kernel: Array, geometry: _Geometry) -> Array:
+    """`y[o] = sum over taps t of x[stride * o + t - low] kernel[t]`, in both directions."""
+    return _correlate(x, kernel, geometry)
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(2, 3))
+def _conv_adjoint(y: Array, kernel: Array, geometry: _Geometry, size: tuple[int, int]) -> Array:
+    """The adjoint of `_conv` in its first argument, an image of the given size."""
+    return _spread(y, kernel, geometry, size)
+
+
+def _conv_vjp(geometry: _Geometry, saved: tuple[Array, Array], dy: Array) -> tuple[Array, Array]:
+    x, kernel = saved
+    (h, w), (kh, kw) = x.shape[1:3], kernel.shape[:2]
+    dx = _conv_adjoint(dy, kernel, geometry, (h, w))
+    return dx, _kernel_gradient(x, dy, (kh, kw), geometry)
+
+
+def _conv_adjoint_vjp(
+    geometry: _Geometry, _: tuple[int, int], saved: tuple[Array, Array], dx: Array
+) -> tuple[Array, Array]:
+    y, kernel = saved
+    kh, kw = kernel.shape[:2]
+    return _conv(dx, kernel, geometry), _kernel_gradient(dx, y, (kh, kw), geometry)
+
+
+_conv.defvjp(lambda x, kernel, geometry: (_conv(x, kernel, geometry), (x, kernel)), _conv_vjp)
+_conv_adjoint.defvjp(
+    lambda y, kernel, *static: (_conv_adjoint(y, kernel, *static), (y, kernel)), _conv_adjoint_vjp
+)
+
+
+def _is_small(num_pixels: int, kernel: Array) -> bool:
+    """Whether to leave the kernel as it is: it has few uses for each number in it.
+
+    Per batch of 32 on one core: 5x5 of stride 2 from 6x8x512, 83 ms instead of 146 forward and 62
+    instead of 112 backward; 3x3 at 6x8x512, 122 instead of 107, and 73 instead of 115; but 3x3 at
+    12x16x256, 170 instead of 73, and 126 instead of 72.
+    """
+    return num_pixels <= _SMALL_PIXELS * kernel.shape[3]
+
+
+def _narrow(kernel: Array) -> bool:
+    """Whether XLA would use its slow routine: 54 ms, not 33, for 8 images of 192x256x16."""
+    return max(kernel.shape[2:]) <= _NARROW_CHANNELS
+
+
+def _rows_of_block(b: int, h: int, w: int) -> int:
+    """Rows of images of h x w that `_kernel_gradient` takes at a time: the fewest with enough work.
+
+    All of them where there are several devices: the loop would add up theirs in every round.
+    """
+    if jax.device_count() > 1:
+        return h
+    return next(r for r in range(1, h + 1) if h % r == 0 and (r == h or b * r * w >= _BLOCK_PIXELS))
+
+
+def _correlate(x: Array, kernel: Array, geometry: _Geometry) -> Array:
+    """The value of `_conv`."""
+    stride, padding = geometry
+    kh, kw, _, c_out = kernel.shape
+    num_pixels = x.shape[0] * x.shape[1] * x.shape[2] // stride**2
+    if _is_small(num_pixels, kernel):
+        return jnp.matmul(_patches(x, (kh, kw), geometry), kernel.reshape(-1, c_out))
+    if _narrow(kernel):
+        kernel = jnp.pad(kernel, ((0, 0), (0, 0), (0, 0), (0, _NARROW_CHANNELS + 1 - c_out)))
+    y = jax.lax.conv_general_dilated(
+        x, kernel, (stride, stride), padding, dimension_numbers=_LAYOUT
+    )
+    # A slice that XLA moves into the convolution would undo the padding.
+    return y if y.shape[3] == c_out else jax.lax.optimization_barrier(y)[..., :c_out]
+
+
+def _spread(y: Array, kernel: Array, geometry: _Geometry, size: tuple[int, int]) -> Array:
+    """The value of `_conv_adjoint`.
+
+    Pixel r of cell q, that is pixel `stride * q + r`, receives from output `q + d` through the tap
+    `t = r + low - stride * d`: through every `stride`th tap, the last one first.
+    """
+    kh, kw, c, _ = kernel.shape
+    b, ho, wo, _ = y.shape
+    stride = geometry.stride
+    if _is_small(b * ho * wo, kernel):
+        # Taps outermost, so that neither the kernel nor the result is transposed.
+        parts = jnp.einsum("bhwo,tco->bhwtc", y, kernel.reshape(kh * kw, c, -1))
+        image = jax.ShapeDtypeStruct((b, *size, c), y.dtype)
+        adjoint = jax.linear_transpose(lambda x: _patches(x, (kh, kw), geometry), image)
+        return adjoint(parts.reshape(b, ho, wo, kh * kw * c))[0]
+
+    cells = [-(-n // stride) for n in size]
+
+    def taps(axis: int, r: int) -> tuple[slice, tuple[int, int]]:
+        """Taps of pixels r along an axis, and the padding of `y` for them."""
+        furthest, first = divmod(r + geometry.padding[axis][0], stride)
+        count = -(-(kernel.shape[axis] - first) // stride)
+        low = count - 1 - furthest
+        return slice(first, None, stride), (low, cells[axis] - y.shape[1 + axis] + furthest)
+
+    def pixels(i: int, j: int) -> Array:
+        (rows, above), (columns, left) = taps(0, i), taps(1, j)
+        part = jnp.flip(kernel[rows, columns], (0, 1)).swapaxes(2, 3)
+        if not part.size:
+            return jnp.zeros((b, *cells, c), y.dtype)
+        return _correlate(y, part, _Geometry(1, (above, left)))
+
+    if stride == 1:
+        return pixels(0, 0)
+    rows = [jnp.stack([pixels(i, j) for j in range(stride)], axis=3) for i in range(stride)]
+    x = jnp.stack(rows, axis=2).reshape(b, stride * cells[0], stride * cells[1], c)
+    return x[:, : size[0], : size[1]]
+
+
+def _kernel_gradient(x: Array, dy: Array, size: tuple[int, int], geometry: _Geometry) -> Array:
+    """The gradient of `_conv` with respect to the kernel, of `size` taps, summed in float32.
+
+    `dkernel[i, j] = sum over o of x[stride * o + (i, j) - low]^T dy[o]`.
+    """
+    (kh, kw), stride, (b, h, _, c_in) = size, geometry.stride, x.shape
+    (top, bottom), (left, right) = geometry.padding
+    ho, wo, c_out = dy.shape[1:]
+    if stride == 1:
+        # Row y of x meets row y + top - i of dy; i in the columns of the product, j in its rows.
+        x = _pad(x, ((0, 0), (left, right)))
+        dy = _pad(dy, ((kh - 1 - top, kh - 1 - bottom), (0, 0)))
+        height, shape = h, (kw * c_in, kh * c_out)
+
+        def block(first: Array | int, rows: int) -> Array:
+            near = jax.lax.dynamic_slice_in_dim(x, first, rows, axis=1)
+            shifted = [jax.lax.dynamic_slice_in_dim(dy, first + v, rows, axis=1) for v in range(kh)]
+            return _product([near[:, :, j : j + wo] for j in range(kw)], shifted)
+
+    else:
+        x = _pad(x, geometry.padding)
+        height, shape = ho, (kh * kw * c_in, c_out)
+
+        def block(first: Array | int, rows: int) -> Array:
+            size = (rows - 1) * stride + kh
+            near = jax.lax.dynamic_slice_in_dim(x, first * stride, size, axis=1)
+            taps = _taps(near, (kh, kw), stride)
+            return _product(taps, [jax.lax.dynamic_slice_in_dim(dy, first, rows, axis=1)])
+
+    rows = _rows_of_block(b, height, wo)
+    if rows == height:
+        total = block(0, rows)
+    else:
+        total = jax.lax.fori_loop(
+            0,
+            height // rows,
+            lambda i, total: total + block(i * rows, rows),
+            jnp.zeros(shape, jnp.promote_types(x.dtype, jnp.float32)),
+        )
+    if stride == 1:
+        # Row y + v of the padded dy is that of the tap i = kh - 1 - v.
+        total = jnp.flip(total.reshape(kw, c_in, kh, c_out), 2).transpose(2, 0, 1, 3)
+    return total.reshape(kh, kw, c_in, c_out).astype(x.dtype)
+
+
+def _product(left: list[Array], right: list[Array]) -> Array:
+    """`left^T right`, each a matrix of pixels x channels given in parts [b, h, w, c]."""
+    a, b = (jnp.concatenate(parts, axis=-1) for parts in (left, right))
+    a, b = a.reshape(-1, a.shape[-1]), b.reshape(-1, b.shape[-1])
+    dtype = jnp.promote_types(a.dtype, jnp.float32)
+    # XLA is up to three times as fast where the result has more columns than rows.
+    if a.shape[1] > b.shape[1]:
+        return jnp.matmul(b.T, a, preferred_element_type=dtype).T
+    return jnp.matmul(a.T, b, preferred_element_type=dtype)
+
+
+def _patches(x: Array, size: tuple[int, int], geometry: _Geometry) -> Array:
+    """What each output reads: [b, ho, wo, kh * kw * c]; the im2col."""
+    return jnp.concatenate(_taps(_pad(x, geometry.padding), size, geometry.stride), axis=-1)
+
+
+def _taps(x: Array, size: tuple[int, int], stride: int) -> list[Array]:
+    """For each tap of a valid convolution, the pixels that it reads."""
+    ho, wo = ((n - k) // stride + 1 for n, k in zip(x.shape[1:3], size, strict=True))
+    return [
+        x[:, i : i + stride * ho : stride, j : j + stride * wo : stride]
+        for i in range(size[0])
+        for j in range(size[1])
+    ]
+
+
+def _pad(x: Array, padding: tuple[tuple[int, int], tuple[int, int]]) -> Array:
+    """Adds zeros around images, or removes pixels where the padding is negative."""
+    if not any(map(any, padding)):
+        return x
+    config = [(0, 0, 0), *((low, high, 0) for low, high in padding), (0, 0, 0)]
+    return jax.lax.pad(x, jnp.zeros((), x.dtype), config)

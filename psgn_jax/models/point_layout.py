@@ -1,0 +1,111 @@
+"""Which points a configuration's PointOutNet predicts: sizes, the grid, the branches."""
+
+from typing import Any, NamedTuple
+
+from psgn_jax.config import ModelConfig
+
+VERSIONS = ("vanilla", "two_branch", "hourglass")
+RANDOM_AT = ("bottleneck", "fc")
+
+
+class OutputGrid(NamedTuple):
+    """The image of points that a deconv branch predicts: 24 rows, 32 columns, 1 by default."""
+
+    height: int
+    width: int
+    points_per_cell: int
+
+
+class Branches(NamedTuple):
+    """Indices of the points that each branch predicts."""
+
+    fc: range
+    deconv: range
+
+
+def scaled_widths(widths: tuple[int, ...], multiplier: float) -> tuple[int, ...]:
+    """Widths times `multiplier`, to the nearest multiple of 8, at least 8; unchanged if it is 1.
+
+    Raises:
+      ValueError: for a width or a multiplier that is not positive.
+    """
+    if multiplier <= 0:
+        raise wrong_field("width_multiplier", multiplier, "a positive number")
+    if any(width < 1 for width in widths):
+        raise wrong_field("widths", widths, "positive integers")
+    if multiplier == 1:
+        return tuple(widths)
+    return tuple(max(8, 8 * round(width * multiplier / 8)) for width in widths)
+
+
+def padded_size(image_size: tuple[int, int], num_levels: int) -> tuple[int, int]:
+    """Image size after padding: the next multiples of `2 ** (num_levels - 1)`.
+
+    Raises:
+      ValueError: if a side is under half of that, so that most of the image would be padding.
+    """
+    divisor = 2 ** (num_levels - 1)
+    if min(image_size) < divisor / 2:
+        raise wrong_field(
+            "image_size",
+            tuple(image_size),
+            f"sides of at least {max(1, divisor // 2)} pixels, half of 2^{num_levels - 1} "
+            f"(there are {num_levels} widths)",
+        )
+    height, width = (-(-side // divisor) * divisor for side in image_size)
+    return height, width
+
+
+def output_grid(config: ModelConfig) -> OutputGrid:
+    """The grid of the deconv branch; (0, 0, 0) for `vanilla`.
+
+    Raises:
+      ValueError: for a field out of range.
+    """
+    levels = len(config.widths)
+    if config.name not in VERSIONS:
+        raise wrong_field("name", config.name, f"one of {VERSIONS}")
+    if levels < 2:
+        raise wrong_field("widths", config.widths, "at least two levels")
+    height, width = padded_size(config.image_size, levels)
+    if config.name == "vanilla":
+        return OutputGrid(0, 0, 0)
+    if not 0 <= config.deconv_level <= levels - 2:
+        raise wrong_field(
+            "deconv_level", config.deconv_level, f"0 to {levels - 2}, above the bottleneck"
+        )
+    if config.deconv_channels < 3 or config.deconv_channels % 3:
+        raise wrong_field("deconv_channels", config.deconv_channels, "a positive multiple of 3")
+    cell = 2**config.deconv_level
+    return OutputGrid(height // cell, width // cell, config.deconv_channels // 3)
+
+
+def branch_of_point(config: ModelConfig) -> Branches:
+    """Which branch predicts which of the points: fc 0 to 255, deconv 256 to 1,023 by default.
+
+    Raises:
+      ValueError: for a field out of range.
+    """
+    grid = output_grid(config)
+    lowest = 1 if config.name == "vanilla" else 0
+    if config.fc_points < lowest:
+        raise wrong_field("fc_points", config.fc_points, f"at least {lowest}")
+    deconv_points = grid.height * grid.width * grid.points_per_cell
+    return Branches(
+        range(config.fc_points), range(config.fc_points, config.fc_points + deconv_points)
+    )
+
+
+def num_points(config: ModelConfig) -> int:
+    """Points of one prediction, 1,024 by default.
+
+    Raises:
+      ValueError: for a field out of range.
+    """
+    branches = branch_of_point(config)
+    return len(branches.fc) + len(branches.deconv)
+
+
+def wrong_field(field: str, value: Any, accepted: str) -> ValueError:
+    """The error of a field of `ModelConfig`."""
+    return ValueError(f"model.{field}={value!r}: accepted: {accepted}")

@@ -1,0 +1,246 @@
+"""3D-R2N2: from one or more images to a volume, the network that the paper compares with.
+
+Source: Choy et al., "3D-R2N2: A Unified Approach for Single and Multi-view 3D Object
+Reconstruction", ECCV 2016, and its published code (github.com/chrischoy/3D-R2N2,
+`models/res_gru_net.py`), from which the sizes are:
+
+- `ImageEncoder`, for each view: six levels of 96, 128, 256, 256, 256, 256 feature maps, each two
+  3x3 convolutions (7x7 for the very first one) and a 2x2 max pooling that pads by one pixel:
+  127 pixels become 64, 33, 17, 9, 5, 3; then a dense layer of 1024. Levels 2, 3 and 5 add a 1x1
+  convolution of their input, level 6 its input, levels 1 and 4 nothing.
+- `VolumeCell`: a grid of 4^3 cells with 128 numbers each. A cell sees its 3^3 neighbours through a
+  convolution, and the view through a dense layer without bias that has weights of its own for each
+  cell. GRU: `h = u h + (1 - u) tanh(W x + U (r h) + b)`. LSTM (paper, section 3.2, no output gate):
+  `s = f s + i tanh(W x + U h + b)`, `h = tanh(s)`.
+- `VolumeDecoder`: three times each number is put in the corner of 2^3 cells, the others 0
+  ("unpooling"), followed by two 3x3x3 convolutions of 128, 128, 64 feature maps, to whose result
+  the unpooled volume is added (at 64 through a 1x1x1 convolution); at 32^3 two more of 32, and a
+  third, that reads the first one's output, is added to the second's; at last one to 2 numbers per
+  cell. In all 35,968,706 parameters for images of 127 or 128 pixels.
+
+Leaky ReLU (.01) after every convolution of the encoder and decoder, but not after those that are
+added as shortcuts, nor the last. The loss is the mean over the cells of the softmax cross-entropy.
+
+**Ours**: initial values by He with the mean of fan-in and fan-out, as in their code, for the dense
+layers of the cell too (theirs start larger); the axes of the grid are those of the ground truth
+that it is trained on, [x, y, z] of the schema.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+
+from psgn_jax.models.layers import Conv, Conv3D, Dense
+from psgn_jax.models.point_layout import scaled_widths
+from psgn_jax.types import Array, Bool, Float
+
+CELLS = ("gru", "lstm")
+CONV_WIDTHS = (96, 128, 256, 256, 256, 256)
+DENSE_WIDTH = 1024
+HIDDEN_WIDTH = 128
+DECODER_WIDTHS = (128, 128, 64, 32)
+HIDDEN_SIZE = 4
+IMAGE_SIDE = 127
+THRESHOLD = 0.4
+"""The occupancy at which their evaluation calls a cell full."""
+
+_LEAK = 0.01
+_KERNEL = nn.initializers.variance_scaling(2.0, "fan_avg", "normal")
+_BIAS = nn.initializers.constant(0.1)
+
+
+def _leaky(x: Array) -> Array:
+    return nn.leaky_relu(x, _LEAK)
+
+
+class State(NamedTuple):
+    """What a cell remembers of the views before: `hidden`, and the LSTM's `memory`."""
+
+    hidden: Float[Array, "b 4 4 4 c"]
+    memory: Float[Array, "b 4 4 4 c"]
+
+
+class ImageEncoder(nn.Module):
+    """An image to a vector; see the module."""
+
+    widths: tuple[int, ...]
+    dense: int
+    dtype: Any
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b n"]:
+        """Encodes a batch of images."""
+        for level, width in enumerate(self.widths, start=1):
+            shortcut: Array | None = None
+            if level in (2, 3, 5):
+                shortcut = self._conv(width, 1, f"level{level}_shortcut")(x)
+            elif level == 6:
+                shortcut = x
+            y = _leaky(self._conv(width, 7 if level == 1 else 3, f"level{level}_conv0")(x))
+            y = _leaky(self._conv(width, 3, f"level{level}_conv1")(y))
+            x = y if shortcut is None else y + shortcut
+            x = nn.max_pool(x, (2, 2), (2, 2), ((1, 1), (1, 1)))
+        x = x.reshape(x.shape[0], -1)
+        dense = Dense(
+            self.dense, kernel_init=_KERNEL, bias_init=_BIAS, dtype=self.dtype, name="dense"
+        )
+        return _leaky(dense(x))
+
+    def _conv(self, width: int, size: int, name: str) -> Conv:
+        return Conv(width, size, kernel_init=_KERNEL, bias_init=_BIAS, dtype=self.dtype, name=name)
+
+
+class _Gate(nn.Module):
+    """`W x + U * h + b`: dense for each cell, convolution over cells."""
+
+    dtype: Any
+
+    @nn.compact
+    def __call__(self, x: Array, h: Array) -> Array:
+        size = h[0].size
+        dense = Dense(size, use_bias=False, kernel_init=_KERNEL, dtype=self.dtype, name="view")
+        grid = Conv3D(
+            h.shape[-1], kernel_init=_KERNEL, bias_init=_BIAS, dtype=self.dtype, name="grid"
+        )
+        return dense(x).reshape(h.shape) + grid(h)
+
+
+class VolumeCell(nn.Module):
+    """The recurrent part; see the module.
+
+    Attributes:
+      kind: "gru" or "lstm".
+      dtype: of the arithmetic.
+    """
+
+    kind: str
+    dtype: Any
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "b n"], state: State) -> State:
+        """The state after one more view."""
+        hidden, memory = state
+        if self.kind == "gru":
+            update = nn.sigmoid(_Gate(self.dtype, name="update")(x, hidden))
+            reset = nn.sigmoid(_Gate(self.dtype, name="reset")(x, hidden))
+            new = jnp.tanh(_Gate(self.dtype, name="candidate")(x, reset * hidden))
+            return State(update * hidden + (1 - update) * new, memory)
+        forget = nn.sigmoid(_Gate(self.dtype, name="forget")(x, hidden))
+        take = nn.sigmoid(_Gate(self.dtype, name="input")(x, hidden))
+        new = jnp.tanh(_Gate(self.dtype, name="candidate")(x, hidden))
+        memory = forget * memory + take * new
+        return State(jnp.tanh(memory), memory)
+
+
+class VolumeDecoder(nn.Module):
+    """A grid of 4^3 to one of 32^3 with two numbers a cell; see the module."""
+
+    widths: tuple[int, ...]
+    dtype: Any
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "b n n n c"]) -> Float[Array, "b m m m 2"]:
+        """Decodes a batch of hidden states."""
+        *unpooled_widths, last_width = self.widths
+        for level, width in enumerate(unpooled_widths):
+            x = unpool(x)
+            y = _leaky(self._conv(width, 3, f"level{level}_conv0")(x))
+            y = _leaky(self._conv(width, 3, f"level{level}_conv1")(y))
+            if width != x.shape[-1] or level == len(unpooled_widths) - 1:
+                x = self._conv(width, 1, f"level{level}_shortcut")(x)
+            x = x + y
+        x = _leaky(self._conv(last_width, 3, "last_conv0")(x))
+        y = _leaky(self._conv(last_width, 3, "last_conv1")(x))
+        x = y + self._conv(last_width, 3, "last_shortcut")(x)
+        logits = Conv3D(2, kernel_init=_KERNEL, bias_init=_BIAS, name="logits")
+        return logits(x)
+
+    def _conv(self, width: int, size: int, name: str) -> Conv3D:
+        return Conv3D(
+            width, size, kernel_init=_KERNEL, bias_init=_BIAS, dtype=self.dtype, name=name
+        )
+
+
+class RecurrentVolume(nn.Module):
+    """Views of an object to the logits of its 32^3 cells.
+
+    Attributes:
+      cell: "gru" or "lstm".
+      conv_widths, dense_width, hidden_width, decoder_widths: sizes, see the module.
+      dtype: of the arithmetic; the last layer computes in float32.
+    """
+
+    cell: str = "gru"
+    conv_widths: tuple[int, ...] = CONV_WIDTHS
+    dense_width: int = DENSE_WIDTH
+    hidden_width: int = HIDDEN_WIDTH
+    decoder_widths: tuple[int, ...] = DECODER_WIDTHS
+    dtype: Any = jnp.float32
+
+    @nn.compact
+    def __call__(self, views: Float[Array, "b v h w c"]) -> Float[Array, "b x y z 2"]:
+        """Logits (empty, occupied) after the last view; their order matters little, if trained so.
+
+        Args:
+          views: v >= 1 images of each object, such as RGB in [0, 1] of 127x127 pixels. Trained on
+            any number of views, it takes any number.
+
+        Raises:
+          ValueError: no view.
+        """
+        batch, count = views.shape[:2]
+        if count < 1:
+            raise ValueError(f"views has the shape {views.shape}: expected at least one view")
+        encoder = ImageEncoder(self.conv_widths, self.dense_width, self.dtype, name="encoder")
+        codes = encoder(views.reshape(batch * count, *views.shape[2:]).astype(self.dtype))
+        codes = codes.reshape(batch, count, -1)
+        cell = VolumeCell(self.cell, self.dtype, name="cell")
+        nothing = jnp.zeros((batch, *(HIDDEN_SIZE,) * 3, self.hidden_width), self.dtype)
+        state = State(nothing, nothing)
+        for view in range(count):
+            state = cell(codes[:, view], state)
+        return VolumeDecoder(self.decoder_widths, self.dtype, name="decoder")(state.hidden)
+
+
+def build(
+    cell: str = "gru", width_multiplier: float = 1.0, dtype: Any = jnp.float32
+) -> RecurrentVolume:
+    """The network of the published sizes, or with all widths times a factor.
+
+    Raises:
+      ValueError: for an unknown cell or a factor that is not positive.
+    """
+    if cell not in CELLS:
+        raise ValueError(f"cell={cell!r}: accepted: one of {CELLS}")
+    dense, hidden = scaled_widths((DENSE_WIDTH, HIDDEN_WIDTH), width_multiplier)
+    return RecurrentVolume(
+        cell,
+        scaled_widths(CONV_WIDTHS, width_multiplier),
+        dense,
+        hidden,
+        scaled_widths(DECODER_WIDTHS, width_multiplier),
+        dtype,
+    )
+
+
+def unpool(x: Float[Array, "b n n n c"]) -> Float[Array, "b m m m c"]:
+    """Twice the size along each axis: each number in the lowest corner of 2^3 cells, else 0."""
+    twice = [(0, 1, 1)] * 3
+    return jax.lax.pad(x, jnp.zeros((), x.dtype), [(0, 0, 0), *twice, (0, 0, 0)])
+
+
+def voxel_cross_entropy(
+    logits: Float[Array, "x y z 2"], gt: Bool[Array, "x y z"]
+) -> Float[Array, ""]:
+    """Mean over the cells of -log softmax(logits)[gt]; natural logarithm."""
+    gt = jnp.asarray(gt)
+    # -log of the probability of one of two classes is softplus of the other's lead.
+    lead = logits[..., 1] - logits[..., 0]
+    return nn.softplus(jnp.where(gt, -lead, lead)).mean()
+
+
+def occupancy(logits: Float[Array, "*cells 2"]) -> Float[Array, "*cells"]:
+    """Probability that a cell is occupied: the second of the softmax."""
+    return nn.sigmoid(logits[..., 1] - logits[..., 0])

@@ -1,0 +1,393 @@
+"""A page to try a network on photos, see `psgn_jax.demo`.
+
+The only importer of gradio (extra `demo`), inside functions: what the page does can be called and
+tested without. What it writes lies in a folder that its caller names, results for an hour.
+"""
+
+import html
+import importlib.util
+import os
+import pathlib
+import shutil
+import sys
+import tempfile
+import time
+import urllib.parse
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from psgn_jax.config import ConfigError
+from psgn_jax.data import masks, photo
+from psgn_jax.prediction.files import predict_photo
+from psgn_jax.prediction.predictor import FC, Predictor
+from psgn_jax.viewing import page
+
+EDITOR_SIZE = (600, 800)
+"""Height and width of the canvas that the mask is painted on, whatever the photo's shape.
+
+The photo is scaled to fit its middle. The prediction reads the whole photo.
+"""
+
+MAX_SAMPLES = 16
+KEPT_SECONDS = 3600.0
+PAINT = (226, 70, 40, 150)
+"""Colour of the mask over the photo, RGBA."""
+
+ADVICE = '<p style="opacity:.7">The points appear here: drop a photo, check its mask, Predict.</p>'
+"""HTML in place of a result."""
+
+_MARGIN_GREY = 232
+_PAGE_HEIGHT = 600
+_FOUND = {
+    "alpha": "Object found by the file's transparency.",
+    "plain": "Object found: it stands out from a plain background.",
+    "rembg": "Object found by a segmentation network (rembg).",
+    "grabcut": "Object guessed from the photo's colours (GrabCut), often wrong at the edges.",
+}
+_CORRECT = "Red is object: correct it with brush and eraser, then press Predict."
+
+
+class Demo:
+    """What the page's controls do, without gradio.
+
+    Args:
+      predictor: the network.
+      folder: for results; old ones are removed from it.
+    """
+
+    def __init__(self, predictor: Predictor, folder: str | os.PathLike[str]):
+        self.predictor = predictor
+        self.folder = pathlib.Path(folder)
+
+    @property
+    def max_samples(self) -> int:
+        """How many clouds can be asked for: one of a network without random input."""
+        return MAX_SAMPLES if self.predictor.config.model.random_size else 1
+
+    def open_photo(self, path: str | None, method: str) -> tuple[dict[str, Any] | None, str]:
+        """The photo with the mask that is found, for the editor, and a line on how it was found.
+
+        Args:
+          path: of the photo; None clears the editor.
+          method: one of `masks.METHODS`.
+
+        Returns:
+          `background` uint8 [*EDITOR_SIZE, 3], `layers` (the mask in `PAINT`, uint8
+          [*EDITOR_SIZE, 4]) and `composite` None; None without photo or if it cannot be read.
+        """
+        if path is None:
+            return None, ""
+        try:
+            read = photo.read_photo(path)
+        except ValueError as error:
+            return None, _failed(error, path)
+        # Both exactly as large as the canvas: the editor moves and scales what is not, each by its
+        # own rule.
+        rows, columns = place_in_editor(read.image.shape)
+        size = (columns.stop - columns.start, rows.stop - rows.start)
+        background = np.full((*EDITOR_SIZE, 3), _MARGIN_GREY, np.uint8)
+        background[rows, columns] = np.asarray(Image.fromarray(read.image).resize(size))
+        layer = np.zeros((*EDITOR_SIZE, 4), np.uint8)
+        try:
+            mask, how = masks.find_mask(read.image, read.alpha, method)
+        except ValueError as error:
+            line = f"{_failed(error, path)} Paint the object, then press Predict."
+        else:
+            layer[rows, columns][photo.resize_mask(mask, size[::-1])] = PAINT
+            line = f"{_FOUND[how]} {_CORRECT}"
+        return {"background": background, "layers": [layer], "composite": None}, line
+
+    def predict(
+        self,
+        path: str | None,
+        edited: Any,
+        samples: float = 1,
+        seed: float = 0,
+        frame: str = "auto",
+        method: str = "auto",
+    ) -> tuple[str, list[str], str]:
+        """Predicts with the mask as painted.
+
+        Args:
+          path: of the photo.
+          edited: the editor's value, see `open_photo`; what its layers cover is object.
+          samples: clouds to draw.
+          seed: of the random input.
+          frame: "auto", "place" or "keep" (`Predictor.__call__`).
+          method: one of `masks.METHODS`, if the editor shows no photo: it was cleared, or has yet
+            to draw.
+
+        Returns:
+          HTML that shows the clouds (or `ADVICE`), the files, and a line on what was done or went
+          wrong.
+        """
+        if path is None:
+            return ADVICE, [], _failed("no photo: drop one first")
+        try:
+            read = photo.read_photo(path)
+            mask = None
+            if shows_photo(edited):
+                mask = painted(edited, read.image.shape)
+                if not mask.any():
+                    raise photo.PhotoError("no mask: paint the object, or have it found")
+            out = self._new_folder()
+            name = pathlib.Path(path).stem or "image"
+            result = predict_photo(
+                self.predictor,
+                read,
+                mask,
+                pathlib.Path(path),
+                name,
+                out,
+                samples=_whole("samples", samples),
+                seed=_whole("seed", seed),
+                frame=frame,
+                mask_from=method,
+            )
+            viewer = out / ".viewer.html"
+            case = page.Case(
+                name,
+                image=result.view.image,
+                samples=result.points,
+                num_fc=int((result.branch == FC).sum()),
+                colours=result.colours,
+            )
+            page.write_pages(viewer, [case])
+        except (ValueError, OSError) as error:
+            return ADVICE, [], _failed(error, path)
+        files = sorted(out.glob("[!.]*"), key=lambda file: (file.suffix == ".json", file.name))
+        clouds = len(result.points)
+        line = (
+            f"{clouds} cloud{'s' * (clouds > 1)} of {result.points.shape[1]:,} points in "
+            f"{1000 * sum(result.seconds.values()):.0f} ms; the image shows "
+            f"{result.seen.mean():.0%} of the points."
+        )
+        if mask is None:
+            line += f" The editor was empty: {_FOUND[result.mask_from]}"
+        return in_frame(viewer.read_text(encoding="utf-8")), [str(file) for file in files], line
+
+    def _new_folder(self) -> pathlib.Path:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for old in self.folder.iterdir():
+            if time.time() - old.stat().st_mtime > KEPT_SECONDS:
+                shutil.rmtree(old, ignore_errors=True)
+        return pathlib.Path(tempfile.mkdtemp(prefix="result-", dir=self.folder))
+
+
+def place_in_editor(shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns of the editor's canvas on which a photo of this shape [h, w, ...] lies."""
+    height, width = EDITOR_SIZE
+    scale = min(height / shape[0], width / shape[1])
+    rows, columns = max(1, round(scale * shape[0])), max(1, round(scale * shape[1]))
+    top, left = (height - rows) // 2, (width - columns) // 2
+    return slice(top, top + rows), slice(left, left + columns)
+
+
+def shows_photo(edited: Any) -> bool:
+    """Whether the editor's value has a background: it is cleared whole, and fills the canvas."""
+    background = (edited or {}).get("background")
+    return background is not None and bool(background[..., 3:].all())
+
+
+def painted(edited: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """What the layers of the editor's value cover of a photo of this shape [h, w, ...].
+
+    Returns:
+      bool [h, w]; paint beside the photo is left out.
+    """
+    mask = np.zeros(EDITOR_SIZE, np.bool_)
+    for layer in edited["layers"]:
+        if layer.shape[:2] != EDITOR_SIZE:
+            raise photo.PhotoError(
+                f"the editor's layer is {list(layer.shape[:2])}: accepted: {list(EDITOR_SIZE)}; "
+                "drop the photo again"
+            )
+        mask |= layer[..., 3] > PAINT[3] // 2
+    return photo.resize_mask(mask[place_in_editor(shape)].copy(), shape[:2])
+
+
+def in_frame(document: str) -> str:
+    """An HTML document as a frame within another: it can run its script and reach nothing else."""
+    return (
+        f'<iframe title="predicted points" sandbox="allow-scripts" srcdoc="{html.escape(document)}"'
+        f' style="width:100%;height:{_PAGE_HEIGHT}px;border:0;border-radius:8px"></iframe>'
+    )
+
+
+def links_to(files: Sequence[str]) -> str:
+    """HTML with a link to each file, by the server's address of it; "" without files."""
+    links = [
+        f'<a href="gradio_api/file={html.escape(urllib.parse.quote(file))}" download>'
+        f"{html.escape(pathlib.Path(file).name)}</a> ({pathlib.Path(file).stat().st_size:,} bytes)"
+        for file in files
+    ]
+    return f"<p>Files: {' · '.join(links)}</p>" if links else ""
+
+
+def build(demo: Demo) -> Any:
+    """The page: `gradio.Blocks`.
+
+    One function: gradio declares controls and what they do in one context.
+
+    Raises:
+      ConfigError: gradio is missing.
+    """
+    gradio = import_gradio()
+
+    def open_photo(path: str | None, method: str) -> tuple[Any, ...]:
+        edited, line = demo.open_photo(path, method)
+        return edited, line, gradio.Button(interactive=edited is not None)
+
+    def predict(*values: Any) -> tuple[Any, ...]:
+        shown, made, line = demo.predict(*values)
+        return shown, links_to(made), line
+
+    with gradio.Blocks(
+        title="psgn_jax", analytics_enabled=False, delete_cache=(600, int(KEPT_SECONDS))
+    ) as blocks:
+        gradio.Markdown("## From one photo to points\nA photo of one object, nothing cut off.")
+        with gradio.Row():
+            with gradio.Column(scale=1, min_width=280):
+                source = gradio.File(label="photo", type="filepath", height=130, elem_id="photo")
+                method = gradio.Dropdown(
+                    list(masks.METHODS), value="auto", label="find the mask by", elem_id="method"
+                )
+                samples = gradio.Slider(
+                    1, MAX_SAMPLES, 1, step=1, label="samples", visible=demo.max_samples > 1
+                )
+                seed = gradio.Number(
+                    0, precision=0, label="seed", visible=demo.max_samples > 1, minimum=0
+                )
+                frame = gradio.Dropdown(
+                    [
+                        ("auto", "auto"),
+                        ("place: crop and scale the object", "place"),
+                        ("keep: the photo is framed as the training images", "keep"),
+                    ],
+                    value="auto",
+                    label="frame",
+                )
+                button = gradio.Button(
+                    "Predict", variant="primary", elem_id="predict", interactive=False
+                )
+                line = gradio.HTML("", elem_id="line")
+            with gradio.Column(scale=2, min_width=420):
+                editor = gradio.ImageEditor(
+                    label="mask: what is painted is object",
+                    type="numpy",
+                    image_mode="RGBA",
+                    format="png",
+                    sources=(),
+                    transforms=(),
+                    layers=False,
+                    canvas_size=EDITOR_SIZE[::-1],
+                    fixed_canvas=True,
+                    brush=gradio.Brush(
+                        default_size=24,
+                        colors=[("rgb({}, {}, {})".format(*PAINT[:3]), PAINT[3] / 255)],
+                        color_mode="fixed",
+                    ),
+                    eraser=gradio.Eraser(default_size=24),
+                    height=520,
+                    elem_id="editor",
+                )
+        viewer = gradio.HTML(ADVICE, elem_id="viewer")
+        files = gradio.HTML("", elem_id="files")
+        for changed in (source.change, method.change):
+            # Nothing can be predicted from a mask that is still being looked for.
+            locked = changed(
+                lambda: (gradio.Button(interactive=False), ADVICE, "", ""),
+                None,
+                [button, viewer, files, line],
+                queue=False,
+                show_progress="hidden",
+                api_visibility="private",
+            )
+            locked.then(
+                open_photo,
+                [source, method],
+                [editor, line, button],
+                show_progress_on=[editor],
+                api_visibility="private",
+            )
+        button.click(
+            predict,
+            [source, editor, samples, seed, frame, method],
+            [viewer, files, line],
+            show_progress_on=[viewer],
+            api_visibility="private",
+        )
+    return blocks
+
+
+def launch(
+    demo: Demo, *, host: str = "127.0.0.1", port: int = 7860, block: bool = True
+) -> tuple[Any, str]:
+    """Serves the page; returns `gradio.Blocks` and the address.
+
+    Args:
+      demo: what it does.
+      host: address to listen at; "0.0.0.0" lets other machines in.
+      port: 0 for any free one.
+      block: whether to serve until the process is interrupted.
+
+    Raises:
+      ConfigError: gradio is missing, or the port is taken.
+    """
+    gradio = import_gradio()
+    blocks = build(demo)
+    try:
+        _, address, _ = blocks.launch(
+            server_name=host,
+            server_port=port or None,
+            share=False,
+            quiet=True,
+            prevent_thread_lock=True,
+            allowed_paths=[str(demo.folder)],
+            footer_links=[],
+            # The usual themes ask a server of fonts.
+            theme=gradio.themes.Default(
+                font=["system-ui", "sans-serif"], font_mono=["ui-monospace", "monospace"]
+            ),
+        )
+    except OSError as error:
+        raise ConfigError(f"--port={port}: {' '.join(str(error).split())}") from None
+    if block:
+        sys.stdout.write(f"{address}\n")
+        sys.stdout.flush()
+        try:
+            while True:
+                time.sleep(3600)
+        finally:
+            blocks.close(verbose=False)
+    return blocks, address
+
+
+def import_gradio() -> Any:
+    """The module gradio; raises `ConfigError` with the remedy where it is not installed."""
+    if importlib.util.find_spec("gradio") is None:
+        raise ConfigError("the demo needs the extra 'demo': pip install 'psgn-jax[demo]'")
+    os.environ.setdefault("GRADIO_ANALYTICS_ENABLED", "False")
+    import gradio
+
+    return gradio
+
+
+def _whole(name: str, value: Any) -> int:
+    try:
+        if int(value) == value:
+            return int(value)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ConfigError(f"{name}={value}: accepted: a whole number")
+
+
+def _failed(error: Exception | str, path: str | None = None) -> str:
+    """One line of HTML. The photo goes by its name: the folder it was dropped in says nothing."""
+    text = " ".join(str(error).split())
+    if path is not None:
+        text = text.replace(path, pathlib.Path(path).name)
+    return f'<span style="color:#b3261e">{html.escape(text)}</span>'

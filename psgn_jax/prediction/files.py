@@ -1,0 +1,226 @@
+"""Predictions of image files, written as files.
+
+For each image: the cloud as PLY, XYZ, OBJ and NPZ (`prediction.export`: frame, colours), what the
+network saw as `NAME_view.png`, and `NAME.json` with camera, configuration, checkpoint and times.
+With several samples the NPZ also holds each point's spread and the clouds' mutual distances.
+"""
+
+import dataclasses
+import io
+import json
+import os
+import pathlib
+import types
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from absl import logging
+from PIL import Image
+
+from psgn_jax.config import ConfigError, UserError, to_dict
+from psgn_jax.data import photo
+from psgn_jax.files import write_atomic
+from psgn_jax.prediction import export
+from psgn_jax.prediction.predictor import FC, Clock, Prediction, Predictor
+
+
+def predict_files(
+    predictor: Predictor,
+    images: Sequence[str | os.PathLike[str]],
+    out: str | os.PathLike[str],
+    *,
+    mask: str | None = None,
+    formats: tuple[str, ...] = export.FORMATS,
+    **options: Any,
+) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
+    """Predicts files and folders of images and writes the results into `out`, one after the other.
+
+    Args:
+      predictor: the network.
+      images: files, and folders whose images are taken by name.
+      out: folder for the results.
+      mask: a mask's file (for one image), or a folder with a file of each image's name.
+      formats: any of `prediction.export.FORMATS`.
+      **options: of `Predictor.__call__`.
+
+    Yields:
+      each image's path with its prediction or with what went wrong.
+
+    Raises:
+      ConfigError: no image named, a mask's file for several.
+    """
+    paths = _expand(images)
+    if not paths:
+        raise ConfigError(f"no image in {', '.join(map(str, images)) or 'the arguments'}")
+    if mask is not None and not os.path.isdir(mask) and len(paths) > 1:
+        raise ConfigError(f"--mask={mask}: accepted for {len(paths)} images: a folder of masks")
+    for path, name in zip(paths, _names(paths), strict=True):
+        try:
+            result = _predict_file(predictor, path, name, pathlib.Path(out), mask, formats, options)
+        except Exception as error:  # the other images of the batch are to come out
+            if not isinstance(error, UserError | ValueError | OSError):
+                logging.exception("%s", path)
+            yield path, error
+        else:
+            yield path, result
+
+
+def predict_photo(
+    predictor: Predictor,
+    read: photo.Photo,
+    mask: np.ndarray | None,
+    path: pathlib.Path,
+    name: str,
+    out: pathlib.Path,
+    formats: tuple[str, ...] = export.FORMATS,
+    *,
+    seconds: Mapping[str, float] = types.MappingProxyType({}),
+    **options: Any,
+) -> Prediction:
+    """Predicts a photo that was read and writes the results into `out`.
+
+    Args:
+      predictor: the network.
+      read: the photo.
+      mask: bool [h, w] of `read.image`'s size, True on the object; None to find it.
+      path: where the photo comes from, for the record.
+      name: of the results, without suffix.
+      out: folder for the results.
+      formats: any of `prediction.export.FORMATS`.
+      seconds: of what was done before, for the record.
+      **options: of `Predictor.__call__`.
+
+    Raises:
+      ValueError: as `Predictor.__call__`.
+    """
+    image = read.image if read.alpha is None else np.dstack([read.image, read.alpha])
+    result = predictor(image, mask, **options)
+    clock = Clock()
+    view = result.view
+    files = export.write_clouds(
+        out,
+        name,
+        result.points,
+        result.colours,
+        formats,
+        seen=result.seen,
+        branch=result.branch,
+        spread=result.spread,
+        mutual=result.mutual,
+        image=view.image,
+        mask=view.mask,
+        intrinsics=view.intrinsics,
+        extrinsics=view.extrinsics,
+    )
+    picture = io.BytesIO()
+    Image.fromarray(view.image).save(picture, "png", compress_level=1)
+    files.append(out / f"{name}_view.png")
+    write_atomic(files[-1], picture.getvalue(), sync=False)
+    clock.lap("write")
+    seconds = {**seconds, **result.seconds, "write": clock.laps["write"]}
+    document = _record(predictor, read, result, path, files, seconds, options.get("seed", 0))
+    text = json.dumps(document, indent=2, allow_nan=False) + "\n"
+    write_atomic(out / f"{name}.json", text, sync=False)
+    return dataclasses.replace(result, seconds=seconds)
+
+
+def _predict_file(
+    predictor: Predictor,
+    path: pathlib.Path,
+    name: str,
+    out: pathlib.Path,
+    mask: str | None,
+    formats: tuple[str, ...],
+    options: dict[str, Any],
+) -> Prediction:
+    clock = Clock()
+    read = photo.read_photo(path)
+    given = None if mask is None else photo.read_mask(_mask_of(path, mask), read)
+    clock.lap("read")
+    return predict_photo(
+        predictor, read, given, path, name, out, formats, seconds=clock.laps, **options
+    )
+
+
+def _record(
+    predictor: Predictor,
+    read: photo.Photo,
+    result: Prediction,
+    path: pathlib.Path,
+    files: Sequence[pathlib.Path],
+    seconds: Mapping[str, float],
+    seed: int,
+) -> dict[str, Any]:
+    """What `NAME.json` says of a prediction."""
+    view = result.view
+    return {
+        "image": str(path),
+        "image_size": list(read.size),
+        "files": [file.name for file in files],
+        "frame": "right-handed, +z up, +y image right, +x toward the camera, origin on the ground",
+        "unit": "radius of the object's bounding hemisphere",
+        "mask_from": result.mask_from,
+        "placed": view.placed,
+        "num_samples": len(result.points),
+        "num_points": result.points.shape[1],
+        "num_fc_points": int((result.branch == FC).sum()),
+        "seed": seed,
+        "seen_fraction": round(float(result.seen.mean()), 4),
+        "camera": {
+            "conventions": "x right, y down, z forward; (0, 0) is the outer corner of a pixel",
+            "extrinsics": view.extrinsics.tolist(),
+            "view_size": list(view.mask.shape),
+            "intrinsics": view.intrinsics.tolist(),
+            "image_intrinsics": (
+                _scale(read.image.shape[:2], read.size) @ result.photo_intrinsics
+            ).tolist(),
+        },
+        "checkpoint": {
+            "workdir": predictor.source,
+            "step": predictor.step,
+            "sha256": predictor.checksum,
+        },
+        "seconds": {part: round(value, 4) for part, value in seconds.items()},
+        "config": to_dict(predictor.config),
+    }
+
+
+def _scale(old: tuple[int, ...], new: tuple[int, ...]) -> np.ndarray:
+    return np.diag([new[1] / old[1], new[0] / old[0], 1.0])
+
+
+def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
+    """Files as named, folders as the images in them; each once."""
+    paths: list[pathlib.Path] = []
+    for image in map(pathlib.Path, images):
+        if image.is_dir():
+            inside = [p for p in image.iterdir() if p.suffix.lower() in photo.SUFFIXES]
+            paths += sorted(p for p in inside if p.is_file() and not p.name.startswith("."))
+        else:
+            paths.append(image)
+    return list(dict.fromkeys(paths))
+
+
+def _names(paths: Sequence[pathlib.Path]) -> list[str]:
+    """A name for the results of each image; no two alike, whatever the case."""
+    taken: set[str] = set()
+    names = []
+    for path in paths:
+        name, number = path.stem or "image", 1
+        while name.lower() in taken:
+            number += 1
+            name = f"{path.stem}-{number}"
+        taken.add(name.lower())
+        names.append(name)
+    return names
+
+
+def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
+    folder = pathlib.Path(mask)
+    if not folder.is_dir():
+        return folder
+    found = [p for p in sorted(folder.iterdir()) if p.stem in (path.stem, f"{path.stem}_mask")]
+    if not found:
+        raise photo.PhotoError(f"--mask={mask}: no file there is named {path.stem} or *_mask")
+    return found[0]

@@ -1,0 +1,213 @@
+"""A trained network, called with images: `Predictor.from_workdir(workdir)(image)`.
+
+The object's mask is given, or comes from the image's transparency, or is found (`data.masks`); then
+the object is cropped and scaled to where training objects sit (`data.photo`), unless the image
+already is framed so: 4:3 on the grey of the training renderings.
+"""
+
+import dataclasses
+import hashlib
+import os
+import pathlib
+import time
+from typing import Any
+
+import jax
+import numpy as np
+
+from psgn_jax.config import Config, ConfigError, require_points_task
+from psgn_jax.data import masks, photo, resize
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.metrics import samples as sample_metrics
+from psgn_jax.models import point_layout, point_out_net
+from psgn_jax.prediction import export, sampling
+from psgn_jax.training import step as step_lib
+from psgn_jax.training.run_folder import open_run
+from psgn_jax.training.state import named_leaves
+
+FC, DECONV = 0, 1
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Prediction:
+    """Clouds for one image.
+
+    Attributes:
+      points: float32 [k, n, 3] in the project's frame (+z up, +y image right, +x to the camera).
+      colours: uint8 [k, n, 3] from the image, `prediction.export.UNSEEN` for points it does not
+        show.
+      seen: bool [k, n].
+      branch: uint8 [n], which branch predicts a point, `FC` or `DECONV`.
+      view: what the network saw, with the camera (`data.photo.View`).
+      photo_intrinsics: float64 [3, 3], for the image as given (with the view's extrinsics).
+      r: float32 [k, random_size], the random inputs, or None for a network without.
+      spread: float32 [n, 3], standard deviation over the clouds of each point along x, y, z (point
+        i is the same output in all; unit = radius of the bounding hemisphere).
+      mutual: float32 [k, k], squared Chamfer distance of every two clouds, both directions' means
+        added (unit^2).
+      mask_from: how the mask was found.
+      seconds: time of each part.
+    """
+
+    points: np.ndarray
+    colours: np.ndarray
+    seen: np.ndarray
+    branch: np.ndarray
+    view: photo.View
+    photo_intrinsics: np.ndarray
+    r: np.ndarray | None
+    spread: np.ndarray
+    mutual: np.ndarray
+    mask_from: str
+    seconds: dict[str, float]
+
+
+class Predictor:
+    """A trained network, ready to be called with images.
+
+    Args:
+      config: of its run.
+      params: its parameters.
+      step: of the checkpoint, for the record.
+      source: where it comes from, for the record.
+    """
+
+    def __init__(self, config: Config, params: Any, *, step: int = 0, source: str = ""):
+        require_points_task(config, "a prediction from photos")
+        if "depth" in config.data.inputs:
+            raise ConfigError(
+                f"data.inputs={config.data.inputs!r}: the network reads depth, photos lack it; "
+                "accepted: a network of 'rgb' and 'mask'"
+            )
+        self.config, self.step, self.source = config, step, source
+        self.checksum = _checksum(params)
+        self._params = jax.device_put(params)
+        model = point_out_net.build(config.model)
+
+        def network(params: Any, image: Any, mask: Any, r: Any) -> Any:
+            return step_lib.predict(config, model, params, {"image": image, "mask": mask}, r)
+
+        def mutual(points: Any) -> Any:
+            return sample_metrics.mutual_distances(points, chamfer_sq_mean)
+
+        self._network = jax.jit(network)
+        self._mutual = jax.jit(mutual)
+
+    @classmethod
+    def from_workdir(cls, workdir: str | os.PathLike[str], checkpoint: str = "best") -> "Predictor":
+        """The best (or "last") checkpoint of a run.
+
+        Raises:
+          ConfigError, CheckpointError: no run or no checkpoint there.
+        """
+        run = open_run(pathlib.Path(workdir), checkpoint)
+        return cls(run.config, run.params, step=run.step, source=str(workdir))
+
+    def __call__(
+        self,
+        image: np.ndarray,
+        mask: np.ndarray | None = None,
+        *,
+        samples: int = 1,
+        seed: int = 0,
+        frame: str = "auto",
+        mask_from: str = "auto",
+    ) -> Prediction:
+        """Predicts the points of the object in an image.
+
+        Args:
+          image: uint8 [h, w, 3] RGB, [h, w, 4] RGBA or [h, w] grey, any size.
+          mask: bool [h, w], True on the object; None to find it.
+          samples: clouds to draw; more than one wants a network with a random input.
+          seed: of the random input. The draws are the same for every image.
+          frame: "place" crops and scales the object (`photo.place`), "keep" takes the image as
+            framed (4:3), "auto" keeps only what looks like a training rendering.
+          mask_from: one of `masks.METHODS`; without effect if a mask is given.
+
+        Raises:
+          ValueError: what does not fit; `photo.PhotoError` if no object is found.
+        """
+        r = self._sample_latents(samples, seed)
+        clock = Clock()
+        rgb, alpha = photo.as_rgb_and_alpha(image)
+        found = "given"
+        if mask is None:
+            mask, found = masks.find_mask(rgb, alpha, mask_from)
+        clock.lap("mask")
+        if frame not in ("auto", "place", "keep"):
+            raise ConfigError(f"frame={frame!r}: accepted: auto, place, keep")
+        move = frame == "place" or (frame == "auto" and not photo.is_framed(rgb))
+        view = photo.place(rgb, mask, move=move)
+        clock.lap("place")
+        size = self.config.data.image_size
+        small = resize.resize_image(view.image, size)[None]
+        small_mask = resize.resize_mask(view.mask, size)[None]
+        points = np.asarray(
+            self._network(self._params, small, small_mask, None if r is None else r[None])
+        ).reshape(samples, -1, 3)
+        mutual = self._mutual(points) if samples > 1 else np.zeros((1, 1), np.float32)
+        clock.lap("network")
+        if not np.isfinite(points).all():
+            raise ConfigError("the network's points are not finite: a damaged or diverged training")
+        coloured = [export.colours_from_view(cloud, view) for cloud in points]
+        clock.lap("colours")
+        branch = np.full(points.shape[1], FC, np.uint8)
+        branch[list(point_layout.branch_of_point(self.config.model).deconv)] = DECONV
+        return Prediction(
+            points=points,
+            colours=np.stack([colours for colours, _ in coloured]),
+            seen=np.stack([seen for _, seen in coloured]),
+            branch=branch,
+            view=view,
+            photo_intrinsics=np.linalg.inv(view.to_view) @ view.intrinsics,
+            r=r,
+            spread=points.std(axis=0),
+            mutual=np.asarray(mutual),
+            mask_from=found,
+            seconds=clock.laps,
+        )
+
+    def warm_up(self, samples: int = 1) -> None:
+        """Compiles the network for so many samples, so that the first image need not wait."""
+        r = self._sample_latents(samples, 0)
+        mask = np.zeros((1, *self.config.data.image_size), np.bool_)
+        image = np.zeros((*mask.shape, 3), np.uint8)
+        points = self._network(self._params, image, mask, None if r is None else r[None])
+        if samples > 1:
+            self._mutual(np.asarray(points).reshape(samples, -1, 3))
+        jax.block_until_ready(points)
+
+    def _sample_latents(self, samples: int, seed: int) -> np.ndarray | None:
+        size = self.config.model.random_size
+        if samples < 1 or (samples > 1 and not size):
+            accepted = "1 or more" if size else "1, as this network has no random input"
+            raise ConfigError(f"samples={samples}: accepted: {accepted}")
+        if not size:
+            return None
+        if not -(2**31) <= seed < 2**31:
+            raise ConfigError(f"seed={seed}: accepted: a whole number of 32 bits")
+        # An image is the first sample of its own batch: its clouds do not depend on the others.
+        return np.asarray(sampling.sample_latents(self.config, 0, 1, samples, seed))[0]
+
+
+class Clock:
+    """Seconds between laps."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        """Keeps the seconds since the last lap under a name."""
+        now = time.perf_counter()
+        self.laps[name], self._last = now - self._last, now
+
+
+def _checksum(params: Any) -> str:
+    """SHA-256 over names, shapes and values of the parameters."""
+    digest = hashlib.sha256()
+    for name, leaf in sorted(named_leaves(params).items()):
+        array = np.ascontiguousarray(leaf)
+        digest.update(f"{name} {array.dtype} {array.shape}\n".encode())
+        digest.update(array.reshape(-1).view(np.uint8).data)
+    return digest.hexdigest()

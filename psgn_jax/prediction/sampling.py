@@ -1,0 +1,117 @@
+"""Several predictions of one image: draws of the random input at evaluation.
+
+For a network trained with Min-of-N r is drawn as in training, for a variational autoencoder z from
+its prior: N(0, I) for both (paper, section "Predicting Multiple Plausible Shapes").
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import linen as nn
+
+from psgn_jax.config import Config, ConfigError
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.metrics import samples as sample_metrics
+from psgn_jax.training import step as step_lib
+from psgn_jax.training.state import random_key
+from psgn_jax.types import Array, Float
+
+
+class PredictedSamples(NamedTuple):
+    """K predictions of each image of a batch. Output point i is the same one in all draws.
+
+    Attributes:
+      points: in the project's frame, unit = radius of the bounding hemisphere.
+      spread: standard deviation over draws of each point along x, y, z (unit).
+      mutual: squared Chamfer distance of every two draws, both directions' means added (unit^2).
+    """
+
+    points: Float[Array, "b k n 3"]
+    spread: Float[Array, "b n 3"]
+    mutual: Float[Array, "b k k"]
+
+
+@functools.partial(jax.jit, static_argnums=(0, 2, 3))
+def sample_latents(
+    config: Config, first: Array | int, batch_size: int, num_draws: int, seed: Array | int
+) -> Float[Array, "b k size"]:
+    """Random inputs of the samples numbered `first`, `first` + 1, ...
+
+    Each depends on (seed, number of the sample, number of the draw) alone: not on the batch it is
+    in, and more draws begin with the same ones. All predictions outside training draw here.
+    """
+    key = random_key(0, seed, train=False)
+
+    def one(sample: Array, draw: Array) -> Array:
+        own = jax.random.fold_in(jax.random.fold_in(key, sample), draw)
+        return jax.random.normal(own, (config.model.random_size,))
+
+    over_draws = jax.vmap(one, (None, 0))
+    return jax.vmap(over_draws, (0, None))(first + jnp.arange(batch_size), jnp.arange(num_draws))
+
+
+@functools.lru_cache(maxsize=8)
+def compile_predict_samples(
+    config: Config, model: nn.Module, num_draws: int
+) -> Callable[[Any, step_lib.Batch, Any, Any], PredictedSamples]:
+    """Compiled `(params, batch, seed, first) -> PredictedSamples`, see `predict_samples`.
+
+    Raises:
+      ConfigError: the network has no random input.
+      ValueError: `num_draws` is not positive.
+    """
+    if not config.model.random_size:
+        raise ConfigError(
+            "model.random_size=0: this network gives one prediction for an image; several draws "
+            "want one trained with a random input, such as configs/mo2_cd.py"
+        )
+    if num_draws < 1:
+        raise ValueError(f"num_draws: got {num_draws}, expected 1 or more")
+
+    def of_batch(params: Any, batch: step_lib.Batch, seed: Array, first: Array) -> PredictedSamples:
+        r = sample_latents(config, first, len(batch["image"]), num_draws, seed)
+        points = step_lib.predict(config, model, params, batch, r)
+        mutual = jax.lax.map(lambda d: sample_metrics.mutual_distances(d, chamfer_sq_mean), points)
+        by_axis = jax.vmap(lambda d: sample_metrics.spread(d).by_axis)(points)
+        return PredictedSamples(points, by_axis, mutual)
+
+    compiled = jax.jit(of_batch)
+    keys = [key for key in step_lib.input_keys(config) if key != "points"]
+
+    def run(params: Any, batch: step_lib.Batch, seed: Any, first: Any) -> PredictedSamples:
+        return compiled(params, {k: batch[k] for k in keys}, np.int32(seed), np.int32(first))
+
+    return run
+
+
+def predict_samples(
+    config: Config,
+    model: nn.Module,
+    params: Any,
+    batch: step_lib.Batch,
+    num_draws: int,
+    seed: int = 0,
+    *,
+    first: int = 0,
+) -> PredictedSamples:
+    """Several predictions for each image of a batch, at the cost of one encoder.
+
+    Args:
+      config: the run's configuration.
+      model: from `point_out_net.build`.
+      params: parameters of the network.
+      batch: image uint8 [B,H,W,3], mask bool [B,H,W], and depth if it is among the inputs.
+      num_draws: K.
+      seed: of the draws.
+      first: number of the first sample; give the samples before this batch so that no two batches
+        share their draws.
+
+    Raises:
+      ConfigError: the network has no random input.
+      ValueError: `num_draws` is not positive.
+    """
+    return compile_predict_samples(config, model, num_draws)(params, batch, seed, first)

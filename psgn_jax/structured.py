@@ -1,0 +1,181 @@
+"""Nested mappings to frozen dataclasses: every key known, every value as its annotation says.
+
+The dataclass is the whole specification: names, annotations (`Annotated[int, Bounds(low=1)]`,
+`Literal`, tuples, nested dataclasses) and defaults. Whatever is wrong ends in a `ConfigError` whose
+message is one line naming the field, its value and what would be accepted.
+
+A field with the metadata `{"derived": "..."}` is filled in by the program, from what the text
+names; it is no key and is not written out.
+"""
+
+import dataclasses
+import difflib
+import math
+import typing
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+T = TypeVar("T")
+
+
+class UserError(ValueError):
+    """Something a user can mend; the message is one line, shown without a traceback."""
+
+    exit_code = 2
+
+
+class ConfigError(UserError):
+    """A wrong configuration."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """Accepted interval of a number; `open_low` and `open_high` leave out an end."""
+
+    low: float | int = -math.inf
+    high: float | int = math.inf
+    open_low: bool = False
+    open_high: bool = False
+
+    def holds(self, value: float | int) -> bool:
+        """Whether `value` lies in the interval."""
+        above = value > self.low if self.open_low else value >= self.low
+        return above and (value < self.high if self.open_high else value <= self.high)
+
+    def __str__(self) -> str:
+        ends = [
+            (self.low, ">" if self.open_low else ">="),
+            (self.high, "<" if self.open_high else "<="),
+        ]
+        return " and ".join(f"{sign} {end:g}" for end, sign in ends if math.isfinite(end))
+
+
+Count = Annotated[int, Bounds(low=0)]
+PositiveInt = Annotated[int, Bounds(low=1)]
+NonNegative = Annotated[float, Bounds(low=0)]
+Positive = Annotated[float, Bounds(low=0, open_low=True)]
+Fraction = Annotated[float, Bounds(low=0, high=1)]
+
+
+def build(cls: type[T], node: Any, prefix: str = "") -> T:
+    """A dataclass from a mapping; keys left out take their defaults.
+
+    Args:
+      cls: the dataclass.
+      node: an `ml_collections.ConfigDict` or a mapping (lists count as tuples).
+      prefix: of the names in messages, such as "model.".
+
+    Raises:
+      ConfigError: an unknown key, a wrong type or a value out of range.
+    """
+    if hasattr(node, "to_dict"):
+        node = node.to_dict()
+    if not isinstance(node, Mapping):
+        raise wrong(prefix.rstrip("."), node, f"a section with {_listed(_keys(cls))}")
+    keys = _keys(cls)
+    for key in node:
+        if key in keys:
+            continue
+        path = f"{prefix}{key}"
+        for field in dataclasses.fields(cls):  # type: ignore[arg-type]
+            if field.name == key:
+                raise ConfigError(f"{path} follows from {field.metadata['derived']}; remove it")
+        raise ConfigError(
+            f"{path} is no field; {suggestion(str(key), keys)}accepted: {_listed(keys)}"
+        )
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return cls(**{key: _convert(hints[key], value, prefix + key) for key, value in node.items()})
+
+
+def to_dict(config: Any) -> dict[str, Any]:
+    """Nested dict of a configuration dataclass, without derived fields; inverse of `parse`."""
+    return {
+        field.name: to_dict(value) if dataclasses.is_dataclass(value) else value
+        for field in dataclasses.fields(config)
+        if not field.metadata.get("derived")
+        for value in [getattr(config, field.name)]
+    }
+
+
+def flatten(config: Any) -> dict[str, Any]:
+    """`{"train.steps": 2000, ...}`, without derived fields."""
+
+    def walk(node: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+        flat: dict[str, Any] = {}
+        for key, value in node.items():
+            if isinstance(value, Mapping):
+                flat |= walk(value, f"{prefix}{key}.")
+            else:
+                flat[prefix + key] = value
+        return flat
+
+    return walk(to_dict(config), "")
+
+
+def suggestion(name: str, choices: typing.Iterable[str]) -> str:
+    """`"did you mean 'x'? "` where one of `choices` is near `name`, else nothing."""
+    near = difflib.get_close_matches(name, list(choices), n=1)
+    return f"did you mean {near[0]!r}? " if near else ""
+
+
+def wrong(path: str, value: Any, accepted: str, hint: str = "") -> ConfigError:
+    """The error of a field, by its path, with its value and what is accepted."""
+    shown = " ".join(repr(value).split())
+    shown = shown if len(shown) <= 80 else shown[:77] + "..."
+    return ConfigError(f"{path or 'config'}={shown}: {hint}accepted: {accepted}")
+
+
+def _convert(hint: Any, value: Any, path: str) -> Any:
+    """`value` as the annotation `hint` wants it, or a `ConfigError`."""
+    if dataclasses.is_dataclass(hint):
+        return build(typing.cast(type, hint), value, path + ".")
+    origin, args = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        converted = _convert(args[0], value, path)
+        for bounds in args[1:]:
+            if not bounds.holds(converted):
+                raise wrong(path, value, f"a number {bounds}")
+        return converted
+    if origin is Literal:
+        if not isinstance(value, str) or value not in args:
+            hint_text = suggestion(value, args) if isinstance(value, str) else ""
+            raise wrong(path, value, _listed(map(repr, args)), hint_text)
+        return value
+    if origin is tuple:
+        return _convert_tuple(args, value, path)
+    if hint is bool or hint is str:
+        if not isinstance(value, hint):
+            raise wrong(path, value, "True or False" if hint is bool else "a string")
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise wrong(path, value, "an integer" if hint is int else "a number")
+    if hint is int:
+        if not isinstance(value, int):
+            raise wrong(path, value, "an integer")
+        return value
+    if not math.isfinite(value):
+        raise wrong(path, value, "a finite number")
+    return float(value)
+
+
+def _convert_tuple(args: tuple[Any, ...], value: Any, path: str) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        raise wrong(path, value, "a tuple")
+    if args[-1] is Ellipsis:
+        hints = args[:1] * len(value)
+    elif len(value) == len(args):
+        hints = args
+    else:
+        raise wrong(path, value, f"a tuple of {len(args)}")
+    return tuple(
+        _convert(hint, item, f"{path}[{i}]")
+        for i, (hint, item) in enumerate(zip(hints, value, strict=True))
+    )
+
+
+def _keys(cls: Any) -> list[str]:
+    return [f.name for f in dataclasses.fields(cls) if not f.metadata.get("derived")]
+
+
+def _listed(names: typing.Iterable[str]) -> str:
+    return ", ".join(names)

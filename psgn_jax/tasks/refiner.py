@@ -1,0 +1,153 @@
+"""The task "refine": clouds of trained networks to a solid volume.
+
+Source: paper, implementation details, "Post processing". A plain splat of each cloud beside the
+refiner has its own best threshold, chosen the same way.
+
+The networks whose clouds (or log-volumes) a refiner reads do not change. They run inside its step,
+so that augmentation reaches them; on the split that they were trained on they are better than on
+images new to them, so a refiner learns from better clouds than it meets later.
+"""
+
+import pathlib
+import shutil
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from psgn_jax.config import Config, ConfigError, to_dict, to_json
+from psgn_jax.files import write_atomic
+from psgn_jax.losses.iou import iou_sweep, soft_iou_loss
+from psgn_jax.models import point_out_net, voxel_refiner
+from psgn_jax.models.inputs import network_inputs
+from psgn_jax.models.layers import DTYPES
+from psgn_jax.tasks.voxels import GRID, VoxelTask, apply
+from psgn_jax.training import state as state_lib
+from psgn_jax.training import step as step_lib
+from psgn_jax.training.checkpoint import Checkpoints
+from psgn_jax.training.run_folder import Run, load_config, open_run
+from psgn_jax.types import Array
+
+CLOUDS = ("from_cd", "from_emd")
+
+
+def open_source(config: Config, workdir: pathlib.Path, name: str) -> Run:
+    """The run that `voxels.<name>` names, from the copy below `workdir` once there is one.
+
+    Raises:
+      ConfigError: there is no such run, or it sees other images or predicts another thing.
+      CheckpointError: it has no checkpoint.
+    """
+    path, wanted = config.voxels.sources[name], "volume" if name == "from_volume" else "points"
+    copy = workdir / "frozen" / name
+    kept = (copy / "config.json").exists()
+    folder = copy if kept else pathlib.Path(path)
+    if not (folder / "config.json").exists():
+        raise ConfigError(
+            f"voxels.{name}={path!r}: no run there; accepted: the folder of a trained run of the "
+            f"task {wanted!r}"
+        )
+    theirs = load_config(folder)
+    if theirs.task != wanted:
+        raise ConfigError(
+            f"voxels.{name}={path!r} is a run of the task {theirs.task!r}; accepted: {wanted!r}"
+        )
+    for field in ("image_size", "inputs"):
+        have, want = getattr(theirs.data, field), getattr(config.data, field)
+        if have != want:
+            raise ConfigError(f"data.{field}={want!r}: accepted: {have!r}, as in voxels.{name}")
+    return open_run(folder, "last" if kept else "best")
+
+
+def keep_source(workdir: pathlib.Path, name: str, source: Run) -> None:
+    """Copies a run that is read into `workdir/frozen/<name>`, unless that is done."""
+    folder = workdir / "frozen" / name
+    if (folder / "config.json").exists():
+        return
+    shutil.rmtree(folder, ignore_errors=True)  # of a copying that was killed
+    checkpoints = Checkpoints(folder / "checkpoints")
+    checkpoints.save(
+        source.step,
+        state_lib.named_leaves({"params": source.params}),
+        {"config": to_dict(source.config), "seed": source.config.seed},
+    )
+    checkpoints.close()
+    write_atomic(folder / "config.json", to_json(source.config))  # last: it says that all is there
+
+
+class Refine(VoxelTask):
+    """Clouds of one or two trained networks to a volume (`models.voxel_refiner.VoxelRefiner`).
+
+    Metrics: `iou`, and of each cloud the plain splat's, `iou_splat_cd`, `iou_splat_emd`.
+    """
+
+    metric = "iou"
+
+    def __init__(self, config: Config, workdir: pathlib.Path) -> None:
+        super().__init__(config, workdir)
+        names = list(config.voxels.sources)
+        self._clouds = [name for name in names if name in CLOUDS]
+        self._with_volume = "from_volume" in names
+        self._sources = {name: open_source(config, workdir, name) for name in names}
+        self._frozen = {name: source.params for name, source in self._sources.items()}
+        self._networks = {
+            name: point_out_net.build(self._sources[name].config.model) for name in self._clouds
+        }
+        if self._with_volume:
+            theirs = self._sources["from_volume"].config.model
+            self._volume_net = voxel_refiner.build_volume_net(theirs)
+        self._model = voxel_refiner.VoxelRefiner(
+            len(self._clouds),
+            self._with_volume,
+            config.voxels.widths,
+            DTYPES[config.model.compute_dtype],
+        )
+        self.title = "refiner of " + ", ".join(name.removeprefix("from_") for name in names)
+
+    def keep_sources(self) -> None:
+        """Copies the runs that are read into the run's folder."""
+        for name, source in self._sources.items():
+            keep_source(self._workdir, name, source)
+
+    def _sample_latents(self, index: Array | int, batch_size: int) -> dict[str, Array | None]:
+        return {
+            name: step_lib.sample_step_latents(
+                self._sources[name].config, index, batch_size, train=False
+            )
+            for name in self._clouds
+        }
+
+    def _init(self, key: Array) -> Any:
+        volumes = jnp.zeros(1) if self._with_volume else None
+        return self._model.init(key, jnp.zeros((1, *GRID, len(self._clouds))), volumes)
+
+    def _predict(
+        self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
+    ) -> tuple[Array, Array]:
+        """Probabilities [B,x,y,z], and the splats [B,x,y,z,clouds] that they come from."""
+        clouds = [
+            step_lib.predict(
+                self._sources[name].config, self._networks[name], frozen[name], batch, latents[name]
+            )
+            for name in self._clouds
+        ]
+        splats = jax.vmap(lambda *one: voxel_refiner.splat_clouds(one))(*clouds)
+        volumes = None
+        if self._with_volume:
+            seen = network_inputs(self._config, batch)
+            volumes = apply(self._volume_net, frozen["from_volume"], seen)
+        return apply(self._model, params, splats, volumes), splats
+
+    def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any) -> Array:
+        pred, _ = self._predict(params, frozen, batch, latents)
+        return jax.vmap(soft_iou_loss)(pred, batch["occupancy"].astype(pred.dtype)).mean()
+
+    def _measure(
+        self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
+    ) -> tuple[Array, dict[str, Array]]:
+        pred, splats = self._predict(params, frozen, batch, latents)
+        metrics = {"iou": jax.vmap(iou_sweep)(pred, batch["occupancy"])}
+        for channel, name in enumerate(self._clouds):
+            sweep = jax.vmap(iou_sweep)(splats[..., channel], batch["occupancy"])
+            metrics["iou_splat_" + name.removeprefix("from_")] = sweep
+        return pred, metrics

@@ -1,0 +1,221 @@
+"""Checkpoints of a run: saved in the background, complete or absent, the newest and the best kept.
+
+The only importer of orbax. On disk, below the folder given: `<step>/` holds a checkpoint, with the
+arrays by dotted name and a `meta` item (JSON) with what the caller gives and a checksum of every
+array; `scores.json` holds the metrics of those that were evaluated. Orbax writes under a temporary
+name and renames when all is written, so a process killed while writing leaves no half checkpoint
+behind; the checksums find what was damaged later.
+"""
+
+import json
+import math
+import pathlib
+import shutil
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import orbax.checkpoint as ocp
+from absl import logging
+
+from psgn_jax.config import UserError
+from psgn_jax.files import write_atomic
+
+FORMAT = 1
+
+RANKING = ("cd_sq_radius2", "one_minus_iou", "log_volume_abs_error")
+"""What says which checkpoint is the best, lower is better: the first of these that was measured."""
+
+
+class Checkpoint(NamedTuple):
+    """One checkpoint as read: its step, arrays by dotted name and the caller's `meta`."""
+
+    step: int
+    leaves: dict[str, np.ndarray]
+    meta: dict[str, Any]
+
+
+class CheckpointError(UserError):
+    """There is no checkpoint to read."""
+
+
+class Checkpoints:
+    """The checkpoints in one folder.
+
+    Args:
+      directory: created when something is saved.
+      keep: newest checkpoints to keep, besides the best one.
+      metrics: says which one is best, as `RANKING` does.
+      read_only: touch nothing, not even what a killed save left: a training may be running.
+    """
+
+    def __init__(
+        self,
+        directory: str | pathlib.Path,
+        keep: int = 2,
+        metrics: Sequence[str] = RANKING,
+        *,
+        read_only: bool = False,
+    ):
+        self._directory = pathlib.Path(directory).absolute()
+        self._keep = keep
+        self._metrics = tuple(metrics)
+        self._read_only = read_only
+        self._saver: ocp.AsyncCheckpointer | None = None
+        if self._directory.is_dir() and not read_only:
+            for leftover in [*self._directory.glob("*.orbax-checkpoint-tmp*"), *self._deleting()]:
+                shutil.rmtree(leftover, ignore_errors=True)  # of a process that was killed
+        try:
+            raw = json.loads((self._directory / "scores.json").read_text())
+        except (FileNotFoundError, json.JSONDecodeError):
+            raw = {}
+        self.scores: dict[int, dict[str, float]] = {int(k): v for k, v in raw.items()}
+
+    def steps(self) -> list[int]:
+        """Steps with a complete checkpoint, oldest first."""
+        if not self._directory.is_dir():
+            return []
+        return sorted(int(p.name) for p in self._directory.iterdir() if p.name.isdigit())
+
+    def best_step(self) -> int | None:
+        """The step with the lowest metric (the later one of equals), or None."""
+        candidates = {
+            step: next((scores[m] for m in self._metrics if m in scores), math.nan)
+            for step in self.steps()
+            if (scores := self.scores.get(step)) is not None
+        }
+        finite = [step for step, score in candidates.items() if math.isfinite(score)]
+        return min(finite, key=lambda step: (candidates[step], -step)) if finite else None
+
+    def score(self, step: int, metrics: Mapping[str, float]) -> None:
+        """Records the metrics of a checkpoint."""
+        steps = {step, *self.steps()}
+        self.scores = {s: m for s, m in self.scores.items() if s in steps} | {step: dict(metrics)}
+        write_atomic(self._directory / "scores.json", json.dumps(self.scores, indent=1) + "\n")
+
+    def save(self, step: int, leaves: Mapping[str, Any], meta: Mapping[str, Any]) -> None:
+        """Copies the arrays to the host and writes them in the background.
+
+        Waits for the previous save. `close` (or the next save) waits for this one.
+        """
+        self.wait()
+        # A copy: the caller goes on to donate these buffers while the writer reads.
+        arrays = {name: np.array(leaf, copy=True) for name, leaf in leaves.items()}
+        document = {
+            "format": FORMAT,
+            "step": step,
+            "meta": dict(meta),
+            "leaves": {
+                name: {"shape": list(a.shape), "dtype": a.dtype.name, "crc32": _checksum(a)}
+                for name, a in arrays.items()
+            },
+        }
+        items = ocp.args.Composite(
+            state=ocp.args.StandardSave(arrays), meta=ocp.args.JsonSave(document)
+        )
+        if self._saver is None:
+            self._saver = ocp.AsyncCheckpointer(ocp.CompositeCheckpointHandler())
+        self._directory.mkdir(parents=True, exist_ok=True)
+        self._saver.save(self._directory / str(step), args=items)
+
+    def restore_newest(self) -> Checkpoint | None:
+        """The newest intact checkpoint, or None if there are none at all.
+
+        Damaged ones are passed over with a warning, and moved into `damaged/` unless read-only.
+
+        Raises:
+          CheckpointError: if there are some and none can be read, which more likely is the fault of
+            a disk, a permission or a version than of them all; nothing is moved then.
+        """
+        unreadable: list[tuple[int, Exception]] = []
+        for step in reversed(self.steps()):
+            try:
+                found = self.restore(step)
+            except Exception as error:  # whatever orbax raises for what it cannot read
+                unreadable.append((step, error))
+                continue
+            for newer, why in unreadable:
+                self._set_aside(newer, why)
+            return found
+        if unreadable:
+            step, why = unreadable[0]
+            raise CheckpointError(
+                f"none of the {len(unreadable)} checkpoints in {self._directory} can be read "
+                f"(step {step}: {_one_line(why)}); mend that, or move the folder away to start "
+                "over"
+            )
+        return None
+
+    def restore(self, step: int) -> Checkpoint:
+        """The checkpoint of one step; raises if it cannot be read or fails its checksums."""
+        document = self._read_meta(step)
+        template = {
+            name: np.zeros(leaf["shape"], leaf["dtype"])
+            for name, leaf in document["leaves"].items()
+        }
+        items = ocp.args.Composite(state=ocp.args.StandardRestore(template))
+        restored = self._read(step, items).state
+        leaves = {name: np.asarray(restored[name]) for name in template}
+        for name, leaf in leaves.items():
+            if _checksum(leaf) != document["leaves"][name]["crc32"]:
+                raise ValueError(f"the checksum of {name} does not match")
+        return Checkpoint(step, leaves, document["meta"])
+
+    def wait(self) -> None:
+        """Waits until the last save is complete, then removes what is no longer kept."""
+        if self._saver is None:
+            return
+        self._saver.wait_until_finished()
+        steps = self.steps()
+        kept = {*steps[-self._keep :], self.best_step()}
+        for step in steps:
+            if step not in kept:
+                # Renamed first: a kill must not leave half a checkpoint under its own name.
+                doomed = self._directory / f"{step}.deleting"
+                (self._directory / str(step)).rename(doomed)
+                shutil.rmtree(doomed, ignore_errors=True)
+
+    def close(self) -> None:
+        """Waits for the last save and releases the threads."""
+        self.wait()
+        if self._saver is not None:
+            self._saver.close()
+            self._saver = None
+
+    def _deleting(self) -> list[pathlib.Path]:
+        return list(self._directory.glob("*.deleting"))
+
+    def _read(self, step: int, items: ocp.args.Composite) -> Any:
+        reader = ocp.Checkpointer(ocp.CompositeCheckpointHandler())
+        try:
+            return reader.restore(self._directory / str(step), args=items)
+        finally:
+            reader.close()
+
+    def _read_meta(self, step: int) -> dict[str, Any]:
+        items = ocp.args.Composite(meta=ocp.args.JsonRestore())
+        document = self._read(step, items).meta
+        if document.get("format") != FORMAT:
+            raise ValueError(f"format {document.get('format')!r} of a checkpoint is not {FORMAT}")
+        return document
+
+    def _set_aside(self, step: int, error: Exception) -> None:
+        why = _one_line(error)
+        if self._read_only:
+            logging.warning("checkpoint %d is damaged (%s); passed over", step, why)
+            return
+        self.scores.pop(step, None)
+        target = self._directory / "damaged" / str(step)
+        target.parent.mkdir(exist_ok=True)
+        shutil.rmtree(target, ignore_errors=True)
+        (self._directory / str(step)).rename(target)
+        logging.warning("checkpoint %d is damaged (%s); moved to %s", step, why, target)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]
+
+
+def _checksum(array: np.ndarray) -> int:
+    return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)

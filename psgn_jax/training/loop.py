@@ -1,0 +1,293 @@
+"""Training: one function, from a configuration to a trained network in a folder.
+
+The folder (`workdir`) gets `config.json`, `metrics.jsonl`, `tensorboard/` and `checkpoints/`.
+Called again with the same folder it goes on from the newest intact checkpoint; what follows, to
+the last bit of the parameters, is what an uninterrupted run would have done on that machine.
+"""
+
+import contextlib
+import pathlib
+import signal
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from absl import logging
+from jax.sharding import Mesh, NamedSharding
+from jax.sharding import PartitionSpec as P
+
+from psgn_jax import tasks
+from psgn_jax.config import (
+    Config,
+    ConfigError,
+    check_paths,
+    flatten,
+    parse,
+    to_dict,
+    to_json,
+)
+from psgn_jax.data import loader
+from psgn_jax.files import write_atomic
+from psgn_jax.tasks.base import Task
+from psgn_jax.training import state as state_lib
+from psgn_jax.training import step as step_lib
+from psgn_jax.training.checkpoint import Checkpoint, Checkpoints
+from psgn_jax.training.log import MetricsWriter, TrainingLog
+from psgn_jax.training.run_folder import locked
+from psgn_jax.training.signals import Stopped, StopSignal
+
+MAY_CHANGE = frozenset(
+    {
+        "data.path",  # a folder can be moved
+        "data.eval_split",
+        "data.num_eval_points",
+        "data.num_workers",
+        "data.cache",
+        "train.steps",
+        "train.log_every",
+        "train.eval_every",
+        "train.checkpoint_every",
+        "train.images_every",
+        "train.num_images",
+        "train.keep_checkpoints",
+        "eval.batch_size",
+        "eval.max_samples",
+        "eval.fscore_threshold",
+        "eval.emd_tolerance",
+        "eval.visible_tolerance",
+    }
+)
+"""Fields that a resumed run may have changed; any other one is an error."""
+
+
+class Outcome(NamedTuple):
+    """How a training ended: the state, and the signal that stopped it early, if one did."""
+
+    state: state_lib.TrainState
+    stopped_by: int | None
+
+
+def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
+    """Trains, or goes on training, until `config.train.steps` or a signal.
+
+    SIGTERM and SIGINT let the current step end, save a checkpoint and return.
+
+    Args:
+      config: a `Config`, or a mapping for `config.parse`.
+      workdir: folder of the run.
+
+    Raises:
+      ConfigError: before anything is compiled, for a wrong configuration, or one that differs from
+        that of the checkpoint in a field that is not in `MAY_CHANGE`, or while another process
+        trains there.
+      NonFiniteError: naming metric and step, if the loss or the gradient's norm is not finite.
+    """
+    config = config if isinstance(config, Config) else parse(config)
+    workdir = pathlib.Path(workdir)
+    check_paths(config)
+    mesh = step_lib.data_mesh()
+    step_lib.check_batch_size(config, mesh)
+    task = tasks.create(config, workdir)
+    task.check()
+    sizes = _check_data(config)
+    with locked(workdir) if _is_first() else contextlib.nullcontext():
+        return _Training(config, workdir, mesh, sizes, task).run()
+
+
+class _Training:
+    """A training after the checks of `train`, alone in its folder."""
+
+    def __init__(
+        self,
+        config: Config,
+        workdir: pathlib.Path,
+        mesh: Mesh,
+        sizes: Mapping[str, int],
+        task: Task,
+    ) -> None:
+        self._config, self._workdir, self._task, self._mesh = config, workdir, task, mesh
+        self._checkpoints = Checkpoints(workdir / "checkpoints", config.train.keep_checkpoints)
+        self._optimizer = state_lib.optimizer(config.optim, config.train.steps)
+        self._state = self._initial_state()
+        self._step = self._saved = int(self._state.step)
+        _describe(task.title, self._state, sizes, mesh.size, workdir, self._step)
+        self._stop = StopSignal()
+
+    def run(self) -> Outcome:
+        """Trains to the last step, or until a signal."""
+        config, start = self._config, self._step
+        if _is_first():
+            self._task.keep_sources()
+            write_atomic(self._workdir / "config.json", to_json(config))
+        train_step = self._task.train_step(self._optimizer, self._mesh)
+        batches = loader.train_batches(
+            config.data,
+            batch_size=config.train.batch_size,
+            seed=config.seed,
+            start_step=start,
+            process_index=jax.process_index(),
+            process_count=jax.process_count(),
+        )
+        evaluated = start in self._checkpoints.scores or not _due(
+            config.train.eval_every, start, config
+        )
+        writer = MetricsWriter(self._workdir, start, evaluated=evaluated) if _is_first() else None
+        self._writer, self._log = writer, TrainingLog(config, writer, start)
+        try:
+            with self._stop:
+                if not evaluated and start:
+                    self._evaluate()
+                while self._step < config.train.steps and not self._stop.signal:
+                    batch = step_lib.put_batch(next(batches), self._mesh, self._task.keys)
+                    self._state, metrics = train_step(self._state, batch)
+                    self._step += 1
+                    self._log.add(self._step, metrics)
+                    self._after_step()
+                self._log.drain()
+                if self._saved < self._step:  # the signal came in `_after_step`
+                    self._save()
+        finally:
+            batches.close()
+            self._checkpoints.close()
+            if writer:
+                writer.close()
+        self._report_end()
+        return Outcome(self._state, self._stop.signal)
+
+    def _initial_state(self) -> state_lib.TrainState:
+        """The state of the newest checkpoint, or a new one."""
+        replicated = NamedSharding(self._mesh, P())
+
+        def create() -> state_lib.TrainState:
+            return self._task.create(self._optimizer)
+
+        if found := self._checkpoints.restore_newest():
+            _check_resumable(self._config, found, self._workdir)
+            leaves = state_lib.from_named_leaves(jax.eval_shape(create), found.leaves)
+            return jax.device_put(leaves, replicated)
+        # Drawing each parameter is code of its own, run once: on a CPU, compiling it with full
+        # optimisation takes three times as long (23 s against 7) and gains nothing.
+        quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
+        return jax.jit(create, out_shardings=replicated, compiler_options=quick)()
+
+    def _after_step(self) -> None:
+        """Checkpoint, evaluation and pictures, where they are due."""
+        train, step = self._config.train, self._step
+        ending = step == train.steps or bool(self._stop.signal)
+        due_eval = _due(train.eval_every, step, self._config)
+        if ending or due_eval or _due(train.checkpoint_every, step, self._config):
+            with self._log.pause():
+                self._save()
+        if due_eval and not self._stop.signal:
+            self._evaluate()
+        if _due(train.images_every, step, self._config) and not self._stop.signal:
+            self._write_picture()
+
+    def _save(self) -> None:
+        self._log.drain()
+        config = self._config
+        meta = {"config": to_dict(config), "seed": config.seed, "data_position": self._step}
+        self._checkpoints.save(self._step, state_lib.named_leaves(self._state), meta)
+        self._saved = self._step
+
+    def _evaluate(self) -> None:
+        with self._log.pause():
+            try:
+                result = self._task.evaluate(
+                    _local(state_lib.eval_params(self._state)),
+                    max_samples=self._config.eval.max_samples,
+                    on_batch=self._stop.check,
+                )
+            except Stopped:  # the checkpoint is there; the next start begins with the evaluation
+                return
+            scores = {**result.means, **result.chosen}
+            self._log.evaluation(self._step, scores)
+            if _is_first():
+                self._checkpoints.score(self._step, scores)
+
+    def _write_picture(self) -> None:
+        with self._log.pause():
+            if self._writer:
+                picture = self._task.picture(_local(state_lib.eval_params(self._state)))
+                if picture is not None:
+                    self._writer.image(self._step, "eval/clouds", picture)
+
+    def _report_end(self) -> None:
+        if self._stop.signal:
+            logging.info(
+                "stopped by %s after step %d, checkpoint saved; the same command goes on from "
+                "there",
+                signal.Signals(self._stop.signal).name,
+                self._step,
+            )
+            return
+        steps, workdir = self._config.train.steps, self._workdir
+        logging.info("done: step %d of %d, results in %s", self._step, steps, workdir)
+
+
+def _due(interval: int, step: int, config: Config) -> bool:
+    return bool(interval) and step > 0 and (step % interval == 0 or step == config.train.steps)
+
+
+def _is_first() -> bool:
+    return jax.process_index() == 0
+
+
+def _local(params: Any) -> Any:
+    """Parameters on this process's devices alone: each process evaluates by itself."""
+    if jax.process_count() == 1:
+        return params
+    return jax.tree.map(lambda leaf: np.asarray(leaf.addressable_data(0)), params)
+
+
+def _check_data(config: Config) -> dict[str, int]:
+    """Samples per split; a `ConfigError` for a data set that cannot serve the configuration."""
+    sizes = {}
+    for field in ("train_split", "eval_split"):
+        split = getattr(config.data, field)
+        try:
+            sizes[split] = loader.num_samples(config.data, split)
+        except (ValueError, OSError) as error:
+            raise ConfigError(f"data.path={config.data.path!r}: {error}") from error
+        if not sizes[split]:
+            raise ConfigError(
+                f"data.{field}={split!r}: no samples of that split in {config.data.path!r}"
+            )
+    return sizes
+
+
+def _check_resumable(config: Config, found: Checkpoint, workdir: pathlib.Path) -> None:
+    """Raises `ConfigError` if the checkpoint was made with another configuration."""
+    before, now = flatten(parse(found.meta["config"])), flatten(config)
+    changed = {key: (before[key], now[key]) for key in now if before[key] != now[key]}
+    fatal = [f"{k}={changed[k][0]!r} (now {changed[k][1]!r})" for k in changed.keys() - MAY_CHANGE]
+    if fatal:
+        raise ConfigError(
+            f"--workdir={workdir} holds a run with {', '.join(sorted(fatal))}; "
+            "use another workdir or the same values"
+        )
+    for key, (old, new) in changed.items():
+        logging.info("resuming with %s=%r instead of %r", key, new, old)
+
+
+def _describe(
+    title: str,
+    state: state_lib.TrainState,
+    sizes: Mapping[str, int],
+    devices: int,
+    workdir: pathlib.Path,
+    start: int,
+) -> None:
+    count = sum(leaf.size for leaf in jax.tree.leaves(state.params))
+    logging.info(
+        "%s, %.2f M parameters, %s, %d %s device%s; %s -> %s",
+        title,
+        count / 1e6,
+        ", ".join(f"{n} samples in {split!r}" for split, n in sizes.items()),
+        devices,
+        jax.default_backend(),
+        "" if devices == 1 else "s",
+        f"going on at step {start}" if start else "starting",
+        workdir,
+    )

@@ -1,0 +1,42 @@
+"""SIGTERM and SIGINT end a training after the current step."""
+
+import signal
+from types import FrameType
+from typing import Any
+
+
+class Stopped(Exception):  # noqa: N818 - not an error
+    """A signal arrived during an evaluation."""
+
+
+class StopSignal:
+    """Remembers SIGTERM or SIGINT while the loop runs; a second one acts at once."""
+
+    def __init__(self) -> None:
+        self.signal: int | None = None
+        self._old: dict[int, Any] = {}
+
+    def __enter__(self) -> "StopSignal":
+        try:
+            for number in (signal.SIGTERM, signal.SIGINT):
+                self._old[number] = signal.signal(number, self._handle)
+        except ValueError:  # not in the main thread: whoever runs us handles signals
+            pass
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._restore()
+
+    def check(self, *_: object) -> None:
+        """Raises `Stopped` if a signal has arrived."""
+        if self.signal:
+            raise Stopped
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.signal = number
+        self._restore()
+
+    def _restore(self) -> None:
+        for number, handler in self._old.items():
+            signal.signal(number, handler)
+        self._old = {}

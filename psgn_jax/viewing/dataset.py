@@ -1,0 +1,224 @@
+"""What a data set holds and whether it is whole: a report in text, and a contact sheet."""
+
+import dataclasses
+import pathlib
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from psgn_jax.data import camera, schema
+from psgn_jax.data.codec import field_sizes
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data.manifest import FORMAT, VERSION, load_manifest
+from psgn_jax.data.schema import RecordError
+from psgn_jax.viewing.clouds import render_cloud, turned
+from psgn_jax.viewing.page import nearest_distances
+
+# Below this share of points within 2 pixels of the mask a sample is flagged: its image does not
+# show all of its surface, or its camera is wrong. Of the authors' samples 2.5 % are.
+FLAG_BELOW = 0.99
+NEAR_PIXELS = 2
+
+_DEPTH_PIXELS = 400
+
+
+@dataclasses.dataclass(frozen=True)
+class Check:
+    """How well a sample's parts agree.
+
+    Attributes:
+      inside: share of points that project strictly inside the mask.
+      near: share within `NEAR_PIXELS` pixels of the mask.
+      depth_median: median distance of back-projected pixels to the nearest point, unit of the
+        frame; None without depth.
+      reach: largest distance of a point from the origin, unit of the frame.
+      lowest: smallest z of a point.
+    """
+
+    inside: float
+    near: float
+    depth_median: float | None
+    reach: float
+    lowest: float
+
+
+def check(sample: schema.Sample) -> Check:
+    """Projects the points onto the mask and the depth onto the points."""
+    pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
+    pixels = np.where(depth[:, None] > 0, pixels, np.inf)
+    median = None
+    if sample.depth is not None and (sample.depth > 0).any():
+        surface = camera.back_project(sample.depth, sample.intrinsics, sample.extrinsics)
+        some = surface[:: max(1, len(surface) // _DEPTH_PIXELS)]
+        median = float(np.median(nearest_distances(some, sample.points)))
+    return Check(
+        inside=float(camera.inside_mask(pixels, sample.mask).mean()),
+        near=float(camera.inside_mask(pixels, sample.mask, NEAR_PIXELS).mean()),
+        depth_median=median,
+        reach=float(np.linalg.norm(sample.points, axis=1).max()),
+        lowest=float(sample.points[:, 2].min()),
+    )
+
+
+def contact_sheet(
+    samples: Sequence[schema.Sample], labels: Sequence[str], columns: int = 2
+) -> Image.Image:
+    """Image, cloud on the image's outline, and cloud from another side, of each sample."""
+    size = samples[0].image.shape[:2]
+    height, width = size
+    rows = -(-len(samples) // columns)
+    sheet = Image.new("RGB", (columns * 3 * (width + 4), rows * (height + 16)), "white")
+    pen = ImageDraw.Draw(sheet)
+    for number, (sample, label) in enumerate(zip(samples, labels, strict=True)):
+        left, top = number % columns * 3 * (width + 4), number // columns * (height + 16)
+        # Images of other sizes are brought to that of the first.
+        intrinsics = camera.scale_intrinsics(sample.intrinsics, sample.image.shape[:2], size)
+        front = render_cloud(sample.points, intrinsics, sample.extrinsics, size)
+        side = render_cloud(sample.points, intrinsics, turned(sample.extrinsics, 120), size)
+        image = Image.fromarray(sample.image).resize((width, height), Image.Resampling.BOX)
+        mask = np.asarray(
+            Image.fromarray(sample.mask.view(np.uint8)).resize((width, height), 0), np.bool_
+        )
+        inner = mask.copy()
+        inner[1:] &= mask[:-1]
+        inner[:-1] &= mask[1:]
+        inner[:, 1:] &= mask[:, :-1]
+        inner[:, :-1] &= mask[:, 1:]
+        front[mask & ~inner] = [230, 40, 40]  # the mask's outline over the cloud
+        for place, picture in enumerate((np.asarray(image), front, side)):
+            sheet.paste(Image.fromarray(picture), (left + place * (width + 4), top + 14))
+        pen.text((left + 2, top + 1), label, fill="black")
+    return sheet
+
+
+def _spread(count: int, wanted: int) -> np.ndarray:
+    """At most `wanted` indices spread over range(count)."""
+    return np.unique(np.linspace(0, count - 1, min(count, wanted)).astype(int))
+
+
+def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
+    """Lines about one split; damage is reported in lines that begin with `DAMAGED`."""
+    shards = reader.shards
+    size = sum(s.size for s in shards)
+    lines = [
+        f"split {reader.split}: {len(reader)} samples in {len(shards)} shards, {size / 1e6:.2f} MB"
+        f" ({size / max(1, len(reader)) / 1e3:.1f} kB a sample)"
+    ]
+    categories: dict[str, int] = {}
+    for shard in shards:
+        for name, count in shard.categories.items():
+            categories[name] = categories.get(name, 0) + count
+    named = ", ".join(f"{name or '(unknown)'} {n}" for name, n in sorted(categories.items()))
+    lines.append(f"  categories: {named}")
+    try:
+        reader.verify()
+    except RecordError as error:
+        lines.append(f"DAMAGED {error}")
+    checks: dict[int, Check] = {}
+    flagged: list[str] = []
+    sizes: dict[str, list[int]] = {}
+    for index in map(int, _spread(len(reader), num_checked)):
+        try:
+            data = reader.read(index)
+            sample = schema.validate(reader[index])
+        except ValueError as error:
+            lines.append(f"DAMAGED {error}")
+            continue
+        for field, value in field_sizes(data).items():
+            sizes.setdefault(field, []).append(value)
+        checks[index] = check(sample)
+        if checks[index].near < FLAG_BELOW:
+            flagged.append(
+                f"  flagged: record {index} ({sample.model_id} view {sample.view}): "
+                f"{100 * checks[index].near:.1f} % of its points within {NEAR_PIXELS} pixels"
+            )
+        if len(checks) == 1:
+            optional = [f for f in schema.OPTIONAL_FIELDS if getattr(sample, f) is not None]
+            lines.append(
+                f"  first sample: image {list(sample.image.shape)}, points "
+                f"{list(sample.points.shape)}, optional fields {optional or 'none'}"
+            )
+    if checks:
+        lines.append(
+            "  bytes of a record, mean: "
+            + ", ".join(f"{f} {np.mean(v):.0f}" for f, v in sizes.items())
+        )
+        lines += _summary(list(checks.values()))
+    return lines + flagged
+
+
+def _summary(checks: Sequence[Check]) -> list[str]:
+    """Lines about the samples that were checked."""
+    lines = []
+    inside = np.array([c.inside for c in checks])
+    near = np.array([c.near for c in checks])
+    lines.append(
+        f"  {len(checks)} samples checked: points strictly inside the mask {inside.mean():.2%}"
+        f" on average (lowest {inside.min():.2%}); {(near >= FLAG_BELOW).sum()} samples have"
+        f" {FLAG_BELOW:.0%} within {NEAR_PIXELS} pixels"
+    )
+    medians = [c.depth_median for c in checks if c.depth_median is not None]
+    if medians:
+        lines.append(
+            f"  depth to the cloud: median {np.median(medians):.4f} of the samples' medians,"
+            f" largest {max(medians):.4f} (unit: radius of the bounding hemisphere)"
+        )
+    reach = [c.reach for c in checks]
+    lowest = [c.lowest for c in checks]
+    lines.append(
+        f"  farthest point {min(reach):.3f} to {max(reach):.3f} from the origin, lowest z"
+        f" {min(lowest):.3f} to {max(lowest):.3f}"
+    )
+    return lines
+
+
+def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str], bool]:
+    """Describes and checks a data set.
+
+    Args:
+      path: folder of records.
+      num_checked: at most this many samples of each split are decoded, spread over it.
+
+    Returns:
+      lines of text, and whether nothing was found damaged.
+
+    Raises:
+      RecordError: there is no readable manifest.
+    """
+    manifest = load_manifest(path)
+    lines = [
+        f"{path}: {FORMAT} version {VERSION}, source {manifest.source!r}",
+        f"fields of every sample: {', '.join(manifest.fields())}",
+    ]
+    for split in manifest.splits():
+        try:
+            lines += _report_split(RecordReader(path, split), num_checked)
+        except RecordError as error:
+            lines.append(f"DAMAGED {error}")
+    return lines, not any(line.startswith("DAMAGED") for line in lines)
+
+
+def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
+    """Contact sheet of samples spread over all splits; damaged ones are left out."""
+    samples, labels = [], []
+    splits = list(load_manifest(path).splits())
+    for split in splits:
+        try:
+            reader = RecordReader(path, split)
+        except RecordError:  # a shard is missing: `report` says which
+            continue
+        for index in map(int, _spread(len(reader), -(-num_samples // len(splits)))):
+            try:
+                sample = reader[index]
+            except RecordError:
+                continue
+            found = check(sample)
+            samples.append(sample)
+            labels.append(
+                f"{split} {index}  {sample.category}  {sample.model_id[:16]}  "
+                f"{found.inside:.1%} inside, {found.near:.1%} within {NEAR_PIXELS} px"
+            )
+    if not samples:
+        raise RecordError(f"data set {str(path)!r}: no readable sample")
+    return contact_sheet(samples, labels)

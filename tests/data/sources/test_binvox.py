@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+
+from psgn_jax.data.sources import binvox
+
+trimesh_binvox = pytest.importorskip("trimesh.exchange.binvox")
+
+
+def naive_bytes(solid, translate="0 0 0", scale="1"):
+    """Cell by cell as the format's page says: index = x * D^2 + z * D + y."""
+    dim = len(solid)
+    flat = [bool(solid[i // dim**2, i % dim, i // dim % dim]) for i in range(dim**3)]
+    out = bytearray()
+    for value in flat:
+        if out and out[-2] == value and out[-1] < 255:
+            out[-1] += 1
+        else:
+            out += bytes([value, 1])
+    header = f"#binvox 1\ndim {dim} {dim} {dim}\ntranslate {translate}\nscale {scale}\ndata\n"
+    return header.encode() + bytes(out)
+
+
+def test_axis_order_and_numbers(tmp_path, rng):
+    solid = rng.random((9, 9, 9)) < 0.3
+    path = tmp_path / "a.binvox"
+    path.write_bytes(naive_bytes(solid, "-0.25 1e-3 7", "0.75"))
+    got = binvox.read(path)
+    np.testing.assert_array_equal(got.solid, solid)
+    np.testing.assert_array_equal(got.translate, [-0.25, 1e-3, 7])
+    assert got.scale == 0.75
+
+
+@pytest.mark.parametrize("dim", [1, 7, 32])
+def test_writer_and_trimesh_agree(tmp_path, rng, dim):
+    for share in (0.0, 0.02, 0.5, 1.0):
+        solid = rng.random((dim,) * 3) < share
+        grid = binvox.Binvox(solid, np.array([0.1, -0.2, 1 / 3]), 0.7)
+        path = tmp_path / f"{dim}_{share}.binvox"
+        binvox.write(path, grid)
+        back = binvox.read(path)
+        np.testing.assert_array_equal(back.solid, solid)
+        np.testing.assert_array_equal(back.translate, grid.translate)
+        assert back.scale == grid.scale
+        if dim > 1:  # trimesh divides by dim - 1
+            with path.open("rb") as file:
+                read = trimesh_binvox.load_binvox(file)
+            np.testing.assert_array_equal(read.encoding.dense, solid)
+    assert path.read_bytes() == naive_bytes(
+        solid, "0.10000000000000001 -0.20000000000000001 0.33333333333333331", "0.69999999999999996"
+    )
+
+
+def damaged(rng):
+    good = naive_bytes(rng.random((8, 8, 8)) < 0.5)
+    start = good.index(b"data\n") + 5
+    return {
+        "empty": (b"", "does not begin with #binvox"),
+        "other": (b"ply\n", "does not begin with #binvox"),
+        "cut_off": (good[:-6], "cut off, .* of 512 cells"),
+        "odd": (good[:-1], "cut off, or bytes after the end"),
+        "header_alone": (good[:start], "cut off, 0 of 512"),
+        "header_cut": (good[: start - 5], "no line of a binvox header"),
+        "too_long": (good + b"\x00\x09", "too long"),
+        "value": (good[:start] + b"\x07" + good[start + 1 :], "a value of 7"),
+        "not_a_cube": (good.replace(b"dim 8 8 8", b"dim 8 8 4"), "expected a cube of 1 to 256"),
+        "huge": (good.replace(b"dim 8 8 8", b"dim 99999 99999 99999"), "expected a cube"),
+        "negative": (good.replace(b"dim 8 8 8", b"dim -8 -8 -8"), "expected a cube"),
+        "words": (good.replace(b"dim 8 8 8", b"dim a b c"), "expected finite numbers"),
+        "nan": (good.replace(b"scale 1", b"scale nan"), "expected finite numbers"),
+        "scale": (good.replace(b"scale 1", b"scale 0"), "scale 0.0, expected more than 0"),
+        "no_dim": (good.replace(b"dim 8 8 8\n", b""), "no line `dim`"),
+        "endless": (b"#binvox 1\n" + b"dim 8 8 8\n" * 99, "no line `data`"),
+    }
+
+
+def test_damaged_files_name_themselves(tmp_path, rng):
+    for name, (data, message) in damaged(rng).items():
+        path = tmp_path / f"{name}.binvox"
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match=message) as error:
+            binvox.read(path)
+        assert str(path) in str(error.value), name
+
+
+def test_only_cubes_are_written(tmp_path):
+    with pytest.raises(ValueError, match=r"solid: got bool \[2, 3, 2\]"):
+        binvox.write(tmp_path / "a", binvox.Binvox(np.zeros((2, 3, 2), bool), np.zeros(3), 1.0))

@@ -1,0 +1,194 @@
+import numpy as np
+import pytest
+from helpers import shapenet_trees as trees
+from PIL import Image
+
+from psgn_jax import convert
+from psgn_jax.data import camera
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data.sources import binvox, r2n2, shapenet
+
+CHAIR = "03001627"
+NUM_VIEWS = len(trees.VIEWS)
+
+
+@pytest.fixture
+def tree(tmp_path):
+    return trees.write_r2n2(tmp_path / "src")
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory):
+    root = trees.write_r2n2(tmp_path_factory.mktemp("r2n2"), names=("a",))
+    return list(r2n2.read_model(root, CHAIR, "a", max_views=NUM_VIEWS))
+
+
+def drawn(sample):
+    """Where the sample's points fall, by the sample's own camera."""
+    pixels, _ = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
+    column, row = np.floor(pixels.T).astype(int)
+    mask = np.zeros(sample.mask.shape, bool)
+    mask[row, column] = True
+    return mask
+
+
+def test_points_project_onto_the_published_pictures(samples):
+    assert len(samples) == NUM_VIEWS
+    for sample, view in zip(samples, trees.VIEWS, strict=True):
+        truth = trees.silhouette(view)
+        np.testing.assert_array_equal(sample.mask, truth)
+        got = drawn(sample)
+        # Half a voxel is 1.5 to 2.5 pixels.
+        assert (got & truth).sum() / (got | truth).sum() > 0.8
+        assert sample.category == "chair"
+        assert sample.points.shape == (16384, 3)
+        assert sample.normals is None
+
+
+def test_camera_is_the_published_one(rng):
+    for azimuth, elevation, ratio in [*trees.VIEWS, (0, 90, 1), (10, -40, 0.3)]:
+        k, rt = trees.published_camera(azimuth, elevation, ratio)
+        np.testing.assert_allclose(shapenet.intrinsics(), k)
+        got = shapenet.orbit_camera(azimuth, elevation, 1.75 * ratio)
+        np.testing.assert_allclose(got, rt, atol=1e-12)
+
+
+def test_frame_is_the_projects(samples):
+    for sample in samples:
+        right, down, forward = sample.extrinsics[:, :3].astype(float)
+        np.testing.assert_allclose(right, [0, 1, 0], atol=1e-6)
+        assert down[2] < 0
+        assert forward[0] < 0
+        assert abs(forward[1]) < 1e-6
+        assert abs(sample.points[:, 2].min()) < 1e-6
+        assert 0.97 < np.linalg.norm(sample.points, axis=1).max() <= 1 + 1e-6
+
+
+def test_points_lie_on_the_voxels(samples):
+    """In the grid's own indices: on a whole number along an axis, between full and empty."""
+    cells, matrix = shapenet.grid_of_extra(samples[1].extra)
+    linear, moved = matrix[:, :3], matrix[:, 3]
+    index = (samples[1].points - moved) @ np.linalg.inv(linear).T
+    off = np.abs(index - np.rint(index))
+    axis = off.argmin(axis=1)
+    rows = np.arange(len(index))
+    assert off[rows, axis].max() < 1e-3
+    below, above = np.floor(index).astype(int), np.floor(index).astype(int)
+    above[rows, axis] = np.rint(index[rows, axis]).astype(int)
+    below[rows, axis] = above[rows, axis] - 1
+    padded = np.pad(cells, 1)
+    full = [padded[tuple((np.clip(i, -1, 32) + 1).T)] for i in (below, above)]
+    assert (full[0] != full[1]).mean() > 0.999
+
+
+def test_volumes_agree(samples):
+    original = trees.voxels().solid
+    for sample in samples:
+        cells, matrix = shapenet.grid_of_extra(sample.extra)
+        # ShapeNet's axes (x, y, z) are (x, z, -y) of the stored grid.
+        np.testing.assert_array_equal(cells, original.transpose(0, 2, 1)[:, ::-1])
+        unit_volume = abs(np.linalg.det(matrix[:, :3])) * cells.sum()
+        assert sample.occupancy.sum() / 16**3 == pytest.approx(unit_volume, rel=0.12)
+        centres = (np.argwhere(cells) + 0.5) @ matrix[:, :3].T + matrix[:, 3]
+        index = np.floor(np.add(centres, [1, 1, 0]) * 16).astype(int)
+        assert sample.occupancy[tuple(index.T)].mean() > 0.85
+
+
+def test_colours_over_the_projects_background(samples):
+    sample = samples[0]
+    assert (sample.image[~sample.mask] == 191).all()
+    assert (sample.image[sample.mask] == trees.COLOUR).all()
+
+
+def test_surface_points_are_uniform(rng):
+    solid = shapenet.Solid(np.pad(np.ones((1, 1, 1), bool), 2), np.zeros(3), 0.5)
+    points = shapenet.surface_points(solid, 6000, rng)
+    assert points.min() == 1
+    assert points.max() == 1.5
+    for axis in range(3):
+        for side in (1, 1.5):
+            assert (points[:, axis] == side).mean() == pytest.approx(1 / 6, abs=0.02)
+
+
+def test_thin_parts_stay():
+    cells = np.zeros((64, 64, 64), bool)
+    cells[:, 32, 32] = True  # a quarter of a cell of the target
+    solid = shapenet.Solid(cells, np.array([-1.0, -1, 0]), 1 / 32)
+    placement = shapenet.Placement(np.zeros(3), 1.0)
+    got = shapenet.turned_occupancy(solid, placement, np.eye(3))
+    assert got[:, 16, 16].all()
+    assert got.sum() == 32
+
+
+def test_conversion(tree, tmp_path, capsys):
+    target = tmp_path / "dst"
+    command = ["r2n2", str(tree), str(target), "--views", "2", "--points", "500"]
+    assert convert.main(command) == 0
+    assert "test: 2 samples" in capsys.readouterr().out
+    train = RecordReader(target, "train")
+    assert [(s.model_id, s.view) for s in train] == [
+        (f"{CHAIR}/{name}", view) for name in "abcd" for view in range(2)
+    ]
+    assert RecordReader(target, "test")[0].model_id == f"{CHAIR}/e"
+    assert train[0].points.shape == (500, 3)
+    assert shapenet.grid_of_extra(train[0].extra)[0].sum() == trees.voxels().solid.sum()
+    before = {p.name: p.stat().st_mtime_ns for p in target.glob("*.arrayrecord")}
+    assert convert.main(command) == 0
+    assert {p.name: p.stat().st_mtime_ns for p in target.glob("*.arrayrecord")} == before
+
+
+def damage(tree):
+    """Damages b, c and others in different ways; returns what the messages must say."""
+    rendering = tree / "ShapeNetRendering" / CHAIR
+    voxels = tree / "ShapeNetVox32" / CHAIR
+    (rendering / "a" / "rendering" / "01.png").unlink()
+    Image.new("RGB", (137, 137)).save(rendering / "a" / "rendering" / "02.png")
+    metadata = rendering / "b" / "rendering" / "rendering_metadata.txt"
+    metadata.write_text(
+        "30.0 25.0 0 0.8 25\n200.5 x 0 0.7 25\n120 0.0 0 0.9 25\n97.0 30.0 0 0.65 25\n"
+    )
+    trees.write_r2n2(tree, names=("g", "h"))
+    metadata = rendering / "g" / "rendering" / "rendering_metadata.txt"
+    rows = metadata.read_text().splitlines()
+    metadata.write_text("\n".join(rows[:1] + rows[2:]) + "\n")
+    cut = voxels / "c" / "model.binvox"
+    cut.write_bytes(cut.read_bytes()[:-20])
+    binvox.write(voxels / "d" / "model.binvox", trees.voxels(16))
+    (tree / "ShapeNetRendering" / "04401089" / "x").mkdir(parents=True)
+    (voxels / "f").mkdir()
+    return {
+        "04401089: not one of the 13",
+        "a/rendering/01.png: missing",
+        "a/rendering/02.png: not a readable PNG image (mode RGB, expected",
+        "b/rendering/rendering_metadata.txt: row 1: '200.5 x 0 0.7 25' are not 5 numbers",
+        "b/rendering/02.png: ",  # turned by 180 degrees
+        "g/rendering/rendering_metadata.txt: 3 rows for 4 pictures",
+        "c/model.binvox: cut off",
+        "d/model.binvox: dim 16, expected 32",
+        "f/model.binvox: missing",
+    }
+
+
+def test_damage_names_itself_and_stops_nothing(tree, tmp_path, capsys):
+    expected = damage(tree)
+    target = tmp_path / "dst"
+    views = str(NUM_VIEWS)
+    command = ["r2n2", str(tree), str(target), "--views", views, "--points", "300"]
+    assert convert.main(command) == 1
+    error = capsys.readouterr().err
+    for message in expected:
+        assert message in error
+    assert f"{len(expected)} things were left out" in error
+    train = RecordReader(target, "train")
+    kept = [(s.model_id[-1], s.view) for s in train]
+    assert kept == [("a", 0), ("a", 3), ("b", 0), ("b", 3), *(("e", view) for view in range(4))]
+    test = RecordReader(target, "test")
+    assert [(s.model_id[-1], s.view) for s in test] == [("h", view) for view in range(4)]
+
+    assert convert.main([*command[:2], str(tmp_path / "strict"), "--strict"]) == 2
+    assert "not one of the 13" in capsys.readouterr().err
+
+
+def test_wrong_folders(tmp_path, capsys):
+    assert convert.main(["r2n2", str(tmp_path), str(tmp_path / "dst")]) == 2
+    assert "no folder ShapeNetRendering" in capsys.readouterr().err

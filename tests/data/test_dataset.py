@@ -1,0 +1,343 @@
+import dataclasses
+import json
+import pickle
+import random
+import zlib
+
+import msgpack
+import numpy as np
+import pytest
+
+from psgn_jax import files
+from psgn_jax.data import schema
+from psgn_jax.data.codec import DepthCodes, PointLattice, decode, decode_stored, encode, unpack
+from psgn_jax.data.dataset import RecordReader, ShardWriter, open_split, shard_name, write_dataset
+from psgn_jax.data.manifest import MANIFEST, load_manifest
+from psgn_jax.data.schema import RecordError
+from psgn_jax.files import write_atomic
+
+
+def sorted_rows(points):
+    return points[np.lexsort(points.T)]
+
+
+def test_round_trip_of_every_field(sample):
+    back = decode(encode(sample))
+    schema.validate(back)
+    for field in ("image", "mask", "occupancy", "intrinsics", "extrinsics"):
+        np.testing.assert_array_equal(getattr(back, field), getattr(sample, field))
+    for field in ("category", "model_id", "view", "source"):
+        assert getattr(back, field) == getattr(sample, field)
+    span = sample.depth[sample.mask].max() - sample.depth[sample.mask].min()
+    np.testing.assert_allclose(back.depth, sample.depth, atol=span / 131070 + 1e-6)
+    assert (back.depth > 0).tolist() == sample.mask.tolist()
+
+
+def test_optional_fields_stay_absent(make, rng):
+    back = decode(encode(make.sample(rng, optional=False)))
+    assert back.depth is None
+    assert back.normals is None
+    assert back.occupancy is None
+
+
+@pytest.mark.parametrize("bits", [1, 8, 9, 12, 16])
+def test_point_error_is_half_a_lattice_step(make, rng, bits):
+    sample = make.sample(rng, num_points=500)
+    back = decode(encode(sample, point_bits=bits, normal_bits=16))
+    # Normals came along in the same order: they identify the points.
+    distance = np.linalg.norm(back.normals[:, None] - sample.normals, axis=2)
+    match = distance.argmin(axis=1)
+    assert sorted(match) == list(range(500))
+    step = np.ptp(sample.points, axis=0) / (2**bits - 1)
+    assert (np.abs(back.points - sample.points[match]) <= step / 2 * (1 + 1e-4) + 1e-6).all()
+
+
+def test_normal_error_is_under_a_degree(make, rng):
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    more = rng.normal(size=(20000, 3))
+    normals = np.concatenate([axes, more / np.linalg.norm(more, axis=1, keepdims=True)])
+    points = np.arange(len(normals))[:, None] * np.ones(3)  # a lattice that keeps the order
+    lattice = PointLattice(
+        np.stack([np.zeros(len(points)), points[:, 0] // 65536, points[:, 0]], 1).astype(np.uint16),
+        np.eye(3, 4),
+    )
+    sample = make.sample(
+        rng, points=lattice.points(), normals=normals.astype(np.float32), num_points=4
+    )
+    back = decode(encode(sample, points=lattice))
+    cosine = np.clip((back.normals * normals).sum(1), -1, 1)
+    assert np.rad2deg(np.arccos(cosine)).max() < 1
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_lattice_points_are_exact_and_keep_multiplicity(make, rng, dtype):
+    top = np.iinfo(dtype).max
+    codes = rng.integers(0, top + 1, (300, 3)).astype(dtype)
+    codes[100:200] = codes[:100]
+    codes[0], codes[1] = 0, top
+    matrix = rng.normal(size=(3, 4))
+    lattice = PointLattice(codes, matrix)
+    sample = make.sample(rng, points=lattice.points(), normals=None)
+    back = decode_stored(encode(sample, points=lattice))
+    np.testing.assert_array_equal(sorted_rows(back.points.codes), sorted_rows(codes))
+    np.testing.assert_array_equal(back.points.matrix, matrix)
+    np.testing.assert_array_equal(
+        sorted_rows(decode(encode(sample, points=lattice)).points),
+        sorted_rows(sample.points),
+    )
+
+
+def test_one_repeated_point(make, rng):
+    sample = make.sample(rng, num_points=50, normals=None)
+    sample = dataclasses.replace(sample, points=np.full((50, 3), 0.25, np.float32))
+    np.testing.assert_array_equal(decode(encode(sample)).points, sample.points)
+
+
+@pytest.mark.parametrize("everywhere", [True, False])
+def test_sixteen_bit_depth_is_exact(make, rng, everywhere):
+    codes = rng.integers(0, 65536, (24, 32)).astype(np.uint16)
+    mask = rng.random((24, 32)) < 0.4
+    valid = np.ones_like(mask) if everywhere else mask
+    depth = DepthCodes(codes, valid, -3.6 / 65535, 5.4)
+    sample = make.sample(rng, mask=mask, depth=depth.depth())
+    back = decode_stored(encode(sample, depth=depth)).depth
+    np.testing.assert_array_equal(back.codes[valid], codes[valid])
+    np.testing.assert_array_equal(back.depth(), sample.depth)
+
+
+def test_empty_mask_and_depth(make, rng):
+    nothing = np.zeros((24, 32), np.bool_)
+    sample = make.sample(rng, mask=nothing, depth=np.zeros((24, 32), np.float32))
+    back = decode(encode(sample))
+    assert not back.mask.any()
+    assert not back.depth.any()
+
+
+def test_fields_asked_for_alone_are_decoded(sample):
+    stored = decode_stored(encode(sample), ("points",))
+    assert stored.points is not None
+    assert stored.image is None
+    assert stored.mask is None
+    assert stored.model_id == "m1"
+
+
+def test_records_of_other_makers_are_refused(sample):
+    data = encode(sample)
+    content = msgpack.unpackb(data[4:])
+
+    def with_changes(**changes):
+        body = msgpack.packb(content | changes)
+        return zlib.crc32(body).to_bytes(4, "little") + body
+
+    bomb = zlib.compress(bytes(50_000_000))
+    for changes in (
+        {"mask": bomb},
+        {"points": content["points"] | {"steps": bomb}},
+        {"points": content["points"] | {"count": 1 << 40}},
+        {"points": content["points"] | {"planes": 99}},
+        {"points": content["points"] | {"matrix": b"12"}},
+        {"points": 5},
+        {"image": content["image"] | {"size": [1 << 30, 1 << 30]}},
+        {"image": content["image"] | {"size": [24, 33]}},
+        {"image": content["image"] | {"webp": b"no image"}},
+        {"image": content["image"] | {"webp": content["image"]["webp"][:60]}},
+        {"image": {"size": [24, 32], "webp": b"no image"}},
+        {"intrinsics": b""},
+        {"mask": "text"},
+    ):
+        with pytest.raises(ValueError, match=r"expected|inflate|image|buffer|reshape|bytes"):
+            decode(with_changes(**changes))
+
+
+def test_data_set_round_trip(dataset):
+    train = RecordReader(dataset, "train")
+    assert len(train) == 37
+    assert [s.count for s in train.shards] == [10, 10, 10, 7]
+    assert [train[i].model_id for i in (0, 9, 10, 36)] == [
+        "box-0-00000",
+        "torus-0-00009",
+        "box-0-00010",
+        "cone-0-00036",
+    ]
+    assert train.locate(29) == (dataset / "train-00002.arrayrecord", 9)
+    train.verify()
+    with pytest.raises(IndexError):
+        train.read(37)
+    copy = pickle.loads(pickle.dumps(train))
+    assert copy.read(20) == train.read(20)
+    manifest = load_manifest(dataset)
+    assert "normals" in manifest.fields()
+    assert "occupancy" not in manifest.fields()
+    assert sum(train.shards[0].categories.values()) == 10
+
+
+@pytest.fixture
+def copied(dataset, tmp_path):
+    for path in dataset.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    return tmp_path
+
+
+def test_not_a_data_set(tmp_path):
+    with pytest.raises(RecordError, match="no such folder"):
+        RecordReader(tmp_path / "missing", "train")
+    with pytest.raises(RecordError, match="not a data set of this project"):
+        RecordReader(tmp_path, "train")
+
+
+def test_unknown_split_lists_the_others(dataset):
+    with pytest.raises(RecordError, match=r"no split 'test'.*'train', 'validation'"):
+        RecordReader(dataset, "test")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"version": 99}, "format version 99, this version of psgn_jax reads 1"),
+        ({"format": "other"}, "format 'other'"),
+        ({"complete": False}, "its writing has not ended"),
+        ({"shards": [{"file": "../evil"}]}, "damaged"),
+        ({"shards": 3}, "damaged"),
+    ],
+)
+def test_wrong_manifests(copied, changes, message):
+    path = copied / MANIFEST
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+    with pytest.raises(RecordError, match=message):
+        RecordReader(copied, "train")
+
+
+def test_a_shard_name_cannot_leave_the_folder(copied):
+    path = copied / MANIFEST
+    content = json.loads(path.read_text())
+    content["shards"][0]["file"] = "../train-00000.arrayrecord"
+    path.write_text(json.dumps(content))
+    with pytest.raises(RecordError, match="damaged"):
+        load_manifest(copied)
+
+
+def test_damaged_manifest_text(copied):
+    (copied / MANIFEST).write_text('{"format": ')
+    with pytest.raises(RecordError, match=r"manifest\.json: damaged"):
+        load_manifest(copied)
+
+
+def test_missing_and_truncated_shards(copied):
+    shard = copied / "train-00001.arrayrecord"
+    data = shard.read_bytes()
+    shard.write_bytes(data[:-1])
+    with pytest.raises(RecordError, match=r"train-00001\.arrayrecord has \d+ bytes"):
+        RecordReader(copied, "train")
+    shard.unlink()
+    with pytest.raises(RecordError, match=r"train-00001\.arrayrecord is missing"):
+        RecordReader(copied, "train")
+
+
+def test_damage_names_file_and_record_and_spares_the_others(make, copied):
+    shard = copied / "train-00001.arrayrecord"
+    make.damage(shard, RecordReader(copied, "train").read(13))
+    reader = RecordReader(copied, "train")
+    with pytest.raises(
+        RecordError, match=r"record 3 of .*train-00001\.arrayrecord is damaged.*again"
+    ):
+        reader[13]
+    with pytest.raises(RecordError, match="checksum does not fit"):
+        reader.verify()
+    assert all(reader[i].model_id for i in range(37) if i != 13)
+
+
+def test_no_damage_goes_unseen_or_ends_the_process(copied):
+    shard = copied / "train-00003.arrayrecord"
+    data = shard.read_bytes()
+    want = [RecordReader(copied, "train").read(i) for i in range(30, 37)]
+    choose = random.Random(0)
+    for trial in range(150):
+        bad = bytearray(data)
+        at = choose.randrange(len(bad))
+        if trial % 3 == 0:  # keep the size: a truncated file is seen before it is opened
+            bad[at:] = bytes(len(bad) - at)
+        elif trial % 3 == 1:
+            bad[at] ^= 1 << choose.randrange(8)
+        else:
+            end = min(at + 4096, len(bad))
+            bad[at:end] = choose.randbytes(end - at)
+        shard.write_bytes(bad)
+        reader = RecordReader(copied, "train")
+        for i in range(30, 37):
+            message = ""
+            try:
+                got = reader.stored(i)
+            except RecordError as error:
+                message = str(error)
+            if message:
+                assert "train-00003.arrayrecord" in message
+            else:
+                assert reader.read(i) == want[i - 30]
+                assert got.model_id
+
+
+def test_failed_writing_leaves_nothing_under_the_name(tmp_path, sample):
+    with pytest.raises(RuntimeError, match="stop"):
+        _write_and_fail(tmp_path, sample)
+    assert not list(tmp_path.iterdir())
+
+
+def _write_and_fail(folder, sample):
+    with ShardWriter(folder, "train", 0) as writer:
+        writer.write(encode(sample), sample)
+        raise RuntimeError("stop")
+
+
+def test_files_appear_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "a.json"
+    write_atomic(path, "é\n")
+    assert path.read_bytes() == "é\n".encode()
+
+    def fail(descriptor):
+        raise OSError("disk")
+
+    monkeypatch.setattr(files.os, "fsync", fail)
+    with pytest.raises(OSError, match="disk"):
+        write_atomic(path, b"new")
+    assert path.read_bytes() == "é\n".encode()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_writing_is_reproducible(tmp_path, make):
+    for name in "ab":
+        rng = np.random.default_rng(5)
+        write_dataset(
+            tmp_path / name, {"train": [make.sample(rng) for _ in range(5)]}, source="test"
+        )
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
+def test_a_data_set_is_not_overwritten_unasked(tmp_path, make, rng):
+    def write(**more):
+        return write_dataset(tmp_path, {"train": [make.sample(rng)]}, source="test", **more)
+
+    write()
+    with pytest.raises(RecordError, match="exists; give another folder"):
+        write()
+    assert len(RecordReader(tmp_path, "train")) == 1
+    write(overwrite=True)
+
+
+def test_bad_split_names(tmp_path):
+    with pytest.raises(ValueError, match="split"):
+        shard_name("../train", 0)
+
+
+def test_extra_is_kept_and_checked(make, rng):
+    sample = make.sample(rng)
+    assert "extra" not in unpack(encode(sample))
+    told = dataclasses.replace(sample, extra='{"seed": 3, "name": "café"}')
+    assert decode(encode(told)).extra == told.extra
+    with pytest.raises(ValueError, match=r"'extra'.*JSON object"):
+        encode(dataclasses.replace(sample, extra="[1]"))
+
+
+def test_one_folder_in_place_of_a_list_is_refused(tmp_path):
+    with pytest.raises(TypeError, match="expected a list of folders"):
+        open_split(str(tmp_path), "train")

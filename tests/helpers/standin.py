@@ -1,0 +1,158 @@
+"""A data source without files, and a command that trains on it.
+
+    python tests/helpers/standin.py FLAGS
+
+A configuration that names a `data.path` is trained on those records.
+
+Samples are coloured boxes: images and points follow from the sample's number alone.
+"""
+
+import os
+import pathlib
+import sys
+import time
+
+import numpy as np
+
+SIZES = {"train": 24, "validation": 11}
+CATEGORIES = ("bench", "car", "lamp")
+INTRINSICS = np.array([[100.0, 0, 32], [0, 100.0, 24], [0, 0, 1]], np.float32)
+EXTRINSICS = np.array([[0, 1, 0, 0], [0.342, 0, -0.94, 0.252], [-0.94, 0, -0.342, 3.6]], np.float32)
+
+
+def sample(cfg, number, num_points, rng):
+    own = np.random.default_rng(number)
+    half = own.uniform(0.2, 0.6, 3).astype(np.float32)
+    height, width = cfg.image_size
+    mask = np.zeros((height, width), bool)
+    rows, columns = (half[2] * height).astype(int), (half[1] * width).astype(int)
+    mask[height // 2 - rows // 2 : height // 2 + rows, width // 4 : width // 4 + columns] = True
+    image = np.full((height, width, 3), 191, np.uint8)
+    image[mask] = own.integers(0, 255, 3)
+    points = rng.uniform(-1, 1, (num_points, 3)).astype(np.float32) * half
+    points[:, 2] += half[2]
+    depth = np.where(mask, np.float32(3.0), np.float32(0))
+    return {
+        "image": image,
+        "mask": mask,
+        "points": points,
+        "intrinsics": INTRINSICS,
+        "extrinsics": EXTRINSICS,
+        **({"depth": depth} if "depth" in cfg.inputs else {}),
+    }
+
+
+def stack(samples):
+    return {key: np.stack([s[key] for s in samples]) for key in samples[0]}
+
+
+def train_batches(cfg, *, batch_size, seed, start_step, process_index=0, process_count=1):
+    if cfg.path:
+        yield from _loader("train_batches")(
+            cfg, batch_size=batch_size, seed=seed, start_step=start_step
+        )
+    step = start_step
+    delay = float(os.environ.get("PSGN_STANDIN_DELAY", "0"))
+    while True:
+        time.sleep(delay)
+        rng = np.random.default_rng((seed, step))
+        numbers = rng.integers(0, SIZES[cfg.train_split], batch_size)
+        yield stack([sample(cfg, n, cfg.num_points, rng) for n in numbers])
+        step += 1
+
+
+def eval_batches(cfg, *, split, batch_size, seed=0, visible_tolerance=0.0):
+    if cfg.path:
+        yield from _loader("eval_batches")(
+            cfg,
+            split=split,
+            batch_size=batch_size,
+            seed=seed,
+            visible_tolerance=visible_tolerance,
+        )
+        return
+    total = SIZES[split]
+    for start in range(0, total, batch_size):
+        numbers = [min(n, total - 1) for n in range(start, start + batch_size)]
+        rows = [
+            sample(cfg, 1000 + n, cfg.num_eval_points, np.random.default_rng(n)) for n in numbers
+        ]
+        yield stack(rows) | {
+            "valid": np.arange(start, start + batch_size) < total,
+            "category": [CATEGORIES[n % 3] for n in numbers],
+            "model_id": [f"model{n}" for n in numbers],
+            "view": numbers,
+        }
+
+
+def num_samples(cfg, split):
+    return SIZES.get(split, 0)
+
+
+_LOADER = {}
+
+
+def _loader(name):
+    """A function of the loader that this source took the place of."""
+    from psgn_jax.data import loader
+
+    return _LOADER.get(name) or getattr(loader, name)
+
+
+def install(monkeypatch):
+    """Puts this source in place of the loader, for what trains or evaluates in this process."""
+    from psgn_jax import default_data
+    from psgn_jax.data import loader
+
+    for function in (train_batches, eval_batches, num_samples):
+        _LOADER.setdefault(function.__name__, getattr(loader, function.__name__))
+        monkeypatch.setattr(loader, function.__name__, function)
+    monkeypatch.setattr(default_data, "default_dataset", lambda: "")
+
+
+def config(**changes):
+    """A `Config` whose step takes milliseconds; changes as `section__field=value`."""
+    from psgn_jax.config import parse
+
+    tree = {
+        "seed": 3,
+        "data": {"image_size": (16, 32), "num_points": 64, "num_eval_points": 64},
+        "model": {
+            "widths": (4, 6, 8, 8),
+            "fc_points": 8,
+            "fc_widths": (12,),
+            "deconv_level": 1,
+            "random_size": 3,
+        },
+        "optim": {"learning_rate": 1e-3, "ema_decay": 0.9, "clip_norm": 5.0},
+        "loss": {"l2": "authors"},
+        "train": {
+            "batch_size": 8,
+            "steps": 12,
+            "log_every": 2,
+            "eval_every": 6,
+            "checkpoint_every": 3,
+            "images_every": 0,
+            "num_images": 2,
+        },
+        "eval": {"batch_size": 4, "emd_tolerance": 0},
+    }
+    for name, value in changes.items():
+        section, _, field = name.partition("__")
+        if field:
+            tree.setdefault(section, {})[field] = value
+        else:
+            tree[section] = value
+    return parse(tree)
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+    os.environ.setdefault("JAX_PLATFORMS", "cpu")
+    import pytest
+    from absl import app
+
+    from psgn_jax import command_line, main
+
+    install(pytest.MonkeyPatch())
+    app.run(main.main, flags_parser=command_line.parse_flags)

@@ -1,0 +1,224 @@
+"""Every formulation is the same map, with the same gradients, as the definition in float64."""
+
+import os
+import pathlib
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax.models import cpu_convolution
+
+
+def correlate(x, kernel, dy, stride):
+    """Valid correlation by its definition in float64: y, and for dy the gradients of x, kernel."""
+    x, kernel = x.astype(np.float64), kernel.astype(np.float64)
+    kh, kw = kernel.shape[:2]
+    ho, wo = (1 + (n - k) // stride for n, k in zip(x.shape[1:3], (kh, kw), strict=True))
+    y = np.zeros((x.shape[0], ho, wo, kernel.shape[3]))
+    dx, dk = np.zeros_like(x), np.zeros_like(kernel)
+    for i in range(kh):
+        for j in range(kw):
+            here = np.s_[:, i : i + stride * ho : stride, j : j + stride * wo : stride]
+            y += x[here] @ kernel[i, j]
+            if dy is not None:
+                dx[here] += dy @ kernel[i, j].T
+                dk[i, j] = np.einsum("bhwc,bhwo->co", x[here], dy)
+    return y, dx, dk
+
+
+def reference(x, kernel, dy, stride, transposed):
+    """y, dx, dk of `conv2d` or `conv2d_transpose`."""
+    pads = []
+    if transposed:
+        dilated = np.zeros((x.shape[0], *(stride * (n - 1) + 1 for n in x.shape[1:3]), x.shape[3]))
+        dilated[:, ::stride, ::stride] = x
+        for k in kernel.shape[:2]:
+            low = k - 1 if stride > k - 1 else -(-(k + stride - 2) // 2)
+            pads.append((low, k + stride - 2 - low))
+        step = 1
+    else:
+        dilated, step = x, stride
+        for n, k in zip(x.shape[1:3], kernel.shape[:2], strict=True):
+            pad = max(0, (-(-n // stride) - 1) * stride + k - n)
+            pads.append((pad // 2, pad - pad // 2))
+    h, w = dilated.shape[1:3]
+    y, dx, dk = correlate(np.pad(dilated, [(0, 0), *pads, (0, 0)]), kernel, dy, step)
+    dx = dx[:, pads[0][0] :, pads[1][0] :][:, :h, :w]
+    return y, dx[:, ::stride, ::stride] if transposed else dx, dk
+
+
+def make(seed, batch, h, w, c_in, c_out, size, stride, transposed):
+    rng = np.random.default_rng(seed)
+    if transposed:
+        ho, wo = stride * h, stride * w
+    else:
+        ho, wo = -(-h // stride), -(-w // stride)
+    shapes = (batch, h, w, c_in), (size, size, c_in, c_out), (batch, ho, wo, c_out)
+    return [rng.standard_normal(shape, np.float32) for shape in shapes]
+
+
+def run(x, kernel, dy, stride, transposed):
+    function = cpu_convolution.conv2d_transpose if transposed else cpu_convolution.conv2d
+
+    @jax.jit
+    def all_three(x, kernel, dy):
+        y, vjp = jax.vjp(lambda x, kernel: function(x, kernel, stride=stride), x, kernel)
+        return y, *vjp(dy)
+
+    return all_three(x, kernel, dy)
+
+
+def assert_close(ours, expected, relative=3e-6):
+    """Errors relative to the size of the array: sums of products round like their largest."""
+    for name, a, b in zip(("output", "dx", "dkernel"), ours, expected, strict=True):
+        assert a.shape == b.shape, name
+        error = np.abs(np.asarray(a, np.float64) - b).max() / np.abs(b).max()
+        assert error < relative, (name, error)
+
+
+CASES = {
+    # batch, height, width, channels in and out, kernel, stride, transposed
+    "narrow input": (2, 6, 8, 4, 16, 3, 1, False),
+    "narrow output": (2, 6, 8, 64, 3, 3, 1, False),
+    "one channel": (1, 5, 6, 1, 1, 3, 1, False),
+    "pairs of pixels": (2, 5, 12, 32, 32, 3, 1, False),
+    "odd width": (2, 4, 7, 16, 24, 3, 1, False),
+    "blocks of rows": (2, 48, 32, 16, 16, 3, 1, False),
+    "blocks of two rows": (4, 6, 128, 64, 65, 3, 1, False),
+    "wide": (2, 4, 6, 128, 96, 3, 1, False),
+    "many channels": (1, 3, 4, 700, 640, 3, 1, False),
+    "kernel of 5": (2, 9, 10, 8, 16, 5, 1, False),
+    "kernel of 4": (2, 6, 7, 8, 16, 4, 1, False),
+    "kernel of 1": (2, 6, 8, 16, 5, 1, 1, False),
+    "one pixel": (3, 1, 1, 16, 16, 3, 1, False),
+    "strided": (2, 8, 12, 16, 32, 3, 2, False),
+    "strided, odd size": (2, 7, 9, 16, 32, 3, 2, False),
+    "strided, many pixels": (4, 32, 64, 16, 32, 3, 2, False),
+    "strided, kernel of 5": (2, 6, 8, 96, 64, 5, 2, False),
+    "strided, kernel of 5, odd size": (1, 5, 7, 24, 16, 5, 2, False),
+    "strided, one pixel": (1, 1, 1, 8, 8, 3, 2, False),
+    "strided, many channels": (2, 6, 8, 128, 512, 5, 2, False),
+    "stride of 3": (2, 8, 9, 8, 8, 3, 3, False),
+    "transposed": (2, 3, 4, 64, 32, 5, 2, True),
+    "transposed, kernel of 3": (2, 5, 4, 16, 16, 3, 2, True),
+    "transposed, kernel of 2": (2, 3, 3, 8, 16, 2, 2, True),
+    "transposed, stride of 1": (2, 5, 6, 16, 8, 3, 1, True),
+}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_is_the_definition(case):
+    arrays = make(0, *case)
+    assert_close(run(*arrays, *case[-2:]), reference(*arrays, *case[-2:]))
+
+
+@pytest.mark.parametrize("case", [CASES["strided"], CASES["transposed"]], ids=["conv", "transpose"])
+def test_plain_convolutions_elsewhere(case, monkeypatch):
+    arrays = make(0, *case)
+    here = run(*arrays, *case[-2:])
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    text = str(jax.make_jaxpr(lambda *a: run(*a, *case[-2:]))(*arrays))
+    assert "custom_vjp" not in text
+    assert_close(run(*arrays, *case[-2:]), [np.asarray(a, np.float64) for a in here])
+
+
+@pytest.mark.parametrize("name", ["blocks of rows", "strided", "transposed"])
+def test_bfloat16(name):
+    case = CASES[name]
+    arrays = [jnp.asarray(a, jnp.bfloat16) for a in make(0, *case)]
+    ours = run(*arrays, *case[-2:])
+    assert all(a.dtype == jnp.bfloat16 for a in ours)
+    exact = [np.asarray(a, np.float64) for a in arrays]
+    assert_close(ours, reference(*exact, *case[-2:]), relative=0.02)
+
+
+def test_vmap_over_kernels_and_images():
+    case = (2, 6, 8, 16, 16, 3, 1, False)
+    x, kernel, dy = (np.stack(a) for a in zip(*(make(s, *case) for s in (0, 1)), strict=True))
+
+    def gradients(x, kernel, dy):
+        y, vjp = jax.vjp(cpu_convolution.conv2d, x, kernel)
+        return y, *vjp(dy)
+
+    many = jax.jit(jax.vmap(gradients))(x, kernel, dy)
+    for s in (0, 1):
+        assert_close([a[s] for a in many], reference(x[s], kernel[s], dy[s], 1, False))
+
+
+def test_same_bits_twice():
+    case = CASES["blocks of rows"]
+    arrays = make(0, *case)
+    first, second = run(*arrays, *case[-2:]), run(*arrays, *case[-2:])
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_second_derivative():
+    x, kernel, _ = make(0, 1, 4, 6, 4, 3, 3, 1, False)
+
+    def norm_sq_of_gradient(kernel):
+        return jnp.sum(jax.grad(lambda k: jnp.sum(cpu_convolution.conv2d(x, k) ** 2))(kernel) ** 2)
+
+    step = 1e-2 * np.random.default_rng(1).standard_normal(kernel.shape, np.float32)
+    slope = jnp.vdot(jax.grad(norm_sq_of_gradient)(kernel), step)
+    change = norm_sq_of_gradient(kernel + step) - norm_sq_of_gradient(kernel - step)
+    np.testing.assert_allclose(slope, change / 2, rtol=1e-2)
+
+
+SHARDED = """
+import re, sys
+import jax, numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec as P
+sys.path.insert(0, {tests!r})
+import test_cpu_convolution as t
+from psgn_jax.models import cpu_convolution
+assert jax.device_count() == 8
+mesh = Mesh(np.array(jax.devices()), ("data",))
+split, whole = NamedSharding(mesh, P("data")), NamedSharding(mesh, P())
+for case in ((16, 16, 64, 16, 16, 3, 1, False), (8, 6, 8, 16, 16, 5, 2, False),
+             (8, 3, 4, 16, 8, 5, 2, True)):
+    arrays = t.make(0, *case)
+    function = cpu_convolution.conv2d_transpose if case[-1] else cpu_convolution.conv2d
+    def all_three(x, kernel, dy):
+        y, vjp = jax.vjp(lambda x, k: function(x, k, stride=case[-2]), x, kernel)
+        return y, *vjp(dy)
+    compiled = jax.jit(all_three, in_shardings=(split, whole, split),
+                       out_shardings=(split, split, whole)).lower(*arrays).compile()
+    t.assert_close(compiled(*arrays), t.reference(*arrays, *case[-2:]))
+    text = compiled.as_text()
+    moved = re.findall(r" (all-gather|all-to-all|collective-permute)[(-]", text)
+    assert not moved, moved
+    assert len(re.findall(r" all-reduce(?:-start)?\\(", text)) == 1, text
+    assert " while(" not in text
+print("sharded ok")
+"""
+
+
+def test_sharded_batch_moves_only_the_kernel_gradient():
+    tests = str(pathlib.Path(__file__).parent)
+    flags = "--xla_force_host_platform_device_count=8 --xla_backend_optimization_level=0"
+    env = {**os.environ, "XLA_FLAGS": flags}
+    done = subprocess.run(
+        [sys.executable, "-c", SHARDED.format(tests=tests)],
+        env=env,
+        cwd=pathlib.Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert "sharded ok" in done.stdout, done.stdout + done.stderr
+
+
+def test_environment_switch_takes_xlas_own_convolutions(rng, monkeypatch):
+    x = rng.normal(size=(1, 6, 8, 3)).astype(np.float32)
+    kernel = rng.normal(size=(3, 3, 3, 20)).astype(np.float32)
+    want = cpu_convolution.conv2d(x, kernel)
+    # A new function each time: JAX keeps the traces of an old one.
+    assert "custom_vjp" in str(jax.make_jaxpr(lambda k: cpu_convolution.conv2d(x, k))(kernel))
+    monkeypatch.setenv("PSGN_CONVOLUTIONS", "xla")
+    assert "custom_vjp" not in str(jax.make_jaxpr(lambda k: cpu_convolution.conv2d(x, k))(kernel))
+    np.testing.assert_allclose(cpu_convolution.conv2d(x, kernel), want, atol=1e-4)

@@ -1,0 +1,145 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+
+from psgn_jax.models import r2n2
+from psgn_jax.models.r2n2 import build, occupancy, unpool, voxel_cross_entropy
+
+
+def shapes(module, size, views=2, batch=3):
+    x = jax.ShapeDtypeStruct((batch, views, size, size, 3), jnp.float32)
+    params = jax.eval_shape(module.init, jax.random.key(0), x)
+    return params["params"], jax.eval_shape(module.apply, params, x)
+
+
+def count(tree):
+    return sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(tree))
+
+
+@pytest.mark.parametrize("size", [127, 128])
+def test_sizes_of_the_published_network(size):
+    params, out = shapes(build("gru"), size)
+    assert out.shape == (3, 32, 32, 32, 2)
+    encoder, cell, decoder = params["encoder"], params["cell"], params["decoder"]
+    # 127 pixels after six poolings: 3x3 of 256.
+    assert encoder["dense"]["kernel"].shape == (3 * 3 * 256, 1024)
+    assert encoder["level1_conv0"]["kernel"].shape == (7, 7, 3, 96)
+    assert {n for n in encoder if "shortcut" in n} == {f"level{i}_shortcut" for i in (2, 3, 5)}
+    assert cell["update"]["grid"]["kernel"].shape == (3, 3, 3, 128, 128)
+    assert cell["update"]["view"]["kernel"].shape == (1024, 4**3 * 128)
+    assert decoder["level2_shortcut"]["kernel"].shape == (1, 1, 1, 128, 64)
+    assert "level1_shortcut" not in decoder
+    # Layer by layer as their definition lists them, weights and biases.
+    convs = [
+        (7, 3, 96), (3, 96, 96),
+        (3, 96, 128), (3, 128, 128), (1, 96, 128),
+        (3, 128, 256), (3, 256, 256), (1, 128, 256),
+        (3, 256, 256), (3, 256, 256),
+        (3, 256, 256), (3, 256, 256), (1, 256, 256),
+        (3, 256, 256), (3, 256, 256),
+    ]  # fmt: skip
+    assert count(encoder) == sum(k * k * i * o + o for k, i, o in convs) + 2304 * 1024 + 1024
+    assert count(cell) == 3 * (27 * 128 * 128 + 1024 * 8192 + 128)
+    volumes = [
+        (3, 128, 128), (3, 128, 128), (3, 128, 128), (3, 128, 128),
+        (3, 128, 64), (3, 64, 64), (1, 128, 64),
+        (3, 64, 32), (3, 32, 32), (3, 32, 32), (3, 32, 2),
+    ]  # fmt: skip
+    assert count(decoder) == sum(k**3 * i * o + o for k, i, o in volumes)
+    assert count(params) == 35_968_706
+
+
+def test_the_lstm_has_as_many_gates():
+    params, out = shapes(build("lstm"), 127)
+    assert out.shape == (3, 32, 32, 32, 2)
+    assert set(params["cell"]) == {"forget", "input", "candidate"}
+    assert count(params) == 35_968_706
+
+
+def test_unpooling_puts_numbers_in_the_corner(rng):
+    x = rng.normal(size=(2, 2, 2, 2, 3)).astype(np.float32)
+    got = np.asarray(unpool(x))
+    assert got.shape == (2, 4, 4, 4, 3)
+    np.testing.assert_array_equal(got[:, ::2, ::2, ::2], x)
+    assert np.count_nonzero(got) == np.count_nonzero(x)
+
+
+def test_cross_entropy_is_optaxs(rng):
+    logits = 5 * rng.normal(size=(4, 4, 4, 2)).astype(np.float32)
+    gt = rng.random((4, 4, 4)) < 0.3
+    want = optax.softmax_cross_entropy_with_integer_labels(logits, gt.astype(int)).mean()
+    np.testing.assert_allclose(voxel_cross_entropy(logits, gt), want, rtol=1e-5)
+    np.testing.assert_allclose(occupancy(logits), jax.nn.softmax(logits)[..., 1], rtol=1e-5)
+    far = jnp.full((1, 1, 1, 2), jnp.array([0.0, 200.0]))
+    assert jnp.isfinite(voxel_cross_entropy(far, jnp.zeros((1, 1, 1), bool)))
+
+
+@pytest.mark.parametrize("kind", r2n2.CELLS)
+def test_cell_against_the_equations(rng, kind):
+    """One step written out with numpy, at one cell of the grid and without the neighbours."""
+    cell = r2n2.VolumeCell(kind, jnp.float32)
+    x = rng.normal(size=(1, 6)).astype(np.float32)
+    hidden, memory = rng.normal(size=(2, 1, 4, 4, 4, 5)).astype(np.float32)
+    state = r2n2.State(hidden, memory)
+    params = cell.init(jax.random.key(0), x, state)
+    centre = jnp.zeros((3, 3, 3, 1, 1)).at[1, 1, 1].set(1)
+    for gate in params["params"].values():
+        gate["grid"]["kernel"] = gate["grid"]["kernel"] * centre
+    got = cell.apply(params, x, state)
+
+    def gate(name, h):
+        p = jax.tree.map(np.asarray, params["params"][name])
+        seen = (x[0] @ p["view"]["kernel"]).reshape(4, 4, 4, 5)
+        return seen + h[0] @ p["grid"]["kernel"][1, 1, 1] + p["grid"]["bias"]
+
+    def sigmoid(v):
+        return 1 / (1 + np.exp(-v))
+
+    if kind == "gru":
+        u, r = sigmoid(gate("update", hidden)), sigmoid(gate("reset", hidden))
+        new = np.tanh(gate("candidate", r[None] * hidden))
+        want = u * hidden[0] + (1 - u) * new
+    else:
+        f, i = sigmoid(gate("forget", hidden)), sigmoid(gate("input", hidden))
+        want_memory = f * memory[0] + i * np.tanh(gate("candidate", hidden))
+        np.testing.assert_allclose(got.memory[0], want_memory, rtol=1e-4, atol=1e-5)
+        want = np.tanh(want_memory)
+    np.testing.assert_allclose(got.hidden[0], want, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_every_view_counts_and_gradients_flow(rng):
+    module = build("gru", 1 / 16)
+    views = rng.random((1, 2, 16, 16, 3)).astype(np.float32)
+    gt = rng.random((32, 32, 32)) < 0.1
+    # Drawn with numpy: to initialise one layer after the other takes longer than all the rest.
+    shapes = jax.eval_shape(module.init, jax.random.key(0), views)
+    params = jax.tree.map(
+        lambda leaf: (0.3 * rng.normal(size=leaf.shape)).astype(np.float32), shapes
+    )
+
+    @jax.jit
+    def both(params, views):
+        def loss(params):
+            logits = module.apply(params, views)
+            return voxel_cross_entropy(logits[0], gt), logits
+
+        (value, logits), gradient = jax.value_and_grad(loss, has_aux=True)(params)
+        return value, logits, gradient
+
+    value, logits, gradient = both(params, views)
+    assert jnp.isfinite(value)
+    assert all(jnp.abs(leaf).max() > 0 for leaf in jax.tree.leaves(gradient))
+    for view in range(2):
+        other = views.copy()
+        other[:, view] = 1 - other[:, view]
+        assert np.abs(both(params, other)[1] - logits).max() > 1e-4
+
+
+def test_wrong_inputs():
+    with pytest.raises(ValueError, match=r"cell='rnn': accepted: one of \('gru', 'lstm'\)"):
+        build("rnn")
+    with pytest.raises(ValueError, match="expected at least one view"):
+        shapes(build("gru", 1 / 16), 16, views=0)

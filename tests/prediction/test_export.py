@@ -1,0 +1,101 @@
+"""Every format holds the frame as it is: read back by trimesh, axes, hand and scale agree."""
+
+import io
+
+import numpy as np
+import pytest
+import trimesh
+
+from psgn_jax.data import camera, photo
+from psgn_jax.prediction import export
+
+# A cloud whose every axis is told from the others and from its mirror: an origin, one unit along
+# +x (to the camera), two along +y (image right), three along +z (up).
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [-0.125, 0.25, -0.5]], np.float32)
+COLOURS = np.array([[0, 0, 0], [255, 0, 0], [0, 255, 0], [0, 0, 255], [10, 20, 30]], np.uint8)
+
+
+def read_back(path):
+    cloud = trimesh.load(path)
+    if isinstance(cloud, trimesh.Scene):
+        cloud = next(iter(cloud.geometry.values()))
+    return cloud
+
+
+@pytest.mark.parametrize("suffix", ["ply", "xyz", "obj", "npz"])
+def test_axes_handedness_and_scale_come_back(tmp_path, suffix):
+    files = export.write_clouds(tmp_path, "a", POINTS[None], COLOURS[None], (suffix,))
+    assert [file.name for file in files] == [f"a.{suffix}"]
+    if suffix == "npz":
+        with np.load(files[0]) as archive:
+            points, colours = archive["points"][0], archive["colours"][0]
+    elif suffix == "obj":
+        # trimesh drops vertices without faces; the lines themselves are the standard's.
+        rows = [line.split() for line in files[0].read_text().splitlines()]
+        vertices = np.array([row[1:] for row in rows if row[0] == "v"], float)
+        points, colours = vertices[:, :3], np.rint(vertices[:, 3:] * 255)
+        assert [row[1:] for row in rows if row[0] == "p"] == [list("12345")]
+        faces = files[0].read_text() + "f 1 2 3\nf 1 3 4\nf 1 4 5\n"
+        mesh = trimesh.load(io.StringIO(faces), file_type="obj", process=False)
+        np.testing.assert_allclose(mesh.vertices, POINTS, atol=1e-6)
+    else:
+        cloud = read_back(files[0])
+        points = np.asarray(cloud.vertices)
+        colours = np.asarray(cloud.colors)[..., :3]
+    np.testing.assert_allclose(points, POINTS, atol=1e-6)
+    # x cross y is z: not mirrored.
+    assert np.linalg.det(points[1:4]) == pytest.approx(6)
+    if suffix != "xyz":
+        np.testing.assert_array_equal(colours, COLOURS)
+
+
+def test_several_samples_have_a_file_each_and_one_archive(tmp_path):
+    points = np.stack([POINTS, POINTS + 1])
+    colours = np.stack([COLOURS, COLOURS])
+    export.write_clouds(tmp_path, "b", points, colours, seen=np.ones((2, 5), bool))
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(
+        ["b.npz", *(f"b_{k}.{s}" for k in range(2) for s in ("ply", "xyz", "obj"))]
+    )
+    with np.load(tmp_path / "b.npz") as archive:
+        assert archive["points"].shape == (2, 5, 3)
+        assert archive["seen"].all()
+    np.testing.assert_allclose(read_back(tmp_path / "b_1.ply").vertices, POINTS + 1)
+
+
+def test_what_cannot_be_written_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="accepted: any of ply, xyz, obj, npz"):
+        export.write_clouds(tmp_path, "a", POINTS[None], COLOURS[None], ("stl",))
+    broken = np.where(np.arange(5)[:, None] == 1, np.nan, POINTS)
+    with pytest.raises(ValueError, match="3 not finite"):
+        export.write_clouds(tmp_path, "a", broken[None], COLOURS[None])
+    assert not list(tmp_path.iterdir())
+
+
+def view():
+    """The left half of the image red, the right half blue."""
+    image = np.zeros((192, 256, 3), np.uint8)
+    image[:, :128], image[:, 128:] = (200, 0, 0), (0, 0, 200)
+    mask = np.ones((192, 256), bool)
+    return photo.View(image, mask, *camera.default_camera(), np.eye(3), True)
+
+
+def test_seen_points_take_the_images_colours_and_hidden_ones_do_not():
+    side = np.linspace(-0.4, 0.4, 24)
+    y, z = (a.ravel() for a in np.meshgrid(side, side + 0.5))
+    wall = np.stack([np.full_like(y, 0.3), y, z], axis=1)
+    behind = wall * [-1, 0.6, 0.6] + [0, 0, 0.2]
+    colours, seen = export.colours_from_view(np.concatenate([wall, behind]), view())
+    assert seen[: len(wall)].all()
+    assert not seen[len(wall) :].any()
+    # +y is the image's right.
+    np.testing.assert_array_equal(colours[: len(wall)][y > 0.02], [[0, 0, 200]] * (y > 0.02).sum())
+    np.testing.assert_array_equal(
+        colours[: len(wall)][y < -0.02], [[200, 0, 0]] * (y < -0.02).sum()
+    )
+    assert (colours[len(wall) :] == export.UNSEEN).all()
+
+
+def test_points_off_the_image_or_behind_the_camera_are_unseen():
+    points = np.array([[100.0, 0, 0], [0, 50, 0], [0, 0, -40], [3.39, 0, 1.0], [np.nan, 0, 0]])
+    _, seen = export.colours_from_view(points, view())
+    assert not seen[[0, 1, 2, 4]].any()

@@ -1,0 +1,132 @@
+"""Checkpoints: what is read is what was saved, damage is found, newest and best are kept."""
+
+import logging
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax.training.checkpoint import CheckpointError, Checkpoints
+
+# Where one array cannot be read, orbax closes its event loop under the reads of the others; these
+# then complain from their threads, to nobody's harm.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+def leaves(value):
+    return {
+        "params.a.kernel": jnp.full((2, 3, 4), value, jnp.float32),
+        "params.a.bias": np.arange(5, dtype=np.float32) + value,
+        "step": jnp.int32(value),
+    }
+
+
+def fill(folder, steps, keep=2, scores=()):
+    checkpoints = Checkpoints(folder, keep)
+    scores = dict(scores)
+    for step in steps:
+        checkpoints.save(step, leaves(step), {"config": {"seed": step}})
+        if step in scores:
+            checkpoints.score(step, {"cd_sq_radius2": scores[step]})
+    checkpoints.close()
+    return checkpoints
+
+
+def test_round_trip_keeps_every_bit(tmp_path):
+    fill(tmp_path / "c", [1, 5])
+    found = Checkpoints(tmp_path / "c").restore_newest()
+    assert found.step == 5
+    assert found.meta == {"config": {"seed": 5}}
+    for name, leaf in leaves(5).items():
+        have = found.leaves[name]
+        assert have.dtype == leaf.dtype
+        assert have.shape == leaf.shape
+        np.testing.assert_array_equal(have, leaf)
+
+
+def test_nothing_there(tmp_path):
+    checkpoints = Checkpoints(tmp_path / "c")
+    assert checkpoints.restore_newest() is None
+    assert checkpoints.best_step() is None
+    checkpoints.close()
+    assert not (tmp_path / "c").exists()
+
+
+def test_newest_and_best_are_kept(tmp_path):
+    checkpoints = fill(tmp_path / "c", range(1, 7), 2, {1: 0.5, 2: 0.1, 4: 0.3, 6: float("nan")})
+    assert checkpoints.steps() == [2, 5, 6]
+    assert checkpoints.best_step() == 2
+    assert Checkpoints(tmp_path / "c").best_step() == 2
+
+
+def test_the_later_one_of_equals_is_best(tmp_path):
+    assert fill(tmp_path / "c", [1, 2], 2, {1: 0.5, 2: 0.5}).best_step() == 2
+
+
+@pytest.mark.parametrize("damage", ["flip", "truncate", "remove", "meta"])
+def test_damaged_newest_falls_back(tmp_path, damage, caplog):
+    folder = tmp_path / "c"
+    checkpoints = Checkpoints(folder)
+    noise = np.random.default_rng(0).normal(size=100_000).astype(np.float32)
+    for step in (1, 2):
+        checkpoints.save(step, leaves(step) | {"noise": noise}, {})
+    checkpoints.score(2, {"cd_sq_radius2": 0.1})
+    checkpoints.close()
+    largest = max((folder / "2").rglob("*"), key=lambda p: p.stat().st_size * p.is_file())
+    data = bytearray(largest.read_bytes())
+    if damage == "flip":
+        data[len(data) // 2] ^= 1
+        largest.write_bytes(data)
+    elif damage == "truncate":
+        largest.write_bytes(data[: len(data) // 2])
+    elif damage == "remove":
+        largest.unlink()
+    else:
+        (folder / "2" / "meta" / "metadata").write_text("{")
+    reader = Checkpoints(folder, read_only=True)
+    assert reader.restore_newest().step == 1
+    assert reader.steps() == [1, 2]
+    again = Checkpoints(folder)
+    with caplog.at_level(logging.WARNING, "absl"):
+        assert again.restore_newest().step == 1
+    assert "checkpoint 2 is damaged" in caplog.text
+    assert again.best_step() is None
+    again.save(2, leaves(2), {})
+    again.close()
+    assert again.steps() == [1, 2]
+    assert (folder / "damaged" / "2").is_dir()
+    assert Checkpoints(folder).restore_newest().step == 2
+
+
+def test_leftovers_of_a_kill_are_removed_but_not_by_a_reader(tmp_path):
+    fill(tmp_path / "c", [1])
+    leftovers = [tmp_path / "c" / n for n in ("2.orbax-checkpoint-tmp", "0.deleting")]
+    for leftover in leftovers:
+        leftover.mkdir()
+        (leftover / "file").touch()
+    assert Checkpoints(tmp_path / "c", read_only=True).restore_newest().step == 1
+    assert all(leftover.exists() for leftover in leftovers)
+    assert Checkpoints(tmp_path / "c").restore_newest().step == 1
+    assert not any(leftover.exists() for leftover in leftovers)
+
+
+def test_saved_arrays_may_be_overwritten_at_once(tmp_path):
+    array = np.zeros(300_000, np.float32)
+    checkpoints = Checkpoints(tmp_path / "c")
+    checkpoints.save(1, {"a": array}, {})
+    array[:] = 1
+    checkpoints.close()
+    assert not checkpoints.restore(1).leaves["a"].any()
+
+
+def test_none_readable_is_an_error_and_moves_nothing(tmp_path):
+    folder = tmp_path / "checkpoints"
+    checkpoints = Checkpoints(folder)
+    checkpoints.save(1, {"a": np.arange(3.0)}, {})
+    checkpoints.close()
+    for path in [p for p in (folder / "1").rglob("*") if p.is_file()]:
+        path.write_bytes(b"")
+    again = Checkpoints(folder)
+    with pytest.raises(CheckpointError, match="none of the 1 checkpoints in"):
+        again.restore_newest()
+    assert again.steps() == [1]

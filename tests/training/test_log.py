@@ -1,0 +1,77 @@
+"""Metrics survive kills: no line is lost, none comes twice."""
+
+import json
+import pathlib
+import struct
+
+import numpy as np
+import tensorboardX
+
+from psgn_jax.training.log import MetricsWriter, read_metrics
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+def test_lines_and_tensorboard(tmp_path):
+    writer = MetricsWriter(tmp_path)
+    writer.scalars(3, "train", {"loss": 0.5}, {"kl_of_dims": np.array([0.25, 0.5], np.float32)})
+    writer.scalars(3, "eval", {"cd": float("nan")})
+    writer.image(3, "eval/clouds", np.zeros((4, 6, 3), np.uint8))
+    writer.close()
+    assert read_metrics(tmp_path / "metrics.jsonl") == [
+        {"step": 3, "kind": "train", "loss": 0.5, "kl_of_dims": [0.25, 0.5]},
+        {"step": 3, "kind": "eval", "cd": None},
+    ]
+    (events,) = (tmp_path / "tensorboard").iterdir()
+    data = events.read_bytes()
+    records = 0
+    while data:  # a record: length, its checksum, payload, its checksum
+        (length,) = struct.unpack("<Q", data[:8])
+        data = data[16 + length :]
+        records += 1
+    assert records == 5
+
+
+def test_resume_drops_what_comes_again(tmp_path):
+    path = tmp_path / "metrics.jsonl"
+    entries = [
+        {"step": s, "kind": k} for s, k in [(1, "train"), (2, "train"), (2, "eval"), (3, "train")]
+    ]
+    text = "".join(json.dumps(e) + "\n" for e in entries)
+    path.write_text(text + '{"step": 4, "ki')
+    MetricsWriter(tmp_path, 2).close()
+    assert read_metrics(path) == entries[:3]
+    MetricsWriter(tmp_path, 2, evaluated=False).close()
+    assert read_metrics(path) == entries[:2]
+    MetricsWriter(tmp_path, 0).close()
+    assert path.read_text() == ""
+
+
+def test_torn_and_foreign_lines_are_passed_over(tmp_path):
+    path = tmp_path / "metrics.jsonl"
+    path.write_text('{"step": 1}\n[]\n{"step": "x"}\nnoise\n{"step": 2}\n{"st')
+    assert [e["step"] for e in read_metrics(path)] == [1, 2]
+    assert read_metrics(tmp_path / "none") == []
+
+
+def test_a_killed_run_is_purged_from_tensorboard_also_before_its_first_checkpoint(
+    tmp_path, monkeypatch
+):
+    purged = []
+
+    class Board:
+        def __init__(self, folder, purge_step):
+            purged.append(purge_step)
+            pathlib.Path(folder).mkdir(exist_ok=True)
+
+        def add_scalar(self, *_):
+            pass
+
+        close = add_scalar
+
+    monkeypatch.setattr(tensorboardX, "SummaryWriter", Board)
+    for step in (0, 0, 5):
+        writer = MetricsWriter(tmp_path, step)
+        writer.scalars(step + 1, "train", {"loss": 0.5})
+        writer.close()
+    assert purged == [None, 1, 6]

@@ -1,0 +1,313 @@
+"""The training step: golden numbers, one device and eight, non-finite values, L2, schedules."""
+
+import functools
+import pathlib
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import standin
+
+from psgn_jax.config import ConfigError, OptimConfig
+from psgn_jax.losses.by_name import configured_loss
+from psgn_jax.losses.distances import map_pairs
+from psgn_jax.losses.min_of_n import min_of_n
+from psgn_jax.models import point_out_net
+from psgn_jax.training import state, step
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+# Loss, L2 term and gradient norm of the first two steps.
+GOLDEN = [(0.1786264, 0.01409594, 2.0352976), (0.15414756, 0.01406848, 1.7432686)]
+QUICK = {"xla_backend_optimization_level": 0}
+
+
+@functools.cache
+def compiled(config, devices):
+    """The initial state's function and the training step, compiled once for all tests."""
+    mesh = step.data_mesh(list(devices) if devices else None)
+    model = point_out_net.build(config.model)
+    tx = state.optimizer(config.optim, config.train.steps)
+    create = jax.jit(lambda: state.create(config, model, tx), compiler_options=QUICK)
+    return (
+        create,
+        step.make_train_step(config, model, configured_loss(config.loss), tx, mesh),
+        mesh,
+    )
+
+
+def run(config, steps, devices=None, spoil=None):
+    """Trains from scratch; returns the state and the metrics of every step, as numpy."""
+    create, train_step, mesh = compiled(config, tuple(devices) if devices else None)
+    current = jax.device_put(create(), jax.sharding.NamedSharding(mesh, step.P()))
+    batches = standin.train_batches(
+        config.data, batch_size=config.train.batch_size, seed=config.seed, start_step=0
+    )
+    history = []
+    for number in range(1, steps + 1):
+        batch = dict(next(batches))
+        if number == spoil:
+            batch["points"] = np.full_like(batch["points"], np.nan)
+        current, metrics = train_step(current, step.put_batch(batch, mesh, step.input_keys(config)))
+        history.append({k: float(v) for k, v in metrics.items() if not v.ndim})
+    return jax.tree.map(np.asarray, current), history
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    return standin.config(model__widths=(4, 6, 8), train__log_every=2)
+
+
+@pytest.fixture(scope="module")
+def trained(tiny):
+    return run(tiny, 4)
+
+
+def test_golden_metrics(trained):
+    _, history = trained
+    have = [(h["loss_step"], h["l2"], h["grad_norm"]) for h in history[:2]]
+    np.testing.assert_allclose(
+        have,
+        GOLDEN,
+        rtol=2e-4,
+        err_msg="The first steps of a tiny run changed. If the change of network, loss, "
+        "initial values, input or optimiser was meant, put the new numbers into GOLDEN of this "
+        "file and say in CHANGELOG that trainings are no longer comparable.",
+    )
+
+
+def test_state_counts_and_averages(tiny, trained):
+    final, history = trained
+    assert final.step == 4
+    assert final.bad_step == -1
+    mean = (history[2]["loss_step"] + history[3]["loss_step"]) / 2
+    assert history[3]["loss"] == pytest.approx(mean, rel=1e-6)
+    assert history[2]["loss"] == history[2]["loss_step"]
+    differ = jax.tree.map(lambda a, b: not np.array_equal(a, b), final.ema, final.params)
+    assert any(jax.tree.leaves(differ))
+    assert state.eval_params(final) is final.ema
+    assert history[0]["learning_rate"] == pytest.approx(tiny.optim.learning_rate)
+
+
+def test_first_non_finite_step_and_metric_are_remembered(tiny):
+    final, history = run(tiny, 4, spoil=2)
+    assert final.bad_step == 2
+    assert state.WATCHED[int(final.bad_metric)] == "loss"
+    assert [h["bad_step"] for h in history] == [-1, 2, 2, 2]
+
+
+def test_random_input_depends_on_seed_step_and_purpose(tiny):
+    def draw(s, train):
+        return np.asarray(step.sample_step_latents(tiny, s, 4, train=train))
+
+    assert draw(0, True).shape == (4, tiny.model.random_size)
+    np.testing.assert_array_equal(draw(7, True), draw(7, True))
+    for other in (draw(8, True), draw(7, False)):
+        assert not np.array_equal(draw(7, True), other)
+    assert step.sample_step_latents(standin.config(model__random_size=0), 0, 4, train=True) is None
+    several = standin.config(loss__min_of_n=2)
+    assert step.sample_step_latents(several, 0, 4, train=True).shape == (
+        4,
+        2,
+        several.model.random_size,
+    )
+    assert step.sample_step_latents(several, 0, 4, train=False).shape == (
+        4,
+        several.model.random_size,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "data_points"),
+    [("chamfer_sq_mean", 50), ("emd_mean", 136)],
+)
+def test_training_on_the_better_of_two_draws(name, data_points):
+    config = standin.config(
+        model__widths=(4, 6, 8),
+        loss__name=name,
+        loss__min_of_n=2,
+        data__num_points=data_points,
+        optim__learning_rate=1e-2,
+    )
+    final, history = run(config, 8)
+    assert final.bad_step == -1
+    assert history[-1]["loss_step"] < history[0]["loss_step"]
+    assert all(h["loss_step"] < h["loss_of_draws"] for h in history)
+
+
+@pytest.mark.parametrize(
+    ("version", "loss"),
+    [pytest.param("two_branch", "emd_mean", marks=pytest.mark.slow), ("hourglass", "chamfer_sq")],
+)
+def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(version, loss):
+    config = standin.config(
+        model__name=version,
+        model__widths=(4, 6, 8),
+        loss__name=loss,
+        loss__min_of_n=3,
+        data__num_points=136,
+    )
+    model = point_out_net.build(config.model)
+    create, _, _ = compiled(config, None)
+    params = create().params
+    batch = next(standin.train_batches(config.data, batch_size=4, seed=0, start_step=0))
+    batch = {key: batch[key] for key in step.input_keys(config)}
+    r = step.sample_step_latents(config, 0, 4, train=True)
+    distance = configured_loss(config.loss)
+
+    def plain(params):
+        preds = step.predict(config, model, params, batch, r)
+        best = map_pairs(min_of_n(distance))(preds, batch["points"])
+        return jnp.mean(best.value), best
+
+    def quick(params):
+        return step.min_of_n_loss(config, model, distance, params, batch, r)
+
+    (want, want_best), want_grads = jax.jit(
+        jax.value_and_grad(plain, has_aux=True), compiler_options=QUICK
+    )(params)
+    (have, best), grads = jax.jit(jax.value_and_grad(quick, has_aux=True), compiler_options=QUICK)(
+        params
+    )
+    np.testing.assert_allclose(have, want, rtol=1e-6)
+    np.testing.assert_array_equal(best.winner, want_best.winner)
+    assert len(np.unique(best.winner)) > 1
+    scale = max(float(np.abs(g).max()) for g in jax.tree.leaves(want_grads))
+    jax.tree.map(
+        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-5 * scale),
+        grads,
+        want_grads,
+    )
+
+
+VAE = {
+    "model__widths": (4, 6, 8),
+    "model__posterior": True,
+    "model__posterior_widths": (3, 4, 5),
+    "model__posterior_hidden": 6,
+    "loss__kl_weight": 1e-2,
+    "loss__kl_warmup_steps": 4,
+}
+
+
+def test_training_with_a_posterior():
+    config = standin.config(optim__learning_rate=3e-3, loss__l2="none", **VAE)
+    final, history = run(config, 8)
+    assert final.bad_step == -1
+    assert set(final.params["posterior"]) == {"conv0", "conv1", "conv2", "hidden", "gaussian"}
+    assert set(final.ema) == set(final.params)
+    weights = [h["kl_weight"] for h in history]
+    np.testing.assert_allclose(weights, 1e-2 * np.array([0, 0.25, 0.5, 0.75, 1, 1, 1, 1]))
+    assert history[-1]["loss_step"] < history[0]["loss_step"]
+    for h in history:
+        assert 0 < h["kl_dim_min"] <= h["kl_dim_mean"] <= h["kl_dim_max"]
+        assert h["kl"] == pytest.approx(3 * h["kl_dim_mean"], rel=1e-5)
+        assert 0 <= h["active_dims"] <= 3
+    create, _, _ = compiled(config, None)
+    started = create()
+    moved = jax.tree.map(lambda a, b: not np.array_equal(a, b), started.params, final.params)
+    assert all(jax.tree.leaves(moved))  # z reaches the generator, the truth reaches z
+
+
+def test_evaluation_takes_z_from_the_prior_and_the_generator_uses_it():
+    config = standin.config(**VAE)
+    create, _, _ = compiled(config, None)
+    params = create().params
+    model = point_out_net.build(config.model)
+    batch = next(standin.train_batches(config.data, batch_size=2, seed=0, start_step=0))
+    r = step.sample_step_latents(config, 0, 2, train=False)
+    predict = jax.jit(lambda z: step.predict(config, model, params, batch, z))
+    one, two = predict(r), predict(r + 1)
+    assert np.abs(one - two).max() > 1e-3
+    plain = {k: v for k, v in params.items() if k != "posterior"}
+    np.testing.assert_allclose(
+        one, step.predict(config, model, plain, batch, r), rtol=1e-4, atol=1e-5
+    )
+
+
+def test_l2_of_the_authors_by_layer_type():
+    params = {
+        "conv": {"kernel": jnp.full((3, 3, 2, 2), 2.0), "bias": jnp.ones(2)},
+        "fc": {
+            "dense": {"kernel": jnp.full((4, 5), 3.0)},
+            "carry": {"kernel": jnp.full((2, 2), 1.0)},
+        },
+    }
+    want = 1e-5 * 36 * 4 / 2 + 1e-3 * 20 * 9 / 2 + 1e-4 * 4 / 2
+    np.testing.assert_allclose(step.l2_authors(params), want, rtol=1e-6)
+
+
+def test_l2_reaches_the_layer_that_carries_the_hourglass():
+    config = standin.config(model__name="hourglass")
+    model = point_out_net.build(config.model)
+    tx = state.optimizer(config.optim, 5)
+    shapes = jax.eval_shape(lambda: state.create(config, model, tx)).params
+    carry = [n for n in state.named_leaves(shapes) if "carry" in n and n.endswith("kernel")]
+    assert len(carry) == 1
+
+
+def test_schedules():
+    constant = state.schedule(OptimConfig(learning_rate=2.0, warmup_steps=4), 100)
+    assert [float(constant(s)) for s in (0, 2, 4, 99)] == [0, 1, 2, 2]
+    cosine = state.schedule(
+        OptimConfig(learning_rate=2.0, schedule="cosine", warmup_steps=10, final_fraction=0.1), 110
+    )
+    np.testing.assert_allclose([cosine(5), cosine(10), cosine(60), cosine(110)], [1, 2, 1.1, 0.2])
+
+
+def test_uneven_batch_is_refused(tiny):
+    class Mesh:
+        size = 3
+
+    with pytest.raises(ConfigError, match=r"train.batch_size=8: accepted: a multiple of the 3"):
+        step.check_batch_size(tiny, Mesh())
+
+
+def test_leaves_of_a_checkpoint_are_checked(trained):
+    final, _ = trained
+    leaves = state.named_leaves(final)
+    again = state.from_named_leaves(final, leaves)
+    assert jax.tree.structure(again) == jax.tree.structure(final)
+    with pytest.raises(ValueError, match="is missing"):
+        state.from_named_leaves(final, {k: v for k, v in leaves.items() if k != "step"})
+    with pytest.raises(ValueError, match=r"leaf step is float32\[2\]"):
+        state.from_named_leaves(final, leaves | {"step": np.zeros(2, np.float32)})
+    params = state.params_from_named_leaves(leaves)
+    jax.tree.map(np.testing.assert_array_equal, params, dict(final.ema))
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        {"loss__min_of_n": 1},
+        *(pytest.param(k, marks=pytest.mark.slow) for k in ({"loss__min_of_n": 2}, VAE)),
+    ],
+)
+def test_eight_devices_give_the_same_numbers_as_one(kind):
+    code = f"""
+import sys
+sys.path.insert(0, {str(ROOT / "tests")!r})
+import jax, runpy, numpy as np
+jax.config.update("jax_num_cpu_devices", 8)
+here = runpy.run_path({str(ROOT / "tests/training/test_step.py")!r})
+kind = {{"model__widths": (4, 6, 8), "optim__eps": 1e-3}} | {kind!r}
+config = here["standin"].config(**kind)
+assert len(jax.devices()) == 8
+one, one_history = here["run"](config, 4, jax.devices()[:1])
+all_, all_history = here["run"](config, 4, jax.devices())
+for a, b in zip(one_history, all_history):
+    for name in a:
+        np.testing.assert_allclose(a[name], b[name], rtol=1e-5, atol=1e-9, err_msg=name)
+jax.tree.map(
+    lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6), one.params, all_.params
+)
+"""
+    environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"}
+    environment["XLA_FLAGS"] = "--xla_backend_optimization_level=0"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT
+    )
+    assert result.returncode == 0, result.stderr[-3000:]
