@@ -91,7 +91,7 @@ def _beside(met):
 
 
 def fields(model, rotation, size=32):
-    """Points of the grid, 5 x 5 x 5 a cell: whether each is inside, and whether it is next to a face.
+    """Points of the grid, 5 x 5 x 5 a cell: which are inside, and which are next to a face.
 
     The winding number of a point is that of the faces above it whose front is up, less those whose
     back is. Inside is where it is not 0. Air that is closed in, or between the object and the
