@@ -8,7 +8,7 @@ Expect: a lower cd_sq_radius2 than `authors.py` gives, most of it on visible poi
 this size; a smaller network after 1,000 steps had .0107 with depth and .0123 without (README).
 
 The recipe is that of `authors.py`; any records with depth will do (`--config.data.path=RECORDS`).
-What the network sees of the depth: `models.inputs.network_input`. A smaller comparison of RGB and
+What the network sees of the depth: `models.inputs.stack_channels`. A smaller comparison of RGB and
 RGB-D that two CPU cores finish is `python -m psgn_jax.experiments.completion`.
 
 Source: paper, section "3D Shape Completion from RGBD Images", which names no recipe of its own.

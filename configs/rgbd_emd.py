@@ -8,7 +8,7 @@ Expect: a lower emd_radius than `authors_emd.py` gives and than `rgbd_cd.py`; no
 
 The recipe is that of `authors_emd.py`, 1,024 points of the truth included; any records with depth
 will do (`--config.data.path=RECORDS`). What the network sees of the depth:
-`models.inputs.network_input`.
+`models.inputs.stack_channels`.
 
 Source: paper, section "3D Shape Completion from RGBD Images", which names no recipe of its own.
 """

@@ -51,6 +51,11 @@ class LightSettings:
             raise ValueError(f"light.source: got {self.source!r}, expected one of {list(SOURCES)}")
         if self.source == "folder" and not self.folder:
             raise ValueError("light.folder: got '', expected a folder of .hdr and .exr files")
+        if self.source in ("procedural", "sunsky") and self.folder:
+            raise ValueError(
+                f"light.folder: got {self.folder!r}, which has no effect without "
+                f"light.source=folder (it is {self.source!r})"
+            )
         if not 1 <= self.count <= 32:
             raise ValueError(f"light.count: got {self.count}, expected 1 to 32")
         for name, low, high in (("ambient", 0.0, 1.0), ("exposure", 0.01, 10.0)):

@@ -6,12 +6,17 @@ NAME is one of procedural, folder, shapenet, sh3f, ac3d; PATH is what the catalo
 becomes a data set of `psgn_jax.data.records` that training reads, with `models.jsonl` beside it: a
 line for each model with its status, reason, checks and times.
 
-Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; see
-`data_gen/settings.py` for all of them. Killed and started again, the command goes on where it was;
-the records that it ends with are the same, byte for byte, for any number of workers, kills or
+Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; `--help` lists all
+of them, and the options of the catalogues. Killed and started again, the command goes on where it
+was; the records that it ends with are the same, byte for byte, for any number of workers, kills or
 parts. `--shard=i/n` does the i-th of n parts of the work (i from 0), for job arrays on a common
 folder; whoever is last completes the data set. `--scheduler=tcp://host:8786` hands the models to
 the workers of a Dask cluster, see `data_gen/cluster.py` for what they need; the rest is the same.
+
+`--include` and `--exclude` choose models by patterns of category, folder and name; `--sample=N`
+takes N of them, spread over categories and folders. A finished data set grows: the same command
+with more models, by a larger `--limit` or `--sample` or a larger source, renders those that are
+new; training reads the old state until the new one is complete.
 
 Exit codes: 0 done, all models have samples; 1 done, some models were refused (normal for
 collections); 2 wrong arguments, or nothing came of it; 3 done with this part, others are not;
@@ -21,10 +26,12 @@ Models are known by their names: where a mesh's file has changed under the same 
 of it before stays; give another folder for the output then.
 """
 
+import difflib
 import functools
 import pathlib
 import signal
 import sys
+from collections.abc import Collection, Mapping
 from typing import Any
 
 if __package__ in (None, ""):  # run as a file: the folder above is where `data_gen` is
@@ -33,7 +40,8 @@ if __package__ in (None, ""):  # run as a file: the folder above is where `data_
 from absl import app, flags, logging
 from ml_collections import config_flags
 
-from data_gen import catalogues, cluster, job, pool, settings
+from data_gen import cameras, catalogues, cluster, job, manual, pool, settings
+from data_gen.catalogues.choosing import Choice
 
 
 class StoppedError(Exception):
@@ -55,8 +63,15 @@ _PART = flags.DEFINE_string(
     "shard", "0/1", "i/n: this process does the i-th of n parts, i from 0, for job arrays."
 )
 _LIMIT = flags.DEFINE_integer(
-    "limit", 0, "The first models of the catalogue alone; 0 = all.", lower_bound=0
+    "limit", 0, "The first of the chosen models alone; 0 = all.", lower_bound=0
 )
+_SAMPLE = flags.DEFINE_integer(
+    "sample", 0, "So many models, spread over categories and folders; 0 = all.", lower_bound=0
+)
+_SEED = flags.DEFINE_integer("seed", 0, "Of the sample.", lower_bound=0)
+_PATTERNS = "category, folder or name fits this pattern, such as Weather or '*flare*'; repeatable."
+_INCLUDE = flags.DEFINE_multi_string("include", [], f"Models alone whose {_PATTERNS}")
+_EXCLUDE = flags.DEFINE_multi_string("exclude", [], f"Not the models whose {_PATTERNS}")
 _OPTION = flags.DEFINE_multi_string(
     "option", [], "NAME=VALUE for the catalogue, such as up=+z or max_faces=200000; repeatable."
 )
@@ -83,19 +98,96 @@ def _stop(number: int, frame: Any) -> None:
     raise StoppedError(number)
 
 
+def _one_line(error: BaseException) -> str:
+    """An error's message; of one with a traceback in it, the last line."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    if any(line.startswith("Traceback") for line in lines):
+        return lines[-1].partition(": ")[2] or lines[-1]
+    return " ".join(lines)
+
+
+def _config_first(argv: list[str]) -> list[str]:
+    """The arguments with `--config` before all of its fields, the default where it is missing."""
+    rest, files = [], []
+    arguments = iter(argv[1:])
+    for argument in arguments:
+        if argument in ("--config", "-config"):
+            files.append(f"--config={next(arguments, '')}")
+        elif argument.startswith(("--config=", "-config=")):
+            files.append(argument)
+        else:
+            rest.append(argument)
+    if len(files) > 1:
+        raise ValueError(f"{files[1]}: --config is given twice")
+    for file in files:
+        path = file.partition("=")[2].partition(":")[0]
+        if not pathlib.Path(path).is_file():
+            raise ValueError(f"{file}: there is no such file")
+    # Not as the flag's default: what is wrong with a setting would show at the import.
+    return [argv[0], *(files or [f"--config={_DEFAULT}"]), *rest]
+
+
+def _unknown_setting(argv: list[str]) -> str:
+    """The first argument that sets a field which there is not, with the nearest one."""
+    known = _fields(settings.to_dict(settings.Settings()))
+    for argument in argv:
+        name = argument.partition("=")[0].lstrip("-").partition(".")
+        if name[0] in ("config", "noconfig") and name[2] and name[2] not in known:
+            near = difflib.get_close_matches(name[2], known, 1)
+            return f"{argument}: no such setting" + (
+                f"; did you mean --config.{near[0]}?" if near else ""
+            )
+    return "--config: no such setting"
+
+
+def _fields(values: Mapping[str, Any], prefix: str = "") -> list[str]:
+    names = []
+    for name, value in values.items():
+        names.append(prefix + name)
+        if isinstance(value, Mapping):
+            names += _fields(value, f"{prefix}{name}.")
+    return names
+
+
+def _help() -> str:
+    own = flags.FLAGS.get_flags_for_module(sys.modules[__name__])
+    shown = {
+        f"--{flag.name}" + (f"={flag.default}" if flag.default not in (None, [], "") else ""):
+        str(flag.help).partition(";\n")[0] for flag in own if flag.name != "config"
+    }  # fmt: skip
+    shown["--config=FILE"] = (
+        "Python file whose `get_config` returns the settings; `data_gen/config.py:NAME` begins "
+        f"with one of the cameras {', '.join(sorted(cameras.PRESETS))}."
+    )
+    return manual.text(__doc__ or "", dict(sorted(shown.items())))
+
+
 def _parse_flags(argv: list[str]) -> list[str]:
     """As absl does, but whatever is wrong ends in one line and exit code 2."""
-    if not any(a.split("=")[0].lstrip("-") == "config" for a in argv[1:]):
-        # Not as the flag's default: what is wrong with a setting would show at the import.
-        argv = [argv[0], f"--config={_DEFAULT}", *argv[1:]]
+    if {"--help", "-help", "-h", "-?", "--helpshort"} & set(argv[1:]):
+        sys.stdout.write(_help())
+        sys.exit(0)
     try:
+        sys.argv[:] = argv = _config_first(argv)  # where the flag of settings looks for their order
         return flags.FLAGS(argv)
-    except (AttributeError, KeyError) as error:  # no such setting
-        text = " ".join(str(error.args[0]).replace("\\n", " ").replace("\\", "").split())
-        sys.stderr.write(f"error: --config: no such setting: {text.strip(chr(39))}\n")
+    except (AttributeError, KeyError):
+        sys.stderr.write(f"error: {_unknown_setting(argv)}\n")
     except (flags.Error, TypeError, ValueError, OSError) as error:
-        sys.stderr.write(f"error: {error}\n")
+        sys.stderr.write(f"error: {_one_line(error)}\n")
     sys.exit(2)
+
+
+def _check_effects(options: settings.Settings, given: Collection[str]) -> None:
+    """Raises ValueError for a flag that was given and has no effect with the others."""
+    if _SEED.present and not _SAMPLE.value:
+        raise ValueError(f"--seed={_SEED.value}: it has no effect without --sample")
+    idle = {
+        "image.path_samples": options.image.shading != "path" and "without image.shading=path",
+        "job.workers": bool(_SCHEDULER.value) and "with --scheduler, whose workers' threads render",
+    }
+    for name, condition in idle.items():
+        if name in given and condition:
+            raise ValueError(f"--config.{name}: it has no effect {condition}")
 
 
 def main(argv: list[str]) -> None:
@@ -108,8 +200,9 @@ def main(argv: list[str]) -> None:
             raise ValueError(f"unexpected argument {argv[1]!r}")
         name, place, out = _CATALOGUE.value, _SOURCE.value, _OUT.value
         if name is None or place is None or out is None:
-            raise ValueError("--catalogue, --source and --out are needed")
+            raise ValueError("--catalogue, --source and --out are needed; see --help")
         options = settings.parse(_CONFIG.value)
+        _check_effects(options, config_flags.get_override_values(flags.FLAGS["config"]))
         part = parse_part(_PART.value)
         try:
             source = catalogues.open(name, place, **catalogues.parse_options(name, _OPTION.value))
@@ -119,18 +212,28 @@ def main(argv: list[str]) -> None:
         if _SCHEDULER.value:
             render = functools.partial(cluster.render_on, _SCHEDULER.value)
         summary = job.render_catalogue(
-            source, out, options, part=part, limit=_LIMIT.value, render=render
+            source,
+            out,
+            options,
+            part=part,
+            choice=Choice(
+                include=tuple(_INCLUDE.value),
+                exclude=tuple(_EXCLUDE.value),
+                sample=_SAMPLE.value,
+                seed=_SEED.value,
+            ),
+            limit=_LIMIT.value,
+            render=render,
         )
     except StoppedError as error:
         logging.warning("%s; the same command goes on with the job", error)
         sys.exit(128 + error.number)
     except (ValueError, RuntimeError, OSError) as error:
-        sys.stderr.write(f"error: {error}\n")
+        sys.stderr.write(f"error: {_one_line(error)}\n")
         sys.exit(2)
     sys.stdout.write(summary.text() + "\n")
     sys.exit(summary.exit_code)
 
 
 if __name__ == "__main__":
-    flags.mark_flags_as_required(["catalogue", "source", "out"])
     app.run(main, flags_parser=_parse_flags)

@@ -52,8 +52,15 @@ class ImageSettings:
         _between("image.samples", self.samples, 0, 16)
         _between("image.path_samples", self.path_samples, 1, 65536)
         _one_of("image.background", self.background, BACKGROUNDS)
+        if self.soft_edges and not self.samples and self.shading == "local":
+            raise ValueError("image.soft_edges: got True, which has no effect with image.samples=0")
         if self.background == "folder" and not self.background_folder:
             raise ValueError("image.background_folder: got '', expected a folder of pictures")
+        if self.background != "folder" and self.background_folder:
+            raise ValueError(
+                f"image.background_folder: got {self.background_folder!r}, which has no effect "
+                f"without image.background=folder (it is {self.background!r})"
+            )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -478,9 +478,10 @@ def peak_megabytes() -> float:
 # --- The process ------------------------------------------------------------------------------
 
 
-def work_path(folder: pathlib.Path, index: int) -> pathlib.Path:
+def work_path(folder: pathlib.Path, model_id: str) -> pathlib.Path:
     """Where a model's samples lie until its shard is written."""
-    return folder / f"{index:07d}.model"
+    name = hashlib.sha256(model_id.encode("utf-8", "surrogatepass")).hexdigest()[:24]
+    return folder / f"{name}.model"
 
 
 def serve(connection: Connection) -> None:
@@ -535,9 +536,9 @@ def pack_result(line: Mapping[str, Any], data: list[bytes]) -> bytes:
     return packed
 
 
-def write_result(folder: pathlib.Path, index: int, content: bytes) -> None:
+def write_result(folder: pathlib.Path, model_id: str, content: bytes) -> None:
     """Leaves what `pack_result` made in a file that appears whole or not at all."""
-    path = work_path(folder, index)
+    path = work_path(folder, model_id)
     temporary = path.with_suffix(f".{os.getpid()}.tmp")
     temporary.write_bytes(content)
     temporary.replace(path)

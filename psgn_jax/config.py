@@ -41,7 +41,7 @@ Channel = Literal["rgb", "mask", "depth"]
 Task = Literal["points", "refine", "volume", "views"]
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
-"""Channels of each input, see `models.inputs.network_input`; one of depth says where it is."""
+"""Channels of each input, see `models.inputs.stack_channels`; one of depth says where it is."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +58,8 @@ class DataConfig:
       num_points: ground-truth points drawn per sample and training step.
       num_eval_points: ground-truth points per sample in an evaluation.
       flip: mirror half of the training samples (y to -y).
-      stretch: largest relative change of width, s uniform in [1 - stretch, 1 + stretch].
+      stretch: largest relative change of width, s uniform in [1 - stretch, 1 + stretch]; samples of
+        rolled cameras stay as they are.
       zoom: largest relative change of scale, another crop of the image, in [1 - zoom, 1 + zoom].
       shift: largest move of that crop over the image's height and width.
       colour_jitter: strength of the change of brightness, contrast and channel gains; 0 = off.

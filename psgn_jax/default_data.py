@@ -13,9 +13,9 @@ from absl import logging
 
 from data_gen import default
 from psgn_jax.config import Config, ConfigError
-from psgn_jax.files import cache_folder
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
+from psgn_jax.files import cache_folder
 
 
 def with_default_data(config: Config) -> Config:

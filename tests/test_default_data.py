@@ -4,7 +4,7 @@ import pathlib
 import pytest
 
 from data_gen import default as recipe
-from data_gen import job, settings, worker
+from data_gen import job, job_folder, settings, worker
 from psgn_jax import default_data
 from psgn_jax.config import Config, ConfigError, DataConfig, to_dict
 from psgn_jax.data import loader
@@ -59,7 +59,8 @@ def test_one_begun_otherwise_is_begun_anew(cache, monkeypatch):
     folder = cache / "data"
     other = dataclasses.replace(TINY, seed=1)
     entries = list(source.entries())
-    assert not job._begin(folder, job._job_of("procedural", entries, other, "none"), "procedural")
+    begun = job.job_of("procedural", entries, other, "none", job.EVERYTHING, 0)
+    assert not job_folder.begin(folder, begun)
     recipe.build(folder, options=TINY)
     splits = load_manifest(folder).splits()
     assert sum(len(RecordReader(folder, split)) for split in splits) == 3

@@ -115,11 +115,16 @@ def open(name: str, source: str | os.PathLike[str], **options: Any) -> Catalogue
     Raises:
       ValueError: an unknown name, or a source that the catalogue cannot be made of.
     """
-    catalogue: Catalogue = _class_of(name)(source, **options)
+    catalogue: Catalogue = class_of(name)(source, **options)
     return catalogue
 
 
-def _class_of(name: str) -> Callable[..., Any]:
+def class_of(name: str) -> Callable[..., Any]:
+    """The class of a catalogue.
+
+    Raises:
+      ValueError: an unknown name.
+    """
     if name not in CATALOGUES:
         raise ValueError(f"catalogue {name!r}: expected one of {sorted(CATALOGUES)}")
     module, _, kind = CATALOGUES[name].partition(":")
@@ -127,14 +132,28 @@ def _class_of(name: str) -> Callable[..., Any]:
     return found
 
 
+_TRUTH = {"true": True, "1": True, "false": False, "0": False}
+
+
+def option_types(name: str) -> dict[str, Any]:
+    """Options of a catalogue's class and their types.
+
+    Raises:
+      ValueError: an unknown catalogue.
+    """
+    hints = typing.get_type_hints(class_of(name).__init__)  # type: ignore[misc]
+    return {key: hint for key, hint in hints.items() if key not in ("source", "return")}
+
+
 def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
     """Options of a catalogue's class from texts such as "up=+z" or "categories=chair,table".
 
     Raises:
-      ValueError: an unknown catalogue or option, or a value that the option does not take.
+      ValueError: an unknown catalogue or option, one that is given twice, or a value that the
+        option does not take.
     """
-    hints = typing.get_type_hints(_class_of(name).__init__)  # type: ignore[misc]
-    known = sorted(set(hints) - {"source", "return"})
+    hints = option_types(name)
+    known = sorted(hints)
     result: dict[str, Any] = {}
     for pair in pairs:
         key, equals, text = pair.partition("=")
@@ -143,12 +162,15 @@ def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
                 f"--option={pair}: expected NAME=VALUE with NAME one of {known} for the catalogue "
                 f"{name!r}"
             )
+        if key in result:
+            raise ValueError(f"--option={pair}: {key} is given twice")
         hint = hints[key]
         several = typing.get_origin(hint) is not None
         kind = typing.get_args(hint)[0] if several else hint
+        parts = [part for part in text.split(",") if part or text] if several else [text]
         try:
-            values = [kind(part) for part in (text.split(",") if several else [text])]
-        except ValueError:
+            values = [_TRUTH[part.lower()] if kind is bool else kind(part) for part in parts]
+        except (ValueError, KeyError):
             what = f"{kind.__name__} values with commas between them" if several else kind.__name__
             raise ValueError(f"--option={pair}: expected {what}") from None
         result[key] = tuple(values) if several else values[0]

@@ -19,13 +19,13 @@ import json
 import os
 import pathlib
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import folder
+from data_gen.catalogues import folder, non_objects
 from data_gen.meshes import Material, UnusableModelError
 
 NO_ASSIMP = (
@@ -349,8 +349,11 @@ class AC3DCatalogue(folder.FolderCatalogue):
       up: axis of the files that points up (`meshes.AXES`).
       front: axis of the files toward which the objects look. The default is that of FlightGear's
         models; the cars of TORCS look to +x.
-      fractions: see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.split_of`.
       max_faces: models with more are refused.
+      leave_out: names of folders, wherever they are, whose files are left out. The default are
+        those of FlightGear that hold no objects: clouds, the sky, lights and smoke.
+      objects_only: whether to refuse files elsewhere that hold no object, see `non_objects`.
 
     Raises:
       ValueError: the folder is missing or has no such file, an axis is wrong, or assimp is not
@@ -359,6 +362,7 @@ class AC3DCatalogue(folder.FolderCatalogue):
 
     name = "ac3d"
     _reader = staticmethod(read)
+    _objection: Callable[[str, meshes.Model], str] | None = staticmethod(non_objects.objection)
 
     def __init__(
         self,
@@ -368,10 +372,17 @@ class AC3DCatalogue(folder.FolderCatalogue):
         front: str = "-x",
         fractions: tuple[float, float, float] = catalogues.FRACTIONS,
         max_faces: int = meshes.MAX_FACES,
+        leave_out: Sequence[str] = non_objects.FOLDERS,
+        objects_only: bool = True,
     ) -> None:
         for axis in (up, front):
             meshes.axis_vector(axis)  # "auto" is none here
-        super().__init__(source, up=up, front=front, fractions=fractions, max_faces=max_faces)
+        super().__init__(
+            source, up=up, front=front, fractions=fractions, max_faces=max_faces,
+            leave_out=leave_out,
+        )  # fmt: skip
+        if not objects_only:
+            self._objection = None
         if not find_assimp():
             raise ValueError(f"catalogue 'ac3d': {NO_ASSIMP}")
 

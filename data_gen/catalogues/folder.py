@@ -2,7 +2,7 @@
 
 import os
 import pathlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from absl import logging
 
@@ -26,6 +26,10 @@ _OTHERS = {
     ".wrl",
     ".x3d",
 }
+
+
+# Catalogues for files that are not read here.
+_CATALOGUES = {".ac": "ac3d", ".sh3f": "sh3f"}
 
 
 def extensions() -> set[str]:
@@ -53,20 +57,29 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
             if file.startswith("."):
                 continue
             ending = pathlib.Path(file).suffix.lower()
-            if ending in endings | _OTHERS:
+            if ending in endings | _OTHERS | set(_CATALOGUES):
                 name = (pathlib.Path(place) / file).relative_to(root).as_posix()
                 (found if ending in endings else left).append(name)
-    if left:
-        logging.warning(
-            "%d files that look like models but cannot be read here, such as %s: left out",
-            len(left), left[0],
-        )  # fmt: skip
+    other = _other_catalogue(left)
     if not found:
         raise ValueError(
             f"source {str(source)!r}: no mesh in it, expected files with one of the endings "
-            f"{sorted(endings)}"
+            f"{sorted(endings)}{other and f'; {other}'}"
         )
+    if left:
+        logging.warning(
+            "%d files that look like models but cannot be read here, such as %s: left out%s",
+            len(left), min(left), f" ({other})" if other else "",
+        )  # fmt: skip
     return sorted(found)
+
+
+def _other_catalogue(names: list[str]) -> str:
+    """Which catalogues read files that this one does not; "" = none."""
+    found = {pathlib.PurePosixPath(name).suffix.lower() for name in names} & set(_CATALOGUES)
+    return ", ".join(
+        f"--catalogue={_CATALOGUES[ending]} reads {ending} files" for ending in sorted(found)
+    )
 
 
 def _load(
@@ -77,8 +90,9 @@ def _load(
     front: str,
     max_faces: int,
     reader: loading.Reader | None,
+    objection: Callable[[str, meshes.Model], str] | None,
 ) -> meshes.Model:
-    return loading.load(
+    model = loading.load(
         name,
         loading.FolderFiles(root),
         up=up,
@@ -88,6 +102,10 @@ def _load(
         max_faces=max_faces,
         reader=reader,
     )
+    reason = objection(name, model) if objection else ""
+    if reason:
+        raise meshes.UnusableModelError(reason)
+    return model
 
 
 class FolderCatalogue:
@@ -102,8 +120,9 @@ class FolderCatalogue:
         3MF, +y for all others.
       front: axis of the files toward which the objects look, or "auto": +z where y is up, -y
         where z is.
-      fractions: see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.split_of`.
       max_faces: models with more are refused.
+      leave_out: names of folders, wherever they are, whose files are left out.
 
     Raises:
       ValueError: the folder is missing or has no mesh in it, or an axis is wrong.
@@ -111,6 +130,7 @@ class FolderCatalogue:
 
     name = "folder"
     _reader: loading.Reader | None = None  # by the files' endings
+    _objection: Callable[[str, meshes.Model], str] | None = None
 
     def __init__(
         self,
@@ -120,12 +140,24 @@ class FolderCatalogue:
         front: str = "auto",
         fractions: tuple[float, float, float] = catalogues.FRACTIONS,
         max_faces: int = meshes.MAX_FACES,
+        leave_out: Sequence[str] = (),
     ) -> None:
         self.root = pathlib.Path(source)
         for axis in {up, front} - {"auto"}:
             meshes.axis_vector(axis)
         self._up, self._front, self._fractions, self._max_faces = up, front, fractions, max_faces
-        self._names = find_meshes(source, self._endings())
+        names = find_meshes(source, self._endings())
+        self._names = [n for n in names if not set(n.split("/")[:-1]) & set(leave_out)]
+        if not self._names:
+            raise ValueError(
+                f"source {str(source)!r}: all of its {len(names)} meshes are in folders that are "
+                f"left out (leave_out={','.join(leave_out)})"
+            )
+        if len(self._names) < len(names):
+            logging.info(
+                "%d files in folders named %s: left out, see the option leave_out",
+                len(names) - len(self._names), ", ".join(leave_out),
+            )  # fmt: skip
 
     def _endings(self) -> set[str]:
         return extensions()
@@ -146,6 +178,14 @@ class FolderCatalogue:
                 category,
                 catalogues.split_of(name, self._fractions),
                 catalogues.loader(
-                    _load, str(self.root), name, category, up, front, self._max_faces, self._reader
+                    _load,
+                    str(self.root),
+                    name,
+                    category,
+                    up,
+                    front,
+                    self._max_faces,
+                    self._reader,
+                    self._objection,
                 ),
             )

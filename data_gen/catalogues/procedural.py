@@ -171,7 +171,7 @@ class ProceduralCatalogue:
       first_seed: of each category.
       hidden_draws: models made of each seed: 1 = one, with the hidden parameters of its own seed;
         n > 1 = n that look the same and differ in what is hidden. They share a split.
-      fractions: see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.split_of`.
 
     Raises:
       ValueError: the source is neither, or an unknown category.

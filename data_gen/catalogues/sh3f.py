@@ -219,7 +219,7 @@ class SweetHomeCatalogue:
 
     Args:
       source: the file or folder.
-      fractions: see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.split_of`.
       max_faces: models with more are refused.
 
     Raises:

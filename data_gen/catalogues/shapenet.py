@@ -68,7 +68,7 @@ class ShapeNetCatalogue:
         `catalogues.split_of`.
       validation: with "r2n2", the part of the training models that is kept for validation, by a
         hash of the name. 0 = as published.
-      fractions: with "hash".
+      fractions: with "hash", of models for training, validation and test.
       max_faces: models with more are refused.
 
     Raises:
@@ -94,6 +94,12 @@ class ShapeNetCatalogue:
             raise ValueError(f"split {split!r}: expected 'r2n2' or 'hash'")
         if not 0 <= validation < 1:
             raise ValueError(f"validation: got {validation}, expected 0 or more and less than 1")
+        if split == "hash" and validation:
+            raise ValueError(f"validation: got {validation}, which has no effect with split 'hash'")
+        if split == "r2n2" and tuple(fractions) != catalogues.FRACTIONS:
+            raise ValueError(
+                f"fractions: got {list(fractions)}, which has no effect with split 'r2n2'"
+            )
         names = {name: synset for synset, name in SYNSETS.items()}
         wanted = {names.get(c, c) for c in categories}
         self._split, self._validation, self._fractions = split, validation, fractions

@@ -5,6 +5,7 @@ which stays a proper one (right-handed rotation, positive focal lengths).
 """
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -52,10 +53,46 @@ def flip(view: View) -> View:
     )
 
 
+def _has_grey_background(view: View) -> bool:
+    """Whether all of the image's border that is not the object is the plain grey."""
+    for edge in (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]):
+        if (view.image[edge][~view.mask[edge]] != schema.BACKGROUND_GREY).any():
+            return False
+    return True
+
+
+def _extend(view: View, rows: tuple[int, int], columns: tuple[int, int]) -> np.ndarray:
+    """The image with margins of so many pixels (before, after) that continue its background.
+
+    A margin mirrors the picture at its edge. Where that would show the object again, the edge's
+    pixel is repeated, and where this is the object too, the margin is grey.
+    """
+    margins = (rows, columns)
+    image = np.pad(view.image, (*margins, (0, 0)), "symmetric")
+    again = np.pad(view.mask, margins, "symmetric")
+    height, width = view.mask.shape
+    again[rows[0] : rows[0] + height, columns[0] : columns[0] + width] = False
+    image[again] = np.pad(view.image, (*margins, (0, 0)), "edge")[again]
+    image[again & np.pad(view.mask, margins, "edge")] = schema.BACKGROUND_GREY
+    return image
+
+
+def _margins(first: float, last: float, size: int) -> tuple[int, int]:
+    """Pixels missing before and after an axis for interpolation from `first` to `last` on it."""
+    return max(0, math.ceil(1 - first)), max(0, math.ceil(last + 1 - size))
+
+
 def _take_columns(flat: np.ndarray, columns: np.ndarray, channels: int) -> np.ndarray:
     """Columns of an image [H, W * channels]; those outside repeat the edge."""
     columns = np.clip(columns, 0, flat.shape[1] // channels - 1)
     return flat.take((columns[:, None] * channels + np.arange(channels)).reshape(-1), axis=1)
+
+
+def can_stretch(view: View) -> bool:
+    """Whether `stretch` is exact for the view's camera: it is neither rolled nor skewed."""
+    across = view.extrinsics[0, :3]
+    level = abs(abs(across[1]) - 1) <= _ALIGNED and max(abs(across[0]), abs(across[2])) <= _ALIGNED
+    return bool(level and not view.intrinsics[0, 1])
 
 
 def stretch(view: View, factor: float) -> View:
@@ -63,7 +100,8 @@ def stretch(view: View, factor: float) -> View:
 
     Exact where the image's x axis is parallel to the frame's y axis: then y moves only columns,
     column - cx = fx (+-y + t0) / z, and t0 scales along. Colours are interpolated between columns,
-    mask and depth take the nearest column, vacated columns become background.
+    mask and depth take the nearest column, vacated columns become background: grey if the image's
+    background is grey, else the picture continued, see `_extend`.
 
     Args:
       view: the sample.
@@ -77,14 +115,12 @@ def stretch(view: View, factor: float) -> View:
         raise ValueError("stretch: there is an occupancy, whose grid does not follow")
     if not factor > 0:
         raise ValueError(f"stretch factor: got {factor}, expected a positive number")
-    across = view.extrinsics[0, :3]
-    if abs(abs(across[1]) - 1) > _ALIGNED or max(abs(across[0]), abs(across[2])) > _ALIGNED:
+    if not can_stretch(view):
         raise ValueError(
-            f"stretch: the image's x axis is {across.tolist()} in the frame, which must be y; "
-            "set data.stretch = 0 for this data set"
+            f"stretch: the camera is rolled or skewed (the image's x axis is "
+            f"{view.extrinsics[0, :3].tolist()} in the frame, expected its y axis; skew "
+            f"{view.intrinsics[0, 1]:g}, expected 0)"
         )
-    if view.intrinsics[0, 1]:
-        raise ValueError("stretch: the camera has skew; set data.stretch = 0 for this data set")
     width = view.image.shape[1]
     centre = float(view.intrinsics[0, 2])
     # Source coordinate of each column's centre; a column i has its centre at i + 0.5.
@@ -92,15 +128,20 @@ def stretch(view: View, factor: float) -> View:
     nearest = np.floor(source).astype(np.intp)
     vacated = (nearest < 0) | (nearest >= width)
     nearest = np.clip(nearest, 0, width - 1)
+    grey = not vacated.any() or _has_grey_background(view)
+    before, after = (0, 0) if grey else _margins(float(source[0]), float(source[-1]), width)
+    picture = view.image if grey else _extend(view, (0, 0), (before, after))
+    source += before
     left = np.floor(source - 0.5).astype(np.intp)
     weight = np.rint((source - 0.5 - left) * 256).astype(np.uint16).repeat(3)
     # Gathering single bytes is several times faster than gathering triples.
-    flat = view.image.reshape(len(view.image), -1)
+    flat = picture.reshape(len(picture), -1)
     lower = _take_columns(flat, left, 3).astype(np.uint16)
     upper = _take_columns(flat, left + 1, 3).astype(np.uint16)
     image = ((lower * (256 - weight) + upper * weight + 128) >> 8).astype(np.uint8)
     image = image.reshape(view.image.shape)
-    image[:, vacated] = schema.BACKGROUND_GREY
+    if grey:
+        image[:, vacated] = schema.BACKGROUND_GREY
     depth = None
     if view.depth is not None:
         depth = np.where(vacated, np.float32(0), view.depth.take(nearest, axis=1))
@@ -121,7 +162,8 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
 
     The points stay; the camera's focal length is multiplied by `factor`, its principal point goes
     along. Colours are interpolated, mask and depth take the nearest pixel, vacated pixels become
-    background. Where part of the object would leave the image, the scale and the move are made
+    background: grey if the image's background is grey, else the picture continued, see `_extend`.
+    Where part of the object would leave the image, the scale and the move are made
     smaller until none does.
 
     Args:
@@ -149,18 +191,37 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     down, right = offsets
     inverse = (1 / factor, 0, -right / factor, 0, 1 / factor, -down / factor)
 
-    def resample(plane: np.ndarray, how: Image.Resampling, fill: Any) -> np.ndarray:
+    def resample(
+        plane: np.ndarray, how: Image.Resampling, fill: Any, moved: tuple[int, int] = (0, 0)
+    ) -> np.ndarray:
+        coefficients = (*inverse[:2], inverse[2] + moved[1], *inverse[3:5], inverse[5] + moved[0])
         picture = Image.fromarray(plane)
         return np.asarray(
-            picture.transform((width, height), Image.Transform.AFFINE, inverse, how, fillcolor=fill)
+            picture.transform(
+                (width, height), Image.Transform.AFFINE, coefficients, how, fillcolor=fill
+            )
         )
 
     nearest, grey = Image.Resampling.NEAREST, (schema.BACKGROUND_GREY,) * 3
+    # Source coordinates of the first and last pixels' centres, along rows and columns.
+    ends = [
+        ((0.5 - offset) / factor, (size - 0.5 - offset) / factor)
+        for (size, _, _), offset in zip(moves, offsets, strict=True)
+    ]
+    margins = [_margins(*end, size) for end, (size, _, _) in zip(ends, moves, strict=True)]
+    outside = any(
+        low < 0 or high > size for (low, high), (size, _, _) in zip(ends, moves, strict=True)
+    )
+    if outside and not _has_grey_background(view):
+        picture = _extend(view, margins[0], margins[1])
+        image = resample(picture, Image.Resampling.BILINEAR, grey, (margins[0][0], margins[1][0]))
+    else:
+        image = resample(view.image, Image.Resampling.BILINEAR, grey)
     intrinsics = view.intrinsics.copy()
     intrinsics[:2] *= np.float32(factor)
     intrinsics[:2, 2] += np.array([right, down], np.float32)
     return View(
-        image=resample(view.image, Image.Resampling.BILINEAR, grey),
+        image=image,
         mask=resample(view.mask.view(np.uint8), nearest, 0).astype(np.bool_),
         depth=None if view.depth is None else resample(view.depth, nearest, 0.0),
         points=view.points,
@@ -212,7 +273,8 @@ def augment(
       view: the sample.
       rng: source of the draws; the same draws are made whatever is switched on.
       flip_half: mirror with probability 1/2.
-      stretch_range: a; the factor is uniform in [1 - a, 1 + a].
+      stretch_range: a; the factor is uniform in [1 - a, 1 + a]. Where the camera is rolled or
+        skewed, there is no stretch, see `can_stretch`.
       jitter: strength of the colour jitter.
       zoom_range: a; the scale of a `recrop` is uniform in [1 - a, 1 + a].
       shift_range: its move is uniform within this share of the image's height and width.
@@ -221,7 +283,7 @@ def augment(
     zoom, move = rng.uniform(-1, 1), rng.uniform(-1, 1, 2)
     if flip_half and mirrored < 0.5:
         view = flip(view)
-    if stretch_range:
+    if stretch_range and can_stretch(view):
         view = stretch(view, factor)
     if zoom_range or shift_range:
         down, right = shift_range * move * view.mask.shape

@@ -1,7 +1,8 @@
 """Data sets on disk: sharded, random access, checksummed.
 
 A data set is a folder with a `manifest.json` (`data.manifest`) and shards
-`<split>-<number>.arrayrecord` (ArrayRecord files, one group per record) of records (`data.codec`).
+`<split>-<number>.arrayrecord` (ArrayRecord files, one group per record) of records (`data.codec`),
+with a tag after the number in sets that can grow.
 
 Writers write to a temporary name, fsync and rename, and write the manifest last: a folder whose
 manifest says `complete` is complete. ArrayRecord finds damaged blocks by its own hashes and raises

@@ -277,7 +277,9 @@ def measure(config: Config, params: Any, size: Size, known: Sequence[Truth]) -> 
     seen = 0
     for batch in batches:
         if random:
-            drawn = sampling.draws(config, model, params, batch, num_drawn, first=seen).points
+            drawn = sampling.predict_samples(
+                config, model, params, batch, num_drawn, first=seen
+            ).points
         else:
             drawn = predict(params, {key: batch[key] for key in keys})[:, None]
         some = drawn[:, :k]
@@ -568,7 +570,7 @@ def _draws_of(
     one = {key: batch[key][row : row + 1] for key in keys}
     model = point_out_net.build(config.model)
     if config.model.random_size:
-        found = sampling.draws(config, model, params, one, count, first=index).points[0]
+        found = sampling.predict_samples(config, model, params, one, count, first=index).points[0]
     else:
         found = step_lib.predict(config, model, params, one, None)
     return {key: value[0] for key, value in one.items()}, np.asarray(found)

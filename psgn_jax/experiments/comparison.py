@@ -59,7 +59,7 @@ from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
 from psgn_jax.training.log import read_metrics
 from psgn_jax.training.run_folder import load_config, open_run
-from psgn_jax.viewing.clouds import draw_cloud, turned
+from psgn_jax.viewing.clouds import render_cloud, turned
 
 POINTS = ("cd", "emd")
 HEADS: Mapping[str, tuple[str, ...]] = {
@@ -591,8 +591,8 @@ def side_by_side(cases: Sequence[Mapping[str, Any]]) -> Image.Image:
             (np.argwhere(v) + 0.5) * (GRID_EDGE / len(v)) + np.array(GRID_ORIGIN) for v in volumes
         ]
         for view in (case["extrinsics"], turned(case["extrinsics"], 90)):
-            panels.append(draw_cloud(cloud, inner, view, size))
-            panels += [draw_cloud(c, inner, view, size, radius=3) for c in centres]
+            panels.append(render_cloud(cloud, inner, view, size))
+            panels += [render_cloud(c, inner, view, size, radius=3) for c in centres]
         strips.append(np.concatenate(panels, axis=1))
     sheet = common.with_titles(strips, [*titles, *(f"{t}, side" for t in titles[1:])])
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=15)

@@ -26,7 +26,7 @@ from psgn_jax.config import Config, ConfigError
 from psgn_jax.experiments import common
 from psgn_jax.experiments.common import USUAL_DATA, Difference, find_data
 from psgn_jax.metrics.evaluation import Evaluation
-from psgn_jax.viewing.clouds import draw_cloud, turned
+from psgn_jax.viewing.clouds import render_cloud, turned
 
 INPUTS: Mapping[str, tuple[str, ...]] = {
     "rgb": ("rgb", "mask"),
@@ -228,7 +228,9 @@ def figure(cases: Mapping[str, Mapping[int, Mapping[str, np.ndarray]]]) -> Image
             for picture in (case["image"], depth_picture(case["depth"]))
         ]
         panels += [
-            draw_cloud(cloud, inner, view, size, colours=np.where(seen[:, None], _VISIBLE, _HIDDEN))
+            render_cloud(
+                cloud, inner, view, size, colours=np.where(seen[:, None], _VISIBLE, _HIDDEN)
+            )
             for view in (case["extrinsics"], turned(case["extrinsics"], 90))
             for cloud, seen in clouds
         ]

@@ -117,9 +117,9 @@ class Spread(NamedTuple):
 def spread(draws: Float[Array, "k n 3"]) -> Spread:
     """How far each output point moves between draws of one image.
 
-    Draws correspond by the index of the point: one network makes them all, and a small change of
-    its random input moves a point a little. Source: paper, section "Predicting Multiple Plausible
-    Shapes": certain points move little, along the direction of ambiguity they move more.
+    Draws correspond by the index of the point: one network makes them all, and a small
+    change of its random input moves a point a little. Source: paper, section "Predicting Multiple
+    Plausible Shapes": certain points move little, along the direction of ambiguity they move more.
     """
     variance = jnp.var(draws, axis=0)
     return Spread(jnp.sqrt(variance), jnp.sqrt(variance.sum(axis=-1)))

@@ -3,12 +3,12 @@
 The arrays may live on the host or be traced: everything is jax.numpy and runs inside jit.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax.numpy as jnp
 
-from psgn_jax.config import CHANNELS_OF
+from psgn_jax.config import CHANNELS_OF, Config
 from psgn_jax.types import Array, Bool, Float, UInt8
 
 # Background colour of the authors' files (github.com/fanhqme/PointSetGeneration).
@@ -18,7 +18,7 @@ BACKGROUND = 191 / 255
 DEFAULT_DISTANCE = 3.6
 
 
-def network_input(
+def stack_channels(
     image: UInt8[Array, "*b h w 3"],
     mask: Bool[Array, "*b h w"],
     depth: Float[Array, "*b h w"] | None,
@@ -73,7 +73,7 @@ def network_input(
 
 
 def _check(image: Any, mask: Any, depth: Any, channels: Sequence[str]) -> None:
-    """Raises ValueError for arguments of `network_input` that do not fit."""
+    """Raises ValueError for arguments of `stack_channels` that do not fit."""
     if not channels or len(set(channels)) < len(channels) or not set(channels) <= set(CHANNELS_OF):
         raise ValueError(
             f"channels={tuple(channels)!r}: accepted: any of {tuple(CHANNELS_OF)}, each once"
@@ -95,3 +95,15 @@ def _check(image: Any, mask: Any, depth: Any, channels: Sequence[str]) -> None:
                 f"depth has the shape {tuple(depth.shape)}: accepted: {tuple(mask.shape)}, "
                 "the shape of the mask"
             )
+
+
+def network_inputs(config: Config, batch: Mapping[str, Any]) -> Array:
+    """What a network sees of a batch, [B,H,W,C], or [B,V,H,W,C] of several views."""
+    camera = batch.get("extrinsics")
+    return stack_channels(
+        batch["image"],
+        batch["mask"],
+        batch.get("depth"),
+        channels=config.data.inputs,
+        distance=None if camera is None else camera[..., 2, 3],
+    )

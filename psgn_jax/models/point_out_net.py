@@ -280,7 +280,7 @@ class PointOutNet(nn.Module):
         """Predicts the clouds of a batch.
 
         Args:
-          x: from `inputs.network_input`.
+          x: from `inputs.stack_channels`.
           r: standard normal numbers, [b, random_size], or [b, draws, random_size] for several
             clouds of each image, at the cost of one encoder; None exactly if `random_size` is 0.
 

@@ -127,7 +127,7 @@ class Predictor:
         Raises:
           ValueError: what does not fit; `photo.PhotoError` if no object is found.
         """
-        r = self._draw(samples, seed)
+        r = self._sample_latents(samples, seed)
         clock = Clock()
         rgb, alpha = photo.as_rgb_and_alpha(image)
         found = "given"
@@ -169,7 +169,7 @@ class Predictor:
 
     def warm_up(self, samples: int = 1) -> None:
         """Compiles the network for so many samples, so that the first image need not wait."""
-        r = self._draw(samples, 0)
+        r = self._sample_latents(samples, 0)
         mask = np.zeros((1, *self.config.data.image_size), np.bool_)
         image = np.zeros((*mask.shape, 3), np.uint8)
         points = self._network(self._params, image, mask, None if r is None else r[None])
@@ -177,7 +177,7 @@ class Predictor:
             self._mutual(np.asarray(points).reshape(samples, -1, 3))
         jax.block_until_ready(points)
 
-    def _draw(self, samples: int, seed: int) -> np.ndarray | None:
+    def _sample_latents(self, samples: int, seed: int) -> np.ndarray | None:
         size = self.config.model.random_size
         if samples < 1 or (samples > 1 and not size):
             accepted = "1 or more" if size else "1, as this network has no random input"
@@ -187,7 +187,7 @@ class Predictor:
         if not -(2**31) <= seed < 2**31:
             raise ConfigError(f"seed={seed}: accepted: a whole number of 32 bits")
         # An image is the first sample of its own batch: its clouds do not depend on the others.
-        return np.asarray(sampling.draw_many(self.config, 0, 1, samples, seed))[0]
+        return np.asarray(sampling.sample_latents(self.config, 0, 1, samples, seed))[0]
 
 
 class Clock:

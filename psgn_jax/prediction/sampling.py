@@ -21,7 +21,7 @@ from psgn_jax.training.state import random_key
 from psgn_jax.types import Array, Float
 
 
-class Draws(NamedTuple):
+class PredictedSamples(NamedTuple):
     """K predictions of each image of a batch. Output point i is the same one in all draws.
 
     Attributes:
@@ -36,7 +36,7 @@ class Draws(NamedTuple):
 
 
 @functools.partial(jax.jit, static_argnums=(0, 2, 3))
-def draw_many(
+def sample_latents(
     config: Config, first: Array | int, batch_size: int, num_draws: int, seed: Array | int
 ) -> Float[Array, "b k size"]:
     """Random inputs of the samples numbered `first`, `first` + 1, ...
@@ -55,10 +55,10 @@ def draw_many(
 
 
 @functools.lru_cache(maxsize=8)
-def make_draws(
+def compile_predict_samples(
     config: Config, model: nn.Module, num_draws: int
-) -> Callable[[Any, step_lib.Batch, Any, Any], Draws]:
-    """Compiled `(params, batch, seed, first) -> Draws`, see `draws`.
+) -> Callable[[Any, step_lib.Batch, Any, Any], PredictedSamples]:
+    """Compiled `(params, batch, seed, first) -> PredictedSamples`, see `predict_samples`.
 
     Raises:
       ConfigError: the network has no random input.
@@ -72,23 +72,23 @@ def make_draws(
     if num_draws < 1:
         raise ValueError(f"num_draws: got {num_draws}, expected 1 or more")
 
-    def of_batch(params: Any, batch: step_lib.Batch, seed: Array, first: Array) -> Draws:
-        r = draw_many(config, first, len(batch["image"]), num_draws, seed)
+    def of_batch(params: Any, batch: step_lib.Batch, seed: Array, first: Array) -> PredictedSamples:
+        r = sample_latents(config, first, len(batch["image"]), num_draws, seed)
         points = step_lib.predict(config, model, params, batch, r)
         mutual = jax.lax.map(lambda d: sample_metrics.mutual_distances(d, chamfer_sq_mean), points)
         by_axis = jax.vmap(lambda d: sample_metrics.spread(d).by_axis)(points)
-        return Draws(points, by_axis, mutual)
+        return PredictedSamples(points, by_axis, mutual)
 
     compiled = jax.jit(of_batch)
     keys = [key for key in step_lib.input_keys(config) if key != "points"]
 
-    def run(params: Any, batch: step_lib.Batch, seed: Any, first: Any) -> Draws:
+    def run(params: Any, batch: step_lib.Batch, seed: Any, first: Any) -> PredictedSamples:
         return compiled(params, {k: batch[k] for k in keys}, np.int32(seed), np.int32(first))
 
     return run
 
 
-def draws(
+def predict_samples(
     config: Config,
     model: nn.Module,
     params: Any,
@@ -97,12 +97,12 @@ def draws(
     seed: int = 0,
     *,
     first: int = 0,
-) -> Draws:
+) -> PredictedSamples:
     """Several predictions for each image of a batch, at the cost of one encoder.
 
     Args:
       config: the run's configuration.
-      model: from `registry.build_model`.
+      model: from `point_out_net.build`.
       params: parameters of the network.
       batch: image uint8 [B,H,W,3], mask bool [B,H,W], and depth if it is among the inputs.
       num_draws: K.
@@ -114,4 +114,4 @@ def draws(
       ConfigError: the network has no random input.
       ValueError: `num_draws` is not positive.
     """
-    return make_draws(config, model, num_draws)(params, batch, seed, first)
+    return compile_predict_samples(config, model, num_draws)(params, batch, seed, first)

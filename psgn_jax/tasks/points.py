@@ -25,7 +25,7 @@ from psgn_jax.training import evaluation
 from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
 from psgn_jax.types import Array
-from psgn_jax.viewing.clouds import draw_cases
+from psgn_jax.viewing.clouds import render_cases
 
 
 class Points:
@@ -97,7 +97,7 @@ class Points:
         batch = next(iter(batches))
         points, _ = self._eval_step(params, batch, 0)
         shown = np.flatnonzero(batch["valid"])[: config.train.num_images]
-        return draw_cases(batch, np.asarray(points), shown.tolist())
+        return render_cases(batch, np.asarray(points), shown.tolist())
 
 
 def make_eval_step(config: Config, model: Any) -> Callable[..., Any]:
@@ -128,13 +128,13 @@ def with_draws(
 
     Added to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, of the EMD
     where `eval.emd_tolerance` asks for it, and `total_mutual_difference_radius2`, see
-    `metrics.samples`. The draws are those of `prediction.sampling.draws` with the configuration's
-    seed.
+    `metrics.samples`. The draws are those of `prediction.sampling.predict_samples` with the
+    configuration's seed.
 
     Raises:
       ConfigError: the network has no random input.
     """
-    sample = sampling.make_draws(config, model, num_draws)
+    sample = sampling.compile_predict_samples(config, model, num_draws)
 
     @jax.jit
     def measure(points: Any, gt: Any, mutual: Any) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from psgn_jax.config import Config
 from psgn_jax.losses.iou import iou_sweep
 from psgn_jax.models import r2n2
+from psgn_jax.models.inputs import network_inputs
 from psgn_jax.models.layers import DTYPES
 from psgn_jax.tasks.voxels import VoxelTask, apply
 from psgn_jax.training import step as step_lib
@@ -42,14 +43,14 @@ class Views(VoxelTask):
         model = self._config.model
         return self._model.init(key, jnp.zeros((1, 1, *model.image_size, model.in_channels)))
 
-    def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any) -> Array:
-        logits = apply(self._model, params, step_lib.images(self._config, batch))
+    def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any) -> Array:
+        logits = apply(self._model, params, network_inputs(self._config, batch))
         return jax.vmap(r2n2.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
 
     def _measure(
-        self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any
+        self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
     ) -> tuple[Array, dict[str, Array]]:
-        seen, metrics, volumes = step_lib.images(self._config, batch), {}, []
+        seen, metrics, volumes = network_inputs(self._config, batch), {}, []
         for count, name in self._names.items():
             logits = apply(self._model, params, seen[:, :count])
             volumes.append(r2n2.occupancy(logits))

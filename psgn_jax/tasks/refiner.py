@@ -19,6 +19,7 @@ from psgn_jax.config import Config, ConfigError, to_dict, to_json
 from psgn_jax.files import write_atomic
 from psgn_jax.losses.iou import iou_sweep, soft_iou_loss
 from psgn_jax.models import point_out_net, voxel_refiner
+from psgn_jax.models.inputs import network_inputs
 from psgn_jax.models.layers import DTYPES
 from psgn_jax.tasks.voxels import GRID, VoxelTask, apply
 from psgn_jax.training import state as state_lib
@@ -108,9 +109,11 @@ class Refine(VoxelTask):
         for name, source in self._sources.items():
             keep_source(self._workdir, name, source)
 
-    def _draw(self, index: Array | int, batch_size: int) -> dict[str, Array | None]:
+    def _sample_latents(self, index: Array | int, batch_size: int) -> dict[str, Array | None]:
         return {
-            name: step_lib.draw_r(self._sources[name].config, index, batch_size, train=False)
+            name: step_lib.sample_step_latents(
+                self._sources[name].config, index, batch_size, train=False
+            )
             for name in self._clouds
         }
 
@@ -119,30 +122,30 @@ class Refine(VoxelTask):
         return self._model.init(key, jnp.zeros((1, *GRID, len(self._clouds))), volumes)
 
     def _predict(
-        self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any
+        self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
     ) -> tuple[Array, Array]:
         """Probabilities [B,x,y,z], and the splats [B,x,y,z,clouds] that they come from."""
         clouds = [
             step_lib.predict(
-                self._sources[name].config, self._networks[name], frozen[name], batch, drawn[name]
+                self._sources[name].config, self._networks[name], frozen[name], batch, latents[name]
             )
             for name in self._clouds
         ]
         splats = jax.vmap(lambda *one: voxel_refiner.splat_clouds(one))(*clouds)
         volumes = None
         if self._with_volume:
-            seen = step_lib.images(self._config, batch)
+            seen = network_inputs(self._config, batch)
             volumes = apply(self._volume_net, frozen["from_volume"], seen)
         return apply(self._model, params, splats, volumes), splats
 
-    def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any) -> Array:
-        pred, _ = self._predict(params, frozen, batch, drawn)
+    def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any) -> Array:
+        pred, _ = self._predict(params, frozen, batch, latents)
         return jax.vmap(soft_iou_loss)(pred, batch["occupancy"].astype(pred.dtype)).mean()
 
     def _measure(
-        self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any
+        self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
     ) -> tuple[Array, dict[str, Array]]:
-        pred, splats = self._predict(params, frozen, batch, drawn)
+        pred, splats = self._predict(params, frozen, batch, latents)
         metrics = {"iou": jax.vmap(iou_sweep)(pred, batch["occupancy"])}
         for channel, name in enumerate(self._clouds):
             sweep = jax.vmap(iou_sweep)(splats[..., channel], batch["occupancy"])

@@ -54,16 +54,16 @@ class VoxelTask:
     def _init(self, key: Array) -> Any:
         raise NotImplementedError
 
-    def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any) -> Array:
+    def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any) -> Array:
         raise NotImplementedError
 
     def _measure(
-        self, params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any
+        self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
     ) -> tuple[Array, dict[str, Array]]:
         """Predictions, and metrics [B]; or [B, thresholds], of which one is to be chosen."""
         raise NotImplementedError
 
-    def _draw(self, index: Array | int, batch_size: int) -> Any:
+    def _sample_latents(self, index: Array | int, batch_size: int) -> Any:
         return None
 
     # What a run does with it.
@@ -87,23 +87,23 @@ class VoxelTask:
         """`training.step.compile_train_step` of the task's loss."""
 
         def objective(
-            params: Any, frozen: Any, batch: step_lib.Batch, drawn: Any, _: Any
+            params: Any, frozen: Any, batch: step_lib.Batch, latents: Any, _: Any
         ) -> tuple[Array, dict[str, Array]]:
-            value = self._loss(params, frozen, batch, drawn)
+            value = self._loss(params, frozen, batch, latents)
             return value, {"loss_step": value}
 
-        def draw(step: Array) -> tuple[Any, None]:
-            return self._draw(step, self._config.train.batch_size), None
+        def sample_latents(step: Array) -> tuple[Any, None]:
+            return self._sample_latents(step, self._config.train.batch_size), None
 
         return step_lib.compile_train_step(
-            self._config, objective, tx, mesh, frozen=self._frozen, draw=draw
+            self._config, objective, tx, mesh, frozen=self._frozen, sample_latents=sample_latents
         )
 
     @functools.cached_property
     def _eval_step(self) -> Callable[..., Any]:
         def make(mesh: Mesh) -> Callable[..., Any]:
             return step_lib.compile_eval_step(
-                self._measure, mesh, frozen=self._frozen, draw=self._draw
+                self._measure, mesh, frozen=self._frozen, sample_latents=self._sample_latents
             )
 
         return evaluation.over_devices(self._config, self.keys, make)
@@ -129,7 +129,7 @@ class VoxelTask:
         return at_thresholds(measured, chosen or {}, best=self.metric)
 
     def picture(self, params: Any) -> None:
-        """None is drawn."""
+        """None is latents."""
 
 
 def at_thresholds(

@@ -2,7 +2,7 @@
 
 The batch is split over the mesh's one axis, `data`; the state is replicated. Each device runs the
 plain single-device computation on its share (`jax.shard_map`) and the gradients are averaged: the
-loops inside the losses and convolutions are never partitioned behind our back.
+loops inside the losses and convolutions are never partitioned by XLA.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,7 +20,7 @@ from psgn_jax.config import Config, ConfigError
 from psgn_jax.losses.distances import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import posterior
-from psgn_jax.models.inputs import network_input
+from psgn_jax.models.inputs import network_inputs
 from psgn_jax.training.state import TrainState, random_key, schedule
 from psgn_jax.types import Array
 
@@ -75,24 +75,12 @@ def l2_authors(params: Any) -> Array:
     return total
 
 
-def images(config: Config, batch: Batch) -> Array:
-    """What a network sees of a batch, [B,H,W,C], or [B,V,H,W,C] of several views."""
-    camera = batch.get("extrinsics")
-    return network_input(
-        batch["image"],
-        batch["mask"],
-        batch.get("depth"),
-        channels=config.data.inputs,
-        distance=None if camera is None else camera[..., 2, 3],
-    )
-
-
 def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Array | None) -> Array:
     """Points [B,N,3] of a batch's images; [B,draws,N,3] if r is [B,draws,random_size]."""
-    return cast(Array, model.apply({"params": params}, images(config, batch), r))
+    return cast(Array, model.apply({"params": params}, network_inputs(config, batch), r))
 
 
-def best_draw(
+def min_of_n_loss(
     config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, r: Array
 ) -> tuple[Array, MinOfN]:
     """Mean over a batch of the MoN over draws of r [B,draws,k], with the winners' gradient alone.
@@ -140,8 +128,8 @@ def make_train_step(
     """
     encoder = posterior.build(config.model) if config.model.posterior else None
 
-    def draw(step: Array) -> tuple[Array | None, Array]:
-        r = draw_r(config, step, config.train.batch_size, train=True)
+    def sample_latents(step: Array) -> tuple[Array | None, Array]:
+        r = sample_step_latents(config, step, config.train.batch_size, train=True)
         return r, kl_weight_at(config, step)
 
     def objective(
@@ -157,7 +145,7 @@ def make_train_step(
             metrics["kl"] = jnp.sum(metrics["kl_of_dims"])
             extra += kl_weight * metrics["kl"]
         if config.loss.min_of_n > 1 and r is not None:
-            value, best = best_draw(config, model, loss, params, batch, r)
+            value, best = min_of_n_loss(config, model, loss, params, batch, r)
             metrics["loss_of_draws"] = jnp.mean(best.distances)
         else:
             pred = predict(config, model, params, batch, r)
@@ -168,7 +156,7 @@ def make_train_step(
             extra += metrics["l2"]
         return value + extra, metrics
 
-    def more(metrics: dict[str, Array], kl_weight: Array) -> dict[str, Array]:
+    def extra_metrics(metrics: dict[str, Array], kl_weight: Array) -> dict[str, Array]:
         if encoder is None:
             return {}
         by_dim = metrics["kl_of_dims"]
@@ -180,7 +168,9 @@ def make_train_step(
             "active_dims": jnp.sum(by_dim > posterior.ACTIVE),
         }
 
-    return compile_train_step(config, objective, tx, mesh, draw=draw, more=more)
+    return compile_train_step(
+        config, objective, tx, mesh, sample_latents=sample_latents, extra_metrics=extra_metrics
+    )
 
 
 def _nothing(step: Array) -> tuple[None, None]:
@@ -194,21 +184,21 @@ def compile_train_step(
     mesh: Mesh,
     *,
     frozen: Any = (),
-    draw: Callable[[Array], tuple[Any, Any]] = _nothing,
-    more: Callable[[dict[str, Array], Any], dict[str, Array]] = lambda metrics, shared: {},
+    sample_latents: Callable[[Array], tuple[Any, Any]] = _nothing,
+    extra_metrics: Callable[[dict[str, Array], Any], dict[str, Array]] = lambda metrics, _: {},
 ) -> Callable[[TrainState, Batch], tuple[TrainState, dict[str, Array]]]:
     """Compiled `(state, batch) -> (state, metrics)` of any objective; the state is donated.
 
     Args:
       config: of the run; `optim` and `train` are read here.
-      objective: (params, frozen, batch, split, shared) -> what is minimised on one device's share
-        of the batch, and metrics, of which `loss_step` is its main part.
+      objective: (params, frozen, batch, latents, replicated_inputs) -> what is minimised on one
+        device's share of the batch, and metrics, of which `loss_step` is its main part.
       tx: the optimiser.
       mesh: of devices.
       frozen: arrays that the objective reads and nobody changes, such as other networks.
-      draw: step -> (split, shared), random input of the objective: arrays with a row for each of
-        the batch, and others.
-      more: (metrics, shared) -> metrics to add.
+      sample_latents: step -> (latents, replicated_inputs), random input of the objective: arrays
+        with a row for each of the batch, and others.
+      extra_metrics: (metrics, replicated_inputs) -> metrics to add.
 
     The metrics are the objective's, means over the devices, and those that `make_train_step` names
     without regard to the network.
@@ -217,9 +207,11 @@ def compile_train_step(
     replicated, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
     frozen = jax.device_put(frozen, replicated)
 
-    def gradients(params: Any, frozen: Any, batch: Batch, drawn: Any, shared: Any) -> Any:
+    def gradients(
+        params: Any, frozen: Any, batch: Batch, latents: Any, replicated_inputs: Any
+    ) -> Any:
         (total, metrics), grads = jax.value_and_grad(objective, has_aux=True)(
-            params, frozen, batch, drawn, shared
+            params, frozen, batch, latents, replicated_inputs
         )
         return jax.lax.pmean((total, metrics, grads), "data")
 
@@ -234,8 +226,10 @@ def compile_train_step(
     def train_step(
         state: TrainState, frozen: Any, batch: Batch
     ) -> tuple[TrainState, dict[str, Array]]:
-        drawn, shared = draw(state.step)
-        total, metrics, grads = sharded_gradients(state.params, frozen, batch, drawn, shared)
+        latents, replicated_inputs = sample_latents(state.step)
+        total, metrics, grads = sharded_gradients(
+            state.params, frozen, batch, latents, replicated_inputs
+        )
         grad_norm = optax.tree.norm(grads)
         updates, opt_state = tx.update(grads, state.opt_state, state.params)
         params = optax.apply_updates(state.params, updates)
@@ -259,7 +253,7 @@ def compile_train_step(
             bad_step=jnp.where(first_bad, state.step + 1, state.bad_step),
             bad_metric=jnp.where(first_bad, jnp.argmax(bad).astype(jnp.int32), state.bad_metric),
         )
-        metrics |= more(metrics, shared)
+        metrics |= extra_metrics(metrics, replicated_inputs)
         metrics |= {
             "loss": loss_sum / loss_count,
             "grad_norm": grad_norm,
@@ -292,10 +286,10 @@ def make_eval_step(
         visible = [batch["visible"]] if "visible" in batch else []
         return pred, map_pairs(metrics)(pred, batch["points"], *visible)
 
-    def draw(index: Array, batch_size: int) -> Array | None:
-        return draw_r(config, index, batch_size, train=False)
+    def sample_latents(index: Array, batch_size: int) -> Array | None:
+        return sample_step_latents(config, index, batch_size, train=False)
 
-    return compile_eval_step(measure, mesh, draw=draw)
+    return compile_eval_step(measure, mesh, sample_latents=sample_latents)
 
 
 def compile_eval_step(
@@ -303,15 +297,16 @@ def compile_eval_step(
     mesh: Mesh,
     *,
     frozen: Any = (),
-    draw: Callable[[Array, int], Any] = lambda index, batch_size: None,
+    sample_latents: Callable[[Array, int], Any] = lambda index, batch_size: None,
 ) -> Callable[[Any, Batch, Any], tuple[Array, dict[str, Array]]]:
     """Compiled `(params, batch, index) -> (predictions, metrics)`, a row of each for a sample.
 
     Args:
-      measure: (params, frozen, batch, drawn) -> the same for one device's share of the batch.
+      measure: (params, frozen, batch, latents) -> the same for one device's share of the batch.
       mesh: of devices.
       frozen: arrays that it reads besides.
-      draw: (index of the batch, its size) -> random input, with a row for each of the batch.
+      sample_latents: (index of the batch, its size) -> random input, with a row for each of the
+      batch.
     """
     sharded = jax.shard_map(
         measure,
@@ -323,7 +318,7 @@ def compile_eval_step(
     frozen = jax.device_put(frozen, NamedSharding(mesh, P()))
 
     def eval_step(params: Any, frozen: Any, batch: Batch, index: Array) -> Any:
-        return sharded(params, frozen, batch, draw(index, len(batch["image"])))
+        return sharded(params, frozen, batch, sample_latents(index, len(batch["image"])))
 
     compiled = jax.jit(eval_step)
     return lambda params, batch, index: cast(
@@ -338,7 +333,9 @@ def kl_weight_at(config: Config, step: Array | int) -> Array:
     return jnp.asarray(config.loss.kl_weight * share, jnp.float32)
 
 
-def draw_r(config: Config, step: Array | int, batch_size: int, *, train: bool) -> Array | None:
+def sample_step_latents(
+    config: Config, step: Array | int, batch_size: int, *, train: bool
+) -> Array | None:
     """Random input r ~ N(0, I) [B, random_size] (paper, section 3.3), or None without one.
 
     For training with `loss.min_of_n` > 1 it is [B, min_of_n, random_size].

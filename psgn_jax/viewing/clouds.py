@@ -20,7 +20,7 @@ _COLOURS = np.array(
 _PANEL_HEIGHT = 192
 
 
-def draw_cloud(
+def render_cloud(
     points: np.ndarray,
     intrinsics: np.ndarray,
     extrinsics: np.ndarray,
@@ -85,7 +85,7 @@ def turned(extrinsics: np.ndarray, degrees: float) -> np.ndarray:
     return np.concatenate([extrinsics[:, :3] @ turn, extrinsics[:, 3:]], axis=1)
 
 
-def draw_case(
+def render_case(
     image: np.ndarray,
     pred: np.ndarray,
     gt: np.ndarray,
@@ -109,14 +109,16 @@ def draw_case(
     # A truth of many more points would look denser than the prediction for no merit of its own.
     gt = gt[:: max(1, len(gt) // max(1, len(pred)))]
     clouds = [
-        draw_cloud(cloud, camera, view, size) for view in (extrinsics, side) for cloud in (pred, gt)
+        render_cloud(cloud, camera, view, size)
+        for view in (extrinsics, side)
+        for cloud in (pred, gt)
     ]
     return np.concatenate([enlarged, *clouds], axis=1)
 
 
-def draw_cases(batch: Mapping[str, Any], pred: np.ndarray, indices: Sequence[int]) -> np.ndarray:
+def render_cases(batch: Mapping[str, Any], pred: np.ndarray, indices: Sequence[int]) -> np.ndarray:
     """Pictures of several samples of a batch, one below the other."""
     keys = ("points", "intrinsics", "extrinsics")
     return np.concatenate(
-        [draw_case(batch["image"][i], pred[i], *(batch[k][i] for k in keys)) for i in indices]
+        [render_case(batch["image"][i], pred[i], *(batch[k][i] for k in keys)) for i in indices]
     )

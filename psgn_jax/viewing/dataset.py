@@ -12,7 +12,7 @@ from psgn_jax.data.codec import field_sizes
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import FORMAT, VERSION, load_manifest
 from psgn_jax.data.schema import RecordError
-from psgn_jax.viewing.clouds import draw_cloud, turned
+from psgn_jax.viewing.clouds import render_cloud, turned
 
 # Below this share of points within 2 pixels of the mask a sample is flagged: its image does not
 # show all of its surface, or its camera is wrong. Of the authors' samples 2.5 % are.
@@ -86,8 +86,8 @@ def contact_sheet(
         left, top = number % columns * 3 * (width + 4), number // columns * (height + 16)
         # Images of other sizes are brought to that of the first.
         intrinsics = camera.scale_intrinsics(sample.intrinsics, sample.image.shape[:2], size)
-        front = draw_cloud(sample.points, intrinsics, sample.extrinsics, size)
-        side = draw_cloud(sample.points, intrinsics, turned(sample.extrinsics, 120), size)
+        front = render_cloud(sample.points, intrinsics, sample.extrinsics, size)
+        side = render_cloud(sample.points, intrinsics, turned(sample.extrinsics, 120), size)
         image = Image.fromarray(sample.image).resize((width, height), Image.Resampling.BOX)
         mask = np.asarray(
             Image.fromarray(sample.mask.view(np.uint8)).resize((width, height), 0), np.bool_

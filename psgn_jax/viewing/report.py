@@ -190,7 +190,7 @@ def _sheet_case(
 
 def _thumbs(sample: Sample, clouds: Sequence[np.ndarray]) -> list[str]:
     """Data URIs of the image and of each cloud, small."""
-    drawn = spheres.draw_case(
+    drawn = spheres.render_spheres(
         spheres.Case(
             "",
             sample.image,

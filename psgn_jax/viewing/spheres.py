@@ -130,7 +130,7 @@ def render(
     return np.asarray(full.reduce(_OVERSAMPLING))
 
 
-def draw_case(case: Case, height: int = 192, turns: Sequence[float] = (0, 75)) -> np.ndarray:
+def render_spheres(case: Case, height: int = 192, turns: Sequence[float] = (0, 75)) -> np.ndarray:
     """The image, then each cloud from the image's camera and turned by `turns` degrees."""
     scale = height / case.image.shape[0]
     size = (height, round(case.image.shape[1] * scale))
@@ -158,7 +158,7 @@ def sheet(
     """
     if not cases:
         raise ValueError("cases is empty: accepted: at least one case")
-    drawn = [draw_case(case, height, turns) for case in cases]
+    drawn = [render_spheres(case, height, turns) for case in cases]
     wide = max(picture.shape[1] for picture in drawn)
     margin, head = 12, 16
     lines = -(-len(drawn) // columns)

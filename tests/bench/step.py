@@ -248,8 +248,8 @@ def compare_layers(network: dict[str, Any], batch: int) -> None:
 def compare_draws(network: dict[str, Any], batch: int) -> None:
     """Prints, for each network, the cost of a step with Min-of-N over that of the plain step.
 
-    "all": every draw goes forward and backward; "winners": `training.step.best_draw`. The loss is
-    the CD of 1,024 and 4,096 points. Competitors take turns in one process.
+    "all": every draw goes forward and backward; "winners": `training.step.min_of_n_loss`. The loss
+    is the CD of 1,024 and 4,096 points. Competitors take turns in one process.
     """
     import jax
     import jax.numpy as jnp
@@ -287,7 +287,7 @@ def compare_draws(network: dict[str, Any], batch: int) -> None:
             return jnp.mean(best.value)
 
         def winners(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
-            return step.best_draw(c, m, chamfer_sq_mean, p, b, r)[0]
+            return step.min_of_n_loss(c, m, chamfer_sq_mean, p, b, r)[0]
 
         cases = [("plain", plain, 1)]
         cases += [(f"Mo{n}, {how}", f, n) for n in (2, 8) for how, f in

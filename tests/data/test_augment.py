@@ -2,6 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy.ndimage
 from helpers import drawn_solids as solids
 
 from psgn_jax.data import augment, camera, schema
@@ -113,10 +114,79 @@ def test_vacated_columns_are_background():
 
 def test_stretch_refuses_what_it_cannot_do():
     view = view_of("box")
-    with pytest.raises(ValueError, match=r"must be y; set data\.stretch = 0"):
+    with pytest.raises(ValueError, match=r"the camera is rolled or skewed"):
         augment.stretch(rolled(view), 1.1)
     with pytest.raises(ValueError, match="stretch factor: got -1"):
         augment.stretch(view, -1)
+
+
+def test_samples_of_rolled_cameras_are_not_stretched():
+    view = rolled(view_of("box"))
+    same = augment.augment(view, np.random.default_rng(0), stretch_range=0.3)
+    assert same is view
+    # All other changes are made, with the draws that they have without a stretch.
+    others = {"flip_half": True, "jitter": 0.3, "zoom_range": 0.1, "shift_range": 0.1}
+    for seed in range(4):
+        one = augment.augment(view, np.random.default_rng(seed), stretch_range=0.3, **others)
+        two = augment.augment(view, np.random.default_rng(seed), **others)
+        np.testing.assert_array_equal(one.image, two.image)
+        schema.check_camera(one.intrinsics, one.extrinsics)
+
+
+def with_picture(view):
+    """The view before a background that brightens to the right, without any grey."""
+    ramp = np.broadcast_to(np.linspace(20, 120, view.mask.shape[1]), view.mask.shape)
+    image = np.where(view.mask[..., None], 250, ramp[..., None]).astype(np.uint8)
+    return dataclasses.replace(view, image=np.repeat(image[..., :1], 3, axis=-1))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda view: augment.recrop(view, 0.8, (0, 0)),
+        lambda view: augment.recrop(view, 1.0, (9, -14)),
+        lambda view: augment.recrop(view, 0.95, (-6, 11.5)),
+        lambda view: augment.stretch(view, 0.75),
+    ],
+)
+def test_pictures_behind_the_object_are_continued(change):
+    view = with_picture(view_of("ellipsoid"))
+    changed = change(view)
+    assert_no_grey_and_no_object_behind(changed)
+    row = changed.image[2, :, 0].astype(int)
+    assert np.abs(np.diff(row)).max() <= 3  # no edge where the picture ends
+    np.testing.assert_array_equal(
+        changed.mask, change(dataclasses.replace(view, image=view.image * 0 + 191)).mask
+    )
+
+
+def assert_no_grey_and_no_object_behind(view):
+    # Two pixels at the silhouette are blended with the object by the interpolation.
+    behind = view.image[..., 0][~scipy.ndimage.binary_dilation(view.mask, iterations=2)]
+    assert behind.min() >= 20
+    assert behind.max() <= 120
+
+
+def test_a_continued_picture_does_not_show_the_object_again():
+    view = with_picture(view_of("box"))
+    _, columns = np.nonzero(view.mask)
+    # The object stands at the image's right edge; what is beyond it would mirror it.
+    shift = view.mask.shape[1] - 1 - columns.max()
+    moved = augment.recrop(view, 1.0, (0, shift - 2))
+    again = augment.recrop(moved, 0.7, (0, -20))
+    assert_no_grey_and_no_object_behind(again)
+
+
+def test_a_grey_background_stays_grey_where_the_object_touches_the_edge():
+    view = view_of("box")
+    mask = view.mask.copy()
+    mask[:, -3:] = True
+    image = np.where(mask[..., None], np.uint8(40), np.uint8(schema.BACKGROUND_GREY))
+    view = dataclasses.replace(view, mask=mask, image=np.repeat(image, 3, axis=-1))
+    for changed in (augment.recrop(view, 0.8, (0, 0)), augment.stretch(view, 0.8)):
+        outside = changed.image[~changed.mask]
+        assert (outside[-5:] == schema.BACKGROUND_GREY).all()
+        assert (changed.image[:, -3:] == schema.BACKGROUND_GREY).all()
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.0, 1.03])

@@ -308,3 +308,28 @@ def test_several_folders_are_joined(cfg, dataset, tmp_path, make, rng):
     assert [batch["points"].shape for batch in take(8, joined)] == [(6, 100, 3)] * 8
     with pytest.raises(RecordError, match=r"none of the data sets .* has a split 'test'"):
         loader.num_samples(joined, "test")
+
+
+def test_rolled_cameras_are_trained_on_with_a_stretch(cfg, dataset, tmp_path):
+    """All other samples are stretched as ever; those of rolled cameras keep their points' width."""
+    samples = list(RecordReader(dataset, "train"))
+    turn = np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]], np.float32)
+    mixed = [
+        dataclasses.replace(s, extrinsics=turn @ s.extrinsics) if k % 2 else s
+        for k, s in enumerate(samples)
+    ]
+    write_dataset(tmp_path / "rolled", {"train": mixed}, source="rolled")
+    cfg = dataclasses.replace(cfg, path=str(tmp_path / "rolled"), flip=False, stretch=0.5)
+    plain = dataclasses.replace(cfg, stretch=0.0)
+    rolled = stretched = 0
+    for one, two in zip(take(4, cfg), take(4, plain), strict=True):
+        for row in range(6):
+            same = np.array_equal(one["points"][row], two["points"][row])
+            if abs(one["extrinsics"][row, 0, 0]) > 0.01:
+                rolled += 1
+                assert same
+                np.testing.assert_array_equal(one["extrinsics"][row], two["extrinsics"][row])
+            else:
+                stretched += not same
+    assert rolled > 5
+    assert stretched > 5

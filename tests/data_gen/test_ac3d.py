@@ -216,3 +216,41 @@ def test_without_assimp_the_catalogue_says_what_to_install(tmp_path, monkeypatch
     monkeypatch.setattr(ac3d, "find_assimp", lambda: "")
     with pytest.raises(ValueError, match=r"psgn-jax\[render\]"):
         catalogues.open("ac3d", tmp_path)
+
+
+def flat(size=1.0, tilt=0.3):
+    """A square that leans."""
+    points = [(x * size, y * size, tilt * y * size) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    return obj(points=points, faces=[(0, 1, 2, 3)])
+
+
+@needs_assimp
+def test_non_objects_are_refused_with_a_reason(tmp_path):
+    for folder in ("Weather", "Models/Effects", "Aircraft"):
+        (tmp_path / folder).mkdir(parents=True)
+    write(tmp_path / "Weather" / "cloud.ac", cube())
+    write(tmp_path / "Models" / "Effects" / "taxilamp.ac", cube())
+    write(tmp_path / "Aircraft" / "billboard.ac", flat())
+    write(tmp_path / "Aircraft" / "RedLight10.ac", cube())
+    write(tmp_path / "Aircraft" / "strobe-2.ac", cube())
+    write(tmp_path / "Aircraft" / "lighthouse.ac", cube())
+    write(tmp_path / "Aircraft" / "street-light.ac", *[cube() for _ in range(9)])
+    catalogue = catalogues.open("ac3d", tmp_path)
+    reasons = {}
+    for entry in catalogue.entries():
+        try:
+            entry.load()
+            reasons[entry.model_id.removeprefix("Aircraft/")] = ""
+        except UnusableModelError as error:
+            reasons[entry.model_id.removeprefix("Aircraft/")] = str(error)
+    assert reasons == {
+        "RedLight10.ac": "no object: a light or smoke, by its name ('light') and its 12 faces",
+        "billboard.ac": "no object: it is flat, a billboard or a decal",
+        "lighthouse.ac": "",
+        "strobe-2.ac": "no object: a light or smoke, by its name ('strobe') and its 12 faces",
+        "street-light.ac": "",
+    }
+    everything = catalogues.open("ac3d", tmp_path, leave_out=(), objects_only=False)
+    assert len(everything) == 7
+    for entry in everything.entries():
+        assert entry.load().model_id == entry.model_id

@@ -328,6 +328,38 @@ def test_options_from_texts():
             parse("folder", [wrong])
 
 
+def test_options_that_are_given_twice_or_have_no_effect_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="up is given twice"):
+        catalogues.parse_options("folder", ["up=+z", "up=+y"])
+    assert catalogues.parse_options("ac3d", ["leave_out=", "objects_only=False"]) == {
+        "leave_out": (), "objects_only": False,
+    }  # fmt: skip
+    with pytest.raises(ValueError, match="expected bool"):
+        catalogues.parse_options("ac3d", ["objects_only=maybe"])
+    shapenet_tree(tmp_path, "model.obj", count=1)
+    with pytest.raises(ValueError, match=r"validation: got 0\.1, which has no effect"):
+        catalogues.open("shapenet", tmp_path, split="hash", validation=0.1)
+    with pytest.raises(ValueError, match=r"fractions: .* no effect with split 'r2n2'"):
+        catalogues.open("shapenet", tmp_path, fractions=(0.5, 0.5, 0.0))
+
+
+def test_files_of_other_catalogues_are_pointed_to(tmp_path):
+    (tmp_path / "ferry.ac").write_text("AC3Db")
+    with pytest.raises(ValueError, match=r"no mesh in it.*; --catalogue=ac3d reads \.ac files"):
+        catalogues.open("folder", tmp_path)
+
+
+def test_folders_can_be_left_out(tmp_path):
+    for name in ("Weather/a.obj", "Boats/Weather/b.obj", "Boats/weather-station.obj"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(BOX)
+    some = catalogues.open("folder", tmp_path, leave_out=("Weather", "Astro"))
+    assert [entry.model_id for entry in some.entries()] == ["Boats/weather-station.obj"]
+    assert len(catalogues.open("folder", tmp_path)) == 3
+    with pytest.raises(ValueError, match="all of its 3 meshes are in folders that are left out"):
+        catalogues.open("folder", tmp_path, leave_out=("Weather", "Boats"))
+
+
 def test_a_broken_library_is_left_out(tmp_path):
     (tmp_path / "broken.sh3f").write_bytes(b"PK\3\4 and no more")
     with pytest.raises(ValueError, match="cannot be read"):

@@ -19,6 +19,8 @@ pytestmark = pytest.mark.skipif(not worker.has_mitsuba(), reason="Mitsuba is not
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
+CONFIG = ROOT / "data_gen" / "config.py"
+
 SMALL = {
     "views": 1,
     "num_points": 600,
@@ -384,18 +386,71 @@ def test_choice_of_the_variant(monkeypatch, tmp_path):
         worker.choose_variant("llvm")
 
 
+# Runs the command once for each list of arguments; the imports are made once.
+COMMANDS = """
+import json, os, sys
+from absl import app
+from data_gen import render
+for number, arguments in enumerate(json.loads(sys.argv[1])):
+    if os.fork() == 0:
+        os.dup2(os.open(f"{number}.err", os.O_WRONLY | os.O_CREAT), 2)
+        sys.argv[:] = ["render.py", *arguments]
+        app.run(render.main, flags_parser=render._parse_flags)
+    code = os.waitstatus_to_exitcode(os.wait()[1])
+    print(json.dumps([code, open(f"{number}.err").read()]))
+"""
+
+
+def outcomes(commands, folder):
+    """Exit code and standard error of the command with each list of arguments."""
+    done = subprocess.run(
+        [sys.executable, "-c", COMMANDS, json.dumps(commands)], cwd=folder, text=True, check=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE,
+    )  # fmt: skip
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
 def test_command_refuses_wrong_arguments(tmp_path):
-    command = [sys.executable, str(ROOT / "data_gen" / "render.py"), "--catalogue=procedural",
-               "--source=1", f"--out={tmp_path / 'out'}"]  # fmt: skip
-    for wrong, message in (
+    command = ["--catalogue=procedural", "--source=1", f"--out={tmp_path / 'out'}"]
+    no_effect = "it has no effect without"
+    cases = (
         ("--shard=2/2", "--shard: got '2/2'"),
         ("--config.views=0", "views: got 0"),
         ("--option=nonsense=1", "--option"),
-        ("--config.vews=3", "--config"),
+        ("--config.vews=3", "--config.vews=3: no such setting; did you mean --config.views?\n"),
         ("--config.views=abc", "abc"),
         ("--catalogue=nonsense", "catalogue"),
         ("--limit=-1", "limit"),
+        ("--config=nowhere.py", "--config=nowhere.py: there is no such file"),
+        (f"--config={CONFIG}:nobody", "preset 'nobody': expected one of"),
+        # A flag that the user sets has an effect, or is refused.
+        ("--config.image.path_samples=9", f"image.path_samples: {no_effect} image.shading=path"),
+        ("--seed=3", f"--seed=3: {no_effect} --sample"),
+        ("--exclude=lmap", "--exclude: no category and no name fits 'lmap' (did you mean 'lamp'?)"),
+        # The fields may come before the file that they change.
+        ("--config.camera.aim=(7.,1.) --config={CONFIG}:r2n2", "camera.aim: got (7.0, 1.0)"),
+    )
+    arguments = [
+        [*command, *wrong.replace("{CONFIG}", str(CONFIG)).split(" ")] for wrong, _ in cases
+    ]
+    for (code, said), (_, message) in zip(outcomes(arguments, tmp_path), cases, strict=True):
+        assert (code, message in said) == (2, True), said
+        assert said.startswith("error: "), said
+        assert said.count("\n") == 1, said
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_tells_of_options_and_settings():
+    command = [sys.executable, str(ROOT / "data_gen" / "render.py"), "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    text = " ".join(done.stdout.split())
+    for part in (
+        "--option=hidden_draws=1 models made of each seed: 1 = one",
+        "--option=leave_out=Weather,Astro,Effects names of folders",
+        "--config.views=4 images of each model.",
+        "--config.camera.roll='(0.0, 0.0)' degrees about the optical axis",
+        "--sample=0 So many models, spread over categories and folders",
     ):
-        done = subprocess.run([*command, wrong], capture_output=True, text=True, check=False)
-        assert (done.returncode, message in done.stderr) == (2, True), done.stderr
-        assert "Traceback" not in done.stderr
+        assert part in text
+    assert max(map(len, done.stdout.splitlines())) <= 100

@@ -31,7 +31,11 @@ def test_numbers_are_converted():
      ({"camera": 3}, "camera: got 3"), ({"image": {"shading": "toon"}}, "image.shading"),
      ({"image": {"background": "folder"}}, "background_folder"),
      ({"job": {"variant": "cuda"}}, "job.variant"),
-     ({"light": {"source": "folder"}}, "light.folder")],
+     ({"light": {"source": "folder"}}, "light.folder"),
+     ({"light": {"folder": "maps"}}, "light.folder.*no effect without light.source=folder"),
+     ({"image": {"soft_edges": True, "samples": 0}}, "soft_edges.*no effect with image.samples=0"),
+     ({"image": {"background_folder": "walls", "background": "random"}},
+      "image.background_folder.*no effect without image.background=folder")],
 )  # fmt: skip
 def test_wrong_values_name_the_field(values, message):
     with pytest.raises(ValueError, match=message):

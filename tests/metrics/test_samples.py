@@ -3,6 +3,7 @@
 import functools
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import reference
@@ -43,7 +44,7 @@ def test_best_and_mean(clouds):
     np.testing.assert_allclose(found["cd_mean_of_4"], want.mean(), rtol=1e-5)
 
 
-def test_mutual_difference(clouds):
+def test_mutual_difference(clouds, unchecked_annotations):
     draws, _ = clouds
     matrix = quick_jit(lambda d: lib.mutual_distances(d, chamfer_sq_mean))(draws)
     np.testing.assert_allclose(matrix, reference.cross_chamfer(draws, draws), rtol=1e-5, atol=1e-7)
@@ -55,7 +56,7 @@ def test_mutual_difference(clouds):
 
 
 def test_coverage_counts_truths_that_a_draw_is_nearest_to():
-    matrix = np.array([[0.1, 0.5, 0.9], [0.2, 0.3, 0.9], [0.4, 0.1, 0.8]], np.float32)
+    matrix = jnp.array([[0.1, 0.5, 0.9], [0.2, 0.3, 0.9], [0.4, 0.1, 0.8]], jnp.float32)
     assert float(lib.coverage(matrix)) == pytest.approx(2 / 3)
     assert float(lib.minimum_matching_distance(matrix)) == pytest.approx((0.1 + 0.1 + 0.8) / 3)
 
@@ -89,7 +90,7 @@ def test_wasserstein_is_that_of_the_quantiles(rng, k, t):
     assert lib.wasserstein_1(a, b) == pytest.approx(lib.wasserstein_1(b, a))
 
 
-def test_wrong_samples_are_named():
+def test_wrong_samples_are_named(unchecked_annotations):
     with pytest.raises(ValueError, match=r"drawn: got \[\]"):
         lib.wasserstein_1(np.zeros(0), np.zeros(2))
     with pytest.raises(ValueError, match=r"true: got \[nan\]"):
@@ -99,7 +100,7 @@ def test_wrong_samples_are_named():
 
 
 def test_coverage_of_a_range():
-    assert lib.range_coverage(np.array([0.2, 0.7, 0.5]), 0, 1) == pytest.approx(0.5)
-    assert lib.range_coverage(np.array([-1, 3.0]), 0, 1) == pytest.approx(1)
-    assert lib.range_coverage(np.array([2, 3.0]), 0, 1) == 0
-    assert lib.range_coverage(np.array([0.4]), 0, 1) == 0
+    assert lib.range_coverage(np.array([0.2, 0.7, 0.5]), 0.0, 1.0) == pytest.approx(0.5)
+    assert lib.range_coverage(np.array([-1, 3.0]), 0.0, 1.0) == pytest.approx(1)
+    assert lib.range_coverage(np.array([2, 3.0]), 0.0, 1.0) == 0
+    assert lib.range_coverage(np.array([0.4]), 0.0, 1.0) == 0

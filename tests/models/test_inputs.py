@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.models.inputs import network_input
+from psgn_jax.models.inputs import stack_channels
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def sample(rng):
 
 def test_rgb_and_background_mask(sample):
     image, mask, _ = sample
-    x = np.asarray(network_input(image, mask, None, channels=("rgb", "mask")))
+    x = np.asarray(stack_channels(image, mask, None, channels=("rgb", "mask")))
     assert x.shape == (6, 8, 4)
     assert x.dtype == np.float32
     np.testing.assert_allclose(x[mask][:, :3], image[mask] / 255, atol=1e-7)
@@ -26,18 +26,18 @@ def test_rgb_and_background_mask(sample):
 
 def test_depth_counts_from_the_origin_and_says_where_it_is(sample):
     image, mask, depth = sample
-    x = network_input(image, mask, depth, channels=("depth",))
+    x = stack_channels(image, mask, depth, channels=("depth",))
     assert x.shape == (6, 8, 2)
     np.testing.assert_allclose(x[..., 0], np.where(mask, 3.6 - depth, 0), atol=1e-6)
     np.testing.assert_array_equal(x[..., 1], mask)
     assert np.abs(x).max() <= 1
-    moved = network_input(image, mask, depth + 2 * mask, channels=("depth",), distance=5.6)
+    moved = stack_channels(image, mask, depth + 2 * mask, channels=("depth",), distance=5.6)
     np.testing.assert_allclose(moved, x, atol=1e-6)
 
 
 def test_the_distance_is_that_of_each_sample(sample):
     batch = [np.stack([a, a]) for a in sample]
-    x = network_input(*batch, channels=("depth",), distance=np.array([3.6, 4.0], np.float32))
+    x = stack_channels(*batch, channels=("depth",), distance=np.array([3.6, 4.0], np.float32))
     mask = sample[1]
     np.testing.assert_allclose((x[1] - x[0])[mask][:, 0], 0.4, atol=1e-6)
     np.testing.assert_array_equal(x[1][~mask], 0)
@@ -51,7 +51,7 @@ def test_a_hole_is_neither_background_nor_a_surface_at_the_origin(sample, hole):
     depth = np.full((6, 8), 3.6, np.float32)
     depth[0] = 0
     depth[3, 4] = hole
-    x = np.asarray(network_input(image, mask, depth, channels=("rgb", "mask", "depth")))
+    x = np.asarray(stack_channels(image, mask, depth, channels=("rgb", "mask", "depth")))
     assert np.isfinite(x).all()
     background, missing, surface = x[0, 4, 3:], x[3, 4, 3:], x[3, 5, 3:]
     assert background.tolist() == [1, 0, 0]
@@ -60,8 +60,8 @@ def test_a_hole_is_neither_background_nor_a_surface_at_the_origin(sample, hole):
 
 
 def test_channels_keep_the_given_order(sample):
-    x = network_input(*sample, channels=("rgb", "mask", "depth"))
-    y = network_input(*sample, channels=("depth", "mask", "rgb"))
+    x = stack_channels(*sample, channels=("rgb", "mask", "depth"))
+    y = stack_channels(*sample, channels=("depth", "mask", "rgb"))
     assert x.shape[-1] == y.shape[-1] == 6
     np.testing.assert_array_equal(x, y[..., [3, 4, 5, 2, 0, 1]])
 
@@ -69,9 +69,9 @@ def test_channels_keep_the_given_order(sample):
 def test_leading_axes_and_jit(sample):
     batch = [np.stack([np.stack([a, a[::-1]])] * 3) for a in sample]
     channels = ("rgb", "mask", "depth")
-    x = jax.jit(lambda *a: network_input(*a, channels=channels))(*batch)
+    x = jax.jit(lambda *a: stack_channels(*a, channels=channels))(*batch)
     assert x.shape == (3, 2, 6, 8, 6)
-    np.testing.assert_allclose(x[2, 0], network_input(*sample, channels=channels), atol=1e-7)
+    np.testing.assert_allclose(x[2, 0], stack_channels(*sample, channels=channels), atol=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -94,4 +94,4 @@ def test_wrong_arguments(sample, change, message):
     arrays = {"image": image, "mask": mask, "depth": depth}
     arguments = arrays | {"channels": ("rgb", "depth")} | change
     with pytest.raises(ValueError, match=message):
-        network_input(**arguments)
+        stack_channels(**arguments)

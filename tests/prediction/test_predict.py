@@ -87,7 +87,7 @@ def test_arrays_in_arrays_out(predictor):
 
 def test_draws_are_those_of_an_evaluation_and_of_the_first_ones(predictor, config):
     result = predictor(photo_of_a_box(), samples=3, seed=4)
-    want = np.asarray(sampling.draw_many(config, 0, 1, 3, 4))[0]
+    want = np.asarray(sampling.sample_latents(config, 0, 1, 3, 4))[0]
     np.testing.assert_array_equal(result.r, want)
     fewer = predictor(photo_of_a_box(), samples=1, seed=4)
     np.testing.assert_array_equal(fewer.r, want[:1])

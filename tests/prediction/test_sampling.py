@@ -39,35 +39,35 @@ def batches(config, batch_size):
 def test_draws_and_what_they_differ_by():
     config, model, params = network()
     batch = batches(config, 4)[0]
-    found = sampling.draws(config, model, params, batch, 3, seed=5)
+    found = sampling.predict_samples(config, model, params, batch, 3, seed=5)
     points = np.asarray(found.points, np.float64)
     assert points.shape == (4, 3, 16, 3)
     assert np.abs(points[:, 0] - points[:, 1]).max() > 1e-3
     np.testing.assert_allclose(found.spread, points.std(axis=1), atol=1e-5)
     want = [reference.cross_chamfer(p, p) for p in points]
     np.testing.assert_allclose(found.mutual, want, rtol=1e-3, atol=1e-6)
-    again = sampling.draws(config, model, params, batch, 3, seed=5)
+    again = sampling.predict_samples(config, model, params, batch, 3, seed=5)
     np.testing.assert_array_equal(again.points, found.points)
-    other = sampling.draws(config, model, params, batch, 3, seed=6)
+    other = sampling.predict_samples(config, model, params, batch, 3, seed=6)
     assert np.abs(np.asarray(other.points) - points).max() > 1e-3
 
 
 def test_a_draw_depends_on_seed_sample_and_number_alone():
     config, _, _ = network()
-    whole = np.asarray(sampling.draw_many(config, 0, 6, 4, 1))
+    whole = np.asarray(sampling.sample_latents(config, 0, 6, 4, 1))
     assert whole.shape == (6, 4, 3)
-    np.testing.assert_array_equal(sampling.draw_many(config, 4, 2, 3, 1), whole[4:, :3])
+    np.testing.assert_array_equal(sampling.sample_latents(config, 4, 2, 3, 1), whole[4:, :3])
     assert len(np.unique(whole)) == whole.size
-    assert abs(float(np.asarray(sampling.draw_many(config, 0, 50, 40, 2)).std()) - 1) < 0.05
+    assert abs(float(np.asarray(sampling.sample_latents(config, 0, 50, 40, 2)).std()) - 1) < 0.05
 
 
 def test_a_network_without_random_input_gives_one_prediction():
     config = standin.config(model__random_size=0)
     with pytest.raises(ConfigError, match=r"model.random_size=0: this network gives one"):
-        sampling.make_draws(config, point_out_net.build(config.model), 2)
+        sampling.compile_predict_samples(config, point_out_net.build(config.model), 2)
     config, model, params = network()
     with pytest.raises(ValueError, match="num_draws: got 0"):
-        sampling.draws(config, model, params, {}, 0)
+        sampling.predict_samples(config, model, params, {}, 0)
 
 
 def test_evaluation_with_draws(monkeypatch):
@@ -78,7 +78,7 @@ def test_evaluation_with_draws(monkeypatch):
     assert (best < mean).all()
     assert (result.metrics["emd_radius_best_of_3"] < result.metrics["emd_radius_mean_of_3"]).all()
     first = batches(config, 4)[0]
-    drawn = sampling.draws(config, model, params, first, 3, seed=config.seed)
+    drawn = sampling.predict_samples(config, model, params, first, 3, seed=config.seed)
     want = reference.cross_chamfer(drawn.points[1], first["points"][1:2])
     np.testing.assert_allclose([best[1], mean[1]], [want.min(), want.mean()], rtol=1e-4)
     tmd = reference.total_mutual_difference(np.asarray(drawn.points[1]))

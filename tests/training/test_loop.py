@@ -19,7 +19,7 @@ from psgn_jax.training import step
 from psgn_jax.training.checkpoint import Checkpoints
 from psgn_jax.training.log import NonFiniteError, _duration
 from psgn_jax.training.loop import train
-from psgn_jax.viewing.clouds import draw_case, draw_cloud
+from psgn_jax.viewing.clouds import render_case, render_cloud
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -146,17 +146,17 @@ def test_clouds_are_drawn_where_the_camera_sees_them():
     # Two points on one ray: the nearer one, higher up, hides the other.
     centre = np.linalg.inv(camera[1][:, :3]) @ (np.array([0, 0, 3.0]) - camera[1][:, 3])
     nearer = np.linalg.inv(camera[1][:, :3]) @ (np.array([0, 0, 2.0]) - camera[1][:, 3])
-    both = draw_cloud(np.stack([nearer, centre]), *camera, (48, 64))
-    alone = draw_cloud(nearer[None], *camera, (48, 64))
+    both = render_cloud(np.stack([nearer, centre]), *camera, (48, 64))
+    alone = render_cloud(nearer[None], *camera, (48, 64))
     hit = (both != 255).any(axis=-1)
     assert np.argwhere(hit).min(axis=0).tolist() == [23, 31]
     assert hit.sum() == 9
     assert np.abs(both[24, 32].astype(int) - alone[24, 32]).max() < 80
     outside = np.array([[np.nan, 0, 0], [0, 99, 0], [50, 0, 0]])
-    assert (draw_cloud(outside, *camera, (48, 64)) == 255).all()
-    assert (draw_cloud(np.zeros((0, 3)), *camera, (48, 64)) == 255).all()
+    assert (render_cloud(outside, *camera, (48, 64)) == 255).all()
+    assert (render_cloud(np.zeros((0, 3)), *camera, (48, 64)) == 255).all()
     image = np.zeros((48, 64, 3), np.uint8)
-    assert draw_case(image, both[0, :5].astype(float), outside, *camera).shape == (192, 1280, 3)
+    assert render_case(image, both[0, :5].astype(float), outside, *camera).shape == (192, 1280, 3)
 
 
 @pytest.mark.parametrize("name", [pytest.param("authors_emd", marks=pytest.mark.slow), "mo2_emd"])

@@ -100,16 +100,23 @@ def test_first_non_finite_step_and_metric_are_remembered(tiny):
 
 def test_random_input_depends_on_seed_step_and_purpose(tiny):
     def draw(s, train):
-        return np.asarray(step.draw_r(tiny, s, 4, train=train))
+        return np.asarray(step.sample_step_latents(tiny, s, 4, train=train))
 
     assert draw(0, True).shape == (4, tiny.model.random_size)
     np.testing.assert_array_equal(draw(7, True), draw(7, True))
     for other in (draw(8, True), draw(7, False)):
         assert not np.array_equal(draw(7, True), other)
-    assert step.draw_r(standin.config(model__random_size=0), 0, 4, train=True) is None
+    assert step.sample_step_latents(standin.config(model__random_size=0), 0, 4, train=True) is None
     several = standin.config(loss__min_of_n=2)
-    assert step.draw_r(several, 0, 4, train=True).shape == (4, 2, several.model.random_size)
-    assert step.draw_r(several, 0, 4, train=False).shape == (4, several.model.random_size)
+    assert step.sample_step_latents(several, 0, 4, train=True).shape == (
+        4,
+        2,
+        several.model.random_size,
+    )
+    assert step.sample_step_latents(several, 0, 4, train=False).shape == (
+        4,
+        several.model.random_size,
+    )
 
 
 @pytest.mark.slow
@@ -148,7 +155,7 @@ def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(vers
     params = create().params
     batch = next(standin.train_batches(config.data, batch_size=4, seed=0, start_step=0))
     batch = {key: batch[key] for key in step.input_keys(config)}
-    r = step.draw_r(config, 0, 4, train=True)
+    r = step.sample_step_latents(config, 0, 4, train=True)
     distance = configured_loss(config.loss)
 
     def plain(params):
@@ -157,7 +164,7 @@ def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(vers
         return jnp.mean(best.value), best
 
     def quick(params):
-        return step.best_draw(config, model, distance, params, batch, r)
+        return step.min_of_n_loss(config, model, distance, params, batch, r)
 
     (want, want_best), want_grads = jax.jit(
         jax.value_and_grad(plain, has_aux=True), compiler_options=QUICK
@@ -211,7 +218,7 @@ def test_evaluation_takes_z_from_the_prior_and_the_generator_uses_it():
     params = create().params
     model = point_out_net.build(config.model)
     batch = next(standin.train_batches(config.data, batch_size=2, seed=0, start_step=0))
-    r = step.draw_r(config, 0, 2, train=False)
+    r = step.sample_step_latents(config, 0, 2, train=False)
     predict = jax.jit(lambda z: step.predict(config, model, params, batch, z))
     one, two = predict(r), predict(r + 1)
     assert np.abs(one - two).max() > 1e-3

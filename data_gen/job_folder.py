@@ -1,0 +1,455 @@
+"""The folder of a rendering job: what it is for, what is done, and how it becomes a data set.
+
+    <split>-<number>-<digest>.arrayrecord   samples of a block of models
+    manifest.json                           the shards that readers see
+    models.jsonl                            a line for each model, in the catalogue's order
+    job.json                                settings, and how the models were chosen
+    .work/                                  only while the job is under way
+
+A block's digest is that of the settings and of its models' names, and a shard carries it in its
+name. So a data set that grows writes new shards beside those that readers see, and the one step
+that replaces the manifest takes readers from the old state to the new one. Shards whose block stays
+as it is are kept; samples of the others are copied, not rendered again.
+"""
+
+import dataclasses
+import hashlib
+import json
+import pathlib
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from absl import logging
+
+from data_gen import worker
+from psgn_jax.data import records
+
+REPORT = "models.jsonl"
+
+JOB = "job.json"
+
+WORK = ".work"
+
+_SHARD = re.compile(r"\.?[a-z0-9_]+-[0-9]{5}-[0-9a-f]{8}\.arrayrecord(\.[0-9]+\.tmp)?")
+
+
+class OtherSettingsError(ValueError):
+    """The folder holds a data set, complete or begun, that was made with other settings."""
+
+
+class Name(NamedTuple):
+    """What a job knows of a model."""
+
+    model_id: str
+    category: str
+    split: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Job:
+    """What a data set is made of, but for the models' files themselves.
+
+    Attributes:
+      statement: of the settings, the catalogue and the renderer: all that the samples of a model
+        depend on besides its name and category.
+      choice: how the models were chosen from the catalogue, for people and messages.
+      names: the models, in the catalogue's order.
+      models_per_shard: models of a block.
+    """
+
+    statement: Mapping[str, Any]
+    choice: Mapping[str, Any]
+    names: tuple[Name, ...]
+    models_per_shard: int
+
+    @property
+    def source(self) -> str:
+        """Name of the catalogue."""
+        return str(self.statement["source"])
+
+    def blocks(self) -> list["Block"]:
+        """All blocks, by their first model, so that a job goes through the catalogue."""
+        result = []
+        for split in dict.fromkeys(name.split for name in self.names):
+            own = [i for i, name in enumerate(self.names) if name.split == split]
+            for number, start in enumerate(range(0, len(own), self.models_per_shard)):
+                indices = tuple(own[start : start + self.models_per_shard])
+                names = tuple(self.names[i] for i in indices)
+                text = json.dumps([self.statement, names], sort_keys=True)
+                digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:16]
+                result.append(Block(split, number, indices, names, digest))
+        return sorted(result, key=lambda block: block.indices[0])
+
+
+@dataclasses.dataclass(frozen=True)
+class Block:
+    """Models whose samples make one shard: of one split, in the catalogue's order.
+
+    Attributes:
+      split: of all of them.
+      number: of the block in its split.
+      indices: of the models in the job.
+      names: of the models.
+      digest: of the settings and the names.
+    """
+
+    split: str
+    number: int
+    indices: tuple[int, ...]
+    names: tuple[Name, ...]
+    digest: str
+
+    @property
+    def shard(self) -> str:
+        """Name of the file of records."""
+        return records.shard_name(self.split, self.number, self.digest[:8])
+
+    @property
+    def note(self) -> str:
+        """Name of the file that says it is done."""
+        return f"{self.split}-{self.number:05d}-{self.digest}.json"
+
+
+# --- What the folder is for -------------------------------------------------------------------
+
+
+def _difference(one: Any, two: Any, name: str = "") -> str:
+    """The first field in which two statements differ."""
+    if isinstance(one, dict) and isinstance(two, dict):
+        for key in sorted({*one, *two}):
+            found = _difference(one.get(key), two.get(key), f"{name}.{key}" if name else key)
+            if found:
+                return found
+        return ""
+    return "" if one == two else f"{name}: {one!r} there, {two!r} now"
+
+
+def _first(names: Sequence[str]) -> str:
+    shown = ", ".join(repr(name) for name in names[:3])
+    return shown + (", ..." if len(names) > 3 else "")
+
+
+def _lost_models(there: Sequence[Name], now: Sequence[Name]) -> str:
+    """How the models of a data set are not all among those of a job; "" where they are."""
+    old, new = ({name.model_id: name for name in names} for names in (there, now))
+    gone = [key for key in old if key not in new]
+    if gone:
+        text = f"{len(gone)} of its {len(old)} models are not among the {len(new)} of now "
+        text += f"({_first(gone)})"
+        added = [key for key in new if key not in old]
+        return text + (f", {len(added)} are new ({_first(added)})" if added else "")
+    for field in ("category", "split"):
+        other = [key for key in old if getattr(old[key], field) != getattr(new[key], field)]
+        if other:
+            one, two = getattr(old[other[0]], field), getattr(new[other[0]], field)
+            return (
+                f"{len(other)} of its models have another {field} ({other[0]!r}: {one!r} there, "
+                f"{two!r} now)"
+            )
+    return ""
+
+
+def _check_same(
+    out: pathlib.Path, stated: Mapping[str, Any], there: Sequence[Name], job: Job, what: str
+) -> None:
+    """Raises `OtherSettingsError` where a job cannot go on with what a folder holds."""
+    if not isinstance(stated.get("job"), dict):
+        raise OtherSettingsError(
+            f"--out {str(out)!r}: {what} an earlier version; give another folder, or remove it"
+        )
+    difference = _difference(stated["job"], job.statement)
+    if difference:
+        difference = difference.removeprefix("settings.")
+        raise OtherSettingsError(
+            f"--out {str(out)!r}: {what} other settings ({difference}); give another folder, or "
+            "remove it"
+        )
+    lost = _lost_models(there, job.names)
+    if lost:
+        choice = _difference(dict(stated.get("choice", {})), dict(job.choice))
+        raise OtherSettingsError(
+            f"--out {str(out)!r}: {what} other models: {lost}{choice and f'; --{choice}'}; it can "
+            "grow by further models, but not lose any: give another folder, or remove it"
+        )
+
+
+def _read_json(path: pathlib.Path) -> Any:
+    try:
+        return json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
+
+
+def _begun(out: pathlib.Path) -> tuple[Mapping[str, Any], list[Name]] | None:
+    """The statement of the job that is under way, and its models."""
+    stated = _read_json(out / WORK / JOB)
+    if not isinstance(stated, dict):
+        return None
+    # An earlier version wrote other fields.
+    return stated, [Name(*name) for name in stated["models"]] if "job" in stated else []
+
+
+def read_report(out: pathlib.Path) -> list[Mapping[str, Any]]:
+    """The models' lines of a complete data set."""
+    text = (out / REPORT).read_text("utf-8")
+    return [json.loads(line) for line in text.splitlines()]
+
+
+def _names(lines: Iterable[Mapping[str, Any]]) -> list[Name]:
+    return [Name(line["model_id"], line["category"], line["split"]) for line in lines]
+
+
+def _is_manifest_of(
+    manifest: records.Manifest, job: Job, lines: Sequence[Mapping[str, Any]]
+) -> bool:
+    """Whether the shards of a data set are those of a job, whose models' lines are given."""
+    samples = {line["model_id"]: line["samples"] for line in lines}
+    expected = {
+        block.shard for block in job.blocks() if any(samples[n.model_id] for n in block.names)
+    }
+    return expected == {shard.file for shard in manifest.shards}
+
+
+def check(out: pathlib.Path, job: Job) -> bool:
+    """Whether a job's data set is complete in a folder; nothing is written.
+
+    Raises:
+      OtherSettingsError: the folder holds a data set that the job cannot go on with.
+      ValueError: it holds something else.
+    """
+    if not out.exists():
+        return False
+    if (out / records.MANIFEST).exists():
+        manifest = records.load_manifest(out, allow_incomplete=True)
+        if manifest.complete:
+            stated = _read_json(out / JOB)
+            if not isinstance(stated, dict) or not (out / REPORT).exists():
+                missing = REPORT if isinstance(stated, dict) else JOB
+                raise OtherSettingsError(
+                    f"--out {str(out)!r}: holds a complete data set without {missing}, of another "
+                    "command or an earlier version; give another folder, or remove it"
+                )
+            lines = read_report(out)
+            there = _names(lines)
+            _check_same(out, stated, there, job, "holds a complete data set made with")
+            if there == list(job.names) and _is_manifest_of(manifest, job, lines):
+                return True
+    elif (
+        any(not p.name.startswith(".") for p in out.iterdir())
+        and not (
+            out / records.MANIFEST  # of another part, since
+        ).exists()
+    ):
+        raise ValueError(f"--out {str(out)!r}: not empty and not a data set")
+    begun = _begun(out)
+    if begun:
+        _check_same(out, begun[0], begun[1], job, "was begun with")
+    return False
+
+
+def begin(out: pathlib.Path, job: Job) -> bool:
+    """Makes or checks a job's folder, as `check`, and says in it what the job is."""
+    if check(out, job):
+        _tidy_up(out, job)
+        return True
+    begun = _begun(out)
+    if begun is None or begun[1] != list(job.names):
+        stated = {"job": job.statement, "choice": job.choice, "models": job.names}
+        records.write_atomic(out / WORK / JOB, json.dumps(stated) + "\n")
+    if not (out / records.MANIFEST).exists():
+        records.save_manifest(out, records.Manifest(job.source, False, ()))
+    return False
+
+
+# --- Blocks -----------------------------------------------------------------------------------
+
+
+def finish_block(out: pathlib.Path, block: Block) -> None:
+    """Writes a block's shard from its models' files and says that it is done."""
+    sources = [worker.work_path(out / WORK, name.model_id) for name in block.names]
+    results = [worker.read_result(path) for path in sources]
+    shard = None
+    if any(data for _, data in results):
+        with records.ShardWriter(
+            out, block.split, block.number, (block.digest,), tag=block.digest[:8]
+        ) as writer:
+            for _, data in results:
+                for record in data:
+                    writer.write(record, records.decode(record))
+        shard = writer.shard
+    _note(out, block, shard, [line for line, _ in results])
+    for path in sources:
+        path.unlink(missing_ok=True)
+
+
+def _note(
+    out: pathlib.Path, block: Block, shard: records.Shard | None, lines: Sequence[Mapping[str, Any]]
+) -> None:
+    content = {"shard": None if shard is None else dataclasses.asdict(shard), "lines": lines}
+    records.write_atomic(out / WORK / block.note, json.dumps(content) + "\n")
+
+
+def read_block(out: pathlib.Path, block: Block) -> dict[str, Any] | None:
+    """What `finish_block` has said; None if the block is not done or its shard is not whole."""
+    try:
+        content: dict[str, Any] = json.loads((out / WORK / block.note).read_text("utf-8"))
+        shard = content["shard"]
+        if _names(content["lines"]) != list(block.names):
+            return None
+        if shard and (out / shard["file"]).stat().st_size != shard["size"]:
+            return None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return content
+
+
+def take_over(out: pathlib.Path, blocks: Iterable[Block], job: Job) -> None:
+    """Takes what a folder holds of earlier, smaller states of a job.
+
+    Blocks that stay as they are count as done. Samples of models whose blocks have changed become
+    the models' files, as if they had just been rendered.
+
+    Args:
+      out: the folder.
+      blocks: those to be done, of `job`.
+      job: whose data set is made.
+    """
+    manifest = records.load_manifest(out, allow_incomplete=True)
+    lines: Mapping[str, Mapping[str, Any]] = {}
+    if manifest.complete and (out / REPORT).exists():
+        lines = {line["model_id"]: line for line in read_report(out)}
+    shards = {shard.file: shard for shard in manifest.shards}
+    wanted: set[str] = set()
+    for block in blocks:
+        if read_block(out, block) is not None:
+            continue
+        own = [lines.get(name.model_id) for name in block.names]
+        shard = shards.get(block.shard)
+        known = [line for line in own if line is not None]
+        if len(known) == len(own) and (shard or not any(line["samples"] for line in known)):
+            _note(out, block, shard, known)
+            if read_block(out, block) is not None:
+                continue
+        wanted |= {
+            name.model_id for name in block.names
+            if not worker.work_path(out / WORK, name.model_id).exists()
+        }  # fmt: skip
+    if not wanted:
+        return
+    for file, old in _earlier_blocks(out, job, list(lines.values())):
+        if wanted & {line["model_id"] for line in old}:
+            for line, data in _samples(out / file, old):
+                if line["model_id"] in wanted:
+                    worker.write_result(
+                        out / WORK, line["model_id"], worker.pack_result(line, data)
+                    )
+
+
+def _earlier_blocks(
+    out: pathlib.Path, job: Job, lines: Sequence[Mapping[str, Any]]
+) -> Iterator[tuple[str, list[Mapping[str, Any]]]]:
+    """Shards that a folder may hold, complete or begun, and their models' lines."""
+    by_name = {line["model_id"]: line for line in lines}
+    for block in dataclasses.replace(job, names=tuple(_names(lines))).blocks():
+        yield block.shard, [by_name[name.model_id] for name in block.names]
+    for path in sorted((out / WORK).glob("*-*-*.json")):
+        content = _read_json(path)
+        if isinstance(content, dict) and isinstance(content.get("lines"), list):
+            yield (content["shard"] or {"file": ""})["file"], content["lines"]
+
+
+def _samples(
+    path: pathlib.Path, lines: Sequence[Mapping[str, Any]]
+) -> list[tuple[Mapping[str, Any], list[bytes]]]:
+    """A shard's records by model; nothing where it is not what the lines say."""
+    data: list[bytes] = []
+    if any(line["samples"] for line in lines):
+        try:
+            data = records.read_shard(path)
+            owners = [records.unpack(record)["model_id"] for record in data]
+        except (ValueError, KeyError):  # gone or damaged: rendered again
+            return []
+        if owners != [line["model_id"] for line in lines for _ in range(line["samples"])]:
+            return []
+    result, start = [], 0
+    for line in lines:
+        result.append((line, data[start : start + line["samples"]]))
+        start += line["samples"]
+    return result
+
+
+# --- The end ----------------------------------------------------------------------------------
+
+
+def complete(
+    out: pathlib.Path, job: Job, blocks: Sequence[Block]
+) -> tuple[list[Mapping[str, Any]], bool]:
+    """Completes the data set if all blocks are done; returns the lines there are, in order.
+
+    Raises:
+      RuntimeError: another command has begun to make something else in the folder.
+    """
+    contents = [read_block(out, block) for block in blocks]
+    numbered = sorted(
+        (
+            (index, line)
+            for block, content in zip(blocks, contents, strict=True)
+            if content is not None
+            for index, line in zip(block.indices, content["lines"], strict=True)
+        ),
+        key=lambda pair: pair[0],
+    )
+    lines = [line for _, line in numbered]
+    begun = _begun(out)
+    if len(lines) < len(job.names):
+        if begun is None and check(out, job):
+            return read_report(out), True  # another part was last, and has tidied up
+        return lines, False
+    if begun is None or begun[1] != list(job.names):
+        if begun is None and check(out, job):
+            return lines, True
+        raise RuntimeError(
+            f"--out {str(out)!r}: another command has begun to make it of other models meanwhile; "
+            "what is rendered is kept for it"
+        )
+    text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
+    # What no UTF-8 can hold becomes an escape, which JSON understands.
+    records.write_atomic(out / REPORT, text.encode("utf-8", "backslashreplace"))
+    stated = {"job": job.statement, "choice": job.choice}
+    records.write_atomic(out / JOB, json.dumps(stated, indent=1) + "\n")
+    shards = sorted(
+        (content["shard"] for content in contents if content and content["shard"]),
+        key=lambda shard: str(shard["file"]),
+    )
+    manifest = records.Manifest(
+        job.source,
+        True,
+        tuple(
+            records.Shard(**{**s, "fields": tuple(s["fields"]), "inputs": tuple(s["inputs"])})
+            for s in shards
+        ),
+    )
+    # From here on readers see the new state.
+    records.save_manifest(out, manifest)
+    _tidy_up(out, job)
+    return lines, True
+
+
+def _tidy_up(out: pathlib.Path, job: Job) -> None:
+    """Removes what is no part of a complete data set; another part may be at the same."""
+    begun = _begun(out)
+    if begun is None or begun[1] != list(job.names):
+        return  # nothing to do, or the data set is growing
+    kept = {shard.file for shard in records.load_manifest(out).shards}
+    for path in out.iterdir():
+        if _SHARD.fullmatch(path.name) and path.name not in kept:
+            path.unlink(missing_ok=True)
+    for path in (out / WORK).glob("*"):
+        if path.name != JOB:
+            path.unlink(missing_ok=True)
+    (out / WORK / JOB).unlink(missing_ok=True)  # last, so that a kill leaves a folder to tidy up
+    try:
+        (out / WORK).rmdir()
+    except OSError:
+        logging.info("%s is left to another part of the job", out / WORK)

@@ -1,0 +1,69 @@
+import collections
+
+import pytest
+
+from data_gen.catalogues import Entry, choosing
+from data_gen.catalogues.choosing import Choice, choose
+
+SIZES = {"Boats/Civilian": 40, "Boats/Military": 10, "Weather": 100, "Cars": 30, "Rare": 2}
+
+
+def listed():
+    return [
+        Entry(f"{folder}/m{k:03d}.ac", folder.split("/")[0], "train", lambda: None)
+        for folder, count in SIZES.items()
+        for k in range(count)
+    ]
+
+
+def names(entries):
+    return [entry.model_id for entry in entries]
+
+
+def test_everything_stays_as_it_is():
+    assert names(choose(listed(), Choice())) == names(listed())
+
+
+@pytest.mark.parametrize(
+    ("pattern", "count"),
+    [("Boats", 50), ("Boats/Military", 10), ("Military", 10), ("*Mil*", 10), ("m00[12].ac", 9),
+     ("Boats/*/m00?.ac", 20), ("Rare/m000.ac", 1), ("m000", 0), ("boats", 0), ("oats", 0)],
+)  # fmt: skip
+def test_patterns_stand_for_categories_folders_and_names(pattern, count):
+    assert sum(choosing.matches(pattern, entry) for entry in listed()) == count
+
+
+def test_include_and_exclude():
+    chosen = choose(listed(), Choice(include=("Boats", "Rare"), exclude=("Military", "m001.*")))
+    count = collections.Counter(entry.model_id.rpartition("/")[0] for entry in chosen)
+    assert count == {"Boats/Civilian": 39, "Rare": 1}
+    assert names(chosen) == [name for name in names(listed()) if name in set(names(chosen))]
+
+
+def test_patterns_that_fit_nothing_are_named():
+    with pytest.raises(ValueError, match=r"--exclude: .* fits 'Wether' \(did you mean 'Weather'"):
+        choose(listed(), Choice(exclude=("Cars", "Wether")))
+    with pytest.raises(ValueError, match=r"--include: .* fits 'xyz', 'abc'$"):
+        choose(listed(), Choice(include=("xyz", "Cars", "abc")))
+    with pytest.raises(ValueError, match="none of the 182 models is left"):
+        choose(listed(), Choice(include=("Cars",), exclude=("Cars",)))
+
+
+@pytest.mark.parametrize("sample", [10, 37, 90, 182, 1000])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_sample_is_spread_over_categories_and_folders(sample, seed):
+    chosen = choose(listed(), Choice(sample=sample, seed=seed))
+    assert len(set(names(chosen))) == len(chosen) == min(sample, 182)
+    count = collections.Counter(entry.model_id.rpartition("/")[0] for entry in chosen)
+    for folder, size in SIZES.items():
+        assert abs(count[folder] - size * len(chosen) / 182) <= 1.5
+    assert names(choose(listed()[::-1], Choice(sample=sample, seed=seed))) == names(chosen)
+
+
+def test_a_larger_sample_begins_with_the_smaller_one_and_seeds_differ():
+    large = names(choose(listed(), Choice(sample=60, seed=4)))
+    assert names(choose(listed(), Choice(sample=25, seed=4))) == large[:25]
+    other = names(choose(listed(), Choice(sample=60, seed=5)))
+    assert len(set(other) & set(large)) < 40
+    # Another sample takes another part of a category, not its beginning.
+    assert max(name for name in large if name.startswith("Weather")) > "Weather/m070"

@@ -1,0 +1,263 @@
+"""Data sets that grow, and jobs that are killed on the way; models are drawn, not rendered."""
+
+import json
+import pathlib
+import shutil
+
+import drawn_solids as solids
+import numpy as np
+import pytest
+
+from data_gen import catalogues, job, job_folder, pool, settings, worker
+from data_gen.catalogues.choosing import Choice
+from psgn_jax.data import records, schema
+
+
+class Listed:
+    """A catalogue of given names: "a" is refused, others are not."""
+
+    name = "listed"
+
+    def __init__(self, names, split=lambda name: "test" if name[-1] in "37" else "train"):
+        self._names, self._split = list(names), split
+
+    def __len__(self):
+        return len(self._names)
+
+    def entries(self):
+        for name in self._names:
+            category = name.partition("/")[0] if "/" in name else "thing"
+            yield catalogues.Entry(name, category, self._split(name), lambda: None)
+
+
+def sample_of(entry):
+    rng = np.random.default_rng(worker.model_seed(0, "listed", entry.model_id) % 2**31)
+    drawn = solids.draw(solids.random_solid("box", rng), rng, image_size=(16, 24))
+    return schema.Sample(
+        image=drawn.image, mask=drawn.mask, depth=drawn.depth, points=drawn.points[:50],
+        normals=None, occupancy=None, intrinsics=drawn.intrinsics, extrinsics=drawn.extrinsics,
+        category=entry.category, model_id=entry.model_id, view=0, source="listed",
+    )  # fmt: skip
+
+
+class Pool:
+    """Draws models, writes down which, and stops after a number of them."""
+
+    def __init__(self, stop_after=None, between=lambda: None):
+        self.made, self._stop, self._between = [], stop_after, between
+
+    def __call__(self, tasks, context):
+        for index, entry in tasks:
+            if len(self.made) == self._stop:
+                raise KeyboardInterrupt
+            self._between()
+            self.made.append(entry.model_id)
+            line = worker.failure(entry, "refused", "its name")
+            data = []
+            if "refused" not in entry.model_id:
+                line |= {"status": "ok", "reason": "", "samples": 1}
+                line["views"] = [{"inside": 1.0, "depth": 0.0, "luminance": 9.0}]
+                data = [records.encode(sample_of(entry))]
+            yield pool.Result(index, line, worker.pack_result(line, data))
+
+
+@pytest.fixture(autouse=True)
+def no_renderer(monkeypatch):
+    monkeypatch.setattr(worker, "choose_variant", lambda _: (worker.Variant("none"), ""))
+
+
+OPTIONS = settings.parse({"views": 1, "models_per_shard": 3})
+TEN = [f"m{k}" for k in range(10)]
+
+
+def make(out, names, *, options=OPTIONS, stop_after=None, between=lambda: None, **more):
+    renderer = Pool(stop_after, between)
+    source = names if isinstance(names, Listed) else Listed(names)
+    summary = job.render_catalogue(source, out, options, render=renderer, **more)
+    return summary, sorted(renderer.made)
+
+
+def contents(folder):
+    """All files but the report, whose lines are compared without their order of keys."""
+    return {
+        p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
+        if p.name not in (job.REPORT, job_folder.JOB)
+    }  # fmt: skip
+
+
+def models_of(folder):
+    names = []
+    for split in records.load_manifest(folder).splits():
+        reader = records.RecordReader(folder, split)
+        reader.verify()
+        names += [sample.model_id for sample in reader]
+    return sorted(names)
+
+
+def test_a_larger_limit_goes_on(tmp_path):
+    make(tmp_path / "once", TEN)
+    make(tmp_path / "grown", TEN, limit=5)
+    assert models_of(tmp_path / "grown") == TEN[:5]
+    first = tmp_path / "grown" / next(
+        s.file for s in records.load_manifest(tmp_path / "grown").shards if s.count == 3
+    )  # fmt: skip
+    untouched = first.stat()
+    summary, made = make(tmp_path / "grown", TEN)
+    assert made == TEN[5:]
+    assert (summary.exit_code, summary.samples) == (0, 10)
+    assert contents(tmp_path / "grown") == contents(tmp_path / "once")
+    assert first.stat().st_ino == untouched.st_ino
+    lines = [json.loads(t) for t in (tmp_path / "grown" / job.REPORT).read_text().splitlines()]
+    assert [line["model_id"] for line in lines] == TEN
+    assert make(tmp_path / "grown", TEN)[1] == []
+
+
+def test_models_that_come_between_the_old_ones(tmp_path):
+    later = ["chair/0", "table/0", "chair/refused", "table/1", "chair/3", "table/2", "chair/4"]
+    earlier = [name for name in later if name.startswith("chair")]
+    make(tmp_path / "once", later)
+    make(tmp_path / "grown", earlier)
+    summary, made = make(tmp_path / "grown", later)
+    assert made == ["table/0", "table/1", "table/2"]
+    assert summary.statuses == {"ok": 6, "refused": 1}
+    assert contents(tmp_path / "grown") == contents(tmp_path / "once")
+
+
+def test_readers_see_the_old_state_until_the_new_one_is_there(tmp_path):
+    out = tmp_path / "grown"
+    make(out, TEN[:5])
+    seen = []
+    make(out, TEN, between=lambda: seen.append(models_of(out)))
+    assert seen == [TEN[:5]] * 5
+    assert models_of(out) == TEN
+
+
+def test_parts_let_a_data_set_grow_together(tmp_path):
+    make(tmp_path / "once", TEN)
+    out = tmp_path / "parts"
+    make(out, TEN[:4])
+    first, made = make(out, TEN, part=(1, 2))
+    assert first.exit_code == 3
+    assert models_of(out) == TEN[:4]
+    second, rest = make(out, TEN, part=(0, 2))
+    assert second.exit_code == 0
+    assert sorted(made + rest) == TEN[4:]
+    assert contents(out) == contents(tmp_path / "once")
+
+
+def test_a_job_that_was_begun_grows(tmp_path):
+    make(tmp_path / "once", TEN)
+    out = tmp_path / "begun"
+    with pytest.raises(KeyboardInterrupt):
+        make(out, TEN[:6], stop_after=4)
+    _, made = make(out, TEN)
+    assert made == TEN[4:]
+    assert contents(out) == contents(tmp_path / "once")
+    # A growth that was begun may become a larger one, too.
+    more = [*TEN, "n0", "n1", "n2"]
+    with pytest.raises(KeyboardInterrupt):
+        make(out, [*TEN, "n0", "n1"], stop_after=1)
+    assert make(out, more)[1] == ["n1", "n2"]
+    make(tmp_path / "more", more)
+    assert contents(out) == contents(tmp_path / "more")
+
+
+class Killed(BaseException):
+    pass
+
+
+@pytest.mark.parametrize("stride", [9, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_kill_at_any_step_leaves_the_old_state_or_the_new_one(stride, tmp_path, monkeypatch):
+    make(tmp_path / "once", TEN)
+    make(tmp_path / "five", TEN[:5])
+    write, rename, unlink = records.write_atomic, pathlib.Path.replace, pathlib.Path.unlink
+    left = [0]
+
+    def counted(function):
+        def call(*args, **kwargs):
+            left[0] -= 1
+            if left[0] == 0:
+                raise Killed
+            return function(*args, **kwargs)
+
+        return call
+
+    for steps in range(1, 200, stride):
+        out = tmp_path / f"killed-{steps}"
+        shutil.copytree(tmp_path / "five", out)
+        with monkeypatch.context() as patch:
+            patch.setattr(records, "write_atomic", counted(write))
+            patch.setattr(pathlib.Path, "replace", counted(rename))
+            patch.setattr(pathlib.Path, "unlink", counted(unlink))
+            left[0] = steps
+            try:
+                make(out, TEN)
+            except Killed:
+                pass
+            else:
+                assert steps > 20
+                break
+        assert models_of(out) in (TEN[:5], TEN)
+        make(out, TEN)
+        assert contents(out) == contents(tmp_path / "once")
+
+
+def test_what_has_changed_is_named(tmp_path):
+    out = tmp_path / "out"
+    make(out, TEN, choice=Choice(), limit=6)
+    for begun in (False, True):
+        if begun:
+            with pytest.raises(KeyboardInterrupt):
+                make(out, TEN[:8], stop_after=1)
+        with pytest.raises(job.OtherSettingsError, match=r"settings \(views: 1 there, 2 now\)"):
+            make(out, TEN, options=settings.parse({"models_per_shard": 3, "views": 2}))
+        with pytest.raises(job.OtherSettingsError, match=r"2 of its \d models .* \('m1', 'm2'\)"):
+            make(out, [name for name in TEN if name not in ("m1", "m2")])
+        renamed = [name.replace("m", "x") for name in TEN]
+        match = r"\d of its \d models .* \('m0', 'm1', 'm2', \.\.\.\), 10 are new \('x0', .*\.\)"
+        with pytest.raises(job.OtherSettingsError, match=match):
+            make(out, renamed)
+        moved = Listed(TEN, split=lambda name: "train")
+        match = r"1 of its models have another split \('m3': 'test' there, 'train' now\)"
+        with pytest.raises(job.OtherSettingsError, match=match):
+            make(out, moved)
+    with pytest.raises(job.OtherSettingsError, match=r"limit: 6 there, 2 now"):
+        make(out, TEN, limit=2)
+    assert models_of(out) == TEN[:6]
+
+
+def test_a_data_set_without_its_statement_does_not_grow(tmp_path):
+    out = tmp_path / "out"
+    make(out, TEN[:4])
+    (out / job_folder.JOB).unlink()
+    with pytest.raises(job.OtherSettingsError, match=r"without job\.json, of another command or"):
+        make(out, TEN)
+
+
+def test_a_job_of_an_earlier_version_is_refused(tmp_path):
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        make(out, TEN, stop_after=2)
+    (out / job_folder.WORK / job_folder.JOB).write_text('{"format": 1, "models": "0a1b"}')
+    with pytest.raises(job.OtherSettingsError, match="was begun with an earlier version"):
+        make(out, TEN)
+
+
+def test_a_damaged_shard_is_made_again(tmp_path):
+    make(tmp_path / "once", TEN)
+    out = tmp_path / "grown"
+    make(out, TEN[:5])
+    shards = {s.count: out / s.file for s in records.load_manifest(out).shards if "train" in s.file}
+    shards[1].write_bytes(b"no shard")
+    assert make(out, TEN)[1] == TEN[4:]
+    assert contents(out) == contents(tmp_path / "once")
+
+
+def test_a_larger_sample_holds_the_smaller_one(tmp_path):
+    make(tmp_path / "once", TEN, choice=Choice(sample=8, seed=3))
+    _, first = make(tmp_path / "grown", TEN, choice=Choice(sample=4, seed=3))
+    _, second = make(tmp_path / "grown", TEN, choice=Choice(sample=8, seed=3))
+    assert (len(first), len(second)) == (4, 4)
+    assert contents(tmp_path / "grown") == contents(tmp_path / "once")
+    with pytest.raises(job.OtherSettingsError, match=r"seed: 3 there, 4 now"):
+        make(tmp_path / "grown", TEN, choice=Choice(sample=8, seed=4))
