@@ -35,7 +35,7 @@ class Prediction:
     Attributes:
       points: float32 [k, n, 3] in the project's frame (+z up, +y image right, +x to the camera).
       colours: uint8 [k, n, 3] from the image, `prediction.export.UNSEEN` for points it does not
-      show.
+        show.
       seen: bool [k, n].
       branch: uint8 [n], which branch predicts a point, `FC` or `DECONV`.
       view: what the network saw, with the camera (`data.photo.View`).

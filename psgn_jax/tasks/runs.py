@@ -46,7 +46,7 @@ def evaluate_run(
       data: folder of records in place of the configuration's `data.path`.
       out: folder for the files, default `workdir/eval_<split>_<checkpoint>`.
       draws: add the metrics of so many draws of each image, see `tasks.points.with_draws`; 0 =
-      none.
+        none.
       on_batch: as for `training.evaluation.evaluate_split`.
 
     Raises:

@@ -306,7 +306,7 @@ def compile_eval_step(
       mesh: of devices.
       frozen: arrays that it reads besides.
       sample_latents: (index of the batch, its size) -> random input, with a row for each of the
-      batch.
+        batch.
     """
     sharded = jax.shard_map(
         measure,
