@@ -160,6 +160,22 @@ def test_no_file_is_long(name):
     }
 
 
+LONGEST_FUNCTION = 60
+
+
+@pytest.mark.parametrize("name", [n for n in modules() if ".experiments." not in n])
+def test_a_long_function_says_why(name):
+    """The reason in the docstring begins with "One function: "."""
+    for node in ast.walk(ast.parse(modules()[name].read_text())):
+        if not isinstance(node, ast.FunctionDef):
+            continue
+        documented = ast.get_docstring(node) is not None
+        first = node.body[0]
+        begin = (first.end_lineno or 0) + 1 if documented else node.lineno
+        if node.end_lineno - begin + 1 > LONGEST_FUNCTION:
+            assert "One function: " in (ast.get_docstring(node) or ""), f"{name}: {node.name}"
+
+
 def layer_of(name: str) -> int:
     matches = [
         (len(prefix), index)

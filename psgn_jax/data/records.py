@@ -3,7 +3,7 @@
 The package itself imports from `data.codec`, `data.manifest`, `data.dataset` and `files`.
 """
 
-from psgn_jax.data.codec import DEFAULT_POINT_BITS, decode, encode
+from psgn_jax.data.codec import DEFAULT_POINT_BITS, decode, encode, unpack
 from psgn_jax.data.dataset import RecordReader, ShardWriter, read_shard, shard_name, write_dataset
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
 from psgn_jax.data.schema import RecordError
@@ -23,6 +23,7 @@ __all__ = [
     "read_shard",
     "save_manifest",
     "shard_name",
+    "unpack",
     "write_atomic",
     "write_dataset",
 ]

@@ -39,6 +39,8 @@ def visible_points(
 ) -> np.ndarray:
     """Whether each point is visible, by the rule of the module.
 
+    One function: each step narrows down the points that the next one looks at.
+
     Args:
       points: [n, 3] in the project's frame.
       depth: [H, W] along the optical axis, unit of the frame; 0 (or not finite) = none.

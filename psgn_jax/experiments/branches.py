@@ -438,7 +438,7 @@ def run(
     Args:
       workdir: gets the results, and the training if there is one.
       trained: folder of a run to look at; None = train one.
-      data: records; None = those of the run `trained`, or as `runs.find_data`.
+      data: records; None = those of the run `trained`, or as `common.find_data`.
       full: see `configuration`; for a training alone, as
       steps: in place of the recipe's.
       num_cases: samples in the picture.

@@ -464,7 +464,7 @@ def _gain(a: np.ndarray, b: np.ndarray, models: Sequence[str]) -> dict[str, floa
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """`runs.text_table`, its last row set apart."""
+    """`common.text_table`, its last row set apart."""
     lines = common.text_table(rows).splitlines()
     return [*lines[:-1], lines[1], lines[-1]]
 

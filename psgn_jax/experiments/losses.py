@@ -229,7 +229,7 @@ def run(
     Args:
       workdir: gets the results, and the runs `cd` and `emd` if they are trained here.
       trained: folders of finished runs by `LOSSES`; None = train them.
-      data: records; None = those of the runs `trained`, or as `runs.find_data`.
+      data: records; None = those of the runs `trained`, or as `common.find_data`.
       full: see `configuration`; for trainings alone, as
       steps: of each training, in place of the recipe's.
       num_cases: samples in the picture.

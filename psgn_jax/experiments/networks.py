@@ -333,7 +333,7 @@ def run(
 
     Args:
       workdir: gets the runs and the results.
-      data: records; None = as `runs.find_data`.
+      data: records; None = as `common.find_data`.
       full: see `configuration`.
       steps: of each training, in place of the recipe's.
 

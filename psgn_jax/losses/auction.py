@@ -160,7 +160,10 @@ def _owners(index: Array, kept: Array) -> Array:
 def _solve(
     a: Array, b: Array, tolerance: Array, max_bids: Array, *, authors: bool, fused: bool
 ) -> tuple[Array, Array, Array, Array]:
-    """index, prices, bids, gap of one pair; the loops around the bids."""
+    """index, prices, bids, gap of one pair; the loops around the bids.
+
+    One function: the parts of its loop all read the problem, the budget and the schedule.
+    """
     n = len(a)
     problem = prepare(a, b)
     numbers = lax.iota(jnp.int32, n)

@@ -230,6 +230,8 @@ def links_to(files: Sequence[str]) -> str:
 def build(demo: Demo) -> Any:
     """The page: `gradio.Blocks`.
 
+    One function: gradio declares controls and what they do in one context.
+
     Raises:
       ConfigError: gradio is missing.
     """

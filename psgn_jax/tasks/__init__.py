@@ -2,7 +2,6 @@
 
 import pathlib
 from collections.abc import Callable
-from typing import Any, cast
 
 from psgn_jax.config import Config
 from psgn_jax.tasks.base import Task
@@ -11,7 +10,7 @@ from psgn_jax.tasks.r2n2 import Views
 from psgn_jax.tasks.refiner import Refine
 from psgn_jax.tasks.volume import Volume
 
-TASKS: dict[str, Callable[[Config, pathlib.Path], Any]] = {
+TASKS: dict[str, Callable[[Config, pathlib.Path], Task]] = {
     "points": Points,
     "refine": Refine,
     "volume": Volume,
@@ -22,4 +21,4 @@ TASKS: dict[str, Callable[[Config, pathlib.Path], Any]] = {
 
 def create(config: Config, workdir: str | pathlib.Path) -> Task:
     """The task of a configuration; raises `ConfigError` if another run that it reads is missing."""
-    return cast(Task, TASKS[config.task](config, pathlib.Path(workdir)))
+    return TASKS[config.task](config, pathlib.Path(workdir))

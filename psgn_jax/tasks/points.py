@@ -34,7 +34,7 @@ class Points:
     def __init__(self, config: Config, workdir: pathlib.Path) -> None:
         self._config = config
         self._model = point_out_net.build(config.model)
-        self.title = config.model.name
+        self.title: str = config.model.name
         self.keys = step_lib.input_keys(config)
 
     @functools.cached_property

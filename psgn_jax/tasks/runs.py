@@ -17,7 +17,7 @@ import numpy as np
 from absl import logging
 
 from psgn_jax import tasks
-from psgn_jax.config import ConfigError, check_paths, require_points_task
+from psgn_jax.config import ConfigError, check_paths, parse, require_points_task
 from psgn_jax.default_data import with_default_data
 from psgn_jax.files import write_atomic
 from psgn_jax.metrics import table
@@ -45,14 +45,16 @@ def evaluate_run(
       split: default the configuration's `data.eval_split`.
       data: folder of records in place of the configuration's `data.path`.
       out: folder for the files, default `workdir/eval_<split>_<checkpoint>`.
-      draws: add the metrics of so many draws of each image, see `tasks.points.with_draws`; 0 =
-        none.
+      draws: add the metrics of so many draws of each image, see `tasks.points.with_draws`;
+        0 = none.
       on_batch: as for `training.evaluation.evaluate_split`.
 
     Raises:
       ConfigError, CheckpointError: one line on what is missing.
     """
     workdir = pathlib.Path(workdir)
+    if data is not None:
+        check_paths(parse({"data": {"path": data}}))
     run = open_run(workdir, checkpoint)
     config = run.config
     if data is not None:
@@ -94,13 +96,14 @@ def report_runs(
     """
     runs: list[Any] = []
     samples: list[Any] = []
-    for workdir in workdirs:
-        require_points_task(load_config(workdir), "--report")
-    for number, workdir in enumerate(workdirs):
+    configs = [load_config(workdir) for workdir in workdirs]
+    for config in configs:
+        require_points_task(config, "--report")
+    for number, (workdir, config) in enumerate(zip(workdirs, configs, strict=True)):
         collector = report_lib.Collector()
         own = options if not number else options | {"out": None}
         result = evaluate_run(workdir, on_batch=collector, **own)
-        num_fc = len(branch_of_point(load_config(workdir).model).fc)
+        num_fc = len(branch_of_point(config.model).fc)
         label = pathlib.Path(workdir).resolve().name
         runs.append(report_lib.Run(label, result, collector.preds, num_fc))
         samples = samples or collector.samples

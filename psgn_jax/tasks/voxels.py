@@ -129,7 +129,7 @@ class VoxelTask:
         return at_thresholds(measured, chosen or {}, best=self.metric)
 
     def picture(self, params: Any) -> None:
-        """None is latents."""
+        """There is none."""
 
 
 def at_thresholds(

@@ -230,32 +230,10 @@ def compile_train_step(
         total, metrics, grads = sharded_gradients(
             state.params, frozen, batch, latents, replicated_inputs
         )
-        grad_norm = optax.tree.norm(grads)
-        updates, opt_state = tx.update(grads, state.opt_state, state.params)
-        params = optax.apply_updates(state.params, updates)
-        ema: Any = ()
-        if config.optim.ema_decay:
-            # The horizon grows with the run, so that the first, useless parameters soon drop out.
-            decay = jnp.minimum(config.optim.ema_decay, (state.step + 1) / (state.step + 10))
-            ema = jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
-        first = state.step % config.train.log_every == 0
-        loss_sum = jnp.where(first, 0, state.loss_sum) + metrics["loss_step"]
-        loss_count = jnp.where(first, 0, state.loss_count) + 1
-        bad = jnp.stack([~jnp.isfinite(total), ~jnp.isfinite(grad_norm)])
-        first_bad = bad.any() & (state.bad_step < 0)
-        new = TrainState(
-            step=state.step + 1,
-            params=params,
-            opt_state=opt_state,
-            ema=ema,
-            loss_sum=loss_sum,
-            loss_count=loss_count,
-            bad_step=jnp.where(first_bad, state.step + 1, state.bad_step),
-            bad_metric=jnp.where(first_bad, jnp.argmax(bad).astype(jnp.int32), state.bad_metric),
-        )
+        new, grad_norm = _updated(config, tx, state, total, metrics["loss_step"], grads)
         metrics |= extra_metrics(metrics, replicated_inputs)
         metrics |= {
-            "loss": loss_sum / loss_count,
+            "loss": new.loss_sum / new.loss_count,
             "grad_norm": grad_norm,
             "learning_rate": jnp.asarray(rate(state.step), jnp.float32),
             "bad_step": new.bad_step,
@@ -270,6 +248,39 @@ def compile_train_step(
         out_shardings=(replicated, replicated),
     )
     return lambda state, batch: compiled(state, frozen, batch)
+
+
+def _updated(
+    config: Config,
+    tx: optax.GradientTransformation,
+    state: TrainState,
+    total: Array,
+    loss: Array,
+    grads: Any,
+) -> tuple[TrainState, Array]:
+    """The state after an update by `grads`, and their norm before clipping."""
+    grad_norm = optax.tree.norm(grads)
+    updates, opt_state = tx.update(grads, state.opt_state, state.params)
+    params = optax.apply_updates(state.params, updates)
+    ema: Any = ()
+    if config.optim.ema_decay:
+        # The horizon grows with the run, so that the first, useless parameters soon drop out.
+        decay = jnp.minimum(config.optim.ema_decay, (state.step + 1) / (state.step + 10))
+        ema = jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
+    first = state.step % config.train.log_every == 0
+    bad = jnp.stack([~jnp.isfinite(total), ~jnp.isfinite(grad_norm)])
+    first_bad = bad.any() & (state.bad_step < 0)
+    new = TrainState(
+        step=state.step + 1,
+        params=params,
+        opt_state=opt_state,
+        ema=ema,
+        loss_sum=jnp.where(first, 0, state.loss_sum) + loss,
+        loss_count=jnp.where(first, 0, state.loss_count) + 1,
+        bad_step=jnp.where(first_bad, state.step + 1, state.bad_step),
+        bad_metric=jnp.where(first_bad, jnp.argmax(bad).astype(jnp.int32), state.bad_metric),
+    )
+    return new, grad_norm
 
 
 def make_eval_step(

@@ -13,6 +13,7 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import FORMAT, VERSION, load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.viewing.clouds import render_cloud, turned
+from psgn_jax.viewing.page import nearest_distances
 
 # Below this share of points within 2 pixels of the mask a sample is flagged: its image does not
 # show all of its surface, or its camera is wrong. Of the authors' samples 2.5 % are.
@@ -20,7 +21,6 @@ FLAG_BELOW = 0.99
 NEAR_PIXELS = 2
 
 _DEPTH_PIXELS = 400
-_BLOCK = 1024
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,18 +43,6 @@ class Check:
     lowest: float
 
 
-def _nearest_distance(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distance [n] to the nearest of `points`, in blocks of bounded memory."""
-    centre = points.mean(axis=0)  # centred, the expansion of the square loses no digits here
-    queries, points = (queries - centre).astype(np.float64), (points - centre).astype(np.float64)
-    squares = (points**2).sum(axis=1)
-    best = np.full(len(queries), np.inf)
-    for start in range(0, len(points), _BLOCK):
-        part = slice(start, start + _BLOCK)
-        best = np.minimum(best, (squares[part] - 2 * queries @ points[part].T).min(axis=1))
-    return np.sqrt(np.maximum(best + (queries**2).sum(axis=1), 0))
-
-
 def check(sample: schema.Sample) -> Check:
     """Projects the points onto the mask and the depth onto the points."""
     pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
@@ -63,7 +51,7 @@ def check(sample: schema.Sample) -> Check:
     if sample.depth is not None and (sample.depth > 0).any():
         surface = camera.back_project(sample.depth, sample.intrinsics, sample.extrinsics)
         some = surface[:: max(1, len(surface) // _DEPTH_PIXELS)]
-        median = float(np.median(_nearest_distance(some, sample.points)))
+        median = float(np.median(nearest_distances(some, sample.points)))
     return Check(
         inside=float(camera.inside_mask(pixels, sample.mask).mean()),
         near=float(camera.inside_mask(pixels, sample.mask, NEAR_PIXELS).mean()),
@@ -156,26 +144,33 @@ def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
             "  bytes of a record, mean: "
             + ", ".join(f"{f} {np.mean(v):.0f}" for f, v in sizes.items())
         )
-        inside = np.array([c.inside for c in checks.values()])
-        near = np.array([c.near for c in checks.values()])
-        lines.append(
-            f"  {len(checks)} samples checked: points strictly inside the mask {inside.mean():.2%}"
-            f" on average (lowest {inside.min():.2%}); {(near >= FLAG_BELOW).sum()} samples have"
-            f" {FLAG_BELOW:.0%} within {NEAR_PIXELS} pixels"
-        )
-        medians = [c.depth_median for c in checks.values() if c.depth_median is not None]
-        if medians:
-            lines.append(
-                f"  depth to the cloud: median {np.median(medians):.4f} of the samples' medians,"
-                f" largest {max(medians):.4f} (unit: radius of the bounding hemisphere)"
-            )
-        reach = [c.reach for c in checks.values()]
-        lowest = [c.lowest for c in checks.values()]
-        lines.append(
-            f"  farthest point {min(reach):.3f} to {max(reach):.3f} from the origin, lowest z"
-            f" {min(lowest):.3f} to {max(lowest):.3f}"
-        )
+        lines += _summary(list(checks.values()))
     return lines + flagged
+
+
+def _summary(checks: Sequence[Check]) -> list[str]:
+    """Lines about the samples that were checked."""
+    lines = []
+    inside = np.array([c.inside for c in checks])
+    near = np.array([c.near for c in checks])
+    lines.append(
+        f"  {len(checks)} samples checked: points strictly inside the mask {inside.mean():.2%}"
+        f" on average (lowest {inside.min():.2%}); {(near >= FLAG_BELOW).sum()} samples have"
+        f" {FLAG_BELOW:.0%} within {NEAR_PIXELS} pixels"
+    )
+    medians = [c.depth_median for c in checks if c.depth_median is not None]
+    if medians:
+        lines.append(
+            f"  depth to the cloud: median {np.median(medians):.4f} of the samples' medians,"
+            f" largest {max(medians):.4f} (unit: radius of the bounding hemisphere)"
+        )
+    reach = [c.reach for c in checks]
+    lowest = [c.lowest for c in checks]
+    lines.append(
+        f"  farthest point {min(reach):.3f} to {max(reach):.3f} from the origin, lowest z"
+        f" {min(lowest):.3f} to {max(lowest):.3f}"
+    )
+    return lines
 
 
 def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str], bool]:

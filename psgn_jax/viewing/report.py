@@ -137,6 +137,17 @@ def write_report(
     }
     text = _TEMPLATE.read_text(encoding="utf-8").replace("/*DATA*/", page.to_json(document), 1)
     write_atomic(folder / "index.html", text)
+    _write_sheets(folder, samples, runs, errors)
+    return folder / "index.html"
+
+
+def _write_sheets(
+    folder: pathlib.Path,
+    samples: Sequence[Sample],
+    runs: Sequence[Run],
+    errors: Sequence[np.ndarray],
+) -> None:
+    """Writes `sheet.png` and `extremes.png`."""
     ranked = np.argsort(errors[0], kind="stable")  # what is not finite comes last
     count = min(len(samples), SHEET_CASES)
     chosen = np.linspace(0, len(samples) - 1, count).astype(int)
@@ -155,7 +166,6 @@ def write_report(
         for i in members
     ]
     _save(spheres.sheet(extremes, columns=1, height=144), folder / "extremes.png")
-    return folder / "index.html"
 
 
 def _viewer_case(

@@ -12,6 +12,7 @@ from PIL import Image
 
 from psgn_jax.config import ConfigError, flatten, parse
 from psgn_jax.data.dataset import write_dataset
+from psgn_jax.experiments import common
 from psgn_jax.experiments import completion as lib
 from psgn_jax.metrics.evaluation import Evaluation, SampleName
 
@@ -47,7 +48,8 @@ def test_rgbd_emd_is_authors_emd_with_depth():
 
 def test_data_named_found_or_drawn(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert lib.find_data(None) == ""
+    monkeypatch.setattr(common, "default_dataset", lambda: "rendered")
+    assert lib.find_data(None) == lib.find_data("") == "rendered"
     with pytest.raises(ConfigError, match="does not exist"):
         lib.find_data("no/such")
     pathlib.Path(lib.USUAL_DATA).mkdir(parents=True)

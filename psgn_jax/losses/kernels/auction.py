@@ -101,6 +101,10 @@ def _kernel(  # type: ignore[no-untyped-def]
     n: int,
     barrier: Callable[[], Any],
 ) -> None:
+    """The program of one pair, see the module.
+
+    One function: a kernel is traced as a whole, and its parts read the same references.
+    """
     # object_ref, list_ref and slack_ref are working memory (Pallas has none for Triton but its
     # outputs). Stores that are masked off go to the entry after the last: `nowhere`.
     size = nowhere = prices_ref.shape[1]

@@ -3,7 +3,7 @@ from PIL import Image
 
 from psgn_jax import inspect
 from psgn_jax.data.dataset import RecordReader, write_dataset
-from psgn_jax.viewing import dataset as dataset_view
+from psgn_jax.viewing import page
 
 
 def test_report_and_sheet(dataset, tmp_path, capsys):
@@ -55,4 +55,4 @@ def test_not_a_data_set(tmp_path, capsys):
 def test_nearest_distance(rng):
     a, b = rng.normal(size=(60, 3)), rng.normal(size=(1500, 3))
     want = np.linalg.norm(a[:, None] - b, axis=2).min(axis=1)
-    np.testing.assert_allclose(dataset_view._nearest_distance(a, b), want, atol=1e-7)
+    np.testing.assert_allclose(page.nearest_distances(a, b), want, atol=1e-7)
