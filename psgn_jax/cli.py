@@ -26,7 +26,9 @@ COMMANDS: Mapping[str, Command] = {
     "train": Command("psgn_jax.main", "train a network, or resume a run"),
     "evaluate": Command("psgn_jax.evaluate", "measure a run, as tables and as pages"),
     "predict": Command("psgn_jax.predict", "points from image files"),
-    "demo": Command("psgn_jax.demo", "a web page on this machine that predicts from dropped photos"),
+    "demo": Command(
+        "psgn_jax.demo", "a web page on this machine that predicts from dropped photos"
+    ),
     "convert": Command("psgn_jax.convert", "published data sets to records"),
     "inspect": Command("psgn_jax.inspect", "check a folder of records and show some samples"),
     "render": Command("data_gen.render", "meshes or procedural models to records"),

@@ -112,7 +112,9 @@ def test_a_wheel_trains_by_name_without_a_clone(tmp_path):
     assert "psgn = psgn_jax.cli:main" in entry_points.read_text()
     assert (packages / "psgn_jax" / "configs" / "quickstart.py").is_file()
     environment = {"PYTHONPATH": str(packages), "PYTHONSAFEPATH": "1"}
-    done = run("train", "--config=quickstart", "--config.train.steps=-1", cwd=tmp_path, **environment)
+    done = run(
+        "train", "--config=quickstart", "--config.train.steps=-1", cwd=tmp_path, **environment
+    )
     assert done.stderr == "error: train.steps=-1: accepted: a number >= 1\n"
     workdir = f"--workdir={tmp_path / 'run'}"
     shorter = ["--config.train.steps=2", "--config.optim.warmup_steps=0", workdir]

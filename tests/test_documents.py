@@ -30,7 +30,9 @@ def commands():
         inline = re.findall(r"`(psgn [^`]+)`", _FENCED.sub("", text))
         lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
         for line in [*lines, *(" ".join(text.split()) for text in inline)]:
-            match = re.search(r"(?:^|[ /$])(psgn .*)", line.partition(" #")[0].partition(" && mk")[0])
+            match = re.search(
+                r"(?:^|[ /$])(psgn .*)", line.partition(" #")[0].partition(" && mk")[0]
+            )
             if match:
                 found.add((page.relative_to(ROOT).as_posix(), match[1]))
     return sorted(found)

@@ -59,15 +59,16 @@ def matched_distances(
       ValueError: as `assign`. Inside `jit`, and under `grad` and `vmap`, a non-finite coordinate
         makes all distances of its pair NaN, and their gradients.
 
-    >>> import jax.numpy as jnp
-    >>> from psgn_jax import losses
-    >>> pred = jnp.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
-    >>> gt = jnp.array([[4.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
-    >>> distance, assignment = losses.matched_distances(pred, gt)
-    >>> assignment.index.tolist(), distance.tolist()
-    ([1, 0], [2.0, 1.0])
-    >>> bool(assignment.converged)  # the proven relative error, `assignment.gap`, is at most .01
-    True
+    Examples:
+      >>> import jax.numpy as jnp
+      >>> from psgn_jax import losses
+      >>> pred = jnp.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
+      >>> gt = jnp.array([[4.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
+      >>> distance, assignment = losses.matched_distances(pred, gt)
+      >>> assignment.index.tolist(), distance.tolist()
+      ([1, 0], [2.0, 1.0])
+      >>> bool(assignment.converged)  # the proven relative error, `assignment.gap`, is at most .01
+      True
     """
     found = assign(pred, gt, tolerance=tolerance, max_bids=max_bids, schedule=schedule, names=_PAIR)
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
@@ -105,12 +106,13 @@ def emd_mean(
 ) -> Float[Array, ""]:
     """1/n times `emd_sum` (unit): how far a point travels on average.
 
-    >>> import jax.numpy as jnp
-    >>> from psgn_jax import losses
-    >>> pred = jnp.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
-    >>> gt = jnp.array([[4.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
-    >>> float(losses.emd_mean(pred, gt))  # (2 + 1) / 2
-    1.5
+    Examples:
+      >>> import jax.numpy as jnp
+      >>> from psgn_jax import losses
+      >>> pred = jnp.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
+      >>> gt = jnp.array([[4.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
+      >>> float(losses.emd_mean(pred, gt))  # (2 + 1) / 2
+      1.5
     """
     return matched_distances(
         pred, gt, tolerance=tolerance, max_bids=max_bids, schedule=schedule
@@ -133,13 +135,14 @@ def emd_exact(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"]) -> ExactAssign
     Raises:
       ValueError: as `assign`; or the clouds are traced.
 
-    >>> import jax.numpy as jnp
-    >>> from psgn_jax import losses
-    >>> pred = jnp.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
-    >>> gt = jnp.array([[4.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
-    >>> exact = losses.emd_exact(pred, gt)
-    >>> exact.index.tolist(), exact.cost
-    ([1, 0], 3.0)
+    Examples:
+      >>> import jax.numpy as jnp
+      >>> from psgn_jax import losses
+      >>> pred = jnp.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
+      >>> gt = jnp.array([[4.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
+      >>> exact = losses.emd_exact(pred, gt)
+      >>> exact.index.tolist(), exact.cost
+      ([1, 0], 3.0)
     """
     if isinstance(pred, jax.core.Tracer) or isinstance(gt, jax.core.Tracer):
         raise ValueError("emd_exact: got traced clouds, expected arrays (it runs on the host)")
