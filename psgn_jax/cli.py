@@ -97,7 +97,7 @@ def _help() -> str:
     return (
         "usage: psgn COMMAND [arguments]\n\n"
         + _list({**COMMANDS, "study": _STUDY})
-        + "\n`psgn COMMAND --help` shows the arguments of a command, `psgn --version` the version.\n"
+        + "\n`psgn COMMAND --help` shows the arguments of a command.\n"
     )
 
 
