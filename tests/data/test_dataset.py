@@ -11,7 +11,7 @@ import pytest
 from psgn_jax import files
 from psgn_jax.data import schema
 from psgn_jax.data.codec import DepthCodes, PointLattice, decode, decode_stored, encode, unpack
-from psgn_jax.data.dataset import RecordReader, ShardWriter, shard_name, write_dataset
+from psgn_jax.data.dataset import RecordReader, ShardWriter, open_split, shard_name, write_dataset
 from psgn_jax.data.manifest import MANIFEST, load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.files import write_atomic
@@ -336,3 +336,8 @@ def test_extra_is_kept_and_checked(make, rng):
     assert decode(encode(told)).extra == told.extra
     with pytest.raises(ValueError, match=r"'extra'.*JSON object"):
         encode(dataclasses.replace(sample, extra="[1]"))
+
+
+def test_one_folder_in_place_of_a_list_is_refused(tmp_path):
+    with pytest.raises(TypeError, match="expected a list of folders"):
+        open_split(str(tmp_path), "train")
