@@ -36,6 +36,10 @@ class CameraSettings:
         view is 2 atan(96 / focal): 27 degrees for 400.
       roll: degrees about the optical axis; the object turns clockwise.
       aim: height above the origin at which the camera looks.
+      keep_size: whether the distance is that of a focal length of 400 and grows with the focal
+        length, so that the object's size in the image stays: a short one is a close look.
+      off_centre: how far the camera looks past the object, as part of the room that it leaves
+        free in the image: 0 to 1, drawn for rows and columns from -off_centre to off_centre.
     """
 
     image_size: tuple[int, int] = (192, 256)
@@ -46,6 +50,8 @@ class CameraSettings:
     roll: Range = (0.0, 0.0)
     # The authors' images have the origin 0.252 below the optical axis, at 20 degrees.
     aim: Range = (0.26817, 0.26817)
+    keep_size: bool = False
+    off_centre: float = 0.0
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -67,6 +73,8 @@ class CameraSettings:
                 raise ValueError(
                     f"camera.{name}: got {value}, expected (low, high) from {low:g} to {high:g}"
                 )
+        if not 0 <= self.off_centre <= 1:
+            raise ValueError(f"camera.off_centre: got {self.off_centre}, expected 0 to 1")
 
 
 PRESETS: dict[str, Mapping[str, Any]] = {
@@ -79,6 +87,16 @@ PRESETS: dict[str, Mapping[str, Any]] = {
         "distance": (2.0, 3.07),
         "focal": (210.0, 210.0),
         "aim": (0.3, 0.3),
+    },
+    # As people take photographs: lenses of 28 to 105 mm on small film, from any height but far
+    # below, not quite level, the object somewhere in the picture.
+    "photo": {
+        "elevation": (-5.0, 60.0),
+        "distance": (3.5, 4.8),
+        "focal": (230.0, 840.0),
+        "roll": (-4.0, 4.0),
+        "keep_size": True,
+        "off_centre": 0.7,
     },
 }
 """Named sets of `CameraSettings`' fields."""
@@ -133,12 +151,21 @@ def make(
     focal: float,
     roll: float,
     aim: float,
+    pan: tuple[float, float] = (0.0, 0.0),
 ) -> Camera:
-    """The camera of given parameters, see `CameraSettings`."""
+    """The camera of given parameters, see `CameraSettings`.
+
+    `pan` turns it, in radians, so that the object moves right and down in the image.
+    """
     sine, cosine = np.sin(np.deg2rad(elevation)), np.cos(np.deg2rad(elevation))
     upright = np.array(
         [[0, 1, 0, 0], [sine, 0, -cosine, aim * cosine], [-cosine, 0, -sine, distance]]
     )
+    if pan != (0.0, 0.0):
+        (right, right_part), (down, down_part) = ((np.cos(a), np.sin(a)) for a in pan)
+        across = np.array([[right, 0, right_part], [0, 1, 0], [-right_part, 0, right]])
+        along = np.array([[1, 0, 0], [0, down, down_part], [0, -down_part, down]])
+        upright = along @ across @ upright
     height, width = image_size
     pixels = focal * height / 192
     return Camera(
@@ -184,7 +211,8 @@ def draw(
     """Draws a camera; it moves back where the object would not fit into the image.
 
     Args:
-      rng: of the draw; as many numbers are taken whatever the settings are.
+      rng: of the draw; as many numbers are taken whatever the settings are (those of settings that
+        came later are taken of a child of it).
       settings: the ranges.
       vertices: of the object, in the model's frame.
 
@@ -196,16 +224,48 @@ def draw(
     def value(number: int, interval: Range) -> float:
         return float(interval[0] + (interval[1] - interval[0]) * unit[number])
 
-    parameters = {
+    parameters: dict[str, Any] = {
         name: value(number, getattr(settings, name))
         for number, name in enumerate(("azimuth", "elevation", "distance", "focal", "roll", "aim"))
     }
     parameters["azimuth"] %= 360.0
+    if settings.keep_size:
+        parameters["distance"] = max(parameters["distance"] * parameters["focal"] / 400, 1.05)
     turned = vertices @ turn_about_vertical(-parameters["azimuth"]).T
     while True:
         camera = make(image_size=settings.image_size, **parameters)
         if in_frame(turned, camera).all():
+            if settings.off_centre > 0:
+                return _moved(rng.spawn(1)[0], settings, turned, camera, parameters)
             return camera
         parameters["distance"] *= _STEP
         if parameters["distance"] > 1000:
             raise ValueError("camera: the object does not fit into the image at any distance")
+
+
+def _moved(
+    rng: np.random.Generator,
+    settings: CameraSettings,
+    turned: Float[np.ndarray, "n 3"],
+    camera: Camera,
+    parameters: Mapping[str, Any],
+) -> Camera:
+    """The camera turned so that the object, in the view-aligned frame, is somewhere else."""
+    pixels, _ = project(turned, camera)
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    size = np.array(settings.image_size[::-1], float)
+    want = rng.uniform(-settings.off_centre, settings.off_centre, 2)
+    # In pixels of the image; the camera turns before it rolls.
+    room = np.where(want > 0, size - _MARGIN_PIXELS - high, low - _MARGIN_PIXELS)
+    shift = turn_about_vertical(-camera.roll)[:2, :2] @ (want * np.maximum(room, 0))
+    for _ in range(12):
+        pan = np.arctan(shift / camera.intrinsics[0, 0])
+        moved = make(
+            image_size=settings.image_size,
+            pan=(float(pan[0]), float(pan[1])),
+            **parameters,
+        )
+        if in_frame(turned, moved).all():
+            return moved
+        shift = shift * 0.8
+    return camera

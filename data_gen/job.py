@@ -180,7 +180,7 @@ def render_catalogue(
             if options.image.background == "folder"
             else []
         )
-        maps = worker.load_maps(options.light, variant)
+        maps = worker.load_maps(options.light, variant, detail=options.image.shading == "photo")
     if job_folder.begin(out, job):
         logging.info("%s is complete", out)
         return _summary(entries, job_folder.read_report(out), True, started, 0)

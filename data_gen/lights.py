@@ -15,7 +15,13 @@ from jaxtyping import Float
 MAP_SIZE = (32, 64)
 """Size that maps are reduced to before anything is computed of them."""
 
-SOURCES = ("procedural", "sunsky", "folder")
+DETAIL = (256, 512)
+"""Size of maps that are seen in the picture as well."""
+
+NUM_SUNSKY = 24
+"""Skies that are made with Mitsuba's model of sun and sky."""
+
+SOURCES = ("procedural", "sunsky", "folder", "mixed")
 """Where environment maps come from."""
 
 
@@ -24,8 +30,10 @@ class LightSettings:
     """Where light comes from and how strong it is.
 
     Attributes:
-      source: one of `SOURCES`: skies made here, Mitsuba's model of sun and sky, or a folder.
-      folder: of .hdr and .exr files, for "folder".
+      source: one of `SOURCES`: skies made here, Mitsuba's model of sun and sky, a folder, or
+        "mixed": for each view an outdoor scene, a room, a studio or a map of the folder, if one is
+        given, see `data_gen.surroundings`.
+      folder: of .hdr and .exr files, for "folder" and "mixed".
       count: directional lights that a map is reduced to.
       ambient: range of the part of the light that comes from everywhere. Local shading has no
         interreflection; without this floor what looks away from the lights would be black.

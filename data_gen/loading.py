@@ -204,18 +204,21 @@ def _with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.nda
 def bounded(materials: Sequence[Material], notes: Notes) -> tuple[Material, ...]:
     """The materials with the largest textures halved until all together fit."""
     result = list(materials)
+    # Materials may share a texture, which then counts once and is halved for all of them.
+    distinct = {id(m.texture): m.texture for m in result if m.texture is not None}
 
-    def size(index: int) -> int:
-        texture = result[index].texture
-        return 0 if texture is None else texture.shape[0] * texture.shape[1]
+    def size(key: int) -> int:
+        return distinct[key].shape[0] * distinct[key].shape[1]
 
-    while sum(map(size, range(len(result)))) > _MAX_TEXELS:
+    while sum(map(size, distinct)) > _MAX_TEXELS:
         notes.add(f"textures reduced: together they have more than {_MAX_TEXELS} pixels")
-        largest = max(range(len(result)), key=size)
-        texture = result[largest].texture
-        assert texture is not None
-        half = Image.fromarray(texture).reduce(2)
-        result[largest] = dataclasses.replace(result[largest], texture=np.asarray(half))
+        largest = max(distinct, key=size)
+        half = np.asarray(Image.fromarray(distinct[largest]).reduce(2))
+        distinct[largest] = half
+    result = [
+        m if m.texture is None else dataclasses.replace(m, texture=distinct[id(m.texture)])
+        for m in result
+    ]
     return tuple(result)
 
 
@@ -326,54 +329,155 @@ def read_mtl(text: str, textures: Textures) -> dict[str, Material]:
     return result
 
 
-class _Rows:
-    """Rows of numbers of one statement, kept as arrays, a block at a time."""
-
-    def __init__(self, columns: int) -> None:
-        self._columns = columns
-        self._blocks: list[np.ndarray] = []
-        self.count = 0
-
-    def add(self, lines: list[str]) -> None:
-        """Appends rows; short ones are filled with 0, extra columns are left out."""
-        if not lines:
-            return
-        rows = [line.split() for line in lines]
-        if all(len(r) == self._columns for r in rows):
-            block = np.array([w for r in rows for w in r]).astype(np.float64)
-        else:
-            fill = ["0"] * self._columns
-            block = np.array([w for r in rows for w in (r + fill)[: self._columns]], np.float64)
-        self._blocks.append(block.reshape(-1, self._columns))
-        self.count += len(lines)
-
-    def array(self) -> np.ndarray:
-        return np.concatenate([np.zeros((0, self._columns)), *self._blocks])
-
-
-def _text_blocks(data: bytes, size: int = 1 << 22) -> Iterator[list[str]]:
-    """Lines of a text, some at a time; lines that end with a backslash go on."""
+def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
+    """A text in parts of whole lines; lines that end with a backslash are joined to the next."""
     start = 0
     while start < len(data):
         stop = data.find(b"\n", min(start + size, len(data)))
         while stop != -1 and data[max(stop - 2, 0) : stop].rstrip(b"\r").endswith(b"\\"):
             stop = data.find(b"\n", stop + 1)
         stop = len(data) if stop == -1 else stop + 1
-        text = data[start:stop].decode("utf-8", "replace").replace("\r\n", "\n")
-        if "\\\n" in text:
-            text = text.replace("\\\n", " ")
-        yield text.split("\n")
+        block = data[start:stop]
+        if b"\\" in block:
+            block = block.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+        yield block
         start = stop
+
+
+_V, _VT, _VN, _F, _OTHER = range(5)
+_SPACE = 32
+
+
+class _Lines:
+    """The lines of a block of an OBJ file by their statements.
+
+    All of it is arrays over the block's bytes, words or lines, so that no line costs a step of the
+    interpreter. What looks unusual is left to slower code of the same meaning.
+
+    Args:
+      block: whole lines.
+    """
+
+    def __init__(self, block: bytes) -> None:
+        self._bytes = np.frombuffer(block + b"\n\n\n\n", np.uint8).copy()
+        space = self._bytes <= _SPACE
+        begins = ~space
+        begins[1:] &= space[:-1]
+        self._word = np.flatnonzero(begins)
+        ends = np.flatnonzero(self._bytes == ord("\n"))
+        self._length = np.diff(ends, prepend=-1)
+        line_of_word = np.searchsorted(ends, self._word)
+        words = np.bincount(line_of_word, minlength=len(ends))
+        full = np.flatnonzero(words)
+        first = self._word[(np.cumsum(words) - words)[full]]
+        one, two, three = (self._bytes[first + k] for k in range(3))
+        kind = np.full(len(full), _OTHER)
+        kind[(one == ord("v")) & (two <= _SPACE)] = _V
+        kind[(one == ord("v")) & (two == ord("t")) & (three <= _SPACE)] = _VT
+        kind[(one == ord("v")) & (two == ord("n")) & (three <= _SPACE)] = _VN
+        kind[(one == ord("f")) & (two <= _SPACE)] = _F
+        kind[(words[full] < 2) & (kind != _OTHER)] = -1  # a statement without anything
+        self.kind = np.full(len(ends), -1)
+        self.kind[full] = kind
+        self.words = words - 1  # without the statement's own
+        self._ends = ends
+        # The statements' own words are blanked, so that only numbers are left.
+        numbers = kind != _OTHER
+        self._bytes[first[numbers]] = _SPACE
+        double = first[(kind == _VT) | (kind == _VN)] + 1
+        self._bytes[double] = _SPACE
+
+    def numbers(self, kind: int) -> bytes:
+        """All that stands in the lines of a kind."""
+        return self._bytes[np.repeat(self.kind == kind, self._length)[: len(self._bytes)]].tobytes()
+
+    def text(self, line: int | np.integer[Any]) -> str:
+        """A line."""
+        stop = self._ends[line]
+        return (
+            self._bytes[stop + 1 - self._length[line] : stop].tobytes().decode("utf-8", "replace")
+        )
+
+    def rows(self, kind: int, columns: int) -> np.ndarray:
+        """The numbers of the lines of a kind: short lines are filled with 0, long ones cut.
+
+        Raises:
+          ValueError: a word is no number.
+        """
+        counts = self.words[self.kind == kind]
+        values = _parsed(self.numbers(kind), np.float64)
+        if len(values) != counts.sum():
+            fill = ["0"] * columns
+            lines = [self.text(i).split() for i in np.flatnonzero(self.kind == kind)]
+            return np.array([[*words, *fill][:columns] for words in lines], np.float64)
+        if len(counts) and (counts == counts[0]).all() and counts[0] >= columns:
+            return values.reshape(len(counts), -1)[:, :columns]
+        column = np.arange(columns)
+        place = (np.cumsum(counts) - counts)[:, None] + column
+        there = column < counts[:, None]
+        padded = np.append(values, 0.0)
+        return np.where(there, padded[np.where(there, place, 0)], 0.0)
+
+    def corners(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners [n, 3] of the faces' lines as written, 0 = not given; and how many a line has.
+
+        Raises:
+          ValueError: a word is no corner.
+        """
+        counts = self.words[self.kind == _F]
+        text = self.numbers(_F)
+        if b"#" in text:
+            lines = [self.text(i).split("#")[0].split() for i in np.flatnonzero(self.kind == _F)]
+            return _indices([w for words in lines for w in words]), np.array(
+                [len(words) for words in lines]
+            )
+        total = int(counts.sum())
+        values = self._uniform(text, total)
+        if values is None:
+            values = _indices(text.decode("utf-8", "replace").split())
+        return values, counts
+
+    @staticmethod
+    def _uniform(text: bytes, total: int) -> np.ndarray | None:
+        """Corners that are all written in one way; None where they are not."""
+        if not total:
+            return np.zeros((0, 3), np.int64)
+        text = text.replace(b"//", b"/0/")
+        letters = np.frombuffer(text + b"\n", np.uint8)
+        slash = np.flatnonzero(letters == ord("/"))
+        space = letters <= _SPACE
+        begins = ~space
+        begins[1:] &= space[:-1]
+        word = np.flatnonzero(begins)
+        number = np.bincount(np.searchsorted(word, slash, side="right") - 1, minlength=total)
+        if len(number) != total or (number != number[0]).any() or number[0] > 2:
+            return None
+        if space[slash + 1].any() or begins[slash].any():
+            return None
+        columns = int(number[0]) + 1
+        text = text.replace(b"/", b" ")
+        values = _parsed(text, np.int64)
+        if len(values) != total * columns or np.abs(values).max() > 1 << 60:
+            return None
+        result = np.zeros((total, 3), np.int64)
+        result[:, :columns] = values.reshape(total, columns)
+        return result
+
+
+def _parsed(text: bytes, kind: type) -> np.ndarray:
+    """Numbers with blanks between them; none or fewer where a word is no number."""
+    with python_warnings.catch_warnings():
+        python_warnings.simplefilter("error", DeprecationWarning)  # older releases' way to say so
+        try:
+            return np.fromstring(text, kind, sep=" ")
+        except (ValueError, DeprecationWarning):
+            return np.zeros(0, kind)
 
 
 def _indices(tokens: list[str]) -> np.ndarray:
     """`a`, `a/b`, `a//c` and `a/b/c` as int64 [n, 3]; 0 = not given."""
-    slashes = {t.count("/") for t in tokens}
-    if slashes == {2}:
-        parts = [p or "0" for p in "/".join(tokens).split("/")]
-    else:
-        parts = [p or "0" for t in tokens for p in [*t.split("/"), "0", "0"][:3]]
-    return np.array(parts).astype(np.int64).reshape(-1, 3)
+    parts = [p or "0" for t in tokens for p in [*t.split("/"), "0", "0"][:3]]
+    return np.array(parts, str).astype(np.int64).reshape(-1, 3)
 
 
 def triangles(
@@ -425,41 +529,30 @@ def _read_obj(
     data: bytes, files: Files, base: str, side: int, max_faces: int, notes: Notes
 ) -> dict[str, Any]:
     """Arrays of an OBJ file for `meshes.build`."""
-    rows = {"v": _Rows(3), "vt": _Rows(2), "vn": _Rows(3)}
+    columns = {_V: 3, _VT: 2, _VN: 3}
+    rows: dict[int, list[np.ndarray]] = {kind: [np.zeros((0, n))] for kind, n in columns.items()}
+    read = dict.fromkeys(columns, 0)
     textures = Textures(files, base, side, notes)
     materials: dict[str, Material] = {}
     names: dict[str, int] = {}
     owner = -1
-    polygon_owner: list[int] = []
-    polygon_counts: list[int] = []
+    owner_blocks: list[np.ndarray] = []
+    count_blocks: list[np.ndarray] = []
     corner_blocks: list[np.ndarray] = []
     total = broken = 0
-    for lines in _text_blocks(data):
-        pending: dict[str, list[str]] = {key: [] for key in rows}
-        tokens: list[str] = []
-        seen: list[tuple[int, int, int]] = []  # v, vt, vn read before each corner's polygon
-        for line in lines:
-            words = line.lstrip().split(None, 1)
+    for block in _blocks(data):
+        lines = _Lines(block)
+        # Owners of the block's faces: those before the first `usemtl` keep the last one's.
+        changes, owners_here = [-1], [owner]
+        for index in np.flatnonzero(lines.kind == _OTHER):
+            words = lines.text(index).split(None, 1)
             if len(words) < 2:
                 continue
             key, rest = words
-            if key in pending:
-                pending[key].append(rest)
-            elif key == "f":
-                corner = rest.split("#")[0].split()
-                if len(corner) < 3:
-                    broken += 1
-                    continue
-                total += len(corner) - 2
-                if total > max_faces:
-                    raise UnusableModelError(f"more than the limit of {max_faces} faces")
-                tokens += corner
-                polygon_counts.append(len(corner))
-                polygon_owner.append(owner)
-                here = tuple(rows[k].count + len(pending[k]) for k in ("v", "vt", "vn"))
-                seen += [here] * len(corner)  # type: ignore[list-item]
-            elif key == "usemtl":
+            if key == "usemtl":
                 owner = names.setdefault(rest.strip(), len(names))
+                changes.append(int(index))
+                owners_here.append(owner)
             elif key == "mtllib":
                 # The name may hold spaces; else there may be several.
                 for name in [rest.strip()] if _exists(files, base, rest) else rest.split():
@@ -469,26 +562,47 @@ def _read_obj(
                     except FileNotFoundError:
                         notes.add(f"material file {name!r} is missing; grey stands in")
         try:
-            for key, block in pending.items():
-                rows[key].add(block)
-            if tokens:
-                corner_blocks.append(_resolve(_indices(tokens), np.array(seen)))
+            fresh = {kind: lines.rows(kind, n) for kind, n in columns.items()}
+            corner, counts = lines.corners()
         except (ValueError, OverflowError) as error:
             raise UnusableModelError(f"not readable as OBJ: {error}"[:200]) from error
+        at = np.flatnonzero(lines.kind == _F)
+        if len(at):
+            enough = counts >= 3
+            broken += int((~enough).sum())
+            total += int((counts[enough] - 2).sum())
+            if total > max_faces:
+                raise UnusableModelError(f"more than the limit of {max_faces} faces")
+            which = np.searchsorted(changes, at, side="right") - 1
+            if (corner < 0).any():
+                # Negative indices count from the rows read before the face.
+                seen = np.stack(
+                    [read[kind] + np.cumsum(lines.kind == kind)[at] for kind in columns], axis=1
+                )
+                corner = _resolve(corner, np.repeat(seen, counts, axis=0))
+            else:
+                corner = corner - 1
+            corner_blocks.append(corner[np.repeat(enough, counts)])
+            owner_blocks.append(np.array(owners_here)[which][enough])
+            count_blocks.append(counts[enough])
+        for kind, values in fresh.items():
+            rows[kind].append(values)
+            read[kind] += len(values)
     if broken:
         notes.add(f"{broken} faces with less than three corners dropped")
-    if not polygon_counts:
+    if not total:
         raise UnusableModelError("the mesh is empty: the file has no faces")
 
-    vertices, texture, normal = (rows[k].array() for k in ("v", "vt", "vn"))
+    vertices, texture, normal = (np.concatenate(rows[kind]) for kind in (_V, _VT, _VN))
     corners = np.concatenate(corner_blocks)
-    counts = np.array(polygon_counts)
+    counts = np.concatenate(count_blocks)
+    owners = np.concatenate(owner_blocks)
     exists = (corners[:, 0] >= 0) & (corners[:, 0] < len(vertices))
     whole = np.logical_and.reduceat(exists, np.cumsum(counts) - counts)
     if not whole.all():
         notes.add(f"{int((~whole).sum())} faces with vertices that do not exist dropped")
         corners = corners[np.repeat(whole, counts)]
-    counts, owners = counts[whole], np.array(polygon_owner)[whole]
+    counts, owners = counts[whole], owners[whole]
     if not len(counts):
         raise UnusableModelError("the mesh is empty: no face has its vertices")
     if not np.isfinite(vertices[corners[:, 0]]).all():

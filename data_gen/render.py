@@ -2,9 +2,9 @@
 
     python data_gen/render.py --catalogue NAME --source PATH --out RECORDS
 
-NAME is one of procedural, folder, shapenet, sh3f, ac3d; PATH is what the catalogue reads. RECORDS
-becomes a data set of `psgn_jax.data.records` that training reads, with `models.jsonl` beside it: a
-line for each model with its status, reason, checks and times.
+NAME is one of procedural, folder, shapenet, sh3f, ac3d, flightgear, torcs, pyrogenesis; PATH is
+what the catalogue reads. RECORDS becomes a data set of `psgn_jax.data.records` that training reads,
+with `models.jsonl` beside it: a line for each model with its status, reason, checks and times.
 
 Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; `--help` lists all
 of them, and the options of the catalogues. Killed and started again, the command goes on where it
@@ -181,7 +181,10 @@ def _check_effects(options: settings.Settings, given: Collection[str]) -> None:
     """Raises ValueError for a flag that was given and has no effect with the others."""
     if _SEED.present and not _SAMPLE.value:
         raise ValueError(f"--seed={_SEED.value}: it has no effect without --sample")
+    no_photo = options.image.shading != "photo" and "without image.shading=photo"
     idle = {
+        **{name: no_photo for name in given if name.startswith("film.")},
+        "image.rays": no_photo,
         "image.path_samples": options.image.shading != "path" and "without image.shading=path",
         "job.workers": bool(_SCHEDULER.value) and "with --scheduler, whose workers' threads render",
     }

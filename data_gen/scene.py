@@ -73,11 +73,17 @@ def flatten(model: Model) -> Surfaces:
     """The arrays of a model."""
     parts, starts, sizes = [np.full((1, 4), 255, np.uint8)], [], []
     total = 1
+    known: dict[int, int] = {}  # materials may share a texture
     for material in model.materials:
         if material.texture is None:
             starts.append(0)
             sizes.append((1, 1))
             continue
+        if id(material.texture) in known:
+            starts.append(known[id(material.texture)])
+            sizes.append(material.texture.shape[:2])
+            continue
+        known[id(material.texture)] = total
         parts.append(np.ascontiguousarray(material.texture).reshape(-1, 4))
         starts.append(total)
         sizes.append(material.texture.shape[:2])

@@ -14,10 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from data_gen import cameras, shading
+from data_gen import cameras, photo, shading
 from data_gen.cameras import Camera
-from data_gen.lights import shrink
+from data_gen.grounds import Ground
+from data_gen.lights import MAP_SIZE, shrink
+from data_gen.photo import RayHits as Hits
 from data_gen.scene import Scene, Surfaces
+from data_gen.surroundings import Surroundings
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
 
@@ -66,14 +69,6 @@ def start(variant: str, libllvm: str = "", *, shrink_threads: bool = True) -> No
     if shrink_threads and not variant.startswith("scalar"):
         drjit.set_thread_count(1)
     _mi, _dr = mitsuba, drjit
-
-
-class Hits(NamedTuple):
-    """Where rays meet the mesh: face (-1 = nowhere), barycentric weights, ray parameter."""
-
-    face: Int[np.ndarray, " n"]
-    weights: Float[np.ndarray, "n 3"]
-    t: Float[np.ndarray, " n"]
 
 
 class Mesh:
@@ -215,8 +210,13 @@ class _Samples(NamedTuple):
     z: Float[np.ndarray, " n"]
 
 
-def _see(mesh: Mesh, scene: Scene, rays: np.ndarray, first: Hits) -> _Samples:
-    """Follows rays from the camera, given their first hits, through holes and glass."""
+def _see(
+    mesh: Mesh, scene: Scene, rays: np.ndarray, first: Hits, shade: "_Shade | None" = None
+) -> _Samples:
+    """Follows rays from the camera, given their first hits, through holes and glass.
+
+    Colours are those of local shading, or of `shade`.
+    """
     surfaces, camera = scene.surfaces, scene.camera
     count = len(rays)
     colour = np.zeros((count, 3), np.float32)
@@ -240,11 +240,18 @@ def _see(mesh: Mesh, scene: Scene, rays: np.ndarray, first: Hits) -> _Samples:
             surfaces, one, weights[exists], camera.rotation, ray[exists]
         )
         view = -ray[exists] / np.linalg.norm(ray[exists], axis=1, keepdims=True)
-        lit = shading.blinn_phong(
-            surfaces, scene.lights, surfaces.material[one], diffuse[exists], normal, view
-        )
-        colour[at] += (through[at] * opacity[exists])[:, None] * lit
         fresh = ~hit[at]
+        if shade is None:
+            lit = shading.blinn_phong(
+                surfaces, scene.lights, surfaces.material[one], diffuse[exists], normal, view
+            )
+            colour[at] += (through[at] * opacity[exists])[:, None] * lit
+        else:
+            place = camera.position.astype(np.float32) + t[exists, None] * ray[exists]
+            lit, mirrored = shade(
+                at, fresh, place, normal, view, surfaces.material[one], diffuse[exists]
+            )
+            colour[at] += through[at, None] * (opacity[exists, None] * lit + mirrored)
         hit[at[fresh]] = True
         owner[at[fresh]] = surfaces.material[one[fresh]]
         normals[at[fresh]] = normal[fresh]
@@ -368,11 +375,193 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
     return result
 
 
+# --- Photographs ------------------------------------------------------------------------------
+
+
+class _Shade:
+    """Colours of hits in linear light: that of the pixels' centres, and more where they differ."""
+
+    def __init__(self, light: photo.Light, scene: Scene, picture: Picture, window: Window) -> None:
+        """Finds the light at the centres of the object's pixels."""
+        self._light, self._scene = light, scene
+        camera = scene.camera
+        self._size = (window.height + 2, window.width + 2)
+        shape = (*self._size, 3)
+        inner = (slice(1, -1), slice(1, -1))
+        mask = np.zeros(self._size, np.bool_)
+        normal, place = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        mask[inner] = picture.mask[window.slices]
+        normal[inner] = picture.normals[window.slices]
+        rows, columns = np.mgrid[window.slices]
+        rays = _rays(camera, columns.ravel() + 0.5, rows.ravel() + 0.5)
+        depth = picture.depth[window.slices].reshape(-1, 1)
+        seen = camera.position.astype(np.float32) + rays * depth
+        place[inner] = seen.reshape(window.height, window.width, 3)
+        pixel = np.float32(camera.distance / camera.intrinsics[0, 0])
+        self._near = 3 * pixel
+        at = np.nonzero(mask)
+        found = np.zeros(shape, np.float32)
+        found[at] = light.gather(place[at], normal[at], at[0] % 4 * 4 + at[1] % 4)
+        off = np.full((*self._size, 1), 1.5 * pixel, np.float32)
+        guides = np.concatenate([normal, place, off], axis=-1)
+        for step in (1, 2):
+            found = photo.smooth(found, mask, guides, step=step)
+        self._mask, self._found = mask.ravel(), found.reshape(-1, 3)
+        self._normal, self._place = normal.reshape(-1, 3), place.reshape(-1, 3)
+        self.pixels: Int[np.ndarray, " n"] = np.zeros(0, np.int64)
+        """The rays' pixels, as indices of the window grown by a pixel."""
+
+    def pixels_of(self, rows: np.ndarray, columns: np.ndarray) -> Int[np.ndarray, " n"]:
+        """Indices of the window's pixels."""
+        return (rows + 1) * self._size[1] + columns + 1
+
+    def __call__(
+        self,
+        at: Int[np.ndarray, " n"],
+        fresh: Bool[np.ndarray, " n"],
+        place: Float[np.ndarray, "n 3"],
+        normal: Float[np.ndarray, "n 3"],
+        view: Float[np.ndarray, "n 3"],
+        owner: Int[np.ndarray, " n"],
+        diffuse: Float[np.ndarray, "n 3"],
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """What the surfaces send to the camera: by their colour, and as mirrors."""
+        light = np.zeros((len(at), 3), np.float32)
+        pixel = self.pixels[at]
+        open_still = np.flatnonzero(fresh)
+        for offset in (0, 1, -1, self._size[1], -self._size[1]):
+            if not len(open_still):
+                break
+            of = pixel[open_still] + offset
+            off = np.einsum("nd,nd->n", normal[open_still], self._place[of] - place[open_still])
+            alike = (
+                self._mask[of]
+                & (np.einsum("nd,nd->n", normal[open_still], self._normal[of]) > 0.85)
+                & (np.abs(off) < self._near)
+            )
+            light[open_still[alike]] = self._found[of[alike]]
+            open_still = open_still[~alike]
+        rest = np.ones(len(at), np.bool_)
+        rest[fresh] = False
+        rest[open_still] = True
+        own = np.flatnonzero(rest)
+        if len(own):
+            # Samples of one pixel that look the same way share their light.
+            signs = (normal[own] > 0) @ np.array([1, 2, 4])
+            _, some, which = np.unique(
+                pixel[own] * 8 + signs, return_index=True, return_inverse=True
+            )
+            some = own[some]
+            pattern = pixel[some] * 7 % photo.PATTERNS
+            light[own] = self._light.gather(place[some], normal[some], pattern)[which]
+        surfaces, strength = self._scene.surfaces, self._scene.lights.specular
+        straight, blur = photo.mirror_of(surfaces, owner, strength)
+        glossy = np.flatnonzero(straight.max(axis=1) > 0.002)
+        mirrored = np.zeros((len(at), 3), np.float32)
+        colour = photo.linear(diffuse)
+        if len(glossy):
+            cosine = np.einsum("nd,nd->n", normal[glossy], view[glossy])
+            part = photo.fresnel(straight[glossy], cosine, blur[glossy])
+            mirrored[glossy] = part * self._light.reflect(
+                place[glossy], normal[glossy], view[glossy], blur[glossy]
+            )
+            colour[glossy] *= 1 - straight[glossy]
+        return colour * light, mirrored
+
+
+def photograph(
+    mesh: Mesh,
+    scene: Scene,
+    picture: Picture,
+    around: Surroundings,
+    ground: Ground | None,
+    *,
+    film: photo.FilmSettings,
+    side: int,
+    soft_edges: bool,
+    rays: int,
+    show_surroundings: bool,
+    rng: np.random.Generator,
+) -> UInt8[np.ndarray, "h w 3"]:
+    """The image of a view with the light of its surroundings, see `data_gen.photo`.
+
+    Args:
+      mesh: of `scene.surfaces.corners`.
+      scene: what is seen; its directional lights play no part.
+      picture: the view as `render` shows it: its mask, depth and normals are used.
+      around: the surroundings.
+      ground: under the object; None = there is none.
+      film: how light becomes an image.
+      side: samples along a pixel's edge, 0 = its centre alone.
+      soft_edges: whether edges are smoothed.
+      rays: that light is looked for with at each pixel.
+      show_surroundings: whether they are the background; the scene's background is not needed then.
+      rng: of directions, blur and noise.
+    """
+    camera = scene.camera
+    height, width = camera.image_size
+    window = window_of(scene.surfaces, camera)
+    turn = camera.rotation.astype(np.float32)
+    light_rng, film_rng = rng.spawn(2)
+
+    def cast(origins: np.ndarray, directions: np.ndarray) -> Hits:
+        return mesh.cast(origins @ turn, directions @ turn)
+
+    light = photo.Light(
+        around, ground, scene.surfaces, camera.rotation, cast, rays=rays, rng=light_rng
+    )
+    shade = _Shade(light, scene, picture, window)
+    side = max(side, 1)
+    rows, columns = np.mgrid[: window.height, : window.width].reshape(2, -1)
+    offsets = (np.arange(side) + 0.5) / side
+    fine_rows = (rows[:, None, None] + offsets[:, None]).repeat(side, 2).ravel()
+    fine_columns = (columns[:, None, None] + offsets).repeat(side, 1).ravel()
+    sent = _rays(camera, fine_columns + window.left, fine_rows + window.top)
+    shade.pixels = shade.pixels_of(rows, columns).repeat(side * side)
+    if _mi.variant().startswith("scalar"):
+        whole = mesh.cast_grid(camera, window, side)
+        cells = np.arange(len(whole.face)).reshape(window.height, side, window.width, side)
+        number = cells.transpose(0, 2, 1, 3).ravel()
+        first = Hits(whole.face[number], whole.weights[number], whole.t[number])
+    else:
+        origin = camera.position.astype(np.float32)
+        first = cast(np.broadcast_to(origin, sent.shape), sent)
+    seen = _see(mesh, scene, sent, first, shade)
+    colour = np.concatenate([seen.colour, 1 - seen.through[:, None]], axis=1)
+    colour = colour.reshape(-1, side * side, 4)
+    hit = seen.hit.reshape(-1, side * side)
+    if soft_edges:
+        total = colour.mean(axis=1)
+    else:
+        # As the mask has it: the pixel is the object's, as far as its samples are, or not at all.
+        count = np.maximum(hit.sum(axis=1), 1)[:, None]
+        total = np.where(picture.mask[window.slices].reshape(-1, 1), colour.sum(axis=1) / count, 0)
+    full = np.zeros((height, width, 4), np.float32)
+    full[window.slices] = total.reshape(window.height, window.width, 4)
+    hidden = full[..., 3] > 0.995
+    if show_surroundings or ground is not None:
+        all_rows, all_columns = np.mgrid[:height, :width].reshape(2, -1)
+        rays_of_all = _rays(camera, all_columns + 0.5, all_rows + 0.5)
+        behind = photo.backdrop(
+            light, around, ground, camera, rays_of_all, hidden,
+            blur=float(light_rng.uniform(0, 0.03)),
+        )  # fmt: skip
+    else:
+        level = light.in_the_open(np.array([[1.0, 0, 0]], np.float32))[0].mean()
+        behind = photo.linear(np.asarray(scene.background, np.float32)) * level
+    image = full[..., :3] + (1 - full[..., 3:]) * behind
+    weight = 0.3 + 2.0 * picture.mask * (height * width / max(picture.mask.sum(), 1)) * 0.3
+    illuminant = light.in_the_open(np.array([[0.5, 0, 0.866]], np.float32))[0]
+    return photo.develop(image, weight, film, film_rng, illuminant=illuminant)
+
+
 # --- Environment maps -------------------------------------------------------------------------
 
 
-def load_map(path: str | os.PathLike[str]) -> Float[np.ndarray, "h w 3"]:
-    """An environment map from an .hdr or .exr file, reduced to `lights.MAP_SIZE`.
+def load_map(
+    path: str | os.PathLike[str], size: tuple[int, int] = MAP_SIZE
+) -> Float[np.ndarray, "h w 3"]:
+    """An environment map from an .hdr or .exr file, reduced to a size.
 
     Call it only in a process whose thread pool has not been shrunk: with a single thread, reading
     an EXR never ends. `worker.load_maps` does that.
@@ -394,18 +583,22 @@ def load_map(path: str | os.PathLike[str]) -> Float[np.ndarray, "h w 3"]:
             f"environment map {str(path)!r}: {width} x {height} pixels, expected it twice as wide "
             "as high (latitude and longitude)"
         )
-    return shrink(pixels)
+    return shrink(pixels, size)
 
 
 def sunsky_map(
-    turbidity: float, sun_elevation_degrees: float, albedo: float
+    turbidity: float,
+    sun_elevation_degrees: float,
+    albedo: float,
+    size: tuple[int, int] = MAP_SIZE,
 ) -> Float[np.ndarray, "h w 3"]:
-    """Mitsuba's model of sun and sky as a map of `lights.MAP_SIZE`, on grey ground.
+    """Mitsuba's model of sun and sky as a map of a size, on grey ground.
 
     Args:
       turbidity: 1 (clear) to 10 (hazy).
       sun_elevation_degrees: of the sun above the horizon.
       albedo: of the ground.
+      size: of the map.
     """
     from data_gen import lights
 
@@ -420,7 +613,6 @@ def sunsky_map(
     }
     scene = _mi.load_dict({"type": "scene", "sky": emitter})
     sky = scene.emitters()[0]
-    size = lights.MAP_SIZE
     toward = lights.directions_of(size).reshape(-1, 3)
     values = np.zeros((len(toward), 3))
     above = toward[:, 2] > 0
@@ -505,7 +697,9 @@ def path_trace(
         values = _mi.traverse(mesh)
         values["vertex_positions"] = np.ascontiguousarray(corners[own]).ravel()
         values["vertex_normals"] = np.ascontiguousarray(normals[own]).ravel()
-        values["vertex_texcoords"] = np.ascontiguousarray(surfaces.uv[own]).ravel()
+        # Mitsuba's v runs down from an image's first row, ours up from its last.
+        uv = surfaces.uv[own] * np.array([1, -1], np.float32) + np.array([0, 1], np.float32)
+        values["vertex_texcoords"] = np.ascontiguousarray(uv, np.float32).ravel()
         values["faces"] = np.arange(3 * len(own), dtype=np.uint32)
         values.update()
         parts[f"part{number}"] = mesh

@@ -35,7 +35,7 @@ import scipy.spatial
 from jaxtyping import Float
 from PIL import Image
 
-from data_gen import cameras, lights, meshes, scene, shader
+from data_gen import cameras, lights, meshes, photo, scene, shader, surroundings
 from data_gen.catalogues import Entry
 from data_gen.settings import Settings
 from psgn_jax.data import records, schema
@@ -150,9 +150,15 @@ def _smoke_test(variant: str, library: str) -> None:
 
 
 def load_maps(
-    settings: lights.LightSettings, variant: Variant
+    settings: lights.LightSettings, variant: Variant, *, detail: bool = False
 ) -> Float[np.ndarray, "m h w 3"] | None:
     """The environment maps of the settings; None = procedural skies, made for each view.
+
+    Args:
+      settings: of the light.
+      variant: of Mitsuba.
+      detail: whether they are of the size that a picture's background takes; those of the source
+        "mixed" always are.
 
     A process of its own reads them: it keeps its threads, without which EXR files hang.
 
@@ -162,9 +168,11 @@ def load_maps(
     if settings.source == "procedural":
         return None
     names = []
-    if settings.source == "folder":
+    if settings.source == "folder" or (settings.source == "mixed" and settings.folder):
         names = [str(p.resolve()) for p in lights.list_maps(settings.folder)]
-    request = json.dumps({"variant": variant, "names": names})
+    size = lights.DETAIL if detail or settings.source == "mixed" else lights.MAP_SIZE
+    skies = 0 if settings.source == "folder" else lights.NUM_SUNSKY
+    request = json.dumps({"variant": variant, "names": names, "size": size, "skies": skies})
     done = subprocess.run(
         [sys.executable, "-m", "data_gen.worker", "maps"],
         input=request.encode(), capture_output=True, check=False, timeout=600,
@@ -173,22 +181,27 @@ def load_maps(
     if done.returncode:
         lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
         raise ValueError(f"light.source {settings.source!r}: {lines[-1]}")
-    return np.frombuffer(done.stdout, np.float64).reshape(-1, *lights.MAP_SIZE, 3)
+    kind = np.float64 if size == lights.MAP_SIZE else np.float32
+    return np.frombuffer(done.stdout, kind).reshape(-1, *size, 3)
 
 
 def _write_maps() -> None:
     request = json.loads(sys.stdin.read())
     shader.start(*request["variant"], shrink_threads=False)
-    if request["names"]:
-        maps = [shader.load_map(name) for name in request["names"]]
-    else:
-        # From a clear morning to a hazy noon.
-        rng = np.random.default_rng(0)
-        maps = [
-            shader.sunsky_map(rng.uniform(2, 8), rng.uniform(15, 75), rng.uniform(0.15, 0.5))
-            for _ in range(24)
-        ]
-    sys.stdout.buffer.write(np.stack(maps).astype(np.float64).tobytes())
+    size = (request["size"][0], request["size"][1])
+    # From a clear morning to a hazy noon; a quarter of the rows and columns do for a large map.
+    coarse = max(1, size[0] // 64)
+    rng = np.random.default_rng(0)
+    maps = [
+        shader.sunsky_map(
+            rng.uniform(2, 8), rng.uniform(15, 75), rng.uniform(0.15, 0.5),
+            (size[0] // coarse, size[1] // coarse),
+        ).repeat(coarse, axis=0).repeat(coarse, axis=1)
+        for _ in range(request["skies"])
+    ]  # fmt: skip
+    maps += [shader.load_map(name, size) for name in request["names"]]
+    kind = np.float64 if size == lights.MAP_SIZE else np.float32
+    sys.stdout.buffer.write(np.stack(maps).astype(kind).tobytes())
 
 
 # --- One model --------------------------------------------------------------------------------
@@ -270,7 +283,7 @@ def _objection(checks: Mapping[str, float], settings: Settings) -> str:
 def _background(rng: np.random.Generator, settings: Settings, pictures: list[str]) -> Any:
     """What is behind the object: a grey, or an image in [0, 1]."""
     height, width = settings.camera.image_size
-    if settings.image.background == "grey":
+    if settings.image.background in ("grey", "surroundings"):
         return scene.BACKGROUND
     if settings.image.background == "folder":
         with Image.open(pictures[int(rng.integers(len(pictures)))]) as opened:
@@ -359,24 +372,32 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             "warnings": list(model.warnings),
         }
         surface = meshes.sample_surface(model, settings.num_points, seed)
-        tree = scipy.spatial.cKDTree(surface.points)
+        # A few hundred searches a view: a tree that is made fast serves better than a good one.
+        tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
         lap("points")
         surfaces = scene.flatten(model)
+        outline = meshes.outline(model)
         mesh = shader.Mesh(surfaces.corners)
         lap("mesh")
         parameters = _plain(model.parameters)
         for view in range(settings.views):
             rng = np.random.default_rng([seed, view])
-            camera = cameras.draw(rng, settings.camera, model.vertices)
-            light, radiance = lights.draw(rng, settings.light, context.maps)
+            camera = cameras.draw(rng, settings.camera, outline)
+            light, around = surroundings.draw(rng, settings.light, context.maps)
             behind = _background(rng, settings, context.pictures)
             shown = scene.Scene(surfaces, camera, light, behind)
             lap("light")
+            photographed = settings.image.shading == "photo"
             picture = shader.render(
-                mesh, shown, side=settings.image.samples, soft_edges=settings.image.soft_edges
+                mesh,
+                shown,
+                side=0 if photographed else settings.image.samples,
+                soft_edges=settings.image.soft_edges,
             )
             if settings.image.shading == "path":
-                picture = _traced(picture, shown, radiance, settings, seed + view)
+                picture = _traced(picture, shown, around.radiance, settings, seed + view)
+            elif photographed:
+                picture = _photographed(picture, mesh, shown, around, settings, rng)
             lap("render")
             points = (surface.points @ camera.rotation.T).astype(np.float32)
             checks = check_view(picture, camera, points, tree)
@@ -430,6 +451,7 @@ def _traced(
     """The picture with path-traced colours."""
     # As bright as local shading: a white surface in full light has the same brightness.
     strength = shown.lights.colours.sum() + 3 * shown.lights.sky.mean()
+    radiance = lights.shrink(radiance)
     flux = (radiance * lights.solid_angles(lights.MAP_SIZE)[..., None]).sum()
     colours = shader.path_trace(
         shown,
@@ -444,6 +466,31 @@ def _traced(
             [colours[..., :3] / np.maximum(colours[..., 3:], 1e-3) * opacity, opacity], axis=-1
         )
     return picture._replace(image=shader.compose(colours, shown.background))
+
+
+def _photographed(
+    picture: shader.Picture,
+    mesh: shader.Mesh,
+    shown: scene.Scene,
+    around: surroundings.Surroundings,
+    settings: Settings,
+    rng: np.random.Generator,
+) -> shader.Picture:
+    """The picture with the colours of a photograph."""
+    image = shader.photograph(
+        mesh,
+        shown,
+        picture,
+        around,
+        photo.draw_ground(rng, settings.image.ground, around, shown.camera),
+        film=settings.film,
+        side=settings.image.samples,
+        soft_edges=settings.image.soft_edges,
+        rays=settings.image.rays,
+        show_surroundings=settings.image.background == "surroundings",
+        rng=rng,
+    )
+    return picture._replace(image=image)
 
 
 def _plain(value: Any) -> Any:

@@ -96,10 +96,14 @@ def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -
 
 CATALOGUES = {
     "procedural": "data_gen.catalogues.procedural:ProceduralCatalogue",
+    "procedural_extra": "data_gen.catalogues.procedural:ExtraCatalogue",
     "folder": "data_gen.catalogues.folder:FolderCatalogue",
     "shapenet": "data_gen.catalogues.shapenet:ShapeNetCatalogue",
     "sh3f": "data_gen.catalogues.sh3f:SweetHomeCatalogue",
     "ac3d": "data_gen.catalogues.ac3d:AC3DCatalogue",
+    "flightgear": "data_gen.catalogues.flightgear:FlightGearCatalogue",
+    "torcs": "data_gen.catalogues.torcs:TorcsCatalogue",
+    "pyrogenesis": "data_gen.catalogues.pyrogenesis:PyrogenesisCatalogue",
 }
 """Names of the catalogues and where their classes are."""
 

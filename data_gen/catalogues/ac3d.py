@@ -41,6 +41,10 @@ _STATEMENT = re.compile(
     rb"^[ \t]*(OBJECT|kids|numvert|numsurf|SURF|refs|loc|rot|crease|data)\b[ \t]*([^\r\n]*)",
     re.MULTILINE,
 )
+# Objects that are no part of the thing: water and shade that move with it.
+_NO_PARTS = re.compile(r"wake([\W_0-9]|$)|sillage|shadow", re.IGNORECASE)
+_NO_PART = "a ship's wake or a painted shadow left out"
+
 _SURFACE = re.compile(rb"^([ \t]*SURF[ \t]+0[xX])([0-9a-fA-F]{1,8})", re.MULTILINE)
 
 
@@ -88,8 +92,13 @@ def _numbers(words: bytes, count: int, what: str) -> np.ndarray:
     return values
 
 
-def read_outline(data: bytes, max_faces: int = meshes.MAX_FACES) -> list[Object]:
+def read_outline(
+    data: bytes, max_faces: int = meshes.MAX_FACES, notes: loading.Notes | None = None
+) -> list[Object]:
     """The objects of a file in its order, after all that it announces has been compared with it.
+
+    Some exporters count objects that they leave out. With `notes`, a file that ends with a whole
+    object and has more than are missing is read all the same, and they say how many are missing.
 
     Raises:
       UnusableModelError: it is no AC3D file, torn, or has too many faces or objects.
@@ -148,8 +157,11 @@ def read_outline(data: bytes, max_faces: int = meshes.MAX_FACES) -> list[Object]
             here.crease = float(np.clip(_numbers(rest, 1, "crease")[0], 0, 180))
     if not objects:
         raise UnusableModelError("the mesh is empty: the file has no objects")
-    if objects[-1].kids is None or any(left for _, left in open_):
+    missing = sum(left for _, left in open_)
+    if objects[-1].kids is None or (missing and (notes is None or missing >= len(objects))):
         raise UnusableModelError("not readable as AC3D: it is torn: objects are missing")
+    if missing and notes is not None:
+        notes.add(f"{missing} objects that the file announces are missing")
     if any(o.found != o.surfaces for o in objects):
         raise UnusableModelError("not readable as AC3D: it is torn: surfaces are missing")
     return objects
@@ -265,6 +277,12 @@ def _material(properties: list[dict[str, Any]], textures: loading.Textures) -> t
     return material, value.get("$tex.uvtrafo", (0.0, 0.0, 1.0, 1.0, 0.0))
 
 
+def _is_wake(properties: list[dict[str, Any]]) -> bool:
+    """Whether a material's picture is that of a wake or a shadow."""
+    name = next((str(p["value"]) for p in properties if p["key"] == "$tex.file"), "")
+    return bool(_NO_PARTS.match(re.split(r"[/\\]", name)[-1]))
+
+
 def read(
     data: bytes, files: loading.Files, base: str, side: int, max_faces: int, notes: loading.Notes
 ) -> dict[str, Any]:
@@ -273,7 +291,7 @@ def read(
     Raises:
       UnusableModelError: it is torn, no AC3D file, too large or empty, or assimp is missing.
     """
-    objects = read_outline(data, max_faces)
+    objects = read_outline(data, max_faces, notes)
 
     # Assimp would write the backs of two-sided surfaces as faces of their own.
     def one_sided(match: re.Match[bytes]) -> bytes:
@@ -289,16 +307,23 @@ def read(
         )
     textures = loading.Textures(files, base, side, notes)
     looks = [_material(m["properties"], textures) for m in tree.get("materials", [])]
+    no_parts = {i for i, m in enumerate(tree.get("materials", [])) if _is_wake(m["properties"])}
     parts: dict[str, list[np.ndarray]] = {k: [] for k in ("faces", "vertices", "uv", "owner")}
     normals = []
     offset = 0
     for node, each, (turn, move) in zip(nodes, objects, _places(objects), strict=True):
+        if _NO_PARTS.match(str(node.get("name", ""))):
+            notes.add(_NO_PART)
+            continue
         begin = len(parts["faces"])
         start = offset
         for index in node.get("meshes", []):
             mesh = tree["meshes"][index]
             polygons = [f for f in mesh.get("faces", []) if len(f) >= 3]
             if not polygons:
+                continue
+            if mesh["materialindex"] in no_parts:
+                notes.add(_NO_PART)
                 continue
             # Assimp has moved them already; it must come after the turning.
             local = np.array(mesh["vertices"], np.float64).reshape(-1, 3) - each.location
@@ -387,4 +412,4 @@ class AC3DCatalogue(folder.FolderCatalogue):
             raise ValueError(f"catalogue 'ac3d': {NO_ASSIMP}")
 
     def _endings(self) -> set[str]:
-        return {".ac"}
+        return {".ac", ".acc"}

@@ -29,7 +29,7 @@ _OTHERS = {
 
 
 # Catalogues for files that are not read here.
-_CATALOGUES = {".ac": "ac3d", ".sh3f": "sh3f"}
+_CATALOGUES = {".ac": "ac3d", ".acc": "ac3d", ".sh3f": "sh3f"}
 
 
 def extensions() -> set[str]:

@@ -1,4 +1,4 @@
-"""Parametric families for the 13 categories of the paper's table: endless, seeded, no files.
+"""Parametric families: the 13 categories of the paper's table, and more; endless, seeded, no files.
 
 `generate(category, seed)` makes a model of several parts and materials, its front toward +x. Each
 family has several sub-types with random proportions, parts and colours.
@@ -6,46 +6,110 @@ family has several sub-types with random proportions, parts and colours.
 **Hidden parameters.** What an image cannot tell is drawn from a generator of its own:
 `generate(category, seed, hidden_seed=h)` for different h gives models that look the same from every
 azimuth in `parameters["hidden_azimuth"]`, pixel for pixel, and differ where the camera cannot see:
-in the hollow of a seat, behind a front, on the far side. The bounding box and hemisphere do not
+in the hollow of a seat, below a foot, on the far side. The bounding box and hemisphere do not
 depend on them, so normalisation keeps the rest where it is. An azimuth is the direction from the
 model's origin to the camera, in degrees from +x toward +y; the ranges hold for cameras at least 15
-degrees above the horizon and at least 2.5 units away. `hidden_azimuth` is a tuple of ranges
-(low, high) in [-180, 180]; `parameters["hidden"]` are the hidden values. `hidden_ranges` tells what
-they are drawn from, `redraw_hidden` makes the other models that look like a given one.
+degrees above the horizon, at least 2.5 units away and no lower than the model's highest point.
+`hidden_azimuth` is a tuple of ranges (low, high) in [-180, 180]; `parameters["hidden"]` are the
+hidden values. `hidden_ranges` tells what they are drawn from, `redraw_hidden` makes the other
+models that look like a given one. The extra families have no hidden parameters.
 """
 
 import os
 import re
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from data_gen import catalogues
-from data_gen.catalogues.families import devices, furniture, vehicles
+from data_gen.catalogues.families import (
+    buildings,
+    figures,
+    household,
+    materials,
+    plants,
+    scenes,
+    tools,
+    transport,
+    vessels,
+    wearables,
+)
+from data_gen.catalogues.families.bench import bench
+from data_gen.catalogues.families.cabinet import cabinet, open_cabinet
+from data_gen.catalogues.families.car import car
+from data_gen.catalogues.families.cellphone import cellphone, open_cellphone
+from data_gen.catalogues.families.chair import chair
+from data_gen.catalogues.families.couch import couch
+from data_gen.catalogues.families.firearm import firearm
 from data_gen.catalogues.families.kit import HiddenRange, Kit
+from data_gen.catalogues.families.lamp import lamp
+from data_gen.catalogues.families.monitor import monitor
+from data_gen.catalogues.families.plane import plane
+from data_gen.catalogues.families.speaker import open_speaker, speaker
+from data_gen.catalogues.families.table import table
+from data_gen.catalogues.families.watercraft import watercraft
 from data_gen.meshes import Model
 
 # Keeps these draws apart from those of other users of the same seed.
 _VISIBLE, _HIDDEN = 0x70736776, 0x70736768
 
 FAMILIES: dict[str, Callable[[Kit], None]] = {
-    "plane": vehicles.plane,
-    "bench": furniture.bench,
-    "cabinet": furniture.cabinet,
-    "car": vehicles.car,
-    "chair": furniture.chair,
-    "monitor": devices.monitor,
-    "lamp": furniture.lamp,
-    "speaker": devices.speaker,
-    "firearm": vehicles.firearm,
-    "couch": furniture.couch,
-    "table": furniture.table,
-    "cellphone": devices.cellphone,
-    "watercraft": vehicles.watercraft,
+    "plane": plane,
+    "bench": bench,
+    "cabinet": cabinet,
+    "car": car,
+    "chair": chair,
+    "monitor": monitor,
+    "lamp": lamp,
+    "speaker": speaker,
+    "firearm": firearm,
+    "couch": couch,
+    "table": table,
+    "cellphone": cellphone,
+    "watercraft": watercraft,
 }
 """The families, in the order of the paper's table."""
 
 CATEGORIES = tuple(FAMILIES)
+
+OPEN_BACKS: dict[str, Callable[[Kit], None]] = {
+    "cabinet": open_cabinet,
+    "speaker": open_speaker,
+    "cellphone": open_cellphone,
+}
+"""Families of models with a recess of a hidden depth at the back, for studies of ambiguity."""
+
+EXTRA_FAMILIES: dict[str, Callable[[Kit], None]] = {
+    "plant": plants.plant,
+    "bottle": vessels.bottle,
+    "vase": vessels.vase,
+    "cup": vessels.cup,
+    "building": buildings.building,
+    "figure": figures.figure,
+    "animal": figures.animal,
+    "tool": tools.tool,
+    "guitar": tools.guitar,
+    "hat": wearables.hat,
+    "bag": wearables.bag,
+    "clock": household.clock,
+    "book": household.book,
+    "container": household.container,
+    "bed": household.bed,
+    "fixture": household.fixture,
+    "train": transport.train,
+    "rocket": transport.rocket,
+    "cycle": transport.cycle,
+    "scene": scenes.scene,
+}
+"""Families that the paper's table lacks and ShapeNet has many models of."""
+
+EXTRA_CATEGORIES = tuple(EXTRA_FAMILIES)
+
+_ALL = {**FAMILIES, **EXTRA_FAMILIES}
+
+# Share of extra models without colours, as many of ShapeNet's are.
+_PLAIN = 0.15
 
 
 def generate(
@@ -54,44 +118,66 @@ def generate(
     *,
     hidden_seed: int | None = None,
     hidden: Mapping[str, float] | None = None,
+    open_back: bool = False,
 ) -> Model:
     """A model of a category, in the project's frame, its front toward +x.
 
     Args:
-      category: one of `CATEGORIES`.
+      category: one of `CATEGORIES` or `EXTRA_CATEGORIES`.
       seed: of everything that can be seen, at least 0; the same seed gives the same model.
       hidden_seed: of what cannot be seen; None = `seed`.
       hidden: values of hidden parameters that are not drawn; see `hidden_ranges`.
+      open_back: whether the model has a recess of a hidden depth at its back (`OPEN_BACKS`), which
+        half of the views show and the others leave unknown. Else its back is closed.
 
     Returns:
-      A normalised model named `<category>-<seed>`, `-h<hidden_seed>` appended where one is given,
-      and `-set` where `hidden` is, with every parameter in `parameters`: see this module's
-      docstring for the hidden ones.
+      A normalised model named `<category>-<seed>`, `-open` appended where its back is open,
+      `-h<hidden_seed>` where one is given, and `-set` where `hidden` is, with every parameter in
+      `parameters`: see this module's docstring for the hidden ones.
 
     Raises:
-      ValueError: there is no such category, a seed is negative, or a hidden parameter is unknown
-        or outside of its range.
+      ValueError: there is no such category, or none with an open back, a seed is negative, or a
+        hidden parameter is unknown or outside of its range.
     """
     inner = seed if hidden_seed is None else hidden_seed
-    kit = _built(category, seed, inner, hidden or {})
-    name = f"{category}-{seed}" + ("" if hidden_seed is None else f"-h{hidden_seed}")
-    name += "-set" if hidden else ""
+    kit = _built(category, seed, inner, hidden or {}, open_back)
+    name = _name(category, seed, hidden_seed, open_back) + ("-set" if hidden else "")
     return kit.model(category, name, {"seed": seed, "hidden_seed": inner})
 
 
-def _built(category: str, seed: int, hidden_seed: int, hidden: Mapping[str, float]) -> Kit:
-    if category not in FAMILIES:
-        raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
+def _number(category: str) -> int:
+    """Of a family, part of its seeds: it never changes when families come."""
+    if category in FAMILIES:
+        return CATEGORIES.index(category)
+    return 1 << 32 | zlib.crc32(category.encode())
+
+
+def _name(category: str, seed: int, hidden_seed: int | None, open_back: bool) -> str:
+    name = f"{category}-{seed}" + ("-open" if open_back else "")
+    return name + ("" if hidden_seed is None else f"-h{hidden_seed}")
+
+
+def _built(
+    category: str, seed: int, hidden_seed: int, hidden: Mapping[str, float], open_back: bool
+) -> Kit:
+    if category not in _ALL:
+        raise ValueError(f"category {category!r}: expected one of {list(_ALL)}")
+    if open_back and category not in OPEN_BACKS:
+        raise ValueError(
+            f"category {category!r}: only {list(OPEN_BACKS)} have models with an open back"
+        )
     for name, value in (("seed", seed), ("hidden_seed", hidden_seed)):
         if value < 0:
             raise ValueError(f"{name}: got {value}, expected 0 or more")
-    number = CATEGORIES.index(category)
+    number = _number(category)
     kit = Kit(
         np.random.default_rng([_VISIBLE, number, seed]),
         np.random.default_rng([_HIDDEN, number, hidden_seed]),
         hidden,
     )
-    FAMILIES[category](kit)
+    (OPEN_BACKS if open_back else _ALL)[category](kit)
+    if category in EXTRA_FAMILIES and kit.chance("plain", _PLAIN):
+        kit.paint_all(materials.plain(kit.rng))
     unknown = [name for name in hidden if name not in kit.ranges]
     if unknown:
         raise ValueError(
@@ -107,14 +193,20 @@ def _built(category: str, seed: int, hidden_seed: int, hidden: Mapping[str, floa
 def parse_id(model: str | catalogues.Entry | Model) -> tuple[str, int]:
     """Category and seed of a procedural model by its name (or the entry's, or the model's).
 
+    Not whether its back is open.
+
     Raises:
       ValueError: it is no name of this catalogue.
     """
+    return _parse(model)[:2]
+
+
+def _parse(model: str | catalogues.Entry | Model) -> tuple[str, int, bool]:
     name = model if isinstance(model, str) else model.model_id
-    match = re.fullmatch(r"([a-z]+)-([0-9]+)(?:-h[0-9]+)?(?:-set)?", name)
-    if match is None or match[1] not in FAMILIES:
+    match = re.fullmatch(r"([a-z]+)-([0-9]+)(-open)?(?:-h[0-9]+)?(?:-set)?", name)
+    if match is None or match[1] not in (OPEN_BACKS if match[3] else _ALL):
         raise ValueError(f"model {name!r}: expected the name of a procedural model, as 'chair-12'")
-    return match[1], int(match[2])
+    return match[1], int(match[2]), bool(match[3])
 
 
 def hidden_ranges(model: str | catalogues.Entry | Model) -> dict[str, HiddenRange]:
@@ -131,8 +223,8 @@ def hidden_ranges(model: str | catalogues.Entry | Model) -> dict[str, HiddenRang
     Raises:
       ValueError: it is no name of a procedural model.
     """
-    category, seed = parse_id(model)
-    return dict(_built(category, seed, seed, {}).ranges)
+    category, seed, open_back = _parse(model)
+    return dict(_built(category, seed, seed, {}, open_back).ranges)
 
 
 def redraw_hidden(
@@ -155,15 +247,15 @@ def redraw_hidden(
     Raises:
       ValueError: it is no name of a procedural model, or a value is outside of its range.
     """
-    category, seed = parse_id(model)
-    return generate(category, seed, hidden_seed=hidden_seed, hidden=values)
+    category, seed, open_back = _parse(model)
+    return generate(category, seed, hidden_seed=hidden_seed, hidden=values, open_back=open_back)
 
 
 # --- The catalogue ----------------------------------------------------------------------------
 
 
 class ProceduralCatalogue:
-    """A number of models of each family.
+    """A number of models of each family of the paper's table.
 
     Args:
       source: models of each category, such as "100"; or categories with their numbers, such as
@@ -171,13 +263,16 @@ class ProceduralCatalogue:
       first_seed: of each category.
       hidden_draws: models made of each seed: 1 = one, with the hidden parameters of its own seed;
         n > 1 = n that look the same and differ in what is hidden. They share a split.
+      open_backs: whether cabinets, speakers and cellphones have a recess at the back whose depth
+        is hidden (`OPEN_BACKS`); the source then has these categories alone.
       fractions: of models for training, validation and test, see `catalogues.split_of`.
 
     Raises:
-      ValueError: the source is neither, or an unknown category.
+      ValueError: the source is neither, or an unknown category, or one without open backs.
     """
 
     name = "procedural"
+    families: Mapping[str, Callable[[Kit], None]] = FAMILIES
 
     def __init__(
         self,
@@ -185,14 +280,16 @@ class ProceduralCatalogue:
         *,
         first_seed: int = 0,
         hidden_draws: int = 1,
+        open_backs: bool = False,
         fractions: tuple[float, float, float] = catalogues.FRACTIONS,
     ) -> None:
+        known = tuple(OPEN_BACKS) if open_backs else tuple(self.families)
         text = str(source).strip()
         parts = [p.partition("=") for p in text.split(",")] if "=" in text else []
-        counts = {c.strip(): n.strip() for c, _, n in parts} or dict.fromkeys(CATEGORIES, text)
+        counts = {c.strip(): n.strip() for c, _, n in parts} or dict.fromkeys(known, text)
         for category, count in counts.items():
-            if category not in FAMILIES:
-                raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
+            if category not in known:
+                raise ValueError(f"category {category!r}: expected one of {list(known)}")
             if not count.isdecimal() or int(count) < 1:
                 raise ValueError(
                     f"source {text!r}: expected a number of models, or category=number,..."
@@ -204,6 +301,7 @@ class ProceduralCatalogue:
             )
         self._counts = {category: int(count) for category, count in counts.items()}
         self._first, self._draws, self._fractions = first_seed, hidden_draws, fractions
+        self._open = open_backs
 
     def __len__(self) -> int:
         """Number of models."""
@@ -219,6 +317,30 @@ class ProceduralCatalogue:
                 split = catalogues.split_of(f"{category}-{seed}", self._fractions)
                 for draw in range(self._draws):
                     hidden = None if self._draws == 1 else draw
-                    name = f"{category}-{seed}" + ("" if hidden is None else f"-h{hidden}")
-                    make = catalogues.loader(generate, category, seed, hidden_seed=hidden)
+                    name = _name(category, seed, hidden, self._open)
+                    make = catalogues.loader(
+                        generate, category, seed, hidden_seed=hidden, open_back=self._open
+                    )
                     yield catalogues.Entry(name, category, split, make)
+
+
+class ExtraCatalogue(ProceduralCatalogue):
+    """A number of models of each of the extra families, such as "100" or "plant=50,vase=20".
+
+    Args:
+      source: see `ProceduralCatalogue`.
+      first_seed: of each category.
+      fractions: see `catalogues.split_of`.
+    """
+
+    name = "procedural_extra"
+    families = EXTRA_FAMILIES
+
+    def __init__(
+        self,
+        source: str | os.PathLike[str] = "100",
+        *,
+        first_seed: int = 0,
+        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
+    ) -> None:
+        super().__init__(source, first_seed=first_seed, fractions=fractions)

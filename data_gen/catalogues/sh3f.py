@@ -11,74 +11,18 @@ import os
 import pathlib
 import re
 import zipfile
-import zlib
 from collections.abc import Iterator
 
 import numpy as np
 from absl import logging
 
 from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import Entry
+from data_gen.catalogues import Entry, archives
 from data_gen.meshes import Model, UnusableModelError
 
 PROPERTIES = "PluginFurnitureCatalog.properties"
 
-_MAX_MEMBERS = 200_000
 _MAX_PROPERTIES_BYTES = 16 << 20
-# Text of meshes shrinks by 3 to 10; a member above this ratio is made to exhaust memory. Small
-# ones are let through: a picture of one colour shrinks by a thousand.
-_MAX_RATIO = 200
-_RATIO_FROM = 8 << 20
-
-
-class ZipFiles(loading.Files):
-    """Members of a zip archive."""
-
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        self._archive = zipfile.ZipFile(path)
-        members = self._archive.infolist()
-        if len(members) > _MAX_MEMBERS:
-            raise ValueError(f"{len(members)} members are more than the limit of {_MAX_MEMBERS}")
-        self._members = {m.filename.replace("\\", "/"): m for m in members if not m.is_dir()}
-        self._folded = {name.casefold(): name for name in self._members}
-
-    def find(self, name: str) -> str | None:
-        """See `loading.Files`; nothing but names in the archive is ever looked up."""
-        return name if name in self._members else self._folded.get(name.casefold())
-
-    def read(self, name: str, limit: int = loading.MAX_FILE_BYTES) -> bytes:
-        """See `loading.Files`.
-
-        Raises:
-          UnusableModelError: the member is too large, damaged or compressed like a bomb.
-        """
-        member = self._members[name]
-        if member.file_size > limit:
-            raise UnusableModelError(
-                f"{name!r} has {member.file_size} bytes, more than the limit of {limit}"
-            )
-        ratio = member.file_size / max(member.compress_size, 1)
-        if member.file_size > _RATIO_FROM and ratio > _MAX_RATIO:
-            raise UnusableModelError(f"{name!r} shrank by {ratio:.0f}: a zip bomb is not opened")
-        try:
-            with self._archive.open(member) as stream:
-                data = stream.read(limit + 1)
-        except (zipfile.BadZipFile, zlib.error, OSError, RuntimeError, EOFError,
-                NotImplementedError) as error:  # fmt: skip
-            raise UnusableModelError(f"{name!r} is damaged: {error}"[:200]) from error
-        if len(data) > limit:
-            raise UnusableModelError(f"{name!r} has more bytes than the limit of {limit}")
-        return data
-
-
-@functools.lru_cache(maxsize=8)
-def _archive(path: str, _modified: int) -> ZipFiles:
-    return ZipFiles(path)
-
-
-def _files(path: str) -> ZipFiles:
-    """The archive, kept open between the models that a process loads."""
-    return _archive(path, os.stat(path).st_mtime_ns)
 
 
 def parse_properties(text: str) -> dict[str, str]:
@@ -138,7 +82,7 @@ def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
       ValueError: the file is no such library; names it and says why.
     """
     try:
-        files = ZipFiles(path)
+        files = archives.ZipFiles(path)
         found = files.find(PROPERTIES)
         if found is None:
             raise ValueError(f"it has no {PROPERTIES}")
@@ -195,7 +139,7 @@ def _place(model: Model, rotation: tuple[float, ...], size: tuple[float, float, 
 
 def _load(path: str, piece: Furniture, max_faces: int) -> Model:
     try:
-        files = _files(path)
+        files = archives.open_files(path)
     except (zipfile.BadZipFile, OSError, ValueError) as error:
         raise UnusableModelError(f"library {path!r} cannot be read: {error}"[:200]) from error
     return loading.load(

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy.interpolate
 
 from data_gen import meshes
 
@@ -197,7 +198,9 @@ def ball(x: float, y: float, z: float, sides: int = 16) -> Solid:
     ).scaled(x / 2, y / 2, z / 2)
 
 
-def prism(outline: Sequence[Sequence[float]], thickness: float, bevel: float = 0.0) -> Solid:
+def prism(
+    outline: np.ndarray | Sequence[Sequence[float]], thickness: float, bevel: float = 0.0
+) -> Solid:
     """A profile of (x, z) from the side, extruded along y around 0."""
     flat = np.asarray(outline, np.float64)
     half, cut = thickness / 2, min(bevel, 0.4 * thickness)
@@ -226,7 +229,7 @@ def inset(outline: np.ndarray, distance: float) -> np.ndarray:
     return outline + distance * middle
 
 
-def smooth_path(points: Sequence[Sequence[float]], steps: int = 6) -> np.ndarray:
+def smooth_path(points: np.ndarray | Sequence[Sequence[float]], steps: int = 6) -> np.ndarray:
     """A curve [M, 3] through the points (Catmull-Rom, centripetal enough for even spacing)."""
     p = np.asarray(points, np.float64)
     p = np.concatenate([[2 * p[0] - p[1]], p, [2 * p[-1] - p[-2]]])
@@ -244,9 +247,106 @@ def smooth_path(points: Sequence[Sequence[float]], steps: int = 6) -> np.ndarray
     return np.concatenate([*pieces, p[-2:-1]])
 
 
+# --- Soft and turned forms --------------------------------------------------------------------
+
+
+def superellipse(x: float, y: float, power: float = 2.0, sides: int = 32) -> np.ndarray:
+    """Outline [sides, 2] of lengths x, y: |2u/x|^power + |2v/y|^power = 1. 2 is an ellipse."""
+    angle = np.arange(sides) / sides * 2 * np.pi
+    flat = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.sign(flat) * np.abs(flat) ** (2 / power) * [x / 2, y / 2]
+
+
+def cushion(
+    x: float, y: float, z: float, corner: float = 5.0, edge: float = 2.5, sides: int = 28
+) -> Solid:
+    """A superellipsoid of these lengths around the origin: a filled cushion.
+
+    Args:
+      x: length.
+      y: length.
+      z: length.
+      corner: power of the outline seen from above; 2 = round, large = square.
+      edge: power of the outline seen from the side; 1 = sharp seams, 2 = round, large = a slab.
+      sides: points around.
+    """
+    flat = superellipse(x, y, corner, sides)
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, 11)
+    radius = np.abs(np.cos(latitude)) ** (2 / edge)
+    height = np.sign(latitude) * np.abs(np.sin(latitude)) ** (2 / edge) * z / 2
+    radius[[0, -1]] = 0.0
+    return stack([(flat * r, float(h)) for r, h in zip(radius, height, strict=True)])
+
+
+def smooth_profile(points: Sequence[Sequence[float]], steps: int = 4) -> list[tuple[float, float]]:
+    """A curve of (radius, z) through the points, for `lathe`; no radius becomes negative."""
+    curve = smooth_path([(r, 0.0, z) for r, z in points], steps)
+    return [(max(float(r), 0.0), float(z)) for r, _, z in curve]
+
+
+def sweep(
+    section: np.ndarray,
+    path: np.ndarray | Sequence[Sequence[float]],
+    across: Sequence[float],
+    scale: float | np.ndarray | Sequence[float] = 1.0,
+    loop: bool = False,
+) -> Solid:
+    """A section carried along a path that lies in a plane.
+
+    Args:
+      section: outline [N, 2]; its first axis is `across`, its second lies in the path's plane.
+      path: [M, 3].
+      across: the normal of the path's plane.
+      scale: of the section; may be one for each point.
+      loop: whether the path is closed.
+    """
+    points = np.asarray(path, np.float64)
+    side = np.asarray(across, np.float64) / np.linalg.norm(across)
+    if loop:
+        step = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    else:
+        step = np.gradient(points, axis=0)
+    normal = np.cross(step, side)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    size = np.broadcast_to(np.asarray(scale, np.float64), (len(points),))[:, None, None]
+    rings = section[None, :, :1] * side + section[None, :, 1:] * normal[:, None]
+    return loft(points[:, None] + size * rings, loop)
+
+
+def _grid_normals(points: np.ndarray) -> np.ndarray:
+    """Unit normals [K, N, 3] of the surface through a grid of points."""
+    normal = np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1))
+    return normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
+
+
+def sheet(grid: np.ndarray, thickness: float) -> Solid:
+    """A curved panel [K, N, 3] of even thickness around the surface through the points."""
+    points = np.asarray(grid, np.float64)
+    normal = _grid_normals(points)
+    rows, columns = points.shape[:2]
+    count = rows * columns
+    index = np.arange(count).reshape(rows, columns)
+
+    def quads(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+        return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+
+    front = quads(index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
+    border = np.concatenate([index[0, :-1], index[:-1, -1], index[-1, :0:-1], index[:0:-1, 0]])
+    after = np.roll(border, -1)
+    rim = quads(border, after, after + count, border + count)
+    vertices = np.concatenate([points + normal * thickness / 2, points - normal * thickness / 2])
+    faces = np.concatenate([front, front[:, ::-1] + count, rim])
+    return _outward(vertices.reshape(-1, 3), faces)
+
+
+def rise(path: Callable[[float], Sequence[float]], steps: int) -> np.ndarray:
+    """The curve [steps + 1, 3] of a function of t from 0 to 1."""
+    return np.array([path(float(t)) for t in np.linspace(0, 1, steps + 1)], np.float64)
+
+
 def tube(
     path: np.ndarray | Sequence[Sequence[float]],
-    radius: float | Sequence[float],
+    radius: float | np.ndarray | Sequence[float],
     sides: int = 8,
 ) -> Solid:
     """A round bar along a path [M, 3]; `radius` may be one for each point."""
@@ -264,3 +364,98 @@ def tube(
         side = np.cross(t, normal)
         rings.append(point + r * (np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * side))
     return loft(rings)
+
+
+# --- Bodies -----------------------------------------------------------------------------------
+
+
+def through(table: Sequence[Sequence[float]], places: np.ndarray) -> np.ndarray:
+    """Rows of a table between its own, smooth and without overshoot.
+
+    Args:
+      table: [K, C + 1], in each row a place and what is there; places in ascending or descending
+        order, no two alike.
+      places: [N]; beyond the ends the nearest row stays.
+
+    Returns:
+      [N, C].
+    """
+    rows = np.asarray(table, np.float64)
+    if rows[0, 0] > rows[-1, 0]:
+        rows = rows[::-1]
+    inside = np.clip(places, rows[0, 0], rows[-1, 0])
+    if len(rows) == 2:
+        share = ((inside - rows[0, 0]) / (rows[1, 0] - rows[0, 0]))[:, None]
+        return np.asarray((1 - share) * rows[0, 1:] + share * rows[1, 1:])
+    return np.asarray(scipy.interpolate.PchipInterpolator(rows[:, 0], rows[:, 1:])(inside))
+
+
+def between(places: Sequence[float], steps: int) -> np.ndarray:
+    """The places with each interval between neighbours cut into `steps` equal ones."""
+    knots = np.asarray(places, np.float64)
+    return np.interp(np.arange((len(knots) - 1) * steps + 1) / steps, np.arange(len(knots)), knots)
+
+
+def body(
+    stations: Sequence[Sequence[float]], power: float = 2.0, steps: int = 3, sides: int = 24
+) -> Solid:
+    """A skin over superellipses across the x axis, smooth from one to the next.
+
+    Args:
+      stations: rows of x, half width, half height and z of the centre; a fifth number is the power
+        there, which goes before the argument.
+      power: of the superellipses.
+      steps: sections for each interval between stations.
+      sides: points of a section.
+    """
+    places = between([s[0] for s in stations], steps)
+    rows = through(stations, places)
+    rings = []
+    for x, row in zip(places, rows, strict=True):
+        w, h, z = max(row[0], 0.0), max(row[1], 0.0), row[2]
+        outline = superellipse(2 * w, 2 * h, row[3] if len(row) > 3 else power, sides)
+        rings.append(np.column_stack([np.full(sides, x), outline[:, 0], outline[:, 1] + z]))
+    return loft(rings)
+
+
+def pane(grid: np.ndarray, thickness: float) -> Solid:
+    """As `sheet`, but the surface through the points is the outer face."""
+    points = np.asarray(grid, np.float64)
+    return sheet(points - thickness / 2 * _grid_normals(points), thickness)
+
+
+AEROFOIL = np.array(
+    [(1, 0.04), (0.8, 0.4), (0.55, 0.78), (0.3, 1), (0.12, 0.8), (0.03, 0.42), (0, 0),
+     (0.03, -0.3), (0.12, -0.5), (0.3, -0.6), (0.55, -0.45), (0.8, -0.2)]
+)  # fmt: skip
+"""Distance behind the leading edge in chords, height in thicknesses."""
+
+
+def wing(
+    sections: Sequence[Sequence[float]], thickness: float = 0.1, steps: int = 1, fin: bool = False
+) -> Solid:
+    """A wing over aerofoils from the root to the tip, its nose toward +x.
+
+    Args:
+      sections: rows of x, y, z of the leading edge and the chord; a fifth number is the thickness
+        there in chords, which goes before the argument.
+      thickness: in chords.
+      steps: sections for each interval; from 2 on the outline is smooth.
+      fin: thick along y (and symmetrical) in place of along z.
+    """
+    table = [(float(k), *row) for k, row in enumerate(sections)]
+    rings = []
+    for row in through(table, between(range(len(table)), steps)) if steps > 1 else sections:
+        x, y, z, chord = row[:4]
+        high = (row[4] if len(row) > 4 else thickness) * chord * AEROFOIL[:, 1]
+        if fin:
+            high = np.where(high < 0, high / 0.6, high) / 2
+        flat = np.stack([x - chord * AEROFOIL[:, 0], np.full(12, y), np.full(12, z)], axis=1)
+        flat[:, 1 if fin else 2] += high
+        rings.append(flat)
+    return loft(rings)
+
+
+def split(solid: Solid, chosen: np.ndarray) -> tuple[Solid, Solid]:
+    """The chosen faces (bool [F]) and the others, each open where the other was."""
+    return Solid(solid.vertices, solid.faces[chosen]), Solid(solid.vertices, solid.faces[~chosen])

@@ -3,8 +3,8 @@
 import numpy as np
 
 
-def inverse_depth(model, azimuth, *, distance=3.6, elevation=20.0, size=(96, 128), focal=200.0):
-    """1 / z [H, W] of the model's opaque faces, 0 = background, and the material [H, W] (-1).
+def _hits(model, azimuth, distance, elevation, size, focal):
+    """Of all pixels of all opaque faces: pixel, 1 / z, face, weights / z; the nearest come last.
 
     The camera stands at `azimuth` degrees from +x toward +y and looks at (0, 0, 0.25).
     """
@@ -19,7 +19,6 @@ def inverse_depth(model, azimuth, *, distance=3.6, elevation=20.0, size=(96, 128
     pixel = np.stack([width / 2 + focal * y / depth, height / 2 - focal * rise / depth], axis=1)
     opaque = np.array([m.opacity for m in model.materials])[model.face_material] > 0.99
     corner, inverse = pixel[model.faces[opaque]], 1 / depth[model.faces[opaque]]
-    owner = model.face_material[opaque]
     low = np.floor(corner.min(axis=1)).astype(int).clip(0)
     high = np.minimum(np.ceil(corner.max(axis=1)).astype(int), [width - 1, height - 1])
     span = (high - low + 1).clip(0)
@@ -39,10 +38,26 @@ def inverse_depth(model, azimuth, *, distance=3.6, elevation=20.0, size=(96, 128
     inside = (one >= 0) & (two >= 0) & (one + two <= 1) & np.isfinite(area)
     face, one, two = face[inside], one[inside], two[inside]
     pixel_index = row[inside] * width + column[inside]
-    value = inverse[face] * np.stack([1 - one - two, one, two], axis=1)
-    value = value.sum(axis=1)
-    result, material = np.zeros(height * width), np.full(height * width, -1)
-    order = np.argsort(value, kind="stable")
-    result[pixel_index[order]] = value[order]
-    material[pixel_index[order]] = owner[face[order]]
+    weights = inverse[face] * np.stack([1 - one - two, one, two], axis=1)
+    order = np.argsort(weights.sum(axis=1), kind="stable")
+    number = np.flatnonzero(opaque)[face]
+    return pixel_index[order], weights.sum(axis=1)[order], number[order], weights[order]
+
+
+def inverse_depth(model, azimuth, *, distance=3.6, elevation=20.0, size=(96, 128), focal=200.0):
+    """1 / z [H, W] of the model's opaque faces, 0 = background, and the material [H, W] (-1)."""
+    pixel, value, face, _ = _hits(model, azimuth, distance, elevation, size, focal)
+    result, material = np.zeros(size).ravel(), np.full(size, -1).ravel()
+    result[pixel] = value
+    material[pixel] = model.face_material[face]
     return result.reshape(size), material.reshape(size)
+
+
+def texture_coordinates(
+    model, azimuth, *, distance=3.6, elevation=20.0, size=(96, 128), focal=200.0
+):
+    """Texture coordinates [H, W, 2] of what is seen, 0 = background."""
+    pixel, value, face, weights = _hits(model, azimuth, distance, elevation, size, focal)
+    result = np.zeros((size[0] * size[1], 2))
+    result[pixel] = np.einsum("nk,nkd->nd", weights, model.uv[face]) / value[:, None]
+    return result.reshape(*size, 2)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import sh3f, shapenet
+from data_gen.catalogues import archives, procedural, sh3f, shapenet
 from data_gen.meshes import UnusableModelError
 
 BOX = """\
@@ -252,19 +252,19 @@ def test_a_member_that_lies_about_its_size_is_cut_off(tmp_path):
             if b"liar.obj" in data[at : at + 60]:
                 data[at + offset : at + offset + 4] = struct.pack("<I", 64)
     path.write_bytes(data)
-    files = sh3f.ZipFiles(path)
+    files = archives.ZipFiles(path)
     with pytest.raises(UnusableModelError, match=r"damaged|more bytes"):
         files.read("liar.obj", 1000)
 
 
 def test_a_large_member_is_refused(tmp_path, monkeypatch):
-    files = sh3f.ZipFiles(make_library(tmp_path / "lib.sh3f"))
+    files = archives.ZipFiles(make_library(tmp_path / "lib.sh3f"))
     with pytest.raises(UnusableModelError, match="more than the limit of 10"):
         files.read("models/a/chair.obj", 10)
 
 
 def test_traversal_finds_nothing(tmp_path):
-    files = sh3f.ZipFiles(make_library(tmp_path / "lib.sh3f", extra=[("../evil.png", b"x")]))
+    files = archives.ZipFiles(make_library(tmp_path / "lib.sh3f", extra=[("../evil.png", b"x")]))
     assert isinstance(files, loading.Files)
     for name in ("../evil.png", "../../lib.sh3f", "/etc/passwd", "models/../../evil.png"):
         with pytest.raises(FileNotFoundError):
@@ -290,6 +290,19 @@ def test_a_damaged_member_is_refused_for_that_model_alone(tmp_path):
     with pytest.raises(UnusableModelError, match="damaged"):
         entries[0].load()
     assert len(entries[1].load().faces) == 12
+
+
+def test_extra_procedural_catalogue():
+    extra = catalogues.open("procedural_extra", "1")
+    assert len(extra) == len(procedural.EXTRA_CATEGORIES) >= 10
+    assert [e.category for e in extra.entries()] == list(procedural.EXTRA_CATEGORIES)
+    check(catalogues.open("procedural_extra", "plant=2, vase=1"))
+    # Neither catalogue has what is in the other.
+    assert not set(procedural.CATEGORIES) & set(procedural.EXTRA_CATEGORIES)
+    with pytest.raises(ValueError, match="category 'chair': expected one of"):
+        catalogues.open("procedural_extra", "chair=1")
+    with pytest.raises(ValueError, match="category 'plant': expected one of"):
+        catalogues.open("procedural", "plant=1")
 
 
 def test_procedural_catalogue():

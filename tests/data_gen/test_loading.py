@@ -419,3 +419,124 @@ def test_collada(tmp_path):
     )
     with pytest.raises(UnusableModelError, match="entities"):
         loading.load(tmp_path / "bomb.dae")
+
+
+# --- The OBJ reader's arrays against a plain reading, line by line ------------------------------
+
+
+def plain_obj(text):
+    """Positions of the triangles' corners [n, 3, 3] and their texture coordinates, convex faces."""
+    rows = {"v": [], "vt": [], "vn": []}
+    corners = []
+    for line in text.replace("\r\n", "\n").replace("\\\n", " ").split("\n"):
+        key, *words = line.split("#")[0].split() or [""]
+        if key in rows:
+            rows[key].append([float(w) for w in words])
+        elif key == "f" and len(words) >= 3:
+            parts = [[int(p or 0) for p in w.split("/")] + [0, 0] for w in words]
+            parts = [
+                [i - 1 if i > 0 else len(rows[k]) + i if i else None
+                 for i, k in zip(p[:3], rows, strict=True)]
+                for p in parts
+            ]  # fmt: skip
+            corners += [(parts[0], parts[k], parts[k + 1]) for k in range(1, len(parts) - 1)]
+
+    def of(face, column, key, count):
+        return [
+            rows[key][c[column]][:count] if c[column] is not None else [0] * count for c in face
+        ]
+
+    return (
+        np.array([of(f, 0, "v", 3) for f in corners]),
+        np.array([of(f, 1, "vt", 2) for f in corners]),
+        np.array([of(f, 2, "vn", 3) for f in corners]),
+    )
+
+
+def random_obj(seed, forms, end="\n"):
+    """An OBJ file of random convex fans, statements in any order, corners in the given forms."""
+    rng = np.random.default_rng(seed)
+    lines = ["# made up", "o thing", ""]
+    count = [0, 0, 0]
+    for _ in range(40):
+        for _ in range(int(rng.integers(4, 9))):
+            # Points on an arc: every polygon of them in order is convex.
+            angle = count[0] * 0.11
+            lines.append(f"v {np.cos(angle):.6f}  {np.sin(angle):.6g} {rng.random():.3e}")
+            lines.append(f"\tvt {rng.random():.4f} -{rng.random():.4f} 0.0")
+            lines.append(f"vn 0 {rng.random()} 1")
+            count = [c + 1 for c in count]
+        lines.append(str(rng.choice(["s off", "g part", "usemtl a", "usemtl b c", "", "#f 1 2 3"])))
+        for _ in range(int(rng.integers(1, 4))):
+            start = int(rng.integers(0, count[0] - 4))
+            index = range(start + 1, start + 1 + int(rng.integers(3, 5)))
+            form = str(rng.choice(forms))
+            words = [form.format(i, n=i - count[0] - 1) for i in index]
+            lines.append("f " + " ".join(words) + str(rng.choice(["", " ", "\t"])))
+    return end.join([*lines, ""])
+
+
+@pytest.mark.parametrize(
+    "forms",
+    [["{0}"], ["{0}/{0}"], ["{0}//{0}"], ["{0}/{0}/{0}"], ["{n}/{n}/{n}"], ["{n}"], ["{0}/{0}/"],
+     ["{0}/{0}/{0}", "{0}//{0}"], ["{0}", "{0}/{0}/{0}", "{n}//{n}", "{0}/{n}"]],
+)  # fmt: skip
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_arrays_are_those_of_a_reading_line_by_line(write, monkeypatch, forms, end):
+    monkeypatch.setattr(loading, "triangles", fans)
+    for seed, size in enumerate([1 << 22, 900, 64]):  # blocks end anywhere between lines
+        monkeypatch.setattr(loading._blocks, "__defaults__", (size,))
+        text = random_obj(seed, forms, end)
+        positions, uv, normals = plain_obj(text)
+        path = write("a.obj", text)
+        files = loading.FolderFiles(path.parent)
+        arrays = loading._read_obj(text.encode(), files, "", 64, 9999, loading.Notes())
+        np.testing.assert_array_equal(arrays["vertices"][arrays["faces"]], positions)
+        for name, expected in (("uv", uv), ("normals", normals)):
+            found = arrays[name] if arrays[name] is not None else np.zeros_like(expected)
+            np.testing.assert_array_equal(found, expected)
+
+
+def fans(counts, corners, vertices):
+    """As `loading.triangles`, every polygon as a fan."""
+    start = np.cumsum(counts) - counts
+    pairs = [(s, k) for s, n in zip(start, counts, strict=True) for k in range(1, n - 1)]
+    polygon = np.repeat(np.arange(len(counts)), counts - 2)
+    return np.array([(s, s + k, s + k + 1) for s, k in pairs]), polygon
+
+
+def test_unusual_lines(write):
+    text = """\
+v 0 0 0 0.1 0.2 0.3 # with a colour
+v 1 0 0
+v 1 1 0 1.0
+v 0 1
+vertex 9 9 9
+v
+vt
+f
+f 1 2
+usemtl
+usemtl  two words\x20
+f 1 2 3 4 # f 1 2 3
+fo 1 2 3
+f 4 3 \\
+ 2 1"""
+    model = loading.load(write("a.obj", text))
+    assert len(model.faces) == 4
+    assert [m.name for m in model.materials] == ["two words"]
+    assert "2 faces with less" not in " ".join(model.warnings)
+    assert any("1 faces with less than three corners" in w for w in model.warnings)
+
+
+def test_materials_that_share_a_texture_are_counted_once(monkeypatch):
+    texture = np.zeros((64, 64, 4), np.uint8)
+    monkeypatch.setattr(loading, "_MAX_TEXELS", 64 * 64)
+    notes = loading.Notes()
+    shared = [meshes.Material(texture=texture) for _ in range(5)]
+    assert loading.bounded(shared, notes)[3].texture is texture
+    assert not notes.lines
+    other = meshes.Material(texture=np.zeros((128, 64, 4), np.uint8))
+    result = loading.bounded([*shared, other, meshes.Material()], notes)
+    assert len({id(m.texture) for m in result[:5]}) == 1
+    assert sum(t.size // 4 for t in {id(m.texture): m.texture for m in result[:6]}.values()) <= 4096

@@ -1,5 +1,6 @@
 import dataclasses
 
+import free_meshes
 import numpy as np
 import pytest
 import scipy.ndimage
@@ -156,9 +157,101 @@ def test_normalize(rng):
     )
 
 
+def with_sheet(texture, corners, model):
+    """The model and, as its last two faces, a rectangle under a texture."""
+    count = len(model.vertices)
+    faces = np.concatenate([model.faces, count + np.array([[0, 1, 2], [0, 2, 3]])])
+    uv = np.zeros((len(faces), 3, 2))
+    uv[-2:] = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])[[[0, 1, 2], [0, 2, 3]]]
+    owner = np.zeros(len(faces), int)
+    owner[-2:] = 1
+    return meshes.build(
+        np.concatenate([model.vertices, corners]), faces, uv=uv, face_material=owner,
+        materials=[Material(), Material(texture=texture)],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("size", [(64, 64), (50, 333)])
+def test_normalize_counts_only_what_is_drawn(size):
+    # A leaf of radius 0.7 on a sheet that reaches under the ground and far out.
+    v, u = ((np.arange(n) + 0.5) / n * 2 - 1 for n in size)
+    texture = np.full((*size, 4), 255, np.uint8)
+    texture[..., 3] = 255 * (u**2 + v[:, None] ** 2 < 0.49)
+    texture[: size[0] // 2, : size[1] // 2, 3] = 0  # v > 1/2, u < 1/2
+    corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
+    model = with_sheet(texture, corners, model_of(cube(0.5)))
+    exists = texture[..., 3] > 0
+    sample = meshes.sample_surface(model, 200_000, 0).points
+    low, high = sample.min(axis=0), sample.max(axis=0)
+    origin = np.array([*(low + high)[:2] / 2, low[2]])
+    radius = np.linalg.norm(sample - origin, axis=1).max()
+    got = meshes.normalize(model)
+    want = (model.vertices - origin) / radius
+    np.testing.assert_allclose(got.vertices, want, atol=0.006)
+    # And the texels' borders exactly: the lowest row that exists, seen from the sheet's corner.
+    row = np.flatnonzero(exists.any(axis=1)).max() + 1
+    ground = 3 - 4 * row / size[0]
+    np.testing.assert_allclose(
+        got.vertices[-4, 2] * radius, corners[0, 2] - min(ground, -0.25), atol=0.01
+    )
+
+
+def test_normalize_of_a_model_without_alpha_keeps_its_bits():
+    texture = np.full((8, 8, 4), 255, np.uint8)
+    corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
+    model = with_sheet(texture, corners, model_of(cube(0.5)))
+    low, high = model.vertices.min(axis=0), model.vertices.max(axis=0)
+    moved = model.vertices - [*(low + high)[:2] / 2, low[2]]
+    np.testing.assert_array_equal(
+        meshes.normalize(model).vertices, moved / np.linalg.norm(moved, axis=1).max()
+    )
+
+
+def test_normalize_of_sheets_that_exist_nowhere_or_repeat():
+    corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
+    texture = np.zeros((16, 16, 4), np.uint8)
+    model = with_sheet(texture, corners, model_of(cube(0.5)))
+    want = meshes.normalize(model_of(cube(0.5))).vertices
+    np.testing.assert_allclose(meshes.normalize(model).vertices[:-4], want)
+    alone = dataclasses.replace(
+        model, faces=model.faces[-2:], uv=model.uv[-2:], normals=model.normals[-2:],
+        face_material=model.face_material[-2:],
+    )  # fmt: skip
+    with pytest.raises(meshes.UnusableModelError, match="nothing of the surface exists"):
+        meshes.normalize(alone)
+    # Stripes, three times repeated and shifted: v from -1.4 to 1.6.
+    texture[8:] = 255
+    striped = dataclasses.replace(alone, materials=(Material(), Material(texture=texture)),
+                                  uv=(alone.uv * 3 - [0, 1.4]).astype(np.float32))  # fmt: skip
+    got = meshes.normalize(striped).vertices
+    # It exists for v in [-1, -.5], [0, .5] and [1, 1.5]; one of v is a third of the height of 4.
+    scale = np.ptp(got[:, 0]) / 4
+    assert got[:, 2].min() == pytest.approx(-0.4 / 3 * 4 * scale, abs=0.005)
+
+
 def test_normalize_refuses_what_overflows():
     with pytest.raises(meshes.UnusableModelError):
         meshes.normalize(dataclasses.replace(model_of(cube()), vertices=cube().vertices * 1e200))
+
+
+def test_normalize_refuses_strays_by_name():
+    far = solids.ball(0.1, 0.1, 0.1, 8).at(0, 20, 0.5)
+    vertices, faces = joined(cube(), far)
+    owner = (np.arange(len(faces)) >= 12).astype(int)
+    materials = [Material(name="paint"), Material(name="marker")]
+    model = meshes.build(vertices, faces, face_material=owner, materials=materials)
+    with pytest.raises(
+        meshes.UnusableModelError, match=r"stray part .*marker.*\(.*20, 0\.5.*empty"
+    ):
+        meshes.normalize(model)
+    # A pair of things half an extent apart is one object.
+    pair = joined(cube(), cube().at(2.5, 0, 0))
+    assert len(meshes.normalize(meshes.build(*pair)).faces) == 24
+
+
+def test_a_railway_car_with_a_stray_sphere_is_refused():
+    with pytest.raises(meshes.UnusableModelError, match="stray part"):
+        free_meshes.model("ac3d", "Transport/ICE3firstcar.ac")
 
 
 def test_samples_are_uniform_by_area():
@@ -212,6 +305,110 @@ def test_glass_has_points_and_a_clear_texture_has_none():
     texture[..., 3] = 0
     with pytest.raises(meshes.UnusableModelError, match="hardly any"):
         meshes.sample_surface(square(texture), 100, 0)
+
+
+def joined(*solids_):
+    """One solid of several, as arrays."""
+    sizes = np.cumsum([0, *(len(p.vertices) for p in solids_)])
+    return (
+        np.concatenate([p.vertices for p in solids_]),
+        np.concatenate([p.faces + n for p, n in zip(solids_, sizes[:-1], strict=True)]),
+    )
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_doubled_faces_have_one_density(back):
+    # A box and, beside it, one with every face twice.
+    here, there = solids.box(1, 1, 1), solids.box(1, 1, 1).at(1.5, 0, 0)
+    vertices, faces = joined(here, there)
+    again = faces[12:, ::-1] if back else faces[12:]
+    model = meshes.normalize(meshes.build(vertices, np.concatenate([faces, again])))
+    sample = meshes.sample_surface(model, 20_000, 0)
+    right = (sample.points[:, 0] > 0).mean()
+    assert right / (1 - right) == pytest.approx(1, abs=0.05)
+    same = meshes.sample_surface(model, 20_000, 0)
+    np.testing.assert_array_equal(same.points, sample.points)
+
+
+def test_surfaces_that_lie_on_one_another_have_one_density():
+    # The same square by two triangles, and turned over by a grid of many.
+    grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 8)] * 2, [0.0], indexing="ij"), -1)
+    index = np.arange(64).reshape(8, 8)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    many = np.concatenate([np.stack([a, c, b], -1), np.stack([a, d, c], -1)]).reshape(-1, 3)
+    square_ = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
+    model = meshes.build(
+        np.concatenate([square_, grid.reshape(-1, 3)]), np.concatenate([faces, many + 6])
+    )
+    sample = meshes.sample_surface(model, 20_000, 0)
+    left = (sample.points[:, 0] < 1).mean()
+    assert left / (1 - left) == pytest.approx(1, abs=0.05)
+
+
+def test_a_hole_in_one_of_two_layers_shows_the_other():
+    texture = np.full((4, 4, 4), 255, np.uint8)
+    texture[:, :2, 3] = 0  # u < 1/2
+    under = square(None)
+    over = square(texture)
+    model = meshes.build(
+        np.concatenate([over.vertices, under.vertices]),
+        np.concatenate([over.faces, under.faces + 4]),
+        uv=np.concatenate([over.uv, under.uv]), face_material=np.array([0, 0, 1, 1]),
+        materials=[*over.materials, *under.materials],
+    )  # fmt: skip
+    sample = meshes.sample_surface(model, 20_000, 0)
+    left = (sample.points[:, 0] < 0.5).mean()
+    assert left / (1 - left) == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.parametrize("case", ["doubled", "back first", "inside out", "open below"])
+def test_normals_point_outward_where_the_mesh_can_tell(case):
+    ball = solids.ball(2, 2, 2, 24)
+    faces = ball.faces
+    if case == "doubled":
+        faces = np.concatenate([faces, faces[:, ::-1]])
+    elif case == "back first":
+        faces = np.concatenate([faces[:, ::-1], faces])
+    elif case == "inside out":
+        faces = faces[:, ::-1]
+    else:
+        faces = faces[ball.vertices[faces][..., 2].max(axis=1) > -0.8][:, ::-1]
+    model = meshes.normalize(meshes.build(ball.vertices, faces))
+    sample = meshes.sample_surface(model, 4000, 0)
+    outward = sample.points - [0, 0, sample.points[:, 2].max() / 2]
+    assert ((outward * sample.normals).sum(axis=1) > 0).mean() > 0.99
+
+
+def test_an_inner_wall_keeps_its_normals():
+    inner, outer = solids.ball(1.4, 1.4, 1.4, 24), solids.ball(2, 2, 2, 24)
+    vertices, faces = joined(outer, inner)
+    faces[len(outer.faces) :] = faces[len(outer.faces) :, ::-1]
+    model = meshes.build(vertices, faces)
+    sample = meshes.sample_surface(model, 4000, 0)
+    toward = np.where(np.linalg.norm(sample.points, axis=1) > 0.85, 1, -1)
+    assert ((sample.points * sample.normals).sum(axis=1) * toward > 0).all()
+
+
+@pytest.mark.parametrize(
+    "name", ["Reallusion/Reallusion#female01", "Scopia/Scopia#maceta", "Scopia/Scopia#little_lamp2"]
+)
+def test_furniture_with_doubled_faces_has_one_density(name):
+    model = free_meshes.model("sh3f", name)
+    sample = meshes.sample_surface(model, 16_384, 0)
+    # Doubled or not, by exact geometry: the same corners again.
+    key = np.sort(np.round(model.corners(), 5).view("f8,f8,f8").reshape(-1, 3), axis=1)
+    _, number, count = np.unique(
+        key.view(np.uint8).reshape(len(key), -1), axis=0, return_inverse=True, return_counts=True
+    )
+    twice = count[number.ravel()] > 1
+    area = meshes.face_areas(model.vertices, model.faces)
+    got = twice[sample.face].mean()
+    once = area[~twice].sum()
+    double = (area / count[number.ravel()])[twice].sum()
+    assert double / (once + double) > 0.2
+    ratio = (got / double) / ((1 - got) / once) if once > 0.05 * double else 1
+    assert ratio == pytest.approx(1, abs=0.05)
 
 
 def centres(size=32):

@@ -1,4 +1,5 @@
 import importlib.util
+import itertools
 import pathlib
 import time
 
@@ -7,6 +8,18 @@ import pytest
 
 from data_gen import catalogues, meshes
 from data_gen.catalogues import procedural, solids
+from data_gen.catalogues.families import (
+    bench,
+    cabinet,
+    cellphone,
+    chair,
+    couch,
+    lamp,
+    monitor,
+    speaker,
+    table,
+)
+from data_gen.catalogues.families.kit import Kit
 
 _spec = importlib.util.spec_from_file_location(
     "rasteriser", pathlib.Path(__file__).with_name("rasteriser.py")
@@ -72,6 +85,114 @@ def test_several_subtypes(category):
     assert len(kinds) >= 4, kinds
 
 
+FURNITURE = (table, couch, chair, bench, cabinet, lamp, monitor, speaker, cellphone)
+
+
+def _name_of(module):
+    return module.__name__.rpartition(".")[2]
+
+
+def _extremes_of_kind(module, kind, seed):
+    """Two models of one of a family's kinds, their hidden parameters lowest and highest."""
+    spans = {}
+    for end in (None, 0, 1):
+        hidden = {k: (s.low, s.high - s.whole)[end or 0] for k, s in spans.items()}
+        kit = Kit(np.random.default_rng([seed, 1]), np.random.default_rng(2), hidden)
+        module.KINDS[kind](kit)
+        spans = kit.ranges
+        if end is not None:
+            yield kit.model(_name_of(module), f"{kind}-{seed}", {})
+
+
+def _pictures(model, azimuth):
+    """Depth and material [48, 64] from as near and as low as is promised."""
+    return rasteriser.inverse_depth(
+        model, azimuth, distance=2.5, elevation=15.0, size=(48, 64), focal=74.0
+    )
+
+
+@pytest.mark.parametrize("module", FURNITURE, ids=_name_of)
+def test_every_kind_keeps_the_contract_of_hidden_parameters(module):
+    assert len(module.KINDS) >= 9
+    for number, kind in enumerate(module.KINDS):
+        one, other = _extremes_of_kind(module, kind, number)
+        assert one.warnings == ()
+        assert 100 < len(one.faces) < 20_000, kind
+        assert one.parameters["hidden"], kind
+        assert one.parameters["hidden"] != other.parameters["hidden"], kind
+        np.testing.assert_allclose(one.vertices.min(0), other.vertices.min(0), atol=1e-9)
+        np.testing.assert_allclose(one.vertices.max(0), other.vertices.max(0), atol=1e-9)
+        low, high = one.parameters["hidden_azimuth"][0]
+        azimuth = (low, high)[number % 2] if high - low < 360 else 60.0 * number
+        (depth, material), (other_depth, other_material) = (
+            _pictures(m, azimuth) for m in (one, other)
+        )
+        np.testing.assert_allclose(depth, other_depth, atol=1e-7, err_msg=kind)
+        np.testing.assert_array_equal(material, other_material, err_msg=kind)
+
+
+@pytest.mark.parametrize("category", procedural.OPEN_BACKS)
+def test_backs_are_closed(category):
+    for seed in range(10):
+        models = [procedural.generate(category, seed, hidden_seed=h) for h in (1, 2)]
+        if models[0].parameters.get("pose") in ("lying", "sideways"):
+            continue  # its lower end shows, and the socket in it
+        for azimuth in (180.0, 120.0 if seed % 2 else -120.0):
+            pictures = [_pictures(m, azimuth) for m in models]
+            np.testing.assert_allclose(pictures[0][0], pictures[1][0], atol=1e-7)
+            np.testing.assert_array_equal(pictures[0][1], pictures[1][1])
+
+
+@pytest.mark.parametrize(("category", "kind"), [("speaker", "bookshelf"), ("cabinet", "wardrobe")])
+def test_a_box_is_solid_from_front_to_back(category, kind):
+    models = (procedural.generate(category, seed) for seed in range(200))
+    for model in itertools.islice((m for m in models if m.parameters["subtype"] == kind), 5):
+        length = np.ptp(model.vertices[:, 0])
+        reach = []
+        for azimuth in (0.0, 180.0):
+            inverse, _ = rasteriser.inverse_depth(
+                model, azimuth, distance=8.0, elevation=0.0, size=(48, 64), focal=200.0
+            )
+            middle = inverse[:, 29:35]
+            reach.append(np.median(8 - 1 / middle[middle > 0]))  # from the origin to the camera
+        # A cornice or a grille reaches farther.
+        assert sum(reach) > 0.75 * length
+
+
+@pytest.mark.parametrize("category", procedural.OPEN_BACKS)
+def test_backs_are_open_where_a_study_asks(category):
+    for seed in range(4):
+        models = [
+            procedural.generate(category, seed, hidden_seed=h, open_back=True) for h in (1, 2)
+        ]
+        assert models[0].model_id == f"{category}-{seed}-open-h1"
+        assert list(models[0].parameters["hidden"]) == ["back_recess"]
+        (low, high) = models[0].parameters["hidden_azimuth"][0]
+        for azimuth in (low, 0.0, high):
+            one, other = (_pictures(m, azimuth)[0] for m in models)
+            np.testing.assert_allclose(one, other, atol=1e-7)
+        one, other = (_pictures(m, 180.0)[0] for m in models)
+        assert (np.abs(one - other) > 1e-4).sum() > 10
+        again = procedural.redraw_hidden(models[0], 2)
+        assert again.model_id == models[1].model_id
+        np.testing.assert_array_equal(again.vertices, models[1].vertices)
+
+
+def test_the_catalogue_of_open_backs():
+    catalogue = catalogues.open("procedural", "2", open_backs=True, hidden_draws=2)
+    entries = list(catalogue.entries())
+    assert len(entries) == len(catalogue) == 2 * 2 * len(procedural.OPEN_BACKS)
+    assert entries[0].model_id == entries[0].load().model_id == "cabinet-0-open-h0"
+    closed = {e.model_id: e.split for e in catalogues.open("procedural", "2").entries()}
+    assert all(closed[e.model_id.partition("-open")[0]] == e.split for e in entries)
+    with pytest.raises(ValueError, match="category 'chair': expected one of"):
+        catalogues.open("procedural", "chair=1", open_backs=True)
+    with pytest.raises(ValueError, match="models with an open back"):
+        procedural.generate("chair", 0, open_back=True)
+    with pytest.raises(ValueError, match="name of a procedural model"):
+        procedural.redraw_hidden("chair-1-open")
+
+
 @EVERY
 def test_hidden_parameters_cannot_be_seen_and_matter(category):
     for seed in range(2):
@@ -115,6 +236,22 @@ def test_the_authors_camera_sees_nothing_of_what_is_hidden(category):
         assert changed.sum() <= 2
 
 
+@pytest.mark.parametrize(("name", "azimuth"), [("plane-48", 156.0), ("watercraft-5", 180.0)])
+def test_nobody_looks_into_the_underside_from_behind(name, azimuth):
+    models = []
+    for end in ("low", "high"):
+        ranges = procedural.hidden_ranges(name)
+        values = {key: getattr(span, end) for key, span in ranges.items()}
+        models.append(procedural.redraw_hidden(name, values=values))
+    one, two = (
+        rasteriser.inverse_depth(
+            m, azimuth, distance=2.5, elevation=15.0, size=(72, 96), focal=110.0
+        )
+        for m in models
+    )
+    np.testing.assert_array_equal(one[0], two[0])
+
+
 def test_hidden_seed_defaults_to_the_seed():
     one, two = procedural.generate("chair", 3), procedural.generate("chair", 3, hidden_seed=3)
     np.testing.assert_array_equal(one.vertices, two.vertices)
@@ -147,18 +284,18 @@ def test_redrawn_models_are_those_of_the_catalogue():
 def test_hidden_parameters_can_be_set():
     found = {}
     for low in (False, True):
-        ranges = procedural.hidden_ranges("chair-5")
+        ranges = procedural.hidden_ranges("cabinet-5-open")
         values = {k: (r.low if low else r.high) for k, r in ranges.items()}
-        found[low] = procedural.redraw_hidden("chair-5", 3, values=values)
+        found[low] = procedural.redraw_hidden("cabinet-5-open", 3, values=values)
         assert found[low].parameters["hidden"] == values
-        assert found[low].model_id == "chair-5-h3-set"
-    assert procedural.parse_id(found[True]) == ("chair", 5)
+        assert found[low].model_id == "cabinet-5-open-h3-set"
+    assert procedural.parse_id(found[True]) == ("cabinet", 5)
     one, two = (meshes.solid_occupancy(m, np.eye(3)).sum() for m in found.values())
     assert one < two  # a deep recess leaves less
     (name,) = list(ranges)[:1]
     for wrong, match in (({name: 9.0}, f"hidden {name}: got 9"), ({"a": 1.0}, "hidden 'a'")):
         with pytest.raises(ValueError, match=match):
-            procedural.redraw_hidden("chair-5", values=wrong)
+            procedural.redraw_hidden("cabinet-5-open", values=wrong)
     bench = next(
         f"bench-{s}" for s in range(30) if "supports" in procedural.hidden_ranges(f"bench-{s}")
     )
@@ -199,8 +336,25 @@ PARTS = {
     "prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5),
     "star prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5, 0.05),
     "tray": solids.tray(lambda d: solids.rounded(2 - 2 * d, 1 - 2 * d, 0.2), 0.3, 0.1, 0.2),
+    "body": solids.body([(2, 0.1, 0.1, 0, 2), (1, 1, 0.8, 0.2, 3), (-1, 1, 1, 0, 4)]),
+    "sheet": solids.sheet(np.stack([*np.mgrid[:3.0, :4.0], np.zeros((3, 4))], axis=-1), 0.1),
+    "pane": solids.pane(np.stack([*np.mgrid[:3.0, :4.0], np.zeros((3, 4))], axis=-1), 0.1),
+    "wing": solids.wing([(0, 0, 0, 2), (-1, 3, 0.2, 1)]),
+    "round wing": solids.wing([(0, 0, 0, 2), (-1, 3, 0.2, 1), (-2, 4, 0, 0.5)], steps=3),
+    "fin": solids.wing([(0, 0, 0, 2), (-1, 0.3, 3, 1)], fin=True),
     "mirrored": solids.box(1, 2, 3).mirrored(),
     "turned": solids.prism([(0, 0), (2, 0), (0, 1)], 0.5).turned("x", 50).turned("z", 200),
+    "cushion": solids.cushion(1, 2, 0.5),
+    "sweep": solids.sweep(
+        solids.rounded(0.2, 0.1, 0.03), [(0, 0, 0), (1, 0, 0), (1, 0, 1)], (0, 1, 0)
+    ),
+    "hoop": solids.sweep(
+        solids.rounded(0.2, 0.1, 0.03), [(0, 0, 0), (1, 0, 0), (1, 0, 1)], (0, 1, 0), loop=True
+    ),
+    "curved sheet": solids.sheet(
+        np.array([[(v, np.cos(u), np.sin(u)) for u in np.linspace(0, 4, 9)] for v in (0, 1)]), 0.1
+    ),
+    "smooth profile": solids.lathe(solids.smooth_profile([(0.5, 0), (1, 1), (0.2, 2)])),
 }  # fmt: skip
 
 
@@ -228,3 +382,49 @@ def test_parts_are_closed_and_face_outward(name):
         assert volume == pytest.approx(3 * np.pi, rel=0.01)
     if name == "prism":
         assert volume == pytest.approx(1.5)
+    if name in ("sheet", "pane"):
+        assert volume == pytest.approx(0.1 * 3 * 2)
+    if name == "cushion":
+        assert 0.65 < volume < 0.75
+
+
+def test_curves_pass_through_their_points_and_do_not_overshoot():
+    table = [(3, 1, 0.0), (2, 1, 5), (1, 0, 5), (-1, 0, 5)]
+    places = solids.between([row[0] for row in table], 8)
+    assert len(places) == 25
+    np.testing.assert_allclose(solids.through(table, places)[::8], [row[1:] for row in table])
+    one, two = solids.through(table, places).T
+    assert one.min() == 0
+    assert one.max() == 1
+    assert two.max() == 5
+    assert (np.diff(one) <= 0).all()
+    np.testing.assert_array_equal(solids.through(table, np.array([-9.0])), [[0, 5]])
+    np.testing.assert_allclose(solids.through([(0, 2), (2, 4)], np.array([0.5])), [[2.5]])
+
+
+def test_superellipses_go_from_diamonds_to_boxes():
+    for power, area in ((1, 2 * 3 * 4 / 4), (2, np.pi * 3), (40, 4 * 3)):
+        x, y = solids.superellipse(4, 3, power, 400).T
+        found = abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()) / 2
+        assert found == pytest.approx(area, rel=0.02)
+    np.testing.assert_allclose(np.ptp(solids.superellipse(4, 3, 3.0), axis=0), [4, 3])
+
+
+def test_a_split_solid_keeps_all_faces():
+    whole = solids.box(1, 2, 3)
+    chosen = np.arange(len(whole.faces)) % 3 == 0
+    one, two = solids.split(whole, chosen)
+    assert (len(one.faces), len(two.faces)) == (chosen.sum(), (~chosen).sum())
+    np.testing.assert_array_equal(one.faces, whole.faces[chosen])
+
+
+@pytest.mark.parametrize(
+    ("category", "kinds"), [("car", 15), ("plane", 12), ("watercraft", 12), ("firearm", 10)]
+)
+def test_vehicles_differ_in_kind(category, kinds):
+    models = [procedural.generate(category, s) for s in range(60)]
+    assert len({m.parameters["subtype"] for m in models}) >= kinds
+    size = np.array([np.ptp(m.vertices, axis=0) for m in models])
+    # Length to width to height: far from one shape in many colours.
+    for ratio in (size[:, 1] / size[:, 0], size[:, 2] / size[:, 0]):
+        assert np.percentile(ratio, 90) > 1.3 * np.percentile(ratio, 10)

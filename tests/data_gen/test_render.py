@@ -183,6 +183,31 @@ def test_path_tracing_has_the_light_where_local_shading_has_it(shader, toward):
     assert np.corrcoef(both)[0, 1] > 0.8
 
 
+@pytest.mark.parametrize("what", ["colour", "hole"])
+def test_path_traced_textures_are_upright(shader, what):
+    texture = np.full((16, 16, 4), 255, np.uint8)
+    texture[..., :3] = (0, 0, 255)
+    texture[:8, :, :3] = (255, 0, 0)  # red on top
+    if what == "hole":
+        texture[8:, :, 3] = 0
+    material = meshes.Material(diffuse=(1, 1, 1), texture=texture)
+    surfaces = scene.flatten(build(square(0, 0.5, material)))
+    shown = scene.Scene(surfaces, view(elevation=0.0), flat_light())
+    radiance = np.ones((*lights.MAP_SIZE, 3))
+    traced = shader.path_trace(shown, radiance, samples=4, seed=0)
+    local = shader.render(shader.Mesh(surfaces.corners), shown)
+    rows = np.flatnonzero(local.mask[:, 32])[1:-1]
+    upper, lower = rows[: len(rows) // 2 - 1], rows[len(rows) // 2 + 1 :]
+    if what == "colour":
+        assert (traced[upper, 32, 0] > 2 * traced[upper, 32, 2]).all()
+        assert (traced[lower, 32, 2] > 2 * traced[lower, 32, 0]).all()
+    # What shines through is the same as with local shading, at edges of a texel's width, too.
+    agree = np.abs(traced[..., 3] - local.opacity) < 0.5
+    assert agree.mean() > 0.97
+    if what == "hole":
+        assert local.mask[:, 32].sum() > 10
+
+
 def write_hdr(path, values):
     """A Radiance picture of grey values [H, W], each a power of two."""
     exponent = np.log2(values).astype(int) + 129
@@ -425,6 +450,8 @@ def test_command_refuses_wrong_arguments(tmp_path):
         (f"--config={CONFIG}:nobody", "preset 'nobody': expected one of"),
         # A flag that the user sets has an effect, or is refused.
         ("--config.image.path_samples=9", f"image.path_samples: {no_effect} image.shading=path"),
+        ("--config.image.rays=9", f"image.rays: {no_effect} image.shading=photo"),
+        ("--config.film.grain=(0.,.1)", f"film.grain: {no_effect} image.shading=photo"),
         ("--seed=3", f"--seed=3: {no_effect} --sample"),
         ("--exclude=lmap", "--exclude: no category and no name fits 'lmap' (did you mean 'lamp'?)"),
         # The fields may come before the file that they change.

@@ -1,16 +1,68 @@
-"""What the families are built with: materials, and the model in the making."""
+"""What the families are built with: the model in the making, and common shapes.
 
-import colorsys
+Materials come from `families.materials`; the usual ones can be had from here, too.
+"""
+
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from data_gen import meshes
 from data_gen.catalogues import solids
+from data_gen.catalogues.families.mapping import Tiled, UVMapping
+from data_gen.catalogues.families.materials import (
+    BLACK,
+    CHROME,
+    DARK_GLASS,
+    GLASS,
+    GOLD,
+    LIGHT,
+    RED_LIGHT,
+    RUBBER,
+    WHITE,
+    TexturedMaterial,
+    fabric,
+    lacquer,
+    metal,
+    paint,
+    pick,
+    plastic,
+    screen,
+    shade_of,
+    wood,
+)
 from data_gen.catalogues.solids import Solid
 from data_gen.meshes import Material, Model
+
+__all__ = [
+    "BLACK",
+    "CHROME",
+    "DARK_GLASS",
+    "EVERYWHERE",
+    "GLASS",
+    "GOLD",
+    "LIGHT",
+    "RED_LIGHT",
+    "RUBBER",
+    "WHITE",
+    "HiddenRange",
+    "Kit",
+    "around",
+    "case",
+    "disc",
+    "fabric",
+    "lacquer",
+    "metal",
+    "paint",
+    "pick",
+    "plastic",
+    "rect",
+    "screen",
+    "shade_of",
+    "wood",
+]
 
 EVERYWHERE = ((-180.0, 180.0),)
 
@@ -23,117 +75,12 @@ class HiddenRange(NamedTuple):
     whole: bool = False
 
 
-# --- Materials --------------------------------------------------------------------------------
+class _Part(NamedTuple):
+    """A part, the number of its material, and how a texture lies on it if not as usual."""
 
-
-def shade_of(rgb: Sequence[float], rng: np.random.Generator, spread: float = 0.08) -> Any:
-    """A colour a little lighter or darker than given."""
-    factor = 1 + rng.uniform(-spread, spread)
-    return tuple(float(np.clip(v * factor, 0, 1)) for v in rgb)
-
-
-def pick(rng: np.random.Generator, choices: Sequence[Any]) -> Any:
-    """One of the choices."""
-    return choices[int(rng.integers(len(choices)))]
-
-
-def wood(rng: np.random.Generator) -> Material:
-    """Oak, beech, pine, walnut, cherry, ebony."""
-    colours = (
-        (0.72, 0.53, 0.33),
-        (0.82, 0.66, 0.46),
-        (0.86, 0.70, 0.47),
-        (0.42, 0.27, 0.17),
-        (0.55, 0.27, 0.16),
-        (0.24, 0.16, 0.12),
-        (0.62, 0.42, 0.26),
-    )
-    return Material(shade_of(pick(rng, colours), rng), (0.12, 0.12, 0.12), 25.0, name="wood")
-
-
-def metal(rng: np.random.Generator) -> Material:
-    """Steel, chrome, black iron, brass, bronze."""
-    colours = (
-        (0.66, 0.67, 0.69),
-        (0.78, 0.79, 0.8),
-        (0.2, 0.2, 0.21),
-        (0.72, 0.57, 0.27),
-        (0.45, 0.33, 0.22),
-        (0.36, 0.37, 0.4),
-    )
-    return Material(shade_of(pick(rng, colours), rng), (0.55, 0.55, 0.55), 60.0, name="metal")
-
-
-def paint(rng: np.random.Generator) -> Material:
-    """Any lively colour, or white, grey, black."""
-    if rng.random() < 0.35:
-        grey = float(pick(rng, (0.93, 0.85, 0.6, 0.35, 0.14)))
-        colour = shade_of((grey, grey, grey), rng, 0.04)
-    else:
-        colour = colorsys.hsv_to_rgb(rng.random(), rng.uniform(0.5, 0.9), rng.uniform(0.45, 0.95))
-    return Material(colour, (0.4, 0.4, 0.4), 60.0, name="paint")
-
-
-def lacquer(rng: np.random.Generator) -> Material:
-    """Painted furniture: white, greys, black, muted colours, now and then a lively one."""
-    kind = rng.random()
-    if kind < 0.5:
-        grey = float(pick(rng, (0.93, 0.88, 0.75, 0.5, 0.3, 0.14)))
-        colour = shade_of((grey, grey, grey * 0.98), rng, 0.04)
-    else:
-        saturation = rng.uniform(0.15, 0.45) if kind < 0.85 else rng.uniform(0.5, 0.85)
-        colour = colorsys.hsv_to_rgb(rng.random(), saturation, rng.uniform(0.35, 0.85))
-    return Material(colour, (0.25, 0.25, 0.25), 40.0, name="lacquer")
-
-
-def fabric(rng: np.random.Generator) -> Material:
-    """Upholstery: muted colours, greys, leather."""
-    kind = rng.random()
-    if kind < 0.6:
-        colour = colorsys.hsv_to_rgb(rng.random(), rng.uniform(0.15, 0.6), rng.uniform(0.35, 0.85))
-        return Material(colour, name="fabric")
-    if kind < 0.8:
-        grey = float(rng.uniform(0.25, 0.9))
-        return Material((grey, grey, grey * 0.97), name="fabric")
-    colours = ((0.33, 0.19, 0.12), (0.13, 0.12, 0.12), (0.58, 0.37, 0.22), (0.87, 0.83, 0.75))
-    return Material(shade_of(pick(rng, colours), rng), (0.2, 0.2, 0.2), 30.0, name="leather")
-
-
-def plastic(rng: np.random.Generator) -> Material:
-    """Housings: black, greys, white, beige."""
-    colours = (
-        (0.1, 0.1, 0.11),
-        (0.2, 0.2, 0.22),
-        (0.5, 0.51, 0.53),
-        (0.9, 0.9, 0.9),
-        (0.82, 0.78, 0.68),
-        (0.7, 0.71, 0.73),
-    )
-    return Material(shade_of(pick(rng, colours), rng), (0.25, 0.25, 0.25), 40.0, name="plastic")
-
-
-def screen(rng: np.random.Generator) -> Material:
-    """A display, off or showing one colour."""
-    if rng.random() < 0.5:
-        return Material((0.05, 0.06, 0.08), (0.5, 0.5, 0.5), 120.0, name="screen")
-    colour = colorsys.hsv_to_rgb(
-        rng.uniform(0.45, 0.72), rng.uniform(0.3, 0.8), rng.uniform(0.4, 0.8)
-    )
-    return Material(colour, (0.3, 0.3, 0.3), 120.0, name="screen")
-
-
-RUBBER = Material((0.09, 0.09, 0.09), (0.08, 0.08, 0.08), 15.0, name="rubber")
-DARK_GLASS = Material((0.1, 0.13, 0.16), (0.6, 0.6, 0.6), 120.0, name="dark glass")
-GLASS = Material((0.42, 0.6, 0.6), (0.6, 0.6, 0.6), 120.0, opacity=0.5, name="glass")
-BLACK = Material((0.07, 0.07, 0.07), name="black")
-WHITE = Material((0.92, 0.92, 0.9), (0.2, 0.2, 0.2), 30.0, name="white")
-CHROME = Material((0.75, 0.76, 0.78), (0.7, 0.7, 0.7), 90.0, name="chrome")
-LIGHT = Material((0.98, 0.95, 0.82), (0.5, 0.5, 0.5), 60.0, name="light")
-RED_LIGHT = Material((0.72, 0.05, 0.05), (0.5, 0.5, 0.5), 60.0, name="red light")
-GOLD = Material((0.78, 0.62, 0.25), (0.6, 0.55, 0.4), 60.0, name="brass")
-
-
-# --- Putting a model together -----------------------------------------------------------------
+    solid: Solid
+    material: int
+    uv: UVMapping | None
 
 
 class Kit:
@@ -165,29 +112,71 @@ class Kit:
         self.hidden: dict[str, Any] = {}
         self.ranges: dict[str, HiddenRange] = {}
         self.azimuth: tuple[tuple[float, float], ...] = EVERYWHERE
-        self._parts: list[tuple[Solid, int]] = []
+        self._parts: list[_Part] = []
         self._materials: list[Material] = []
+        self._named: dict[str, Material] = {}
 
-    def add(self, material: Material, *parts: Solid) -> None:
-        """Adds parts of one material."""
+    def add(self, material: Material, *parts: Solid, uv: UVMapping | None = None) -> None:
+        """Adds parts of one material.
+
+        Args:
+          material: of all of them; a texture lies on them as the material says.
+          *parts: closed surfaces.
+          uv: how the texture lies on these parts instead.
+        """
         index = next((i for i, m in enumerate(self._materials) if m is material), None)
         if index is None:
             index = len(self._materials)
             self._materials.append(material)
-        self._parts += [(part, index) for part in parts]
+        self._parts += [_Part(part, index, uv) for part in parts]
 
     def move_from(self, start: int, y: float) -> None:
         """Moves the parts from number `start` on along y."""
-        self._parts[start:] = [(part.at(y=y), index) for part, index in self._parts[start:]]
+        self._parts[start:] = [p._replace(solid=p.solid.at(y=y)) for p in self._parts[start:]]
+
+    def turn_all(self, axis: str, degrees: float) -> None:
+        """Turns the whole model so far; see `Solid.turned`."""
+        self._parts = [p._replace(solid=p.solid.turned(axis, degrees)) for p in self._parts]
+
+    def take(self, other: "Kit", place: Callable[[Solid], Solid]) -> None:
+        """Adds the parts of another model, each moved by `place`."""
+        for part in other._parts:
+            self.add(other._materials[part.material], place(part.solid), uv=part.uv)
+
+    def solids(self) -> tuple[Solid, ...]:
+        """The parts so far."""
+        return tuple(part.solid for part in self._parts)
+
+    def paint_all(self, material: Material) -> None:
+        """Gives all parts so far one material."""
+        self._materials = [material]
+        self._parts = [part._replace(material=0) for part in self._parts]
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """The least and the greatest coordinates so far."""
+        corners = [f(p.solid.vertices, axis=0) for f in (np.min, np.max) for p in self._parts]
+        half = len(self._parts)
+        return np.min(corners[:half], axis=0), np.max(corners[half:], axis=0)
+
+    def once(self, name: str, make: Callable[[np.random.Generator], Material]) -> Material:
+        """A material drawn at the first call and the same at all later ones with this name."""
+        if name not in self._named:
+            self._named[name] = make(self.rng)
+        return self._named[name]
+
+    @property
+    def num_faces(self) -> int:
+        """Triangles so far."""
+        return sum(len(part.solid.faces) for part in self._parts)
 
     @property
     def num_parts(self) -> int:
         """Parts so far."""
         return len(self._parts)
 
-    def both(self, material: Material, *parts: Solid) -> None:
+    def both(self, material: Material, *parts: Solid, uv: UVMapping | None = None) -> None:
         """Adds parts and their mirror images on the other side."""
-        self.add(material, *parts, *(part.mirrored() for part in parts))
+        self.add(material, *parts, *(part.mirrored() for part in parts), uv=uv)
 
     def uniform(self, name: str, low: float, high: float) -> float:
         """Draws a visible parameter and stores it."""
@@ -231,16 +220,19 @@ class Kit:
 
     def model(self, category: str, model_id: str, parameters: dict[str, Any]) -> Model:
         """The finished model, normalised."""
-        sizes = np.cumsum([0, *(len(part.vertices) for part, _ in self._parts)])
-        faces = [
-            part.faces + start for (part, _), start in zip(self._parts, sizes[:-1], strict=True)
-        ]
-        owner = np.repeat([index for _, index in self._parts], [len(f) for f in faces])
+        sizes = np.cumsum([0, *(len(part.solid.vertices) for part in self._parts)])
+        starts = sizes[:-1]
+        vertices = np.concatenate([part.solid.vertices for part in self._parts])
+        faces = np.concatenate(
+            [part.solid.faces + start for part, start in zip(self._parts, starts, strict=True)]
+        )
+        part_of = np.repeat(np.arange(len(starts)), [len(part.solid.faces) for part in self._parts])
         model = meshes.build(
-            np.concatenate([part.vertices for part, _ in self._parts]),
-            np.concatenate(faces),
+            vertices,
+            faces,
             materials=self._materials,
-            face_material=owner,
+            face_material=np.array([part.material for part in self._parts])[part_of],
+            uv=self._texture_coordinates(vertices, faces, starts, part_of),
             category=category,
             model_id=model_id,
             parameters={
@@ -252,6 +244,30 @@ class Kit:
         )
         # A cap with points in a line has triangles without area: no news to anybody.
         return dataclasses.replace(meshes.normalize(model), warnings=())
+
+    def _texture_coordinates(
+        self, vertices: np.ndarray, faces: np.ndarray, starts: np.ndarray, part_of: np.ndarray
+    ) -> np.ndarray | None:
+        """Of all corners [F, 3, 2]; None where no material has a texture."""
+        if all(m.texture is None for m in self._materials):
+            return None
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        placed = vertices - [*((low + high) / 2)[:2], low[2]]
+        placed /= np.linalg.norm(placed, axis=1).max()
+        box = np.stack([f.reduceat(placed, starts, axis=0) for f in (np.minimum, np.maximum)])
+        corners = placed[faces]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        groups: dict[UVMapping, list[int]] = {}
+        for number, part in enumerate(self._parts):
+            material = self._materials[part.material]
+            if material.texture is not None:
+                own = material.mapping if isinstance(material, TexturedMaterial) else Tiled()
+                groups.setdefault(part.uv or own, []).append(number)
+        result = np.zeros((len(faces), 3, 2), np.float32)
+        for mapping, numbers in groups.items():
+            here = np.flatnonzero(np.isin(part_of, numbers))
+            result[here] = mapping(corners[here], normals[here], *box[:, part_of[here]])
+        return result
 
 
 def rect(x: float, y: float, radius: float = 0.0) -> Callable[[float], np.ndarray]:

@@ -1,0 +1,157 @@
+"""FlightGear's aircraft of other pilots: AC3D files that small XML files dress in liveries.
+
+`A320/A320-AirFrance.xml` names the model `Models/A320.ac`, itself or by the file that it includes,
+and the folder of the textures, `Textures/AirFrance`. Lights, flames and pieces are left out.
+"""
+
+import functools
+import os
+import pathlib
+import posixpath
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+
+from data_gen import catalogues, loading, meshes
+from data_gen.catalogues import Entry, ac3d, folder
+
+_MAX_XML_BYTES = 1 << 20
+
+# Lights and pieces of aircraft.
+_NO_OBJECTS = re.compile(
+    r"light|flare|flash|toggle|beacon|strobe|/nav[a-z]+\.|/taxi\.|exhaust|droptank|bomb-|refueling/"
+    r"|banner|wheels\.|tank\.|ssme|omspods",
+    re.IGNORECASE,
+)
+
+
+class LiveryFiles(loading.FolderFiles):
+    """Files below a folder, pictures from a livery's folder before all others."""
+
+    def __init__(self, root: str | os.PathLike[str], livery: str) -> None:
+        super().__init__(root)
+        self._livery = livery
+
+    def open(self, base: str, name: str) -> bytes:
+        """See `loading.Files`."""
+        if self._livery:
+            try:
+                return super().open(self._livery, posixpath.basename(name.replace("\\", "/")))
+            except FileNotFoundError:
+                pass
+        return super().open(base, name)
+
+
+def _wrapper(path: pathlib.Path, root: pathlib.Path, depth: int = 0) -> tuple[str, str]:
+    """Model and folder of textures that a file names, relative to the root; "" = none."""
+    try:
+        if path.stat().st_size > _MAX_XML_BYTES:
+            return "", ""
+        data = path.read_bytes()
+        if b"<!ENTITY" in data:
+            return "", ""
+        tree = ElementTree.fromstring(data)
+    except (OSError, ValueError, LookupError, ElementTree.ParseError):
+        return "", ""
+    here = path.parent.relative_to(root).as_posix()
+
+    def named(key: str) -> str:
+        text = (tree.findtext(key) or "").strip().replace("\\", "/")
+        name = posixpath.normpath(posixpath.join(here, text)) if text else ""
+        return "" if name.startswith(("/", "..")) else name
+
+    model, livery = named("path"), named("texture-path")
+    include = tree.get("include", "")
+    if include and "/" not in include and "\\" not in include and depth < 4:
+        inner_model, inner_livery = _wrapper(path.parent / include, root, depth + 1)
+        model, livery = model or inner_model, livery or inner_livery
+    return (model if model.casefold().endswith(".ac") else ""), livery
+
+
+def _load(
+    root: str, name: str, livery: str, category: str, model_id: str, max_faces: int
+) -> meshes.Model:
+    return loading.load(
+        name,
+        LiveryFiles(root, livery),
+        up="+y",
+        front="-x",
+        category=category,
+        model_id=model_id,
+        max_faces=max_faces,
+        reader=ac3d.read,
+    )
+
+
+class FlightGearCatalogue:
+    """Aircraft below a folder, each in some of its liveries.
+
+    `A320/Models/A320.ac:AirFrance` is a model; one that has no livery is named as its file. All
+    liveries of a model share a split. Further ships and balloons in the folder are models, too.
+
+    Args:
+      source: the folder `AI/Aircraft` of FlightGear's data.
+      liveries: most models of one file, spread over the names of its liveries.
+      fractions: of models for training, validation and test, see `catalogues.split_of`.
+      max_faces: models with more are refused.
+
+    Raises:
+      ValueError: the folder is missing or has no such file, or assimp is not installed.
+    """
+
+    name = "flightgear"
+
+    def __init__(
+        self,
+        source: str | os.PathLike[str],
+        *,
+        liveries: int = 3,
+        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
+        max_faces: int = meshes.MAX_FACES,
+    ) -> None:
+        if liveries < 1:
+            raise ValueError(f"liveries: got {liveries}, expected 1 or more")
+        self.root = pathlib.Path(source)
+        self._fractions, self._max_faces = fractions, max_faces
+        files = [n for n in folder.find_meshes(source, {".ac"}) if not _NO_OBJECTS.search(n)]
+        if not ac3d.find_assimp():
+            raise ValueError(f"catalogue 'flightgear': {ac3d.NO_ASSIMP}")
+        folded = {name.casefold(): name for name in files}
+        dresses: dict[str, set[str]] = {name: set() for name in files}
+        for path in sorted(self.root.rglob("*.xml")):
+            model, livery = _wrapper(path, self.root)
+            name = folded.get(model.casefold())
+            if name and livery and (self.root / livery).is_dir():
+                dresses[name].add(livery)
+        self._models = [
+            (name, livery)
+            for name, all_ in dresses.items()
+            for livery in _spread(sorted(all_), liveries) or [""]
+        ]
+
+    def __len__(self) -> int:
+        """Number of models."""
+        return len(self._models)
+
+    def entries(self) -> Iterator[Entry]:
+        """The models, by file and livery."""
+        for name, livery in self._models:
+            model_id = f"{name}:{posixpath.basename(livery)}" if livery else name
+            category = next((c for p, c in _CATEGORIES if re.search(p, name)), "aircraft")
+            load = functools.partial(_load, str(self.root), name, livery)
+            yield Entry(
+                model_id,
+                category,
+                catalogues.split_of(name, self._fractions),
+                catalogues.loader(load, category, model_id, self._max_faces),
+            )
+
+
+_CATEGORIES = ((r"(?i)^ferry/", "watercraft"), (r"(?i)^balloon/", "balloon"))
+
+
+def _spread(names: list[str], count: int) -> list[str]:
+    """At most `count` of the names, at equal distances."""
+    if len(names) <= count:
+        return names
+    return [names[i * len(names) // count] for i in range(count)]

@@ -1,0 +1,168 @@
+"""TORCS: the cars of the racing simulator, on their wheels.
+
+A car's folder has its body (`.acc`, AC3D with further texture layers for reflection and shadow, of
+which the first is the paint) and a file of parameters that says where its wheels are, how large,
+and in which folder of `wheels` their model is. Levels of detail are left out.
+"""
+
+import os
+import pathlib
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from data_gen import catalogues, loading, meshes
+from data_gen.catalogues import Entry, ac3d
+
+_MAX_XML_BYTES = 1 << 20
+_WHEELS = "trb1-3"  # for cars that the program gives plain discs
+_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "": 1.0}
+
+
+def wheel_places(parameters: bytes) -> tuple[str, list[tuple[np.ndarray, float, float]]]:
+    """Folder of a car's wheels, and place, radius and width of each; in the car's axes, metres.
+
+    The axes are those of the body: x to the front, y up, z to the right.
+
+    Raises:
+      UnusableModelError: the file of parameters is damaged or does not say.
+    """
+    # The document type names a file that nobody has; no parser is to look for it.
+    text = re.sub(rb"<!DOCTYPE[^>\[]*(\[.*?\]\s*)?>|&[a-z-]+;", b"", parameters, flags=re.DOTALL)
+    try:
+        tree = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise meshes.UnusableModelError(f"parameters not readable: {error}"[:200]) from error
+    sections = {s.get("name", ""): s for s in tree.iter("section")}
+
+    def number(section: str, key: str) -> float:
+        for each in sections[section].iter("attnum") if section in sections else ():
+            if each.get("name") == key:
+                try:
+                    value = float(each.get("val", "")) * _UNITS.get(each.get("unit", ""), 1.0)
+                except ValueError:
+                    break
+                if np.isfinite(value):
+                    return value
+        raise meshes.UnusableModelError(f"parameters: no {key!r} of {section!r}")
+
+    folder = next(
+        (s.get("val", "") for s in tree.iter("attstr") if s.get("name") == "3d wheel directory"), ""
+    )
+    result = []
+    for end in ("Front", "Rear"):
+        for side in ("Right", "Left"):
+            wheel = f"{end} {side} Wheel"
+            width = number(wheel, "tire width")
+            radius = number(wheel, "rim diameter") / 2 + width * number(
+                wheel, "tire height-width ratio"
+            )
+            place = np.array(
+                [number(f"{end} Axle", "xpos"), radius, -number(wheel, "ypos")], np.float64
+            )
+            result.append((place, radius, width))
+    return folder if re.fullmatch(r"[\w.-]+", folder) else _WHEELS, result
+
+
+def read_car(
+    data: bytes, files: loading.Files, base: str, side: int, max_faces: int, notes: loading.Notes
+) -> dict[str, Any]:
+    """Arrays of a car's body and its wheels for `meshes.build`; a reader for `loading.load`.
+
+    Raises:
+      UnusableModelError: its files are damaged, too large or empty, or assimp is missing.
+    """
+    parts = [ac3d.read(data, files, base, side, max_faces, notes)]
+    name = base.rpartition("/")[2]
+    try:
+        folder, places = wheel_places(files.open(base, f"{name}.xml")[:_MAX_XML_BYTES])
+        place_of_wheels = f"wheels/{folder}"
+        model = files.open(place_of_wheels, "wheel0.acc")
+        wheel = ac3d.read(model, files, place_of_wheels, side, max_faces, notes)
+    except (FileNotFoundError, meshes.UnusableModelError) as error:
+        notes.add(f"no wheels: {error}")
+        places = []
+    for where, radius, width in places:
+        # The outer side of the model looks to -z.
+        turn = np.diag([2 * radius, 2 * radius, width])
+        if where[2] > 0:
+            turn = turn @ np.diag([-1.0, 1.0, -1.0])
+        linear = turn.T
+        normals = wheel["normals"] @ np.linalg.inv(turn)
+        parts.append({**wheel, "vertices": wheel["vertices"] @ linear + where, "normals": normals})
+    count = materials = 0
+    for part in parts:
+        part["faces"] = part["faces"] + count
+        part["face_material"] = part["face_material"] + materials
+        count += len(part["vertices"])
+        materials += len(part["materials"])
+    merged = {
+        key: np.concatenate([part[key] for part in parts])
+        for key in ("vertices", "faces", "normals", "uv", "face_material")
+    }
+    together = tuple(m for part in parts for m in part["materials"])
+    return {**merged, "materials": loading.bounded(together, notes)}
+
+
+def _load(root: str, name: str, max_faces: int) -> meshes.Model:
+    return loading.load(
+        name,
+        loading.FolderFiles(root),
+        up="+y",
+        front="+x",
+        category="car",
+        model_id=name,
+        max_faces=max_faces,
+        reader=read_car,
+    )
+
+
+class TorcsCatalogue:
+    """The cars below TORCS's folder of data: `cars/<name>/<name>.acc`.
+
+    Args:
+      source: the folder that has `cars` and `wheels` in it.
+      fractions: of models for training, validation and test, see `catalogues.split_of`.
+      max_faces: models with more are refused.
+
+    Raises:
+      ValueError: there are no such cars, or assimp is not installed.
+    """
+
+    name = "torcs"
+
+    def __init__(
+        self,
+        source: str | os.PathLike[str],
+        *,
+        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
+        max_faces: int = meshes.MAX_FACES,
+    ) -> None:
+        self.root = pathlib.Path(source)
+        self._fractions, self._max_faces = fractions, max_faces
+        self._names = sorted(
+            p.relative_to(self.root).as_posix()
+            for p in self.root.glob("cars/*/*.acc")
+            if p.stem == p.parent.name
+        )
+        if not self._names:
+            raise ValueError(f"source {str(source)!r}: expected TORCS's folder, with cars in it")
+        if not ac3d.find_assimp():
+            raise ValueError(f"catalogue 'torcs': {ac3d.NO_ASSIMP}")
+
+    def __len__(self) -> int:
+        """Number of cars."""
+        return len(self._names)
+
+    def entries(self) -> Iterator[Entry]:
+        """The cars, by name."""
+        for name in self._names:
+            yield Entry(
+                name,
+                "car",
+                catalogues.split_of(name, self._fractions),
+                catalogues.loader(_load, str(self.root), name, self._max_faces),
+            )

@@ -1,0 +1,698 @@
+"""Pictures that look like photographs: soft shadows, light from all around, reflections, film.
+
+Pure numpy, but for the function that sends rays to the mesh, which is passed in. All colours are
+in linear light until `develop`. Light is looked for from each pixel along a few rays, of two
+kinds: toward the bright parts of the environment map, and spread as the surface reflects light;
+their results are weighted by the balance heuristic (Veach 1997). Sixteen patterns of rays take
+turns in blocks of 4 x 4 pixels, and a filter that keeps edges averages over such blocks, so that
+a pixel has the light of sixteen times as many rays; where nothing is in the way, there is no
+noise. What other surfaces send is estimated once for each face, from its colour and the light that
+it gets.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import scipy.ndimage
+from jaxtyping import Bool, Float, Int, UInt8
+
+from data_gen import grounds, lights, shading
+from data_gen.cameras import Camera
+from data_gen.grounds import Ground
+from data_gen.scene import Surfaces
+from data_gen.surroundings import Surroundings
+
+PATTERNS = 16
+"""Patterns of rays that take turns."""
+
+_LIGHT_SIZE = (64, 128)
+_TABLE = (17, 32)
+
+# Rays begin this far off the surface along the normal, and as far again along themselves: coarse
+# meshes with smooth normals would shade themselves otherwise.
+_OFF = 0.002
+
+# Of the light that reaches a surface in the open, what reaches one that another surface sees: a
+# first guess, with which the light on all faces is found.
+_SEEN_BY_OTHERS = 0.5
+
+# Faces that share their light lie in a cell of this part of the frame's unit.
+_CELLS = 10
+
+# Surfaces that light passes through at most, holes and glass.
+_LAYERS = 4
+
+# Sharpness of the reflections that maps are made for: deviation in radians.
+_BLURS = (0.0, 0.1, 0.25, 0.5)
+
+# Brighter than this times white is cut off before the lens blurs.
+_BRIGHTEST = 6.0
+
+Range = tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class FilmSettings:
+    """How a camera turns light into a picture, for "photo" shading; ranges are drawn from.
+
+    Attributes:
+      exposure: in stops, from that of an automatic camera.
+      white_balance: how much of the light's colour is taken out, 0 to 1.
+      contrast: of the tone curve, 0 = none, 1 = that of films.
+      saturation: factor on the distance of colours from grey.
+      vignette: how much darker the corners are, 0 to 1.
+      blur: of the lens: deviation in pixels.
+      grain: of the sensor: deviation at middle grey, 1 = white.
+    """
+
+    exposure: Range = (-0.6, 0.5)
+    white_balance: Range = (0.6, 1.0)
+    contrast: Range = (0.7, 1.0)
+    saturation: Range = (0.9, 1.25)
+    vignette: Range = (0.0, 0.25)
+    blur: Range = (0.3, 0.6)
+    grain: Range = (0.0, 0.02)
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        limits = {
+            "exposure": (-10.0, 10.0),
+            "white_balance": (0.0, 1.0),
+            "contrast": (0.0, 1.0),
+            "saturation": (0.0, 4.0),
+            "vignette": (0.0, 1.0),
+            "blur": (0.0, 10.0),
+            "grain": (0.0, 1.0),
+        }
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
+            if len(value) != 2 or not low <= value[0] <= value[1] <= high:
+                raise ValueError(
+                    f"film.{name}: got {value}, expected (low, high) from {low:g} to {high:g}"
+                )
+
+
+class RayHits(NamedTuple):
+    """Where rays meet the mesh: face (-1 = nowhere), barycentric weights, ray parameter."""
+
+    face: Int[np.ndarray, " n"]
+    weights: Float[np.ndarray, "n 3"]
+    t: Float[np.ndarray, " n"]
+
+
+def linear(display: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Reflectances from colours as they are displayed; no surface is quite black or white."""
+    value = np.float32(0.82) * np.maximum(display, 0) ** np.float32(2.2)
+    return np.maximum(value, np.float32(0.015)).astype(np.float32)
+
+
+def _cell(direction: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Continuous row and column of directions on a map."""
+    row = np.arccos(np.clip(direction[..., 2], -1, 1)) * np.float32(size[0] / np.pi)
+    turns = np.arctan2(direction[..., 1], direction[..., 0]) * np.float32(0.5 / np.pi)
+    return row, (turns - np.floor(turns)) * np.float32(size[1])
+
+
+def _nearest(direction: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """The index of directions' pixels on a flat map."""
+    row, column = _cell(direction, size)
+    rows = np.minimum(row.astype(np.int64), size[0] - 1)
+    return rows * size[1] + np.minimum(column.astype(np.int64), size[1] - 1)
+
+
+def look_around(
+    radiance: Float[np.ndarray, "h w 3"], direction: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """A map's values in given directions (unit vectors), interpolated."""
+    size = (radiance.shape[0], radiance.shape[1])
+    row, column = _cell(direction, size)
+    return _between(radiance, np.clip(row - 0.5, 0, size[0] - 1), column - 0.5)
+
+
+def _between(values: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Values at places between the rows and columns of a map; columns go round."""
+    height, width = values.shape[:2]
+    low, left = np.floor(row).astype(np.int64), np.floor(column)
+    y, x = (row - low)[:, None], (column - left)[:, None]
+    high = np.minimum(low + 1, height - 1)
+    left = left.astype(np.int64) % width
+    right = (left + 1) % width
+    upper = values[low, left] * (1 - x) + values[low, right] * x
+    lower = values[high, left] * (1 - x) + values[high, right] * x
+    result: np.ndarray = (upper * (1 - y) + lower * y).astype(np.float32)
+    return result
+
+
+def _blurred(radiance: np.ndarray, radians: float) -> np.ndarray:
+    """A map blurred by about an angle."""
+    pixels = radians / np.pi * len(radiance)
+    result: np.ndarray = scipy.ndimage.gaussian_filter(
+        radiance, (pixels, pixels, 0), mode=("nearest", "wrap", "nearest")
+    )
+    return result
+
+
+@functools.lru_cache(maxsize=1)
+def _gathering() -> np.ndarray:
+    """What surfaces gather of each pixel of a light map, over pi, by their normal.
+
+    The normals are those of the rows and columns of `_TABLE`, the first and last at the poles.
+    """
+    toward = lights.directions_of(_LIGHT_SIZE).reshape(-1, 3)
+    polar = np.linspace(0, np.pi, _TABLE[0])[:, None]
+    around = (np.arange(_TABLE[1]) + 0.5) / _TABLE[1] * 2 * np.pi
+    normals = np.stack(
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around),
+         np.broadcast_to(np.cos(polar), _TABLE)], axis=-1,
+    )  # fmt: skip
+    angles = lights.solid_angles(_LIGHT_SIZE).reshape(-1)
+    gathered = np.maximum(normals.reshape(-1, 3) @ toward.T, 0) * angles / np.pi
+    return gathered.astype(np.float32)
+
+
+def _sides(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors at right angles to each normal and to each other (Duff et al. 2017)."""
+    sign = np.where(normal[:, 2] < 0, np.float32(-1), np.float32(1))
+    a = -1 / (sign + normal[:, 2])
+    b = normal[:, 0] * normal[:, 1] * a
+    one = np.stack([1 + sign * normal[:, 0] ** 2 * a, sign * b, -sign * normal[:, 0]], axis=1)
+    return one, np.stack([b, sign + normal[:, 1] ** 2 * a, -normal[:, 1]], axis=1)
+
+
+class Light:
+    """The light of one scene, and what it does to surfaces; in the view-aligned frame."""
+
+    def __init__(
+        self,
+        around: Surroundings,
+        ground: Ground | None,
+        surfaces: Surfaces,
+        rotation: Float[np.ndarray, "3 3"],
+        cast: Callable[[np.ndarray, np.ndarray], RayHits],
+        *,
+        rays: int,
+        rng: np.random.Generator,
+    ) -> None:
+        """Prepares rays and tables.
+
+        Args:
+          around: where light comes from.
+          ground: that reflects it and is in its way; None = there is none.
+          surfaces: of the model.
+          rotation: from the model's frame to the view-aligned one.
+          cast: first hits on the model of rays of the view-aligned frame, origins and directions.
+          rays: at each point.
+          rng: of the directions.
+        """
+        self._surfaces, self._ground, self._cast = surfaces, ground, cast
+        turn = rotation.T.astype(np.float32)
+        corners = surfaces.vertices @ turn
+        self._low, self._high = corners.min(axis=0) - 0.01, corners.max(axis=0) + 0.01
+        whole = np.asarray(around.radiance, np.float64)
+        small = lights.shrink(whole, _LIGHT_SIZE)
+        toward = lights.directions_of(_LIGHT_SIZE)
+        endless = ground is not None and not np.isfinite(ground.half).any()
+        below = toward[..., 2] < 0
+        open_sky = np.where((endless & below)[..., None], 0, small)
+        # Directions toward what is bright, each pattern with its share of all.
+        angles = lights.solid_angles(_LIGHT_SIZE)
+        energy = (open_sky.mean(axis=-1) * angles).ravel() + 1e-12
+        chance = energy / energy.sum()
+        self._density = (chance / angles.ravel()).astype(np.float32)
+        count = PATTERNS * (rays // 2)
+        steps = (np.arange(count) + rng.random()) / count
+        cells = np.minimum(np.searchsorted(np.cumsum(chance), steps), chance.size - 1)
+        rows, columns = np.divmod(cells, _LIGHT_SIZE[1])
+        edges = np.cos(np.linspace(0, np.pi, _LIGHT_SIZE[0] + 1))
+        z = edges[rows] + (edges[rows + 1] - edges[rows]) * rng.random(count)
+        around_z = (columns + rng.random(count)) / _LIGHT_SIZE[1] * 2 * np.pi
+        flat = np.sqrt(1 - z**2)
+        bright = np.stack([flat * np.cos(around_z), flat * np.sin(around_z), z], axis=1)
+        self._bright = bright.reshape(-1, PATTERNS, 3).swapaxes(0, 1).astype(np.float32)
+        # Directions around a normal, as a matt surface reflects.
+        count = PATTERNS * (rays - rays // 2)
+        first = (np.arange(count) + 0.5) / count
+        second = (np.arange(count) * 0.6180339887 + rng.random()) % 1
+        angle, radius = 2 * np.pi * second, np.sqrt(first)
+        matt = np.stack(
+            [radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - first)], axis=1
+        )
+        # Whatever the patterns' order is, near ones in the list must not share a pattern.
+        self._matt = matt.reshape(-1, PATTERNS, 3).swapaxes(0, 1).astype(np.float32)
+        self.spread = np.concatenate(
+            [matt[:: len(matt) // PATTERNS][:PATTERNS, :2], np.zeros((PATTERNS, 1))], axis=1
+        ).astype(np.float32)
+        # Tables: the light on surfaces in the open, by normal.
+        gathering = _gathering()
+        if ground is not None:
+            up = (angles * np.maximum(toward[..., 2], 0))[..., None]
+            from_ground = 0.8 * ground.mean * (open_sky * up).sum(axis=(0, 1)) / np.pi
+            small = np.where((endless & below)[..., None], from_ground, small)
+        table = gathering @ small.reshape(-1, 3)
+        self._table = table.reshape(*_TABLE, 3).astype(np.float32)
+        self.open_ground = self.in_the_open(np.array([[0, 0, 1]], np.float32))[0]
+        self._small = small.reshape(-1, 3).astype(np.float32)
+        self._sharp = [whole.astype(np.float32)] + [
+            _blurred(small, b).astype(np.float32) for b in _BLURS[1:]
+        ]
+        count = len(surfaces.material)
+        colour, _ = shading.look_up(
+            surfaces, np.arange(count), np.full((count, 3), 1 / 3, np.float32)
+        )
+        normals = surfaces.face_normals @ turn
+        colour = linear(colour)
+        self._normals = normals
+        self._glow = np.float32(_SEEN_BY_OTHERS) * np.stack(
+            [colour * self.in_the_open(normals), colour * self.in_the_open(-normals)], axis=1
+        )
+        # The light on the ground, coarse, for what sees the ground.
+        self._floor: np.ndarray | None = None
+        if ground is not None:
+            side = np.linspace(-1.6, 1.6, 33, dtype=np.float32)
+            places = np.stack([*np.meshgrid(side, side, indexing="ij"), np.zeros((33, 33))], -1)
+            lit = self.gather(
+                places.reshape(-1, 3).astype(np.float32),
+                np.broadcast_to(np.array([0, 0, 1], np.float32), (33 * 33, 3)),
+                np.arange(33 * 33) % PATTERNS,
+                far=True,
+            ).reshape(33, 33, 3)
+            floor = scipy.ndimage.uniform_filter(lit, (3, 3, 1))
+            self._floor = (floor * ground.mean).astype(np.float32)
+        self._glow = colour[:, None] * self._light_on_faces(surfaces.corners.mean(axis=1) @ turn)
+
+    def _light_on_faces(self, middles: Float[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 2 3"]:
+        """The light on both sides of faces; those that are near and alike share it."""
+        cells = np.floor((middles + 2) * np.float32(_CELLS)).astype(np.int64)
+        signs = (self._normals > 0) @ np.array([1, 2, 4])
+        key = ((cells[:, 0] * 1024 + cells[:, 1]) * 1024 + cells[:, 2]) * 8 + signs
+        _, some, which = np.unique(key, return_index=True, return_inverse=True)
+        pattern = np.arange(len(some)) % PATTERNS
+        sides = []
+        for sign in (1, -1):
+            normals = (sign * self._normals[some]).astype(np.float32)
+            sides.append(self.gather(middles[some], normals, pattern)[which])
+        return np.stack(sides, axis=1)
+
+    def in_the_open(self, normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """The light on surfaces that nothing is in the way of, over pi."""
+        row, column = _cell(normals, (_TABLE[0] - 1, _TABLE[1]))
+        return _between(self._table, row, column - 0.5)
+
+    def see(
+        self,
+        origins: Float[np.ndarray, "n 3"],
+        directions: Float[np.ndarray, "n 3"],
+        distant: Float[np.ndarray, "n 3"],
+        *,
+        far: bool = False,
+    ) -> Float[np.ndarray, "n 3"]:
+        """What rays see: the model, the ground, or what is far away.
+
+        Args:
+          origins: of the rays.
+          directions: unit vectors.
+          distant: what they see where nothing is in their way.
+          far: whether many of them miss the model's box: those are not sent.
+        """
+        result = distant.copy()
+        ground, low = self._ground, directions[:, 2] < -1e-4
+        reach = np.full(len(origins), np.inf, np.float32)
+        if ground is not None and self._floor is not None and low.any():
+            down = np.flatnonzero(low)
+            t = -origins[down, 2] / directions[down, 2]
+            place = origins[down, :2] + t[:, None] * directions[down, :2]
+            down, t, place = (a[(t > 0) & ground.holds(place)] for a in (down, t, place))
+            reach[down] = t
+            cell = np.clip((place + 1.6) * 10 + 0.5, 0, 32).astype(np.int64)
+            result[down] = self._floor[cell[:, 0], cell[:, 1]]
+        index = np.flatnonzero(self._near(origins, directions)) if far else np.arange(len(origins))
+        through = np.ones(len(index), np.float32)
+        start, along = origins[index] + _OFF * directions[index], directions[index]
+        gone = np.full(len(index), _OFF, np.float32)
+        for _ in range(_LAYERS):
+            hits = self._cast(start, along)
+            met = np.flatnonzero((hits.face >= 0) & (hits.t + gone < reach[index]))
+            if not len(met):
+                break
+            index, through, along, start = index[met], through[met], along[met], start[met]
+            face, t = hits.face[met], hits.t[met]
+            away = np.einsum("nd,nd->n", self._normals[face], along) > 0
+            glow = self._glow[face, away.astype(np.int64)]
+            if self._surfaces.opaque:
+                result[index] = glow
+                break
+            _, opacity = shading.look_up(self._surfaces, face, hits.weights[met])
+            result[index] += (through * opacity)[:, None] * (glow - result[index])
+            through = through * (1 - opacity)
+            on = np.flatnonzero(through > 0.02)
+            step = t[on] + np.float32(0.0005)
+            index, through, along = index[on], through[on], along[on]
+            start, gone = start[on] + step[:, None] * along, gone[met][on] + step
+            if not len(index):
+                break
+        return result
+
+    def _near(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Which rays pass through the model's box."""
+        enter = np.zeros(len(origins), np.float32)
+        leave = np.full(len(origins), np.inf, np.float32)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for axis in range(3):
+                inverse = 1 / directions[:, axis]
+                one = (self._low[axis] - origins[:, axis]) * inverse
+                two = (self._high[axis] - origins[:, axis]) * inverse
+                np.fmax(enter, np.fmin(one, two), out=enter)
+                np.fmin(leave, np.fmax(one, two), out=leave)
+        result: np.ndarray = enter <= leave
+        return result
+
+    def gather(
+        self,
+        places: Float[np.ndarray, "n 3"],
+        normals: Float[np.ndarray, "n 3"],
+        pattern: Int[np.ndarray, " n"],
+        *,
+        far: bool = False,
+    ) -> Float[np.ndarray, "n 3"]:
+        """The light that falls on points, over pi: a matt surface's colour times this is seen.
+
+        Args:
+          places: of the points.
+          normals: unit vectors, on the side that is looked at.
+          pattern: of the rays, 0 to 15.
+          far: see `see`.
+        """
+        result = np.empty((len(places), 3), np.float32)
+        for begin in range(0, len(places), 4096):
+            part = slice(begin, begin + 4096)
+            result[part] = self._gather(places[part], normals[part], pattern[part], far)
+        return result
+
+    def _gather(
+        self, places: np.ndarray, normals: np.ndarray, pattern: np.ndarray, far: bool
+    ) -> np.ndarray:
+        local = self._matt[pattern]
+        one, two = _sides(normals)
+        matt = (
+            local[..., :1] * one[:, None] + local[..., 1:2] * two[:, None]
+            + local[..., 2:] * normals[:, None]
+        )  # fmt: skip
+        along = np.concatenate([self._bright[pattern], matt], axis=1)
+        count, rays = along.shape[:2]
+        cosine = np.einsum("nrd,nd->nr", along, normals).ravel()
+        use = np.flatnonzero(cosine > 1e-3)
+        along = along.reshape(-1, 3)[use]
+        cosine = cosine[use]
+        point = use // rays
+        cell = _nearest(along, _LIGHT_SIZE)
+        start = (places + _OFF * normals)[point]
+        distant = self._small[cell]
+        seen = self.see(start, along, distant, far=far)
+        bright = self._bright.shape[1]
+        density = bright * self._density[cell] + (rays - bright) * cosine / np.float32(np.pi)
+        weight = (cosine / (np.float32(np.pi) * density))[:, None]
+
+        def total(values: np.ndarray) -> np.ndarray:
+            values = values * weight
+            return np.stack(
+                [np.bincount(point, values[:, k], minlength=count) for k in range(3)], axis=1
+            )
+
+        # What a point in the open gets is known exactly: the rays tell the part that is left of it.
+        part = np.minimum(total(seen) / np.maximum(total(distant), 1e-12), 4)
+        return (self.in_the_open(normals) * part).astype(np.float32)
+
+    def reflect(
+        self,
+        places: Float[np.ndarray, "n 3"],
+        normals: Float[np.ndarray, "n 3"],
+        view: Float[np.ndarray, "n 3"],
+        blur: Float[np.ndarray, " n"],
+    ) -> Float[np.ndarray, "n 3"]:
+        """What is seen in surfaces as in a mirror, blurred.
+
+        Args:
+          places: of the points.
+          normals: unit vectors.
+          view: unit vectors toward the camera.
+          blur: of what is far away, in radians.
+        """
+        along = 2 * np.einsum("nd,nd->n", normals, view)[:, None] * normals - view
+        along = (along / np.linalg.norm(along, axis=1, keepdims=True)).astype(np.float32)
+        level = np.abs(blur[:, None] - np.array(_BLURS, np.float32)).argmin(axis=1)
+        distant = np.empty((len(places), 3), np.float32)
+        for number, sharp in enumerate(self._sharp):
+            at = np.flatnonzero(level == number)
+            distant[at] = look_around(sharp, along[at])
+        return self.see((places + _OFF * normals).astype(np.float32), along, distant, far=True)
+
+
+def mirror_of(
+    surfaces: Surfaces, owner: Int[np.ndarray, " n"], strength: float
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Reflectance of surfaces seen from straight above, and how much they blur, in radians.
+
+    A highlight that is stronger than the colour under it is that of a metal; others are those of
+    varnish or plastic, which reflect a twenty-fifth.
+    """
+    specular = np.clip(strength * surfaces.specular, 0, 1)
+    bright = specular.mean(axis=1, keepdims=True)
+    metal = np.clip(2 * bright - 1.5 * surfaces.diffuse.mean(axis=1, keepdims=True), 0, 1)
+    table = 0.04 * np.minimum(1, 2.5 * bright) * (1 - metal) + 0.8 * specular * metal
+    blur = np.sqrt(1 / (surfaces.shininess / 4 + 1))
+    return table.astype(np.float32)[owner], blur.astype(np.float32)[owner]
+
+
+def fresnel(
+    straight: Float[np.ndarray, "n 3"],
+    cosine: Float[np.ndarray, " n"],
+    blur: Float[np.ndarray, " n"],
+) -> Float[np.ndarray, "n 3"]:
+    """Reflectance by angle (Schlick 1994); rough surfaces gain less at grazing angles."""
+    most = np.where(straight > 0, np.maximum(straight, (1 - blur)[:, None] * 0.7), 0)
+    return straight + (most - straight) * ((1 - np.clip(cosine, 0, 1)) ** 5)[:, None]
+
+
+def smooth(
+    values: Float[np.ndarray, "h w 3"],
+    valid: Bool[np.ndarray, "h w"],
+    guides: Float[np.ndarray, "h w 7"] | None,
+    *,
+    step: int = 1,
+) -> Float[np.ndarray, "h w 3"]:
+    """Means over 4 x 4 pixels (with halves at both ends) that belong to the same surface.
+
+    Args:
+      values: to smooth.
+      valid: where there are any.
+      guides: normal, place, and how far off the normal's plane still counts; None = all is one.
+      step: distance of the pixels.
+    """
+    result = values
+    for axis in (0, 1):
+        total = np.zeros_like(values)
+        weight = np.zeros((*valid.shape, 1), np.float32)
+        for offset, share in zip((-2, -1, 0, 1, 2), (0.5, 1, 1, 1, 0.5), strict=True):
+            here, there = [slice(None)] * 2, [slice(None)] * 2
+            size = valid.shape[axis]
+            move = offset * step
+            here[axis] = slice(max(0, -move), min(size, size - move))
+            there[axis] = slice(max(0, move), min(size, size + move))
+            at, of = tuple(here), tuple(there)
+            part = share * (valid[at] & valid[of]).astype(np.float32)
+            if guides is not None and offset:
+                mine, its = guides[at], guides[of]
+                same = np.einsum("hwd,hwd->hw", mine[..., :3], its[..., :3])
+                off = np.abs(
+                    np.einsum("hwd,hwd->hw", mine[..., :3], mine[..., 3:6] - its[..., 3:6])
+                )
+                part = part * np.clip(10 * same - 8.5, 0, 1) * (off < mine[..., 6] * step)
+            total[at] += part[..., None] * result[of]
+            weight[at] += part[..., None]
+        result = total / np.maximum(weight, 1e-6)
+    return result
+
+
+# --- What is behind ----------------------------------------------------------------------------
+
+
+def backdrop(
+    light: Light,
+    around: Surroundings,
+    ground: Ground | None,
+    camera: Camera,
+    rays: Float[np.ndarray, "n 3"],
+    hidden: Bool[np.ndarray, "h w"],
+    *,
+    blur: float,
+) -> Float[np.ndarray, "h w 3"]:
+    """The picture without the object but with its shadow: ground, and surroundings.
+
+    Args:
+      light: of the scene.
+      around: the surroundings.
+      ground: in them; None = there is none.
+      camera: of the view.
+      rays: through the pixels' centres, z = 1 along the optical axis.
+      hidden: pixels that the object hides; there it may be anything.
+      blur: of what is far away, in radians.
+    """
+    height, width = camera.image_size
+    origin = camera.position.astype(np.float32)
+    length = np.linalg.norm(rays, axis=1)
+    along = rays / length[:, None]
+    beyond = along
+    if around.room is not None:
+        beyond = _on_walls(around, origin, along)
+    radiance = around.radiance
+    if blur > 0:
+        radiance = _blurred(radiance, blur)
+    result = look_around(radiance, beyond)
+    if ground is None:
+        return result.reshape(height, width, 3)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(along[:, 2] < -1e-4, -origin[2] / along[:, 2], np.inf)
+    down = np.flatnonzero(np.isfinite(reach) & (reach < 400))
+    t = reach[down]
+    place = origin[:2] + t[:, None] * along[down, :2]
+    held = ground.holds(place)
+    # Edges are smooth: a pixel's share is that of nine places in it.
+    share = np.ones(len(down), np.float32)
+    focal = np.float32(camera.intrinsics[0, 0])
+    grazing = np.maximum(-along[down, 2], 0.01)
+    if np.isfinite(ground.half).any():
+        share[:] = 0
+        side = np.cross(along[down], [0, 0, 1.0])[:, :2]
+        front = np.stack([side[:, 1], -side[:, 0]], axis=1)
+        for a in (-1, 0, 1):
+            for b in (-1, 0, 1):
+                moved = place + (a * side + b * front / grazing[:, None]) * (t / focal / 3)[:, None]
+                share += ground.holds(moved) / np.float32(9)
+        held = share > 0
+    down, t, place, share, grazing = (a[held] for a in (down, t, place, share, grazing))
+    points = np.concatenate([place, np.zeros((len(place), 1))], axis=1).astype(np.float32)
+    rows, columns = np.divmod(down, width)
+    up = np.broadcast_to(np.array([0, 0, 1], np.float32), points.shape)
+    lit = np.tile(light.open_ground, (len(points), 1))
+    near = np.flatnonzero((np.linalg.norm(place, axis=1) < 4.0) & ~hidden.ravel()[down])
+    pattern = (rows % 4 * 4 + columns % 4)[near]
+    lit[near] = light.gather(points[near], up[near], pattern, far=True)
+    colour = ground.colour(place.astype(np.float32), t / focal / np.sqrt(grazing))
+    seen = np.zeros((height * width, 3), np.float32)
+    valid = np.zeros(height * width, np.bool_)
+    seen[down], valid[down] = lit, True
+    valid &= ~hidden.ravel()
+    lit_image = smooth(seen.reshape(height, width, 3), valid.reshape(height, width), None)
+    lit = lit_image.reshape(-1, 3)[down]
+    value = colour * lit
+    if ground.gloss > 0:
+        view = -along[down]
+        # Floors are worn: what they mirror is spread, the more the further it is from them.
+        rough = np.full(len(down), 0.25, np.float32)
+        mirror = fresnel(np.full((len(down), 3), ground.gloss, np.float32), view[:, 2], rough)
+        uneven = up + light.spread[rows % 4 * 4 + columns % 4] * np.float32(0.06)
+        uneven /= np.linalg.norm(uneven, axis=1, keepdims=True)
+        seen[:], valid[:] = 0, False
+        seen[down], valid[down] = 0.6 * mirror * light.reflect(points, uneven, view, rough), True
+        seen_image = smooth(seen.reshape(height, width, 3), valid.reshape(height, width), None)
+        value += seen_image.reshape(-1, 3)[down]
+    if ground.sweep > 0:
+        # Paper that bends upward behind the object, as light as what looks to the camera.
+        wall = ground.mean * light.in_the_open(np.array([[1.0, 0.0, 0.0]], np.float32))
+        bend = np.clip((-place[:, 0] - ground.sweep) / (2 * ground.sweep), 0, 1)[:, None]
+        value = value * (1 - bend**2 * (3 - 2 * bend)) + wall * bend**2 * (3 - 2 * bend)
+        rise = np.clip(along[:, 2:3] * 1.5, 0, 0.4)
+        result = np.broadcast_to(wall, result.shape) * (1 - rise)
+    elif not np.isfinite(ground.half).any():
+        haze = (1 - np.exp(-((t / 80) ** 2)))[:, None]
+        middle = len(radiance) // 2
+        level = np.median(radiance[middle - max(middle // 30, 1) : middle], axis=(0, 1))
+        value = value * (1 - haze) + haze * level
+    result[down] += share[:, None] * (value - result[down])
+    return result.reshape(height, width, 3)
+
+
+def _on_walls(around: Surroundings, origin: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Directions from the object to the places on a room's walls that rays from elsewhere meet."""
+    room = around.room
+    assert room is not None
+    angle = np.deg2rad(room.turn)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0],
+                     [0, 0, 1]], np.float32)  # fmt: skip
+    start, ray = origin @ turn, along @ turn
+    high = np.array([*room.half, room.ceiling], np.float32)
+    low = np.array([-room.half[0], -room.half[1], min(room.floor, -1e-3)], np.float32)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        leave = np.fmax((low - start) / ray, (high - start) / ray).min(axis=1)
+    place = start + np.maximum(leave, 1e-3)[:, None] * ray
+    place = place @ turn.T
+    result: np.ndarray = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), 1e-6)
+    return result.astype(np.float32)
+
+
+# --- The film ----------------------------------------------------------------------------------
+
+
+def develop(
+    light: Float[np.ndarray, "h w 3"],
+    weight: Float[np.ndarray, "h w"],
+    settings: FilmSettings,
+    rng: np.random.Generator,
+    *,
+    illuminant: Float[np.ndarray, " 3"],
+) -> UInt8[np.ndarray, "h w 3"]:
+    """The picture that a camera makes of light.
+
+    Args:
+      light: linear.
+      weight: what the exposure is measured on.
+      settings: of the film.
+      rng: of the draw.
+      illuminant: colour of the light.
+    """
+    height, width = weight.shape
+    draw = {
+        f.name: float(rng.uniform(*getattr(settings, f.name))) for f in dataclasses.fields(settings)
+    }
+    shift = 1 + 0.02 * rng.standard_normal(3)
+    balance = (illuminant.mean() / np.maximum(illuminant, 1e-6)) ** draw["white_balance"] * shift
+    values = light * balance.astype(np.float32)
+    grey = values.mean(axis=-1)
+    middle = np.exp((np.log(grey + 1e-4 * grey.max() + 1e-9) * weight).sum() / weight.sum())
+    gain = 0.2 * 2 ** draw["exposure"] / middle
+    # What is bright may be white, but not large parts of the picture.
+    bright = max(float(np.quantile(grey, 0.93)), 1e-9)
+    gain = min(gain, 0.75 * 2 ** max(draw["exposure"], 0) / bright)
+    values = values * np.float32(gain)
+    values = np.clip(values, 0, _BRIGHTEST)
+    if draw["vignette"] > 0:
+        rows, columns = np.mgrid[:height, :width]
+        away = np.hypot(rows / height - 0.5, columns / width - 0.5)[..., None]
+        values = values * (1 - draw["vignette"] * 2 * away**2).astype(np.float32)
+    if draw["blur"] > 0:
+        values = scipy.ndimage.gaussian_filter(values, (draw["blur"], draw["blur"], 0))
+    if draw["grain"] > 0:
+        # The sensor counts light: noise grows with its root, a little is always there.
+        spread = draw["grain"] * np.sqrt(0.05 + values / 0.2).astype(np.float32) * 0.4
+        values = values + spread * rng.standard_normal(values.shape, np.float32)
+        values = np.maximum(values, 0)
+    # Plain values with a soft shoulder, and a film's curve (Narkowicz 2015).
+    plain = np.where(values < 0.6, values, 1 - 0.4 * np.exp(-(values - 0.6) / 0.4))
+    x = values * np.float32(0.75)
+    film = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
+    mixed = plain + draw["contrast"] * (film - plain)
+    grey = mixed.mean(axis=-1, keepdims=True)
+    mixed = grey + np.float32(draw["saturation"]) * (mixed - grey)
+    return np.rint(255 * np.clip(mixed, 0, 1) ** (1 / 2.2)).astype(np.uint8)
+
+
+def draw_ground(
+    rng: np.random.Generator, kind: str, around: Surroundings, camera: Camera
+) -> Ground | None:
+    """The ground of a view; None if none is wanted or the camera is below it."""
+    if kind == "none" or camera.position[2] < 0.03:
+        return None
+    return grounds.draw(rng, kind, around)

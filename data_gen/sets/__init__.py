@@ -1,0 +1,1 @@
+"""Training sets made of several sources by one command."""

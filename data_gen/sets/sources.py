@@ -1,0 +1,267 @@
+"""Sources of a training set: what is taken of each, how it is split, and under which licences."""
+
+import dataclasses
+import gzip
+import hashlib
+import os
+import pathlib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from data_gen import catalogues
+from data_gen.catalogues import Entry
+
+_COLOURS = (
+    "white|black|red|green|blue|yellow|grey|gray|brown|beige|orange|pink|purple|gold|silver|dark"
+    "|light|clear"
+)
+
+_ENDINGS = re.compile(
+    rf"([-_ .]?(lod[-_]?\d*|(low|high|hi)[-_]?(poly|res)|{_COLOURS})"
+    r"|[-_ .]+(\d{1,3}|[a-z])|(?<=[a-z]{3})\d{1,2}|\(\d+\))$"
+)
+
+
+def family_of(model_id: str) -> str:
+    """What the names of near-duplicates have in common.
+
+    Liveries (behind a colon), numbers, colours and levels of detail at the end of a name are left
+    out, and so are its folders and its ending: `Models/farmhouse2-white.ac` and `farmhouse4.ac` are
+    of the family "farmhouse", `A320/Models/A320.ac:AirFrance` is an "a320".
+    """
+    name = model_id.rpartition("/")[2].rpartition("#")[2].split(":")[0].casefold()
+    stem = re.sub(r"\.[a-z]{1,4}$", "", name)
+    while True:
+        shorter = _ENDINGS.sub("", stem)
+        if len(shorter) < 2 or shorter == stem:
+            return stem
+        stem = shorter
+
+
+@dataclasses.dataclass(frozen=True)
+class Licence:
+    """Under which licence models are.
+
+    Attributes:
+      name: the licence, by its SPDX identifier where it has one.
+      models: pattern of the models' names, "" = all that no earlier pattern fits.
+      holders: who is to be named.
+    """
+
+    name: str
+    models: str = ""
+    holders: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """One source of a set.
+
+    Attributes:
+      name: of the source, and of its folder in the set.
+      catalogue: one of `catalogues.CATALOGUES`.
+      views: images of each model.
+      licences: of its models; the first whose pattern fits counts.
+      package: of Debian, "" = none is needed.
+      place: the catalogue's source: a path in the unpacked package, or numbers of models.
+      options: of the catalogue.
+      exclude: pattern of names of models that are left out.
+      families: models of one family share a split. "name": `family_of` the name; "folder": of the
+        first folder; "" = as the catalogue splits.
+    """
+
+    name: str
+    catalogue: str
+    views: int
+    licences: tuple[Licence, ...]
+    package: str = ""
+    place: str = ""
+    options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    exclude: str = ""
+    families: str = "name"
+
+    @property
+    def is_real(self) -> bool:
+        """Whether people made the models."""
+        return bool(self.package)
+
+    def path(self, packages: str | os.PathLike[str]) -> str:
+        """The catalogue's source, given the folder that the packages are unpacked in."""
+        return (
+            str(pathlib.Path(packages) / self.package / self.place) if self.package else self.place
+        )
+
+    def family(self, model_id: str) -> str:
+        """What near-duplicates of a model have in common, "" if the catalogue decides."""
+        if not self.families:
+            return ""
+        return family_of(model_id.split("/")[0] if self.families == "folder" else model_id)
+
+    def licence_of(self, model_id: str) -> Licence:
+        """The licence of a model."""
+        return next(x for x in self.licences if re.search(x.models, model_id))
+
+
+class Selection:
+    """A catalogue of the models of a source that a set takes.
+
+    Args:
+      source: which source.
+      packages: folder that the packages are unpacked in.
+      fraction: of the models, chosen by their names: a larger fraction holds a smaller one.
+
+    Raises:
+      ValueError: the catalogue cannot be made, or no model is left.
+    """
+
+    def __init__(
+        self, source: Source, packages: str | os.PathLike[str], fraction: float = 1.0
+    ) -> None:
+        inner = catalogues.open(source.catalogue, source.path(packages), **source.options)
+        self.name = inner.name
+        entries = [
+            e for e in inner.entries()
+            if not source.exclude or not re.search(source.exclude, e.model_id)
+        ]  # fmt: skip
+        if not entries:
+            raise ValueError(f"source {source.name!r}: no model is left")
+        if source.families:
+            entries = [
+                dataclasses.replace(e, split=catalogues.split_of(source.family(e.model_id)))
+                for e in entries
+            ]
+        if fraction < 1:
+            count = max(3, round(fraction * len(entries)))
+            ranked = sorted(entries, key=lambda e: hashlib.sha256(e.model_id.encode()).digest())
+            chosen = {e.model_id for e in ranked[:count]}
+            entries = [e for e in entries if e.model_id in chosen]
+        self._entries = entries
+
+    def __len__(self) -> int:
+        """Number of models."""
+        return len(self._entries)
+
+    def entries(self) -> Iterator[Entry]:
+        """The models, in the catalogue's order."""
+        return iter(self._entries)
+
+
+# --- Packages ---------------------------------------------------------------------------------
+
+
+def missing(sources: Sequence[Source], packages: str | os.PathLike[str]) -> list[str]:
+    """Commands that fetch and unpack the packages that are not there."""
+    lines = []
+    for package in dict.fromkeys(s.package for s in sources if s.package):
+        if any(not os.path.exists(s.path(packages)) for s in sources if s.package == package):
+            lines += [
+                f"apt-get download {package}",
+                f"dpkg-deb -x {package}_*.deb {pathlib.Path(packages) / package}",
+            ]
+    return lines
+
+
+def _documents(packages: str | os.PathLike[str], package: str) -> pathlib.Path:
+    return pathlib.Path(packages) / package / "usr/share/doc" / package
+
+
+def copyright_of(packages: str | os.PathLike[str], package: str) -> str:
+    """The package's own statement of copyright, "" if it is not there."""
+    try:
+        return (_documents(packages, package) / "copyright").read_text("utf-8", "replace")
+    except OSError:
+        return ""
+
+
+def version_of(packages: str | os.PathLike[str], package: str) -> str:
+    """The package's version as its changelog has it, "" if it is not there."""
+    try:
+        with gzip.open(_documents(packages, package) / "changelog.Debian.gz", "rb") as stream:
+            line = stream.read(300).decode("utf-8", "replace").split("\n")[0]
+    except (OSError, EOFError):
+        return ""
+    match = re.match(r"\S+ \(([^)]+)\)", line)
+    return match[1] if match else ""
+
+
+# --- The table --------------------------------------------------------------------------------
+
+
+def reason_of(text: str) -> str:
+    """A reason for a refusal without names and numbers, so that alike ones can be counted."""
+    text = re.sub(r"'[^']*'|\"[^\"]*\"", "...", text)
+    return re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", "N", text)[:120]
+
+
+def row(
+    source: Source,
+    lines: Sequence[Mapping[str, Any]],
+    packages: str | os.PathLike[str],
+    folders: Sequence[str],
+) -> dict[str, Any]:
+    """What a source has come to, for the table.
+
+    Args:
+      source: which source.
+      lines: reports on its models of all its data sets, as `models.jsonl` has them.
+      packages: folder that the packages are unpacked in.
+      folders: its data sets.
+    """
+    good = {line["model_id"]: line for line in lines if line["status"] == "ok"}
+    refused: dict[str, int] = {}
+    licences: dict[str, dict[str, Any]] = {}
+    splits: dict[str, int] = {}
+    for line in {x["model_id"]: x for x in lines if x["model_id"] not in good}.values():
+        reason = reason_of(line["reason"])
+        refused[reason] = refused.get(reason, 0) + 1
+    for name, line in good.items():
+        licence = source.licence_of(name)
+        counted = licences.setdefault(licence.name, {"models": 0, "holders": []})
+        counted["models"] += 1
+        if licence.holders and licence.holders not in counted["holders"]:
+            counted["holders"].append(licence.holders)
+        splits[line["split"]] = splits.get(line["split"], 0) + 1
+    families = {source.family(n) for n in good} - {""}
+    return {
+        "source": source.name,
+        "package": source.package,
+        "version": version_of(packages, source.package) if source.package else "",
+        "folders": list(folders),
+        "models": len(good),
+        "families": len(families) or None,
+        "images": sum(line["samples"] for line in lines),
+        "splits": splits,
+        "refused": dict(sorted(refused.items(), key=lambda item: -item[1])),
+        "licences": licences,
+    }
+
+
+def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The table for people; whoever passes on the set, or weights trained on it, passes it on."""
+    out = [
+        "# Sources of this training set",
+        "",
+        "Weights trained on the set carry this table. The packages' own statements of copyright "
+        "are in `licences/`.",
+        "",
+        "| source | package | models | images | refused | licence | by |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for each in rows:
+        package = f"{each['package']} {each['version']}".strip() or "none"
+        names = "; ".join(f"{n} ({x['models']})" for n, x in sorted(each["licences"].items()))
+        holders = "; ".join(
+            dict.fromkeys(h for x in each["licences"].values() for h in x["holders"])
+        )
+        out.append(
+            f"| {each['source']} | {package} | {each['models']} | {each['images']} | "
+            f"{sum(each['refused'].values())} | {names} | {holders} |"
+        )
+    total = {k: sum(r[k] for r in rows) for k in ("models", "images")}
+    out.append(f"| all | | {total['models']} | {total['images']} | | | |")
+    refused = [(r["source"], text, n) for r in rows for text, n in r["refused"].items()]
+    if refused:
+        out += ["", "Refused models, N for any number:", ""]
+        out += [f"- {source}: {count} x {text}" for source, text, count in refused]
+    return "\n".join(out) + "\n"

@@ -1,0 +1,305 @@
+"""What surrounds an object in a picture: skies, rooms, studios and measured maps; pure numpy.
+
+An environment map is drawn anew for each view, at a size that serves as the picture's background,
+too. All are in the view-aligned frame, the object at the origin.
+"""
+
+import dataclasses
+
+import numpy as np
+import scipy.ndimage
+from jaxtyping import Float
+
+from data_gen import lights
+from data_gen.lights import Lights, LightSettings
+
+Array = np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Room:
+    """A box with walls, by which a map's directions become places.
+
+    Attributes:
+      half: half of its length and width, unit of the frame.
+      floor: height of its floor, 0 or less.
+      ceiling: height of its ceiling.
+      turn: degrees about the vertical.
+    """
+
+    half: tuple[float, float]
+    floor: float
+    ceiling: float
+    turn: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Surroundings:
+    """An environment map and what it shows.
+
+    Attributes:
+      radiance: float [H, W, 3], in the view-aligned frame, see `data_gen.lights`.
+      kind: "outdoors", "room", "studio", or "map" where that is not known.
+      room: the room that it shows; None = all is far away.
+    """
+
+    radiance: Float[np.ndarray, "h w 3"]
+    kind: str = "map"
+    room: Room | None = None
+
+
+def noise(
+    rng: np.random.Generator,
+    size: tuple[int, int],
+    *,
+    slope: float = 1.5,
+    stretch: tuple[float, float] = (1.0, 1.0),
+) -> Float[np.ndarray, "h w"]:
+    """Random values of mean 0 and deviation 1 that repeat at the edges; spectrum ~ f^-slope.
+
+    Args:
+      rng: of the draw.
+      size: (H, W).
+      slope: 0 = white; larger = smoother.
+      stretch: how much longer structures are, down and across.
+    """
+    rows = np.fft.fftfreq(size[0])[:, None] * size[0] * stretch[0]
+    columns = np.fft.rfftfreq(size[1])[None] * size[1] * stretch[1]
+    frequency = np.hypot(rows, columns)
+    frequency[0, 0] = np.inf
+    white = np.fft.rfft2(rng.standard_normal(size))
+    result = np.fft.irfft2(white * frequency**-slope, s=size)
+    return (result / max(float(result.std()), 1e-9)).astype(np.float32)
+
+
+def _direction(azimuth_degrees: float, elevation_degrees: float) -> Array:
+    around, up = np.deg2rad(azimuth_degrees), np.deg2rad(elevation_degrees)
+    return np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+
+
+def _colour(rng: np.random.Generator, low: float, high: float, saturation: float) -> Array:
+    """A random colour of a brightness between two."""
+    colour = 1 + saturation * rng.uniform(-1, 1, 3)
+    return colour / colour.mean() * rng.uniform(low, high)
+
+
+def outdoors(
+    rng: np.random.Generator, sky: Float[np.ndarray, "h w 3"] | None = None
+) -> Surroundings:
+    """A sky with clouds and perhaps a sun, over a skyline of trees, hills or houses.
+
+    Args:
+      rng: of the draw.
+      sky: without clouds, its sun included; None = one is drawn.
+    """
+    size = lights.DETAIL
+    toward = lights.directions_of(size)
+    height = toward[..., 2]
+    degrees = np.rad2deg(np.arcsin(height))
+    clear = float(rng.random())  # 0 = overcast
+    if sky is None:
+        zenith = np.array([0.25, 0.45, 0.95]) * clear + np.array([0.75, 0.8, 0.85]) * (1 - clear)
+        horizon = np.array([0.85, 0.95, 1.05]) * rng.uniform(0.8, 1.2)
+        up = (np.clip(height, 0, 1) ** rng.uniform(0.35, 0.6))[..., None]
+        result = horizon * (1 - up) + zenith * up
+        sun = _direction(rng.uniform(0, 360), rng.uniform(22, 70))
+        cosine = toward @ sun
+        warm = np.array([1.0, 0.93, 0.8]) * rng.uniform(0.9, 1.1, 3)
+        for width, share in ((2.0, 0.85), (14.0, 0.15)):
+            sharp = 1 / (1 - np.cos(np.deg2rad(width)))
+            lobe = np.exp(sharp * (cosine - 1)) * sharp / (2 * np.pi)
+            # The sky gives a surface about pi; the sun up to four times as much.
+            result = result + lobe[..., None] * warm * (16 * clear * share)
+    else:
+        result = scipy.ndimage.zoom(
+            sky, (size[0] / sky.shape[0], size[1] / sky.shape[1], 1), order=1, mode="grid-wrap",
+            grid_mode=True,
+        )  # fmt: skip
+        result = result / max(float(result[height > 0].mean()), 1e-9)
+    cover = 1 / (
+        1 + np.exp(-3 * (noise(rng, size, slope=1.7, stretch=(2, 1)) - rng.uniform(-1, 2)))
+    )
+    cloud = np.clip(1.1 + 0.25 * noise(rng, size, slope=1.6), 0.3, 2)[..., None]
+    veil = (cover * np.clip(degrees / 8, 0, 1))[..., None] * 0.9
+    bright = result.mean(axis=-1, keepdims=True) > 4
+    result = np.where(bright, result * (1 - 0.4 * veil), result * (1 - veil) + veil * cloud)
+    # The skyline: far hills, then trees or houses before them.
+    columns = np.arange(size[1])
+    for layer in range(int(rng.integers(1, 4))):
+        line = noise(rng, (8, size[1]), slope=1.2)[0]
+        rough = rng.uniform(1, 4)
+        if rng.random() < 0.5:  # houses have flat roofs
+            block = rng.integers(5, 20)
+            line = line[(columns // block) * block % size[1]]
+            shade = _colour(rng, 0.15, 0.6, 0.2)
+            rough *= 1.5
+        else:
+            line = line + 0.4 * noise(rng, (8, size[1]), slope=0.3)[0]
+            shade = np.array([0.7, 1.0, 0.45]) * rng.uniform(0.06, 0.3)
+        top = rng.uniform(1, 7) / (1 + layer * 0.3) + rough * line
+        texture = np.clip(1 + 0.35 * noise(rng, size, slope=rng.uniform(0.5, 1.1)), 0.2, 2.5)
+        edge = np.clip((top - degrees) / 0.7, 0, 1)[..., None]
+        haze = rng.uniform(0, 0.4)
+        result = result * (1 - edge) + edge * (shade * texture[..., None] * (1 - haze) + 0.8 * haze)
+    ground = np.array([1.0, 0.97, 0.9]) * rng.uniform(0.1, 0.35)
+    floor = np.clip(1 + 0.2 * noise(rng, size, slope=1.0, stretch=(3, 1)), 0.3, 2)[..., None]
+    result = np.where(height[..., None] < 0, ground * floor, result)
+    return Surroundings(result.astype(np.float32), "outdoors")
+
+
+def room(rng: np.random.Generator) -> Surroundings:
+    """A room with windows, lamps, doors, pictures and furniture along its walls."""
+    size = lights.DETAIL
+    half = (float(rng.uniform(5, 12)), float(rng.uniform(5, 12)))
+    on_floor = rng.random() < 0.5
+    floor = 0.0 if on_floor else -float(rng.uniform(1.5, 4.0))
+    ceiling = float(rng.uniform(4, 9))
+    turn = float(rng.uniform(0, 360))
+    angle = np.deg2rad(turn)
+    turned = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0],
+                       [0, 0, 1]])  # fmt: skip
+    toward = lights.directions_of(size) @ turned
+    with np.errstate(divide="ignore"):
+        reach = np.stack(
+            [
+                half[0] / np.abs(toward[..., 0]),
+                half[1] / np.abs(toward[..., 1]),
+                np.where(toward[..., 2] > 0, ceiling, min(floor, -1e-3)) / toward[..., 2],
+            ],
+            axis=-1,
+        )
+    face = reach.argmin(axis=-1)
+    place = toward * reach.min(axis=-1)[..., None]
+    # 0 to 3: walls; 4: ceiling; 5: floor.
+    wall = np.where(face == 2, np.where(toward[..., 2] > 0, 4, 5), 0)
+    for axis in (0, 1):
+        wall = np.where(face == axis, 2 * axis + (toward[..., axis] > 0), wall)
+    along = np.where(face == 0, place[..., 1], place[..., 0])
+    up = np.where(face == 2, place[..., 1], place[..., 2])
+    paint = _colour(rng, 0.25, 0.8, 0.12)
+    colours = np.stack([paint * rng.uniform(0.6, 1.1) for _ in range(4)])
+    if rng.random() < 0.4:  # one wall of another colour
+        colours[int(rng.integers(4))] = _colour(rng, 0.1, 0.6, 0.5)
+    tops = np.stack([np.full(3, rng.uniform(0.6, 0.9)), _colour(rng, 0.1, 0.5, 0.3)])
+    result = np.concatenate([colours, tops])[wall]
+    # Corners are darker than the middle of a wall.
+    near = np.minimum(np.where(face == 2, 9, np.minimum(up - floor, ceiling - up)),
+                      np.where(face == 0, half[1], half[0]) - np.abs(along))  # fmt: skip
+    result = result * (1 - 0.35 * np.exp(-np.maximum(near, 0) / 0.8))[..., None]
+    result *= np.clip(1 + 0.06 * noise(rng, size, slope=1.2), 0.7, 1.3)[..., None]
+    level = rng.uniform(0.12, 0.5)
+    result = result * level
+
+    def rectangle(where: int, left: float, right: float, low: float, high: float) -> Array:
+        return (wall == where) & (along > left) & (along < right) & (up > low) & (up < high)
+
+    def width_of(where: int) -> float:
+        return half[1] if where < 2 else half[0]
+
+    for where in range(4):
+        breadth = width_of(where)
+        for _ in range(int(rng.integers(1, 5))):
+            left = rng.uniform(-breadth, breadth * 0.7)
+            what = rng.random()
+            if what < 0.45:  # furniture on the floor
+                part = rectangle(where, left, left + rng.uniform(0.8, 3.5), floor,
+                                 floor + rng.uniform(0.7, 3.5))  # fmt: skip
+                shade = _colour(rng, 0.05, 0.6, 0.4)
+                lines = 1 - 0.4 * (np.sin(up * rng.uniform(3, 12)) > 0.93)
+                result = np.where(part[..., None], shade * level * lines[..., None], result)
+            elif what < 0.8:  # a picture, with a frame
+                low = floor + rng.uniform(1.5, 3.0)
+                right, high = left + rng.uniform(0.5, 2), low + rng.uniform(0.5, 1.5)
+                part = rectangle(where, left, right, low, high)
+                inner = rectangle(where, left + 0.1, right - 0.1, low + 0.1, high - 0.1)
+                result = np.where(part[..., None], _colour(rng, 0.03, 0.8, 0.2) * level, result)
+                blotch = 0.5 + 0.3 * noise(rng, (64, 128), slope=1.5).repeat(4, 0).repeat(4, 1)
+                result = np.where(inner[..., None], _colour(rng, 0.2, 0.8, 0.6) * level
+                                  * np.clip(blotch, 0.1, 1.5)[..., None], result)  # fmt: skip
+            else:  # a door
+                part = rectangle(where, left, left + 1.8, floor, floor + 3.8)
+                result = np.where(part[..., None], _colour(rng, 0.15, 0.8, 0.2) * level, result)
+    day = rng.random() < 0.75
+    if day:
+        for where in rng.choice(4, int(rng.integers(1, 3)), replace=False):
+            breadth = width_of(int(where))
+            strength = rng.uniform(4, 14)
+            tint = np.array([0.9, 1.0, 1.12])
+            wide = rng.uniform(1.0, 2.5)
+            low, high = floor + rng.uniform(0.8, 1.6), ceiling - rng.uniform(0.4, 1.5)
+            for left in np.arange(-breadth + 0.7, breadth - wide, wide + rng.uniform(0.5, 3.0)):
+                part = rectangle(int(where), left, left + wide, low, high)
+                bar = (np.abs(along - left - wide / 2) < 0.06) | (
+                    np.abs(up - (low + high) / 2) < 0.06
+                )
+                view = np.clip((up - low) / (high - low), 0, 1)[..., None]
+                outside = tint * strength * (0.35 + 0.65 * np.clip(3 * view - 0.8, 0, 1))
+                result = np.where((part & ~bar)[..., None], outside, result)
+    lamps = int(rng.integers(0, 4)) if day else int(rng.integers(1, 6))
+    for _ in range(lamps):
+        x, y = rng.uniform(-0.8, 0.8, 2) * half
+        radius = rng.uniform(0.3, 1.0)
+        warm = np.array([1.0, 0.88, 0.68]) ** rng.uniform(0.2, 1.3)
+        inside = (wall == 4) & (np.hypot(place[..., 0] - x, place[..., 1] - y) < radius)
+        result = np.where(inside[..., None], warm * rng.uniform(10, 40), result)
+    return Surroundings(result.astype(np.float32), "room", Room(half, floor, ceiling, turn))
+
+
+def studio(rng: np.random.Generator) -> Surroundings:
+    """A dim or bright studio with large soft lamps."""
+    toward = lights.directions_of(lights.DETAIL)
+    base = _colour(rng, 0.08, 0.7, 0.06)
+    result = base * (0.7 + 0.3 * toward[..., 2:3])
+    for number in range(int(rng.integers(2, 5))):
+        centre = _direction(rng.uniform(0, 360), rng.uniform(35, 85) if number == 0
+                            else rng.uniform(5, 60))  # fmt: skip
+        side = np.cross([0, 0, 1.0], centre)
+        side /= max(np.linalg.norm(side), 1e-6)
+        top = np.cross(centre, side)
+        away = np.maximum(toward @ centre, 1e-3)
+        wide, high = rng.uniform(0.2, 0.7, 2)
+        x, y = (toward @ side) / away / wide, (toward @ top) / away / high
+        box = np.exp(-(np.abs(x) ** 8) - np.abs(y) ** 8) * (toward @ centre > 0.05)
+        power = rng.uniform(3, 9) if number == 0 else rng.uniform(0.8, 4)
+        result = result + box[..., None] * _colour(rng, 1, 1, 0.06) * power / (wide * high * 4)
+    return Surroundings(result.astype(np.float32), "studio")
+
+
+def draw(
+    rng: np.random.Generator,
+    settings: LightSettings,
+    maps: Float[np.ndarray, "m h w 3"] | None,
+) -> tuple[Lights, Surroundings]:
+    """Draws the light of a view: directional lights, and the surroundings that they stand for.
+
+    Args:
+      rng: of the draw.
+      settings: see `LightSettings`.
+      maps: the environment maps to choose from; None = procedural ones.
+    """
+    if settings.source != "mixed":
+        light, radiance = lights.draw(rng, settings, maps)
+        return light, Surroundings(radiance)
+    what = float(rng.random())
+    skies = () if maps is None else maps[: lights.NUM_SUNSKY]
+    measured = () if maps is None else maps[lights.NUM_SUNSKY :]
+    if len(measured) and what < 0.4:
+        found = Surroundings(np.asarray(measured[int(rng.integers(len(measured)))], np.float32))
+    else:
+        what = float(rng.random())
+        if what < 0.45:
+            found = room(rng)
+        elif what < 0.65:
+            found = studio(rng)
+        else:
+            clear = len(skies) and rng.random() < 0.5
+            found = outdoors(rng, skies[int(rng.integers(len(skies)))] if clear else None)
+    radiance = found.radiance
+    if found.room is None:
+        radiance = lights.turned(radiance, float(rng.random()))
+    tint = 1 + rng.uniform(-0.05, 0.05, 3)
+    found = dataclasses.replace(found, radiance=(radiance * tint).astype(np.float32))
+    ambient = float(rng.uniform(*settings.ambient))
+    exposure = float(rng.uniform(*settings.exposure))
+    small = lights.shrink(found.radiance)
+    return lights.reduce(small, settings, ambient=ambient, exposure=exposure), found

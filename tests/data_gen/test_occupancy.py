@@ -1,0 +1,179 @@
+"""Solid voxels against winding numbers, and the marking of surfaces against exact geometry."""
+
+import free_meshes
+import numpy as np
+import pytest
+import winding
+
+from data_gen import cameras, catalogues, meshes
+from data_gen.catalogues import solids
+
+FACE = np.array([[0, 1, 2]])
+EDGES = np.array([[0, 1], [1, 2], [0, 2]])
+
+
+def crossings(corners, axis, size):
+    """Whether a triangle meets the segments from each cell's centre to the next along an axis."""
+    a, b, c = np.roll(corners, -1 - axis, axis=1)
+    centre = np.arange(size) + 0.5
+    x, y = np.meshgrid(centre, centre, indexing="ij")
+    det = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+    s = ((x - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (y - a[1])) / det
+    t = ((b[0] - a[0]) * (y - a[1]) - (x - a[0]) * (b[1] - a[1])) / det
+    z = a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2])
+    met = ((s >= 0) & (t >= 0) & (s + t <= 1))[..., None]
+    met = met & (z[..., None] >= centre[:-1]) & (z[..., None] <= centre[1:])
+    return np.moveaxis(met, (0, 1, 2), ((axis + 1) % 3, (axis + 2) % 3, axis))
+
+
+def slivers(rng, count, size):
+    """Long thin triangles, some of them thinner than any cell, in all directions."""
+    ends = rng.uniform(-2, size + 2, (count, 2, 3))
+    part = rng.uniform(-0.2, 1.2, (count, 1))
+    third = ends[:, 0] + part * (ends[:, 1] - ends[:, 0])
+    third += rng.normal(size=(count, 3)) * 10 ** rng.uniform(-4, 0.7, (count, 1))
+    return np.concatenate([ends, third[:, None]], axis=1)
+
+
+def test_no_step_of_air_crosses_a_marked_sliver(rng):
+    size = 20
+    for corners in slivers(rng, 150, size):
+        marked, crossed = meshes._mark_surface(corners, FACE, EDGES, size)
+        for axis in range(3):
+            met = crossings(corners, axis, size)
+            first = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
+            second = tuple(slice(1, None) if k == axis else slice(None) for k in range(3))
+            assert (marked[first] | marked[second])[met].all()
+            np.testing.assert_array_equal(crossed[axis][first], met)
+
+
+def test_marked_cells_hold_the_surface_and_leave_no_part_out(rng):
+    size = 20
+    for corners in slivers(rng, 60, size).clip(0.1, size - 0.1):
+        marked, _ = meshes._mark_surface(corners, FACE, EDGES, size)
+        # Half of the points on the edges.
+        weights = rng.dirichlet([1, 1, 1], 20_000)
+        weights[::2, 0] = 0
+        weights[::2] = rng.permuted(weights[::2], axis=1)
+        points = weights / weights.sum(axis=1, keepdims=True) @ corners
+        cells = np.argwhere(marked) + 0.5
+        gaps = np.abs(points[::50, None] - cells).max(axis=2).min(axis=1)
+        assert gaps.max() < 1.5
+        on_it = np.unique(np.floor(points).astype(int), axis=0) + 0.5
+        assert np.abs(cells[:, None] - on_it).max(axis=2).min(axis=1).max() < 1.5
+
+
+@pytest.mark.parametrize("angle", [0.0, 20.0, 45.0, 77.0])
+def test_a_body_of_slivers_is_solid(angle):
+    # A flat cushion whose lid is a fan of slivers, as furniture has them.
+    around = np.linspace(0, 2 * np.pi, 240, endpoint=False)
+    rim = np.stack([np.cos(around), 0.6 * np.sin(around), np.zeros(240)], axis=1)
+    vertices = np.concatenate([rim, rim + np.array([0, 0, 0.25]), [[0.9, 0, 0], [0.9, 0, 0.32]]])
+    here, there = np.arange(240), np.roll(np.arange(240), -1)
+    faces = np.concatenate(
+        [
+            np.stack([there, here, np.full(240, 480)], axis=1),
+            np.stack([here + 240, there + 240, np.full(240, 481)], axis=1),
+            np.stack([here, there, there + 240], axis=1),
+            np.stack([here, there + 240, here + 240], axis=1),
+        ]
+    )
+    model = meshes.normalize(meshes.build(vertices, faces))
+    assert winding.is_watertight(model)
+    rotation = cameras.turn_about_vertical(angle)
+    want = winding.occupancy(winding.inside(model, rotation))
+    got = meshes.solid_occupancy(model, rotation)
+    assert (got & want).sum() / (got | want).sum() > 0.95
+
+
+def compare(model, angles=(20.0, 63.0), least=100):
+    """IoU with the winding numbers in two views, least volume over largest, and that of winding.
+
+    Thick parts alone count, see `winding.thick_parts`, and no air behind narrow gaps, see
+    `winding.sheltered_cells`; None if thick parts have less than `least` cells.
+    """
+    turns = [cameras.turn_about_vertical(-a) for a in angles]
+    points = winding.inside(model, turns[0])
+    thick = winding.thick_parts(points)
+    if winding.cells_of(thick, np.eye(3)).sum() < least:
+        return None
+    views = [points, winding.inside(model, turns[1])]
+    want = [winding.occupancy(view) for view in views]
+    got = [meshes.solid_occupancy(model, turn) for turn in turns]
+    parts = [
+        winding.cells_of(thick, turn @ turns[0].T) & ~winding.sheltered_cells(view)
+        for turn, view in zip(turns, views, strict=True)
+    ]
+    iou = [
+        (g & w & p).sum() / ((g | w) & p).sum() for g, w, p in zip(got, want, parts, strict=True)
+    ]
+    volumes = [[(v & p).sum() for v, p in zip(pair, parts, strict=True)] for pair in (got, want)]
+    return (*iou, *(min(v) / max(v) for v in volumes))
+
+
+def check(found, count):
+    """Compares the first `count` watertight models with thick parts; prints a table."""
+    done, bad = 0, []
+    for entry in found:
+        try:
+            model = entry.load()
+        except meshes.UnusableModelError:
+            continue
+        if len(model.faces) > 20_000 or not winding.is_watertight(model):
+            continue
+        figures = compare(model)
+        if figures is None:
+            continue
+        done += 1
+        iou, volumes = min(figures[:2]), figures[2]
+        print(
+            f"{entry.model_id}: IoU {iou:.3f}, volumes of two views {volumes:.3f} "
+            f"(winding numbers {figures[3]:.3f})",
+            flush=True,
+        )
+        if min(iou, volumes) < 0.95:
+            bad.append(entry.model_id)
+        if done == count:
+            break
+    assert not bad
+    assert done == count
+
+
+def test_a_car_agrees_with_winding_numbers():
+    entry = next(e for e in catalogues.open("procedural", "1").entries() if e.model_id == "car-0")
+    model, turn = entry.load(), cameras.turn_about_vertical(-37.0)
+    want = winding.occupancy(winding.inside(model, turn))
+    got = meshes.solid_occupancy(model, turn)
+    assert (got & want).sum() / (got | want).sum() > 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("catalogue", "count"), [("procedural", 20), ("sh3f", 20), ("ac3d", 20)])
+def test_models_agree_with_winding_numbers(catalogue, count):
+    """Run with `-m slow -s` for the table."""
+    if catalogue == "procedural":
+        found = list(catalogues.open("procedural", "8").entries())
+    else:
+        found = free_meshes.entries(catalogue)
+    check(found, count)
+
+
+def test_a_mattress_of_slivers_holds_no_air():
+    model = free_meshes.model("sh3f", "Scopia/Scopia#air-mattress")
+    turn = cameras.turn_about_vertical(0.0)
+    points = winding.inside(model, turn)
+    whole = points.reshape(32, winding.SIDE, 32, winding.SIDE, 32, winding.SIDE)
+    assert meshes.solid_occupancy(model, turn)[whole.all(axis=(1, 3, 5))].all()
+
+
+def test_the_volume_of_a_flat_box_has_no_bias():
+    # Tops between the middle and the border of cells, and below the middle: half a cell decides.
+    for height, layers in ((0.46, 7), (0.49, 8), (0.52, 8)):
+        box = meshes.build(*_box(1.6, 0.9, height))
+        got = meshes.solid_occupancy(box, np.eye(3))
+        assert got.any(axis=(0, 1)).sum() == layers
+
+
+def _box(*size):
+    solid = solids.box(*size)
+    return solid.vertices - [0, 0, solid.vertices[:, 2].min()], solid.faces

@@ -1,0 +1,400 @@
+"""Pictures that look like photographs; rendering is skipped without Mitsuba, and scalar here."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from data_gen import (
+    cameras,
+    config,
+    grounds,
+    lights,
+    meshes,
+    photo,
+    scene,
+    settings,
+    surroundings,
+    worker,
+)  # fmt: skip
+from data_gen.catalogues import Entry
+from data_gen.surroundings import Surroundings
+from psgn_jax.data import camera as project_camera
+from psgn_jax.data import records
+
+needs_mitsuba = pytest.mark.skipif(not worker.has_mitsuba(), reason="Mitsuba is not installed")
+
+
+def photo_settings(**changes):
+    values = settings.to_dict(settings.parse(config.get_config("photo")))
+    values |= {"views": 3, "num_points": 3000, "models_per_shard": 2}
+    values["camera"]["image_size"] = (48, 64)
+    values["checks"] |= {"depth": 0.1, "inside": 0.8}
+    for section, fields in changes.items():
+        values[section] |= fields
+    return settings.parse(values)
+
+
+# --- Settings -----------------------------------------------------------------------------------
+
+
+def test_presets_are_settings_of_the_one_path():
+    chosen = settings.parse(config.get_config("photo"))
+    assert chosen.image.shading == "photo"
+    assert chosen.camera.elevation == (-5.0, 60.0)
+    assert settings.parse(config.get_config()) == settings.Settings()
+    with pytest.raises(ValueError, match=r"preset 'foto': expected one of .*'photo'"):
+        config.get_config("foto")
+
+
+@pytest.mark.parametrize(
+    ("section", "values", "message"),
+    [
+        ("image", {"ground": "wood"}, r"image\.ground: got 'wood', which has an effect with"),
+        ("image", {"background": "surroundings"}, r"image\.background: got 'surroundings', which"),
+        ("image", {"shading": "photo", "ground": "lava"}, r"image\.ground: got 'lava'"),
+        ("film", {"blur": (2.0, 1.0)}, r"film\.blur: got \(2\.0, 1\.0\)"),
+        ("camera", {"off_centre": 2.0}, r"camera\.off_centre: got 2\.0"),
+        ("image", {"rays": 1}, r"image\.rays: got 1"),
+    ],
+)
+def test_wrong_settings_name_the_field(section, values, message):
+    with pytest.raises(ValueError, match=message):
+        settings.parse({section: values})
+
+
+# --- Cameras ------------------------------------------------------------------------------------
+
+
+def ball(rng, n=500):
+    points = rng.normal(size=(n, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    points[:, 2] = np.abs(points[:, 2])
+    return points * 0.7
+
+
+def test_size_in_the_image_is_kept_whatever_the_focal_length(rng):
+    points = ball(rng)
+    extents = []
+    for focal in (300.0, 900.0):
+        chosen = cameras.CameraSettings(focal=(focal, focal), distance=(4, 4), keep_size=True)
+        drawn = cameras.draw(np.random.default_rng(1), chosen, points)
+        pixels, _ = cameras.project(points @ drawn.rotation.T, drawn)
+        extents.append(np.ptp(pixels, axis=0))
+        assert drawn.distance == pytest.approx(focal / 100)
+    np.testing.assert_allclose(extents[0], extents[1], rtol=0.15)
+
+
+def test_off_centre_moves_the_object_and_cuts_nothing_off(rng):
+    points = ball(rng)
+    chosen = cameras.CameraSettings(
+        off_centre=1.0, distance=(5, 5), roll=(-20, 20), aim=(0.3, 0.3), elevation=(-5, 60)
+    )
+    middles = []
+    for seed in range(30):
+        drawn = cameras.draw(np.random.default_rng(seed), chosen, points)
+        turned = points @ drawn.rotation.T
+        assert cameras.in_frame(turned, drawn).all()
+        turn = drawn.extrinsics[:, :3]
+        np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+        middles.append(cameras.project(turned, drawn)[0].mean(axis=0))
+        # The camera stays where it was: it looks elsewhere.
+        still = cameras.draw(
+            np.random.default_rng(seed), dataclasses.replace(chosen, off_centre=0.0), points
+        )
+        np.testing.assert_allclose(drawn.position, still.position, atol=1e-9)
+    spread = np.ptp(middles, axis=0)
+    assert spread[0] > 80
+    assert spread[1] > 40
+
+
+# --- Grounds and surroundings -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", grounds.KINDS)
+def test_grounds_are_reflectances_and_smooth_out(kind):
+    ground = grounds.draw(np.random.default_rng(3), kind, Surroundings(np.ones((8, 16, 3))))
+    again = grounds.draw(np.random.default_rng(3), kind, Surroundings(np.ones((8, 16, 3))))
+    np.testing.assert_array_equal(ground.levels[0], again.levels[0])
+    places = np.random.default_rng(0).uniform(-20, 20, (400, 2)).astype(np.float32)
+    fine = ground.colour(places, np.full(400, 1e-3, np.float32))
+    assert (fine >= 0).all()
+    assert (fine <= 1).all()
+    coarse = ground.colour(places, np.full(400, 1e3, np.float32))
+    np.testing.assert_allclose(coarse, np.broadcast_to(ground.mean, coarse.shape), rtol=1e-4)
+    assert coarse.std(axis=0).max() <= fine.std(axis=0).max()
+
+
+def test_a_table_has_edges():
+    room = surroundings.Room((5.0, 5.0), -2.0, 4.0, 0.0)
+    around = Surroundings(np.ones((8, 16, 3)), "room", room)
+    ground = grounds.draw(np.random.default_rng(0), "wood", around)
+    assert ground.holds(np.zeros((1, 2), np.float32)).all()
+    assert not ground.holds(np.array([[9.0, 9.0]], np.float32)).any()
+
+
+@pytest.mark.parametrize("make", [surroundings.room, surroundings.studio, surroundings.outdoors])
+def test_surroundings_are_light(make):
+    for seed in range(3):
+        found = make(np.random.default_rng(seed))
+        assert found.radiance.shape == (*lights.DETAIL, 3)
+        assert np.isfinite(found.radiance).all()
+        assert found.radiance.min() >= 0
+        assert found.radiance.max() > 0.1
+    np.testing.assert_array_equal(found.radiance, make(np.random.default_rng(2)).radiance)
+
+
+def test_mixed_light_takes_from_all_sources():
+    maps = np.ones((lights.NUM_SUNSKY + 1, *lights.DETAIL, 3), np.float32)
+    chosen = lights.LightSettings(source="mixed", folder="given")
+    kinds = {
+        surroundings.draw(np.random.default_rng(seed), chosen, maps)[1].kind for seed in range(12)
+    }
+    assert kinds == {"room", "studio", "outdoors", "map"}
+    without = {
+        surroundings.draw(np.random.default_rng(seed), chosen, maps[:-1])[1].kind
+        for seed in range(12)
+    }
+    assert "map" not in without
+
+
+@pytest.mark.slow
+@needs_mitsuba
+def test_mixed_maps_are_skies_and_those_of_a_folder(tmp_path):
+    pixels = np.full((64, 128, 4), 128, np.uint8)  # 0.5 each, with an exponent of 128
+    head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 64 +X 128\n"
+    (tmp_path / "even.hdr").write_bytes(head + pixels.tobytes())
+    chosen = lights.LightSettings(source="mixed", folder=str(tmp_path))
+    maps = worker.load_maps(chosen, worker.Variant("scalar_rgb"))
+    assert maps.shape == (lights.NUM_SUNSKY + 1, *lights.DETAIL, 3)
+    np.testing.assert_allclose(maps[-1], 0.5, rtol=0.01)
+    assert maps[0].max() > 10 * maps[0].mean()
+
+
+# --- Light --------------------------------------------------------------------------------------
+
+
+def box(half=0.4, height=0.8, colour=(0, 0, 0)):
+    import trimesh
+
+    solid = trimesh.creation.box((2 * half, 2 * half, height))
+    vertices = np.asarray(solid.vertices) + np.array([0, 0, height / 2])
+    model = meshes.build(vertices, solid.faces, materials=[meshes.Material(diffuse=colour)])
+    return scene.flatten(model)
+
+
+def nowhere(origins, directions):
+    count = len(origins)
+    return photo.RayHits(
+        np.full(count, -1), np.zeros((count, 3), np.float32), np.full(count, np.inf, np.float32)
+    )
+
+
+def light_of(around, ground=None, cast=nowhere, rays=16):
+    return photo.Light(
+        around, ground, box(), np.eye(3), cast, rays=rays, rng=np.random.default_rng(0)
+    )
+
+
+def plain_ground(colour=0.5):
+    level = np.full((1, 1, 3), colour, np.float32)
+    return grounds.Ground("paper", (level,), 1.0, 0.0, (float("inf"),) * 2, 0.0)
+
+
+def test_even_light_from_all_sides_is_one():
+    light = light_of(Surroundings(np.ones((64, 128, 3))))
+    normals = np.random.default_rng(1).normal(size=(4000, 3))
+    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    places = np.full((4000, 3), 5, np.float32)
+    got = light.gather(places, normals, np.arange(4000) % photo.PATTERNS)
+    assert got.mean() == pytest.approx(1, abs=0.02)
+    np.testing.assert_allclose(light.in_the_open(normals), 1, atol=0.02)
+
+
+def test_a_lamp_lights_by_the_cosine():
+    toward = lights.directions_of((64, 128))
+    lamp = np.array([0.6, 0, 0.8])
+    radiance = 50.0 * (toward @ lamp > 0.99)[..., None].repeat(3, -1)
+    light = light_of(Surroundings(radiance))
+    normals = np.repeat(np.array([[0.6, 0, 0.8], [0, 0, 1], [-0.6, 0, -0.8]], np.float32), 64, 0)
+    got = light.gather(np.zeros((192, 3), np.float32) + 5, normals, np.arange(192) % 16)
+    means = got.reshape(3, 64, 3).mean(axis=(1, 2))
+    assert means[0] == pytest.approx(50 * 2 * np.pi * 0.01 / np.pi, rel=0.1)
+    assert means[1] / means[0] == pytest.approx(0.8, abs=0.04)
+    assert means[2] == 0
+
+
+@needs_mitsuba
+def test_contact_shadow_of_a_black_box():
+    from data_gen import shader
+
+    shader.start("scalar_rgb")
+    surfaces = box()
+    light = photo.Light(
+        Surroundings(np.ones((64, 128, 3))), plain_ground(), surfaces, np.eye(3),
+        shader.Mesh(surfaces.corners).cast, rays=16, rng=np.random.default_rng(0),
+    )  # fmt: skip
+    places = np.array([[0.405, 0, 0], [0.8, 0, 0], [3.5, 0, 0]], np.float32).repeat(64, 0)
+    up = np.tile(np.array([0, 0, 1], np.float32), (192, 1))
+    lit = (
+        light.gather(places, up, np.arange(192) % 16, far=True).reshape(3, 64, 3).mean(axis=(1, 2))
+    )
+    # Half of the sky is gone at the foot of a wall (but for what is above a wall of this size).
+    assert 0.48 < lit[0] < 0.65
+    assert lit[0] < lit[1] < lit[2]
+    assert lit[2] == pytest.approx(1, abs=0.04)
+    # What looks down at the ground has the ground's light.
+    down = light.in_the_open(np.array([[0, 0, -1.0]], np.float32))
+    assert down.mean() == pytest.approx(0.5 * 0.8, abs=0.05)
+
+
+def test_smoothing_keeps_to_surfaces():
+    rng = np.random.default_rng(0)
+    values = np.where(np.arange(20)[:, None, None] < 10, 1.0, 3.0) * np.ones((20, 16, 3))
+    values = (values + 0.1 * rng.standard_normal(values.shape)).astype(np.float32)
+    guides = np.zeros((20, 16, 7), np.float32)
+    guides[:10, :, 2] = guides[10:, :, 0] = 1
+    guides[..., 6] = 1
+    valid = np.ones((20, 16), np.bool_)
+    result = photo.smooth(values, valid, guides)
+    assert abs(result[9].mean() - 1) < 0.06
+    assert abs(result[10].mean() - 3) < 0.06
+    assert result[:8].std() < 0.5 * values[:8].std()
+
+
+def test_film_is_repeatable_and_follows_its_settings():
+    rng = np.random.default_rng(0)
+    light = rng.uniform(0, 1, (24, 32, 3)).astype(np.float32) ** 2
+    weight = np.ones((24, 32))
+    still = photo.FilmSettings(exposure=(0, 0), grain=(0, 0), vignette=(0, 0), blur=(0, 0))
+
+    def take(chosen, seed=1):
+        return photo.develop(
+            light, weight, chosen, np.random.default_rng(seed), illuminant=np.ones(3)
+        )
+
+    np.testing.assert_array_equal(take(photo.FilmSettings()), take(photo.FilmSettings()))
+    dark = dataclasses.replace(still, exposure=(-1.0, -1.0))
+    assert take(dark).mean() < take(still).mean() - 10
+    blurred = dataclasses.replace(still, blur=(1.5, 1.5))
+    assert take(blurred).std() < 0.7 * take(still).std()
+    corners = take(dataclasses.replace(still, vignette=(1.0, 1.0)))[0, 0].mean()
+    assert corners < take(still)[0, 0].mean()
+
+
+# --- Whole samples ------------------------------------------------------------------------------
+
+
+def load_box():
+    surfaces = box(colour=(0.8, 0.3, 0.1))
+    texture = np.full((8, 8, 4), 255, np.uint8)
+    texture[::2, :, :3] = 60
+    faces = np.arange(3 * len(surfaces.corners)).reshape(-1, 3)
+    material = meshes.Material(
+        diffuse=(0.8, 0.3, 0.1), specular=(0.4,) * 3, shininess=60.0, texture=texture
+    )
+    return meshes.build(
+        surfaces.corners.reshape(-1, 3).astype(float), faces, materials=[material],
+        uv=np.tile(np.array([[0, 0], [1, 0], [0, 1]], float), (len(faces), 1, 1)),
+    )  # fmt: skip
+
+
+def samples_of(chosen):
+    from data_gen import shader
+
+    shader.start("scalar_rgb")
+    entry = Entry("box", "", "train", load_box)
+    context = worker.Context(chosen, "test", worker.Variant("scalar_rgb"), None, [])
+    data, line = worker.render_model(entry, context)
+    assert line["status"] == "ok", line["reason"]
+    return data
+
+
+@pytest.fixture(scope="module")
+def samples():
+    chosen = photo_settings()
+    return samples_of(chosen), [records.decode(d) for d in samples_of(chosen)]
+
+
+@needs_mitsuba
+def test_same_seed_same_bits(samples):
+    data, again = samples
+    for one, two in zip(data, again, strict=True):
+        np.testing.assert_array_equal(records.decode(one).image, two.image)
+
+
+@needs_mitsuba
+def test_ground_and_surroundings_are_in_the_image_alone(samples):
+    without = photo_settings(
+        image={"shading": "local", "background": "grey", "ground": "none", "soft_edges": False}
+    )
+    plain = [records.decode(d) for d in samples_of(without)]
+    for sample, other in zip(samples[1], plain, strict=True):
+        for name in ("mask", "depth", "points", "normals", "intrinsics", "extrinsics"):
+            np.testing.assert_array_equal(getattr(sample, name), getattr(other, name))
+        assert json.loads(sample.extra) == json.loads(other.extra)
+        outside = sample.image[~sample.mask]
+        assert np.abs(outside.astype(int) - 191).mean() > 5
+        assert outside.std() > 1
+
+
+@needs_mitsuba
+def test_points_and_depth_agree_with_the_mask(samples):
+    import scipy.spatial
+
+    rolls = []
+    for sample in samples[1]:
+        pixels, _ = project_camera.project(sample.points, sample.intrinsics, sample.extrinsics)
+        assert project_camera.inside_mask(pixels, sample.mask, 1).mean() > 0.99
+        seen = project_camera.back_project(sample.depth, sample.intrinsics, sample.extrinsics)
+        assert len(seen) == sample.mask.sum()
+        off, _ = scipy.spatial.cKDTree(sample.points).query(seen)
+        assert np.median(off) < 0.02
+        rolls.append(json.loads(sample.extra)["camera"]["roll"])
+    assert np.ptp(rolls) > 0
+
+
+@needs_mitsuba
+@pytest.mark.parametrize("elevation", [-5.0, -20.0, 0.0, 60.0])
+def test_views_from_all_heights(elevation):
+    chosen = photo_settings(camera={"elevation": (elevation, elevation)})
+    chosen = dataclasses.replace(chosen, views=1)
+    (sample,) = (records.decode(d) for d in samples_of(chosen))
+    assert sample.mask.any()
+    camera = cameras.make(
+        image_size=(48, 64), azimuth=0.0, elevation=elevation, distance=4.0, focal=400.0, roll=0.0,
+        aim=0.268,
+    )  # fmt: skip
+    around = Surroundings(np.ones((8, 16, 3)))
+    ground = photo.draw_ground(np.random.default_rng(0), "random", around, camera)
+    # There is no ground where the camera would see it from below.
+    assert (ground is None) == (elevation < -3)
+
+
+@needs_mitsuba
+def test_the_ground_is_darker_under_the_object():
+    from data_gen import shader
+
+    shader.start("scalar_rgb")
+    surfaces = box(0.3, 0.3)
+    camera = cameras.make(
+        image_size=(48, 64), azimuth=0.0, elevation=30.0, distance=4.0, focal=400.0, roll=0.0,
+        aim=0.2,
+    )  # fmt: skip
+    mesh = shader.Mesh(surfaces.corners)
+    light = lights.reduce(np.ones((32, 64, 3)), lights.LightSettings(), ambient=0.3, exposure=1.0)
+    shown = scene.Scene(surfaces, camera, light)
+    picture = shader.render(mesh, shown, side=0)
+    still = photo.FilmSettings(
+        exposure=(0, 0), grain=(0, 0), vignette=(0, 0), blur=(0, 0), contrast=(0, 0),
+        white_balance=(0, 0), saturation=(1, 1),
+    )  # fmt: skip
+    image = shader.photograph(
+        mesh, shown, picture, Surroundings(np.ones((64, 128, 3))), plain_ground(), film=still,
+        side=2, soft_edges=True, rays=16, show_surroundings=True, rng=np.random.default_rng(0),
+    )  # fmt: skip
+    rows, columns = np.nonzero(picture.mask)
+    below = image[rows.max() + 2, (columns.min() + columns.max()) // 2].mean()
+    away = image[-3:, :6].mean()
+    assert below < away - 20
