@@ -32,6 +32,7 @@ COMMANDS: Mapping[str, Command] = {
     "convert": Command("psgn_jax.convert", "published data sets to records"),
     "inspect": Command("psgn_jax.inspect", "check a folder of records and show some samples"),
     "render": Command("data_gen.render", "meshes or procedural models to records"),
+    "free-set": Command("data_gen.sets.free", "render the training set of free packages"),
     "view": Command("psgn_jax.viewing.page", "predictions as a web page with turning clouds"),
     "spheres": Command("psgn_jax.viewing.spheres", "predictions as pictures or turntable films"),
 }

@@ -30,10 +30,7 @@ def commands():
         inline = re.findall(r"`(psgn [^`]+)`", _FENCED.sub("", text))
         lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
         for line in [*lines, *(" ".join(text.split()) for text in inline)]:
-            match = re.search(
-                r"(?:^|[ /$])(psgn .*)", line.partition(" #")[0].partition(" && mk")[0]
-            )
-            if match:
+            if match := re.search(r"(?:^|[ /$])(psgn .*)", line.partition(" #")[0]):
                 found.add((page.relative_to(ROOT).as_posix(), match[1]))
     return sorted(found)
 
@@ -74,12 +71,12 @@ def test_the_documents_have_commands():
 @pytest.mark.parametrize(("page", "line"), commands())
 def test_commands_exist_with_these_flags(page, line):
     name, *arguments = shlex.split(line)[1:]
-    if name.startswith("-") or name == "COMMAND":
+    if name.startswith("-") or name in ("COMMAND", "NAME"):
         return
     table = cli.COMMANDS
     if name == "study":
         name, table = arguments[0], cli.STUDIES
-        if name in ("NAME", "--help"):
+        if name in ("NAME", "--help"):  # `psgn study NAME`
             return
     assert name in table
     known = flags_of(table[name].module) | known_fields(name)
@@ -89,6 +86,31 @@ def test_commands_exist_with_these_flags(page, line):
             assert flag[2:] in known, f"{page}: {flag}"
         if flag == "--config" and name == "train":
             config_files.path_of(value)
+
+
+def named_in_code():
+    """Paths and dotted names in code of the documents, with their page."""
+    for page in PAGES:
+        for text in re.findall(r"`([^`\n]+)`", _FENCED.sub("", page.read_text())):
+            for path in re.findall(
+                r"\b(?:configs|data_gen|docs|notebooks|psgn_jax|tests)/[\w/.]+", text
+            ):
+                yield page.name, path
+            for name in re.findall(r"\b(?:data_gen|psgn_jax)(?:\.[a-z]\w*)+", text):
+                yield page.name, name
+
+
+@pytest.mark.parametrize(("page", "name"), sorted(set(named_in_code())))
+def test_files_and_modules_named_in_the_documents_exist(page, name):
+    if "/" in name:
+        in_wheel = name.startswith("psgn_jax/configs")
+        assert in_wheel or (ROOT / name.rstrip(".")).exists()
+        return
+    *package, last = name.split(".")
+    path = ROOT.joinpath(*package)
+    if not (path / last).is_dir() and not (path / f"{last}.py").is_file():
+        source = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+        assert re.search(rf"\b{last}\b", source.read_text()), f"{source} has no {last}"
 
 
 def test_the_readme_is_short():
