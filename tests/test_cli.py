@@ -9,9 +9,11 @@ import sys
 import zipfile
 
 import pytest
+from helpers import drawn_solids
 
 from psgn_jax import cli, config_files
 from psgn_jax.config import ConfigError
+from psgn_jax.data.dataset import write_dataset
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 ALL = {**cli.COMMANDS, **cli.STUDIES}
@@ -115,8 +117,13 @@ def test_a_wheel_trains_by_name_without_a_clone(tmp_path):
         "train", "--config=quickstart", "--config.train.steps=-1", cwd=tmp_path, **environment
     )
     assert done.stderr == "error: train.steps=-1: accepted: a number >= 1\n"
-    workdir = f"--workdir={tmp_path / 'run'}"
-    shorter = ["--config.train.steps=2", "--config.optim.warmup_steps=0", workdir]
-    done = run("train", "--config=debug", *shorter, cwd=tmp_path, **environment)
+    solids = {
+        split: drawn_solids.samples(8, seed=seed, image_size=(48, 64))
+        for seed, split in enumerate(("train", "validation"))
+    }
+    write_dataset(tmp_path / "records", solids, source="solids")
+    options = ["data.path=records", "train.steps=2", "train.eval_every=0", "train.batch_size=4"]
+    flags = [f"--config.{option}" for option in [*options, "optim.warmup_steps=0"]]
+    done = run("train", "--config=debug", *flags, cwd=tmp_path, **environment)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "run" / "config.json").is_file()
+    assert (tmp_path / "runs" / "debug" / "config.json").is_file()
