@@ -40,6 +40,9 @@ DEFAULT_NORMAL_BITS = 8
 _MAX_IMAGE_SIDE = 4096
 _MAX_POINTS = 1 << 22
 
+# Half a percent more bytes than level 9, for a third of the time.
+_DEFLATE_LEVEL = 5
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PointLattice:

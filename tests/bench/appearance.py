@@ -1,6 +1,6 @@
 """What the pixels of objects look like: fine detail, hues, saturation, brightness.
 
-    python -m psgn_jax.data.convert authors BATCHES AUTHORS
+    python -m psgn_jax.convert authors BATCHES AUTHORS
     python data_gen/render.py --catalogue=procedural --source=16 --out=RENDERED --config.views=1
     python tests/bench/appearance.py AUTHORS RENDERED [--split train] [--limit 400]
 
@@ -23,8 +23,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.ndimage
-
-from psgn_jax.data import records
 
 DETAIL_THRESHOLD = 15.0
 LEAST_SATURATION, LEAST_VALUE = 0.2, 0.15
@@ -83,7 +81,7 @@ def appearance(image: np.ndarray, mask: np.ndarray) -> Appearance | None:
 
 def of_folder(folder: str, split: str, limit: int) -> tuple[Appearance, int]:
     """The mean over at most `limit` images spread over a split, and their number."""
-    reader = records.open_split([folder], split)
+    reader = open_split([folder], split)
     chosen = np.unique(np.linspace(0, len(reader) - 1, limit).astype(int))
     each = []
     for i in chosen:

@@ -4,9 +4,9 @@ import json
 import pathlib
 import shutil
 
-import drawn_solids as solids
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 
 from data_gen import catalogues, job, job_folder, pool, settings, worker
 from data_gen.catalogues.choosing import Choice

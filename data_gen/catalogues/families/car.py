@@ -26,6 +26,7 @@ from data_gen.catalogues.solids import (
     box,
     cylinder,
     loft,
+    pane,
     pillow,
     prism,
     rod,
@@ -395,11 +396,11 @@ def _cockpit(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
                 (form.screen - 0.05, half * 0.42, belt - 0.12), 0.03, 6))
     rake, rise = kit.visible["rake"], form.height - belt if kind == "jeep" else 0.38
     ys = np.linspace(-1, 1, 7) * half * 0.82
-    pane = np.array([[(form.screen - 0.06 - rake * t - 0.25 * form.shift * (y / half) ** 2,
+    glass = np.array([[(form.screen - 0.06 - rake * t - 0.25 * form.shift * (y / half) ** 2,
                        y * (1 - 0.08 * t), belt * 0.97 + t * rise) for y in ys]
                      for t in (0, 0.5, 1)])
-    kit.add(DARK_GLASS, pane(pane, 0.025))
-    for line in (pane[:, 0], pane[:, -1], pane[-1]):
+    kit.add(DARK_GLASS, pane(glass, 0.025))
+    for line in (glass[:, 0], glass[:, -1], glass[-1]):
         kit.add(BLACK if kind == "jeep" else CHROME, tube(line, 0.025, 6))
     if kind == "jeep":
         roof = kit.choose("top", "none", "bars", "soft", "bars")
@@ -411,9 +412,9 @@ def _cockpit(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
                        (at, half * 0.78, form.height - 0.03), (at, half * 0.84, z - 0.1)]
                 kit.add(BLACK, tube(bow, 0.03, 6))
             kit.both(BLACK, rod((rear + 0.1, half * 0.78, form.height - 0.03),
-                                (pane[-1, 0, 0], half * 0.75, form.height - 0.03), 0.03, 6))
+                                (glass[-1, 0, 0], half * 0.75, form.height - 0.03), 0.03, 6))
         if roof == "soft":
-            long = pane[-1, 0, 0] - rear
+            long = glass[-1, 0, 0] - rear
             kit.add(leather, pillow(long, half * 1.66, 0.1, 0.04, 2).at(rear + long / 2, 0,
                                                                         form.height))
         if kit.chance("spare_wheel", 0.7):
