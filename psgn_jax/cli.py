@@ -75,6 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return _run("psgn study", rest[0], STUDIES, rest[1:])
 
 
+_HELP = frozenset({"--help", "--helpshort", "--helpfull"})
 _STUDY = Command("", "run an experiment of the paper; `psgn study --help` lists them")
 
 
@@ -89,8 +90,13 @@ def _run(program: str, name: str, commands: Mapping[str, Command], arguments: li
         return 2
     module = commands[name].module
     sys.argv = [f"{program} {name}", *arguments]
-    # As the main module, whose name worker processes read: they import it, too.
-    runpy.run_module(module, run_name="__main__", alter_sys=True)
+    try:
+        # As the main module, whose name worker processes read: they import it, too.
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+    except SystemExit as stopped:
+        if stopped.code == 1 and _HELP.intersection(arguments):  # absl's code after its help
+            return 0
+        raise
     return 0
 
 

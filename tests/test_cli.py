@@ -79,6 +79,9 @@ def test_arguments_and_exit_codes_are_those_of_the_command():
     shown = run("inspect", "--help")
     assert shown.returncode == 0
     assert "--sheet" in shown.stdout
+    shown = run("train", "--help")
+    assert shown.returncode == 0
+    assert "--workdir" in shown.stdout
     done = run("train", "--config=quickstart", "--config.train.steps=-1")
     assert done.returncode == 2
     assert done.stderr == "error: train.steps=-1: accepted: a number >= 1\n"
