@@ -129,7 +129,7 @@ class ExactAssignment(NamedTuple):
 def emd_exact(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"]) -> ExactAssignment:
     """The optimum, in float64 by scipy's `linear_sum_assignment` on the host: for evaluation.
 
-    Not for `jit`, no gradient. It needs scipy (extra `bench` or `dev`), 8 n^2 bytes and time that
+    Not for `jit`, no gradient. It needs SciPy, which JAX requires, 8 n^2 bytes and time that
     grows like n^3: about .1 to 1 s at 1,024 points. `cost` is right to about 1e-12 of the extent.
 
     Raises:

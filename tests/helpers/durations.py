@@ -1,24 +1,42 @@
-"""Seconds of the tests by folder, as the table of CONTRIBUTING.md.
+"""CPU seconds of the tests by folder, as the table of CONTRIBUTING.md.
 
-python -m pytest -q --durations=0 --durations-min=0 | python tests/helpers/durations.py
+    python tests/helpers/durations.py [FOLDER ...]
+
+Runs the tests of each folder of `tests/` (`.` = the files that are in none) in one process each.
+CPU seconds, those of child processes included, depend little on other work of the machine.
 """
 
-import collections
+import pathlib
 import re
+import resource
+import subprocess
 import sys
 
-LINE = re.compile(r"^([0-9.]+)s (?:setup|call|teardown) +tests/(?:(\w+)/)?")
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+def measure(folder):
+    """Number of tests and CPU seconds of a folder."""
+    path = ROOT / "tests" / folder
+    targets = [path] if folder != "." else sorted(path.glob("test_*.py"))
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *map(str, targets)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode:
+        sys.stderr.write(done.stdout[-4000:])
+    tests = sum(map(int, re.findall(r"(\d+) (?:passed|failed|skipped)", done.stdout)))
+    return tests, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def main():
-    seconds = collections.Counter()
-    for line in sys.stdin:
-        if match := LINE.match(line):
-            seconds[f"tests/{match[2]}" if match[2] else "tests"] += float(match[1])
-    print("| folder | seconds |\n|---|---|")
-    for folder, value in sorted(seconds.items()):
-        print(f"| `{folder}` | {value:.0f} |")
-    print(f"| **sum** | {seconds.total():.0f} |")
+    has_tests = [p.parent for p in (ROOT / "tests").rglob("test_*.py")]
+    known = sorted({p.relative_to(ROOT / "tests").parts[:1] for p in has_tests})
+    print("| folder | tests | CPU seconds |\n|---|---|---|")
+    for folder in sys.argv[1:] or [parts[0] if parts else "." for parts in known]:
+        tests, seconds = measure(folder)
+        name = "tests/*.py" if folder == "." else f"tests/{folder}"
+        print(f"| `{name}` | {tests} | {seconds:.0f} |", flush=True)
 
 
 if __name__ == "__main__":
