@@ -54,7 +54,8 @@ class DataConfig:
         empty = the default data set (procedural models, rendered on first use). `FOLDER*N` counts
         the folder's training samples N times.
       eval_path: folders that the run is evaluated on, in the same form; empty = those of `path`.
-      train_split, eval_split: names of the splits.
+      train_split: name of the split that is trained on.
+      eval_split: name of the split that is evaluated during training.
       image_size: (height, width) the network sees; images are resized to it. The network pads
         sides that are no multiples of 2 ** (levels of `model.widths` - 1).
       inputs: what the network sees, of "rgb", "mask" and "depth".
@@ -69,8 +70,9 @@ class DataConfig:
       num_workers: decoding processes; 0 = threads in this process.
       cache: keep decoded samples in memory.
       occupancy: batches hold the solid volume too; filled in from `task`.
-      train_views, eval_views: images of the same model in each row of a batch, 0 = the record's
-        own, without an axis of views; filled in from `task` and `voxels`.
+      train_views: images of the same model in each row of a batch, 0 = the record's own, without
+        an axis of views; filled in from `task` and `voxels`.
+      eval_views: likewise, in an evaluation.
       default_folder: of the default data set, filled in by `default_data.with_default_data`.
     """
 
@@ -138,7 +140,8 @@ class ModelConfig:
         32^3 grid.
       posterior_hidden: width of its dense layer.
       compute_dtype: arithmetic inside the network; parameters are float32 always.
-      image_size, in_channels: filled in from `data`; not keys of a config file.
+      image_size: filled in from `data`; not a key of a configuration file.
+      in_channels: likewise.
     """
 
     name: Literal["vanilla", "two_branch", "hourglass"] = "two_branch"
@@ -200,7 +203,9 @@ class OptimConfig:
       schedule: after the warm-up, constant or half a cosine down to `final_fraction` of the peak.
       warmup_steps: linear from 0.
       final_fraction: learning rate at the last step over the peak (cosine only).
-      b1, b2, eps: Adam's.
+      b1: Adam's decay rate of the mean gradient.
+      b2: Adam's decay rate of the mean squared gradient.
+      eps: Adam's epsilon.
       clip_norm: largest global norm of the gradient; 0 = off.
       ema_decay: decay per step of the averaged parameters, which evaluation then uses; 0 = off.
         Step t (from 0) uses the smaller of this and (t + 1) / (t + 10).
@@ -271,9 +276,10 @@ class VoxelConfig:
     """What is trained on solid volumes, if `task` is one of those (see `Config`).
 
     Attributes:
-      from_cd, from_emd: "refine": folders of trained runs whose clouds go in, one or both; the
-        names say what they were trained by, as in the paper. Their best checkpoints are copied into
-        the run's folder at its first start and stay as they are.
+      from_cd: "refine": folder of a run trained by CD, whose clouds are an input. One of `from_cd`
+        and `from_emd` is needed. The best checkpoint is copied into the run's folder at its first
+        start and stays as it is.
+      from_emd: "refine": likewise, of a run trained by EMD.
       from_volume: "refine": folder of a run of the task "volume", whose answer goes in too; "" = no
         such channel.
       widths: "refine": of the five hidden layers.
