@@ -44,6 +44,10 @@ CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "d
 """Channels of each input, see `models.inputs.stack_channels`; one of depth says where it is."""
 
 
+def _listed_folders(paths: str) -> tuple[str, ...]:
+    return tuple(folder.strip() for folder in paths.split(",") if folder.strip())
+
+
 @dataclasses.dataclass(frozen=True)
 class DataConfig:
     """Where samples come from and how they become batches.
@@ -51,6 +55,7 @@ class DataConfig:
     Attributes:
       path: folder of records, or several with commas between them, whose splits are joined;
         empty = the default data set (procedural models, rendered on first use).
+      eval_path: folders of every split but `train_split`, if they are others; empty = `path`.
       train_split, eval_split: names of the splits.
       image_size: (height, width) the network sees; images are resized to it. The network pads
         sides that are no multiples of 2 ** (levels of `model.widths` - 1).
@@ -72,6 +77,7 @@ class DataConfig:
     """
 
     path: str = ""
+    eval_path: str = ""
     train_split: str = "train"
     eval_split: str = "validation"
     image_size: tuple[PositiveInt, PositiveInt] = (192, 256)
@@ -93,8 +99,13 @@ class DataConfig:
     @property
     def folders(self) -> tuple[str, ...]:
         """The folders that `path` names, or that of the default data set; none if it is unknown."""
-        path = self.path or self.default_folder
-        return tuple(folder.strip() for folder in path.split(",") if folder.strip())
+        return _listed_folders(self.path or self.default_folder)
+
+    def folders_of(self, split: str) -> tuple[str, ...]:
+        """The folders that a split is read from."""
+        if self.eval_path and split != self.train_split:
+            return _listed_folders(self.eval_path)
+        return self.folders
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,7 +160,8 @@ class LossConfig:
     """What is minimised.
 
     Attributes:
-      name: an entry of `losses.by_name.LOSSES`.
+      name: an entry of `losses.by_name.LOSSES`, or a weighted sum of some, each with its own number
+        of true points, such as "emd_mean@1024 + 5*chamfer_sq_mean".
       l2: "authors" adds `l2_scale` times the L2 terms of `training.step.l2_authors`.
       l2_scale: their 0.1.
       emd_tolerance: of the losses that are an EMD: accepted relative error of the assignment.
@@ -213,6 +225,11 @@ class TrainConfig:
       images_every: steps between pictures of predictions in tensorboard (and at the end).
       num_images: samples in such a picture.
       keep_checkpoints: newest checkpoints kept, besides the best one.
+      init: what the parameters begin with, in place of random ones: a file of weights, the name of
+        weights that come with the package, or the folder of a trained run (its best checkpoint).
+        Read before the first step alone; the optimiser begins anew.
+      init_skip: patterns (`*` stands for any text) of layers that begin with random parameters
+        nevertheless.
     """
 
     batch_size: PositiveInt = 32
@@ -223,6 +240,8 @@ class TrainConfig:
     images_every: Count = 5_000
     num_images: PositiveInt = 6
     keep_checkpoints: PositiveInt = 2
+    init: str = ""
+    init_skip: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -335,12 +354,14 @@ def parse(config: Any) -> Config:
 
 def check_paths(config: Config) -> None:
     """Raises `ConfigError` if the data that the configuration names is not there."""
-    for path in config.data.folders:
+    named = {"path": config.data.folders, "eval_path": _listed_folders(config.data.eval_path)}
+    for field, path in ((field, path) for field, paths in named.items() for path in paths):
         if not pathlib.Path(path).is_dir():
             what = "is not a folder" if os.path.exists(path) else "does not exist"
+            default = "the default data set" if field == "path" else "data.path"
             raise ConfigError(
-                f"data.path={path!r} {what}; accepted: a folder of records, several with commas "
-                "between them, or '' for the default data set"
+                f"data.{field}={path!r} {what}; accepted: a folder of records, several with commas "
+                f"between them, or '' for {default}"
             )
 
 
@@ -406,6 +427,8 @@ def _check_together(config: Config) -> None:
             )
         if not 1 <= len(model.posterior_widths) <= 5:
             raise wrong("model.posterior_widths", model.posterior_widths, "1 to 5 widths")
+    if train.init_skip and not train.init:
+        raise wrong("train.init_skip", train.init_skip, "() without train.init")
     if optim.warmup_steps >= train.steps:
         raise wrong(
             "optim.warmup_steps", optim.warmup_steps, f"fewer than train.steps={train.steps}"

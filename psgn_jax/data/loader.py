@@ -29,7 +29,7 @@ MAX_THREADS = 8
 
 
 def _open(cfg: DataConfig, split: str) -> RecordReader | JoinedReader:
-    folders = cfg.folders
+    folders = cfg.folders_of(split)
     if not folders:
         raise RecordError(
             "no data set is named; expected a folder of records, or a configuration from "
