@@ -11,10 +11,10 @@ Time: some 13 hours on two cores of their own, from .45 s a step; not measured t
 Expect: to be measured. The goals on the authors' validation split are a CD of .0085 (cd_sq_radius2)
 and an EMD of .105 (emd_radius).
 
-Data: 1.6 million samples, drawn evenly from the images of all data sets of `data.path`, of which
-the authors' batches are a small part. A set that is not there is left out with
-`--config.data.path=records/free/furniture,records/authors`. Evaluation is on the authors'
-validation batches alone (`data.eval_path`); a held-out split of another set is measured by
+Data: 1.6 million samples, drawn evenly from the images of all data sets of `data.path`. A set that
+is not there is left out with `--config.data.path=records/free/furniture,records/authors`, and
+`records/authors*10` counts the few images of the authors' batches ten times. Evaluation is on the
+authors' validation batches alone (`data.eval_path`); a held-out split of another set is measured by
 `python -m psgn_jax.evaluate --workdir=runs/pretrained --data=records/free/furniture`.
 
 Loss: the EMD of 1,024 of the true points plus five times the CD of all. Measured with the recipe of

@@ -13,6 +13,7 @@ import dataclasses
 import json
 import os
 import pathlib
+import re
 import types
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -44,18 +45,15 @@ CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "d
 """Channels of each input, see `models.inputs.stack_channels`; one of depth says where it is."""
 
 
-def _listed_folders(paths: str) -> tuple[str, ...]:
-    return tuple(folder.strip() for folder in paths.split(",") if folder.strip())
-
-
 @dataclasses.dataclass(frozen=True)
 class DataConfig:
     """Where samples come from and how they become batches.
 
     Attributes:
       path: folder of records, or several with commas between them, whose splits are joined;
-        empty = the default data set (procedural models, rendered on first use).
-      eval_path: folders of every split but `train_split`, if they are others; empty = `path`.
+        empty = the default data set (procedural models, rendered on first use). `FOLDER*N` counts
+        the folder's training samples N times.
+      eval_path: folders that the run is evaluated on, in the same form; empty = those of `path`.
       train_split, eval_split: names of the splits.
       image_size: (height, width) the network sees; images are resized to it. The network pads
         sides that are no multiples of 2 ** (levels of `model.widths` - 1).
@@ -98,14 +96,24 @@ class DataConfig:
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """The folders that `path` names, or that of the default data set; none if it is unknown."""
-        return _listed_folders(self.path or self.default_folder)
+        """The folders that `path` names, or that of the default data set; none if it is unknown.
 
-    def folders_of(self, split: str) -> tuple[str, ...]:
-        """The folders that a split is read from."""
-        if self.eval_path and split != self.train_split:
-            return _listed_folders(self.eval_path)
-        return self.folders
+        A folder with a factor N stands N times.
+        """
+        return _folders(self.path or self.default_folder)
+
+    @property
+    def eval_folders(self) -> tuple[str, ...]:
+        """The folders of the evaluation, each once."""
+        return tuple(dict.fromkeys(_folders(self.eval_path) or self.folders))
+
+
+def _folders(path: str) -> tuple[str, ...]:
+    folders: list[str] = []
+    for part in filter(None, (part.strip() for part in path.split(","))):
+        match = re.fullmatch(r"(.+)\*([1-9][0-9]{0,3})", part)
+        folders += [match[1].strip()] * int(match[2]) if match else [part]
+    return tuple(folders)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -354,15 +362,18 @@ def parse(config: Any) -> Config:
 
 def check_paths(config: Config) -> None:
     """Raises `ConfigError` if the data that the configuration names is not there."""
-    named = {"path": config.data.folders, "eval_path": _listed_folders(config.data.eval_path)}
-    for field, path in ((field, path) for field, paths in named.items() for path in paths):
-        if not pathlib.Path(path).is_dir():
-            what = "is not a folder" if os.path.exists(path) else "does not exist"
-            default = "the default data set" if field == "path" else "data.path"
-            raise ConfigError(
-                f"data.{field}={path!r} {what}; accepted: a folder of records, several with commas "
-                f"between them, or '' for {default}"
-            )
+    data = config.data
+    for name, folders, empty in (
+        ("path", data.folders, "the default data set"),
+        ("eval_path", data.eval_folders, "those of data.path"),
+    ):
+        for path in dict.fromkeys(folders):
+            if not pathlib.Path(path).is_dir():
+                what = "is not a folder" if os.path.exists(path) else "does not exist"
+                raise ConfigError(
+                    f"data.{name}={path!r} {what}; accepted: a folder of records, several with "
+                    f"commas between them, or '' for {empty}"
+                )
 
 
 def to_json(config: Config) -> str:

@@ -57,7 +57,7 @@ def _data_of(config: Config) -> list[dict[str, Any]]:
     if not config.data.path:
         return [{"name": "default data set"}]
     rows: list[dict[str, Any]] = []
-    for folder in map(pathlib.Path, config.data.folders):
+    for folder in map(pathlib.Path, dict.fromkeys(config.data.folders)):
         rows.append({"name": folder.name})
         try:
             manifest = load_manifest(folder)

@@ -1,6 +1,5 @@
 """Names, files and folders lead to networks; the commands list and export them."""
 
-import dataclasses
 import json
 import shutil
 
@@ -8,7 +7,7 @@ import jax
 import numpy as np
 import pytest
 
-from psgn_jax.config import ConfigError, parse, to_dict, to_json
+from psgn_jax.config import ConfigError, to_dict, to_json
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.training import state as state_lib
 from psgn_jax.training.checkpoint import Checkpoints
@@ -111,10 +110,3 @@ def test_errors_of_the_command_are_one_line(tmp_path, capsys):
         lines = capsys.readouterr().err.strip().splitlines()
         assert len(lines) == 1
         assert lines[0].startswith("error: ")
-
-
-def test_a_training_may_see_other_data_than_its_evaluation(config):
-    data = dataclasses.replace(config.data, path="a,b", eval_path=" c ")
-    assert data.folders_of("train") == ("a", "b")
-    assert data.folders_of("validation") == ("c",)
-    assert parse({}).data.folders_of("validation") == ()
