@@ -146,7 +146,7 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
         figures, sources = json.loads(metadata["figures"]), json.loads(metadata["sources"])
     except (KeyError, ValueError) as error:
         raise WeightsError(f"{path}: its metadata: {_one_line(error)}") from None
-    if not isinstance(figures, dict) or not _are_rows(sources):
+    if not _are_figures(figures) or not _are_rows(sources):
         raise WeightsError(f"{path}: its metadata: figures or sources are not as expected")
     params = _check_fits(config, leaves, path)
     return Weights(config, params, figures, sources, dtype)
@@ -234,7 +234,7 @@ def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.
 
 
 def _without_paths(config: Config) -> Config:
-    init = pathlib.Path(config.train.init).name
+    init = config.train.init and (pathlib.Path(config.train.init).name or "a run")
     return dataclasses.replace(
         config,
         data=dataclasses.replace(config.data, path="", eval_path="", default_folder=""),
@@ -251,6 +251,19 @@ def _digest(metadata: Mapping[str, str], leaves: Mapping[str, np.ndarray]) -> st
         digest.update(f"{name} {leaf.dtype} {leaf.shape}\n".encode())
         digest.update(np.ascontiguousarray(leaf).reshape(-1).view(np.uint8).data)
     return digest.hexdigest()
+
+
+def _are_figures(figures: Any) -> bool:
+    if not isinstance(figures, dict):
+        return False
+    metrics, data = figures.get("metrics"), figures.get("data")
+    return (
+        all(isinstance(figures.get(k), int) for k in ("step", "samples_seen", "parameters"))
+        and isinstance(metrics, dict)
+        and all(x is None or isinstance(x, int | float) for x in metrics.values())
+        and isinstance(data, list)
+        and all(isinstance(row, dict) for row in data)
+    )
 
 
 def _are_rows(rows: Any) -> bool:

@@ -16,20 +16,25 @@ def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) 
     config, figures = weights.config, weights.figures
     branches = branch_of_point(config.model)
     height, width = config.data.image_size
-    metrics = figures.get("metrics") or {}
+    metrics = figures["metrics"]
     shown = [f"{name} {metrics[name]:.5f}" for name in FIGURES if metrics.get(name) is not None]
     rows = {
-        "network": f"{config.model.name}, {figures.get('parameters', 0) / 1e6:.2f} M parameters, "
+        "network": f"{config.model.name}, {figures['parameters'] / 1e6:.2f} M parameters, "
         f"{weights.dtype}, {path.stat().st_size / 1e6:.1f} MB; {'+'.join(config.data.inputs)} of "
         f"{height}x{width} pixels to {len(branches.fc) + len(branches.deconv)} points",
-        "training": f"step {figures.get('step', 0)}, {figures.get('samples_seen', 0)} samples seen"
+        "training": f"step {figures['step']}, {figures['samples_seen']} samples seen"
         + (", averaged parameters" if figures.get("averaged") else ""),
         "figures": ", ".join(shown) or "none were measured",
-        "data": ", ".join(map(_data, figures.get("data") or [])) or "not stated",
+        "data": ", ".join(map(_data, figures["data"])) or "not stated",
         "licences": "; ".join(map(_licences, weights.sources)) or "not stated",
     }
     title = path.stem + (" (default)" if is_default else "")
-    return f"{title}\n" + "".join(f"  {name:9} {text}\n" for name, text in rows.items())
+    return f"{title}\n" + "".join(f"  {name:9} {_printable(x)}\n" for name, x in rows.items())
+
+
+def _printable(text: str) -> str:
+    """Without control characters, which a foreign file might send to the terminal."""
+    return "".join(character for character in text if character.isprintable())
 
 
 def _data(row: Mapping[str, Any]) -> str:

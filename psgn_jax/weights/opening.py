@@ -83,12 +83,8 @@ def open_network(
 
 def as_run(weights: Weights, name: str) -> Run:
     """Weights as an opened run; `scores` are the metrics that they were written with."""
-    metrics = weights.figures.get("metrics")
-    numbers = metrics.items() if isinstance(metrics, dict) else ()
-    scores = {k: float(v) for k, v in numbers if isinstance(v, int | float)}
-    step = weights.figures.get("step", 0)
-    if not isinstance(step, int):
-        step = 0
+    scores = {k: float(v) for k, v in weights.figures["metrics"].items() if v is not None}
+    step = weights.figures["step"]
     return Run(weights.config, step, weights.params, scores, name, "weights")
 
 

@@ -33,7 +33,8 @@ def test_round_trip(weights, tmp_path, dtype):
 
 
 def test_paths_of_the_machine_stay_behind(weights, tmp_path):
-    train = dataclasses.replace(weights.config.train, init="/home/me/runs/old")
+    fields = {"init": "/home/me/runs/old", "init_skip": ("fc*",)}
+    train = dataclasses.replace(weights.config.train, **fields)
     config = dataclasses.replace(weights.config, train=train)
     path = tmp_path / "w.safetensors"
     write_weights(path, dataclasses.replace(weights, config=config))
@@ -130,8 +131,9 @@ def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
     bad.flat[0] = np.nan
     forged(weights, path, leaves={name: bad})
     refused(path, f"{name} is not finite")
-    forged(weights, path, figures="[1]")
-    refused(path, "figures or sources are not as expected")
+    for figures in ("[1]", "{}", json.dumps({**weights.figures, "step": "9"})):
+        forged(weights, path, figures=figures)
+        refused(path, "figures or sources are not as expected")
     forged(weights, path, figures="{")
     refused(path, "its metadata")
 
