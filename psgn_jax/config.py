@@ -171,7 +171,8 @@ class LossConfig:
     """What is minimised.
 
     Attributes:
-      name: an entry of `losses.by_name.LOSSES`.
+      name: an entry of `losses.by_name.LOSSES`, or a weighted sum of some, each with its own number
+        of true points, such as "emd_mean@1024 + 5*chamfer_sq_mean".
       l2: "authors" adds `l2_scale` times the L2 terms of `training.step.l2_authors`.
       l2_scale: their 0.1.
       emd_tolerance: of the losses that are an EMD: accepted relative error of the assignment.
@@ -237,6 +238,11 @@ class TrainConfig:
       images_every: steps between pictures of predictions in tensorboard (and at the end).
       num_images: samples in such a picture.
       keep_checkpoints: newest checkpoints kept, besides the best one.
+      init: what the parameters begin with, in place of random ones: a file of weights, the name of
+        weights that come with the package, or the folder of a trained run (its best checkpoint).
+        Read before the first step alone; the optimiser begins anew.
+      init_skip: patterns (`*` stands for any text) of layers that begin with random parameters
+        nevertheless.
     """
 
     batch_size: PositiveInt = 32
@@ -247,6 +253,8 @@ class TrainConfig:
     images_every: Count = 5_000
     num_images: PositiveInt = 6
     keep_checkpoints: PositiveInt = 2
+    init: str = ""
+    init_skip: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -436,6 +444,8 @@ def _check_together(config: Config) -> None:
             )
         if not 1 <= len(model.posterior_widths) <= 5:
             raise wrong("model.posterior_widths", model.posterior_widths, "1 to 5 widths")
+    if train.init_skip and not train.init:
+        raise wrong("train.init_skip", train.init_skip, "() without train.init")
     if optim.warmup_steps >= train.steps:
         raise wrong(
             "optim.warmup_steps", optim.warmup_steps, f"fewer than train.steps={train.steps}"

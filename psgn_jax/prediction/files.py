@@ -177,7 +177,7 @@ def _record(
             ).tolist(),
         },
         "checkpoint": {
-            "workdir": predictor.source,
+            predictor.source_kind: predictor.source,
             "step": predictor.step,
             "sha256": predictor.checksum,
         },

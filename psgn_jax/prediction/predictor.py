@@ -1,4 +1,4 @@
-"""A trained network, called with images: `Predictor.from_workdir(workdir)(image)`.
+"""A trained network, called with images: `Predictor.from_weights()(image)`.
 
 The object's mask is given, or comes from the image's transparency, or is found (`data.masks`); then
 the object is cropped and scaled to where training objects sit (`data.photo`), unless the image
@@ -8,7 +8,6 @@ already is framed so: 4:3 on the grey of the training renderings.
 import dataclasses
 import hashlib
 import os
-import pathlib
 import time
 from typing import Any
 
@@ -22,8 +21,9 @@ from psgn_jax.metrics import samples as sample_metrics
 from psgn_jax.models import point_layout, point_out_net
 from psgn_jax.prediction import export, sampling
 from psgn_jax.training import step as step_lib
-from psgn_jax.training.run_folder import open_run
+from psgn_jax.training.run_folder import Run
 from psgn_jax.training.state import named_leaves
+from psgn_jax.weights.opening import open_network
 
 FC, DECONV = 0, 1
 
@@ -70,16 +70,26 @@ class Predictor:
       params: its parameters.
       step: of the checkpoint, for the record.
       source: where it comes from, for the record.
+      source_kind: "workdir" or "weights".
     """
 
-    def __init__(self, config: Config, params: Any, *, step: int = 0, source: str = ""):
+    def __init__(
+        self,
+        config: Config,
+        params: Any,
+        *,
+        step: int = 0,
+        source: str = "",
+        source_kind: str = "workdir",
+    ):
         require_points_task(config, "a prediction from photos")
         if "depth" in config.data.inputs:
             raise ConfigError(
                 f"data.inputs={config.data.inputs!r}: the network reads depth, photos lack it; "
                 "accepted: a network of 'rgb' and 'mask'"
             )
-        self.config, self.step, self.source = config, step, source
+        self.config, self.step = config, step
+        self.source, self.source_kind = source, source_kind
         self.checksum = _checksum(params)
         self._params = jax.device_put(params)
         model = point_out_net.build(config.model)
@@ -100,8 +110,22 @@ class Predictor:
         Raises:
           ConfigError, CheckpointError: no run or no checkpoint there.
         """
-        run = open_run(pathlib.Path(workdir), checkpoint)
-        return cls(run.config, run.params, step=run.step, source=str(workdir))
+        return cls.from_run(open_network(workdir, checkpoint=checkpoint))
+
+    @classmethod
+    def from_weights(cls, name_or_file: str = "") -> "Predictor":
+        """Weights that come with the package, by name ("" = the default), or of a file.
+
+        Raises:
+          ConfigError, WeightsError: there are none, or the file cannot be read.
+        """
+        return cls.from_run(open_network(weights=name_or_file))
+
+    @classmethod
+    def from_run(cls, run: Run) -> "Predictor":
+        """An opened network, see `weights.opening.open_network`."""
+        origin = {"source": run.source, "source_kind": run.source_kind}
+        return cls(run.config, run.params, step=run.step, **origin)
 
     def __call__(
         self,

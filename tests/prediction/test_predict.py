@@ -249,6 +249,7 @@ def test_the_command(config, params, tmp_path):
         ((), "no image: name files or folders"),
         (("a.png", "--formats=stl"), "--formats=stl: accepted: any of ply, xyz, obj, npz"),
         (("a.png", "--workdir=/no/such"), "no run there"),
+        (("a.png", "--workdir=", "--weights=none"), "--weights=none: accepted: a file of weights"),
     ],
 )
 def test_wrong_commands_end_in_one_line(arguments, message, tmp_path):
