@@ -1,7 +1,7 @@
 """A trained network, called with images: `Predictor.from_workdir(workdir)(image)`.
 
 The object's mask is given, or comes from the image's transparency, or is found (`data.masks`); then
-the object is cropped and scaled to where training objects sit (`data.photo`), unless the image
+the object is cropped and scaled to where training objects sit (`data.framing`), unless the image
 already is framed so: 4:3 on the grey of the training renderings.
 """
 
@@ -16,7 +16,7 @@ import jax
 import numpy as np
 
 from psgn_jax.config import Config, ConfigError, require_points_task
-from psgn_jax.data import masks, photo, resize
+from psgn_jax.data import framing, masks, photo, resize
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.metrics import samples as sample_metrics
 from psgn_jax.models import point_layout, point_out_net
@@ -38,7 +38,7 @@ class Prediction:
         show.
       seen: bool [k, n].
       branch: uint8 [n], which branch predicts a point, `FC` or `DECONV`.
-      view: what the network saw, with the camera (`data.photo.View`).
+      view: what the network saw, with the camera (`data.framing.View`).
       photo_intrinsics: float64 [3, 3], for the image as given (with the view's extrinsics).
       r: float32 [k, random_size], the random inputs, or None for a network without.
       spread: float32 [n, 3], standard deviation over the clouds of each point along x, y, z (point
@@ -53,7 +53,7 @@ class Prediction:
     colours: np.ndarray
     seen: np.ndarray
     branch: np.ndarray
-    view: photo.View
+    view: framing.View
     photo_intrinsics: np.ndarray
     r: np.ndarray | None
     spread: np.ndarray
@@ -120,7 +120,7 @@ class Predictor:
           mask: bool [h, w], True on the object; None to find it.
           samples: clouds to draw; more than one wants a network with a random input.
           seed: of the random input. The draws are the same for every image.
-          frame: "place" crops and scales the object (`photo.place`), "keep" takes the image as
+          frame: "place" crops and scales the object (`framing.place`), "keep" takes the image as
             framed (4:3), "auto" keeps only what looks like a training rendering.
           mask_from: one of `masks.METHODS`; without effect if a mask is given.
 
@@ -136,8 +136,8 @@ class Predictor:
         clock.lap("mask")
         if frame not in ("auto", "place", "keep"):
             raise ConfigError(f"frame={frame!r}: accepted: auto, place, keep")
-        move = frame == "place" or (frame == "auto" and not photo.is_framed(rgb))
-        view = photo.place(rgb, mask, move=move)
+        move = frame == "place" or (frame == "auto" and not framing.is_framed(rgb))
+        view = framing.place(rgb, mask, move=move)
         clock.lap("place")
         size = self.config.data.image_size
         small = resize.resize_image(view.image, size)[None]
