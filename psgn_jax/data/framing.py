@@ -53,8 +53,10 @@ _TRAINING_SPREAD = 1  # how far the border of a training rendering may be from i
 
 @dataclasses.dataclass(frozen=True)
 class Move:
-    """A similarity of the image plane without rotation: (column, row) to
-    `scale * (column, row) + (right, down)`, in pixels whose edges are integers."""
+    """A similarity of the image plane without rotation.
+
+    It takes (column, row) to `scale * (column, row) + (right, down)`; pixels as in `schema`.
+    """
 
     scale: float
     right: float
@@ -298,11 +300,10 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> View:
 
 
 def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:
-    """Scale and shift that take clouds out of the project's normal form: lowest point at z = 0,
-    middle of the bounding box at x = y = 0, farthest point at distance 1 from the origin.
+    """Scale a and shift b with `points = a * normalised + b`, where `normalised` has normal form.
 
-    The form is that of training objects (`data_gen.meshes.normalize`). With a scale a and a shift
-    b, `points = a * normalised + b`.
+    The form is that of training objects (`data_gen.meshes.normalize`): lowest point at z = 0,
+    middle of the bounding box at x = y = 0, farthest point at distance 1 from the origin.
 
     Args:
       points: [..., 3], all clouds of one object; they get one scale and one shift.
