@@ -28,9 +28,10 @@ points at depth z0 the projection is exact. For a point at depth `z = z0 + d` it
     q' - (s q + (u, v)) = s d / (z0 + s d) * ((1 - s) q - (u, v))
 
 times the focal length in pixels. With the authors' camera (400 pixels, z0 about 3.6), a change of
-size by 12 % moves a point at the image's edge that is 0.4 in front of the centre by 1.4 pixels of
-192x256, and a shift by 14 pixels moves it by 1.4; typical points (d = 0.2, half-way to the edge) by
-0.3 and 0.7. An exact move would have to shear the object (x' = s x + u z at the same z).
+size by 12 % misplaces a point at the image's left edge that is 0.4 in front of the centre by 1.7
+pixels of 192x256, and a shift by 14 pixels misplaces it by 1.7; a point with d = 0.2 half-way to
+the edge by 0.4 and 0.8. The root mean square over a box of 1 x 1.2 x 0.7 under a shift by 14 pixels
+is 1.2. An exact move would have to shear the object (x' = s x + u z at the same z).
 """
 
 import dataclasses
