@@ -26,6 +26,8 @@ from psgn_jax.models.point_layout import branch_of_point
 from psgn_jax.training.run_folder import load_config, open_run
 from psgn_jax.viewing import report as report_lib
 
+FRAMES = ("keep", "place")
+
 
 def evaluate_run(
     workdir: str | pathlib.Path,
@@ -35,6 +37,7 @@ def evaluate_run(
     data: str | None = None,
     out: str | pathlib.Path | None = None,
     draws: int = 0,
+    frame: str = "keep",
     on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
 ) -> Evaluation:
     """Evaluates a checkpoint of a run and writes the tables.
@@ -44,9 +47,12 @@ def evaluate_run(
       checkpoint: "best" (on the validation metric; the last one if there is none) or "last".
       split: default the configuration's `data.eval_split`.
       data: folder of records in place of the configuration's `data.path`.
-      out: folder for the files, default `workdir/eval_<split>_<checkpoint>`.
+      out: folder for the files, default `workdir/eval_<split>_<checkpoint>`, with `_placed` after
+        it for `frame="place"`.
       draws: add the metrics of so many draws of each image, see `tasks.points.with_draws`;
         0 = none.
+      frame: "place" has every image cropped and placed as a photo is, and its points moved along
+        (`data.framing`); "keep" = as framed.
       on_batch: as for `training.evaluation.evaluate_split`.
 
     Raises:
@@ -64,15 +70,26 @@ def evaluate_run(
     split = split or config.data.eval_split
     if draws:
         require_points_task(config, "--draws")
+    if frame not in FRAMES:
+        raise ConfigError(f"--frame={frame}: accepted: {', '.join(FRAMES)}")
+    if frame == "place":
+        require_points_task(config, "--frame=place")
+        config = dataclasses.replace(
+            config, data=dataclasses.replace(config.data, eval_frame=frame)
+        )
+    config = dataclasses.replace(config, eval=dataclasses.replace(config.eval, aligned=True))
     logging.info("evaluating %s, step %d, split %s", workdir, run.step, split)
     task = tasks.create(config, workdir)
     options = {"draws": draws} if draws else {}
     result = task.evaluate(run.params, split=split, on_batch=on_batch, chosen=run.scores, **options)
-    folder = pathlib.Path(out) if out else workdir / f"eval_{split}_{checkpoint}"
+    name = f"eval_{split}_{checkpoint}" + ("_placed" if frame == "place" else "")
+    folder = pathlib.Path(out) if out else workdir / name
     write_atomic(folder / "table.txt", table.text(result))
     write_atomic(folder / "table.csv", table.csv_text(result))
     write_atomic(folder / "samples.csv", table.samples_csv(result))
-    document = table.json_text(result, workdir=str(workdir), step=run.step, checkpoint=checkpoint)
+    document = table.json_text(
+        result, workdir=str(workdir), step=run.step, checkpoint=checkpoint, frame=frame
+    )
     write_atomic(folder / "table.json", document)
     logging.info("tables written to %s", folder)
     return result
