@@ -123,8 +123,8 @@ hidden: the others. Their columns: mean over such points of the squared distance
 predicted one."""
     if "aligned_cd_sq_radius2" in evaluation.metrics:
         aligned = f"""
-Aligned: the same after the scale in [{LEAST_SCALE:g}, {LARGEST_SCALE:g}] and the shift that bring each
-prediction nearest to its truth, by {ITERATIONS} rounds of nearest neighbours; no rotation."""
+Aligned: the same after a scale in [{LEAST_SCALE:g}, {LARGEST_SCALE:g}] and a shift of each
+prediction that bring it nearest to its truth, by {ITERATIONS} rounds of nearest neighbours."""
     if evaluation.frame == "place":
         frame = """
 Images were cropped and placed as photos are, and the true points moved along: the unit is that of
