@@ -11,7 +11,7 @@ never above the CD itself. The aligned EMD is that of the prediction moved by th
 the EMD itself where this is smaller.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -62,13 +62,13 @@ def align(
     if len(gt) > most:
         gt = gt[jax.random.permutation(jax.random.key(0), len(gt))[:most]]
 
-    def step(_: int, current: Alignment) -> Alignment:
-        to_gt, to_pred = nearest_both(current.scale * pred + current.shift, gt)
+    def step(_: Any, current: Alignment) -> Alignment:
+        to_gt, to_pred = nearest_both(current.scale * pred + current.shift[None], gt)
         sides = ((pred, gt[to_gt.index]), (pred[to_pred.index], gt))
         mean_p = (sides[0][0].mean(axis=0) + sides[1][0].mean(axis=0)) / 2
         mean_g = (sides[0][1].mean(axis=0) + sides[1][1].mean(axis=0)) / 2
-        products = sum(((p - mean_p) * (g - mean_g)).sum(axis=1).mean() for p, g in sides)
-        squares = sum(jnp.square(p - mean_p).sum(axis=1).mean() for p, _ in sides)
+        products = sum(((p - mean_p[None]) * (g - mean_g[None])).sum(axis=1).mean() for p, g in sides)
+        squares = sum(jnp.square(p - mean_p[None]).sum(axis=1).mean() for p, _ in sides)
         ratio = products / jnp.where(squares > 0, squares, 1)
         scale = jnp.clip(jnp.where(squares > 0, ratio, 1), LEAST_SCALE, LARGEST_SCALE)
         # A broken point makes the distances NaN, which a choice of neighbours would hide.
@@ -102,7 +102,7 @@ def aligned_metrics(
       ValueError: as `align` and `metrics.clouds.emd`.
     """
     found = align(pred, gt, iterations=iterations)
-    moved = found.scale * pred + found.shift
+    moved = found.scale * pred + found.shift[None]
     before, after = chamfer_sq_mean(pred, gt), chamfer_sq_mean(moved, gt)
     metrics = {
         "aligned_cd_sq_radius2": jnp.minimum(before, after),
