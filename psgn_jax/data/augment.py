@@ -261,7 +261,7 @@ def follow(view: View, move: framing.Move) -> View:
 def place(view: View) -> View:
     """Moves image and points to where the rule of `data.framing` has the object's box.
 
-    A view with too little of an object (`framing.SMALLEST_BOX`) stays as it is.
+    A view that shows too little of its object stays as it is (`framing.rule_move_within`).
     """
     move = framing.rule_move_within(view.mask)
     return view if move is None else follow(view, move)

@@ -115,7 +115,12 @@ def make_eval_step(config: Config, model: Any) -> Callable[..., Any]:
             emd_tolerance=emd_tolerance or None,
         )
         if config.eval.aligned:
-            metrics |= aligned_metrics(pred, gt, emd_tolerance=emd_tolerance or None)
+            metrics |= aligned_metrics(
+                pred,
+                gt,
+                emd_tolerance=emd_tolerance or None,
+                known_emd=metrics.get("emd_radius"),
+            )
         return metrics
 
     return evaluation.over_devices(

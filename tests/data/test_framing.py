@@ -176,3 +176,6 @@ def test_no_object_no_box():
     assert framing.rule_move_within(small) is None
     small[3:6, 3:6] = True
     assert framing.rule_move_within(small) is None
+    sliver = np.zeros((96, 128), bool)
+    sliver[66:71, 34:49] = True  # a plate seen edge-on: its size would be seven times as large
+    assert framing.rule_move_within(sliver) is None
