@@ -159,7 +159,9 @@ def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         "losses": {name: run.config.loss.name for name, run in measured.items()},
         "far_radius": FAR,
         **compare(metrics),
-        "shown": {str(n): cases[n]["apart"] for n in sorted(cases, key=lambda n: -cases[n]["apart"])},
+        "shown": {
+            str(n): cases[n]["apart"] for n in sorted(cases, key=lambda n: -cases[n]["apart"])
+        },
     }
     for number, case in cases.items():
         case["label"] = measured["cd"].evaluation.names[number].category or f"sample {number}"
