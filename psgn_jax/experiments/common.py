@@ -17,6 +17,7 @@ import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from absl import app, flags, logging
 
@@ -30,6 +31,7 @@ from psgn_jax.files import write_atomic
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.metrics.table import Lines, aligned, markdown
 from psgn_jax.training import loop as train_lib
+from psgn_jax.training.log import read_metrics
 from psgn_jax.training.run_folder import load_config, open_run
 
 USUAL_DATA = "records/authors"
@@ -361,6 +363,35 @@ def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     a, b = a.astype(np.float64), b.astype(np.float64)
     products = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)[None] - 2 * a @ b.T
     return np.maximum(products, 0)
+
+
+def cost(folder: pathlib.Path) -> tuple[float, float]:
+    """Seconds of a run's steps by its log: median of one, sum of all; NaN if the log is too short.
+
+    Without compilation (but that of later steps of 3D-R2N2), evaluations and checkpoints.
+    """
+    batch_size = load_config(folder).train.batch_size
+    last, steps, seconds = 0, [], []
+    for line in read_metrics(folder / "metrics.jsonl"):
+        if line["kind"] == "train":
+            if rate := line.get("samples_per_second"):
+                steps.append(line["step"] - last)
+                seconds.append(batch_size / rate)
+            last = line["step"]
+    if not steps:
+        return math.nan, math.nan
+    return float(np.median(seconds)), float(np.dot(steps, seconds))
+
+
+def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:
+    """`function` of arrays, `size` rows at a time, padded to one shape; trees of numpy arrays."""
+    parts = []
+    for start in range(0, len(arrays[0]), size):
+        rows = np.minimum(np.arange(start, start + size), len(arrays[0]) - 1)
+        keep = min(size, len(arrays[0]) - start)
+        found = function(*(array[rows] for array in arrays))
+        parts.append(jax.tree.map(lambda leaf, n=keep: np.asarray(leaf)[:n], found))
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
 # --- Tables -----------------------------------------------------------------------------------

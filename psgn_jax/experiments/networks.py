@@ -16,7 +16,6 @@ performance gain." It trains for 300,000 steps; sizes and measures here are **ou
 """
 
 import itertools
-import pathlib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -29,7 +28,6 @@ from psgn_jax.metrics.table import Lines
 from psgn_jax.models import point_out_net
 from psgn_jax.models.point_layout import padded_size
 from psgn_jax.training import state as state_lib
-from psgn_jax.training.log import read_metrics
 
 NETWORKS: Mapping[str, str] = {
     "vanilla": "vanilla (fc)",
@@ -132,34 +130,17 @@ def configs(options: Any) -> Iterable[tuple[str, Config]]:
     return made.items()
 
 
-def cost(workdir: pathlib.Path, batch_size: int) -> tuple[float, float]:
-    """(median seconds of a step, minutes of all steps) by a run's log; NaN if it is too short.
-
-    Without compilation, evaluations and checkpoints.
-    """
-    last, steps, seconds = 0, [], []
-    for line in read_metrics(workdir / "metrics.jsonl"):
-        if line["kind"] == "train":
-            if rate := line.get("samples_per_second"):
-                steps.append(line["step"] - last)
-                seconds.append(batch_size / rate)
-            last = line["step"]
-    if not steps:
-        return float("nan"), float("nan")
-    return float(np.median(seconds)), float(np.dot(steps, seconds)) / 60
-
-
 def measure(options: Any) -> tuple[dict[str, Any], None]:
     """Numbers of all networks, and their differences."""
     runs, metrics = {}, {}
     for name in (f"{network}_{loss}" for loss in LOSSES for network in NETWORKS):
         found = common.measure(options.workdir / name)
-        spent = cost(options.workdir / name, found.config.train.batch_size)
+        seconds, total = common.cost(options.workdir / name)
         metrics[name] = found.evaluation.metrics
         runs[name] = {
             "parameters": num_parameters(found.config),
-            "seconds_per_step": spent[0],
-            "minutes_of_steps": spent[1],
+            "seconds_per_step": seconds,
+            "minutes_of_steps": total / 60,
             "mean_over_samples": found.evaluation.means,
         }
     document = {
