@@ -22,8 +22,8 @@ Then measures on the test split (the evaluation split if there is none), per cat
   ones and that a predicted volume has.
 
 `volumes` has the measures. CD is the sum of both directions' mean squared distances. Units: 1/10 of
-the edge of the grid, which is 2 here, as in the paper, and the project's, the radius of the bounding
-hemisphere.
+the edge of the grid, which is 2 here, as in the paper, and the project's, the radius of the
+bounding hemisphere.
 
 `comparison.png` has bars; `cases.png` shows, of each category, the test model with the most thin
 cells, not chosen by result.
