@@ -200,8 +200,8 @@ def recipe(
 def check_data(config: Config) -> None:
     """Raises `ConfigError` if a configuration cannot be trained on its data."""
     try:
-        for split in (config.data.train_split, config.data.eval_split):
-            loader.eval_batches(config.data, split=split, batch_size=1).close()
+        loader.train_batches(config.data, batch_size=1, seed=0, start_step=0).close()
+        loader.eval_batches(config.data, split=config.data.eval_split, batch_size=1).close()
     except (ValueError, OSError) as error:
         raise ConfigError(f"--data={config.data.path!r}: {error}") from error
 
@@ -222,11 +222,11 @@ def finished_run(
     tree = to_dict(load_config(folder))
     if like:
         other = to_dict(like)
-        fields = ("path", "eval_split", "num_eval_points")
+        fields = ("path", "eval_path", "eval_split", "num_eval_points")
         tree["data"] |= {field: other["data"][field] for field in fields}
         tree["eval"] = other["eval"]
     elif data is not None:
-        tree["data"]["path"] = data
+        tree["data"] |= {"path": data, "eval_path": ""}
     config = parse(tree)
     check_paths(config)
     return with_default_data(config)
@@ -273,7 +273,7 @@ def measure(
     config = config or run.config
     split = split or config.data.eval_split
     logging.info("measuring %s, step %d, on %r", folder, run.step, split)
-    total = loader.num_samples(config.data, split) if num_cases else 0
+    total = loader.num_samples(config.data, split, evaluation=True) if num_cases else 0
     wanted = {int(i) for i in np.linspace(0, total - 1, min(num_cases, total))}
     cases: dict[int, Sample] = {}
 
@@ -304,7 +304,7 @@ def about(run: Measured, **steps: int) -> dict[str, Any]:
     """
     config, evaluation = run.config, run.evaluation
     return {
-        "data": config.data.path or "default",
+        "data": config.data.eval_path or config.data.path or "default",
         "steps": steps,
         "split": evaluation.split,
         "samples": len(evaluation.names),

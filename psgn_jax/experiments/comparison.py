@@ -44,7 +44,6 @@ from absl import flags, logging
 
 from psgn_jax import tasks
 from psgn_jax.config import Config, ConfigError, check_paths, parse
-from psgn_jax.data import loader
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.experiments import common, figures
 from psgn_jax.experiments.volumes import (
@@ -257,11 +256,7 @@ def configs(options: Any) -> Iterator[tuple[str, Config]]:
     path = build_data(size.models) if options.data is None else options.data
     peer = configuration(PEER, path, folder, size, steps=options.peer_steps or 1)
     check_paths(peer)
-    # What only the last training needs is checked before the others.
-    try:
-        loader.train_batches(peer.data, batch_size=1, seed=0, start_step=0).close()
-    except (ValueError, OSError) as error:
-        raise ConfigError(f"--data={path!r}: {error}") from error
+    common.check_data(peer)  # what only the last training needs, before the others
     for name in (*POINTS, "volume", *HEADS):
         yield name, configuration(name, path, folder, size, scale=options.scale)
     steps = budget(peer, folder, (*POINTS, "volume", OURS), options.peer_steps)
@@ -274,7 +269,7 @@ def configs(options: Any) -> Iterator[tuple[str, Config]]:
 def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Numbers per category, and the samples of the figure."""
     config = load_config(options.workdir / PEER)
-    splits = set().union(*(load_manifest(f).splits() for f in config.data.folders))
+    splits = set().union(*(load_manifest(f).splits() for f in config.data.eval_folders))
     split = "test" if "test" in splits else config.data.eval_split
     if split == config.data.eval_split:
         logging.warning("no test split: measuring on the split on which thresholds are chosen")
