@@ -38,7 +38,6 @@ USUAL_DATA = "records/authors"
 """Where README.md puts the authors' records; used if no data are named and this folder exists."""
 
 _PACKAGE = pathlib.Path(__file__).resolve().parents[1]
-_CONFIGS = next(p for p in (_PACKAGE / "configs", _PACKAGE.parent / "configs") if p.is_dir())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,8 +89,9 @@ class Study:
         folder = options.workdir
         write_atomic(folder / f"{self.name}.txt", text)
         write_atomic(folder / f"{self.name}.md", "\n".join([*map(markdown, tables), note]))
-        document = json.dumps({"options": given, **finite(numbers)}, indent=2, allow_nan=False)
-        write_atomic(folder / f"{self.name}.json", document + "\n")
+        document = finite({"options": given, **numbers})
+        text_of_json = json.dumps(document, indent=2, allow_nan=False, default=str) + "\n"
+        write_atomic(folder / f"{self.name}.json", text_of_json)
         for name, picture in self.figure(numbers, rest).items():
             write_atomic(folder / f"{name}.png", figures.png(picture))
         logging.info("results in %s", folder)
@@ -184,7 +184,9 @@ def recipe(
       usual_steps: unless `full`, instead of those of the file; 0 = those of the file.
       changes: section -> field -> value.
     """
-    file = _CONFIGS / ("authors.py" if full else "authors_small.py")
+    shipped = _PACKAGE / "configs"  # in a wheel
+    folder = shipped if shipped.is_dir() else _PACKAGE.parent / "configs"
+    file = folder / ("authors.py" if full else "authors_small.py")
     tree = runpy.run_path(str(file))["get_config"]().to_dict()
     steps = steps or (0 if full else usual_steps) or tree["train"]["steps"]
     tree["data"]["path"] = path
