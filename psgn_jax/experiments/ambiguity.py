@@ -337,7 +337,8 @@ def measure(options: Any) -> tuple[dict[str, Any], Shown]:
     # The first ambiguous image, and the depths that it may have.
     columns = min(6, size.num_draws)
     sharing = sorted(min(groups(known).items())[1][: columns - 1], key=lambda i: known[i].depth)
-    results, clouds, samples = {}, {}, {}
+    results: dict[str, dict[str, Any]] = {}
+    clouds: dict[str, np.ndarray] = {}
     for name in NETWORKS:
         count = max(size.num_measured, size.num_draws)
         drawn, samples = predictions(options.workdir / name, count)

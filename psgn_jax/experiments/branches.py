@@ -205,7 +205,7 @@ def measure(options: Any) -> tuple[dict[str, Any], tuple[dict[int, Sample], Conf
     folder = pathlib.Path(options.run or options.workdir / RUN)
     config = common.finished_run(folder, options.data if options.run else None)
     branches, grid = branch_of_point(config.model), output_grid(config.model)
-    samples = []
+    samples: list[Any] = []
 
     def on_sample(_: int, case: Sample) -> None:
         samples.append(measure_sample(case["pred"], case["points"], branches, grid))

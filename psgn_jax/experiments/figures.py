@@ -67,18 +67,18 @@ class Bars(NamedTuple):
 def bars(charts: Sequence[Bars], colours: Sequence[str] = COLOURS) -> Figure:
     """Charts of grouped bars, one below the other, each bar with its value."""
     most = max(len(chart.groups) * len(chart.series) for chart in charts)
-    figure = blank(max(860, 34 * most), 300 * len(charts))
+    figure = blank(max(860, 40 * most), 300 * len(charts))
     for axes, chart in zip(figure.subplots(len(charts), squeeze=False)[:, 0], charts, strict=True):
         places, width = np.arange(len(chart.groups)), 0.8 / len(chart.series)
         for i, (name, values) in enumerate(chart.series.items()):
             left = places + (i - (len(chart.series) - 1) / 2) * width
             errors = chart.errors.get(name)
             drawn = axes.bar(left, values, width, yerr=errors, label=name, color=colours[i])
-            axes.bar_label(drawn, fmt="%.2f", fontsize=8, padding=2)
-        axes.set_xticks(places, chart.groups)
-        axes.set_title(chart.title, fontsize=11)
-        axes.margins(y=0.2)
-        axes.legend(fontsize=8, ncols=len(chart.series), loc="upper right")
+            axes.bar_label(drawn, fmt="%.2f", fontsize=7, padding=2)
+        axes.set_xticks(places, chart.groups, fontsize=9)
+        axes.set_title(chart.title, fontsize=11, loc="left", pad=24)
+        axes.margins(y=0.1)
+        axes.legend(fontsize=8, ncols=len(chart.series), loc="lower left", bbox_to_anchor=(0, 1))
         axes.spines[["top", "right"]].set_visible(False)
     return figure
 
@@ -134,7 +134,8 @@ def grid(
     width = HEIGHT * first.shape[1] / first.shape[0]
     figure = blank(columns * (width + 8) + 40, len(rows) * (HEIGHT + 26) + 20 + 60 * bool(scale))
     axes = figure.subplots(len(rows), columns, squeeze=False)
-    values, above = None, [""] * columns
+    values: Any = None
+    above = [""] * columns
     for ax in axes.flat:
         ax.set_xticks([])
         ax.set_yticks([])
@@ -150,7 +151,7 @@ def grid(
                 axes[i, j].set_title(title, fontsize=10)
                 above[j] = title
         if labels:
-            axes[i, 0].set_ylabel(labels[i], fontsize=10)
+            axes[i, 0].set_ylabel(labels[i], fontsize=9)
     if scale and values is not None:
-        figure.colorbar(values, ax=axes, location="bottom", label=scale_title, aspect=60)
+        figure.colorbar(values, ax=axes, location="bottom", label=scale_title, shrink=0.4)
     return figure

@@ -63,7 +63,8 @@ def build_data(
 
 def truths(data: pathlib.Path, split: str = "validation") -> list[Truth]:
     """Kind, seed, scale and hidden depth of every record of a split, in order."""
-    reader, known = RecordReader(data, split), []
+    reader = RecordReader(data, split)
+    known: list[Truth] = []
     for sample in (reader[index] for index in range(len(reader))):
         entry = json.loads(sample.extra)["parameters"]
         depth = entry["hidden"]["depth"]

@@ -164,12 +164,12 @@ def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         },
     }
     for number, case in cases.items():
-        case["label"] = measured["cd"].evaluation.names[number].category or f"sample {number}"
-        case["values"] = {
-            name: [metrics[name][key][number] for key in ("cd_sq_radius2", "emd_radius")
-                   if key in metrics[name]]
-            for name in LOSSES
-        }  # fmt: skip
+        lines = [measured["cd"].evaluation.names[number].category or f"sample {number}"]
+        for name in LOSSES:
+            errors = {"CD": "cd_sq_radius2", "EMD": "emd_radius"}.items()
+            shown = (f"{k} {metrics[name][v][number]:.3f}" for k, v in errors if v in metrics[name])
+            lines.append(f"by {name.upper()}: {', '.join(shown)}")
+        case["label"] = "\n".join(lines)
     return document, [cases[int(number)] for number in document["shown"]]
 
 
@@ -196,12 +196,9 @@ def panels(case: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 
 def figure(_: Mapping[str, Any], cases: list[dict[str, Any]]) -> dict[str, Any]:
-    """A row for each sample, with its category and errors: CD squared, and EMD if measured."""
-    labels = []
-    for case in cases:
-        values = (" ".join(f"{v:.3f}" for v in case["values"][name]) for name in LOSSES)
-        labels.append("\n".join([case["label"], *values]))
-    return {"losses": figures.grid([panels(case) for case in cases], labels=labels)}
+    """A row for each sample, with its category and both networks' errors."""
+    rows = [panels(case) for case in cases]
+    return {"losses": figures.grid(rows, labels=[case["label"] for case in cases])}
 
 
 STUDY = common.Study(

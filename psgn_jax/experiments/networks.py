@@ -24,6 +24,7 @@ import numpy as np
 
 from psgn_jax.config import Config
 from psgn_jax.experiments import common, figures
+from psgn_jax.experiments.losses import LOSSES
 from psgn_jax.metrics.table import Lines
 from psgn_jax.models import point_out_net
 from psgn_jax.models.point_layout import padded_size
@@ -36,9 +37,6 @@ NETWORKS: Mapping[str, str] = {
     "hourglass": "hourglass",
 }
 """Name -> title."""
-
-LOSSES: Mapping[str, str] = {"cd": "chamfer_sq_mean", "emd": "emd_mean"}
-"""Ending of a training's folder -> what it minimises."""
 
 METRICS: Mapping[str, str] = {"cd": "cd_sq_radius2", "emd": "emd_radius"}
 TITLES: Mapping[str, str] = {"cd": "CD squared [radius^2]", "emd": "EMD [radius]"}
@@ -132,7 +130,8 @@ def configs(options: Any) -> Iterable[tuple[str, Config]]:
 
 def measure(options: Any) -> tuple[dict[str, Any], None]:
     """Numbers of all networks, and their differences."""
-    runs, metrics = {}, {}
+    runs: dict[str, Any] = {}
+    metrics: dict[str, Any] = {}
     for name in (f"{network}_{loss}" for loss in LOSSES for network in NETWORKS):
         found = common.measure(options.workdir / name)
         seconds, total = common.cost(options.workdir / name)
