@@ -1,24 +1,23 @@
-"""What each branch does: `python -m psgn_jax.experiments.branches --workdir DIR [--run RUN]`.
+"""What each branch predicts: `python -m psgn_jax.experiments.branches --workdir DIR [--run RUN]`.
 
 A two-branch or hourglass network predicts some points by a fully connected (fc) branch and the
-others, as an image of coordinates, by a deconvolutional (deconv) one. The paper shows that image's
-channels and both sets of points, and says: the deconv branch learns a surface that is wrapped
+others, as an image of coordinates, by a deconvolutional (deconv) one. The paper shows the channels
+of this image and both sets of points, and says: the deconv branch learns a surface that is wrapped
 around the object, while fc points are in no order; deconv points are the main body, fc points the
 details ("tip of gun, tail of plane, arms of a sofa"). Here both are drawn and measured:
 
 - order: mean distance of points that are neighbours in the output (fc: the next number; deconv: the
-  next cell) over that of two random points of the branch; 1 = no order;
+  next cell) divided by that of two random points of the branch; 1 = no order;
 - squared distances from each branch's points to the truth and back, and each branch's spread;
-- the share of true points whose nearest predicted point is of the fc branch, beside the share that
-  it has among the points; then for fifths of the true points of a sample, by their distance from
-  the object's centre, and by how much of its surface lies around them (within `AROUND`), which is
-  little at tips and thin parts. Were details left to fc, its share would be larger in the outermost
-  fifth, and in the one with the least surface around.
+- the share of true points whose nearest predicted point is of the fc branch, and the share that fc
+  has among the points. Also for fifths of the true points of a sample, sorted by their distance
+  from the object's centre, and by how much of the surface lies around them (within `AROUND`), which
+  is little at tips and thin parts. If fc predicted the details, its share would be larger in the
+  outermost fifth, and in the one with the least surface around.
 
-RUN is the folder of any run of `psgn_jax.training.loop` with both branches. Without it a network is
-trained in `DIR/two_branch_cd`, with the recipe of `configs/authors_small.py`: half an hour on two
-CPU cores, and killed and started again the same command goes on. Files: `branches.txt`, `.md` and
-`.json` with the numbers, `branches.png` with samples at even distances (not chosen by result).
+RUN is the folder of any run of `psgn_jax.main` with both branches. Without it a network is trained
+in `DIR/two_branch_cd` with the recipe of `configs/authors_small.py`: half an hour on two CPU cores.
+The samples of `branches.png` are at even distances in the split, not chosen by result.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figures on the channels and the points of
 both branches, which show pictures and no numbers; the measures are **ours**. Unit of lengths: the
@@ -26,22 +25,18 @@ radius of the bounding hemisphere.
 """
 
 import pathlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from absl import flags
-from PIL import Image, ImageDraw, ImageFont
 
-from psgn_jax.config import Config, ConfigError, check_paths, parse, to_dict
-from psgn_jax.data import camera
-from psgn_jax.default_data import with_default_data
-from psgn_jax.experiments import common
-from psgn_jax.metrics.evaluation import Evaluation
+from psgn_jax.config import Config, ConfigError
+from psgn_jax.experiments import common, figures
+from psgn_jax.experiments.common import Sample
+from psgn_jax.metrics.table import Lines
 from psgn_jax.models.point_layout import Branches, OutputGrid, branch_of_point, output_grid
-from psgn_jax.training.run_folder import load_config
 from psgn_jax.viewing import spheres
-from psgn_jax.viewing.clouds import turned
 
 RUN = "two_branch_cd"
 """Folder of the study's own training."""
@@ -52,24 +47,23 @@ AROUND = 0.2
 FIFTHS = 5
 _SAMPLED = 2048  # true points of a sample whose surroundings are counted
 _STEP = 0.25  # the ends of the channel maps' scale are multiples of it
-_PANEL, _GAP, _SIDE = 192, 8, 75
 
 
-class Rows(NamedTuple):
-    """What a row of the table is about: title and digits of each measure."""
+class Row(NamedTuple):
+    """A row of the table: title and digits of a measure."""
 
     title: str
     digits: int
 
 
-MEASURES: Mapping[str, Rows] = {
-    "points": Rows("points", 0),
-    "order": Rows("order: distance of neighbours over that of random points", 3),
-    "spread": Rows("spread: rms distance from the branch's centre [radius]", 4),
-    "extent": Rows("rms distance from the object's centre [radius]", 4),
-    "pred_to_gt": Rows("predicted points to truth [radius^2]", 5),
-    "gt_to_pred": Rows("truth to the points of this branch alone [radius^2]", 5),
-    "share": Rows("true points to which it is nearest [%]", 1),
+MEASURES: Mapping[str, Row] = {
+    "points": Row("points", 0),
+    "order": Row("order: distance of neighbours over that of random points", 3),
+    "spread": Row("spread: rms distance from the branch's centre [radius]", 4),
+    "extent": Row("rms distance from the object's centre [radius]", 4),
+    "pred_to_gt": Row("predicted points to truth [radius^2]", 5),
+    "gt_to_pred": Row("truth to the points of this branch alone [radius^2]", 5),
+    "share": Row("true points to which it is nearest [%]", 1),
 }
 """Measures of each branch, one number per sample."""
 
@@ -77,37 +71,31 @@ PROFILES: Mapping[str, str] = {
     "by_distance": "distance from the object's centre, near to far",
     "by_surroundings": "surface around, much to little",
 }
-"""What the fifths of the true points are sorted by; the last fifth is where details are."""
+"""What the fifths of the true points are sorted by."""
 
-_DETAILS = {"by_distance": "far from the centre", "by_surroundings": "at tips and thin parts"}
-
-
-class Found(NamedTuple):
-    """The measures of a split.
-
-    Attributes:
-      measures: branch -> measure -> [samples].
-      both: "gt_to_pred" of all points together, [samples].
-      profiles: of `PROFILES` -> share of the fc branch in each fifth, [samples, 5].
-    """
-
-    measures: dict[str, dict[str, np.ndarray]]
-    both: np.ndarray
-    profiles: dict[str, np.ndarray]
+_ORDINALS = ("first", "second", "third", "fourth", "last")
 
 
 def configuration(path: str, *, full: bool, steps: int = 0) -> Config:
-    """The recipe of `configs/authors_small.py` (or, `full`, of `configs/authors.py`).
-
-    Args:
-      path: folder of records, "" = the default data set.
-      full: full-size images, the published network's widths, 20,000 steps of 32.
-      steps: in place of the recipe's.
-    """
-    return common.recipe(path, full=full, steps=steps or (20_000 if full else 3_200))
+    """`common.recipe` with the number of steps of the file."""
+    return common.recipe(path, full=full, steps=steps)
 
 
-# --- Measures ---------------------------------------------------------------------------------
+def configs(options: Any) -> Iterable[tuple[str, Config]]:
+    """The training; none if a finished run is given, which is checked."""
+    if not options.run:
+        path = common.find_data(options.data)
+        return [(RUN, configuration(path, full=options.full, steps=options.steps))]
+    if options.full or options.steps:
+        raise ConfigError("--full and --steps are for a training: expected them without --run")
+    model = common.finished_run(options.run, options.data).model
+    branches = branch_of_point(model)
+    if not (branches.fc and branches.deconv):
+        raise ConfigError(
+            f"--run={options.run}: model.name={model.name!r} with {len(branches.fc)} fc and "
+            f"{len(branches.deconv)} deconv points; expected a network with both branches"
+        )
+    return []
 
 
 def order(points: np.ndarray, neighbours: np.ndarray) -> float:
@@ -131,12 +119,12 @@ def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
 def measure_sample(
     pred: np.ndarray, gt: np.ndarray, branches: Branches, grid: OutputGrid
 ) -> tuple[dict[str, dict[str, float]], float, dict[str, np.ndarray]]:
-    """The measures of one sample, as in `Found` but for the first axis.
+    """Of one sample: branch -> measure, "gt_to_pred" of all points together, profiles [5].
 
     Args:
       pred: [n, 3], fc points first.
       gt: [m, 3], uniform on the surface.
-      branches: which points are whose.
+      branches: which points are of which branch.
       grid: of the deconv branch.
     """
     clouds = {"fc": pred[list(branches.fc)], "deconv": pred[list(branches.deconv)]}
@@ -188,142 +176,72 @@ def _rms(offsets: np.ndarray) -> float:
 
 def gather(
     samples: Sequence[tuple[dict[str, dict[str, float]], float, dict[str, np.ndarray]]],
-) -> Found:
-    """What `measure_sample` found in each sample of a split, together."""
-    return Found(
-        {
-            branch: {key: np.array([s[0][branch][key] for s in samples]) for key in MEASURES}
+) -> dict[str, Any]:
+    """Means and errors over the samples that `measure_sample` measured, as in the document."""
+
+    def entry(values: Sequence[float] | np.ndarray) -> dict[str, float]:
+        mean, error = common.mean_and_error(np.asarray(values, np.float64))
+        return {"mean": mean, "error": error}
+
+    profiles = {key: np.array([sample[2][key] for sample in samples]) for key in PROFILES}
+    return {
+        "branches": {
+            branch: {key: entry([sample[0][branch][key] for sample in samples]) for key in MEASURES}
             for branch in ("fc", "deconv")
         },
-        np.array([s[1] for s in samples]),
-        {key: np.array([s[2][key] for s in samples]) for key in PROFILES},
-    )
-
-
-# --- Results ----------------------------------------------------------------------------------
-
-
-def _lines(found: Found) -> list[list[str]]:
-    lines = [["", "fc", "deconv", "both"]]
-    for key, (title, digits) in MEASURES.items():
-        cells = []
-        for branch in ("fc", "deconv"):
-            mean, error = common.mean_and_error(found.measures[branch][key])
-            scale = 100 if key == "share" else 1
-            cell = f"{scale * mean:.{digits}f}"
-            cells.append(cell if key == "points" else f"{cell} +- {scale * error:.{digits}f}")
-        both = ""
-        if key == "gt_to_pred":
-            mean, error = common.mean_and_error(found.both)
-            both = f"{mean:.{digits}f} +- {error:.{digits}f}"
-        lines.append([title, *cells, both])
-    return lines
-
-
-def last_minus_first(profile: np.ndarray) -> tuple[float, float]:
-    """Mean difference of the last fifth's share from the first one's, and its standard error."""
-    return common.mean_and_error(profile[:, -1] - profile[:, 0])
-
-
-def _profile_lines(found: Found) -> list[list[str]]:
-    ordinals = ("first", "second", "third", "fourth", "last")
-    lines = [["share of fc among the nearest [%]", *ordinals, "last - first"]]
-    for key, title in PROFILES.items():
-        profile = 100 * found.profiles[key]
-        mean, error = last_minus_first(profile)
-        shown = [f"{common.mean_and_error(fifth)[0]:.1f}" for fifth in profile.T]
-        lines.append([f"fifths by {title}", *shown, f"{mean:+.1f} +- {error:.1f}"])
-    return lines
-
-
-def _verdict(found: Found) -> str:
-    """What the numbers say of the paper's words, in words."""
-    fc, deconv = (
-        {key: float(np.nanmean(values)) for key, values in found.measures[branch].items()}
-        for branch in ("fc", "deconv")
-    )
-    both = f"neighbours at {deconv['order']:.2f} of a random distance, of fc at {fc['order']:.2f}"
-    if deconv["order"] < 0.5 and deconv["order"] < 0.7 * fc["order"]:
-        said = [f"The deconv points are in the order of a surface, those of fc less so ({both})."]
-    elif deconv["order"] < 0.9 * fc["order"]:
-        said = [
-            f"The deconv points are in more order than those of fc, but no smooth one ({both})."
-        ]
-    else:
-        said = [f"The deconv points are in no clearer order than those of fc ({both})."]
-    said.append(
-        "Alone, the deconv points leave the truth "
-        f"{deconv['gt_to_pred'] / max(fc['gt_to_pred'], 1e-12):.2f} times the squared distance "
-        "that the fc points leave: "
-        + ("a main body." if deconv["gt_to_pred"] < fc["gt_to_pred"] else "no main body.")
-    )
-    for key, where in _DETAILS.items():
-        mean, error = last_minus_first(found.profiles[key])
-        change = f"{100 * mean:+.1f} +- {100 * error:.1f} percentage points"
-        if not abs(mean) > 2 * error:
-            said.append(f"fc has no clearly other share of the nearest points {where} ({change}).")
-        elif mean > 0:
-            said.append(f"fc has more of the nearest points {where} ({change}): details.")
-        else:
-            said.append(f"fc has fewer of the nearest points {where} ({change}): no details.")
-    share = fc["points"] / (fc["points"] + deconv["points"])
-    said.append(f"It has {100 * share:.1f} % of the points.")
-    return " ".join(said)
-
-
-def _note(evaluation: Evaluation, found: Found) -> str:
-    return (
-        f"{len(evaluation.names)} samples of {evaluation.split!r}, {evaluation.num_points[0]} "
-        f"predicted points against {evaluation.num_points[1]} true ones, CD squared "
-        f"{evaluation.means['cd_sq_radius2']:.5f} radius^2. Means over samples with their standard "
-        "errors, from one training. Fifths: of the true points of each sample; surface around: "
-        f"within {AROUND:g} radius.\n\n{_verdict(found)}"
-    )
-
-
-def table(evaluation: Evaluation, found: Found) -> str:
-    """Both tables as text."""
-    parts = [common.text_table(_lines(found)), common.text_table(_profile_lines(found))]
-    return "\n".join([*parts, _note(evaluation, found)]) + "\n"
-
-
-def markdown(evaluation: Evaluation, found: Found) -> str:
-    """Both tables for a README."""
-    parts = [common.markdown_table(_lines(found)), common.markdown_table(_profile_lines(found))]
-    return "\n".join([*parts, _note(evaluation, found)]) + "\n"
-
-
-def numbers(evaluation: Evaluation, found: Found) -> dict[str, Any]:
-    """The measures for JSON; fractions, not percent, and null for what is not finite."""
-
-    def entry(values: np.ndarray) -> dict[str, float | None]:
-        mean, error = common.mean_and_error(values)
-        return common.finite({"mean": mean, "error": error})
-
-    return {
-        "split": evaluation.split,
-        "samples": len(evaluation.names),
-        "num_pred_points": evaluation.num_points[0],
-        "num_gt_points": evaluation.num_points[1],
-        "around_radius": AROUND,
-        "mean_over_samples": common.finite(evaluation.means),
-        "branches": {
-            branch: {key: entry(values) for key, values in measures.items()}
-            for branch, measures in found.measures.items()
-        },
-        "gt_to_pred_of_both": entry(found.both),
+        "gt_to_pred_of_both": entry([sample[1] for sample in samples]),
         "fc_share_in_fifths": {
             key: {
                 "fifths": [entry(fifth) for fifth in profile.T],
                 "last_minus_first": entry(profile[:, -1] - profile[:, 0]),
             }
-            for key, profile in found.profiles.items()
+            for key, profile in profiles.items()
         },
-        "verdict": _verdict(found),
     }
 
 
-# --- Picture ----------------------------------------------------------------------------------
+def measure(options: Any) -> tuple[dict[str, Any], tuple[dict[int, Sample], Config]]:
+    """Numbers; samples and network of the figure."""
+    folder = pathlib.Path(options.run or options.workdir / RUN)
+    config = common.finished_run(folder, options.data if options.run else None)
+    branches, grid = branch_of_point(config.model), output_grid(config.model)
+    samples: list[Any] = []
+
+    def on_sample(_: int, case: Sample) -> None:
+        samples.append(measure_sample(case["pred"], case["points"], branches, grid))
+
+    run = common.measure(folder, config=config, num_cases=options.cases, on_sample=on_sample)
+    document = {
+        **common.about(run, training=config.train.steps),
+        "run": str(folder),
+        "network": config.model.name,
+        "around_radius": AROUND,
+        "mean_over_samples": run.evaluation.means,
+        **gather(samples),
+    }
+    return document, (run.cases, config)
+
+
+def table(numbers: Mapping[str, Any]) -> list[Lines]:
+    """The measures of both branches, and the share of fc in fifths of the true points."""
+
+    def cell(entry: Mapping[str, float], digits: int, scale: float = 1, sign: str = "") -> str:
+        mean, error = scale * entry["mean"], scale * entry["error"]
+        return f"{mean:{sign}.{digits}f} +- {error:.{digits}f}" if digits else f"{mean:.0f}"
+
+    lines = [["", "fc", "deconv", "both"]]
+    for key, (title, digits) in MEASURES.items():
+        scale = 100 if key == "share" else 1
+        cells = [cell(numbers["branches"][b][key], digits, scale) for b in ("fc", "deconv")]
+        both = cell(numbers["gt_to_pred_of_both"], digits) if key == "gt_to_pred" else ""
+        lines.append([title, *cells, both])
+    fifths = [["share of fc among the nearest [%]", *_ORDINALS, "last - first"]]
+    for key, title in PROFILES.items():
+        entry = numbers["fc_share_in_fifths"][key]
+        shares = [f"{100 * fifth['mean']:.1f}" for fifth in entry["fifths"]]
+        last = cell(entry["last_minus_first"], 1, 100, "+")
+        fifths.append([f"fifths by {title}", *shares, last])
+    return [lines, fifths]
 
 
 def channel_maps(pred: np.ndarray, branches: Branches, grid: OutputGrid) -> np.ndarray:
@@ -331,188 +249,45 @@ def channel_maps(pred: np.ndarray, branches: Branches, grid: OutputGrid) -> np.n
     return pred[list(branches.deconv)].reshape(*grid, 3)[:, :, 0]
 
 
-def _painted(maps: np.ndarray, scale: tuple[float, float]) -> list[np.ndarray]:
-    """The images of x, y and z, uint8 [h, w, 3]."""
-    low, high = scale
-    return [
-        spheres.colours_by_value(channel.ravel() - low, high - low).reshape(*channel.shape, 3)
-        for channel in np.moveaxis(maps, -1, 0)
-    ]
-
-
-def _legend(width: int, scale: tuple[float, float]) -> np.ndarray:
-    """The colour scale of the maps and the colours of both branches, [48, width, 3]."""
-    height, font = 48, ImageFont.load_default(size=14)
-    strip = Image.new("RGB", (width, height), "white")
-    pen = ImageDraw.Draw(strip)
-    bar, left = 300, 6
-    low, high = scale
-    ramp = spheres.colours_by_value(np.linspace(0, high - low, bar), high - low)
-    strip.paste(Image.fromarray(np.repeat(ramp[None], 14, axis=0)), (left, 6))
-    pen.rectangle((left, 6, left + bar - 1, 19), outline=(110, 110, 110))
-    for value in np.arange(low, high + _STEP / 2, _STEP):
-        at = left + (value - low) / (high - low) * (bar - 1)
-        pen.line((at, 20, at, 24), fill=(70, 70, 70))
-        anchor = "la" if value == low else "ra" if value == high else "ma"
-        pen.text((at, 26), f"{value:g}", fill="black", font=font, anchor=anchor)
-    text = "coordinate in the maps [radius]: x to the camera, y to the right, z up"
-    pen.text((left + bar + 12, 4), text, fill="black", font=font)
-    place = left + bar + 12
-    for colour, name in zip(spheres.BRANCH_COLOURS, ("fc points", "deconv points"), strict=True):
-        pen.ellipse((place, 27, place + 13, 40), fill=colour)
-        pen.text((place + 19, 25), name, fill="black", font=font)
-        place += 19 + int(pen.textlength(name, font=font)) + 24
-    return np.asarray(strip)
-
-
-def figure(cases: Mapping[int, Mapping[str, np.ndarray]], config: Config) -> Image.Image:
-    """A row per sample: image; x, y, z maps; points by branch from the camera and side; truth.
-
-    One colour scale for all maps. A map has the aspect of the deconv grid.
-    """
+def panels(case: Sample, config: Config) -> dict[str, np.ndarray]:
+    """Image; maps of x, y, z; points by branch from the camera and turned; truth."""
     branches, grid = branch_of_point(config.model), output_grid(config.model)
     branch = np.repeat([0, 1], [len(branches.fc), len(branches.deconv)])
-    titles = [
-        "image",
-        "x (to the camera)",
-        "y (to the right)",
-        "z (up)",
-        "by branch",
-        f"by branch, {_SIDE} degrees",
-        "truth",
-    ]
-    maps = {number: channel_maps(case["pred"], branches, grid) for number, case in cases.items()}
-    values = np.nan_to_num(np.stack(list(maps.values())))
-    ends = _STEP * np.floor(values.min() / _STEP), _STEP * np.ceil(values.max() / _STEP)
-    scale = float(ends[0]), max(float(ends[1]), float(ends[0]) + _STEP)
-    strips = []
-    for number, case in cases.items():
-        shape, pred = case["image"].shape[:2], case["pred"]
-        size = (_PANEL, round(shape[1] * _PANEL / shape[0]))
-        inner = camera.scale_intrinsics(case["intrinsics"], shape, size)
-        image = Image.fromarray(case["image"]).resize(size[::-1], Image.Resampling.BICUBIC)
-        truth = case["points"][:: max(1, len(case["points"]) // len(pred))]
-        grey = np.full((len(truth), 3), 150, np.uint8)
-        outer = case["extrinsics"]
-        colours = spheres.colours_by_branch(branch)
-        panels = [np.asarray(image)]
-        panels += [_fitted(m, size) for m in _painted(maps[number], scale)]
-        panels += [
-            spheres.render(cloud, paint, inner, turned(outer, angle), size)
-            for cloud, paint, angle in (
-                (pred, colours, 0),
-                (pred, colours, _SIDE),
-                (truth, grey, 0),
-            )
-        ]
-        gap = np.full((_PANEL, _GAP, 3), 255, np.uint8)
-        row = np.concatenate([part for panel in panels for part in (panel, gap)], axis=1)
-        strips += [row, np.full((_GAP, row.shape[1], 3), 255, np.uint8)]
-    return common.with_titles([*strips, _legend(strips[0].shape[1], scale)], titles)
+    pred = case["pred"]
+    truth = case["points"][:: max(1, len(case["points"]) // len(pred))]
+    painted = {
+        "fc orange, deconv blue": (pred, spheres.colours_by_branch(branch)),
+        "truth": (truth, np.array([150, 150, 150])),
+    }
+    image, *others = figures.clouds(case, painted).items()
+    titles = ("x (to the camera)", "y (to the right)", "z (up)")
+    maps = np.moveaxis(channel_maps(pred, branches, grid), -1, 0)
+    return dict([image, *zip(titles, maps, strict=True), *others])
 
 
-def _fitted(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Enlarged without smoothing as far as it goes, on white."""
-    factor = min(size[0] / picture.shape[0], size[1] / picture.shape[1])
-    shape = (max(1, int(picture.shape[1] * factor)), max(1, int(picture.shape[0] * factor)))
-    large = Image.fromarray(picture).resize(shape, Image.Resampling.NEAREST)
-    panel = Image.new("RGB", size[::-1], "white")
-    panel.paste(large, ((size[1] - shape[0]) // 2, (size[0] - shape[1]) // 2))
-    return np.asarray(panel)
-
-
-# --- The study --------------------------------------------------------------------------------
-
-
-def run(
-    workdir: str | pathlib.Path,
-    *,
-    trained: str | pathlib.Path | None = None,
-    data: str | None = None,
-    full: bool = False,
-    steps: int = 0,
-    num_cases: int = 6,
-) -> str:
-    """The whole study; returns the tables.
-
-    Args:
-      workdir: gets the results, and the training if there is one.
-      trained: folder of a run to look at; None = train one.
-      data: records; None = those of the run `trained`, or as `common.find_data`.
-      full: see `configuration`; for a training alone, as
-      steps: in place of the recipe's.
-      num_cases: samples in the picture.
-
-    Raises:
-      ConfigError: the data are not there, `workdir` holds another training, or `trained` is no run
-        with both branches.
-      UserError: a signal ended the training; the same call goes on.
-    """
-    workdir = pathlib.Path(workdir)
-    if trained is None:
-        config = configuration(common.find_data(data), full=full, steps=steps)
-        common.train_each({RUN: config}, workdir)
-        trained = workdir / RUN
-    else:
-        if full or steps:
-            raise ConfigError("--full and --steps are for a training: accepted: not with --run")
-        config = _config_of(pathlib.Path(trained), data)
-    branches, grid = branch_of_point(config.model), output_grid(config.model)
-    samples: list[Any] = []
-
-    def on_sample(number: int, case: Mapping[str, np.ndarray]) -> None:
-        samples.append(measure_sample(case["pred"], case["points"], branches, grid))
-
-    path = pathlib.Path(trained)
-    evaluation, cases = common.measure(config, path, num_cases, on_sample=on_sample)
-    found = gather(samples)
-    text = table(evaluation, found)
-    common.write_results(
-        workdir,
-        "branches",
-        text=text,
-        markdown=markdown(evaluation, found),
-        document={
-            "run": str(trained),
-            "data": config.data.path or "default",
-            "network": config.model.name,
-            "steps": config.train.steps,
-            **numbers(evaluation, found),
-        },
-        picture=figure(cases, config),
+def figure(_: Any, rest: tuple[Mapping[int, Sample], Config]) -> dict[str, Any]:
+    """A row for each sample; one colour scale for all maps."""
+    rows = [panels(case, rest[1]) for case in rest[0].values()]
+    values = [panel for row in rows for panel in row.values() if panel.ndim == 2]
+    low, high = (
+        _STEP * np.floor(np.nanmin(values) / _STEP),
+        _STEP * np.ceil(np.nanmax(values) / _STEP),
     )
-    return text
+    scale = (float(low), float(max(high, low + _STEP)))
+    return {"branches": figures.grid(rows, scale=scale, scale_title="coordinate [radius]")}
 
 
-def _config_of(trained: pathlib.Path, data: str | None) -> Config:
-    config = load_config(trained)
-    if data is not None:
-        tree = to_dict(config)
-        tree["data"]["path"] = data
-        config = parse(tree)
-    check_paths(config)
-    branches = branch_of_point(config.model)
-    if not (branches.fc and branches.deconv):
-        raise ConfigError(
-            f"--run={trained}: model.name={config.model.name!r} with {len(branches.fc)} fc and "
-            f"{len(branches.deconv)} deconv points: accepted: a network with both branches"
-        )
-    return with_default_data(config)
-
-
-def _study(values: Any) -> str:
-    return run(
-        values.workdir,
-        trained=values.run,
-        data=values.data,
-        full=values.full,
-        steps=values.steps,
-        num_cases=values.cases,
-    )
-
+STUDY = common.Study(
+    "branches",
+    configs,
+    measure,
+    table,
+    figure,
+    options={"data": None, "full": False, "steps": 0, "cases": 6, "run": None},
+    note="Means over samples with their standard errors, from one training. Fifths: of the true "
+    f"points of each sample; surface around: within {AROUND:g} radius.",
+)
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of the results.", required=True)
     flags.DEFINE_string("run", None, "Folder of a run with both branches; default: train one.")
-    common.define_flags(cases=6)
-    common.main(_study)
+    STUDY.main()

@@ -1,196 +1,338 @@
-"""What studies that train networks have in common: recipe, trainings, measures, tables, files.
+"""The frame of all studies: configurations, trainings, measures, tables and figures.
 
-A study is a few ordinary trainings in subfolders of one folder, measured on the evaluation split
-with their last checkpoints (the best would be picked on the samples that it is shown on), compared
-sample by sample, and written as `NAME.txt`, `.md`, `.json` and `.png`.
+A study is a `Study`: `configs` says which networks are trained, `measure` returns numbers, `table`
+and `figure` show them. `Study.run` does the rest. The trainings are ordinary runs in subfolders of
+the study's folder: if the command is stopped and started again, it continues where it was. The last
+checkpoints are measured: the best ones were chosen on the samples that are measured here. Each
+study writes `NAME.txt`, `NAME.md`, `NAME.json` (all numbers) and its figures as PNG.
 """
 
+import dataclasses
 import json
 import math
 import pathlib
+import runpy
 import sys
-from collections.abc import Callable, Mapping, Sequence
+import types
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from absl import app, flags, logging
-from PIL import Image, ImageDraw, ImageFont
 
 from psgn_jax import tasks
 from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
-from psgn_jax.config import Config, ConfigError, UserError, check_paths, parse
+from psgn_jax.config import Config, ConfigError, UserError, check_paths, parse, to_dict
 from psgn_jax.data import loader
-from psgn_jax.default_data import default_dataset
+from psgn_jax.default_data import default_dataset, with_default_data
+from psgn_jax.experiments import figures
 from psgn_jax.files import write_atomic
 from psgn_jax.metrics.evaluation import Evaluation
+from psgn_jax.metrics.table import Lines, aligned, markdown
 from psgn_jax.training import loop as train_lib
-from psgn_jax.training.run_folder import open_run
+from psgn_jax.training.log import read_metrics
+from psgn_jax.training.run_folder import load_config, open_run
 
 USUAL_DATA = "records/authors"
-"""Where README.md puts the authors' records; taken where no data are named."""
+"""Where README.md puts the authors' records; used if no data are named and this folder exists."""
 
-HEAD_HEIGHT = 24
-"""Pixels above a picture for the titles of its columns."""
+_PACKAGE = pathlib.Path(__file__).resolve().parents[1]
 
 
-# --- Data and recipes -------------------------------------------------------------------------
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """An experiment.
+
+    Attributes:
+      name: of the files.
+      configs: from the options to (folder, configuration) of each training, in order. It is
+        iterated while the trainings run: a later configuration may depend on an earlier run.
+      measure: from the options to the numbers, a document for JSON, and what else the figures need.
+      table: from the numbers to the tables.
+      figure: from the numbers and that rest to file names without ".png" and figures.
+      options: names and default values of the flags beside `--workdir`.
+      note: units and definitions, written below the tables.
+    """
+
+    name: str
+    configs: Callable[[Any], Iterable[tuple[str, Config]]]
+    measure: Callable[[Any], tuple[dict[str, Any], Any]]
+    table: Callable[[Mapping[str, Any]], Sequence[Lines]]
+    figure: Callable[[Mapping[str, Any], Any], Mapping[str, figures.Figure]]
+    options: Mapping[str, Any] = dataclasses.field(
+        default_factory=lambda: {"data": None, "full": False, "steps": 0, "cases": 6}
+    )
+    note: str = ""
+
+    def run(self, workdir: str | pathlib.Path, **values: Any) -> str:
+        """Trains, measures and writes the results; returns the tables as text.
+
+        Args:
+          workdir: folder of the runs and the results.
+          **values: of the options; the others take their defaults.
+
+        Raises:
+          ConfigError: an option, the data or a run in `workdir` does not fit.
+          UserError: a signal ended a training; the same call continues.
+        """
+        figures.check_installed()
+        given = {**self.options, **values}
+        if unknown := given.keys() - self.options.keys():
+            raise TypeError(f"{sorted(unknown)}: expected options among {sorted(self.options)}")
+        options = types.SimpleNamespace(workdir=pathlib.Path(workdir), **given)
+        for name, config in self.configs(options):
+            _train(name, config, options.workdir / name)
+        numbers, rest = self.measure(options)
+        tables, note = self.table(numbers), self.text_below(numbers)
+        text = "\n".join([*map(aligned, tables), note])
+        folder = options.workdir
+        write_atomic(folder / f"{self.name}.txt", text)
+        write_atomic(folder / f"{self.name}.md", "\n".join([*map(markdown, tables), note]))
+        document = finite({"options": given, **numbers})
+        text_of_json = json.dumps(document, indent=2, allow_nan=False, default=str) + "\n"
+        write_atomic(folder / f"{self.name}.json", text_of_json)
+        for name, picture in self.figure(numbers, rest).items():
+            write_atomic(folder / f"{name}.png", figures.png(picture))
+        logging.info("results in %s", folder)
+        return text
+
+    def text_below(self, numbers: Mapping[str, Any]) -> str:
+        """What was measured on how many samples, and the study's note."""
+        parts = [self.note] if self.note else []
+        if "samples" in numbers:
+            counts = [f"{numbers['samples']} samples of {numbers['split']!r}"]
+            if numbers.get("num_pred_points"):
+                counts.append(f"{numbers['num_pred_points']} predicted points")
+                counts.append(f"{numbers['num_gt_points']} true points")
+            counts += [f"{name}: {n:,} steps" for name, n in numbers.get("steps", {}).items()]
+            parts.insert(0, ", ".join(counts) + ".")
+        return "\n".join(parts) + "\n"
+
+    def main(self) -> None:
+        """The command of the study: defines the flags, parses them, runs, prints the tables."""
+
+        def command(argv: Sequence[str]) -> None:
+            log_to_terminal()
+            with exit_on_user_error():
+                if len(argv) > 1:
+                    raise ConfigError(f"unexpected argument {argv[1]!r}; expected flags alone")
+                keep_compiled()
+                values = {name: flags.FLAGS[name].value for name in ("workdir", *self.options)}
+                text = self.run(**values)
+            sys.stdout.write(text)
+
+        _define_flags([name for name in ("workdir", *self.options) if name not in flags.FLAGS])
+        app.run(command, flags_parser=parse_flags)
+
+
+def _define_flags(names: Sequence[str]) -> None:
+    if "workdir" in names:
+        flags.DEFINE_string("workdir", None, "Folder of the runs and the results.", required=True)
+    if "data" in names:
+        text = f"Folder of records; default: {USUAL_DATA}, or the default data set."
+        flags.DEFINE_string("data", None, text)
+    if "full" in names:
+        flags.DEFINE_bool("full", False, "Full-size images and networks: for a GPU.")
+    if "steps" in names:
+        flags.DEFINE_integer("steps", 0, "Steps of each training; 0 = the recipe's.", lower_bound=0)
+    if "cases" in names:
+        flags.DEFINE_integer("cases", 6, "Samples in the figure.", lower_bound=1)
+
+
+def _train(name: str, config: Config, folder: pathlib.Path) -> None:
+    logging.info("%s: %d steps in %s", name, config.train.steps, folder)
+    outcome = train_lib.train(config, folder)
+    if outcome.stopped_by:
+        stopped = UserError("stopped by a signal; the same command continues")
+        stopped.exit_code = 128 + outcome.stopped_by
+        raise stopped
+
+
+# --- Data and configurations ------------------------------------------------------------------
 
 
 def find_data(named: str | None) -> str:
-    """Folder of the records to train on: named, the usual one, or the default data set.
+    """Folder of the records to train on: `named`, `USUAL_DATA`, or the default data set.
 
     Raises:
-      ConfigError: a folder was named that is not there.
+      ConfigError: `named` does not exist.
     """
     if named:
         check_paths(parse({"data": {"path": named}}))
         return named
     if named is None and pathlib.Path(USUAL_DATA).is_dir():
         return USUAL_DATA
-    logging.info("no --data named and none in %s: training on the default data set", USUAL_DATA)
+    logging.info("no --data and no %s: training on the default data set", USUAL_DATA)
     return default_dataset()
 
 
 def recipe(
-    path: str, *, full: bool, steps: int, changes: Mapping[str, Mapping[str, Any]] | None = None
+    path: str,
+    *,
+    full: bool,
+    steps: int = 0,
+    usual_steps: int = 0,
+    changes: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Config:
-    """That of `configs/authors_small.py`, or, `full`, of `configs/authors.py`, made as long.
+    """The configuration of `configs/authors_small.py`, or `configs/authors.py`, shortened.
 
     Args:
-      path: folder of records, "" = the default data set.
-      full: full-size images, the published network's widths, steps of 32 samples.
-      steps: of the training.
-      changes: section -> field -> value, in place of the recipe's.
+      path: folder of records.
+      full: take `configs/authors.py`: full-size images and network, 20,000 steps of 32 samples.
+      steps: of the training; 0 = those of the file, or `usual_steps`.
+      usual_steps: unless `full`, instead of those of the file; 0 = those of the file.
+      changes: section -> field -> value.
     """
-    data: dict[str, Any] = {"path": path, "flip": True}
-    optim = {"schedule": "cosine", "final_fraction": 0.01, "clip_norm": 1.0}
-    tree: dict[str, dict[str, Any]]
-    if full:
-        tree = {
-            "data": {**data, "stretch": 0.15},
-            "optim": {**optim, "learning_rate": 3e-4, "warmup_steps": 500, "ema_decay": 0.999},
-            "train": {"batch_size": 32, "log_every": 50, "images_every": 2_000},
-        }
-    else:
-        augmentation = {"stretch": 0.2, "zoom": 0.05, "shift": 0.04, "colour_jitter": 0.2}
-        tree = {
-            "data": {**data, **augmentation, "image_size": (96, 128), "num_points": 2048},
-            "model": {
-                "widths": (8, 16, 32, 64, 128, 256),
-                "deconv_level": 2,
-                "fc_widths": (768, 512),
-            },
-            "optim": {**optim, "learning_rate": 1e-3, "warmup_steps": 200, "ema_decay": 0.998},
-            "train": {"batch_size": 16, "log_every": 50, "images_every": 0},
-        }
+    shipped = _PACKAGE / "configs"  # in a wheel
+    folder = shipped if shipped.is_dir() else _PACKAGE.parent / "configs"
+    file = folder / ("authors.py" if full else "authors_small.py")
+    tree = runpy.run_path(str(file))["get_config"]().to_dict()
+    steps = steps or (0 if full else usual_steps) or tree["train"]["steps"]
+    tree["data"]["path"] = path
     tree["optim"]["warmup_steps"] = min(tree["optim"]["warmup_steps"], steps // 4)
-    often = 500 if full else 200
-    tree["train"] |= {
-        "steps": steps,
-        "eval_every": math.ceil(steps / 3),
-        "checkpoint_every": often,
-    }
+    tree["train"] |= {"steps": steps, "eval_every": math.ceil(steps / 3)}
+    if not full:
+        tree["train"] |= {"checkpoint_every": 200, "images_every": 0}
     for section, fields in (changes or {}).items():
-        tree.setdefault(section, {}).update(fields)
+        tree[section].update(fields)
     return parse(tree)
 
 
 def check_data(config: Config) -> None:
-    """Raises `ConfigError` if the data cannot serve a configuration, before any training."""
+    """Raises `ConfigError` if a configuration cannot be trained on its data."""
     try:
-        for split in (config.data.train_split, config.data.eval_split):
-            loader.eval_batches(config.data, split=split, batch_size=1).close()
+        loader.train_batches(config.data, batch_size=1, seed=0, start_step=0).close()
+        loader.eval_batches(config.data, split=config.data.eval_split, batch_size=1).close()
     except (ValueError, OSError) as error:
         raise ConfigError(f"--data={config.data.path!r}: {error}") from error
 
 
-# --- Trainings and measures -------------------------------------------------------------------
+def finished_run(
+    folder: str | pathlib.Path, data: str | None = None, *, like: Config | None = None
+) -> Config:
+    """The configuration with which a finished run is measured.
 
-
-def train_each(
-    configs: Mapping[str, Config],
-    workdir: pathlib.Path,
-    titles: Mapping[str, str] | None = None,
-) -> None:
-    """Trains one network after the other in `workdir/NAME`, or goes on where that was.
+    Args:
+      folder: of the run.
+      data: records in place of its own.
+      like: a configuration whose data and measures are taken over.
 
     Raises:
-      ConfigError: as `training.loop.train`.
-      UserError: a signal ended a training; the same call goes on.
+      ConfigError: there is no run, or its data do not exist.
     """
-    for name, config in configs.items():
-        title = (titles or {}).get(name, name)
-        logging.info("%s: %d steps in %s", title, config.train.steps, workdir / name)
-        outcome = train_lib.train(config, workdir / name)
-        if outcome.stopped_by:
-            stopped = UserError("stopped by a signal; the same command goes on")
-            stopped.exit_code = 128 + outcome.stopped_by
-            raise stopped
+    tree = to_dict(load_config(folder))
+    if like:
+        other = to_dict(like)
+        fields = ("path", "eval_path", "eval_split", "num_eval_points")
+        tree["data"] |= {field: other["data"][field] for field in fields}
+        tree["eval"] = other["eval"]
+    elif data is not None:
+        tree["data"] |= {"path": data, "eval_path": ""}
+    config = parse(tree)
+    check_paths(config)
+    return with_default_data(config)
+
+
+# --- Measures ---------------------------------------------------------------------------------
+
+Sample = Mapping[str, np.ndarray]
+"""Arrays of one sample, among them its prediction `pred`."""
 
 
 class Measured(NamedTuple):
-    """One network on the split: metrics of every sample, and some samples with predictions."""
+    """One run on a split: metrics of every sample, and some samples with predictions."""
 
+    config: Config
     evaluation: Evaluation
-    cases: dict[int, dict[str, np.ndarray]]
+    cases: dict[int, Sample]
 
 
 CASE = ("image", "points", "intrinsics", "extrinsics")
-"""What is kept of a sample, beside `pred`, unless more is asked for."""
+"""What is kept of a sample, beside `pred`, unless other keys are given."""
 
 
 def measure(
-    config: Config,
-    workdir: pathlib.Path,
-    num_cases: int,
+    folder: pathlib.Path,
     *,
+    config: Config | None = None,
+    split: str = "",
     keys: Sequence[str] = CASE,
-    check: Callable[[Mapping[str, Any]], None] | None = None,
-    on_sample: Callable[[int, dict[str, np.ndarray]], None] | None = None,
+    num_cases: int = 0,
+    on_sample: Callable[[int, Sample], None] | None = None,
 ) -> Measured:
-    """Measures the last checkpoint of a run on its evaluation split.
+    """Measures the last checkpoint of a run.
 
     Args:
-      config: of the run.
-      workdir: of the run.
-      num_cases: so many samples at even distances are kept with their predictions.
-      keys: what is kept of them, where a batch has it.
-      check: called with each batch; raises if the data lack something.
+      folder: of the run.
+      config: in place of the run's own, see `finished_run`.
+      split: default the run's evaluation split.
+      keys: what is kept of a sample, where a batch has it.
+      num_cases: number of samples at even distances that are kept.
       on_sample: called with the number of each sample, and `keys` and `pred` of it.
     """
-    run = open_run(workdir, "last")
-    logging.info("measuring %s, step %d", workdir, run.step)
-    total = loader.num_samples(config.data, config.data.eval_split, evaluation=True)
+    run = open_run(folder, "last")
+    config = config or run.config
+    split = split or config.data.eval_split
+    logging.info("measuring %s, step %d, on %r", folder, run.step, split)
+    total = loader.num_samples(config.data, split, evaluation=True) if num_cases else 0
     wanted = {int(i) for i in np.linspace(0, total - 1, min(num_cases, total))}
-    cases: dict[int, dict[str, np.ndarray]] = {}
+    cases: dict[int, Sample] = {}
 
-    def keep(index: int, batch: Any, points: np.ndarray) -> None:
-        if check:
-            check(batch)
+    def keep(index: int, batch: Any, predictions: np.ndarray) -> None:
         for row in np.flatnonzero(batch["valid"]).tolist():
             number = index * config.eval.batch_size + row
             if number not in wanted and on_sample is None:
                 continue
-            case = {k: np.asarray(batch[k][row]) for k in keys if k in batch}
-            case["pred"] = points[row]
+            # Not views, which would keep their whole batches.
+            case = {key: np.array(batch[key][row]) for key in keys if key in batch}
+            case["pred"] = np.array(predictions[row])
             if on_sample:
                 on_sample(number, case)
             if number in wanted:
-                # Not views, which would keep their whole batches.
-                cases[number] = {k: v.copy() for k, v in case.items()}
+                cases[number] = case
 
-    return Measured(tasks.create(config, workdir).evaluate(run.params, on_batch=keep), cases)
+    task = tasks.create(config, folder)
+    found = task.evaluate(run.params, split=split, on_batch=keep, chosen=run.scores)
+    return Measured(config, found, cases)
 
 
-# --- Comparisons ------------------------------------------------------------------------------
+def about(run: Measured, **steps: int) -> dict[str, Any]:
+    """What the numbers of a study are about, for its document.
+
+    Args:
+      run: one of the runs; the others have the same samples.
+      **steps: of each training.
+    """
+    config, evaluation = run.config, run.evaluation
+    return {
+        "data": config.data.eval_path or config.data.path or "default",
+        "steps": steps,
+        "split": evaluation.split,
+        "samples": len(evaluation.names),
+        "num_pred_points": evaluation.num_points[0],
+        "num_gt_points": evaluation.num_points[1],
+        "fscore_threshold": evaluation.threshold,
+        "visible_tolerance": evaluation.visible_tolerance,
+    }
+
+
+def mean_and_error(values: np.ndarray) -> tuple[float, float]:
+    """Mean of the values that are not NaN and its standard error; NaN if there are too few."""
+    values = values[~np.isnan(values)]
+    return (float(values.mean()) if len(values) else math.nan), _error(values)
+
+
+def _error(values: np.ndarray) -> float:
+    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else math.nan
 
 
 class Difference(NamedTuple):
-    """One network's metric minus another's, sample by sample, over the samples that both count.
+    """A metric of one network minus that of another, over the samples that have it.
 
     Attributes:
       mean, error: of the difference, and the mean's standard error over samples.
-      better: share of the samples on which the one is the better one.
+      better: share of the samples on which the first network is better.
     """
 
     mean: float
@@ -198,31 +340,24 @@ class Difference(NamedTuple):
     better: float
 
 
-def mean_and_error(values: np.ndarray) -> tuple[float, float]:
-    """Mean and its standard error, of the values that are not NaN; NaN where there are too few."""
-    values = values[~np.isnan(values)]
-    if not len(values):
-        return math.nan, math.nan
-    error = float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else math.nan
-    return float(np.mean(values)), error
+def difference(metric: str, values: np.ndarray, others: np.ndarray) -> Difference:
+    """`values - others` of the same samples, in order; NaN if no sample has both.
 
-
-def difference(values: np.ndarray, others: np.ndarray, *, more: bool = False) -> Difference:
-    """`values - others`, paired; NaN where no sample has both.
-
-    Args:
-      values: of one network, a number per sample.
-      others: of the network that it is compared with, on the same samples.
-      more: whether the larger one is the better one.
+    F-score and recall are better if they are larger, all other metrics if they are smaller.
     """
-    # Points of one class may be missing from a sample; then they are for both networks.
-    kept = ~(np.isnan(values) & np.isnan(others))
-    change = (values - others)[kept]
+    # A sample may have no points of a class; then the metric is NaN for both networks.
+    change = (values - others)[~(np.isnan(values) & np.isnan(others))]
     if not len(change):
         return Difference(math.nan, math.nan, math.nan)
-    error = float(np.std(change, ddof=1) / np.sqrt(len(change))) if len(change) > 1 else math.nan
-    better = float(np.mean(change > 0 if more else change < 0))
-    return Difference(float(np.mean(change)), error, better)
+    larger = metric.startswith(("fscore", "recall"))
+    better = float(np.mean(change > 0 if larger else change < 0))
+    return Difference(float(np.mean(change)), _error(change), better)
+
+
+def differences(metrics: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, Any]:
+    """Of two runs, by name: the `difference` of the second and the first in each metric."""
+    first, second = metrics.values()
+    return {key: difference(key, second[key], first[key])._asdict() for key in first}
 
 
 def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -232,90 +367,76 @@ def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.maximum(products, 0)
 
 
-# --- Tables and files -------------------------------------------------------------------------
+def cost(folder: pathlib.Path) -> tuple[float, float]:
+    """Seconds of a run's steps by its log: median of one, sum of all; NaN if the log is too short.
+
+    Without compilation (but that of later steps of 3D-R2N2), evaluations and checkpoints.
+    """
+    batch_size = load_config(folder).train.batch_size
+    last, steps, seconds = 0, [], []
+    for line in read_metrics(folder / "metrics.jsonl"):
+        if line["kind"] == "train":
+            if rate := line.get("samples_per_second"):
+                steps.append(line["step"] - last)
+                seconds.append(batch_size / rate)
+            last = line["step"]
+    if not steps:
+        return math.nan, math.nan
+    return float(np.median(seconds)), float(np.dot(steps, seconds))
 
 
-def text_table(lines: Sequence[Sequence[str]]) -> str:
-    """Head and rows as text in columns, the first one flush left."""
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    text = [
-        "  ".join(
-            [line[0].ljust(widths[0])]
-            + [cell.rjust(w) for cell, w in zip(line[1:], widths[1:], strict=True)]
-        )
-        for line in lines
-    ]
-    return "\n".join([text[0], "-" * len(text[0]), *text[1:]]) + "\n"
+def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:
+    """`function` of arrays, `size` rows at a time, padded to one shape; trees of numpy arrays."""
+    parts = []
+    for start in range(0, len(arrays[0]), size):
+        rows = np.minimum(np.arange(start, start + size), len(arrays[0]) - 1)
+        keep = min(size, len(arrays[0]) - start)
+        found = function(*(array[rows] for array in arrays))
+        parts.append(jax.tree.map(lambda leaf, n=keep: np.asarray(leaf)[:n], found))
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
-def markdown_table(lines: Sequence[Sequence[str]]) -> str:
-    """Head and rows as a table for a README."""
-    head, *rows = lines
-    ruled = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in ruled) + "\n"
+# --- Tables -----------------------------------------------------------------------------------
 
 
-def finite(values: Mapping[str, float]) -> dict[str, float | None]:
-    """For JSON, which has no NaN: null for what is not finite."""
-    return {k: v if math.isfinite(v) else None for k, v in values.items()}
+def number(title: str, value: float, *, sign: bool = False) -> str:
+    """A cell: two digits and a factor of 100 where the title says "[%]", otherwise five digits."""
+    percent, plus = title.endswith("[%]"), "+" if sign else ""
+    return f"{100 * value:{plus}.2f}" if percent else f"{value:{plus}.5f}"
 
 
-def write_results(
-    workdir: pathlib.Path,
-    name: str,
-    *,
-    text: str,
-    markdown: str,
-    document: Mapping[str, Any],
-    picture: Image.Image,
-) -> None:
-    """Writes `NAME.txt`, `.md`, `.json` and `.png`."""
-    write_atomic(workdir / f"{name}.txt", text)
-    write_atomic(workdir / f"{name}.md", markdown)
-    write_atomic(workdir / f"{name}.json", json.dumps(document, indent=2, allow_nan=False))
-    picture.save(workdir / f"{name}.png")
-    logging.info("results in %s", workdir)
+def change(title: str, entry: Mapping[str, float]) -> tuple[str, str]:
+    """Two cells of a `difference`: mean with standard error, and share of better samples."""
+    mean = number(title, entry["mean"], sign=True)
+    return f"{mean} +- {number(title, entry['error'])}", f"{100 * entry['better']:.0f} %"
 
 
-def with_titles(strips: Sequence[np.ndarray], titles: Sequence[str]) -> Image.Image:
-    """Strips of as many equal panels as there are titles, one below the other, under the titles."""
-    font = ImageFont.load_default(size=15)
-    head = np.full((HEAD_HEIGHT, strips[0].shape[1], 3), 255, np.uint8)
-    sheet = Image.fromarray(np.concatenate([head, *strips]))
-    pen, width = ImageDraw.Draw(sheet), strips[0].shape[1] // len(titles)
-    for column, title in enumerate(titles):
-        pen.text((column * width + 6, 4), title, fill="black", font=font)
-    return sheet
-
-
-# --- The command ------------------------------------------------------------------------------
-
-
-def define_flags(*, cases: int = 0) -> None:
-    """Defines `--data`, `--full`, `--steps` and, with a default over 0, `--cases`."""
-    flags.DEFINE_string(
-        "data", None, f"Folder of records; default: {USUAL_DATA}, or the default data set."
-    )
-    flags.DEFINE_bool("full", False, "Full-size images and network, 20,000 steps: for a GPU.")
-    flags.DEFINE_integer("steps", 0, "Steps of each training; 0 = the recipe's.", lower_bound=0)
-    if cases:
-        flags.DEFINE_integer("cases", cases, "Samples in the picture.", lower_bound=1)
-
-
-def main(study: Callable[[Any], str]) -> None:
-    """Runs a study as a command: parses the flags, prints its table, tells a user's mistake.
+def table_of_two(
+    means: Mapping[str, Mapping[str, float]],
+    changes: Mapping[str, Mapping[str, float]],
+    titles: Mapping[str, str],
+    metrics: Mapping[str, str],
+) -> Lines:
+    """A row for each metric: both networks, their difference and on how many it is better.
 
     Args:
-      study: takes the values of the flags and returns the table.
+      means: run -> metric -> mean.
+      changes: metric -> fields of a `Difference`, second run minus first.
+      titles: of the two runs.
+      metrics: metric -> title of its row; those that were not measured are left out.
     """
+    lines = [["", *titles.values(), "difference", f"{list(titles.values())[1]} better on"]]
+    for metric, title in metrics.items():
+        if metric in changes:
+            cells = [number(title, means[run][metric]) for run in titles]
+            lines.append([title, *cells, *change(title, changes[metric])])
+    return lines
 
-    def command(argv: Sequence[str]) -> None:
-        log_to_terminal()
-        with exit_on_user_error():
-            if len(argv) > 1:
-                raise ConfigError(f"unexpected argument {argv[1]!r}")
-            keep_compiled()
-            text = study(flags.FLAGS)
-        sys.stdout.write(text)
 
-    app.run(command, flags_parser=parse_flags)
+def finite(value: Any) -> Any:
+    """A document for JSON, which has no NaN: null for numbers that are not finite."""
+    if isinstance(value, Mapping):
+        return {key: finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

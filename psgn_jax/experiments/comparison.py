@@ -1,32 +1,32 @@
-"""Beside 3D-R2N2: `python -m psgn_jax.experiments.comparison --workdir DIR`.
+"""Volumes, beside 3D-R2N2: `python -m psgn_jax.experiments.comparison --workdir DIR`.
 
 Trains on the same records, with the same images:
 
 - the point networks `cd` and `emd`, the network of the object's `volume`, and the voxel head in
   four versions: on the CD-trained cloud alone, with the predicted volume, on both clouds, with all;
-- 3D-R2N2 (`r2n2`) on one to five views, for as many seconds as all that the last of these heads
-  needs: its number of steps is what fits, by a few timed ones, into the seconds that the trainer
-  measured for the others (without compiling and evaluating). It is decided once and stored in
+- 3D-R2N2 (`r2n2`) on one to five views, for as many seconds as all networks that the last of these
+  heads needs. Its number of steps is calculated from a few timed ones and the seconds that the
+  trainer measured for the others (without compilation and evaluations), and stored in
   `budget.json`.
 
-Then measures on the test split (the evaluation split where there is none), per category:
+Then measures on the test split (the evaluation split if there is none), per category:
 
 - IoU of 32^3 solid volumes: the head's, and 3D-R2N2's with 1, 3 and 5 views. Thresholds were chosen
   on the evaluation split;
 - CD and EMD of 1,024 points by the paper's protocol: predicted and true volumes of 3D-R2N2 are
-  turned into clouds by farthest point sampling. Here from 4,096 points drawn on the surface of the
-  occupied cells (**ours**: the paper does not say where in a volume, and a network of surfaces is
-  to be compared); the truth of both systems is the cloud of the true volume. Beside it
-  stands the same against the records' own surface points (**ours**);
+  converted to clouds by farthest point sampling, here from 4,096 points on the surface of the
+  occupied cells (**ours**: the paper does not say from where in a volume, and the other network
+  predicts surfaces). The truth of both systems is the cloud of the true volume. The same against
+  the records' own surface points (**ours**);
 - recall of thin parts (**ours**): the share of true cells that belong to no 2x2x2 block of occupied
   ones and that a predicted volume has.
 
-CD is the sum of both directions' mean squared distances. Units: 1/10 of the edge of the grid, which
-is 2 here, as in the paper, and beside it the project's, the radius of the bounding hemisphere.
+`volumes` has the measures. CD is the sum of both directions' mean squared distances. Units: 1/10 of
+the edge of the grid, which is 2 here, as in the paper, and the project's, the radius of the
+bounding hemisphere.
 
-Every training is an ordinary run in a folder of `DIR`: stopped and started again, the same command
-goes on. Files: `comparison.txt` and `.json`, `comparison.png` (bars), `cases.png` (side by side,
-the test model of each category with the most thin cells, not chosen by result).
+`comparison.png` has bars; `cases.png` shows, of each category, the test model with the most thin
+cells, not chosen by result.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Comparison to state-of-the-art", table and figures;
 Choy et al., "3D-R2N2", ECCV 2016. Networks are smaller by default, and the data others than theirs.
@@ -35,46 +35,36 @@ Choy et al., "3D-R2N2", ECCV 2016. Networks are smaller by default, and the data
 import json
 import pathlib
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from absl import flags, logging
-from PIL import Image, ImageDraw, ImageFont
 
 from psgn_jax import tasks
 from psgn_jax.config import Config, ConfigError, check_paths, parse
-from psgn_jax.data import loader
 from psgn_jax.data.manifest import load_manifest
-from psgn_jax.data.sources import shapenet
-from psgn_jax.experiments import common
-from psgn_jax.files import cache_folder, finite_or_none, write_atomic
-from psgn_jax.losses.distances import map_pairs
-from psgn_jax.losses.farthest_points import farthest_points
+from psgn_jax.experiments import common, figures
+from psgn_jax.experiments.volumes import (
+    GAINS,
+    HEADS,
+    NUM_POINTS,
+    OURS,
+    PEER,
+    POINTS,
+    VIEWS,
+    compare,
+)
+from psgn_jax.files import cache_folder, write_atomic
 from psgn_jax.metrics import clouds as metrics_lib
-from psgn_jax.metrics.evaluation import Evaluation
+from psgn_jax.metrics.table import Lines
 from psgn_jax.models.voxel_refiner import GRID_EDGE, GRID_ORIGIN
 from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
-from psgn_jax.training.log import read_metrics
-from psgn_jax.training.run_folder import load_config, open_run
-from psgn_jax.viewing.clouds import render_cloud, turned
+from psgn_jax.training.run_folder import load_config
+from psgn_jax.viewing import spheres
 
-POINTS = ("cd", "emd")
-HEADS: Mapping[str, tuple[str, ...]] = {
-    "head_cd": ("cd",),
-    "head_cd_volume": ("cd", "volume"),
-    "head_cd_emd": ("cd", "emd"),
-    "head_cd_emd_volume": ("cd", "emd", "volume"),
-}
-"""Folder of a voxel head -> the runs that it reads."""
-
-OURS = "head_cd_emd_volume"
-"""The paper's best one, which is compared."""
-
-PEER = "r2n2"
-VIEWS = (1, 3, 5)
 PAPER: Mapping[str, tuple[float, float, float, float]] = {
     "plane": (0.601, 0.513, 0.549, 0.561),
     "bench": (0.550, 0.421, 0.502, 0.527),
@@ -91,17 +81,10 @@ PAPER: Mapping[str, tuple[float, float, float, float]] = {
     "watercraft": (0.611, 0.513, 0.596, 0.610),
     "mean": (0.640, 0.560, 0.617, 0.631),
 }
-"""The paper's table of IoU: theirs, and 3D-R2N2 with 1, 3 and 5 views, on ShapeNet renderings."""
+"""The paper's table of IoU: its own, and 3D-R2N2 with 1, 3 and 5 views, on ShapeNet renderings."""
 
 _TRUTHS = {"": "CD, EMD to the true volume", "_surface": "CD, EMD to the true surface"}
 """Part of a metric's name -> what it is measured against."""
-
-NUM_POINTS = 1024
-CANDIDATES = 4096
-"""Points on a volume's surface of which the farthest are taken."""
-
-_CASES = ("chair", "table", "bench", "lamp", "plane", "firearm")
-_BLUE, _ORANGE, _GREY = (40, 95, 190), (225, 120, 30), np.array([110, 110, 110])
 
 
 class Size(NamedTuple):
@@ -223,22 +206,6 @@ def configuration(
     return parse(tree)
 
 
-def seconds(workdir: pathlib.Path) -> float:
-    """What the steps of a run took, by the trainer's clock: no compiling, no evaluations.
-
-    But for 3D-R2N2, whose step is compiled once more for each further number of views.
-    """
-    batch = load_config(workdir).train.batch_size
-    total, before = 0.0, 0
-    for entry in read_metrics(workdir / "metrics.jsonl"):
-        if entry["kind"] != "train":
-            continue
-        if "samples_per_second" in entry:
-            total += (entry["step"] - before) * batch / entry["samples_per_second"]
-        before = entry["step"]
-    return total
-
-
 def step_seconds(config: Config, workdir: pathlib.Path) -> float:
     """Seconds of a step of 3D-R2N2, a mean over the numbers of views: linear in them."""
     task = tasks.create(config, workdir)
@@ -266,11 +233,11 @@ def step_seconds(config: Config, workdir: pathlib.Path) -> float:
 
 
 def budget(config: Config, workdir: pathlib.Path, names: Sequence[str], steps: int) -> int:
-    """Steps of 3D-R2N2: `steps`, or as many as fit into what the other runs took; stored."""
+    """Steps of 3D-R2N2: `steps`, or as many as fit into the time of other runs; stored."""
     path = workdir / "budget.json"
     if path.exists():
         return int(json.loads(path.read_text())["steps"])
-    allowed = sum(seconds(workdir / name) for name in names)
+    allowed = float(np.nansum([common.cost(workdir / name)[1] for name in names]))
     document: dict[str, Any] = {"seconds": allowed, "of": list(names)}
     if not steps:
         document["step_seconds"] = step_seconds(config, workdir / PEER)
@@ -279,407 +246,141 @@ def budget(config: Config, workdir: pathlib.Path, names: Sequence[str], steps: i
     return steps
 
 
-# --- Measuring ----------------------------------------------------------------------------------
+def configs(options: Any) -> Iterator[tuple[str, Config]]:
+    """All trainings; the last one is as long as the others took.
+
+    Raises:
+      ConfigError: the data do not exist or lack volumes or views.
+    """
+    size, folder = FULL if options.full else DEFAULT, options.workdir
+    path = build_data(size.models) if options.data is None else options.data
+    peer = configuration(PEER, path, folder, size, steps=options.peer_steps or 1)
+    check_paths(peer)
+    common.check_data(peer)  # what only the last training needs, before the others
+    for name in (*POINTS, "volume", *HEADS):
+        yield name, configuration(name, path, folder, size, scale=options.scale)
+    steps = budget(peer, folder, (*POINTS, "volume", OURS), options.peer_steps)
+    yield PEER, configuration(PEER, path, folder, size, steps=steps)
 
 
-def surface_of(volume: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """`CANDIDATES` points on the surface of the occupied cells, float32 [n, 3], in the frame."""
-    solid = shapenet.Solid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
-    return shapenet.surface_points(solid, CANDIDATES, rng).astype(np.float32)
+# --- Measures -----------------------------------------------------------------------------------
 
 
-def solid_at(probability: np.ndarray, threshold: float) -> np.ndarray:
-    """Cells at or above a threshold; the likeliest ones where there is none."""
-    volume = probability >= threshold
-    return volume if volume.any() else probability >= probability.max()
-
-
-def thin_cells(volume: np.ndarray) -> np.ndarray:
-    """Occupied cells that are in no 2x2x2 block of occupied ones, bool as `volume`."""
-    padded, n = np.pad(volume, 1), len(volume) + 1
-    ends = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
-    corners = [np.s_[i : i + n, j : j + n, k : k + n] for i, j, k in ends]
-    blocks = np.logical_and.reduce([padded[corner] for corner in corners])
-    covered = np.zeros_like(padded)
-    for corner in corners:
-        covered[corner] |= blocks
-    return volume & ~covered[1:-1, 1:-1, 1:-1]
-
-
-@jax.jit
-def _sampled(candidates: Any) -> Any:
-    return jax.lax.map(lambda c: farthest_points(c, NUM_POINTS), candidates, batch_size=2)
-
-
-@jax.jit
-def _distances(pred: Any, gt: Any) -> dict[str, Any]:
-    return map_pairs(lambda a, b: metrics_lib.evaluate_pair(a, b, emd_tolerance=0.01))(pred, gt)
-
-
-def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:
-    """`function` on rows of arrays, some at a time, padded to one shape; trees of numpy arrays."""
-    parts = []
-    for start in range(0, len(arrays[0]), size):
-        rows = np.minimum(np.arange(start, start + size), len(arrays[0]) - 1)
-        keep = min(size, len(arrays[0]) - start)
-        found = function(*(array[rows] for array in arrays))
-        parts.append(jax.tree.map(lambda leaf, n=keep: np.asarray(leaf)[:n], found))
-    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
-
-
-def clouds_of(volumes: Sequence[np.ndarray]) -> np.ndarray:
-    """Volumes to clouds [s, 1024, 3] by farthest point sampling of their surfaces."""
-    candidates = [surface_of(v, np.random.default_rng([0, i])) for i, v in enumerate(volumes)]
-    return np.asarray(in_parts(_sampled, np.stack(candidates)))
-
-
-class Run(NamedTuple):
-    """A run on the split: metrics of every sample, and predictions [s, ...]."""
-
-    evaluation: Evaluation
-    predictions: np.ndarray
-
-
-def measure(workdir: pathlib.Path, split: str, samples: dict[str, list[Any]] | None = None) -> Run:
-    """A run's last checkpoint on a split; `samples` takes what is known of its samples."""
-    run = open_run(workdir, "last")
-    kept: list[np.ndarray] = []
-    keys = ("image", "points", "occupancy", "intrinsics", "extrinsics")
-
-    def keep(_: int, batch: Any, predictions: np.ndarray) -> None:
-        rows = np.flatnonzero(batch["valid"])
-        kept.append(predictions[rows])
-        if samples is not None:
-            for key in keys:
-                samples.setdefault(key, []).extend(batch[key][rows])
-
-    logging.info("measuring %s, step %d, on %r", workdir, run.step, split)
-    task = tasks.create(run.config, workdir)
-    found = task.evaluate(run.params, split=split, on_batch=keep, chosen=run.scores)
-    return Run(found, np.concatenate(kept))
-
-
-def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Image]:
-    """All that is measured, as `comparison.json` holds it, and the side-by-side pictures."""
-    samples: dict[str, list[Any]] = {}
-    heads = {
-        name: measure(workdir / name, split, samples if name == OURS else None) for name in HEADS
+def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Numbers per category, and the samples of the figure."""
+    config = load_config(options.workdir / PEER)
+    splits = set().union(*(load_manifest(f).splits() for f in config.data.eval_folders))
+    split = "test" if "test" in splits else config.data.eval_split
+    if split == config.data.eval_split:
+        logging.warning("no test split: measuring on the split on which thresholds are chosen")
+    numbers, cases = compare(options.workdir, split)
+    spent = {
+        name: common.cost(options.workdir / name)[1] for name in (*POINTS, "volume", *HEADS, PEER)
     }
-    peer = measure(workdir / PEER, split)
-    points = {name: measure(workdir / name, split) for name in POINTS}
-    names = heads[OURS].evaluation.names
-    for run in (peer, *points.values()):
-        if run.evaluation.names != names:
-            raise ConfigError(f"the runs in {workdir} see different samples of {split!r}")
-
-    ours_at = heads[OURS].evaluation.chosen["threshold_of_iou"]
-    peer_at = peer.evaluation.chosen["threshold_of_iou_1_views"]
-    truth = samples["occupancy"]
-    ours_volumes = [solid_at(p, ours_at) for p in heads[OURS].predictions]
-    peer_volumes = [solid_at(p, peer_at) for p in peer.predictions]
-    truth_clouds, peer_clouds = clouds_of(truth), clouds_of(peer_volumes)
-    # At random: the order of a record's points follows their place.
-    chosen = [np.random.default_rng([1, i]).permutation(len(c)) for i, c in
-              enumerate(samples["points"])]  # fmt: skip
-    surfaces = np.stack(
-        [c[order[:NUM_POINTS]] for c, order in zip(samples["points"], chosen, strict=True)]
-    )
-
-    values: dict[str, np.ndarray] = {}
-    for label, gt in (("", truth_clouds), ("_surface", surfaces)):
-        for name, clouds in (
-            *((n, points[n].predictions[:, :NUM_POINTS]) for n in POINTS),
-            (PEER, peer_clouds),
-        ):
-            found = in_parts(_distances, clouds, gt)
-            values[f"cd_sq_radius2{label}:{name}"] = found["cd_sq_radius2"]
-            values[f"emd_radius{label}:{name}"] = found["emd_radius"]
-    for name, run in heads.items():
-        values[f"iou:{name}"] = run.evaluation.metrics["iou"]
-    for metric in ("iou_splat_cd", "iou_splat_emd"):
-        values[f"iou:{metric.removeprefix('iou_')}"] = heads[OURS].evaluation.metrics[metric]
-    for count in VIEWS:
-        values[f"iou:{PEER}_{count}"] = peer.evaluation.metrics[f"iou_{count}_views"]
-    thin = [thin_cells(volume) for volume in truth]
-    for name, volumes in ((OURS, ours_volumes), (PEER, peer_volumes)):
-        recall = [v[t].mean() if t.any() else np.nan for v, t in zip(volumes, thin, strict=True)]
-        values[f"thin_recall:{name}"] = np.array(recall)
-
-    categories = sorted({name.category or "(none)" for name in names})
-    of = np.array([name.category or "(none)" for name in names])
-    table = {
-        category: {key: _mean(key, v[of == category]) for key, v in values.items()}
-        for category in categories
-    }
-    mean = {key: _mean(key, np.array([row[key] for row in table.values()])) for key in values}
-    models = [name.model_id for name in names]
-
-    def gain(a: str, b: str) -> dict[str, float]:
-        return _gain(values[f"iou:{a}"], values[f"iou:{b}"], models)
-
-    document = {
-        "split": split,
-        "samples": {category: int((of == category).sum()) for category in categories},
-        "categories": table,
-        "mean": mean,
-        "seconds": {name: seconds(workdir / name) for name in (*POINTS, "volume", *HEADS, PEER)},
-        "thresholds": {OURS: ours_at, PEER: peer_at},
-        "gain_volume": gain("head_cd_emd_volume", "head_cd_emd"),
-        "gain_volume_one_cloud": gain("head_cd_volume", "head_cd"),
-        "gain_emd": gain("head_cd_emd", "head_cd"),
-        "gain_over_splat": gain("head_cd", "splat_cd"),
-    }
-    shown = list(dict.fromkeys(c for c in (*_CASES, *categories) if c in categories))
-    rows = [
-        max(np.flatnonzero(of == category).tolist(), key=lambda i: thin[i].sum())
-        for category in shown[: len(_CASES)]
-    ]
-    cases = [
-        {
-            **{key: samples[key][i] for key in ("image", "intrinsics", "extrinsics")},
-            "category": of[i],
-            "panels": [points["cd"].predictions[i], ours_volumes[i], peer_volumes[i], truth[i]],
-        }
-        for i in rows
-    ]
-    return document, side_by_side(cases)
+    others = {"data": config.data.path, "steps_of_3d_r2n2": config.train.steps, "seconds": spent}
+    return {**numbers, **others}, cases
 
 
-def _mean(key: str, values: np.ndarray) -> float:
-    """Of what there is: an object without thin parts has no part in their recall."""
-    if key.startswith("thin_recall"):
-        values = values[~np.isnan(values)]
-    return float(values.mean()) if len(values) else float("nan")
+# --- Tables and figures -------------------------------------------------------------------------
 
 
-def _gain(a: np.ndarray, b: np.ndarray, models: Sequence[str]) -> dict[str, float]:
-    """Mean of a - b over models, and its standard error: the views of one are not independent."""
-    _, of = np.unique(models, return_inverse=True)
-    change = np.bincount(of, a - b) / np.bincount(of)
-    mean, error = common.mean_and_error(change)
-    return {"mean": mean, "error": error}
-
-
-# --- Tables and pictures ------------------------------------------------------------------------
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """`common.text_table`, its last row set apart."""
-    lines = common.text_table(rows).splitlines()
-    return [*lines[:-1], lines[1], lines[-1]]
-
-
-def table(document: Mapping[str, Any]) -> str:
-    """Everything as text, IoU in the layout of the paper's table."""
-    rows = {**document["categories"], "mean": document["mean"]}
-    counts = {**document["samples"], "mean": sum(document["samples"].values())}
+def table(numbers: Mapping[str, Any]) -> list[Lines]:
+    """IoU in the layout of the paper's table, CD and EMD, thin parts, heads, their gains, times."""
+    rows = {**numbers["categories"], "mean": numbers["mean"]}
     peers = [f"iou:{PEER}_{count}" for count in VIEWS]
     head = ["IoU", "samples", "ours, 1 view", *(f"3D-R2N2, {count}" for count in VIEWS)]
     iou = [[*head, "paper*: ours", *(f"3D-R2N2*, {count}" for count in VIEWS)]]
-    for name, row in rows.items():
-        paper = [f"{v:.3f}" for v in PAPER.get(name, ())] or ["-"] * 4
-        own = [f"{row[key]:.3f}" for key in (f"iou:{OURS}", *peers)]
-        iou.append([name, str(counts[name]), *own, *paper])
-    wins = sum(row[f"iou:{OURS}"] > row[peers[0]] for row in document["categories"].values())
-
     unit2, unit = metrics_lib.sq_to_grid_units, metrics_lib.to_grid_units
     clouds = {}
     for label, title in _TRUTHS.items():
         head = [title, "CD ours [u^2]", "3D-R2N2 [u^2]", "CD ours [r^2]", "3D-R2N2 [r^2]"]
         clouds[label] = [[*head, "EMD ours [u]", "3D-R2N2 [u]", "EMD ours [r]", "3D-R2N2 [r]"]]
-        for name, row in rows.items():
+    thin = [["recall of thin parts", "ours", "3D-R2N2, 1"]]
+    for name, row in rows.items():
+        count = numbers["samples_of"].get(name, numbers["samples"])
+        own = (f"{row[key]:.3f}" for key in (f"iou:{OURS}", *peers))
+        paper = [f"{v:.3f}" for v in PAPER.get(name, ())] or ["-"] * 4
+        iou.append([name, str(count), *own, *paper])
+        for label, lines in clouds.items():
             cd = [row[f"cd_sq_radius2{label}:{n}"] for n in ("cd", PEER)]
             emd = [row[f"emd_radius{label}:{n}"] for n in ("emd", PEER)]
             cells = [*(f"{unit2(v):.3f}" for v in cd), *(f"{v:.5f}" for v in cd)]
-            cells += [*(f"{unit(v):.3f}" for v in emd), *(f"{v:.5f}" for v in emd)]
-            clouds[label].append([name, *cells])
-    thin = [["recall of thin parts", "ours", "3D-R2N2, 1"]]
-    for name, row in rows.items():
+            lines.append(
+                [name, *cells, *(f"{unit(v):.3f}" for v in emd), *(f"{v:.5f}" for v in emd)]
+            )
         thin.append([name, *(f"{row[f'thin_recall:{n}']:.3f}" for n in (OURS, PEER))])
-
-    mean = document["mean"]
-    heads = [["voxel head (mean over categories)", "IoU"]]
-    heads += [["plain splat, CD-trained", f"{mean['iou:splat_cd']:.3f}"]]
-    heads += [["plain splat, EMD-trained", f"{mean['iou:splat_emd']:.3f}"]]
-    heads += [[" + ".join(sources), f"{mean[f'iou:{n}']:.3f}"] for n, sources in HEADS.items()]
-    gains = {
-        "head over the plain splat of the same (CD) cloud": "gain_over_splat",
-        "second (EMD) cloud": "gain_emd",
-        "volume channel, one cloud": "gain_volume_one_cloud",
-        "volume channel, both clouds": "gain_volume",
-    }
-    took = document["seconds"]
-    spent = sum(took[name] for name in (*POINTS, "volume", OURS))
-    lines = [
-        *_aligned(iou),
-        f"Ours above 3D-R2N2 with one view in {wins} of {len(document['categories'])} categories.",
-        "* printed in the paper: other data (renderings of ShapeNet), networks and trainings.",
-        "",
-        *_aligned(clouds[""]),
-        "",
-        *_aligned(clouds["_surface"]),
-        "u = 1/10 of the grid's edge (the paper's unit; edge 2 r), r = radius of the bounding "
-        "hemisphere.",
-        "CD of the CD-trained network, EMD of the EMD-trained. True volume: 1,024 farthest points "
-        "of its surface, the paper's truth; what is inside a solid is not on it.",
-        "True surface: that of the model, as our networks were taught.",
-        "",
-        *_aligned(thin),
-        "",
-        *_aligned(heads),
-        *(
-            f"gain of the {what}: {document[key]['mean']:+.4f} +- {document[key]['error']:.4f}"
-            for what, key in gains.items()
-        ),
-        "Gains: mean over models, and its standard error (of these models, not of trainings).",
-        "",
-        f"Split {document['split']!r}; mean over categories. Thresholds, chosen on the evaluation "
-        f"split: {document['thresholds'][OURS]:g} (ours), "
-        f"{document['thresholds'][PEER]:g} (3D-R2N2). Trained for {spent:.0f} s (ours: "
-        + ", ".join(f"{name} {took[name]:.0f}" for name in (*POINTS, "volume", OURS))
-        + f") and {took[PEER]:.0f} s (3D-R2N2, compiling for two to five views included). One "
-        "training of each.",
-    ]
-    return "\n".join(lines) + "\n"
+    heads = [["mean over categories", "IoU"]]
+    for key in ("splat_cd", "splat_emd", *HEADS):
+        heads.append([key, f"{numbers['mean'][f'iou:{key}']:.3f}"])
+    gains = [["difference of IoU, mean over models", ""]]
+    for key, (a, b) in GAINS.items():
+        entry = numbers[key]
+        gains.append([f"{a} - {b}", f"{entry['mean']:+.4f} +- {entry['error']:.4f}"])
+    times = [["run", "seconds of steps"]]
+    times += [[name, f"{seconds:.0f}"] for name, seconds in numbers["seconds"].items()]
+    return [iou, *clouds.values(), thin, heads, gains, times]
 
 
-def bars(document: Mapping[str, Any]) -> Image.Image:
+def bars(numbers: Mapping[str, Any]) -> figures.Figure:
     """CD, EMD and 1 - IoU per category, ours beside 3D-R2N2 with one view; lower is better."""
-    rows = {**document["categories"], "mean": document["mean"]}
-    panels = [
+    rows = {**numbers["categories"], "mean": numbers["mean"]}
+    charts = []
+    for title, ours, peer, factor in (
         ("CD [(grid edge / 10)^2]", "cd_sq_radius2:cd", f"cd_sq_radius2:{PEER}", 25.0),
         ("EMD [grid edge / 10]", "emd_radius:emd", f"emd_radius:{PEER}", 5.0),
         ("1 - IoU", f"iou:{OURS}", f"iou:{PEER}_1", 0.0),
-    ]
-    step, height, left = 62, 170, 20
-    sheet = Image.new("RGB", (left + step * len(rows), (height + 70) * len(panels)), "white")
-    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=12)
-    for number, (title, ours, peer, factor) in enumerate(panels):
-        base = (height + 70) * number + height + 40
-        pairs = [
-            [row[key] * factor if factor else 1 - row[key] for key in (ours, peer)]
-            for row in rows.values()
-        ]
-        top = max(value for pair in pairs for value in pair if np.isfinite(value))
-        pen.text((left, base - height - 34), f"{title}: ours", fill=_BLUE, font=font)
-        pen.text((left + 260, base - height - 34), "3D-R2N2, 1 view", fill=_ORANGE, font=font)
-        for column, (name, pair) in enumerate(zip(rows, pairs, strict=True)):
-            x = left + step * column
-            for i, (value, colour) in enumerate(zip(pair, (_BLUE, _ORANGE), strict=True)):
-                length = height * value / max(top, 1e-9) if np.isfinite(value) else 0
-                low = x + 24 * i
-                pen.rectangle((low, base - length, low + 21, base), fill=colour)
-                pen.text((low, base - length - 14), f"{value:.2f}", fill="black", font=font)
-            pen.text((x, base + 4), name[:10], fill="black", font=font)
-    return sheet
+    ):
+        series = {
+            name: [row[key] * factor if factor else 1 - row[key] for row in rows.values()]
+            for name, key in (("ours", ours), ("3D-R2N2, 1 view", peer))
+        }
+        charts.append(figures.Bars(title, list(rows), series))
+    return figures.bars(charts, colours=figures.COLOURS[2:])
 
 
-def side_by_side(cases: Sequence[Mapping[str, Any]]) -> Image.Image:
-    """A row for each case: image; our cloud, our volume, 3D-R2N2's, the true one; then from a side.
+def panels(case: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Image; our cloud, our volume, 3D-R2N2's, the true one; then turned.
 
-    Volumes are drawn as points at the centres of the occupied cells.
+    Volumes are drawn as spheres at the centres of the occupied cells.
     """
-    titles = ["image", "our cloud", "our volume", "3D-R2N2, 1 view", "true volume"]
-    strips = []
-    for case in cases:
-        scale = max(1, round(192 / case["image"].shape[0]))
-        size = (case["image"].shape[0] * scale, case["image"].shape[1] * scale)
-        inner = np.diag([scale, scale, 1.0]) @ case["intrinsics"]
-        panels = [np.asarray(Image.fromarray(case["image"]).resize(size[::-1]))]
-        cloud, *volumes = case["panels"]
-        centres = [
-            (np.argwhere(v) + 0.5) * (GRID_EDGE / len(v)) + np.array(GRID_ORIGIN) for v in volumes
-        ]
-        for view in (case["extrinsics"], turned(case["extrinsics"], 90)):
-            panels.append(render_cloud(cloud, inner, view, size))
-            panels += [render_cloud(c, inner, view, size, radius=3) for c in centres]
-        strips.append(np.concatenate(panels, axis=1))
-    sheet = common.with_titles(strips, [*titles, *(f"{t}, side" for t in titles[1:])])
-    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=15)
-    for row, case in enumerate(cases):
-        pen.text(
-            (6, common.HEAD_HEIGHT + 4 + row * strips[0].shape[0]),
-            str(case["category"]),
-            "black",
-            font=font,
-        )
-    return sheet
+    painted = {"our cloud": case["cloud"]}
+    for title, key in (
+        ("our volume", OURS), ("3D-R2N2, 1 view", PEER), ("true volume", "truth")
+    ):  # fmt: skip
+        cell = GRID_EDGE / len(case[key])
+        painted[title] = (np.argwhere(case[key]) + 0.5) * cell + np.array(GRID_ORIGIN)
+    colours = {title: (c, spheres.colours_by_height(c)) for title, c in painted.items()}
+    radius = {title: cell / 2 for title in painted if title != "our cloud"}
+    return figures.clouds(case, colours, (0, 90), radius=radius)
 
 
-# --- The whole ----------------------------------------------------------------------------------
+def figure(numbers: Mapping[str, Any], cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Bars, and a row for each case."""
+    labels = [str(case["category"]) for case in cases]
+    grid = figures.grid([panels(case) for case in cases], labels=labels)
+    return {"comparison": bars(numbers), "cases": grid}
 
 
-def run(
-    workdir: str | pathlib.Path,
-    *,
-    data: str | None = None,
-    full: bool = False,
-    scale: float = 1.0,
-    peer_steps: int = 0,
-) -> str:
-    """The whole study; returns the tables.
-
-    Args:
-      workdir: gets the runs and the results.
-      data: records with volumes and five views of each model; None = rendered ones.
-      full: see `FULL`.
-      scale: of the numbers of steps.
-      peer_steps: of 3D-R2N2; 0 = the same seconds as ours.
-
-    Raises:
-      ConfigError: the data are not there or lack what is needed, or the folder holds other runs.
-      UserError: a signal ended a training; the same call goes on.
-    """
-    workdir, size = pathlib.Path(workdir), FULL if full else DEFAULT
-    path = build_data(size.models) if data is None else data
-    peer = configuration(PEER, path, workdir, size, steps=peer_steps or 1)
-    check_paths(peer)
-    # What only the last training needs is checked before the others.
-    try:
-        loader.train_batches(peer.data, batch_size=1, seed=0, start_step=0).close()
-        splits = set().union(*(load_manifest(f).splits() for f in peer.data.folders))
-    except (ValueError, OSError) as error:
-        raise ConfigError(f"--data={path!r}: {error}") from error
-    split = "test" if "test" in splits else peer.data.eval_split
-    if split == peer.data.eval_split:
-        logging.warning("no test split: measuring on the split on which thresholds are chosen")
-    names = (*POINTS, "volume", *HEADS)
-    ours = {name: configuration(name, path, workdir, size, scale=scale) for name in names}
-    common.train_each(ours, workdir)
-    steps = budget(peer, workdir, (*POINTS, "volume", OURS), peer_steps)
-    common.train_each({PEER: configuration(PEER, path, workdir, size, steps=steps)}, workdir)
-    document, cases = compare(workdir, split)
-    document |= {"data": path, "full": full, "steps_of_3d_r2n2": steps}
-    text = table(document)
-    write_atomic(workdir / "comparison.txt", text)
-    finite = {
-        **{k: finite_or_none(v) if k.startswith("gain") else v for k, v in document.items()},
-        "categories": {k: finite_or_none(v) for k, v in document["categories"].items()},
-        "mean": finite_or_none(document["mean"]),
-    }
-    write_atomic(workdir / "comparison.json", json.dumps(finite, indent=1) + "\n")
-    bars(document).save(workdir / "comparison.png")
-    cases.save(workdir / "cases.png")
-    logging.info("results in %s", workdir)
-    return text
-
-
-def _study(values: Any) -> str:
-    return run(
-        values.workdir,
-        data=values.data,
-        full=values.full,
-        scale=values.scale,
-        peer_steps=values.peer_steps,
-    )
-
+STUDY = common.Study(
+    "comparison",
+    configs,
+    measure,
+    table,
+    figure,
+    options={"data": None, "full": False, "scale": 1.0, "peer_steps": 0},
+    note="""* printed in the paper: other data (renderings of ShapeNet), networks and trainings.
+mean: over categories. u = 1/10 of the grid's edge (the paper's unit; edge 2 r), r = radius of the
+bounding hemisphere. CD of the CD-trained network, EMD of the EMD-trained one. True volume: 1,024
+farthest points of its surface, the paper's truth, without what is inside a solid. True surface:
+that of the model, on which our networks were trained. Difference of IoU: with its standard error
+over models, from one training of each. Seconds of 3D-R2N2: with its compilation for two to five
+views.""",
+)
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of the runs and the results.", required=True)
     flags.DEFINE_string(
         "data", None, "Records with volumes and five views; default: procedural models, rendered."
     )
-    flags.DEFINE_bool("full", False, "Full-size images and networks: for a GPU.")
     flags.DEFINE_float("scale", 1.0, "Factor on the numbers of steps.", lower_bound=1e-3)
     flags.DEFINE_integer("peer_steps", 0, "Steps of 3D-R2N2; 0 = as long.", lower_bound=0)
-    common.main(_study)
+    STUDY.main()

@@ -1,32 +1,26 @@
-"""Shape completion: RGB against RGB-D, `python -m psgn_jax.experiments.completion --workdir DIR`.
+"""Shape completion, RGB against RGB-D: `python -m psgn_jax.experiments.completion --workdir DIR`.
 
 Trains one network twice on the same data, in the same order, with the same augmentations and number
-of steps; one sees colour and mask, the other the depth image too. Then measures both on the
-evaluation split, true points that the depth image shows (`data.visibility`) and those that it does
-not apart: depth gives away the first, the others have to be completed.
+of steps. One sees colour and mask, the other the depth image too. Both are measured on the
+evaluation split, separately on the true points that the depth image shows (`data.visibility`) and
+on the hidden ones. The depth image contains the visible points; the hidden ones must be completed.
 
-The trainings are ordinary runs in `DIR/rgb` and `DIR/rgbd`: killed and started again, the same
-command goes on where it was; with both done, it only measures and draws. Files: `completion.txt`,
-`.md` and `.json` with the numbers, `completion.png` with some samples of the split at even
-distances (not chosen by result).
+The runs are `DIR/rgb` and `DIR/rgbd`. The samples of `completion.png` are at even distances in the
+split, not chosen by result.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "3D Shape Completion from RGBD Images", which shows
 pictures and no numbers; networks, sizes and measures here are **ours**.
 """
 
-import pathlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from absl import flags
-from PIL import Image
 
-from psgn_jax.config import Config, ConfigError
-from psgn_jax.experiments import common
-from psgn_jax.experiments.common import USUAL_DATA, Difference, find_data
-from psgn_jax.metrics.evaluation import Evaluation
-from psgn_jax.viewing.clouds import render_cloud, turned
+from psgn_jax.config import Config
+from psgn_jax.experiments import common, figures
+from psgn_jax.experiments.common import Sample
+from psgn_jax.metrics.table import Lines
 
 INPUTS: Mapping[str, tuple[str, ...]] = {
     "rgb": ("rgb", "mask"),
@@ -48,214 +42,89 @@ METRICS = {
     "cd_l1_gt_to_pred_hidden_radius": "hidden true points to prediction [radius]",
     "recall_visible": "recall of visible points [%]",
     "recall_hidden": "recall of hidden points [%]",
+    "visible_share": "visible true points [%]",
 }
 """Rows of the table."""
 
-_PERCENT = ("fscore", "recall_visible", "recall_hidden")
-_VISIBLE, _HIDDEN = np.array([40, 95, 190]), np.array([225, 120, 30])
+VISIBLE, HIDDEN = (40, 95, 190), (225, 120, 30)
 
 
 def configuration(inputs: Sequence[str], path: str, *, full: bool, steps: int = 0) -> Config:
-    """The recipe of `configs/authors_small.py` (or, `full`, of `configs/authors.py`), shortened.
-
-    Args:
-      inputs: what the network sees.
-      path: records with depth, "" = the default data set.
-      full: full-size images, the published network's widths, 20,000 steps of 32.
-      steps: in place of the recipe's.
-    """
-    # 1,800 steps, not 3,200: both trainings in 40 minutes on two CPU cores.
-    steps = steps or (20_000 if full else 1_800)
-    return common.recipe(path, full=full, steps=steps, changes={"data": {"inputs": tuple(inputs)}})
+    """`common.recipe` for a network that sees `inputs`."""
+    # 1,800 steps: both trainings in 40 minutes on two CPU cores.
+    changes = {"data": {"inputs": tuple(inputs)}}
+    return common.recipe(path, full=full, steps=steps, usual_steps=1_800, changes=changes)
 
 
-def run(
-    workdir: str | pathlib.Path,
-    *,
-    data: str | None = None,
-    full: bool = False,
-    steps: int = 0,
-    num_cases: int = 6,
-) -> str:
-    """The whole study; returns the table.
-
-    Args:
-      workdir: gets the runs `rgb` and `rgbd` and the results.
-      data: records with depth; None = `USUAL_DATA`, or without them the default data set.
-      full: see `configuration`.
-      steps: of each training, in place of the recipe's.
-      num_cases: samples in the picture.
-
-    Raises:
-      ConfigError: the data are not there or lack depth, or the folder holds other runs.
-      UserError: a signal ended a training; the same call goes on.
-    """
-    workdir, path = pathlib.Path(workdir), find_data(data)
-    configs = {
-        name: configuration(inputs, path, full=full, steps=steps) for name, inputs in INPUTS.items()
+def configs(options: Any) -> Iterable[tuple[str, Config]]:
+    """Both trainings; the data are checked for the one that needs depth."""
+    path = common.find_data(options.data)
+    made = {
+        name: configuration(inputs, path, full=options.full, steps=options.steps)
+        for name, inputs in INPUTS.items()
     }
-    # The one that needs more is checked before the other has trained for half of the time.
-    common.check_data(configs["rgbd"])
-    common.train_each(configs, workdir, TITLES)
-    measured = {
-        name: _measure(config, workdir / name, num_cases) for name, config in configs.items()
-    }
-    evaluations = {name: found.evaluation for name, found in measured.items()}
-    text = table(evaluations)
-    common.write_results(
-        workdir,
-        "completion",
-        text=text,
-        markdown=markdown(evaluations),
-        document={
-            "data": path or "default",
-            "full": full,
-            "steps": configs["rgb"].train.steps,
-            **numbers(evaluations),
-        },
-        picture=figure({name: found.cases for name, found in measured.items()}),
-    )
-    return text
+    common.check_data(made["rgbd"])
+    return made.items()
 
 
-def _measure(config: Config, workdir: pathlib.Path, num_cases: int) -> common.Measured:
-    def check(batch: Mapping[str, Any]) -> None:
-        if "visible" not in batch:
-            raise ConfigError(f"data.path={config.data.path!r}: records without depth")
-
+def measure(options: Any) -> tuple[dict[str, Any], dict[str, dict[int, Sample]]]:
+    """Numbers, and the samples of the figure for each run."""
     keys = (*common.CASE, "depth", "visible")
-    return common.measure(config, workdir, num_cases, keys=keys, check=check)
-
-
-def compare(evaluations: Mapping[str, Evaluation], metric: str) -> Difference:
-    """What depth changes in a metric, RGB-D minus RGB; NaN where no sample has it."""
-    rgb, rgbd = (evaluations[name].metrics[metric] for name in INPUTS)
-    return common.difference(rgbd, rgb, more=metric in _PERCENT)
-
-
-def _rows(evaluations: Mapping[str, Evaluation]) -> list[list[str]]:
-    rows = []
-    for metric, title in METRICS.items():
-        if metric not in evaluations["rgb"].metrics:  # no EMD
-            continue
-        scale, digits = (100, 2) if metric in _PERCENT else (1, 5)
-        change = compare(evaluations, metric)
-        rows.append(
-            [
-                title,
-                *(f"{scale * evaluations[name].means[metric]:.{digits}f}" for name in INPUTS),
-                f"{scale * change.mean:+.{digits}f} +- {scale * change.error:.{digits}f}",
-                f"{100 * change.better:.0f} %",
-            ]
-        )
-    return rows
-
-
-_HEAD = ("", *TITLES.values(), "difference", "RGB-D better on")
-
-
-def _note(evaluations: Mapping[str, Evaluation]) -> str:
-    found = evaluations["rgbd"]
-    return (
-        f"{len(found.names)} samples of {found.split!r}, {found.num_points[0]} predicted points "
-        f"against {found.num_points[1]} true ones, of which "
-        f"{100 * found.means['visible_share']:.1f} % are visible (within "
-        f"{found.visible_tolerance:g} radius of what the depth image measured). F-score and recall "
-        f"at {found.threshold:g} radius. The difference is a mean over samples with its standard "
-        "error, from one training of each; another seed would move it too."
-    )
-
-
-def table(evaluations: Mapping[str, Evaluation]) -> str:
-    """The comparison as text."""
-    lines = [list(_HEAD), *_rows(evaluations)]
-    return f"{common.text_table(lines)}\n{_note(evaluations)}\n"
-
-
-def markdown(evaluations: Mapping[str, Evaluation]) -> str:
-    """The comparison as a table for a README."""
-    lines = [list(_HEAD), *_rows(evaluations)]
-    return f"{common.markdown_table(lines)}\n{_note(evaluations)}\n"
-
-
-def numbers(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
-    """The comparison for JSON; fractions, not percent, and null for what is not finite."""
-    found = evaluations["rgbd"]
-    shared = [m for m in METRICS if m in found.metrics]
-    return {
-        "split": found.split,
-        "samples": len(found.names),
-        "num_pred_points": found.num_points[0],
-        "num_gt_points": found.num_points[1],
-        "visible_tolerance": found.visible_tolerance,
-        "fscore_threshold": found.threshold,
-        "mean_over_samples": {name: common.finite(e.means) for name, e in evaluations.items()},
-        "rgbd_minus_rgb": {m: common.finite(compare(evaluations, m)._asdict()) for m in shared},
+    runs = {
+        name: common.measure(options.workdir / name, keys=keys, num_cases=options.cases)
+        for name in INPUTS
     }
+    steps = {name: run.config.train.steps for name, run in runs.items()}
+    document = {
+        **common.about(runs["rgbd"], **steps),
+        "mean_over_samples": {name: run.evaluation.means for name, run in runs.items()},
+        "rgbd_minus_rgb": common.differences(
+            {name: run.evaluation.metrics for name, run in runs.items()}
+        ),
+    }
+    return document, {name: run.cases for name, run in runs.items()}
 
 
-def depth_picture(depth: np.ndarray) -> np.ndarray:
-    """Depth [h, w] as grey uint8 [h, w, 3], near ones light, on white where there is none."""
-    measured = depth > 0
-    near, far = (depth[measured].min(), depth[measured].max()) if measured.any() else (0, 1)
-    grey = 220 - 190 * (depth - near) / max(far - near, 1e-6)
-    return np.where(measured, grey, 255).astype(np.uint8)[..., None].repeat(3, axis=2)
+def table(numbers: Mapping[str, Any]) -> list[Lines]:
+    """The comparison."""
+    means, changes = numbers["mean_over_samples"], numbers["rgbd_minus_rgb"]
+    return [common.table_of_two(means, changes, TITLES, METRICS)]
 
 
-def figure(cases: Mapping[str, Mapping[int, Mapping[str, np.ndarray]]]) -> Image.Image:
-    """A row per sample: image, depth; RGB, RGB-D and truth from the camera, then from the side.
+def panels(rgb: Sample, rgbd: Sample) -> dict[str, np.ndarray]:
+    """Image, depth; both predictions and the truth from the camera, then turned.
 
-    Blue are visible true points, orange hidden ones; a predicted point, which has no such class,
-    takes the colour of the true point nearest to it.
+    A predicted point takes the colour of the true point nearest to it.
     """
-    titles = ["image", "depth"]
-    titles += [f"{what}{view}" for view in ("", ", side") for what in ("RGB", "RGB-D", "truth")]
-    strips = []
-    for number, case in cases["rgbd"].items():
-        gt, visible = case["points"], case["visible"]
-        scale = max(1, round(192 / case["image"].shape[0]))
-        size = (case["image"].shape[0] * scale, case["image"].shape[1] * scale)
-        inner = np.diag([scale, scale, 1.0]) @ case["intrinsics"]
-        clouds = []
-        for cloud in (cases["rgb"][number]["pred"], case["pred"]):
-            gaps = ((cloud[:, None, :] - gt[None, :, :]) ** 2).sum(axis=-1)
-            clouds.append((cloud, visible[gaps.argmin(axis=1)]))
-        # As many true points as predicted ones: a denser cloud would only look better.
-        step = max(1, len(gt) // len(case["pred"]))
-        clouds.append((gt[::step], visible[::step]))
-        panels = [
-            np.asarray(Image.fromarray(picture).resize(size[::-1], Image.Resampling.NEAREST))
-            for picture in (case["image"], depth_picture(case["depth"]))
-        ]
-        panels += [
-            render_cloud(
-                cloud, inner, view, size, colours=np.where(seen[:, None], _VISIBLE, _HIDDEN)
-            )
-            for view in (case["extrinsics"], turned(case["extrinsics"], 90))
-            for cloud, seen in clouds
-        ]
-        strips.append(np.concatenate(panels, axis=1))
-    return common.with_titles(strips, titles)
+    truth, visible = rgbd["points"], rgbd["visible"]
+    colours = np.where(visible[:, None], VISIBLE, HIDDEN)
+    painted = {}
+    for title, case in (("RGB", rgb), ("RGB-D", rgbd)):
+        nearest = common.squared_distances(case["pred"], truth).argmin(axis=1)
+        painted[title] = case["pred"], colours[nearest]
+    # As many true points as predicted ones: a denser cloud would only look better.
+    step = max(1, len(truth) // len(rgbd["pred"]))
+    painted["truth"] = truth[::step], colours[::step]
+    image, *others = figures.clouds(rgbd, painted).items()
+    depth = np.where(rgbd["depth"] > 0, rgbd["depth"], np.nan)
+    return dict([image, ("depth", depth), *others])
 
 
-def _study(values: Any) -> str:
-    return run(
-        values.workdir,
-        data=values.data,
-        full=values.full,
-        steps=values.steps,
-        num_cases=values.cases,
-    )
+def figure(_: Mapping[str, Any], cases: Mapping[str, Mapping[int, Sample]]) -> dict[str, Any]:
+    """A row for each sample."""
+    rows = [panels(cases["rgb"][number], case) for number, case in cases["rgbd"].items()]
+    return {"completion": figures.grid(rows)}
 
+
+STUDY = common.Study(
+    "completion",
+    configs,
+    measure,
+    table,
+    figure,
+    note="Visible: within `visible_tolerance` of what the depth image measured. Difference: mean "
+    "over samples with its standard error, from one training of each network.",
+)
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of both runs and the results.", required=True)
-    flags.DEFINE_string(
-        "data",
-        None,
-        f"Folder of records with depth; default: {USUAL_DATA}, or the default data set.",
-    )
-    flags.DEFINE_bool("full", False, "Full-size images and network, 20,000 steps: for a GPU.")
-    flags.DEFINE_integer("steps", 0, "Steps of each training; 0 = the recipe's.", lower_bound=0)
-    flags.DEFINE_integer("cases", 6, "Samples in the picture.", lower_bound=1)
-    common.main(_study)
+    STUDY.main()

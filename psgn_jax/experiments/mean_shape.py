@@ -1,36 +1,30 @@
 """Mean shapes under CD and EMD: `python -m psgn_jax.experiments.mean_shape [--out DIR]`.
 
-Where an image leaves a shape S in doubt, a network trained on a distance L tends to the cloud
+If an image leaves a shape S undetermined, a network trained by a distance L tends to the cloud
 
     x* = argmin over x of E_S[L(x, S)],
 
 the mean shape of that distance. Here x* is found by stochastic gradient descent for four
 distributions of plane shapes: a circle of random radius; a spiky arc at a random place on the
-diagonal; a bar with a square at one of its four corners; a bar with a disk beside it half of the
-time. Written are `mean_shape.png` (shapes in grey, the mean shapes in red) and `mean_shape.json`
-with the numbers that the command prints.
+diagonal; a bar with a square at one of its four corners; a bar with a disk beside it with
+probability 1/2. `mean_shape.png` shows random shapes in grey and the mean shapes in red.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 4.3 and its figure on mean shapes, which show the clouds
-and no numbers; sizes and measures here are **ours**. The unit is that of the drawings, 1.2 wide.
+and no numbers; sizes and measures here are **ours**. The shapes lie in a square of side 1.2.
 """
 
-import json
-import pathlib
-import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from absl import app, flags, logging
-from PIL import Image, ImageDraw, ImageFont
+from absl import flags, logging
 
 from psgn_jax import losses
-from psgn_jax.command_line import exit_on_user_error, log_to_terminal, parse_flags
-from psgn_jax.config import ConfigError
-from psgn_jax.files import write_atomic
+from psgn_jax.experiments import common, figures
+from psgn_jax.metrics.table import Lines
 from psgn_jax.types import Array, Float, PRNGKey
 
 Plane = Float[Array, "n 2"]
@@ -228,100 +222,66 @@ def mean_shape(
     return descend(start)
 
 
-def study(num_points: int = 256, steps: int = 400, seed: int = 0) -> dict[str, dict]:
-    """{distribution: {"EMD" or "CD": {"points": [n, 2], "measures": {name: number}}}}."""
-    results: dict[str, dict] = {}
-    for row, (name, draw, measure) in enumerate(DISTRIBUTIONS):
-        key = jax.random.fold_in(jax.random.key(seed), row)
-        results[name] = {}
-        for label, distance in DISTANCES.items():
-            found = mean_shape(distance, draw, key, num_points=num_points, steps=steps)
-            points = np.asarray(found)
-            results[name][label] = {"points": points, "measures": measure(points)}
-            logging.info("%s, %s: done", name, label)
-    return results
+def measure(options: Any) -> tuple[dict[str, Any], dict[str, dict[str, np.ndarray]]]:
+    """The measures of each mean shape, and the mean shapes [n, 2]."""
+    measures: dict[str, dict[str, dict[str, float]]] = {}
+    points: dict[str, dict[str, np.ndarray]] = {}
+    for row, (name, draw, measure_of) in enumerate(DISTRIBUTIONS):
+        key = jax.random.fold_in(jax.random.key(options.seed), row)
+        points[name] = {
+            label: np.asarray(
+                mean_shape(distance, draw, key, num_points=options.points, steps=options.steps)
+            )
+            for label, distance in DISTANCES.items()
+        }
+        measures[name] = {label: measure_of(cloud) for label, cloud in points[name].items()}
+        logging.info("%s: done", name)
+    return {"measures": measures}, points
 
 
-def table(results: Mapping[str, dict]) -> str:
-    """The measures as text."""
-    lines = [f"{'':46}{'EMD':>8}{'CD':>8}"]
-    for name, found in results.items():
-        lines.append(name)
-        for measure, value in found["EMD"]["measures"].items():
-            other = found["CD"]["measures"][measure]
-            lines.append(f"  {measure:44}{value:8.3g}{other:8.3g}")
-    return "\n".join(lines) + "\n"
+def table(numbers: Mapping[str, Any]) -> list[Lines]:
+    """A row for each measure of each distribution."""
+    lines = [["distribution", "measure", *DISTANCES]]
+    for name, measures in numbers["measures"].items():
+        for key in measures["EMD"]:
+            lines.append([name, key, *(f"{measures[label][key]:.3g}" for label in DISTANCES)])
+    return [lines]
 
 
-def figure(results: Mapping[str, dict], size: int = 300, shapes: int = 5) -> Image.Image:
-    """A column per distribution: random shapes, the mean shape under EMD, that under CD."""
-    scale, margin = 2, 16  # drawn larger, then reduced: smooth dots
-    font = ImageFont.load_default(size=15)
-
-    def dots(
-        panel: Image.Image, points: np.ndarray, colour: tuple[int, ...], radius: float
-    ) -> None:
-        pen = ImageDraw.Draw(panel)
-        for x, y in (points * [1, -1] + 0.6) / 1.2 * size * scale:
-            r = radius * scale
-            pen.ellipse((x - r, y - r, x + r, y + r), fill=colour)
-
-    columns = []
-    for row, (name, found) in enumerate(results.items()):
-        draw = DISTRIBUTIONS[row].draw
-        keys = jax.random.split(jax.random.key(row), 60)
-        clouds = np.asarray(jax.vmap(lambda k, draw=draw: draw(k, 400))(keys))
-        panels = []
-        for label in ("shapes", "EMD", "CD"):
-            panel = Image.new("RGB", (size * scale, size * scale), "white")
-            if label == "shapes":
-                for number, cloud in enumerate(clouds[:shapes]):
-                    shade = 40 + 150 * number // max(1, shapes - 1)
-                    dots(panel, cloud, (shade, shade, shade), 1.0)
-            else:
-                for cloud in clouds:
-                    dots(panel, cloud[:120], (222, 222, 222), 1.0)
-                dots(panel, found[label]["points"], (205, 30, 30), 2.2)
-            panels.append(panel.resize((size, size), Image.Resampling.LANCZOS))
-            title = name if label == "shapes" else f"mean shape, {label}"
-            ImageDraw.Draw(panels[-1]).text((6, 4), title, fill="black", font=font)
-        columns.append(panels)
-    step = size + margin
-    sheet = Image.new("RGB", (step * len(columns) - margin, step * 3 - margin), "white")
-    for column, panels in enumerate(columns):
-        for row, panel in enumerate(panels):
-            sheet.paste(panel, (column * step, row * step))
-    return sheet
+def figure(_: Any, points: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, Any]:
+    """A column for each distribution: random shapes, the mean shape under EMD, that under CD."""
+    draws = {name: draw for name, draw, _ in DISTRIBUTIONS}
+    sheet = figures.blank(300 * len(points), 930)
+    axes = sheet.subplots(3, len(points), squeeze=False)
+    for column, (name, found) in enumerate(points.items()):
+        keys = jax.random.split(jax.random.key(column), 60)
+        clouds = np.asarray(jax.vmap(lambda k, draw=draws[name]: draw(k, 400))(keys))
+        for cloud, grey in zip(clouds[:5], np.linspace(0.15, 0.75, 5), strict=True):
+            axes[0, column].scatter(*cloud.T, s=2, color=str(grey))
+        axes[0, column].set_title(name, fontsize=11)
+        for row, (label, mean) in enumerate(found.items(), start=1):
+            axes[row, column].scatter(*clouds[:, :120].reshape(-1, 2).T, s=2, color="0.87")
+            axes[row, column].scatter(*mean.T, s=10, color="#cd1e1e")
+            axes[row, column].set_title(f"mean shape, {label}", fontsize=11)
+    for ax in axes.flat:
+        ax.set(xlim=(-0.6, 0.6), ylim=(-0.6, 0.6), aspect="equal", xticks=[], yticks=[])
+        ax.spines[:].set_color("0.9")
+    return {"mean_shape": sheet}
 
 
-def run(out: str | pathlib.Path, num_points: int = 256, steps: int = 400, seed: int = 0) -> str:
-    """The whole study; writes the figure and the numbers into `out` and returns the table."""
-    out = pathlib.Path(out)
-    out.mkdir(parents=True, exist_ok=True)
-    results = study(num_points, steps, seed)
-    figure(results).save(out / "mean_shape.png")
-    numbers = {
-        name: {label: entry["measures"] for label, entry in found.items()}
-        for name, found in results.items()
-    }
-    document = {"num_points": num_points, "steps": steps, "seed": seed, "measures": numbers}
-    write_atomic(out / "mean_shape.json", json.dumps(document, indent=2) + "\n")
-    return table(results)
-
-
-def _main(argv: Sequence[str]) -> None:
-    log_to_terminal()
-    values = flags.FLAGS
-    with exit_on_user_error():
-        if len(argv) > 1:
-            raise ConfigError(f"unexpected argument {argv[1]!r}")
-        text = run(values.out, values.points, values.steps, values.seed)
-    sys.stdout.write(text)
-
+STUDY = common.Study(
+    "mean_shape",
+    lambda _: (),
+    measure,
+    table,
+    figure,
+    options={"points": 256, "steps": 400, "seed": 0},
+)
 
 if __name__ == "__main__":
-    flags.DEFINE_string("out", "runs/mean_shape", "Folder for the figure and the numbers.")
+    flags.DEFINE_string("workdir", "runs/mean_shape", "Folder of the results.")
+    flags.DEFINE_alias("out", "workdir")
     flags.DEFINE_integer("points", 256, "Points of a cloud.", lower_bound=1)
     flags.DEFINE_integer("steps", 400, "Steps of descent.", lower_bound=1)
     flags.DEFINE_integer("seed", 0, "Seed of shapes and starts.")
-    app.run(_main, flags_parser=parse_flags)
+    STUDY.main()

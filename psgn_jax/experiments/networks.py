@@ -2,16 +2,13 @@
 
 Trains `vanilla` (all points by a fully connected branch), `two_branch` and `hourglass` under the
 squared Chamfer distance (CD) and under the earth mover's distance (EMD), each on the same data, in
-the same order, for the same number of steps. Since layers of the same width make other numbers of
-parameters, a fourth one, `fc_equal`, is `vanilla` with its hidden widths scaled until it has as
-many parameters as `two_branch`.
+the same order, for the same number of steps. Layers of the same width give the networks different
+numbers of parameters. Therefore a fourth one, `fc_equal`, is `vanilla` with its hidden widths
+scaled until it has as many parameters as `two_branch`.
 
-The trainings are ordinary runs in `DIR/two_branch_cd`, ...: killed and started again, the same
-command goes on where it was; with all done, it only measures and draws.
-`psgn_jax.experiments.branches` (`--run=DIR/two_branch_cd`) and `.losses` (`--cd=DIR/two_branch_cd
---emd=DIR/two_branch_emd`) take them too. Files: `networks.txt`, `.md` and `.json` with the numbers,
-`networks.png` with the CD of the networks trained by CD and the EMD of those trained by EMD, over
-that of `vanilla`.
+The runs are `DIR/two_branch_cd`, ...: `psgn_jax.experiments.branches --run=DIR/two_branch_cd` and
+`.losses --cd=DIR/two_branch_cd --emd=DIR/two_branch_emd` accept them. `networks.png` shows the CD
+of the networks trained by CD and the EMD of those trained by EMD, divided by that of `vanilla`.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure comparing networks: "the introduction
 of deconvolution significantly improves performance. Stacking another hourglass level also gives
@@ -19,23 +16,19 @@ performance gain." It trains for 300,000 steps; sizes and measures here are **ou
 """
 
 import itertools
-import pathlib
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import jax
 import numpy as np
-from absl import flags
-from PIL import Image, ImageDraw, ImageFont
 
 from psgn_jax.config import Config
-from psgn_jax.experiments import common
-from psgn_jax.experiments.common import Difference
-from psgn_jax.metrics.evaluation import Evaluation
+from psgn_jax.experiments import common, figures
+from psgn_jax.experiments.losses import LOSSES
+from psgn_jax.metrics.table import Lines
 from psgn_jax.models import point_out_net
 from psgn_jax.models.point_layout import padded_size
 from psgn_jax.training import state as state_lib
-from psgn_jax.training.log import read_metrics
 
 NETWORKS: Mapping[str, str] = {
     "vanilla": "vanilla (fc)",
@@ -44,9 +37,6 @@ NETWORKS: Mapping[str, str] = {
     "hourglass": "hourglass",
 }
 """Name -> title."""
-
-LOSSES: Mapping[str, str] = {"cd": "chamfer_sq_mean", "emd": "emd_mean"}
-"""Ending of a training's folder -> what it minimises."""
 
 METRICS: Mapping[str, str] = {"cd": "cd_sq_radius2", "emd": "emd_radius"}
 TITLES: Mapping[str, str] = {"cd": "CD squared [radius^2]", "emd": "EMD [radius]"}
@@ -64,24 +54,21 @@ _SMALL: Mapping[str, Mapping[str, Any]] = {
     "model": {"widths": (16, 32, 64, 128, 256), "deconv_level": 1, "fc_widths": (512, 512)},
     "train": {"eval_every": 0},
 }
-_COLOURS = ((150, 150, 150), (197, 176, 150), (70, 130, 180), (226, 114, 62))
 
 
 def configuration(network: str, loss: str, path: str, *, full: bool, steps: int = 0) -> Config:
-    """The recipe of `configs/authors_small.py` on quarter-size images with 24x32 deconv points.
+    """`common.recipe` on quarter-size images with 24x32 deconv points; `full` as it is.
 
     Args:
       network: of `NETWORKS`.
       loss: of `LOSSES`.
-      path: folder of records, "" = the default data set.
-      full: that of `configs/authors.py` instead: full-size images, the published network's widths,
-        20,000 steps of 32.
-      steps: in place of the recipe's.
+      path: folder of records.
+      full: see `common.recipe`.
+      steps: see `common.recipe`.
     """
-    # As many true points as predicted ones, which an EMD wants. 450 steps: all eight trainings in
-    # 40 minutes on two CPU cores with little other work.
+    # An EMD requires as many true points as predicted ones. 450 steps: all eight trainings in 40
+    # minutes on two CPU cores without much other work.
     small = {"data": {"num_points": 1024}, "train": {"eval_every": 0}} if full else _SMALL
-    steps = steps or (20_000 if full else 450)
 
     def build(name: str, **model: Any) -> Config:
         changes = {
@@ -89,7 +76,7 @@ def configuration(network: str, loss: str, path: str, *, full: bool, steps: int 
             "model": {**small.get("model", {}), "name": name, **model},
             "loss": {"name": LOSSES[loss]},
         }
-        return common.recipe(path, full=full, steps=steps, changes=changes)
+        return common.recipe(path, full=full, steps=steps, usual_steps=450, changes=changes)
 
     if network in ("two_branch", "hourglass"):
         return build(network)
@@ -127,251 +114,109 @@ def num_parameters(config: Config) -> int:
     return sum(leaf.size for leaf in jax.tree.leaves(shapes))
 
 
-# --- Results ----------------------------------------------------------------------------------
-
-
-class Trained(NamedTuple):
-    """One training: its evaluation and what it cost.
-
-    Attributes:
-      evaluation: of the last checkpoint.
-      parameters: of the network.
-      seconds: of a step, the median over the lines of the log.
-      minutes: of all steps, without compilation, evaluations and checkpoints.
-    """
-
-    evaluation: Evaluation
-    parameters: int
-    seconds: float
-    minutes: float
-
-
-def cost(workdir: pathlib.Path, batch_size: int) -> tuple[float, float]:
-    """(median seconds of a step, minutes of all steps) by a run's log; NaN if it is too short."""
-    last, steps, seconds = 0, [], []
-    for line in read_metrics(workdir / "metrics.jsonl"):
-        if line["kind"] == "train":
-            if rate := line.get("samples_per_second"):
-                steps.append(line["step"] - last)
-                seconds.append(batch_size / rate)
-            last = line["step"]
-    if not steps:
-        return float("nan"), float("nan")
-    return float(np.median(seconds)), float(np.dot(steps, seconds)) / 60
-
-
-def compare(results: Mapping[str, Trained], one: str, other: str, loss: str) -> Difference:
-    """`one` minus `other`, both trained by a loss, in the metric of that loss."""
-    a, b = (results[f"{name}_{loss}"].evaluation.metrics[METRICS[loss]] for name in (one, other))
-    return common.difference(a, b)
-
-
-def _lines(results: Mapping[str, Trained]) -> list[list[str]]:
-    head = ["network", "parameters"]
-    head += [f"{m.upper()} after {t.upper()}" for t in LOSSES for m in METRICS]
-    head += [f"s a step, {t.upper()}" for t in LOSSES] + ["minutes in all"]
-    lines = [head]
-    for name, title in NETWORKS.items():
-        runs_of = [results[f"{name}_{t}"] for t in LOSSES]
-        means = [found.evaluation.means[m] for found in runs_of for m in METRICS.values()]
-        lines.append(
-            [
-                title,
-                f"{runs_of[0].parameters:,}",
-                *(f"{mean:.5f}" for mean in means),
-                *(f"{found.seconds:.3f}" for found in runs_of),
-                f"{sum(found.minutes for found in runs_of):.1f}",
-            ]
+def configs(options: Any) -> Iterable[tuple[str, Config]]:
+    """All trainings."""
+    path = common.find_data(options.data)
+    made = {
+        f"{network}_{loss}": configuration(
+            network, loss, path, full=options.full, steps=options.steps
         )
-    return lines
-
-
-def _pair_lines(results: Mapping[str, Trained]) -> list[list[str]]:
-    head = ["difference"]
-    for loss in LOSSES:
-        head += [f"{loss.upper()} after {loss.upper()}", "better on"]
-    lines = [head]
-    for one, other in PAIRS:
-        cells = [f"{NETWORKS[one]} - {NETWORKS[other]}"]
-        for loss in LOSSES:
-            change = compare(results, one, other, loss)
-            cells += [f"{change.mean:+.5f} +- {change.error:.5f}", f"{100 * change.better:.0f} %"]
-        lines.append(cells)
-    return lines
-
-
-def _note(results: Mapping[str, Trained], steps: int) -> str:
-    found = results["two_branch_emd"].evaluation
-    return (
-        f"CD: squared, radius^2; EMD: radius; after CD: of the network trained by it. "
-        f"{len(found.names)} samples of {found.split!r}, {found.num_points[0]} predicted points "
-        f"against {found.num_points[1]} true ones (EMD: as many as predicted), after {steps:,} "
-        "steps of each training. A difference is a mean over samples with its standard error, from "
-        "one training of each; another seed would move it too."
-    )
-
-
-def table(results: Mapping[str, Trained], steps: int) -> str:
-    """Both tables as text."""
-    parts = [common.text_table(_lines(results)), common.text_table(_pair_lines(results))]
-    return "\n".join([*parts, _note(results, steps)]) + "\n"
-
-
-def markdown(results: Mapping[str, Trained], steps: int) -> str:
-    """Both tables for a README."""
-    parts = [common.markdown_table(_lines(results)), common.markdown_table(_pair_lines(results))]
-    return "\n".join([*parts, _note(results, steps)]) + "\n"
-
-
-def numbers(results: Mapping[str, Trained]) -> dict[str, Any]:
-    """The comparison for JSON; null for what is not finite."""
-    found = results["two_branch_emd"].evaluation
-    return {
-        "split": found.split,
-        "samples": len(found.names),
-        "num_pred_points": found.num_points[0],
-        "num_gt_points": found.num_points[1],
-        "fscore_threshold": found.threshold,
-        "runs": {
-            name: {
-                "parameters": result.parameters,
-                **common.finite(
-                    {"seconds_per_step": result.seconds, "minutes_of_steps": result.minutes}
-                ),
-                "mean_over_samples": common.finite(result.evaluation.means),
-            }
-            for name, result in results.items()
-        },
-        "differences": {
-            f"{one} - {other}": {
-                loss: common.finite(compare(results, one, other, loss)._asdict()) for loss in LOSSES
-            }
-            for one, other in PAIRS
-        },
-    }
-
-
-# --- Picture ----------------------------------------------------------------------------------
-
-_SIZE, _LEFT, _TOP, _BASE = (860, 430), 66, 62, 330
-_BAR, _BETWEEN, _GROUP = 78, 12, 40
-
-
-def figure(results: Mapping[str, Trained]) -> Image.Image:
-    """Bars: CD after CD and EMD after EMD over that of `vanilla`, lower is better.
-
-    Whiskers: the standard error of the difference from `vanilla`.
-    """
-    scale = 2  # drawn larger, then reduced: smooth edges
-    sheet = Image.new("RGB", (_SIZE[0] * scale, _SIZE[1] * scale), "white")
-    pen = ImageDraw.Draw(sheet)
-
-    def text(x: float, y: float, words: str, size: int, anchor: str, fill: Any = "black") -> None:
-        font = ImageFont.load_default(size=size * scale)
-        pen.text((x * scale, y * scale), words, fill=fill, font=font, anchor=anchor)
-
-    def line(points: Sequence[float], fill: Any, width: float = 1) -> None:
-        pen.line([p * scale for p in points], fill=fill, width=round(width * scale))
-
-    heights: dict[tuple[str, str], tuple[float, float]] = {}
-    for loss, metric in METRICS.items():
-        means = {n: results[f"{n}_{loss}"].evaluation.means[metric] for n in NETWORKS}
-        for name in NETWORKS:
-            error = compare(results, name, "vanilla", loss).error
-            heights[name, loss] = means[name] / means["vanilla"], error / means["vanilla"]
-    shown = [sum(pair) for pair in heights.values() if np.isfinite(sum(pair))]
-    top = max(1.2, 0.2 * np.ceil(5 * 1.04 * max(shown, default=1.0)))
-
-    def height(value: float) -> float:
-        return _BASE - (_BASE - _TOP) * value / top
-
-    text(10, 14, "Error over that of vanilla, after training by that distance; lower is better", 16,
-         "la")  # fmt: skip
-    every = 0.2 if top <= 2 else float(np.ceil(top) / 5)
-    for tick in np.arange(0, top + every / 2, every):
-        line((_LEFT, height(tick), _SIZE[0] - 20, height(tick)), (222, 222, 222))
-        text(_LEFT - 8, height(tick), f"{tick:.1f}", 13, "rm")
-    left = float(_LEFT + _GROUP / 2)
-    for loss in METRICS:
-        begin = left
-        for name, colour in zip(NETWORKS, _COLOURS, strict=True):
-            value, error = heights[name, loss]
-            mean = results[f"{name}_{loss}"].evaluation.means[METRICS[loss]]
-            if np.isfinite(value):
-                box = (left, height(value), left + _BAR, height(0))
-                pen.rectangle([p * scale for p in box], fill=colour)
-                peak = value
-                if name != "vanilla" and np.isfinite(error):
-                    middle, peak = left + _BAR / 2, value + error
-                    low, high = height(value - error), height(peak)
-                    line((middle, low, middle, high), (40, 40, 40), 1.5)
-                    for y in (low, high):
-                        line((middle - 7, y, middle + 7, y), (40, 40, 40), 1.5)
-                text(left + _BAR / 2, height(peak) - 4, f"{value:.2f}", 14, "mb")
-                text(left + _BAR / 2, height(0) - 8, f"{mean:.4f}", 13, "mb")
-            left += _BAR + _BETWEEN
-        title = f"{TITLES[loss]}, trained by {loss.upper()}"
-        text((begin + left - _BETWEEN) / 2, _BASE + 8, title, 14, "ma")
-        left += _GROUP - _BETWEEN
-    line((_LEFT, _BASE, _SIZE[0] - 20, _BASE), (60, 60, 60), 1.5)
-    for i, (name, title) in enumerate(NETWORKS.items()):
-        x, y = _LEFT + 20 + i % 2 * 390, _BASE + 40 + i // 2 * 24
-        pen.rectangle([p * scale for p in (x, y, x + 16, y + 16)], fill=_COLOURS[i])
-        parameters = results[f"{name}_cd"].parameters
-        amount = f"{parameters / 1e6:.2f} M" if parameters >= 10_000 else f"{parameters:,}"
-        text(x + 24, y + 8, f"{title}: {amount} parameters", 14, "lm")
-    return sheet.reduce(scale)
-
-
-# --- The study --------------------------------------------------------------------------------
-
-
-def run(
-    workdir: str | pathlib.Path, *, data: str | None = None, full: bool = False, steps: int = 0
-) -> str:
-    """The whole study; returns the tables.
-
-    Args:
-      workdir: gets the runs and the results.
-      data: records; None = as `common.find_data`.
-      full: see `configuration`.
-      steps: of each training, in place of the recipe's.
-
-    Raises:
-      ConfigError: the data are not there, or the folder holds other runs.
-      UserError: a signal ended a training; the same call goes on.
-    """
-    workdir, path = pathlib.Path(workdir), common.find_data(data)
-    configs = {
-        f"{network}_{loss}": configuration(network, loss, path, full=full, steps=steps)
         for loss in LOSSES
         for network in NETWORKS
     }
-    common.check_data(configs["two_branch_cd"])
-    common.train_each(configs, workdir)
-    results = {}
-    for name, config in configs.items():
-        evaluation = common.measure(config, workdir / name, 0).evaluation
-        spent = cost(workdir / name, config.train.batch_size)
-        results[name] = Trained(evaluation, num_parameters(config), *spent)
-    length = configs["two_branch_cd"].train.steps
-    text = table(results, length)
-    common.write_results(
-        workdir,
-        "networks",
-        text=text,
-        markdown=markdown(results, length),
-        document={"data": path or "default", "full": full, "steps": length, **numbers(results)},
-        picture=figure(results),
+    common.check_data(made["two_branch_cd"])
+    return made.items()
+
+
+def measure(options: Any) -> tuple[dict[str, Any], None]:
+    """Numbers of all networks, and their differences."""
+    runs: dict[str, Any] = {}
+    metrics: dict[str, Any] = {}
+    for name in (f"{network}_{loss}" for loss in LOSSES for network in NETWORKS):
+        found = common.measure(options.workdir / name)
+        seconds, total = common.cost(options.workdir / name)
+        metrics[name] = found.evaluation.metrics
+        runs[name] = {
+            "parameters": num_parameters(found.config),
+            "seconds_per_step": seconds,
+            "minutes_of_steps": total / 60,
+            "mean_over_samples": found.evaluation.means,
+        }
+    document = {
+        **common.about(found, **{"each training": found.config.train.steps}),
+        "runs": runs,
+        "differences": {f"{a} - {b}": compare(metrics, a, b) for a, b in PAIRS},
+        "vanilla_differences": {name: compare(metrics, name, "vanilla") for name in NETWORKS},
+    }
+    return document, None
+
+
+def compare(
+    metrics: Mapping[str, Mapping[str, np.ndarray]], one: str, other: str
+) -> dict[str, dict[str, float]]:
+    """Loss -> `one` minus `other`, both trained by this loss, in its metric."""
+    return {
+        loss: common.difference(
+            metric, metrics[f"{one}_{loss}"][metric], metrics[f"{other}_{loss}"][metric]
+        )._asdict()
+        for loss, metric in METRICS.items()
+    }
+
+
+def table(numbers: Mapping[str, Any]) -> list[Lines]:
+    """Both tables."""
+    head = ["network", "parameters"]
+    head += [f"{m.upper()} after {t.upper()}" for t in LOSSES for m in METRICS]
+    lines = [[*head, *(f"s a step, {t.upper()}" for t in LOSSES), "minutes in all"]]
+    for name, title in NETWORKS.items():
+        runs = [numbers["runs"][f"{name}_{loss}"] for loss in LOSSES]
+        means = [run["mean_over_samples"][metric] for run in runs for metric in METRICS.values()]
+        cells = [title, f"{runs[0]['parameters']:,}", *(f"{mean:.5f}" for mean in means)]
+        cells += [f"{run['seconds_per_step']:.3f}" for run in runs]
+        lines.append([*cells, f"{sum(run['minutes_of_steps'] for run in runs):.1f}"])
+    head = [cell for t in LOSSES for cell in (f"{t.upper()} after {t.upper()}", "better on")]
+    pairs = [["difference", *head]]
+    for one, other in PAIRS:
+        entry = numbers["differences"][f"{one} - {other}"]
+        cells = [cell for loss in LOSSES for cell in common.change(TITLES[loss], entry[loss])]
+        pairs.append([f"{NETWORKS[one]} - {NETWORKS[other]}", *cells])
+    return [lines, pairs]
+
+
+def ratios(numbers: Mapping[str, Any]) -> dict[str, list[tuple[float, float]]]:
+    """Network -> for each loss its metric over that of `vanilla`, and the difference's error."""
+    found: dict[str, list[tuple[float, float]]] = {}
+    for loss, metric in METRICS.items():
+        means = {n: numbers["runs"][f"{n}_{loss}"]["mean_over_samples"][metric] for n in NETWORKS}
+        for name in NETWORKS:
+            error = numbers["vanilla_differences"][name][loss]["error"]
+            entry = means[name] / means["vanilla"], error / means["vanilla"]
+            found.setdefault(name, []).append(entry)
+    return found
+
+
+def figure(numbers: Mapping[str, Any], _: Any) -> dict[str, Any]:
+    """Bars of `ratios`."""
+    found = ratios(numbers)
+    chart = figures.Bars(
+        "Error divided by that of vanilla; lower is better",
+        [f"{TITLES[loss]}, trained by {loss.upper()}" for loss in LOSSES],
+        {NETWORKS[name]: [value for value, _ in pair] for name, pair in found.items()},
+        {NETWORKS[name]: [error for _, error in pair] for name, pair in found.items()},
     )
-    return text
+    return {"networks": figures.bars([chart])}
 
 
-def _study(values: Any) -> str:
-    return run(values.workdir, data=values.data, full=values.full, steps=values.steps)
-
+STUDY = common.Study(
+    "networks",
+    configs,
+    measure,
+    table,
+    figure,
+    options={"data": None, "full": False, "steps": 0},
+    note="CD: squared, radius^2; EMD: radius; after CD: of the network trained by it. Difference: "
+    "mean over samples with its standard error, from one training of each.",
+)
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of all runs and the results.", required=True)
-    common.define_flags()
-    common.main(_study)
+    STUDY.main()

@@ -26,6 +26,34 @@ _COLUMNS = (
 )
 
 
+Lines = Sequence[Sequence[str]]
+"""Cells of a table: its head, then its rows."""
+
+
+def aligned(lines: Lines, *, apart: int = 0) -> str:
+    """A table as text in columns, the first one flush left; a rule before the last `apart` rows."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    text = [
+        "  ".join(
+            cell.rjust(width) if i else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
+        )
+        for line in lines
+    ]
+    rule = "-" * len(text[0])
+    text.insert(1, rule)
+    if apart:
+        text.insert(len(text) - apart, rule)
+    return "\n".join(text) + "\n"
+
+
+def markdown(lines: Lines) -> str:
+    """A table in Markdown."""
+    head, *rows = lines
+    ruled = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in ruled) + "\n"
+
+
 def header(evaluation: Evaluation, metric: str) -> str:
     """A metric's name with its unit, as it heads a column."""
     if of_draws := re.fullmatch(r"(.*)_(best|mean)_of_(\d+)", metric):
@@ -62,13 +90,10 @@ def text(evaluation: Evaluation) -> str:
         [row.name, str(row.count), *(_number(name, row.metrics[name]) for name in names)]
         for row in evaluation.rows()
     ]
-    widths = [max(map(len, column)) for column in zip(head, *body, strict=True)]
-    lines = [_aligned(head, widths), "-" * (sum(widths) + 2 * len(widths) - 2)]
-    lines += [_aligned(line, widths) for line in body[:-2]]
-    lines += [lines[1], *(_aligned(line, widths) for line in body[-2:])]
+    table = aligned([head, *body], apart=2)
     if evaluation.note:
-        return "\n".join(lines) + f"\n\nSplit {evaluation.split!r}. {evaluation.note}\n"
-    return "\n".join(lines) + "\n" + _note_on_points(evaluation)
+        return f"{table}\nSplit {evaluation.split!r}. {evaluation.note}\n"
+    return table + _note_on_points(evaluation)
 
 
 def csv_text(evaluation: Evaluation) -> str:
@@ -143,14 +168,6 @@ def _number(metric: str, value: float) -> str:
     if metric in ("fscore", "visible_share"):
         return f"{100 * value:.2f}"
     return f"{value:.5f}"
-
-
-def _aligned(cells: Sequence[str], widths: Sequence[int]) -> str:
-    first, *rest = (
-        cell.ljust(w) if i == 0 else cell.rjust(w)
-        for i, (cell, w) in enumerate(zip(cells, widths, strict=True))
-    )
-    return "  ".join([first, *rest])
 
 
 def _csv(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:

@@ -10,6 +10,7 @@ from PIL import Image
 from data_gen import meshes, worker
 from data_gen.catalogues import doubt
 from psgn_jax.experiments import ambiguity as lib
+from psgn_jax.experiments import hidden_depth
 
 
 def truth_cloud(seed, hidden, count=4096):
@@ -19,9 +20,9 @@ def truth_cloud(seed, hidden, count=4096):
 
 
 def test_the_geometry_is_that_of_the_catalogue():
-    assert lib._DEPTH_RANGE == doubt.DEPTH
-    assert pytest.approx(doubt.LENGTH / 2 - doubt.PANEL) == lib._BODY_BEGINS
-    assert pytest.approx(doubt.LENGTH - doubt.PANEL) == lib._DEEPEST
+    assert hidden_depth.DEPTH_RANGE == doubt.DEPTH
+    assert pytest.approx(doubt.LENGTH / 2 - doubt.PANEL) == hidden_depth.BODY_BEGINS
+    assert pytest.approx(doubt.LENGTH - doubt.PANEL) == hidden_depth.DEEPEST
     assert {lib.DOUBT, lib.NO_DOUBT} == set(doubt.KINDS)
 
 
@@ -29,20 +30,23 @@ def test_depth_is_read_off_the_true_points():
     for seed in range(4):
         for hidden in range(4):
             points, parameters = truth_cloud(seed, hidden)
-            found = lib.measured_depth(points, parameters["scale"])
+            found = hidden_depth.measured_depth(points, parameters["scale"])
             assert found == pytest.approx(parameters["hidden"]["depth"], abs=0.02)
-    assert lib.measured_depth(np.zeros((3, 3)), 1.0) == doubt.DEPTH[0]
+    assert hidden_depth.measured_depth(np.zeros((3, 3)), 1.0) == doubt.DEPTH[0]
 
 
 def test_groups_and_calibration_of_exact_draws(rng):
-    known = [lib.Truth("front", 1, 1.0, 0.5), lib.Truth("turned", 1, 1.0, 0.5)] * 3
-    assert lib._groups(known) == {1: [0, 2, 4]}
+    known = [
+        hidden_depth.Truth("front", 1, 1.0, 0.5),
+        hidden_depth.Truth("turned", 1, 1.0, 0.5),
+    ] * 3
+    assert hidden_depth.groups(known) == {1: [0, 2, 4]}
     exact = rng.uniform(*doubt.DEPTH, (6, 400))
-    found = lib._calibration(exact, known)
+    found = hidden_depth.calibration(exact, known)
     floor = found["Wasserstein-1 of exact draws [share]"]
     assert found["Wasserstein-1 of the depth, one image [share]"] < 2 * floor
     assert found["coverage of the range of depths"] > 0.98
-    point = lib._calibration(np.full((6, 10), np.mean(doubt.DEPTH)), known)
+    point = hidden_depth.calibration(np.full((6, 10), np.mean(doubt.DEPTH)), known)
     single = found["Wasserstein-1 of a single value, the mean [share]"]
     assert point["Wasserstein-1 of the depth, one image [share]"] == pytest.approx(single, abs=1e-3)
 
@@ -58,11 +62,15 @@ def test_goals_and_table():
         "spread, turned [radius]": 0.02,
     }
     results = {"deterministic": alone, "Mo2": sampler}
-    judged = lib.judge(results)["Mo2"]
-    assert list(judged.values()) == pytest.approx([0.5, 4, 0.1])
-    text = lib.table(results)
-    assert "best of K over deterministic (goal <= 0.70)" in text
-    assert "hidden over visible spread (goal >= 3.00)" in text
+    judged = lib.judge(results)
+    assert list(judged["Mo2"].values()) == pytest.approx([0.5, 4, 0.1])
+    measures, goals = lib.table({"networks": results, "reached": judged})
+    assert ["spread, front [radius]", "-", "0.2"] in measures
+    assert goals[1:] == [
+        ["best of K over deterministic", "<= 0.70", "0.500"],
+        ["hidden over visible spread", ">= 3.00", "4.000"],
+        ["spread without doubt over with", "<= 0.33", "0.100"],
+    ]
 
 
 def test_the_better_of_two_asks_for_too_little_spread_and_of_eight_for_all():
@@ -72,7 +80,7 @@ def test_the_better_of_two_asks_for_too_little_spread_and_of_eight_for_all():
     assert lib.spread_of_the_minimiser(8) == pytest.approx(1.0, abs=0.02)
 
 
-def test_figure(rng):
+def test_panels():
     points, _ = truth_cloud(0, 0, 256)
     sample = {
         "image": np.full((64, 64, 3), 191, np.uint8),
@@ -81,20 +89,19 @@ def test_figure(rng):
         "extrinsics": np.array([[0, 1, 0, 0], [0, 0, -1, 0.45], [-1, 0, 0, 3.6]], np.float32),
     }
     clouds = {"deterministic": points[None, :128], "Mo2": np.stack([points[:128]] * 3)}
-    picture = np.asarray(lib.figure(sample, np.stack([points] * 2), clouds, height=64))
-    # A picture, then a prediction and two truths, or three draws.
-    panel = 55 - 13
-    assert picture.shape == (2 * (3 * panel + 24), 4 * 64, 3)
-    for top in (24, 24 + panel, 48 + 3 * panel):
-        for left in (64, 128, 192):
-            drawn = np.argwhere((picture[top : top + panel, left : left + 64] < 160).any(axis=-1))
-            assert len(drawn) > 50
-            assert (np.abs(drawn.mean(axis=0) - [21, 32]) < 16).all()  # not at the panel's edge
+    rows = lib.panels((sample, np.stack([points] * 2), clouds), 90)
+    assert list(rows["deterministic"]) == ["image", "prediction", "true shape 1", "true shape 2"]
+    assert list(rows["Mo2"]) == ["image", "draw 1", "draw 2", "draw 3"]
+    for row in rows.values():
+        for panel in list(row.values())[1:]:
+            drawn = np.argwhere((panel < 160).any(axis=-1))
+            assert len(drawn) > 450
+            assert (np.abs(drawn.mean(axis=0) - 96) < 48).all()  # not at the panel's edge
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not worker.has_mitsuba(), reason="rendering is not installed")
-def test_whole_study_goes_on_where_it_was(tmp_path):
+def test_whole_study_goes_on_where_it_was(tmp_path, monkeypatch):
     size = lib.Size(
         seeds=(2, 1),
         draws=(2, 2),
@@ -113,12 +120,13 @@ def test_whole_study_goes_on_where_it_was(tmp_path):
         num_draws=3,
         num_measured=4,
     )
-    text = lib.run(tmp_path, size)
+    monkeypatch.setattr(lib, "DEFAULT", size)
+    text = lib.STUDY.run(tmp_path)
     assert "coverage of the true shapes" in text
     document = json.loads((tmp_path / "ambiguity.json").read_text())
     assert set(document["networks"]) == set(lib.NETWORKS)
     assert set(document["reached"]) == set(lib.NETWORKS) - {"deterministic"}
     with Image.open(tmp_path / "ambiguity.png") as figure:
-        assert figure.size[0] == 4 * 150
+        assert figure.size[0] > 4 * 192
     jax.clear_caches()
-    assert lib.run(tmp_path, size) == text
+    assert lib.STUDY.run(tmp_path) == text

@@ -10,7 +10,6 @@ from PIL import Image
 from psgn_jax.config import ConfigError, flatten, parse, to_json
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.experiments import branches as lib
-from psgn_jax.metrics.evaluation import Evaluation, SampleName
 from psgn_jax.models.point_layout import branch_of_point, output_grid
 
 MODEL = {"widths": (4, 6, 8), "deconv_level": 1, "fc_points": 30, "fc_widths": (8,)}
@@ -46,16 +45,20 @@ def test_a_sheet_with_rods_is_told_from_the_rods(rng):
     assert measures["deconv"]["gt_to_pred"] == pytest.approx(gaps.min(axis=1).mean(), rel=1e-5)
 
     found = lib.gather([sample, sample])
-    names = [SampleName(i, "car", f"m{i}", 0) for i in range(2)]
-    metrics = {"cd_sq_radius2": np.array([0.01, 0.02])}
-    evaluation = Evaluation("validation", names, metrics, 0.01, (222, 990), 0.025)
-    text = lib.table(evaluation, found)
-    assert "fc has more of the nearest points far from the centre" in text
-    assert "a main body" in text
-    document = json.loads(json.dumps(lib.numbers(evaluation, found), allow_nan=False))
-    assert document["branches"]["fc"]["points"]["mean"] == 30
-    lines = [x for x in lib.markdown(evaluation, found).splitlines() if x.startswith("|")]
-    assert {x.count("|") for x in lines} == {5, 8}
+    assert found["branches"]["fc"]["points"]["mean"] == 30
+    first, *_, last = (
+        fifth["mean"] for fifth in found["fc_share_in_fifths"]["by_distance"]["fifths"]
+    )
+    change = found["fc_share_in_fifths"]["by_distance"]["last_minus_first"]
+    assert change["mean"] == pytest.approx(last - first)
+    assert change["error"] == pytest.approx(0)
+    branches, fifths = lib.table(found)
+    assert branches[1] == ["points", "30", str(len(BRANCHES.deconv)), ""]
+    assert {len(line) for line in branches} == {4}
+    assert [line[-1] for line in fifths[1:]] == [
+        f"{100 * found['fc_share_in_fifths'][key]['last_minus_first']['mean']:+.1f} +- 0.0"
+        for key in lib.PROFILES
+    ]
 
 
 def test_neighbours_are_cells_side_by_side_and_below():
@@ -76,13 +79,13 @@ def test_the_recipe_and_a_run_without_a_second_branch(tmp_path):
     assert flatten(lib.configuration("", full=True, steps=7))["train.steps"] == 7
     alone = parse({"model": {"name": "vanilla"}, "data": {"path": str(tmp_path)}})
     (tmp_path / "config.json").write_text(to_json(alone))
-    with pytest.raises(ConfigError, match="accepted: a network with both branches"):
-        lib.run(tmp_path / "out", trained=tmp_path)
-    with pytest.raises(ConfigError, match="not with --run"):
-        lib.run(tmp_path / "out", trained=tmp_path, steps=3)
+    with pytest.raises(ConfigError, match="expected a network with both branches"):
+        lib.STUDY.run(tmp_path / "out", run=tmp_path)
+    with pytest.raises(ConfigError, match="without --run"):
+        lib.STUDY.run(tmp_path / "out", run=tmp_path, steps=3)
 
 
-def test_figure(rng):
+def test_panels(rng):
     pred, gt = sheet_and_tips(rng)
     case = {
         "image": np.full((24, 32, 3), 100, np.uint8),
@@ -91,14 +94,15 @@ def test_figure(rng):
         "intrinsics": np.array([[50, 0, 16], [0, 50, 12], [0, 0, 1.0]], np.float32),
         "extrinsics": np.array([[0, 1, 0, 0], [0, 0, -1, 0.3], [-1, 0, 0, 3.6]], np.float32),
     }
-    sheet = np.asarray(lib.figure({0: case, 5: case}, CONFIG))
-    assert sheet.shape == (24 + 2 * (192 + 8) + 48, 7 * (256 + 8), 3)
-    maps = [sheet[24:216, c * 264 : c * 264 + 256] for c in (1, 2, 3)]
-    assert (maps[0][0] == maps[0][15]).all()  # one cell, enlarged sixteen times
-    assert (maps[0][0, 0] != maps[0][-1, 0]).any()  # x runs down the grid,
-    assert (maps[1][0, 0] != maps[1][0, -1]).any()  # y across it,
-    assert (maps[2] == maps[2][0, 0]).all()  # and z is one
-    by_branch = sheet[24:216, 4 * 264 : 4 * 264 + 256].astype(int)
+    panels = list(lib.panels(case, CONFIG).values())
+    assert len(panels) == 8
+    x, y, z = panels[1:4]
+    assert x.shape == (GRID.height, GRID.width)
+    assert (x[0] == x[0, 0]).all()
+    assert x[0, 0] != x[-1, 0]  # x runs down the grid,
+    assert y[0, 0] != y[0, -1]  # y across it,
+    assert (z == z[0, 0]).all()  # and z is one
+    by_branch = panels[4].astype(int)
     drawn = by_branch[np.ptp(by_branch, axis=2) > 40]
     assert (drawn[:, 0] > drawn[:, 2]).any()
     assert (drawn[:, 0] < drawn[:, 2]).any()
@@ -119,9 +123,9 @@ def test_the_whole_study_and_again(tmp_path, monkeypatch):
     data, work = tmp_path / "data", tmp_path / "work"
     drawn = list(solids.samples(4, seed=0, image_size=(24, 32)))
     write_dataset(data, {"train": drawn[:2], "validation": drawn}, source="")
-    text = lib.run(work, data=str(data), num_cases=2)
+    text = lib.STUDY.run(work, data=str(data), cases=2)
     assert text == (work / "branches.txt").read_text()
     document = json.loads((work / "branches.json").read_text())
-    assert (document["samples"], document["steps"]) == (4, 1)
+    assert (document["samples"], document["steps"]) == (4, {"training": 1})
     with Image.open(work / "branches.png") as picture:
-        assert picture.size == (7 * 264, 24 + 2 * 200 + 48)
+        assert picture.size[0] > 8 * 256

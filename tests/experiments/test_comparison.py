@@ -10,6 +10,7 @@ from PIL import Image
 from psgn_jax.config import ConfigError, parse
 from psgn_jax.data import camera, schema
 from psgn_jax.data.dataset import write_dataset
+from psgn_jax.experiments import common, figures, volumes
 from psgn_jax.experiments import comparison as lib
 from psgn_jax.metrics.evaluation import Evaluation, SampleName
 
@@ -46,9 +47,9 @@ def test_the_papers_table_is_consistent():
 def test_a_volumes_surface_becomes_a_cloud(rng):
     volume = np.zeros((32, 32, 32), bool)
     volume[8:24, 12:20, 0:4] = True
-    points = lib.surface_of(volume, rng)
+    points = volumes.surface_of(volume, rng)
     low, high = np.array([-0.5, -0.25, 0]), np.array([0.5, 0.25, 0.25])
-    assert points.shape == (lib.CANDIDATES, 3)
+    assert points.shape == (volumes.CANDIDATES, 3)
     assert (points >= low - 1e-6).all()
     assert (points <= high + 1e-6).all()
     on_face = (np.abs(points - low) < 1e-6) | (np.abs(points - high) < 1e-6)
@@ -60,7 +61,7 @@ def test_thin_cells():
     volume[4:6, 4:6, 4:6] = True  # a block
     volume[10, 10, :20] = True  # a rod
     volume[20:30, 20:30, 31] = True  # a sheet at the border
-    thin = lib.thin_cells(volume)
+    thin = volumes.thin_cells(volume)
     assert thin.sum() == 20 + 100
     assert not thin[4:6, 4:6, 4:6].any()
 
@@ -68,8 +69,8 @@ def test_thin_cells():
 def test_an_empty_prediction_has_its_likeliest_cell():
     probability = np.zeros((32, 32, 32), np.float32)
     probability[3, 4, 5] = 0.2
-    assert np.argwhere(lib.solid_at(probability, 0.5)).tolist() == [[3, 4, 5]]
-    assert lib.solid_at(probability, 0.1).sum() == 1
+    assert np.argwhere(volumes.solid_at(probability, 0.5)).tolist() == [[3, 4, 5]]
+    assert volumes.solid_at(probability, 0.1).sum() == 1
 
 
 def test_rows_in_parts_are_all_rows():
@@ -80,7 +81,7 @@ def test_rows_in_parts_are_all_rows():
         sizes.append(len(x))
         return {"sum": x + y}
 
-    np.testing.assert_array_equal(lib.in_parts(function, a, b, size=3)["sum"], a + b)
+    np.testing.assert_array_equal(common.in_parts(function, a, b, size=3)["sum"], a + b)
     assert sizes == [3, 3, 3]
 
 
@@ -94,7 +95,7 @@ def test_seconds_and_budget(tmp_path):
         {"step": 11, "kind": "eval", "iou": 0.1},
     ]
     (tmp_path / "cd" / "metrics.jsonl").write_text("".join(json.dumps(x) + "\n" for x in lines))
-    assert lib.seconds(tmp_path / "cd") == pytest.approx(5.0)
+    assert common.cost(tmp_path / "cd") == pytest.approx((0.5, 5.0))
     assert lib.budget(config, tmp_path, ["cd"], 77) == 77
     assert lib.budget(config, tmp_path, ["cd"], 5) == 77  # decided once
     assert json.loads((tmp_path / "budget.json").read_text())["seconds"] == pytest.approx(5.0)
@@ -111,7 +112,8 @@ def document():
     gain = {"mean": 0.1, "error": 0.01}
     return {
         "split": "test",
-        "samples": {"chair": 3, "pillow": 2},
+        "samples": 5,
+        "samples_of": {"chair": 3, "pillow": 2},
         "categories": {"chair": row, "pillow": {**row, f"iou:{lib.PEER}_1": 0.6}},
         "mean": row,
         "seconds": dict.fromkeys((*lib.POINTS, "volume", *lib.HEADS, lib.PEER), 10.0),
@@ -123,21 +125,23 @@ def document():
 
 
 def test_tables():
-    text = lib.table(document())
-    (chair,) = [line for line in text.splitlines() if line.startswith("chair") and ".544" in line]
-    assert " ".join(chair.split()) == "chair 3 0.500 0.400 0.400 0.400 0.544 0.466 0.533 0.550"
-    assert "in 1 of 2 categories" in text
-    assert "printed in the paper: other data" in text
+    iou, volume, surface, thin, heads, gains, times = lib.table(document())
+    assert " ".join(iou[1]) == "chair 3 0.500 0.400 0.400 0.400 0.544 0.466 0.533 0.550"
+    assert [line[1] for line in iou[1:]] == ["3", "2", "5"]
     # 0.01 radius^2 is 0.25 of the paper's unit squared, 0.01 radius 0.05 of it.
-    lines = [line.split() for line in text.splitlines() if line.startswith("pillow")]
-    assert lines[1][1:7] == ["0.250", "0.250", "0.01000", "0.01000", "0.050", "0.050"]
-    assert lines[2][1:7] == ["0.500", "0.500", "0.02000", "0.02000", "0.100", "0.100"]
-    assert lines[3][1:] == ["0.300", "0.300"]
-    assert "Trained for 40 s" in text
+    assert volume[2][1:7] == ["0.250", "0.250", "0.01000", "0.01000", "0.050", "0.050"]
+    assert surface[2][1:7] == ["0.500", "0.500", "0.02000", "0.02000", "0.100", "0.100"]
+    assert thin[2] == ["pillow", "0.300", "0.300"]
+    assert heads[1] == ["splat_cd", "0.500"]
+    assert gains[1] == ["head_cd - splat_cd", "+0.1000 +- 0.0100"]
+    assert times[1] == ["cd", "10"]
 
 
 def test_pictures(rng):
-    assert np.asarray(lib.bars(document())).std() > 0
+    axes = lib.bars(document()).axes
+    assert len(axes) == 3
+    heights = [bar.get_height() for bar in axes[2].containers[1]]
+    assert heights == pytest.approx([0.6, 0.4, 0.6])  # 1 - IoU of 3D-R2N2
     intrinsics, extrinsics = camera.default_camera((24, 32))
     volume = np.zeros((32, 32, 32), bool)
     volume[10:20, 10:20, :8] = True
@@ -146,9 +150,14 @@ def test_pictures(rng):
         "intrinsics": intrinsics,
         "extrinsics": extrinsics,
         "category": "chair",
-        "panels": [rng.uniform(-0.5, 0.5, (50, 3)), volume, volume, volume],
+        "cloud": rng.uniform(-0.5, 0.5, (50, 3)),
+        **dict.fromkeys((lib.OURS, lib.PEER, "truth"), volume),
     }
-    assert np.asarray(lib.side_by_side([case, case])).shape == (24 + 2 * 192, 9 * 256, 3)
+    panels = list(lib.panels(case).values())
+    assert [panel.shape for panel in panels] == [(192, 256, 3)] * 9
+    assert all((panel < 200).any() for panel in panels)
+    figure = lib.figure(document(), [case, case])["cases"]
+    assert figures.png(figure).startswith(b"\x89PNG")
 
 
 def samples(split):
@@ -157,7 +166,7 @@ def samples(split):
         occupancy = np.zeros((32, 32, 32), bool)
         occupancy[8:24, 8 : 20 + 4 * number, : 8 + 8 * number] = True
         rng = np.random.default_rng(number)
-        points = lib.surface_of(occupancy, rng)[:1100]
+        points = volumes.surface_of(occupancy, rng)[:1100]
         intrinsics, extrinsics = camera.default_camera((16, 32))
         for view in range(5):
             yield schema.Sample(
@@ -175,34 +184,31 @@ def samples(split):
 
 def test_what_is_compared(tmp_path, monkeypatch):
     """Runs that predict the truth, or for 3D-R2N2 nothing, of two samples of each category."""
-    monkeypatch.setattr(lib, "NUM_POINTS", 32)
-    monkeypatch.setattr(lib, "CANDIDATES", 128)
-    monkeypatch.setattr(lib, "seconds", lambda folder: 1.0)
+    monkeypatch.setattr(volumes, "NUM_POINTS", 32)
+    monkeypatch.setattr(volumes, "CANDIDATES", 128)
     known = [s for s in samples("test") if s.view < 2]
     truth = np.stack([s.occupancy for s in known])
     truth[0, 2, 2, :9] = True  # a thin rod
     clouds = np.stack([s.points[:32] for s in known])
 
-    def measure(workdir, split, into=None):
-        name = workdir.name
+    def measure(folder, split, into):
+        name = folder.name
         names = [SampleName(i, s.category, s.model_id, s.view) for i, s in enumerate(known)]
         metrics = {"iou": np.full(4, 0.7 if "volume" in name else 0.6)}
         metrics |= {f"iou_splat_{n}": np.full(4, 0.5) for n in lib.POINTS}
         metrics |= {f"iou_{count}_views": np.full(4, 0.1 * count) for count in lib.VIEWS}
         chosen = {f"threshold_of_{key}": 0.5 for key in metrics}
-        if into is not None:
-            into |= {k: [getattr(s, k) for s in known] for k in ("image", "points")}
-            into |= {k: [getattr(s, k) for s in known] for k in ("intrinsics", "extrinsics")}
-            into["occupancy"] = list(truth)
+        for key, arrays in into.items():
+            arrays += list(truth) if key == "occupancy" else [getattr(s, key) for s in known]
         predictions = truth.astype(np.float32) if name != lib.PEER else 0.1 * truth
         if name in lib.POINTS:
             predictions = clouds
         found = Evaluation(split, names, metrics, 0.01, (0, 0), chosen=chosen)
-        return lib.Run(found, predictions)
+        return volumes.Run(found, predictions)
 
-    monkeypatch.setattr(lib, "measure", measure)
-    document, cases = lib.compare(tmp_path, "test")
-    assert document["samples"] == {"box": 2, "chair": 2}
+    monkeypatch.setattr(volumes, "measure_run", measure)
+    document, cases = volumes.compare(tmp_path, "test")
+    assert document["samples_of"] == {"box": 2, "chair": 2}
     mean = document["mean"]
     assert mean[f"iou:{lib.OURS}"] == pytest.approx(0.7)
     assert document["gain_volume"] == pytest.approx({"mean": 0.1, "error": 0})
@@ -213,8 +219,9 @@ def test_what_is_compared(tmp_path, monkeypatch):
     assert mean["cd_sq_radius2_surface:cd"] > 0
     assert document["categories"]["box"][f"thin_recall:{lib.OURS}"] == 1
     assert np.isnan(document["categories"]["chair"][f"thin_recall:{lib.OURS}"])
-    assert "in 2 of 2 categories" in lib.table(document)
-    assert cases.size == (9 * 32 * 12, 24 + 2 * 192)  # chair and box
+    assert [case["category"] for case in cases] == ["chair", "box"]
+    assert (cases[1]["truth"] == truth[0]).all()  # that with the thin rod
+    lib.table({**document, "seconds": {}})
 
 
 @pytest.mark.slow
@@ -232,18 +239,20 @@ def test_the_whole_study_and_again(tmp_path, monkeypatch):
     )
     monkeypatch.setattr(lib, "DEFAULT", tiny)
     monkeypatch.setattr(lib, "NUM_POINTS", 64)
-    monkeypatch.setattr(lib, "CANDIDATES", 256)
+    monkeypatch.setattr(volumes, "NUM_POINTS", 64)
+    monkeypatch.setattr(volumes, "CANDIDATES", 256)
     work = tmp_path / "work"
-    text = lib.run(work, data=str(tmp_path / "data"), peer_steps=2)
+    text = lib.STUDY.run(work, data=str(tmp_path / "data"), peer_steps=2)
     assert text == (work / "comparison.txt").read_text()
     found = json.loads((work / "comparison.json").read_text())
     assert set(found["categories"]) == {"box", "chair"}
     assert found["split"] == "test"
     assert found["steps_of_3d_r2n2"] == 2
     assert 0 < found["mean"]["cd_sq_radius2_surface:cd"] < 10
-    assert np.asarray(Image.open(work / "cases.png")).shape[1] == 9 * 32 * 12
+    with Image.open(work / "cases.png") as picture:
+        assert picture.size[0] > 9 * 192
     before = {p: p.read_bytes() for p in work.glob("*/metrics.jsonl")}
-    assert lib.run(work, data=str(tmp_path / "data"), peer_steps=2) == text
+    assert lib.STUDY.run(work, data=str(tmp_path / "data"), peer_steps=2) == text
     assert len(before) == 8
     assert before == {p: p.read_bytes() for p in work.glob("*/metrics.jsonl")}
 
@@ -252,5 +261,5 @@ def test_records_without_five_views_are_refused_before_anything(tmp_path):
     few = [s for s in samples("train") if s.view < 2]
     write_dataset(tmp_path / "data", {"train": few, "validation": few}, source="")
     with pytest.raises(ConfigError, match=r"has 2 views of the 5 that voxels.max_views asks for"):
-        lib.run(tmp_path / "work", data=str(tmp_path / "data"))
+        lib.STUDY.run(tmp_path / "work", data=str(tmp_path / "data"))
     assert not (tmp_path / "work").exists()

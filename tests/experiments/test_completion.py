@@ -49,12 +49,12 @@ def test_rgbd_emd_is_authors_emd_with_depth():
 def test_data_named_found_or_drawn(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(common, "default_dataset", lambda: "rendered")
-    assert lib.find_data(None) == lib.find_data("") == "rendered"
+    assert common.find_data(None) == common.find_data("") == "rendered"
     with pytest.raises(ConfigError, match="does not exist"):
-        lib.find_data("no/such")
-    pathlib.Path(lib.USUAL_DATA).mkdir(parents=True)
-    assert lib.find_data(None) == lib.USUAL_DATA
-    assert lib.find_data("records") == "records"
+        common.find_data("no/such")
+    pathlib.Path(common.USUAL_DATA).mkdir(parents=True)
+    assert common.find_data(None) == common.USUAL_DATA
+    assert common.find_data("records") == "records"
 
 
 def evaluation(hidden, fscore):
@@ -73,24 +73,23 @@ def test_differences_are_paired_and_leave_out_what_no_sample_has():
         "rgb": evaluation([1.0, 2.0, 3.0, np.nan], [0.1, 0.2, 0.3, 0.4]),
         "rgbd": evaluation([0.5, 1.0, 3.5, np.nan], [0.2, 0.3, 0.4, 0.3]),
     }
-    hidden = lib.compare(both, "cd_sq_gt_to_pred_hidden_radius2")
+    changes = common.differences({name: found.metrics for name, found in both.items()})
+    hidden = common.Difference(**changes["cd_sq_gt_to_pred_hidden_radius2"])
     change = np.array([-0.5, -1.0, 0.5])
     assert hidden.mean == pytest.approx(change.mean())
     assert hidden.error == pytest.approx(change.std(ddof=1) / np.sqrt(3))
     assert hidden.better == pytest.approx(2 / 3)
-    assert lib.compare(both, "fscore").better == pytest.approx(3 / 4)  # the larger the better
-    text = lib.table(both)
-    (line,) = [x for x in text.splitlines() if x.startswith("hidden true points")]
-    assert "2.00000" in line
-    assert "1.66667" in line
-    assert "67 %" in line
-    assert "62.5 % are visible" in text
-    lines = lib.markdown(both).splitlines()
-    assert lines[0] == "|  | RGB | RGB-D | difference | RGB-D better on |"
-    assert {x.count("|") for x in lines if x.startswith("|")} == {6}
-    document = json.loads(json.dumps(lib.numbers(both), allow_nan=False))
-    assert document["mean_over_samples"]["rgb"]["fscore"] == pytest.approx(0.25)
-    assert document["rgbd_minus_rgb"]["fscore"]["mean"] == pytest.approx(0.05)
+    assert changes["fscore"]["better"] == pytest.approx(3 / 4)  # the larger the better
+    assert changes["fscore"]["mean"] == pytest.approx(0.05)
+    means = {name: found.means for name, found in both.items()}
+    assert means["rgb"]["fscore"] == pytest.approx(0.25)
+    (lines,) = lib.table({"mean_over_samples": means, "rgbd_minus_rgb": changes})
+    assert lines[0] == ["", "RGB", "RGB-D", "difference", "RGB-D better on"]
+    (line,) = [line for line in lines if line[0].startswith("hidden true points")]
+    assert line[1:3] == ["2.00000", "1.66667"]
+    assert line[3] == f"{change.mean():+.5f} +- {change.std(ddof=1) / np.sqrt(3):.5f}"
+    assert line[4] == "67 %"
+    assert ["visible true points [%]", "62.50", "62.50", "+0.00 +- 0.00", "0 %"] in lines
 
 
 def tiny(inputs, path, *, full, steps):
@@ -117,36 +116,37 @@ def test_the_whole_study_and_again(tmp_path, monkeypatch):
     data = tmp_path / "data"
     write_dataset(data, {"train": drawn[:2], "validation": drawn}, source="")
     work = tmp_path / "work"
-    text = lib.run(work, data=str(data), num_cases=2)
+    text = lib.STUDY.run(work, data=str(data), cases=2)
     assert "hidden true points" in text
     assert text == (work / "completion.txt").read_text()
     document = json.loads((work / "completion.json").read_text())
     assert set(document["mean_over_samples"]) == {"rgb", "rgbd"}
     assert document["samples"] == 5
-    picture = np.asarray(Image.open(work / "completion.png"))
-    assert picture.shape == (24 + 2 * 192, 8 * 256, 3)  # 24x32 images, enlarged eight times
+    assert "5 samples of 'validation', 20 predicted points, 60 true points, rgb: 2 steps" in text
+    with Image.open(work / "completion.png") as picture:
+        assert picture.size[0] > 8 * 256
     # What is done is not trained again, and gives the same numbers.
     before = {name: (work / name / "metrics.jsonl").read_bytes() for name in lib.INPUTS}
-    assert lib.run(work, data=str(data), num_cases=2) == text
+    assert lib.STUDY.run(work, data=str(data), cases=2) == text
     assert before == {name: (work / name / "metrics.jsonl").read_bytes() for name in lib.INPUTS}
 
     bare = tmp_path / "bare"
     flat = [dataclasses.replace(s, depth=None) for s in drawn[:2]]
     write_dataset(bare, {"train": flat, "validation": flat}, source="")
     with pytest.raises(ConfigError, match="asks for depth"):
-        lib.run(tmp_path / "other", data=str(bare))
+        lib.STUDY.run(tmp_path / "other", data=str(bare))
     assert not (tmp_path / "other").exists()
 
 
-def test_figure_has_both_colours(rng):
+def test_panels_have_both_colours():
     s = next(solids.samples(1, seed=0, image_size=(96, 128)))
     case = {k: getattr(s, k) for k in ("image", "depth", "points", "intrinsics", "extrinsics")}
     case |= {"visible": s.points[:, 0] > 0, "pred": s.points[::64] + np.float32(0.01)}
-    sheet = np.asarray(lib.figure({"rgb": {3: case}, "rgbd": {3: case}}))
-    assert sheet.shape == (24 + 192, 8 * 256, 3)
-    for column in range(2, 8):
-        panel = sheet[24:, column * 256 : (column + 1) * 256].astype(int)
-        drawn = panel[(panel != 255).any(axis=2)]
-        assert (drawn[:, 2] > drawn[:, 0]).any()
-        assert (drawn[:, 2] < drawn[:, 0]).any()
-    assert (lib.depth_picture(np.zeros((2, 3), np.float32)) == 255).all()
+    image, depth, *clouds = lib.panels(case, case).values()
+    assert image.shape == (192, 256, 3)
+    assert np.isnan(depth[s.depth == 0]).all()
+    assert len(clouds) == 6
+    for panel in (panel.astype(int) for panel in clouds):
+        coloured = panel[np.ptp(panel, axis=2) > 40]
+        assert (coloured[:, 2] > coloured[:, 0]).any()
+        assert (coloured[:, 2] < coloured[:, 0]).any()

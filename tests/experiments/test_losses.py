@@ -1,13 +1,11 @@
 """CD against EMD: strays, paired differences, runs that cannot be compared, a picture."""
 
-import json
-
 import numpy as np
 import pytest
 
 from psgn_jax.config import ConfigError, flatten, parse, to_json
+from psgn_jax.experiments import common
 from psgn_jax.experiments import losses as lib
-from psgn_jax.metrics.evaluation import Evaluation, SampleName
 
 
 def test_both_trainings_differ_in_the_loss_alone():
@@ -43,21 +41,25 @@ def test_the_table_and_its_numbers():
         "emd": metrics([0.5, 1, 3.5, 3], [0.2, 0.3, 0.4, 0.3]),
     }
     change = np.array([-0.5, -1, 0.5, -1])
-    found = lib.compare(both, "emd_radius")
+    numbers = lib.compare(both)
+    found = common.Difference(**numbers["emd_minus_cd"]["emd_radius"])
     assert found.mean == pytest.approx(change.mean())
     assert found.error == pytest.approx(change.std(ddof=1) / 2)
     assert found.better == 0.75
-    assert lib.compare(both, "fscore").better == 0.75  # the larger the better
-    names = [SampleName(i, "car", f"m{i}", 0) for i in range(4)]
-    evaluation = Evaluation("validation", names, {}, 0.01, (1024, 4096), 0.025)
-    text = lib.table(both, evaluation, {"cd": 30, "emd": 30})
-    assert "after 30 steps of each training" in text
-    assert "not one budget" in lib.table(both, evaluation, {"cd": 30, "emd": 20})
-    lines = lib.markdown(both, evaluation, {"cd": 30, "emd": 30}).splitlines()
-    assert {x.count("|") for x in lines if x.startswith("|")} == {6}
-    document = json.loads(json.dumps(lib.numbers(both, evaluation), allow_nan=False))
-    assert document["emd_minus_cd"]["emd_radius"]["mean"] == pytest.approx(-0.5)
-    assert document["mean_over_samples"]["cd"]["stray"] == pytest.approx(0.1)
+    assert found.mean == pytest.approx(-0.5)
+    assert numbers["emd_minus_cd"]["fscore"]["better"] == 0.75  # the larger the better
+    assert numbers["mean_over_samples"]["cd"]["stray"] == pytest.approx(0.1)
+    (lines,) = lib.table(numbers)
+    assert ["EMD [radius]", "2.50000", "2.00000", "-0.50000 +- 0.35355", "75 %"] in lines
+    assert lines[-1][:3] == [
+        "predicted points farther than .1 from the truth [%]",
+        "10.00",
+        "10.00",
+    ]
+    about = {"samples": 4, "split": "validation", "steps": {"cd": 30, "emd": 20}}
+    assert lib.STUDY.text_below(about).startswith(
+        "4 samples of 'validation', cd: 30 steps, emd: 20"
+    )
 
 
 def test_runs_that_cannot_be_compared(tmp_path):
@@ -70,28 +72,30 @@ def test_runs_that_cannot_be_compared(tmp_path):
 
     emd, cd = make("emd"), make("cd", loss={"name": "chamfer_sq_mean"})
     other = make("other", model={"name": "hourglass"})
-    with pytest.raises(ConfigError, match=r"--cd=.*a run trained by CD"):
-        lib.run(tmp_path, trained={"cd": emd, "emd": emd})
+    with pytest.raises(ConfigError, match=r"--cd=.*expected a run trained by CD"):
+        lib.STUDY.run(tmp_path, cd=emd, emd=emd)
     with pytest.raises(ConfigError, match=r"model\.name: 'two_branch' in --cd, 'hourglass'"):
-        lib.run(tmp_path, trained={"cd": cd, "emd": other})
-    with pytest.raises(ConfigError, match="not with --cd, --emd"):
-        lib.run(tmp_path, trained={"cd": cd, "emd": emd}, steps=2)
+        lib.STUDY.run(tmp_path, cd=cd, emd=other)
+    with pytest.raises(ConfigError, match="without --cd and --emd"):
+        lib.STUDY.run(tmp_path, cd=cd, emd=emd, steps=2)
+    with pytest.raises(ConfigError, match="expected both or none"):
+        lib.STUDY.run(tmp_path, cd=cd)
 
 
-def test_figure(rng):
+def test_panels(rng):
     cloud = rng.uniform(-0.4, 0.4, (60, 3)).astype(np.float32)
     case = {
         "image": np.full((24, 32, 3), 100, np.uint8),
         "points": np.repeat(cloud, 2, axis=0),
-        "clouds": {"cd": cloud, "emd": cloud},
-        "texts": {"image": "car", "cd": "CD 1", "emd": "CD 2"},
+        "cd": cloud,
+        "emd": cloud,
         "intrinsics": np.array([[50, 0, 16], [0, 50, 12], [0, 0, 1.0]], np.float32),
         "extrinsics": np.array([[0, 1, 0, 0], [0, 0, -1, 0.3], [-1, 0, 0, 3.6]], np.float32),
     }
-    sheet = np.asarray(lib.figure({0: case}))
-    assert sheet.shape == (24 + 192 + 22, 7 * (256 + 8), 3)
+    panels = list(lib.panels(case).values())
+    assert [panel.shape for panel in panels] == [(192, 256, 3)] * 7
     for column, channel in ((1, 2), (2, 1), (4, 2), (5, 1)):
-        panel = sheet[24:216, column * 264 : column * 264 + 256].astype(int)
+        panel = panels[column].astype(int)
         drawn = panel[np.ptp(panel, axis=2) > 40]
         assert len(drawn)
         assert (drawn.argmax(axis=1) == channel).all()

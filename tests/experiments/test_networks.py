@@ -1,5 +1,6 @@
 """The networks compared: equal parameters, costs, differences, bars; the study, resumed."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -7,11 +8,10 @@ import pytest
 from helpers import drawn_solids as solids
 from PIL import Image
 
-from psgn_jax.config import flatten, parse
+from psgn_jax.config import flatten, parse, to_json
 from psgn_jax.data.dataset import write_dataset
-from psgn_jax.experiments import branches, losses
+from psgn_jax.experiments import branches, common, figures, losses
 from psgn_jax.experiments import networks as lib
-from psgn_jax.metrics.evaluation import Evaluation, SampleName
 
 
 @pytest.fixture(scope="module")
@@ -34,39 +34,57 @@ def test_one_budget_and_equal_parameters(configs):
 
 
 def results(rng):
-    names = [SampleName(i, "car", f"m{i}", 0) for i in range(9)]
     found = {}
     for loss in lib.LOSSES:
         for factor, name in zip((1.0, 1.05, 0.8, 0.7), lib.NETWORKS, strict=True):
-            metrics = {
+            found[f"{name}_{loss}"] = {
                 "cd_sq_radius2": factor * rng.uniform(0.9, 1.1, 9) / 100,
                 "emd_radius": factor * rng.uniform(0.9, 1.1, 9) / 10,
             }
-            evaluation = Evaluation("validation", names, metrics, 0.01, (1024, 4096))
-            found[f"{name}_{loss}"] = lib.Trained(evaluation, 4_300_000, 0.25, 3.0)
     return found
+
+
+def document(found):
+    runs = {
+        name: {
+            "parameters": 4_300_000,
+            "seconds_per_step": 0.25,
+            "minutes_of_steps": 3.0,
+            "mean_over_samples": {key: float(values.mean()) for key, values in metrics.items()},
+        }
+        for name, metrics in found.items()
+    }
+    return {
+        "runs": runs,
+        "differences": {f"{a} - {b}": lib.compare(found, a, b) for a, b in lib.PAIRS},
+        "vanilla_differences": {n: lib.compare(found, n, "vanilla") for n in lib.NETWORKS},
+    }
 
 
 def test_tables_numbers_and_bars(rng):
     found = results(rng)
-    text = lib.table(found, 700)
-    assert "two-branch - vanilla" in text
-    assert "after 700 steps" in text
-    change = lib.compare(found, "two_branch", "vanilla", "emd")
-    assert change.mean < 0
-    assert change.better == 1
-    lines = [x for x in lib.markdown(found, 700).splitlines() if x.startswith("|")]
-    assert {x.count("|") for x in lines} == {10, 6}
-    document = json.loads(json.dumps(lib.numbers(found), allow_nan=False))
-    assert document["differences"]["two_branch - vanilla"]["emd"]["mean"] == pytest.approx(
-        change.mean
-    )
-    picture = np.asarray(lib.figure(found))
-    for colour in lib._COLOURS:
-        assert (picture == colour).all(axis=2).sum() > 1000
-    # The lower the error, the lower the bar: two groups, the last bar the lowest of each.
-    heights = [(picture == colour).all(axis=2).sum() for colour in lib._COLOURS]
-    assert heights[3] < heights[2] < heights[0]
+    change = lib.compare(found, "two_branch", "vanilla")["emd"]
+    values = [found[f"{name}_emd"]["emd_radius"] for name in ("two_branch", "vanilla")]
+    assert change["mean"] == pytest.approx((values[0] - values[1]).mean())
+    assert change["mean"] < 0
+    assert change["better"] == 1
+    numbers = document(found)
+    networks, pairs = lib.table(numbers)
+    assert [len(line) for line in networks] == [9] * 5
+    assert [line[0] for line in pairs[1:]] == [
+        "two-branch - vanilla (fc)", "two-branch - fc, parameters of two-branch",
+        "hourglass - two-branch", "hourglass - vanilla (fc)",
+    ]  # fmt: skip
+    assert pairs[1][4] == "100 %"
+    ratios = lib.ratios(numbers)
+    assert ratios["vanilla"] == [(1.0, 0.0), (1.0, 0.0)]
+    assert ratios["two_branch"][1][0] == pytest.approx(values[0].mean() / values[1].mean())
+    assert ratios["two_branch"][1][1] == pytest.approx(change["error"] / values[1].mean())
+    (figure,) = lib.figure(numbers, None).values()
+    heights = [[bar.get_height() for bar in bars] for bars in figure.axes[0].containers
+               if hasattr(bars, "patches")]  # fmt: skip
+    assert heights == [[value for value, _ in pair] for pair in ratios.values()]
+    assert figures.png(figure).startswith(b"\x89PNG")
 
 
 def test_costs_of_a_log(tmp_path):
@@ -77,11 +95,12 @@ def test_costs_of_a_log(tmp_path):
         {"step": 5, "kind": "train", "samples_per_second": 4.0},
     ]
     (tmp_path / "metrics.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
-    seconds, minutes = lib.cost(tmp_path, 8)
+    (tmp_path / "config.json").write_text(to_json(parse({"train": {"batch_size": 8}})))
+    seconds, total = common.cost(tmp_path)
     assert seconds == 1.5
-    assert minutes == pytest.approx((2 * 1 + 2 * 2) / 60)
+    assert total == pytest.approx(2 * 1 + 2 * 2)
     (tmp_path / "metrics.jsonl").write_text("")
-    assert np.isnan(lib.cost(tmp_path, 8)).all()
+    assert np.isnan(common.cost(tmp_path)).all()
 
 
 def tiny(path, network, loss):
@@ -112,27 +131,29 @@ def test_the_whole_study_again_and_what_takes_its_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(lib, "configuration", configuration)
     monkeypatch.setattr(lib, "NETWORKS", {"two_branch": "two-branch"})
     monkeypatch.setattr(lib, "PAIRS", (("two_branch", "two_branch"),))
-    monkeypatch.setattr(lib, "figure", lambda results: Image.new("RGB", (9, 9)))
+    compare = lib.compare
+    monkeypatch.setattr(lib, "compare", lambda m, one, _: compare(m, one, "two_branch"))
+    study = dataclasses.replace(lib.STUDY, figure=lambda *_: {})
     data, work = tmp_path / "data", tmp_path / "work"
     drawn = list(solids.samples(4, seed=0, image_size=(48, 64)))
     write_dataset(data, {"train": drawn[:2], "validation": drawn}, source="")
-    text = lib.run(work, data=str(data))
+    text = study.run(work, data=str(data))
     assert text == (work / "networks.txt").read_text()
     document = json.loads((work / "networks.json").read_text())
     assert document["runs"].keys() == {"two_branch_cd", "two_branch_emd"}
     before = {p: p.read_bytes() for p in work.glob("*/metrics.jsonl")}
 
     trained = {"cd": work / "two_branch_cd", "emd": work / "two_branch_emd"}
-    text = losses.run(tmp_path / "losses", trained=trained, num_cases=2)
-    assert "2 steps of each training" in text
+    text = losses.STUDY.run(tmp_path / "losses", **trained, cases=2)
+    assert "cd: 2 steps, emd: 2 steps" in text
     document = json.loads((tmp_path / "losses/losses.json").read_text())
     apart = list(document["shown"].values())
     assert len(apart) == 2
     assert apart == sorted(apart, reverse=True)
-    branches.run(tmp_path / "branches", trained=trained["emd"], data=str(data), num_cases=2)
+    branches.STUDY.run(tmp_path / "branches", run=trained["emd"], data=str(data), cases=2)
     document = json.loads((tmp_path / "branches/branches.json").read_text())
     assert document["samples"] == 4
     assert document["branches"]["deconv"]["points"]["mean"] == 192
     with Image.open(tmp_path / "branches/branches.png") as picture:
-        assert picture.size == (7 * 264, 24 + 2 * 200 + 48)
+        assert picture.size[0] > 7 * 256
     assert before == {p: p.read_bytes() for p in work.glob("*/metrics.jsonl")}

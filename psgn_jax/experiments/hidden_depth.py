@@ -1,0 +1,134 @@
+"""The data of the study `ambiguity`: cabinets whose depth shows, or does not, and its measures."""
+
+import json
+import pathlib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from absl import logging
+
+from psgn_jax.config import ConfigError
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.metrics import samples as sample_metrics
+
+DOUBT, NO_DOUBT = "front", "turned"
+"""Kinds of images: ambiguous, since the depth is hidden; unambiguous."""
+
+# Geometry of `data_gen.catalogues.doubt` before normalisation: where the body begins and the
+# deepest one's length, from the rail's middle.
+BODY_BEGINS, DEEPEST = 0.94, 1.94
+DEPTH_RANGE = (0.15, 1.0)
+
+
+class Truth(NamedTuple):
+    """What is known of a validation sample besides its points."""
+
+    kind: str
+    seed: int
+    scale: float
+    depth: float
+
+
+def build_data(
+    folder: pathlib.Path,
+    image_size: tuple[int, int],
+    seeds: tuple[int, int],
+    draws: tuple[int, int],
+) -> None:
+    """Renders the data set, or completes it.
+
+    Raises:
+      ConfigError: rendering is not installed or not possible, or the folder holds something else.
+    """
+    # The data stage needs Mitsuba, the rest of the package does not.
+    from data_gen import cameras, job, settings
+    from data_gen.catalogues import doubt
+
+    options = settings.Settings(
+        views=1,
+        num_points=4096,
+        models_per_shard=64,
+        # On the horizon, straight in front, looking at the middle of the panel: see the catalogue.
+        camera=cameras.CameraSettings(
+            image_size=image_size, azimuth=(0.0, 0.0), elevation=(0.0, 0.0), aim=(0.45, 0.45)
+        ),
+    )
+    try:
+        summary = job.render_catalogue(doubt.DoubtCatalogue(seeds, draws), folder, options)
+    except (RuntimeError, ValueError) as error:
+        raise ConfigError(f"the study's data set: {error}") from error
+    logging.info("data: %s", summary.text().splitlines()[1])
+
+
+def truths(data: pathlib.Path, split: str = "validation") -> list[Truth]:
+    """Kind, seed, scale and hidden depth of every record of a split, in order."""
+    reader = RecordReader(data, split)
+    known: list[Truth] = []
+    for sample in (reader[index] for index in range(len(reader))):
+        entry = json.loads(sample.extra)["parameters"]
+        depth = entry["hidden"]["depth"]
+        known.append(Truth(sample.category, entry["seed"], entry["scale"], depth))
+    return known
+
+
+def measured_depth(points: np.ndarray, scale: float) -> float:
+    """The hidden depth of a cabinet seen from the front, read off its points [n, 3].
+
+    The far end of the body is where 5 % of the points above the rail lie farther back: its rear
+    panel has more points than that, and there are fewer strays.
+
+    Args:
+      points: in the frame of a sample of the kind `front`.
+      scale: of the cabinet, `Truth.scale`; it depends on nothing hidden.
+    """
+    above = points[points[:, 2] > 0.1, 0]
+    if not len(above):
+        return DEPTH_RANGE[0]
+    return float((BODY_BEGINS - np.quantile(above, 0.05) / scale) / DEEPEST)
+
+
+def groups(known: Sequence[Truth]) -> dict[int, list[int]]:
+    """Ambiguous records that share an image, by seed."""
+    groups: dict[int, list[int]] = {}
+    for i, t in enumerate(known):
+        if t.kind == DOUBT:
+            groups.setdefault(t.seed, []).append(i)
+    return groups
+
+
+def check_measure(data: pathlib.Path) -> dict[str, float]:
+    """How well `measured_depth` does on the true points: mean and largest error."""
+    reader, known = RecordReader(data, "validation"), truths(data)
+    errors = [
+        abs(measured_depth(reader[i].points, t.scale) - t.depth)
+        for i, t in enumerate(known)
+        if t.kind == DOUBT
+    ]
+    return {"mean error": float(np.mean(errors)), "largest error": float(np.max(errors))}
+
+
+def calibration(depths: np.ndarray, known: Sequence[Truth]) -> dict[str, float]:
+    """Drawn depths [samples, draws] of ambiguous images against the true, uniform distribution."""
+    low, high = DEPTH_RANGE
+    uniform = np.linspace(low, high, 1001)
+    rows = [i for i, t in enumerate(known) if t.kind == DOUBT]
+    apart = [sample_metrics.wasserstein_1(depths[i], uniform) for i in rows]
+    # Of as many draws from the true distribution.
+    exact = np.random.default_rng(0).uniform(low, high, (200, depths.shape[1]))
+    return {
+        "Wasserstein-1 of the depth, one image [share]": float(np.mean(apart)),
+        "Wasserstein-1 of exact draws [share]": float(
+            np.mean([sample_metrics.wasserstein_1(d, uniform) for d in exact])
+        ),
+        "Wasserstein-1 of the depth, all images [share]": sample_metrics.wasserstein_1(
+            depths[rows].reshape(-1), uniform
+        ),
+        "Wasserstein-1 of a single value, the mean [share]": (high - low) / 4,
+        "coverage of the range of depths": float(
+            np.mean([sample_metrics.range_coverage(depths[i], low, high) for i in rows])
+        ),
+        "mean drawn depth [share]": float(depths[rows].mean()),
+        "spread of the drawn depth [share]": float(depths[rows].std(axis=1).mean()),
+        "spread of exact draws [share]": (high - low) / float(np.sqrt(12)),
+    }
