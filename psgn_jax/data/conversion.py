@@ -175,7 +175,7 @@ def _convert(
                 done.setdefault((_number(shard.file), shard.inputs), []).append(shard)
     elif any(not (p.name[0] == "." and p.suffix == ".tmp") for p in destination.iterdir()):
         raise ValueError(
-            f"DST {str(destination)!r}: expected an empty folder or one with a data set"
+            f"DST {str(destination)!r}: not empty and not a data set; give an empty folder"
         )
     for left in destination.glob(".*.tmp"):
         left.unlink()  # left by a run that was killed

@@ -73,7 +73,7 @@ def find_mask(
         ):
             return mask, name
         if mask is not None and name == "alpha":
-            raise PhotoError("the whole image is transparent, expected an object")
+            raise PhotoError("the image is transparent all over, expected an object")
     if method == "auto" and "grabcut" in missing:
         remedy = "give a mask, or pip install 'psgn-jax[photo]' for GrabCut"
     elif method in missing:

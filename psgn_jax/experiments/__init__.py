@@ -1,1 +1,1 @@
-"""The paper's experiments, one file and one command each."""
+"""The experiments of the paper: one file and one command each."""

@@ -1,31 +1,33 @@
 """Several plausible shapes for one image: `python -m psgn_jax.experiments.ambiguity --workdir DIR`.
 
-Where an image leaves the shape in doubt, does a sampler draw what it may be, and only there? The
-data are cabinets of a hidden depth (`data_gen.catalogues.doubt`), rendered by the data stage: seen
-straight from the front, the depth is in doubt; seen turned, it shows. On both together are trained,
-with one budget and one network: a deterministic one (without random input), Mo2 and Mo8 (the best
-of 2 and of 8 draws of r), and the conditional variational autoencoder. Then, on cabinets that no
-training has seen, are measured
+This study tests whether a network that samples shapes predicts different shapes for ambiguous
+images, and only for those. The data are rendered cabinets with a hidden depth
+(`data_gen.catalogues.doubt`): in a view straight from the front the depth is ambiguous, in a
+rotated view it is visible. Four networks are trained on both kinds of images with the same
+architecture and number of steps: a deterministic one (without random input), Mo2 and Mo8 (the best
+of 2 and of 8 samples of r), and the conditional variational autoencoder. On cabinets that are not
+in the training data, the study measures:
 
-- the Chamfer distance of one prediction, and the best of K draws, from the truth;
-- how far output points move between draws along the hidden direction (x, from the camera into the
-  depth) and along the visible ones (y, z), on images in doubt;
-- how far they move on images that leave no doubt;
-- the same for the draws' marginals (`metrics.samples.marginal_spread`), to which points that only
-  change places or slide along the surface do not add;
-- the depth of each drawn cloud, measured back from its points (`measured_depth`), against the
-  distribution that it has among cabinets of this image: Wasserstein-1, coverage of the range, and
-  the spread, beside the one that the minimiser of the objective has (`spread_of_the_minimiser`);
-- minimum matching distance and coverage of the true shapes that share an image, and the total
-  mutual difference of the draws (`psgn_jax.metrics.samples`).
+- The Chamfer distance to the truth, of one prediction and of the best of K samples.
+- How far output points move between samples along the hidden direction (x, the viewing
+  direction) and along the visible directions (y, z), for ambiguous images.
+- How far output points move between samples for unambiguous images.
+- The same for the marginals of the samples (`metrics.samples.marginal_spread`), which do not change
+  if points only exchange positions or slide along the surface.
+- The depth of each sampled cloud, measured from its points (`measured_depth`), compared with the
+  distribution of the depth among the cabinets with this image: Wasserstein-1 distance, coverage of
+  the range, and standard deviation, which is also given for the minimiser of the objective
+  (`spread_of_the_minimiser`).
+- Minimum matching distance and coverage of the true shapes with the same image, and the total
+  mutual difference of the samples (`psgn_jax.metrics.samples`).
 
-`DIR` gets the data set, a run of `psgn_jax.training.loop` for each network, `ambiguity.json` with
-all numbers and `ambiguity.png`: predictions of one image from the half side, the side and the back,
-as in the paper. Killed at any moment, the same command goes on where it was.
+`DIR` contains the data set, a run of `psgn_jax.training.loop` for each network, `ambiguity.json`
+with all numbers and `ambiguity.png`, which shows predictions of one image from three directions
+(half side, side, back), as in the paper. If the command is killed, starting it again resumes it.
 
 Source: Fan, Su, Guibas, CVPR 2017, sections "Generation of Multiple Plausible Shapes" and
-"Predicting Multiple Plausible Shapes"; they show pictures and no numbers. Data, measures and the
-goals in `GOALS` are **ours**. Unit of lengths: the radius of the bounding hemisphere.
+"Predicting Multiple Plausible Shapes", which give pictures but no numbers. Data, measures and the
+goals in `GOALS` are **ours**. Lengths are in radii of the bounding hemisphere.
 """
 
 import dataclasses
@@ -68,28 +70,28 @@ GOALS = {
     "hidden over visible spread": 3.0,
     "spread without doubt over with": 1 / 3,
 }
-"""At most, at least, at most."""
+"""The first and the third ratio should be at most, the second at least this value."""
 
-# Geometry of `data_gen.catalogues.doubt` before normalisation: where the body begins and the
-# deepest one's length, from the rail's middle.
+# Geometry of `data_gen.catalogues.doubt` before normalisation, from the middle of the rail: the
+# front of the body, and the length of the deepest body.
 _BODY_BEGINS, _DEEPEST = 0.94, 1.94
 _DEPTH_RANGE = (0.15, 1.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Size:
-    """How large the study is.
+    """Size of the study.
 
     Attributes:
-      seeds, draws: of the catalogue, for (train, validation).
-      image_size: of images and network.
+      seeds, draws: numbers of seeds and of draws of the catalogue, for (train, validation).
+      image_size: image size of data and network.
       model: fields of `config.ModelConfig`.
-      num_points: ground-truth points a training step sees.
+      num_points: ground-truth points per sample in a training step.
       steps, batch_size, learning_rate: of each training.
-      random_size: of r and z.
-      kl_weight: of the autoencoder; the loss is the squared Chamfer distance.
-      num_draws: K of best-of-K, and of all that compares draws with each other.
-      num_measured: draws of each image whose depth is measured, at least K.
+      random_size: components of r and of z.
+      kl_weight: weight of the KL divergence of the autoencoder, with the squared Chamfer distance.
+      num_draws: K, the number of samples for best-of-K and for comparisons between samples.
+      num_measured: number of samples per image whose depth is measured, at least K.
     """
 
     seeds: tuple[int, int] = (80, 8)
@@ -126,11 +128,11 @@ FULL = Size(
     learning_rate=3e-4,
     random_size=128,
 )
-"""The full network at full image size; for a GPU. Not measured."""
+"""The full network at full image size, for a GPU. It has not been run."""
 
 
 class Truth(NamedTuple):
-    """What is known of a validation sample besides its points."""
+    """Parameters of a validation sample: kind of view, seed, scale and hidden depth."""
 
     kind: str
     seed: int
@@ -142,12 +144,12 @@ class Truth(NamedTuple):
 
 
 def build_data(folder: pathlib.Path, size: Size) -> None:
-    """Renders the data set, or completes it; what is complete is left as it is.
+    """Renders the data set; resumes an incomplete one and keeps a complete one.
 
     Raises:
-      ConfigError: rendering is not installed or not possible, or the folder holds something else.
+      ConfigError: rendering is not installed or not possible, or the folder contains other files.
     """
-    # The data stage needs Mitsuba, the rest of the package does not.
+    # Imported here because only `data_gen` needs Mitsuba.
     from data_gen import cameras, job, settings
     from data_gen.catalogues import doubt
 
@@ -155,7 +157,8 @@ def build_data(folder: pathlib.Path, size: Size) -> None:
         views=1,
         num_points=4096,
         models_per_shard=64,
-        # On the horizon, straight in front, looking at the middle of the panel: see the catalogue.
+        # Straight in front, at the height of the horizon, looking at the middle of the panel; the
+        # catalogue explains why.
         camera=cameras.CameraSettings(
             image_size=size.image_size, azimuth=(0.0, 0.0), elevation=(0.0, 0.0), aim=(0.45, 0.45)
         ),
@@ -187,7 +190,7 @@ def config_of(network: str, data: pathlib.Path, size: Size) -> Config:
                 "image_size": size.image_size,
                 "num_points": size.num_points,
                 "num_eval_points": 2048,
-                "flip": False,  # the turned cabinets are all turned the same way
+                "flip": False,  # all rotated cabinets are rotated in the same direction
                 "cache": True,
             },
             "model": model,
@@ -216,11 +219,11 @@ def config_of(network: str, data: pathlib.Path, size: Size) -> Config:
 def truths(data: pathlib.Path, split: str = "validation") -> list[Truth]:
     """Kind, seed, scale and hidden depth of every record of a split, in order."""
     reader = RecordReader(data, split)
-    found = []
+    known = []
     for index in range(len(reader)):
         sample = reader[index]
         parameters = json.loads(sample.extra)["parameters"]
-        found.append(
+        known.append(
             Truth(
                 sample.category,
                 parameters["seed"],
@@ -228,21 +231,21 @@ def truths(data: pathlib.Path, split: str = "validation") -> list[Truth]:
                 parameters["hidden"]["depth"],
             )
         )
-    return found
+    return known
 
 
 # --- Measures ---------------------------------------------------------------------------------
 
 
 def measured_depth(points: np.ndarray, scale: float) -> float:
-    """The hidden depth of a cabinet seen from the front, read off its points [n, 3].
+    """Measures the hidden depth of a cabinet seen from the front from its points [n, 3].
 
-    The body's far end is taken where 5 % of the points above the rail lie farther back: its rear
-    panel holds more of them, strays are fewer.
+    The back of the body is the 5 % quantile of x over the points above the rail. The rear panel has
+    more than 5 % of these points, and there are fewer stray points than that.
 
     Args:
-      points: in the frame of a sample of the kind `front`.
-      scale: of the cabinet, `Truth.scale`; it depends on nothing hidden.
+      points: points in the frame of a sample of the kind `front`.
+      scale: scale of the cabinet, `Truth.scale`; it does not depend on the hidden depth.
     """
     above = points[points[:, 2] > 0.1, 0]
     if not len(above):
@@ -255,10 +258,10 @@ def _rms(values: np.ndarray) -> float:
 
 
 def measure(config: Config, params: Any, size: Size, known: Sequence[Truth]) -> dict[str, Any]:
-    """All measures of one network, on the whole validation split.
+    """Computes all measures of one network on the whole validation split.
 
     Returns:
-      numbers by name; `front` and `turned` after a name stand for images in doubt and in none.
+      Numbers by name; `front` in a name means ambiguous images, `turned` unambiguous ones.
     """
     model = point_out_net.build(config.model)
     batches = loader.eval_batches(
@@ -294,7 +297,7 @@ def measure(config: Config, params: Any, size: Size, known: Sequence[Truth]) -> 
             depths.append([measured_depth(c, scale) for c in np.asarray(drawn[i])])
         seen += len(kept)
     distances, points = np.concatenate(each), np.concatenate(clouds)
-    truth, found_depths = np.concatenate(gts), np.asarray(depths)
+    truth, drawn_depths = np.concatenate(gts), np.asarray(depths)
     result: dict[str, Any] = {"K": k}
     for kind in (DOUBT, NO_DOUBT):
         rows = np.array([t.kind == kind for t in known])
@@ -317,12 +320,12 @@ def measure(config: Config, params: Any, size: Size, known: Sequence[Truth]) -> 
         )
     if random:
         result |= _against_truths(points, truth, known)
-        result |= _calibration(found_depths, known)
+        result |= _calibration(drawn_depths, known)
     return result
 
 
 def _groups(known: Sequence[Truth]) -> dict[int, list[int]]:
-    """Records in doubt that share an image: by seed."""
+    """Indices of the ambiguous records with the same image, by seed."""
     groups: dict[int, list[int]] = {}
     for i, t in enumerate(known):
         if t.kind == DOUBT:
@@ -333,7 +336,7 @@ def _groups(known: Sequence[Truth]) -> dict[int, list[int]]:
 def _against_truths(
     points: np.ndarray, truth: np.ndarray, known: Sequence[Truth]
 ) -> dict[str, float]:
-    """Draws of one image of each group against all true shapes of the group."""
+    """Compares the samples for one image of each group with all true shapes of the group."""
     distance = jax.jit(lambda a, b: sample_metrics.cross_distances(a, b, chamfer_sq_mean))
     matrices = [distance(points[rows[0]], truth[rows]) for rows in _groups(known).values()]
     return {
@@ -347,12 +350,12 @@ def _against_truths(
 
 
 def _calibration(depths: np.ndarray, known: Sequence[Truth]) -> dict[str, float]:
-    """Drawn depths [samples, draws] of images in doubt against their true distribution, uniform."""
+    """Compares sampled depths [records, samples] with their true, uniform distribution."""
     low, high = _DEPTH_RANGE
     uniform = np.linspace(low, high, 1001)
     rows = [i for i, t in enumerate(known) if t.kind == DOUBT]
     apart = [sample_metrics.wasserstein_1(depths[i], uniform) for i in rows]
-    # What as many exact draws would have.
+    # The same for as many exact samples.
     exact = np.random.default_rng(0).uniform(low, high, (200, depths.shape[1]))
     return {
         "Wasserstein-1 of the depth, one image [share]": float(np.mean(apart)),
@@ -373,16 +376,15 @@ def _calibration(depths: np.ndarray, known: Sequence[Truth]) -> dict[str, float]
 
 
 def spread_of_the_minimiser(num_draws: int) -> float:
-    """Standard deviation of the draws that minimise Mo-n, over that of the truth.
+    """Standard deviation of the distribution that minimises MoN, relative to the true one.
 
-    For one number, uniform on [-1, 1], under the squared error: the q that minimises
-    E over x, s_1 ... s_n ~ q of min (x - s_i)^2, as 32 equally likely numbers. It says what the
-    objective asks for, before any network learns it: 0 for n = 1 (the mean), .56 for 2, .87 for 4,
-    1.00 for 8.
+    The truth x is a number, uniform on [-1, 1]. The distribution q, 32 equally likely numbers,
+    minimises E over x, s_1 ... s_n ~ q of min_i (x - s_i)^2. The result is the optimum of the
+    objective, independent of any network: 0 for n = 1 (the mean), .56 for 2, .87 for 4, 1.00 for 8.
     """
     x = jnp.linspace(-1, 1, 201)
     rank = jnp.arange(33) / 32
-    # The probability that the nearest of n draws is the i-th nearest of all.
+    # Probability that the nearest of n samples is the i-th nearest of the 32 numbers.
     weights = -jnp.diff((1 - rank) ** num_draws)
 
     def value(numbers: Array) -> Array:
@@ -403,35 +405,36 @@ def spread_of_the_minimiser(num_draws: int) -> float:
 
 
 def judge(results: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
-    """For each sampler the three ratios of `GOALS`."""
+    """The three ratios of `GOALS` for each network that samples."""
     alone = results["deterministic"][f"CD of one draw, {DOUBT} [radius^2]"]
     judged = {}
-    for name, found in results.items():
+    for name, result in results.items():
         if name == "deterministic":
             continue
         judged[name] = {
-            "best of K over deterministic": found[f"CD of the best of K, {DOUBT} [radius^2]"]
+            "best of K over deterministic": result[f"CD of the best of K, {DOUBT} [radius^2]"]
             / alone,
-            "hidden over visible spread": found[f"spread along x, {DOUBT} [radius]"]
-            / found[f"spread along y and z, {DOUBT} [radius]"],
-            "spread without doubt over with": found[f"spread, {NO_DOUBT} [radius]"]
-            / found[f"spread, {DOUBT} [radius]"],
+            "hidden over visible spread": result[f"spread along x, {DOUBT} [radius]"]
+            / result[f"spread along y and z, {DOUBT} [radius]"],
+            "spread without doubt over with": result[f"spread, {NO_DOUBT} [radius]"]
+            / result[f"spread, {DOUBT} [radius]"],
         }
     return judged
 
 
-# --- What is shown ----------------------------------------------------------------------------
+# --- Table and figure -------------------------------------------------------------------------
 
 
 def table(results: Mapping[str, Mapping[str, Any]]) -> str:
-    """All measures as text, a column for each network, and the goals."""
+    """All measures as text, with a column for each network, and the goals."""
     names = list(results)
-    measures = list(dict.fromkeys(m for found in results.values() for m in found))
+    measures = list(dict.fromkeys(m for result in results.values() for m in result))
     width = max(map(len, measures)) + 2
     lines = ["".ljust(width) + "".join(f"{name:>15}" for name in names)]
     for name in measures:
         cells = [
-            f"{found[name]:15.4g}" if name in found else "-".rjust(15) for found in results.values()
+            f"{result[name]:15.4g}" if name in result else "-".rjust(15)
+            for result in results.values()
         ]
         lines.append(name.ljust(width) + "".join(cells))
     lines.append("")
@@ -449,20 +452,20 @@ def figure(
     clouds: Mapping[str, np.ndarray],
     height: int = 150,
 ) -> Image.Image:
-    """Predictions of one image: three rows for each network, half side, side and back.
+    """Draws predictions of one image: three rows per network (half side, side, back).
 
-    A network with one cloud has the true shapes to its right.
+    For a network with one prediction the true shapes are drawn to its right.
 
     Args:
       sample: image, intrinsics and extrinsics of one sample.
-      truths: some shapes that share the image [t, m, 3].
-      clouds: network -> draws [k, n, 3].
-      height: of a panel in pixels.
+      truths: some true shapes with the same image, [t, m, 3].
+      clouds: predictions [k, n, 3] of each network.
+      height: height of a panel in pixels.
     """
     image = sample["image"]
     size = (height, round(height * image.shape[1] / image.shape[0]))
     intrinsics = scale_intrinsics(sample["intrinsics"], image.shape[:2], size)
-    intrinsics[:2, :2] *= 0.85  # from the side the shapes are wider than what the image shows
+    intrinsics[:2, :2] *= 0.85  # from the side the shapes are wider than in the image
     extrinsics = _from_above(sample["extrinsics"].astype(np.float64))
     blocks: dict[str, list[np.ndarray]] = {}
     for name, draws in clouds.items():
@@ -474,7 +477,7 @@ def figure(
             blocks[title] = [draws[0], *thinned]
     columns = 1 + max(map(len, blocks.values()))
     head = 24
-    top, bottom = round(0.2 * height), round(0.86 * height)  # above and below there is nothing
+    top, bottom = round(0.2 * height), round(0.86 * height)  # the rest of a panel is empty
     panel = bottom - top
     block = 3 * panel + head
     sheet = Image.new("RGB", (size[1] * columns, block * len(blocks)), "white")
@@ -496,7 +499,7 @@ def figure(
 
 
 def _from_above(extrinsics: np.ndarray) -> np.ndarray:
-    """The camera 15 degrees higher, where a shape is easier to read than on the horizon."""
+    """The camera raised by 15 degrees, because shapes are hard to recognise from the horizon."""
     tilt = np.deg2rad(15)
     turn = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
     middle = np.array([0, 0, 0.4])
@@ -505,14 +508,14 @@ def _from_above(extrinsics: np.ndarray) -> np.ndarray:
     return np.column_stack([rotation, place - rotation @ middle])
 
 
-# --- The whole study --------------------------------------------------------------------------
+# --- The study --------------------------------------------------------------------------------
 
 
 def run(workdir: str | pathlib.Path, size: Size = DEFAULT) -> str | int:
-    """The whole study, or what is left of it; returns the table, or the signal that stopped it.
+    """Runs or resumes the study; returns the table, or the number of the signal that stopped it.
 
     Raises:
-      ConfigError: see `build_data` and `training.loop.train`.
+      ConfigError: the errors of `build_data` and `training.loop.train`.
     """
     workdir = pathlib.Path(workdir)
     data = workdir / "data"
@@ -525,7 +528,7 @@ def run(workdir: str | pathlib.Path, size: Size = DEFAULT) -> str | int:
             return outcome.stopped_by
     known = truths(data)
     results, clouds = {}, {}
-    # The first image in doubt, and the depths that it may have.
+    # The first ambiguous image, and records with the same image and different depths.
     sharing = min(_groups(known).items())[1]
     sharing = sorted(sharing[: min(6, size.num_draws) - 1], key=lambda i: known[i].depth)
     shown = sharing[0]
@@ -559,7 +562,7 @@ def run(workdir: str | pathlib.Path, size: Size = DEFAULT) -> str | int:
 def _draws_of(
     config: Config, params: Any, index: int, count: int
 ) -> tuple[dict[str, Any], np.ndarray]:
-    """One validation sample and `count` predictions of it, one if the network is deterministic."""
+    """One validation sample and `count` predictions for it (one if the network has no r)."""
     batch_size = config.eval.batch_size
     batches = loader.eval_batches(
         config.data, split="validation", batch_size=batch_size, seed=config.seed
@@ -570,14 +573,14 @@ def _draws_of(
     one = {key: batch[key][row : row + 1] for key in keys}
     model = point_out_net.build(config.model)
     if config.model.random_size:
-        found = sampling.predict_samples(config, model, params, one, count, first=index).points[0]
+        draws = sampling.predict_samples(config, model, params, one, count, first=index).points[0]
     else:
-        found = step_lib.predict(config, model, params, one, None)
-    return {key: value[0] for key, value in one.items()}, np.asarray(found)
+        draws = step_lib.predict(config, model, params, one, None)
+    return {key: value[0] for key, value in one.items()}, np.asarray(draws)
 
 
 def check_measure(data: pathlib.Path) -> dict[str, float]:
-    """How well `measured_depth` does on the true points: mean and largest error."""
+    """The mean and the largest error of `measured_depth` on the true points."""
     reader, known = RecordReader(data, "validation"), truths(data)
     errors = [
         abs(measured_depth(reader[i].points, t.scale) - t.depth)

@@ -1,28 +1,32 @@
-"""What each branch does: `python -m psgn_jax.experiments.branches --workdir DIR [--run RUN]`.
+"""The role of each branch: `python -m psgn_jax.experiments.branches --workdir DIR [--run RUN]`.
 
 A two-branch or hourglass network predicts some points by a fully connected (fc) branch and the
-others, as an image of coordinates, by a deconvolutional (deconv) one. The paper shows that image's
-channels and both sets of points, and says: the deconv branch learns a surface that is wrapped
-around the object, while fc points are in no order; deconv points are the main body, fc points the
-details ("tip of gun, tail of plane, arms of a sofa"). Here both are drawn and measured:
+others by a deconvolution (deconv) branch, as an image of coordinates. The paper shows the channels
+of this image and the points of both branches. It states that the deconv branch learns a surface
+that is wrapped around the object, while fc points have no order; and that deconv points form the
+main body, fc points the details ("tip of gun, tail of plane, arms of a sofa"). This study draws the
+points and measures:
 
-- order: mean distance of points that are neighbours in the output (fc: the next number; deconv: the
-  next cell) over that of two random points of the branch; 1 = no order;
-- squared distances from each branch's points to the truth and back, and each branch's spread;
-- the share of true points whose nearest predicted point is of the fc branch, beside the share that
-  it has among the points; then for fifths of the true points of a sample, by their distance from
-  the object's centre, and by how much of its surface lies around them (within `AROUND`), which is
-  little at tips and thin parts. Were details left to fc, its share would be larger in the outermost
-  fifth, and in the one with the least surface around.
+- Order: the mean distance of points that are neighbours in the output (fc: consecutive points;
+  deconv: adjacent cells), divided by the mean distance of two points of the branch; 1 = no order.
+- The mean squared distances from the points of each branch to the truth and back, and the spread of
+  each branch.
+- The share of true points whose nearest predicted point is an fc point, to be compared with the
+  share of fc among the predicted points.
+- The same share for fifths of the true points of a sample. The points are sorted by their distance
+  from the object's centre, or by the amount of surface within `AROUND` of them, which is small at
+  tips and thin parts. If details were predicted by fc, its share would be larger in the outermost
+  fifth and in the fifth with the least surface around it.
 
-RUN is the folder of any run of `psgn_jax.training.loop` with both branches. Without it a network is
-trained in `DIR/two_branch_cd`, with the recipe of `configs/authors_small.py`: half an hour on two
-CPU cores, and killed and started again the same command goes on. Files: `branches.txt`, `.md` and
-`.json` with the numbers, `branches.png` with samples at even distances (not chosen by result).
+RUN is the folder of any run of `psgn_jax.training.loop` whose network has both branches. Without
+it, a network is trained in `DIR/two_branch_cd` with the recipe of `configs/authors_small.py`, in 30
+minutes on two CPU cores; if the command is killed, starting it again resumes the training. Files:
+`branches.txt`, `.md` and `.json` with the numbers; `branches.png` with samples that are evenly
+spaced in the split (not selected by result).
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figures on the channels and the points of
-both branches, which show pictures and no numbers; the measures are **ours**. Unit of lengths: the
-radius of the bounding hemisphere.
+both branches, which give pictures but no numbers. The measures are **ours**. Lengths are in radii
+of the bounding hemisphere.
 """
 
 import pathlib
@@ -44,19 +48,19 @@ from psgn_jax.viewing import spheres
 from psgn_jax.viewing.clouds import turned
 
 RUN = "two_branch_cd"
-"""Folder of the study's own training."""
+"""Folder of the training of this study."""
 
 AROUND = 0.2
-"""Radius, in units, of what counts as around a true point."""
+"""Radius, in units, of the neighbourhood of a true point."""
 
 FIFTHS = 5
-_SAMPLED = 2048  # true points of a sample whose surroundings are counted
-_STEP = 0.25  # the ends of the channel maps' scale are multiples of it
+_SAMPLED = 2048  # maximum number of true points whose neighbourhoods are counted
+_STEP = 0.25  # the colour scale of the channel maps ends at multiples of this
 _PANEL, _GAP, _SIDE = 192, 8, 75
 
 
 class Rows(NamedTuple):
-    """What a row of the table is about: title and digits of each measure."""
+    """Title and number of digits of a row of the table."""
 
     title: str
     digits: int
@@ -77,7 +81,7 @@ PROFILES: Mapping[str, str] = {
     "by_distance": "distance from the object's centre, near to far",
     "by_surroundings": "surface around, much to little",
 }
-"""What the fifths of the true points are sorted by; the last fifth is where details are."""
+"""The orders that define the fifths of the true points; details are in the last fifth."""
 
 _DETAILS = {"by_distance": "far from the centre", "by_surroundings": "at tips and thin parts"}
 
@@ -86,9 +90,9 @@ class Found(NamedTuple):
     """The measures of a split.
 
     Attributes:
-      measures: branch -> measure -> [samples].
-      both: "gt_to_pred" of all points together, [samples].
-      profiles: of `PROFILES` -> share of the fc branch in each fifth, [samples, 5].
+      measures: arrays [samples] by branch and measure.
+      both: "gt_to_pred" of the points of both branches together, [samples].
+      profiles: share of the fc branch in each fifth, [samples, 5], by the keys of `PROFILES`.
     """
 
     measures: dict[str, dict[str, np.ndarray]]
@@ -97,12 +101,13 @@ class Found(NamedTuple):
 
 
 def configuration(path: str, *, full: bool, steps: int = 0) -> Config:
-    """The recipe of `configs/authors_small.py` (or, `full`, of `configs/authors.py`).
+    """The recipe of `configs/authors_small.py` (with `full`, of `configs/authors.py`).
 
     Args:
       path: folder of records, "" = the default data set.
-      full: full-size images, the published network's widths, 20,000 steps of 32.
-      steps: in place of the recipe's.
+      full: use full-size images, the widths of the published network, and 20,000 steps with batches
+        of 32.
+      steps: number of training steps; 0 = 20,000 with `full`, else 3,200.
     """
     return common.recipe(path, full=full, steps=steps or (20_000 if full else 3_200))
 
@@ -111,7 +116,7 @@ def configuration(path: str, *, full: bool, steps: int = 0) -> Config:
 
 
 def order(points: np.ndarray, neighbours: np.ndarray) -> float:
-    """Mean distance of the pairs `neighbours` [k, 2] over that of all pairs of different points."""
+    """Mean distance of the pairs `neighbours` [k, 2] divided by that of all pairs of points."""
     n = len(points)
     if n < 2 or not len(neighbours):
         return float("nan")
@@ -121,7 +126,7 @@ def order(points: np.ndarray, neighbours: np.ndarray) -> float:
 
 
 def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
-    """Pairs [k, 2] of deconv points in cells side by side or one below the other."""
+    """Pairs [k, 2] of deconv points in horizontally or vertically adjacent cells."""
     numbers = np.arange(grid.height * grid.width * grid.points_per_cell).reshape(grid)
     right = np.stack([numbers[:, :-1], numbers[:, 1:]], axis=-1).reshape(-1, 2)
     below = np.stack([numbers[:-1], numbers[1:]], axis=-1).reshape(-1, 2)
@@ -131,13 +136,13 @@ def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
 def measure_sample(
     pred: np.ndarray, gt: np.ndarray, branches: Branches, grid: OutputGrid
 ) -> tuple[dict[str, dict[str, float]], float, dict[str, np.ndarray]]:
-    """The measures of one sample, as in `Found` but for the first axis.
+    """The measures of one sample: the fields of `Found` without the axis of samples.
 
     Args:
       pred: [n, 3], fc points first.
       gt: [m, 3], uniform on the surface.
-      branches: which points are whose.
-      grid: of the deconv branch.
+      branches: indices of the points of each branch.
+      grid: output grid of the deconv branch.
     """
     clouds = {"fc": pred[list(branches.fc)], "deconv": pred[list(branches.deconv)]}
     chain = np.arange(len(branches.fc))
@@ -172,9 +177,9 @@ def measure_sample(
     return measures, both, profiles
 
 
-def shares(of: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """Share of true values in `of` [m] in each fifth of the order of `by` [m], smallest first."""
-    ranked = of[np.argsort(by, kind="stable")]
+def shares(hits: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Fraction of True in `hits` [m] for each fifth of the points, sorted by `by` [m]."""
+    ranked = hits[np.argsort(by, kind="stable")]
     return np.array([part.mean() if len(part) else np.nan for part in _split(ranked)])
 
 
@@ -189,7 +194,7 @@ def _rms(offsets: np.ndarray) -> float:
 def gather(
     samples: Sequence[tuple[dict[str, dict[str, float]], float, dict[str, np.ndarray]]],
 ) -> Found:
-    """What `measure_sample` found in each sample of a split, together."""
+    """Stacks the results of `measure_sample` for the samples of a split."""
     return Found(
         {
             branch: {key: np.array([s[0][branch][key] for s in samples]) for key in MEASURES}
@@ -221,7 +226,7 @@ def _lines(found: Found) -> list[list[str]]:
 
 
 def last_minus_first(profile: np.ndarray) -> tuple[float, float]:
-    """Mean difference of the last fifth's share from the first one's, and its standard error."""
+    """Mean of the share in the last fifth minus that in the first, and its standard error."""
     return common.mean_and_error(profile[:, -1] - profile[:, 0])
 
 
@@ -237,7 +242,7 @@ def _profile_lines(found: Found) -> list[list[str]]:
 
 
 def _verdict(found: Found) -> str:
-    """What the numbers say of the paper's words, in words."""
+    """Compares the numbers with the statements of the paper, in words."""
     fc, deconv = (
         {key: float(np.nanmean(values)) for key, values in found.measures[branch].items()}
         for branch in ("fc", "deconv")
@@ -288,13 +293,13 @@ def table(evaluation: Evaluation, found: Found) -> str:
 
 
 def markdown(evaluation: Evaluation, found: Found) -> str:
-    """Both tables for a README."""
+    """Both tables as Markdown."""
     parts = [common.markdown_table(_lines(found)), common.markdown_table(_profile_lines(found))]
     return "\n".join([*parts, _note(evaluation, found)]) + "\n"
 
 
 def numbers(evaluation: Evaluation, found: Found) -> dict[str, Any]:
-    """The measures for JSON; fractions, not percent, and null for what is not finite."""
+    """The measures for JSON: fractions, not percentages; null for numbers not finite."""
 
     def entry(values: np.ndarray) -> dict[str, float | None]:
         mean, error = common.mean_and_error(values)
@@ -327,12 +332,12 @@ def numbers(evaluation: Evaluation, found: Found) -> dict[str, Any]:
 
 
 def channel_maps(pred: np.ndarray, branches: Branches, grid: OutputGrid) -> np.ndarray:
-    """The deconv branch as an image of coordinates [h, w, 3]; of each cell the first point."""
+    """The deconv branch as an image of coordinates [h, w, 3]: the first point of each cell."""
     return pred[list(branches.deconv)].reshape(*grid, 3)[:, :, 0]
 
 
 def _painted(maps: np.ndarray, scale: tuple[float, float]) -> list[np.ndarray]:
-    """The images of x, y and z, uint8 [h, w, 3]."""
+    """Colours the maps of x, y and z, uint8 [h, w, 3] each."""
     low, high = scale
     return [
         spheres.colours_by_value(channel.ravel() - low, high - low).reshape(*channel.shape, 3)
@@ -341,7 +346,7 @@ def _painted(maps: np.ndarray, scale: tuple[float, float]) -> list[np.ndarray]:
 
 
 def _legend(width: int, scale: tuple[float, float]) -> np.ndarray:
-    """The colour scale of the maps and the colours of both branches, [48, width, 3]."""
+    """Draws the colour scale of the maps and the colours of both branches, [48, width, 3]."""
     height, font = 48, ImageFont.load_default(size=14)
     strip = Image.new("RGB", (width, height), "white")
     pen = ImageDraw.Draw(strip)
@@ -366,9 +371,9 @@ def _legend(width: int, scale: tuple[float, float]) -> np.ndarray:
 
 
 def figure(cases: Mapping[int, Mapping[str, np.ndarray]], config: Config) -> Image.Image:
-    """A row per sample: image; x, y, z maps; points by branch from the camera and side; truth.
+    """Draws a row per sample: image; maps of x, y, z; points by branch from two sides; truth.
 
-    One colour scale for all maps. A map has the aspect of the deconv grid.
+    All maps have the same colour scale. The aspect ratio of a map is that of the deconv grid.
     """
     branches, grid = branch_of_point(config.model), output_grid(config.model)
     branch = np.repeat([0, 1], [len(branches.fc), len(branches.deconv)])
@@ -412,7 +417,7 @@ def figure(cases: Mapping[int, Mapping[str, np.ndarray]], config: Config) -> Ima
 
 
 def _fitted(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Enlarged without smoothing as far as it goes, on white."""
+    """Enlarges a picture to fit into `size`, without smoothing, on white."""
     factor = min(size[0] / picture.shape[0], size[1] / picture.shape[1])
     shape = (max(1, int(picture.shape[1] * factor)), max(1, int(picture.shape[0] * factor)))
     large = Image.fromarray(picture).resize(shape, Image.Resampling.NEAREST)
@@ -433,20 +438,20 @@ def run(
     steps: int = 0,
     num_cases: int = 6,
 ) -> str:
-    """The whole study; returns the tables.
+    """Runs the study; returns the tables.
 
     Args:
-      workdir: gets the results, and the training if there is one.
-      trained: folder of a run to look at; None = train one.
-      data: records; None = those of the run `trained`, or as `common.find_data`.
-      full: see `configuration`; for a training alone, as
-      steps: in place of the recipe's.
-      num_cases: samples in the picture.
+      workdir: folder for the results, and for the run if one is trained here.
+      trained: folder of a finished run; None: train one.
+      data: folder of records; None: those of the run `trained`, or chosen by `common.find_data`.
+      full: described in `configuration`; not allowed with `trained`.
+      steps: number of training steps; 0 = that of the recipe; not allowed with `trained`.
+      num_cases: number of samples in the picture.
 
     Raises:
-      ConfigError: the data are not there, `workdir` holds another training, or `trained` is no run
-        with both branches.
-      UserError: a signal ended the training; the same call goes on.
+      ConfigError: the data do not exist, `workdir` contains another training, or the network of
+        `trained` does not have both branches.
+      UserError: a signal stopped the training; the same call resumes it.
     """
     workdir = pathlib.Path(workdir)
     if trained is None:
@@ -455,7 +460,7 @@ def run(
         trained = workdir / RUN
     else:
         if full or steps:
-            raise ConfigError("--full and --steps are for a training: accepted: not with --run")
+            raise ConfigError("--full and --steps: accepted: only for a training, not with --run")
         config = _config_of(pathlib.Path(trained), data)
     branches, grid = branch_of_point(config.model), output_grid(config.model)
     samples: list[Any] = []

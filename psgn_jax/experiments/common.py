@@ -1,8 +1,8 @@
-"""What studies that train networks have in common: recipe, trainings, measures, tables, files.
+"""Common parts of the studies that train networks: recipe, training, measures, tables and files.
 
-A study is a few ordinary trainings in subfolders of one folder, measured on the evaluation split
-with their last checkpoints (the best would be picked on the samples that it is shown on), compared
-sample by sample, and written as `NAME.txt`, `.md`, `.json` and `.png`.
+A study trains a few networks in subfolders of one folder. It measures their last checkpoints on the
+evaluation split; the best checkpoints would have been selected on the same samples. It compares
+the networks sample by sample and writes `NAME.txt`, `.md`, `.json` and `.png`.
 """
 
 import json
@@ -27,20 +27,20 @@ from psgn_jax.training import loop as train_lib
 from psgn_jax.training.run_folder import open_run
 
 USUAL_DATA = "records/authors"
-"""Where README.md puts the authors' records; taken where no data are named."""
+"""Folder of the authors' records in README.md; the default if no data are given."""
 
 HEAD_HEIGHT = 24
-"""Pixels above a picture for the titles of its columns."""
+"""Height in pixels of the column titles above a picture."""
 
 
 # --- Data and recipes -------------------------------------------------------------------------
 
 
 def find_data(named: str | None) -> str:
-    """Folder of the records to train on: named, the usual one, or the default data set.
+    """Folder of the records to train on: `named`, else `USUAL_DATA`, else the default data set.
 
     Raises:
-      ConfigError: a folder was named that is not there.
+      ConfigError: the folder `named` does not exist.
     """
     if named:
         check_paths(parse({"data": {"path": named}}))
@@ -54,13 +54,13 @@ def find_data(named: str | None) -> str:
 def recipe(
     path: str, *, full: bool, steps: int, changes: Mapping[str, Mapping[str, Any]] | None = None
 ) -> Config:
-    """That of `configs/authors_small.py`, or, `full`, of `configs/authors.py`, made as long.
+    """The recipe of `configs/authors_small.py`, or with `full` of `configs/authors.py`.
 
     Args:
       path: folder of records, "" = the default data set.
-      full: full-size images, the published network's widths, steps of 32 samples.
-      steps: of the training.
-      changes: section -> field -> value, in place of the recipe's.
+      full: use full-size images, the widths of the published network, and batches of 32.
+      steps: number of training steps; the warm-up is shortened to at most a quarter of it.
+      changes: values that replace those of the recipe, by section and field.
     """
     data: dict[str, Any] = {"path": path, "flip": True}
     optim = {"schedule": "cosine", "final_fraction": 0.01, "clip_norm": 1.0}
@@ -96,7 +96,7 @@ def recipe(
 
 
 def check_data(config: Config) -> None:
-    """Raises `ConfigError` if the data cannot serve a configuration, before any training."""
+    """Raises `ConfigError` if the data do not suit a configuration; called before training."""
     try:
         for split in (config.data.train_split, config.data.eval_split):
             loader.eval_batches(config.data, split=split, batch_size=1).close()
@@ -112,31 +112,31 @@ def train_each(
     workdir: pathlib.Path,
     titles: Mapping[str, str] | None = None,
 ) -> None:
-    """Trains one network after the other in `workdir/NAME`, or goes on where that was.
+    """Trains the networks one after another in `workdir/NAME`; resumes runs that were stopped.
 
     Raises:
-      ConfigError: as `training.loop.train`.
-      UserError: a signal ended a training; the same call goes on.
+      ConfigError: the errors of `training.loop.train`.
+      UserError: a signal stopped the training; the same call resumes it.
     """
     for name, config in configs.items():
         title = (titles or {}).get(name, name)
         logging.info("%s: %d steps in %s", title, config.train.steps, workdir / name)
         outcome = train_lib.train(config, workdir / name)
         if outcome.stopped_by:
-            stopped = UserError("stopped by a signal; the same command goes on")
+            stopped = UserError("stopped by a signal; the same command resumes the training")
             stopped.exit_code = 128 + outcome.stopped_by
             raise stopped
 
 
 class Measured(NamedTuple):
-    """One network on the split: metrics of every sample, and some samples with predictions."""
+    """Results of one network: the metrics of all samples, and some samples with predictions."""
 
     evaluation: Evaluation
     cases: dict[int, dict[str, np.ndarray]]
 
 
 CASE = ("image", "points", "intrinsics", "extrinsics")
-"""What is kept of a sample, beside `pred`, unless more is asked for."""
+"""The default arrays of a sample that are kept in addition to `pred`."""
 
 
 def measure(
@@ -151,12 +151,12 @@ def measure(
     """Measures the last checkpoint of a run on its evaluation split.
 
     Args:
-      config: of the run.
-      workdir: of the run.
-      num_cases: so many samples at even distances are kept with their predictions.
-      keys: what is kept of them, where a batch has it.
-      check: called with each batch; raises if the data lack something.
-      on_sample: called with the number of each sample, and `keys` and `pred` of it.
+      config: configuration of the run.
+      workdir: folder of the run.
+      num_cases: number of samples, evenly spaced, that are kept with their predictions.
+      keys: arrays of these samples to keep, if the batch has them.
+      check: called with each batch; raises an error if the data lack something.
+      on_sample: called for each sample with its number and a dict of `keys` and `pred`.
     """
     run = open_run(workdir, "last")
     logging.info("measuring %s, step %d", workdir, run.step)
@@ -176,7 +176,7 @@ def measure(
             if on_sample:
                 on_sample(number, case)
             if number in wanted:
-                # Not views, which would keep their whole batches.
+                # Copies: a view would keep its whole batch in memory.
                 cases[number] = {k: v.copy() for k, v in case.items()}
 
     return Measured(tasks.create(config, workdir).evaluate(run.params, on_batch=keep), cases)
@@ -186,11 +186,12 @@ def measure(
 
 
 class Difference(NamedTuple):
-    """One network's metric minus another's, sample by sample, over the samples that both count.
+    """Paired difference of a metric between two networks.
 
     Attributes:
-      mean, error: of the difference, and the mean's standard error over samples.
-      better: share of the samples on which the one is the better one.
+      mean: mean of the difference over samples.
+      error: standard error of the mean.
+      better: fraction of the samples for which the first network is better.
     """
 
     mean: float
@@ -199,7 +200,7 @@ class Difference(NamedTuple):
 
 
 def mean_and_error(values: np.ndarray) -> tuple[float, float]:
-    """Mean and its standard error, of the values that are not NaN; NaN where there are too few."""
+    """Mean and standard error of the values that are not NaN; NaN if there are too few values."""
     values = values[~np.isnan(values)]
     if not len(values):
         return math.nan, math.nan
@@ -207,26 +208,28 @@ def mean_and_error(values: np.ndarray) -> tuple[float, float]:
     return float(np.mean(values)), error
 
 
-def difference(values: np.ndarray, others: np.ndarray, *, more: bool = False) -> Difference:
-    """`values - others`, paired; NaN where no sample has both.
+def difference(
+    values: np.ndarray, others: np.ndarray, *, larger_is_better: bool = False
+) -> Difference:
+    """Statistics of `values - others`; NaN if no sample has both.
 
     Args:
-      values: of one network, a number per sample.
-      others: of the network that it is compared with, on the same samples.
-      more: whether the larger one is the better one.
+      values: metric of the first network, one number per sample.
+      others: metric of the second network on the same samples.
+      larger_is_better: whether larger values of the metric are better.
     """
-    # Points of one class may be missing from a sample; then they are for both networks.
+    # A sample may have no visible or no hidden points. Its metric is then NaN for both networks.
     kept = ~(np.isnan(values) & np.isnan(others))
     change = (values - others)[kept]
     if not len(change):
         return Difference(math.nan, math.nan, math.nan)
     error = float(np.std(change, ddof=1) / np.sqrt(len(change))) if len(change) > 1 else math.nan
-    better = float(np.mean(change > 0 if more else change < 0))
+    better = float(np.mean(change > 0 if larger_is_better else change < 0))
     return Difference(float(np.mean(change)), error, better)
 
 
 def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Squared distances [n, m] of two clouds."""
+    """Squared distances [n, m] between the points of two clouds."""
     a, b = a.astype(np.float64), b.astype(np.float64)
     products = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)[None] - 2 * a @ b.T
     return np.maximum(products, 0)
@@ -236,7 +239,7 @@ def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def text_table(lines: Sequence[Sequence[str]]) -> str:
-    """Head and rows as text in columns, the first one flush left."""
+    """Formats a header and rows as text; the first column is left-aligned, the others right."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     text = [
         "  ".join(
@@ -249,14 +252,14 @@ def text_table(lines: Sequence[Sequence[str]]) -> str:
 
 
 def markdown_table(lines: Sequence[Sequence[str]]) -> str:
-    """Head and rows as a table for a README."""
+    """Formats a header and rows as a Markdown table."""
     head, *rows = lines
     ruled = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in ruled) + "\n"
 
 
 def finite(values: Mapping[str, float]) -> dict[str, float | None]:
-    """For JSON, which has no NaN: null for what is not finite."""
+    """Replaces non-finite numbers by None (null in JSON), because JSON has no NaN."""
     return {k: v if math.isfinite(v) else None for k, v in values.items()}
 
 
@@ -278,7 +281,7 @@ def write_results(
 
 
 def with_titles(strips: Sequence[np.ndarray], titles: Sequence[str]) -> Image.Image:
-    """Strips of as many equal panels as there are titles, one below the other, under the titles."""
+    """Stacks strips of equal panels, with a title above each column of panels."""
     font = ImageFont.load_default(size=15)
     head = np.full((HEAD_HEIGHT, strips[0].shape[1], 3), 255, np.uint8)
     sheet = Image.fromarray(np.concatenate([head, *strips]))
@@ -292,21 +295,21 @@ def with_titles(strips: Sequence[np.ndarray], titles: Sequence[str]) -> Image.Im
 
 
 def define_flags(*, cases: int = 0) -> None:
-    """Defines `--data`, `--full`, `--steps` and, with a default over 0, `--cases`."""
+    """Defines `--data`, `--full`, `--steps` and, if `cases` > 0, `--cases` with that default."""
     flags.DEFINE_string(
         "data", None, f"Folder of records; default: {USUAL_DATA}, or the default data set."
     )
     flags.DEFINE_bool("full", False, "Full-size images and network, 20,000 steps: for a GPU.")
-    flags.DEFINE_integer("steps", 0, "Steps of each training; 0 = the recipe's.", lower_bound=0)
+    flags.DEFINE_integer("steps", 0, "Training steps; 0 = those of the recipe.", lower_bound=0)
     if cases:
         flags.DEFINE_integer("cases", cases, "Samples in the picture.", lower_bound=1)
 
 
 def main(study: Callable[[Any], str]) -> None:
-    """Runs a study as a command: parses the flags, prints its table, tells a user's mistake.
+    """Runs a study as a command: parses the flags, prints its table, reports errors in one line.
 
     Args:
-      study: takes the values of the flags and returns the table.
+      study: called with the values of the flags; returns the table.
     """
 
     def command(argv: Sequence[str]) -> None:

@@ -1,35 +1,37 @@
-"""Beside 3D-R2N2: `python -m psgn_jax.experiments.comparison --workdir DIR`.
+"""Comparison with 3D-R2N2: `python -m psgn_jax.experiments.comparison --workdir DIR`.
 
-Trains on the same records, with the same images:
+The study trains on the same records and images:
 
-- the point networks `cd` and `emd`, the network of the object's `volume`, and the voxel head in
-  four versions: on the CD-trained cloud alone, with the predicted volume, on both clouds, with all;
-- 3D-R2N2 (`r2n2`) on one to five views, for as many seconds as all that the last of these heads
-  needs: its number of steps is what fits, by a few timed ones, into the seconds that the trainer
-  measured for the others (without compiling and evaluating). It is decided once and stored in
-  `budget.json`.
+- The point networks `cd` and `emd`, the `volume` network, and the voxel head (the voxel
+  post-processing of the paper) in four versions: on the CD-trained cloud; on this cloud and the
+  predicted volume; on both clouds; on both clouds and the volume.
+- 3D-R2N2 (`r2n2`) on one to five views. It is trained for as many seconds as the last of these
+  heads together with the networks that it reads. The trainer measures these seconds, without
+  compilation and evaluation. A few timed steps of 3D-R2N2 give the number of steps that fit. The
+  number is computed once and stored in `budget.json`.
 
-Then measures on the test split (the evaluation split where there is none), per category:
+It then measures for each category, on the test split (on the evaluation split if there is none):
 
-- IoU of 32^3 solid volumes: the head's, and 3D-R2N2's with 1, 3 and 5 views. Thresholds were chosen
-  on the evaluation split;
-- CD and EMD of 1,024 points by the paper's protocol: predicted and true volumes of 3D-R2N2 are
-  turned into clouds by farthest point sampling. Here from 4,096 points drawn on the surface of the
-  occupied cells (**ours**: the paper does not say where in a volume, and a network of surfaces is
-  to be compared); the truth of both systems is the cloud of the true volume. Beside it
-  stands the same against the records' own surface points (**ours**);
-- recall of thin parts (**ours**): the share of true cells that belong to no 2x2x2 block of occupied
-  ones and that a predicted volume has.
+- IoU of 32^3 solid volumes, for the head and for 3D-R2N2 with 1, 3 and 5 views. Thresholds are
+  chosen on the evaluation split.
+- CD and EMD of 1,024 points by the protocol of the paper: the predicted volumes of 3D-R2N2 and the
+  true volumes are turned into clouds by farthest point sampling. Both systems are compared with the
+  cloud of the true volume. The candidates are 4,096 points on the surface of the occupied cells
+  (**ours**: the paper does not say where in a volume they are, and our networks predict surfaces).
+  A second table compares with the surface points of the records (**ours**).
+- Recall of thin parts (**ours**): the fraction of thin true cells that are occupied in the
+  prediction. A thin cell is an occupied cell that is in no 2x2x2 block of occupied cells.
 
-CD is the sum of both directions' mean squared distances. Units: 1/10 of the edge of the grid, which
-is 2 here, as in the paper, and beside it the project's, the radius of the bounding hemisphere.
+CD is the sum of the mean squared distances in both directions. Units: 1/10 of the edge of the grid,
+as in the paper (the edge is 2 radii here), and the radius of the bounding hemisphere.
 
-Every training is an ordinary run in a folder of `DIR`: stopped and started again, the same command
-goes on. Files: `comparison.txt` and `.json`, `comparison.png` (bars), `cases.png` (side by side,
-the test model of each category with the most thin cells, not chosen by result).
+The trainings are ordinary runs in folders of `DIR`: if the command is stopped, starting it again
+resumes them. Files: `comparison.txt` and `.json`; `comparison.png` (bars); `cases.png` (pictures of
+the test sample with the most thin cells in each category, not selected by result).
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Comparison to state-of-the-art", table and figures;
-Choy et al., "3D-R2N2", ECCV 2016. Networks are smaller by default, and the data others than theirs.
+Choy et al., "3D-R2N2", ECCV 2016. By default the networks are smaller than theirs, and the data are
+different.
 """
 
 import json
@@ -68,10 +70,10 @@ HEADS: Mapping[str, tuple[str, ...]] = {
     "head_cd_emd": ("cd", "emd"),
     "head_cd_emd_volume": ("cd", "emd", "volume"),
 }
-"""Folder of a voxel head -> the runs that it reads."""
+"""The runs that each voxel head reads, by the folder of the head."""
 
 OURS = "head_cd_emd_volume"
-"""The paper's best one, which is compared."""
+"""The head that is compared with 3D-R2N2: the best one of the paper."""
 
 PEER = "r2n2"
 VIEWS = (1, 3, 5)
@@ -91,31 +93,32 @@ PAPER: Mapping[str, tuple[float, float, float, float]] = {
     "watercraft": (0.611, 0.513, 0.596, 0.610),
     "mean": (0.640, 0.560, 0.617, 0.631),
 }
-"""The paper's table of IoU: theirs, and 3D-R2N2 with 1, 3 and 5 views, on ShapeNet renderings."""
+"""IoU in the table of the paper: theirs, and 3D-R2N2 with 1, 3, 5 views, on ShapeNet renderings."""
 
 _TRUTHS = {"": "CD, EMD to the true volume", "_surface": "CD, EMD to the true surface"}
-"""Part of a metric's name -> what it is measured against."""
+"""The ground truth of a metric, by the suffix in the metric's name."""
 
 NUM_POINTS = 1024
 CANDIDATES = 4096
-"""Points on a volume's surface of which the farthest are taken."""
+"""Number of points on the surface of a volume from which farthest point sampling selects."""
 
 _CASES = ("chair", "table", "bench", "lamp", "plane", "firearm")
 _BLUE, _ORANGE, _GREY = (40, 95, 190), (225, 120, 30), np.array([110, 110, 110])
 
 
 class Size(NamedTuple):
-    """What depends on `--full`.
+    """Settings that depend on `--full`.
 
     Attributes:
-      models: of each category in the data set that is rendered where none is named.
+      models: models per category in the data set that is rendered if no data are given.
       image_size: (height, width).
-      model: of the point networks, fields of `ModelConfig`.
-      num_points: true points a sample and step under the CD.
-      batch: samples a step, and learning rate, of points; the others'.
-      steps: of each run but 3D-R2N2, in the order of `runs`: cd, emd, volume, a head.
-      widths: of the heads.
-      width_multiplier: of 3D-R2N2.
+      model: fields of `ModelConfig` for the point networks.
+      num_points: true points per sample in a training step with the CD.
+      batch: batch sizes: of the point and volume networks, and of the other networks.
+      learning_rate: of all networks but the heads, which use five times as much.
+      steps: steps of the runs cd, emd, volume and of each head.
+      widths: width of the hidden layers of the heads.
+      width_multiplier: multiplier of the widths of 3D-R2N2.
     """
 
     models: int
@@ -157,11 +160,14 @@ FULL = Size(
 
 
 def build_data(models: int) -> str:
-    """Renders five views of so many procedural models of each category, or completes them."""
+    """Renders five views of `models` procedural models per category; resumes if incomplete."""
     from data_gen import default, settings
 
     if not default.can_build():
-        raise ConfigError("without --data five views of models are rendered: pip '.[render]'")
+        raise ConfigError(
+            "--data is not set and the data cannot be rendered: accepted: a folder of records, or"
+            " pip install 'psgn-jax[render]'"
+        )
     folder = cache_folder() / f"{default.NAME.rsplit('-', 1)[0]}-{models}-views-{max(VIEWS)}"
     options = settings.Settings(views=max(VIEWS), models_per_shard=64)
     try:
@@ -176,12 +182,12 @@ def configuration(
     """The configuration of one run.
 
     Args:
-      name: its folder: one of `POINTS`, "volume", one of `HEADS`, or `PEER`.
-      path: records.
-      workdir: of the study.
+      name: name of its folder: one of `POINTS`, "volume", one of `HEADS`, or `PEER`.
+      path: folder of records.
+      workdir: folder of the study.
       size: `DEFAULT` or `FULL`.
-      scale: of the numbers of steps.
-      steps: of 3D-R2N2.
+      scale: factor on the numbers of steps.
+      steps: number of steps; 0 = that of `size`.
     """
     kind = next((i for i, n in enumerate((*POINTS, "volume")) if n == name), 3)
     steps = steps or max(1, round(scale * size.steps[kind]))
@@ -218,15 +224,15 @@ def configuration(
         tree["task"] = "refine"
         tree["voxels"] = {f"from_{source}": str(workdir / source) for source in HEADS[name]}
         tree["voxels"]["widths"] = (size.widths,) * 5
-        # Few parameters and, on a CPU, few steps.
+        # The heads have few parameters and, on a CPU, few steps.
         tree["optim"]["learning_rate"] = 5 * rate
     return parse(tree)
 
 
 def seconds(workdir: pathlib.Path) -> float:
-    """What the steps of a run took, by the trainer's clock: no compiling, no evaluations.
+    """Seconds of all steps of a run, from its log, without compilation and evaluations.
 
-    But for 3D-R2N2, whose step is compiled once more for each further number of views.
+    For 3D-R2N2 they include compilation for the second and later numbers of views.
     """
     batch = load_config(workdir).train.batch_size
     total, before = 0.0, 0
@@ -240,7 +246,7 @@ def seconds(workdir: pathlib.Path) -> float:
 
 
 def step_seconds(config: Config, workdir: pathlib.Path) -> float:
-    """Seconds of a step of 3D-R2N2, a mean over the numbers of views: linear in them."""
+    """Mean seconds of a step of 3D-R2N2 over the numbers of views, assumed linear in the number."""
     task = tasks.create(config, workdir)
     mesh = step_lib.data_mesh()
     tx = state_lib.optimizer(config.optim, config.train.steps)
@@ -266,7 +272,10 @@ def step_seconds(config: Config, workdir: pathlib.Path) -> float:
 
 
 def budget(config: Config, workdir: pathlib.Path, names: Sequence[str], steps: int) -> int:
-    """Steps of 3D-R2N2: `steps`, or as many as fit into what the other runs took; stored."""
+    """Steps of 3D-R2N2: `steps`, or if 0, as many as fit into the time of the other runs.
+
+    The number is stored in `workdir/budget.json` and read from there the next time.
+    """
     path = workdir / "budget.json"
     if path.exists():
         return int(json.loads(path.read_text())["steps"])
@@ -283,19 +292,19 @@ def budget(config: Config, workdir: pathlib.Path, names: Sequence[str], steps: i
 
 
 def surface_of(volume: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """`CANDIDATES` points on the surface of the occupied cells, float32 [n, 3], in the frame."""
+    """Samples `CANDIDATES` points on the surface of the occupied cells, float32 [n, 3]."""
     solid = shapenet.Solid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
     return shapenet.surface_points(solid, CANDIDATES, rng).astype(np.float32)
 
 
 def solid_at(probability: np.ndarray, threshold: float) -> np.ndarray:
-    """Cells at or above a threshold; the likeliest ones where there is none."""
+    """Cells at or above a threshold; if there are none, the cells with the highest probability."""
     volume = probability >= threshold
     return volume if volume.any() else probability >= probability.max()
 
 
 def thin_cells(volume: np.ndarray) -> np.ndarray:
-    """Occupied cells that are in no 2x2x2 block of occupied ones, bool as `volume`."""
+    """Occupied cells that are in no 2x2x2 block of occupied cells; bool, shape of `volume`."""
     padded, n = np.pad(volume, 1), len(volume) + 1
     ends = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
     corners = [np.s_[i : i + n, j : j + n, k : k + n] for i, j, k in ends]
@@ -317,31 +326,31 @@ def _distances(pred: Any, gt: Any) -> dict[str, Any]:
 
 
 def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:
-    """`function` on rows of arrays, some at a time, padded to one shape; trees of numpy arrays."""
+    """Applies `function` to `size` rows at a time; returns its results as NumPy arrays."""
     parts = []
     for start in range(0, len(arrays[0]), size):
         rows = np.minimum(np.arange(start, start + size), len(arrays[0]) - 1)
         keep = min(size, len(arrays[0]) - start)
-        found = function(*(array[rows] for array in arrays))
-        parts.append(jax.tree.map(lambda leaf, n=keep: np.asarray(leaf)[:n], found))
+        part = function(*(array[rows] for array in arrays))
+        parts.append(jax.tree.map(lambda leaf, n=keep: np.asarray(leaf)[:n], part))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
 def clouds_of(volumes: Sequence[np.ndarray]) -> np.ndarray:
-    """Volumes to clouds [s, 1024, 3] by farthest point sampling of their surfaces."""
+    """Turns volumes into clouds [s, 1024, 3] by farthest point sampling of their surfaces."""
     candidates = [surface_of(v, np.random.default_rng([0, i])) for i, v in enumerate(volumes)]
     return np.asarray(in_parts(_sampled, np.stack(candidates)))
 
 
 class Run(NamedTuple):
-    """A run on the split: metrics of every sample, and predictions [s, ...]."""
+    """Results of a run on the split: metrics of all samples, and predictions [s, ...]."""
 
     evaluation: Evaluation
     predictions: np.ndarray
 
 
 def measure(workdir: pathlib.Path, split: str, samples: dict[str, list[Any]] | None = None) -> Run:
-    """A run's last checkpoint on a split; `samples` takes what is known of its samples."""
+    """Measures the last checkpoint of a run on a split; appends its samples to `samples`."""
     run = open_run(workdir, "last")
     kept: list[np.ndarray] = []
     keys = ("image", "points", "occupancy", "intrinsics", "extrinsics")
@@ -355,12 +364,12 @@ def measure(workdir: pathlib.Path, split: str, samples: dict[str, list[Any]] | N
 
     logging.info("measuring %s, step %d, on %r", workdir, run.step, split)
     task = tasks.create(run.config, workdir)
-    found = task.evaluate(run.params, split=split, on_batch=keep, chosen=run.scores)
-    return Run(found, np.concatenate(kept))
+    evaluation = task.evaluate(run.params, split=split, on_batch=keep, chosen=run.scores)
+    return Run(evaluation, np.concatenate(kept))
 
 
 def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Image]:
-    """All that is measured, as `comparison.json` holds it, and the side-by-side pictures."""
+    """Computes all measures, as stored in `comparison.json`, and draws the cases."""
     samples: dict[str, list[Any]] = {}
     heads = {
         name: measure(workdir / name, split, samples if name == OURS else None) for name in HEADS
@@ -378,7 +387,7 @@ def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Im
     ours_volumes = [solid_at(p, ours_at) for p in heads[OURS].predictions]
     peer_volumes = [solid_at(p, peer_at) for p in peer.predictions]
     truth_clouds, peer_clouds = clouds_of(truth), clouds_of(peer_volumes)
-    # At random: the order of a record's points follows their place.
+    # A random subset, because the points of a record are sorted by position.
     chosen = [np.random.default_rng([1, i]).permutation(len(c)) for i, c in
               enumerate(samples["points"])]  # fmt: skip
     surfaces = np.stack(
@@ -391,9 +400,9 @@ def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Im
             *((n, points[n].predictions[:, :NUM_POINTS]) for n in POINTS),
             (PEER, peer_clouds),
         ):
-            found = in_parts(_distances, clouds, gt)
-            values[f"cd_sq_radius2{label}:{name}"] = found["cd_sq_radius2"]
-            values[f"emd_radius{label}:{name}"] = found["emd_radius"]
+            distances = in_parts(_distances, clouds, gt)
+            values[f"cd_sq_radius2{label}:{name}"] = distances["cd_sq_radius2"]
+            values[f"emd_radius{label}:{name}"] = distances["emd_radius"]
     for name, run in heads.items():
         values[f"iou:{name}"] = run.evaluation.metrics["iou"]
     for metric in ("iou_splat_cd", "iou_splat_emd"):
@@ -406,9 +415,9 @@ def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Im
         values[f"thin_recall:{name}"] = np.array(recall)
 
     categories = sorted({name.category or "(none)" for name in names})
-    of = np.array([name.category or "(none)" for name in names])
+    category_of = np.array([name.category or "(none)" for name in names])
     table = {
-        category: {key: _mean(key, v[of == category]) for key, v in values.items()}
+        category: {key: _mean(key, v[category_of == category]) for key, v in values.items()}
         for category in categories
     }
     mean = {key: _mean(key, np.array([row[key] for row in table.values()])) for key in values}
@@ -419,7 +428,7 @@ def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Im
 
     document = {
         "split": split,
-        "samples": {category: int((of == category).sum()) for category in categories},
+        "samples": {category: int((category_of == category).sum()) for category in categories},
         "categories": table,
         "mean": mean,
         "seconds": {name: seconds(workdir / name) for name in (*POINTS, "volume", *HEADS, PEER)},
@@ -431,13 +440,13 @@ def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Im
     }
     shown = list(dict.fromkeys(c for c in (*_CASES, *categories) if c in categories))
     rows = [
-        max(np.flatnonzero(of == category).tolist(), key=lambda i: thin[i].sum())
+        max(np.flatnonzero(category_of == category).tolist(), key=lambda i: thin[i].sum())
         for category in shown[: len(_CASES)]
     ]
     cases = [
         {
             **{key: samples[key][i] for key in ("image", "intrinsics", "extrinsics")},
-            "category": of[i],
+            "category": category_of[i],
             "panels": [points["cd"].predictions[i], ours_volumes[i], peer_volumes[i], truth[i]],
         }
         for i in rows
@@ -446,16 +455,19 @@ def compare(workdir: pathlib.Path, split: str) -> tuple[dict[str, Any], Image.Im
 
 
 def _mean(key: str, values: np.ndarray) -> float:
-    """Of what there is: an object without thin parts has no part in their recall."""
+    """Mean of the values; objects without thin parts do not count in their recall."""
     if key.startswith("thin_recall"):
         values = values[~np.isnan(values)]
     return float(values.mean()) if len(values) else float("nan")
 
 
 def _gain(a: np.ndarray, b: np.ndarray, models: Sequence[str]) -> dict[str, float]:
-    """Mean of a - b over models, and its standard error: the views of one are not independent."""
-    _, of = np.unique(models, return_inverse=True)
-    change = np.bincount(of, a - b) / np.bincount(of)
+    """Mean of a - b over models, and its standard error.
+
+    The views of a model are averaged first, because they are not independent.
+    """
+    _, model = np.unique(models, return_inverse=True)
+    change = np.bincount(model, a - b) / np.bincount(model)
     mean, error = common.mean_and_error(change)
     return {"mean": mean, "error": error}
 
@@ -464,13 +476,13 @@ def _gain(a: np.ndarray, b: np.ndarray, models: Sequence[str]) -> dict[str, floa
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """`common.text_table`, its last row set apart."""
+    """The lines of `common.text_table`, with a rule above the last row."""
     lines = common.text_table(rows).splitlines()
     return [*lines[:-1], lines[1], lines[-1]]
 
 
 def table(document: Mapping[str, Any]) -> str:
-    """Everything as text, IoU in the layout of the paper's table."""
+    """All results as text; the table of IoU has the layout of the paper's table."""
     rows = {**document["categories"], "mean": document["mean"]}
     counts = {**document["samples"], "mean": sum(document["samples"].values())}
     peers = [f"iou:{PEER}_{count}" for count in VIEWS]
@@ -544,7 +556,7 @@ def table(document: Mapping[str, Any]) -> str:
 
 
 def bars(document: Mapping[str, Any]) -> Image.Image:
-    """CD, EMD and 1 - IoU per category, ours beside 3D-R2N2 with one view; lower is better."""
+    """Draws CD, EMD and 1 - IoU per category, ours and 3D-R2N2 with one view; lower is better."""
     rows = {**document["categories"], "mean": document["mean"]}
     panels = [
         ("CD [(grid edge / 10)^2]", "cd_sq_radius2:cd", f"cd_sq_radius2:{PEER}", 25.0),
@@ -575,9 +587,10 @@ def bars(document: Mapping[str, Any]) -> Image.Image:
 
 
 def side_by_side(cases: Sequence[Mapping[str, Any]]) -> Image.Image:
-    """A row for each case: image; our cloud, our volume, 3D-R2N2's, the true one; then from a side.
+    """Draws a row for each case: image; our cloud; our, 3D-R2N2's and the true volume; from a side.
 
-    Volumes are drawn as points at the centres of the occupied cells.
+    Volumes are drawn as points at the centres of the occupied cells. After the view from the camera
+    the row shows the view from the side.
     """
     titles = ["image", "our cloud", "our volume", "3D-R2N2, 1 view", "true volume"]
     strips = []
@@ -606,7 +619,7 @@ def side_by_side(cases: Sequence[Mapping[str, Any]]) -> Image.Image:
     return sheet
 
 
-# --- The whole ----------------------------------------------------------------------------------
+# --- The study ----------------------------------------------------------------------------------
 
 
 def run(
@@ -617,24 +630,25 @@ def run(
     scale: float = 1.0,
     peer_steps: int = 0,
 ) -> str:
-    """The whole study; returns the tables.
+    """Runs the study; returns the tables.
 
     Args:
-      workdir: gets the runs and the results.
-      data: records with volumes and five views of each model; None = rendered ones.
-      full: see `FULL`.
-      scale: of the numbers of steps.
-      peer_steps: of 3D-R2N2; 0 = the same seconds as ours.
+      workdir: folder for the runs and the results.
+      data: folder of records with volumes and five views per model; None: render a data set.
+      full: use the settings `FULL` instead of `DEFAULT`.
+      scale: factor on the numbers of steps, except 3D-R2N2's.
+      peer_steps: steps of 3D-R2N2; 0 = as many as fit into the time of our networks.
 
     Raises:
-      ConfigError: the data are not there or lack what is needed, or the folder holds other runs.
-      UserError: a signal ended a training; the same call goes on.
+      ConfigError: the data do not exist, or have too few views or no volumes; or the folder
+        contains other runs.
+      UserError: a signal stopped a training; the same call resumes it.
     """
     workdir, size = pathlib.Path(workdir), FULL if full else DEFAULT
     path = build_data(size.models) if data is None else data
     peer = configuration(PEER, path, workdir, size, steps=peer_steps or 1)
     check_paths(peer)
-    # What only the last training needs is checked before the others.
+    # Check the data for the last training before the first one starts.
     try:
         loader.train_batches(peer.data, batch_size=1, seed=0, start_step=0).close()
         splits = set().union(*(load_manifest(f).splits() for f in peer.data.folders))
@@ -642,7 +656,7 @@ def run(
         raise ConfigError(f"--data={path!r}: {error}") from error
     split = "test" if "test" in splits else peer.data.eval_split
     if split == peer.data.eval_split:
-        logging.warning("no test split: measuring on the split on which thresholds are chosen")
+        logging.warning("no test split: measuring on the split that thresholds are chosen on")
     names = (*POINTS, "volume", *HEADS)
     ours = {name: configuration(name, path, workdir, size, scale=scale) for name in names}
     common.train_each(ours, workdir)
@@ -681,5 +695,5 @@ if __name__ == "__main__":
     )
     flags.DEFINE_bool("full", False, "Full-size images and networks: for a GPU.")
     flags.DEFINE_float("scale", 1.0, "Factor on the numbers of steps.", lower_bound=1e-3)
-    flags.DEFINE_integer("peer_steps", 0, "Steps of 3D-R2N2; 0 = as long.", lower_bound=0)
+    flags.DEFINE_integer("peer_steps", 0, "Steps of 3D-R2N2; 0 = equal time.", lower_bound=0)
     common.main(_study)

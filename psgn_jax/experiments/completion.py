@@ -1,17 +1,18 @@
 """Shape completion: RGB against RGB-D, `python -m psgn_jax.experiments.completion --workdir DIR`.
 
-Trains one network twice on the same data, in the same order, with the same augmentations and number
-of steps; one sees colour and mask, the other the depth image too. Then measures both on the
-evaluation split, true points that the depth image shows (`data.visibility`) and those that it does
-not apart: depth gives away the first, the others have to be completed.
+The study trains one network twice on the same data, in the same order, with the same augmentation
+and number of steps. The first input is colour and mask; the second also has the depth image. Both
+networks are measured on the evaluation split, separately for true points that are visible in the
+depth image (`data.visibility`) and for hidden ones. The depth image gives the visible points, but
+the hidden ones must be completed.
 
-The trainings are ordinary runs in `DIR/rgb` and `DIR/rgbd`: killed and started again, the same
-command goes on where it was; with both done, it only measures and draws. Files: `completion.txt`,
-`.md` and `.json` with the numbers, `completion.png` with some samples of the split at even
-distances (not chosen by result).
+The trainings are ordinary runs in `DIR/rgb` and `DIR/rgbd`: if the command is killed, starting it
+again resumes them; if both are complete, it only measures and draws. Files: `completion.txt`, `.md`
+and `.json` with the numbers; `completion.png` with some samples of the split, evenly spaced (not
+selected by result).
 
-Source: Fan, Su, Guibas, CVPR 2017, section "3D Shape Completion from RGBD Images", which shows
-pictures and no numbers; networks, sizes and measures here are **ours**.
+Source: Fan, Su, Guibas, CVPR 2017, section "3D Shape Completion from RGBD Images", which gives
+pictures but no numbers. Networks, sizes and measures here are **ours**.
 """
 
 import pathlib
@@ -32,7 +33,7 @@ INPUTS: Mapping[str, tuple[str, ...]] = {
     "rgb": ("rgb", "mask"),
     "rgbd": ("rgb", "mask", "depth"),
 }
-"""Folder of a training -> what its network sees."""
+"""The inputs of the networks, by the folder of the training."""
 
 TITLES = {"rgb": "RGB", "rgbd": "RGB-D"}
 
@@ -56,15 +57,16 @@ _VISIBLE, _HIDDEN = np.array([40, 95, 190]), np.array([225, 120, 30])
 
 
 def configuration(inputs: Sequence[str], path: str, *, full: bool, steps: int = 0) -> Config:
-    """The recipe of `configs/authors_small.py` (or, `full`, of `configs/authors.py`), shortened.
+    """The recipe of `configs/authors_small.py` (with `full`, of `configs/authors.py`), shortened.
 
     Args:
-      inputs: what the network sees.
-      path: records with depth, "" = the default data set.
-      full: full-size images, the published network's widths, 20,000 steps of 32.
-      steps: in place of the recipe's.
+      inputs: inputs of the network.
+      path: folder of records with depth, "" = the default data set.
+      full: use full-size images, the widths of the published network, and 20,000 steps with batches
+        of 32.
+      steps: number of training steps; 0 = 20,000 with `full`, else 1,800.
     """
-    # 1,800 steps, not 3,200: both trainings in 40 minutes on two CPU cores.
+    # With 1,800 instead of 3,200 steps both trainings take 40 minutes on two CPU cores.
     steps = steps or (20_000 if full else 1_800)
     return common.recipe(path, full=full, steps=steps, changes={"data": {"inputs": tuple(inputs)}})
 
@@ -77,30 +79,31 @@ def run(
     steps: int = 0,
     num_cases: int = 6,
 ) -> str:
-    """The whole study; returns the table.
+    """Runs the study; returns the table.
 
     Args:
-      workdir: gets the runs `rgb` and `rgbd` and the results.
-      data: records with depth; None = `USUAL_DATA`, or without them the default data set.
-      full: see `configuration`.
-      steps: of each training, in place of the recipe's.
-      num_cases: samples in the picture.
+      workdir: folder for the runs `rgb` and `rgbd` and the results.
+      data: folder of records with depth; None: `USUAL_DATA` if it exists, else the default data
+        set.
+      full: described in `configuration`.
+      steps: steps of each training; 0 = those of the recipe.
+      num_cases: number of samples in the picture.
 
     Raises:
-      ConfigError: the data are not there or lack depth, or the folder holds other runs.
-      UserError: a signal ended a training; the same call goes on.
+      ConfigError: the data do not exist or have no depth, or the folder contains other runs.
+      UserError: a signal stopped a training; the same call resumes it.
     """
     workdir, path = pathlib.Path(workdir), find_data(data)
     configs = {
         name: configuration(inputs, path, full=full, steps=steps) for name, inputs in INPUTS.items()
     }
-    # The one that needs more is checked before the other has trained for half of the time.
+    # Check that there is depth before the RGB training, which takes half of the time.
     common.check_data(configs["rgbd"])
     common.train_each(configs, workdir, TITLES)
     measured = {
         name: _measure(config, workdir / name, num_cases) for name, config in configs.items()
     }
-    evaluations = {name: found.evaluation for name, found in measured.items()}
+    evaluations = {name: result.evaluation for name, result in measured.items()}
     text = table(evaluations)
     common.write_results(
         workdir,
@@ -113,7 +116,7 @@ def run(
             "steps": configs["rgb"].train.steps,
             **numbers(evaluations),
         },
-        picture=figure({name: found.cases for name, found in measured.items()}),
+        picture=figure({name: result.cases for name, result in measured.items()}),
     )
     return text
 
@@ -121,16 +124,16 @@ def run(
 def _measure(config: Config, workdir: pathlib.Path, num_cases: int) -> common.Measured:
     def check(batch: Mapping[str, Any]) -> None:
         if "visible" not in batch:
-            raise ConfigError(f"data.path={config.data.path!r}: records without depth")
+            raise ConfigError(f"data.path={config.data.path!r}: expected records with depth")
 
     keys = (*common.CASE, "depth", "visible")
     return common.measure(config, workdir, num_cases, keys=keys, check=check)
 
 
 def compare(evaluations: Mapping[str, Evaluation], metric: str) -> Difference:
-    """What depth changes in a metric, RGB-D minus RGB; NaN where no sample has it."""
+    """The difference of a metric, RGB-D minus RGB; NaN if no sample has it."""
     rgb, rgbd = (evaluations[name].metrics[metric] for name in INPUTS)
-    return common.difference(rgbd, rgb, more=metric in _PERCENT)
+    return common.difference(rgbd, rgb, larger_is_better=metric in _PERCENT)
 
 
 def _rows(evaluations: Mapping[str, Evaluation]) -> list[list[str]]:
@@ -155,14 +158,15 @@ _HEAD = ("", *TITLES.values(), "difference", "RGB-D better on")
 
 
 def _note(evaluations: Mapping[str, Evaluation]) -> str:
-    found = evaluations["rgbd"]
+    rgbd = evaluations["rgbd"]
     return (
-        f"{len(found.names)} samples of {found.split!r}, {found.num_points[0]} predicted points "
-        f"against {found.num_points[1]} true ones, of which "
-        f"{100 * found.means['visible_share']:.1f} % are visible (within "
-        f"{found.visible_tolerance:g} radius of what the depth image measured). F-score and recall "
-        f"at {found.threshold:g} radius. The difference is a mean over samples with its standard "
-        "error, from one training of each; another seed would move it too."
+        f"{len(rgbd.names)} samples of {rgbd.split!r}, {rgbd.num_points[0]} predicted points "
+        f"against {rgbd.num_points[1]} true ones, of which "
+        f"{100 * rgbd.means['visible_share']:.1f} % are visible (within "
+        f"{rgbd.visible_tolerance:g} radius of a point that the depth image measured). F-score and "
+        f"recall at {rgbd.threshold:g} radius. The difference is a mean over samples with its "
+        "standard error, from one training of each; it would also change with the seed of the "
+        "training."
     )
 
 
@@ -173,29 +177,29 @@ def table(evaluations: Mapping[str, Evaluation]) -> str:
 
 
 def markdown(evaluations: Mapping[str, Evaluation]) -> str:
-    """The comparison as a table for a README."""
+    """The comparison as a Markdown table."""
     lines = [list(_HEAD), *_rows(evaluations)]
     return f"{common.markdown_table(lines)}\n{_note(evaluations)}\n"
 
 
 def numbers(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
-    """The comparison for JSON; fractions, not percent, and null for what is not finite."""
-    found = evaluations["rgbd"]
-    shared = [m for m in METRICS if m in found.metrics]
+    """The comparison for JSON: fractions, not percentages; null for numbers not finite."""
+    rgbd = evaluations["rgbd"]
+    metrics = [m for m in METRICS if m in rgbd.metrics]
     return {
-        "split": found.split,
-        "samples": len(found.names),
-        "num_pred_points": found.num_points[0],
-        "num_gt_points": found.num_points[1],
-        "visible_tolerance": found.visible_tolerance,
-        "fscore_threshold": found.threshold,
+        "split": rgbd.split,
+        "samples": len(rgbd.names),
+        "num_pred_points": rgbd.num_points[0],
+        "num_gt_points": rgbd.num_points[1],
+        "visible_tolerance": rgbd.visible_tolerance,
+        "fscore_threshold": rgbd.threshold,
         "mean_over_samples": {name: common.finite(e.means) for name, e in evaluations.items()},
-        "rgbd_minus_rgb": {m: common.finite(compare(evaluations, m)._asdict()) for m in shared},
+        "rgbd_minus_rgb": {m: common.finite(compare(evaluations, m)._asdict()) for m in metrics},
     }
 
 
 def depth_picture(depth: np.ndarray) -> np.ndarray:
-    """Depth [h, w] as grey uint8 [h, w, 3], near ones light, on white where there is none."""
+    """Depth [h, w] as grey uint8 [h, w, 3]: near is light, far is dark, none is white."""
     measured = depth > 0
     near, far = (depth[measured].min(), depth[measured].max()) if measured.any() else (0, 1)
     grey = 220 - 190 * (depth - near) / max(far - near, 1e-6)
@@ -203,10 +207,10 @@ def depth_picture(depth: np.ndarray) -> np.ndarray:
 
 
 def figure(cases: Mapping[str, Mapping[int, Mapping[str, np.ndarray]]]) -> Image.Image:
-    """A row per sample: image, depth; RGB, RGB-D and truth from the camera, then from the side.
+    """Draws a row per sample: image, depth; RGB, RGB-D and truth from the camera and the side.
 
-    Blue are visible true points, orange hidden ones; a predicted point, which has no such class,
-    takes the colour of the true point nearest to it.
+    Visible true points are blue, hidden ones orange. A predicted point, which has no class, has the
+    colour of the nearest true point.
     """
     titles = ["image", "depth"]
     titles += [f"{what}{view}" for view in ("", ", side") for what in ("RGB", "RGB-D", "truth")]
@@ -220,7 +224,7 @@ def figure(cases: Mapping[str, Mapping[int, Mapping[str, np.ndarray]]]) -> Image
         for cloud in (cases["rgb"][number]["pred"], case["pred"]):
             gaps = ((cloud[:, None, :] - gt[None, :, :]) ** 2).sum(axis=-1)
             clouds.append((cloud, visible[gaps.argmin(axis=1)]))
-        # As many true points as predicted ones: a denser cloud would only look better.
+        # Show about as many true points as predicted ones, so that both clouds look equally dense.
         step = max(1, len(gt) // len(case["pred"]))
         clouds.append((gt[::step], visible[::step]))
         panels = [
@@ -256,6 +260,6 @@ if __name__ == "__main__":
         f"Folder of records with depth; default: {USUAL_DATA}, or the default data set.",
     )
     flags.DEFINE_bool("full", False, "Full-size images and network, 20,000 steps: for a GPU.")
-    flags.DEFINE_integer("steps", 0, "Steps of each training; 0 = the recipe's.", lower_bound=0)
+    flags.DEFINE_integer("steps", 0, "Training steps; 0 = those of the recipe.", lower_bound=0)
     flags.DEFINE_integer("cases", 6, "Samples in the picture.", lower_bound=1)
     common.main(_study)

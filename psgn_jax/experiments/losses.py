@@ -1,21 +1,25 @@
 """CD against EMD in training: `python -m psgn_jax.experiments.losses --workdir DIR`.
 
-Trains one network twice on the same data, in the same order, with the same augmentations and number
-of steps and as many true points; one minimises the squared Chamfer distance (CD), the other the
-earth mover's distance (EMD). Then measures both by both, and by what the paper sees: the network
-trained by CD "tends to scatter a few points in its uncertain area", so points farther than `FAR`
-from any true one are counted as stray; that trained by EMD is "more compact" but "sometimes overly
-shrinks local structures", so true points farther than `FAR` from any predicted one are counted as
-missed.
+The study trains one network twice on the same data, in the same order, with the same augmentation,
+number of steps and number of true points. The first training minimises the squared Chamfer distance
+(CD), the second the earth mover's distance (EMD). Both networks are measured by both distances, and
+by two effects that the paper describes:
 
-The trainings are ordinary runs in `DIR/cd` and `DIR/emd`: killed and started again, the same
-command goes on where it was; with both done, it only measures and draws. `--cd=RUN --emd=RUN` takes
-two finished runs of one network instead, and says so where one had more steps. Files: `losses.txt`,
-`.md` and `.json` with the numbers, `losses.png` with the samples whose two predictions differ most
-(by CD squared from one to the other): cases that are chosen to show the difference, not usual ones.
+- The network trained by CD "tends to scatter a few points in its uncertain area". Predicted points
+  farther than `FAR` from every true point are counted as stray.
+- The network trained by EMD is "more compact" but "sometimes overly shrinks local structures". True
+  points farther than `FAR` from every predicted point are counted as missed.
+
+The trainings are ordinary runs in `DIR/cd` and `DIR/emd`: if the command is killed, starting it
+again resumes them; if both are complete, it only measures and draws. `--cd=RUN --emd=RUN` uses two
+finished runs of the same network instead; the table states if their numbers of steps differ.
+
+Files: `losses.txt`, `.md` and `.json` with the numbers; `losses.png` with the samples whose two
+predictions differ most (by the CD between them). These samples are selected to show the difference
+and are not typical.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure of predictions of networks trained by
-CD and EMD, which shows one case and no numbers; networks, sizes and measures here are **ours**.
+CD and EMD, which shows one case and no numbers. Networks, sizes and measures here are **ours**.
 """
 
 import pathlib
@@ -37,12 +41,12 @@ from psgn_jax.viewing import spheres
 from psgn_jax.viewing.clouds import turned
 
 LOSSES: Mapping[str, str] = {"cd": "chamfer_sq_mean", "emd": "emd_mean"}
-"""Folder of a training -> what it minimises."""
+"""Names of the losses, by the folder of the training."""
 
 TITLES = {"cd": "trained by CD", "emd": "trained by EMD"}
 
 FAR = 0.1
-"""Distance, in units, from which on a point is stray or missed."""
+"""Distance, in units, beyond which a point counts as stray or missed."""
 
 METRICS = {
     "cd_sq_radius2": "CD squared [radius^2]",
@@ -55,11 +59,11 @@ METRICS = {
     "missed": "true points farther than .1 from the prediction [%]",
     "unevenness": "unevenness: deviation over mean of the distance to the next point",
 }
-"""Rows of the table; the last three are this study's own."""
+"""Rows of the table; the last three are computed by this study."""
 
 _PERCENT = ("fscore", "stray", "missed")
 _COLOURS: Mapping[str, tuple[int, int, int]] = {
-    "cd": (70, 130, 180),  # blue and green, as the paper has them
+    "cd": (70, 130, 180),  # blue and green, as in the paper
     "emd": (90, 165, 90),
     "truth": (165, 165, 165),
 }
@@ -67,16 +71,17 @@ _PANEL, _TEXT, _GAP, _SIDE = 192, 22, 8, 75
 
 
 def configuration(loss: str, path: str, *, full: bool, steps: int = 0) -> Config:
-    """The recipe of `configs/authors_small.py` (or, `full`, of `configs/authors.py`), shortened.
+    """The recipe of `configs/authors_small.py` (with `full`, of `configs/authors.py`), shortened.
 
     Args:
-      loss: an entry of `losses.by_name.LOSSES`.
+      loss: a key of `losses.by_name.LOSSES`.
       path: folder of records, "" = the default data set.
-      full: full-size images, the published network's widths, 20,000 steps of 32.
-      steps: in place of the recipe's.
+      full: use full-size images, the widths of the published network, and 20,000 steps with batches
+        of 32.
+      steps: number of training steps; 0 = 20,000 with `full`, else 1,100.
     """
-    # 1,100 steps: both trainings in 40 minutes on two CPU cores. As many true points as predicted
-    # ones, which an EMD wants.
+    # With 1,100 steps both trainings take 40 minutes on two CPU cores. The EMD needs as many true
+    # points as predicted ones.
     changes: dict[str, dict[str, Any]] = {
         "data": {"num_points": 1024},
         "loss": {"name": loss},
@@ -90,7 +95,7 @@ def configuration(loss: str, path: str, *, full: bool, steps: int = 0) -> Config
 
 
 def own_measures(pred: np.ndarray, gt: np.ndarray) -> dict[str, float]:
-    """Stray, missed and unevenness of one prediction [n, 3], n > 1, against its truth [m, 3]."""
+    """Stray, missed and unevenness of one prediction [n, 3], n > 1, for its truth [m, 3]."""
     gaps, among = common.squared_distances(pred, gt), common.squared_distances(pred, pred)
     np.fill_diagonal(among, np.inf)
     spacing = np.sqrt(among.min(axis=1))
@@ -102,18 +107,20 @@ def own_measures(pred: np.ndarray, gt: np.ndarray) -> dict[str, float]:
 
 
 def apart(a: np.ndarray, b: np.ndarray) -> float:
-    """CD squared of two predictions, the mean over each plus that over the other; unit^2."""
+    """Squared CD between two predictions (unit^2): the sum of the two mean squared distances."""
     gaps = common.squared_distances(a, b)
     return float(gaps.min(axis=1).mean() + gaps.min(axis=0).mean())
 
 
 Numbers = Mapping[str, Mapping[str, np.ndarray]]
-"""Run -> metric -> one number per sample."""
+"""Numbers per sample, by run and metric."""
 
 
 def compare(metrics: Numbers, metric: str) -> Difference:
-    """Trained by EMD minus trained by CD."""
-    return common.difference(metrics["emd"][metric], metrics["cd"][metric], more=metric == "fscore")
+    """The difference of a metric: trained by EMD minus trained by CD."""
+    return common.difference(
+        metrics["emd"][metric], metrics["cd"][metric], larger_is_better=metric == "fscore"
+    )
 
 
 # --- Results ----------------------------------------------------------------------------------
@@ -138,52 +145,54 @@ def _lines(metrics: Numbers) -> list[list[str]]:
     return lines
 
 
-def _note(found: Evaluation, steps: Mapping[str, int]) -> str:
+def _note(evaluation: Evaluation, steps: Mapping[str, int]) -> str:
     counts = f"after {steps['cd']:,} steps of each training"
     if steps["cd"] != steps["emd"]:
-        counts = f"after {steps['cd']:,} steps by CD, {steps['emd']:,} by EMD: not one budget"
+        counts = f"after {steps['cd']:,} steps by CD and {steps['emd']:,} by EMD (not equal)"
+    num_pred, num_gt = evaluation.num_points
     return (
-        f"{len(found.names)} samples of {found.split!r}, {found.num_points[0]} predicted points "
-        f"against {found.num_points[1]} true ones (EMD: as many as predicted), {counts}. "
-        f"F-score at {found.threshold:g} radius. The difference is a mean over samples with "
-        "its standard error, from one training of each; another seed would move it too."
+        f"{len(evaluation.names)} samples of {evaluation.split!r}, {num_pred} predicted points "
+        f"against {num_gt} true ones (EMD: as many as predicted), {counts}. "
+        f"F-score at {evaluation.threshold:g} radius. The difference is a mean over samples with "
+        "its standard error, from one training of each; it would also change with the seed of the "
+        "training."
     )
 
 
-def table(metrics: Numbers, found: Evaluation, steps: Mapping[str, int]) -> str:
+def table(metrics: Numbers, evaluation: Evaluation, steps: Mapping[str, int]) -> str:
     """The comparison as text."""
-    return f"{common.text_table(_lines(metrics))}\n{_note(found, steps)}\n"
+    return f"{common.text_table(_lines(metrics))}\n{_note(evaluation, steps)}\n"
 
 
-def markdown(metrics: Numbers, found: Evaluation, steps: Mapping[str, int]) -> str:
-    """The comparison as a table for a README."""
-    return f"{common.markdown_table(_lines(metrics))}\n{_note(found, steps)}\n"
+def markdown(metrics: Numbers, evaluation: Evaluation, steps: Mapping[str, int]) -> str:
+    """The comparison as a Markdown table."""
+    return f"{common.markdown_table(_lines(metrics))}\n{_note(evaluation, steps)}\n"
 
 
-def numbers(metrics: Numbers, found: Evaluation) -> dict[str, Any]:
-    """The comparison for JSON; fractions, not percent, and null for what is not finite."""
-    shared = [metric for metric in METRICS if metric in metrics["cd"]]
+def numbers(metrics: Numbers, evaluation: Evaluation) -> dict[str, Any]:
+    """The comparison for JSON: fractions, not percentages; null for numbers not finite."""
+    names = [metric for metric in METRICS if metric in metrics["cd"]]
     return {
-        "split": found.split,
-        "samples": len(found.names),
-        "num_pred_points": found.num_points[0],
-        "num_gt_points": found.num_points[1],
-        "fscore_threshold": found.threshold,
+        "split": evaluation.split,
+        "samples": len(evaluation.names),
+        "num_pred_points": evaluation.num_points[0],
+        "num_gt_points": evaluation.num_points[1],
+        "fscore_threshold": evaluation.threshold,
         "far_radius": FAR,
         "mean_over_samples": {
-            name: common.finite({m: common.mean_and_error(metrics[name][m])[0] for m in shared})
+            name: common.finite({m: common.mean_and_error(metrics[name][m])[0] for m in names})
             for name in LOSSES
         },
-        "emd_minus_cd": {m: common.finite(compare(metrics, m)._asdict()) for m in shared},
+        "emd_minus_cd": {m: common.finite(compare(metrics, m)._asdict()) for m in names},
     }
 
 
 def figure(cases: Mapping[int, Mapping[str, Any]]) -> Image.Image:
-    """A row per sample: image; both predictions and the truth from the camera, then turned.
+    """Draws a row per sample: image; both predictions and the truth, from two directions.
 
     Args:
-      cases: number of the sample -> image, points, camera; `clouds`, the prediction of each run;
-        `texts`, a line for each of them and for the image.
+      cases: for each number of a sample its image, points and camera; `clouds`, the prediction of
+        each run; `texts`, a line of text for each of them and for the image.
     """
     titles = ["image"]
     for view in ("", f", {_SIDE} degrees"):
@@ -224,20 +233,20 @@ def run(
     steps: int = 0,
     num_cases: int = 6,
 ) -> str:
-    """The whole study; returns the table.
+    """Runs the study; returns the table.
 
     Args:
-      workdir: gets the results, and the runs `cd` and `emd` if they are trained here.
-      trained: folders of finished runs by `LOSSES`; None = train them.
-      data: records; None = those of the runs `trained`, or as `common.find_data`.
-      full: see `configuration`; for trainings alone, as
-      steps: of each training, in place of the recipe's.
-      num_cases: samples in the picture.
+      workdir: folder for the results, and for the runs `cd` and `emd` if they are trained here.
+      trained: folders of finished runs, with the keys of `LOSSES`; None: train them.
+      data: folder of records; None: those of the runs `trained`, or chosen by `common.find_data`.
+      full: described in `configuration`; not allowed with `trained`.
+      steps: steps of each training; 0 = those of the recipe; not allowed with `trained`.
+      num_cases: number of samples in the picture.
 
     Raises:
-      ConfigError: the data are not there, the folder holds other runs, or those named cannot be
-        compared.
-      UserError: a signal ended a training; the same call goes on.
+      ConfigError: the data do not exist, the folder contains other runs, or the runs `trained`
+        cannot be compared.
+      UserError: a signal stopped a training; the same call resumes it.
     """
     workdir = pathlib.Path(workdir)
     if trained is None:
@@ -278,10 +287,10 @@ def run(
     }
     metrics = {
         name: {
-            **found.metrics,
+            **evaluation.metrics,
             **{key: np.array([sample[key] for sample in own[name]]) for key in own[name][0]},
         }
-        for name, found in evaluations.items()
+        for name, evaluation in evaluations.items()
     }
     shown = {}
     for number in sorted(cases, key=lambda n: -cases[n]["apart"]):
@@ -314,7 +323,7 @@ def run(
 
 
 def _configs_of(folders: Mapping[str, pathlib.Path], data: str | None) -> dict[str, Config]:
-    """The configurations of finished runs, which are measured alike."""
+    """Loads the configurations of finished runs and gives them the same evaluation settings."""
     configs = {name: load_config(folder) for name, folder in folders.items()}
     for name, config in configs.items():
         if not config.loss.name.startswith({"cd": "chamfer", "emd": "emd"}[name]):
@@ -337,7 +346,7 @@ def _configs_of(folders: Mapping[str, pathlib.Path], data: str | None) -> dict[s
         field = other[0]
         raise ConfigError(
             f"{field}: {flat['cd'][field]!r} in --cd, {flat['emd'][field]!r} in --emd: accepted: "
-            "runs of one network"
+            "runs of the same network"
         )
     for config in configs.values():
         check_paths(config)

@@ -1,17 +1,19 @@
 """Mean shapes under CD and EMD: `python -m psgn_jax.experiments.mean_shape [--out DIR]`.
 
-Where an image leaves a shape S in doubt, a network trained on a distance L tends to the cloud
+If an image allows several shapes S, a network trained with a distance L tends to predict the mean
+shape of that distance,
 
-    x* = argmin over x of E_S[L(x, S)],
+    x* = argmin over x of E_S[L(x, S)].
 
-the mean shape of that distance. Here x* is found by stochastic gradient descent for four
-distributions of plane shapes: a circle of random radius; a spiky arc at a random place on the
-diagonal; a bar with a square at one of its four corners; a bar with a disk beside it half of the
-time. Written are `mean_shape.png` (shapes in grey, the mean shapes in red) and `mean_shape.json`
-with the numbers that the command prints.
+This study computes x* by stochastic gradient descent for four distributions of 2D shapes: a circle
+of random radius; a spiky arc at a random position on the diagonal; a bar with a square at one of
+its four corners; a bar with a disk above it, present with probability 1/2. It writes
+`mean_shape.png` (shapes in grey, mean shapes in red) and `mean_shape.json` with the numbers that
+the command prints.
 
-Source: Fan, Su, Guibas, CVPR 2017, section 4.3 and its figure on mean shapes, which show the clouds
-and no numbers; sizes and measures here are **ours**. The unit is that of the drawings, 1.2 wide.
+Source: Fan, Su, Guibas, CVPR 2017, section 4.3 and its figure on mean shapes, which give pictures
+but no numbers. Sizes and measures here are **ours**. Lengths are in a unit of which the drawings
+are 1.2 wide.
 """
 
 import json
@@ -37,10 +39,10 @@ Plane = Float[Array, "n 2"]
 
 RADII = (0.2, 0.45)
 PLACES = (-0.25, 0.25)
-BAR = (0.4, 0.06)  # half sizes
-SIDE = 0.14  # of the square
-DISK, DISK_CENTRE = 0.1, (0.0, 0.26)
-# Beyond this distance from a shape a point counts as outside: half the width of the bar's end.
+BAR = (0.4, 0.06)  # half of the width and of the height
+SIDE = 0.14  # side of the square
+DISK, DISK_CENTRE = 0.1, (0.0, 0.26)  # radius and centre
+# A point counts as outside a shape beyond this distance, which is a quarter of the bar's height.
 NEAR = 0.03
 
 
@@ -50,7 +52,7 @@ def _uniform(key: PRNGKey, n: int, low: Sequence[float], high: Sequence[float]) 
 
 
 def circle(key: PRNGKey, n: int) -> Plane:
-    """A circle about the origin, n points; the radius is uniform in `RADII`."""
+    """Samples n points of a circle about the origin; the radius is uniform in `RADII`."""
     of_radius, of_points = jax.random.split(key)
     radius = jax.random.uniform(of_radius, (), minval=RADII[0], maxval=RADII[1])
     angle = 2 * jnp.pi * jax.random.uniform(of_points, (n,))
@@ -58,21 +60,21 @@ def circle(key: PRNGKey, n: int) -> Plane:
 
 
 def arc_at(angle: Array) -> Array:
-    """The spiky arc about the origin: a quarter circle whose radius has five spikes."""
+    """Points of the spiky arc about the origin: a quarter circle whose radius has five spikes."""
     tooth = 5 * (angle / (jnp.pi / 2)) % 1
     radius = 0.22 + 0.08 * (1 - jnp.abs(2 * tooth - 1))
     return radius[:, None] * jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=1)
 
 
 def arc(key: PRNGKey, n: int) -> Plane:
-    """The spiky arc, n points, moved along the diagonal to a place uniform in `PLACES`."""
+    """Samples n points of the spiky arc, shifted diagonally by a number uniform in `PLACES`."""
     of_place, of_points = jax.random.split(key)
     place = jax.random.uniform(of_place, (), minval=PLACES[0], maxval=PLACES[1])
     return arc_at(jnp.pi / 2 * jax.random.uniform(of_points, (n,))) + place
 
 
 def _attached(key: PRNGKey, n: int, part: Callable[[PRNGKey], Plane], area: float) -> Plane:
-    """Points uniform over the bar and a part of the given area."""
+    """Samples n points, uniform over the bar and a part of the given area."""
     of_bar, of_part, of_choice = jax.random.split(key, 3)
     share = area / (area + 4 * BAR[0] * BAR[1])
     chosen = jax.random.uniform(of_choice, (n, 1)) < share
@@ -81,13 +83,13 @@ def _attached(key: PRNGKey, n: int, part: Callable[[PRNGKey], Plane], area: floa
 
 
 def corners() -> np.ndarray:
-    """Centres [4, 2] of the squares at the bar's corners, outside the bar."""
+    """Centres [4, 2] of the squares at the corners of the bar, outside the bar."""
     x, y = BAR[0] - SIDE / 2, BAR[1] + SIDE / 2
     return np.array([[-x, -y], [-x, y], [x, -y], [x, y]], np.float32)
 
 
 def bar_with_square(key: PRNGKey, n: int) -> Plane:
-    """The bar and a square at one of its corners, n points uniform over both."""
+    """Samples n points, uniform over the bar and a square at one of its corners."""
     of_corner, of_points = jax.random.split(key)
     centre = jnp.asarray(corners())[jax.random.randint(of_corner, (), 0, 4)]
     half = (SIDE / 2, SIDE / 2)
@@ -99,7 +101,7 @@ def bar_with_square(key: PRNGKey, n: int) -> Plane:
 
 
 def bar_with_disk(key: PRNGKey, n: int) -> Plane:
-    """The bar and, with probability 1/2, a disk above it, n points uniform over all."""
+    """Samples n points, uniform over the bar and, with probability 1/2, a disk above it."""
     of_presence, of_points = jax.random.split(key)
 
     def disk(key: PRNGKey) -> Plane:
@@ -115,19 +117,19 @@ def bar_with_disk(key: PRNGKey, n: int) -> Plane:
 
 
 def _outside_box(points: np.ndarray, centre: Sequence[float], half: Sequence[float]) -> np.ndarray:
-    """Distance [n] to a filled box."""
+    """Distance [n] of points from a filled box."""
     excess = np.maximum(np.abs(points - np.asarray(centre)) - np.asarray(half), 0)
     return np.linalg.norm(excess, axis=1)
 
 
 def measure_circle(mean: np.ndarray) -> dict[str, float]:
-    """Radius of the points: its mean (E[r] = .325) and its spread, 0 for a circle."""
+    """Mean (E[r] = .325) and standard deviation (0 for a circle) of the radius of the points."""
     radius = np.linalg.norm(mean, axis=1)
     return {"mean radius": float(radius.mean()), "spread of the radius": float(radius.std())}
 
 
 def measure_arc(mean: np.ndarray) -> dict[str, float]:
-    """Distance of the points from the arc at its mean place: small where the shape is kept."""
+    """Distance of the points from the arc at its mean position; small if the shape is preserved."""
     curve = np.asarray(arc_at(jnp.linspace(0, jnp.pi / 2, 2001)))
     distance = np.linalg.norm(mean[:, None] - curve[None], axis=-1).min(axis=1)
     return {
@@ -149,20 +151,20 @@ def _measure_parts(mean: np.ndarray, to_parts: np.ndarray, name: str) -> dict[st
 
 
 def measure_squares(mean: np.ndarray) -> dict[str, float]:
-    """Shares of points outside the bar, inside a square, and in no shape of the distribution."""
+    """Percentages of points outside the bar, inside a square, and in no possible shape."""
     half = (SIDE / 2, SIDE / 2)
     to_parts = np.min([_outside_box(mean, centre, half) for centre in corners().tolist()], axis=0)
     return _measure_parts(mean, to_parts, "square")
 
 
 def measure_disk(mean: np.ndarray) -> dict[str, float]:
-    """As `measure_squares`, for the disk; its points are 24.7 % of a shape that has it."""
+    """The measures of `measure_squares` for the disk, which has 24.7 % of the points if present."""
     distance = np.linalg.norm(mean - np.asarray(DISK_CENTRE), axis=1)
     return _measure_parts(mean, np.maximum(distance - DISK, 0), "disk")
 
 
 class Distribution(NamedTuple):
-    """A random shape and what to measure of a mean shape."""
+    """A distribution of shapes and the measures of its mean shape."""
 
     name: str
     draw: Callable[[PRNGKey, int], Plane]
@@ -191,16 +193,16 @@ def mean_shape(
     shapes: int = 8,
     learning_rate: float = 0.01,
 ) -> Plane:
-    """The minimiser x [n, 2] of E_S[distance(x, S)], by Adam with a falling learning rate.
+    """Minimises E_S[distance(x, S)] over x [n, 2] by Adam with a decreasing learning rate.
 
     Args:
-      distance: of two clouds [n, 3].
-      draw: (key, n) to the n points of a random shape.
-      key: of the shapes and of the start, a normal cloud of deviation .1.
-      num_points: n, of the mean shape and of each shape.
-      steps: of descent.
-      shapes: drawn for each step.
-      learning_rate: of the first step, in units; half a cosine down to a hundredth.
+      distance: distance of two clouds [n, 3].
+      draw: maps (key, n) to the n points of a random shape.
+      key: random key of the shapes and of the start, a normal cloud of standard deviation .1.
+      num_points: n, the number of points of the mean shape and of each shape.
+      steps: number of steps.
+      shapes: number of random shapes per step.
+      learning_rate: of the first step, in units; a cosine schedule reduces it to a hundredth.
     """
     rate = optax.cosine_decay_schedule(learning_rate, steps, alpha=0.01)
     tx = optax.adam(rate)
@@ -229,14 +231,18 @@ def mean_shape(
 
 
 def study(num_points: int = 256, steps: int = 400, seed: int = 0) -> dict[str, dict]:
-    """{distribution: {"EMD" or "CD": {"points": [n, 2], "measures": {name: number}}}}."""
+    """Computes all mean shapes.
+
+    Returns:
+      {distribution: {"EMD" or "CD": {"points": [n, 2], "measures": {name: number}}}}.
+    """
     results: dict[str, dict] = {}
     for row, (name, draw, measure) in enumerate(DISTRIBUTIONS):
         key = jax.random.fold_in(jax.random.key(seed), row)
         results[name] = {}
         for label, distance in DISTANCES.items():
-            found = mean_shape(distance, draw, key, num_points=num_points, steps=steps)
-            points = np.asarray(found)
+            mean = mean_shape(distance, draw, key, num_points=num_points, steps=steps)
+            points = np.asarray(mean)
             results[name][label] = {"points": points, "measures": measure(points)}
             logging.info("%s, %s: done", name, label)
     return results
@@ -245,17 +251,17 @@ def study(num_points: int = 256, steps: int = 400, seed: int = 0) -> dict[str, d
 def table(results: Mapping[str, dict]) -> str:
     """The measures as text."""
     lines = [f"{'':46}{'EMD':>8}{'CD':>8}"]
-    for name, found in results.items():
+    for name, entries in results.items():
         lines.append(name)
-        for measure, value in found["EMD"]["measures"].items():
-            other = found["CD"]["measures"][measure]
+        for measure, value in entries["EMD"]["measures"].items():
+            other = entries["CD"]["measures"][measure]
             lines.append(f"  {measure:44}{value:8.3g}{other:8.3g}")
     return "\n".join(lines) + "\n"
 
 
 def figure(results: Mapping[str, dict], size: int = 300, shapes: int = 5) -> Image.Image:
-    """A column per distribution: random shapes, the mean shape under EMD, that under CD."""
-    scale, margin = 2, 16  # drawn larger, then reduced: smooth dots
+    """Draws a column per distribution: random shapes, mean shape for EMD, mean shape for CD."""
+    scale, margin = 2, 16  # drawn at twice the size, for antialiasing
     font = ImageFont.load_default(size=15)
 
     def dots(
@@ -267,7 +273,7 @@ def figure(results: Mapping[str, dict], size: int = 300, shapes: int = 5) -> Ima
             pen.ellipse((x - r, y - r, x + r, y + r), fill=colour)
 
     columns = []
-    for row, (name, found) in enumerate(results.items()):
+    for row, (name, entries) in enumerate(results.items()):
         draw = DISTRIBUTIONS[row].draw
         keys = jax.random.split(jax.random.key(row), 60)
         clouds = np.asarray(jax.vmap(lambda k, draw=draw: draw(k, 400))(keys))
@@ -281,7 +287,7 @@ def figure(results: Mapping[str, dict], size: int = 300, shapes: int = 5) -> Ima
             else:
                 for cloud in clouds:
                     dots(panel, cloud[:120], (222, 222, 222), 1.0)
-                dots(panel, found[label]["points"], (205, 30, 30), 2.2)
+                dots(panel, entries[label]["points"], (205, 30, 30), 2.2)
             panels.append(panel.resize((size, size), Image.Resampling.LANCZOS))
             title = name if label == "shapes" else f"mean shape, {label}"
             ImageDraw.Draw(panels[-1]).text((6, 4), title, fill="black", font=font)
@@ -295,14 +301,14 @@ def figure(results: Mapping[str, dict], size: int = 300, shapes: int = 5) -> Ima
 
 
 def run(out: str | pathlib.Path, num_points: int = 256, steps: int = 400, seed: int = 0) -> str:
-    """The whole study; writes the figure and the numbers into `out` and returns the table."""
+    """Runs the study; writes the figure and the numbers to `out` and returns the table."""
     out = pathlib.Path(out)
     out.mkdir(parents=True, exist_ok=True)
     results = study(num_points, steps, seed)
     figure(results).save(out / "mean_shape.png")
     numbers = {
-        name: {label: entry["measures"] for label, entry in found.items()}
-        for name, found in results.items()
+        name: {label: entry["measures"] for label, entry in entries.items()}
+        for name, entries in results.items()
     }
     document = {"num_points": num_points, "steps": steps, "seed": seed, "measures": numbers}
     write_atomic(out / "mean_shape.json", json.dumps(document, indent=2) + "\n")

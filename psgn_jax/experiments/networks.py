@@ -1,21 +1,22 @@
-"""The paper's networks compared: `python -m psgn_jax.experiments.networks --workdir DIR`.
+"""Comparison of the paper's networks: `python -m psgn_jax.experiments.networks --workdir DIR`.
 
-Trains `vanilla` (all points by a fully connected branch), `two_branch` and `hourglass` under the
-squared Chamfer distance (CD) and under the earth mover's distance (EMD), each on the same data, in
-the same order, for the same number of steps. Since layers of the same width make other numbers of
-parameters, a fourth one, `fc_equal`, is `vanilla` with its hidden widths scaled until it has as
-many parameters as `two_branch`.
+The study trains `vanilla` (all points from a fully connected branch), `two_branch` and `hourglass`,
+each with the squared Chamfer distance (CD) and with the earth mover's distance (EMD), on the same
+data, in the same order, for the same number of steps. With layers of equal widths the networks have
+different numbers of parameters. A fourth network, `fc_equal`, is therefore `vanilla` with hidden
+widths scaled so that it has as many parameters as `two_branch`.
 
-The trainings are ordinary runs in `DIR/two_branch_cd`, ...: killed and started again, the same
-command goes on where it was; with all done, it only measures and draws.
-`psgn_jax.experiments.branches` (`--run=DIR/two_branch_cd`) and `.losses` (`--cd=DIR/two_branch_cd
---emd=DIR/two_branch_emd`) take them too. Files: `networks.txt`, `.md` and `.json` with the numbers,
-`networks.png` with the CD of the networks trained by CD and the EMD of those trained by EMD, over
-that of `vanilla`.
+The trainings are ordinary runs in `DIR/two_branch_cd`, ...: if the command is killed, starting it
+again resumes them; if all are complete, it only measures and draws. Two other studies can use
+these runs: `psgn_jax.experiments.branches` (`--run=DIR/two_branch_cd`) and `.losses`
+(`--cd=DIR/two_branch_cd --emd=DIR/two_branch_emd`).
+
+Files: `networks.txt`, `.md` and `.json` with the numbers. `networks.png` shows the CD of the
+networks trained by CD and the EMD of those trained by EMD, relative to `vanilla`.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure comparing networks: "the introduction
 of deconvolution significantly improves performance. Stacking another hourglass level also gives
-performance gain." It trains for 300,000 steps; sizes and measures here are **ours**.
+performance gain." They train for 300,000 steps; sizes and measures here are **ours**.
 """
 
 import itertools
@@ -43,10 +44,10 @@ NETWORKS: Mapping[str, str] = {
     "two_branch": "two-branch",
     "hourglass": "hourglass",
 }
-"""Name -> title."""
+"""Titles of the networks, by name."""
 
 LOSSES: Mapping[str, str] = {"cd": "chamfer_sq_mean", "emd": "emd_mean"}
-"""Ending of a training's folder -> what it minimises."""
+"""Names of the losses, by the suffix of a training's folder."""
 
 METRICS: Mapping[str, str] = {"cd": "cd_sq_radius2", "emd": "emd_radius"}
 TITLES: Mapping[str, str] = {"cd": "CD squared [radius^2]", "emd": "EMD [radius]"}
@@ -57,7 +58,7 @@ PAIRS = (
     ("hourglass", "two_branch"),
     ("hourglass", "vanilla"),
 )
-"""Which networks are compared sample by sample."""
+"""The pairs of networks that are compared sample by sample."""
 
 _SMALL: Mapping[str, Mapping[str, Any]] = {
     "data": {"image_size": (48, 64), "num_points": 1024},
@@ -71,15 +72,15 @@ def configuration(network: str, loss: str, path: str, *, full: bool, steps: int 
     """The recipe of `configs/authors_small.py` on quarter-size images with 24x32 deconv points.
 
     Args:
-      network: of `NETWORKS`.
-      loss: of `LOSSES`.
+      network: a key of `NETWORKS`.
+      loss: a key of `LOSSES`.
       path: folder of records, "" = the default data set.
-      full: that of `configs/authors.py` instead: full-size images, the published network's widths,
-        20,000 steps of 32.
-      steps: in place of the recipe's.
+      full: use the recipe of `configs/authors.py` instead: full-size images, the widths of the
+        published network, 20,000 steps with batches of 32.
+      steps: number of training steps; 0 = that of the recipe.
     """
-    # As many true points as predicted ones, which an EMD wants. 450 steps: all eight trainings in
-    # 40 minutes on two CPU cores with little other work.
+    # The EMD needs as many true points as predicted ones. With 450 steps, all eight trainings take
+    # 40 minutes on two CPU cores with little other load.
     small = {"data": {"num_points": 1024}, "train": {"eval_every": 0}} if full else _SMALL
     steps = steps or (20_000 if full else 450)
 
@@ -111,7 +112,7 @@ def configuration(network: str, loss: str, path: str, *, full: bool, steps: int 
 
 
 def _fc_parameters(config: Config) -> int:
-    """Parameters of the fc branch of a `vanilla` network: dense layers and their biases."""
+    """Number of parameters in the fc branch of a `vanilla` network (kernels and biases)."""
     model, divisor = config.model, config.model.divisor
     height, width = padded_size(model.image_size, len(model.widths))
     bottleneck = (height // divisor) * (width // divisor) * model.widths[-1]
@@ -120,7 +121,7 @@ def _fc_parameters(config: Config) -> int:
 
 
 def num_parameters(config: Config) -> int:
-    """Parameters of a configuration's network; nothing is computed."""
+    """Number of parameters of a network, from shapes alone."""
     model = point_out_net.build(config.model)
     tx = state_lib.optimizer(config.optim, config.train.steps)
     shapes = jax.eval_shape(lambda: state_lib.create(config, model, tx).params)
@@ -131,13 +132,13 @@ def num_parameters(config: Config) -> int:
 
 
 class Trained(NamedTuple):
-    """One training: its evaluation and what it cost.
+    """The evaluation and the cost of one training.
 
     Attributes:
-      evaluation: of the last checkpoint.
-      parameters: of the network.
-      seconds: of a step, the median over the lines of the log.
-      minutes: of all steps, without compilation, evaluations and checkpoints.
+      evaluation: evaluation of the last checkpoint.
+      parameters: number of parameters of the network.
+      seconds: duration of a step, the median over the lines of the log.
+      minutes: duration of all steps, without compilation, evaluations and checkpoints.
     """
 
     evaluation: Evaluation
@@ -147,7 +148,7 @@ class Trained(NamedTuple):
 
 
 def cost(workdir: pathlib.Path, batch_size: int) -> tuple[float, float]:
-    """(median seconds of a step, minutes of all steps) by a run's log; NaN if it is too short."""
+    """Median seconds per step and minutes of all steps, from a run's log; NaN if it is short."""
     last, steps, seconds = 0, [], []
     for line in read_metrics(workdir / "metrics.jsonl"):
         if line["kind"] == "train":
@@ -161,7 +162,7 @@ def cost(workdir: pathlib.Path, batch_size: int) -> tuple[float, float]:
 
 
 def compare(results: Mapping[str, Trained], one: str, other: str, loss: str) -> Difference:
-    """`one` minus `other`, both trained by a loss, in the metric of that loss."""
+    """The metric of `loss`, `one` minus `other`, for two networks trained with that loss."""
     a, b = (results[f"{name}_{loss}"].evaluation.metrics[METRICS[loss]] for name in (one, other))
     return common.difference(a, b)
 
@@ -173,14 +174,14 @@ def _lines(results: Mapping[str, Trained]) -> list[list[str]]:
     lines = [head]
     for name, title in NETWORKS.items():
         runs_of = [results[f"{name}_{t}"] for t in LOSSES]
-        means = [found.evaluation.means[m] for found in runs_of for m in METRICS.values()]
+        means = [run.evaluation.means[m] for run in runs_of for m in METRICS.values()]
         lines.append(
             [
                 title,
                 f"{runs_of[0].parameters:,}",
                 *(f"{mean:.5f}" for mean in means),
-                *(f"{found.seconds:.3f}" for found in runs_of),
-                f"{sum(found.minutes for found in runs_of):.1f}",
+                *(f"{run.seconds:.3f}" for run in runs_of),
+                f"{sum(run.minutes for run in runs_of):.1f}",
             ]
         )
     return lines
@@ -201,13 +202,13 @@ def _pair_lines(results: Mapping[str, Trained]) -> list[list[str]]:
 
 
 def _note(results: Mapping[str, Trained], steps: int) -> str:
-    found = results["two_branch_emd"].evaluation
+    first = results["two_branch_emd"].evaluation
     return (
-        f"CD: squared, radius^2; EMD: radius; after CD: of the network trained by it. "
-        f"{len(found.names)} samples of {found.split!r}, {found.num_points[0]} predicted points "
-        f"against {found.num_points[1]} true ones (EMD: as many as predicted), after {steps:,} "
+        f"CD: squared, radius^2; EMD: radius; after CD: of the network trained by CD. "
+        f"{len(first.names)} samples of {first.split!r}, {first.num_points[0]} predicted points "
+        f"against {first.num_points[1]} true ones (EMD: as many as predicted), after {steps:,} "
         "steps of each training. A difference is a mean over samples with its standard error, from "
-        "one training of each; another seed would move it too."
+        "one training of each; it would also change with the seed of the training."
     )
 
 
@@ -218,20 +219,20 @@ def table(results: Mapping[str, Trained], steps: int) -> str:
 
 
 def markdown(results: Mapping[str, Trained], steps: int) -> str:
-    """Both tables for a README."""
+    """Both tables as Markdown."""
     parts = [common.markdown_table(_lines(results)), common.markdown_table(_pair_lines(results))]
     return "\n".join([*parts, _note(results, steps)]) + "\n"
 
 
 def numbers(results: Mapping[str, Trained]) -> dict[str, Any]:
-    """The comparison for JSON; null for what is not finite."""
-    found = results["two_branch_emd"].evaluation
+    """The comparison for JSON, with null for numbers that are not finite."""
+    first = results["two_branch_emd"].evaluation
     return {
-        "split": found.split,
-        "samples": len(found.names),
-        "num_pred_points": found.num_points[0],
-        "num_gt_points": found.num_points[1],
-        "fscore_threshold": found.threshold,
+        "split": first.split,
+        "samples": len(first.names),
+        "num_pred_points": first.num_points[0],
+        "num_gt_points": first.num_points[1],
+        "fscore_threshold": first.threshold,
         "runs": {
             name: {
                 "parameters": result.parameters,
@@ -258,11 +259,11 @@ _BAR, _BETWEEN, _GROUP = 78, 12, 40
 
 
 def figure(results: Mapping[str, Trained]) -> Image.Image:
-    """Bars: CD after CD and EMD after EMD over that of `vanilla`, lower is better.
+    """Draws bars: CD after training by CD, and EMD after EMD, relative to `vanilla`.
 
-    Whiskers: the standard error of the difference from `vanilla`.
+    Lower is better. The error bars are the standard errors of the differences from `vanilla`.
     """
-    scale = 2  # drawn larger, then reduced: smooth edges
+    scale = 2  # drawn at twice the size, for antialiasing
     sheet = Image.new("RGB", (_SIZE[0] * scale, _SIZE[1] * scale), "white")
     pen = ImageDraw.Draw(sheet)
 
@@ -329,17 +330,17 @@ def figure(results: Mapping[str, Trained]) -> Image.Image:
 def run(
     workdir: str | pathlib.Path, *, data: str | None = None, full: bool = False, steps: int = 0
 ) -> str:
-    """The whole study; returns the tables.
+    """Runs the study; returns the tables.
 
     Args:
-      workdir: gets the runs and the results.
-      data: records; None = as `common.find_data`.
-      full: see `configuration`.
-      steps: of each training, in place of the recipe's.
+      workdir: folder for the runs and the results.
+      data: folder of records; None: chosen by `common.find_data`.
+      full: described in `configuration`.
+      steps: steps of each training; 0 = those of the recipe.
 
     Raises:
-      ConfigError: the data are not there, or the folder holds other runs.
-      UserError: a signal ended a training; the same call goes on.
+      ConfigError: the data do not exist, or the folder contains other runs.
+      UserError: a signal stopped a training; the same call resumes it.
     """
     workdir, path = pathlib.Path(workdir), common.find_data(data)
     configs = {
