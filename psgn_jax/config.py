@@ -13,6 +13,7 @@ import dataclasses
 import json
 import os
 import pathlib
+import re
 import types
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -50,7 +51,9 @@ class DataConfig:
 
     Attributes:
       path: folder of records, or several with commas between them, whose splits are joined;
-        empty = the default data set (procedural models, rendered on first use).
+        empty = the default data set (procedural models, rendered on first use). `FOLDER*N` counts
+        the folder's training samples N times.
+      eval_path: folders that the run is evaluated on, in the same form; empty = those of `path`.
       train_split, eval_split: names of the splits.
       image_size: (height, width) the network sees; images are resized to it. The network pads
         sides that are no multiples of 2 ** (levels of `model.widths` - 1).
@@ -72,6 +75,7 @@ class DataConfig:
     """
 
     path: str = ""
+    eval_path: str = ""
     train_split: str = "train"
     eval_split: str = "validation"
     image_size: tuple[PositiveInt, PositiveInt] = (192, 256)
@@ -92,9 +96,24 @@ class DataConfig:
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """The folders that `path` names, or that of the default data set; none if it is unknown."""
-        path = self.path or self.default_folder
-        return tuple(folder.strip() for folder in path.split(",") if folder.strip())
+        """The folders that `path` names, or that of the default data set; none if it is unknown.
+
+        A folder with a factor N stands N times.
+        """
+        return _folders(self.path or self.default_folder)
+
+    @property
+    def eval_folders(self) -> tuple[str, ...]:
+        """The folders of the evaluation, each once."""
+        return tuple(dict.fromkeys(_folders(self.eval_path) or self.folders))
+
+
+def _folders(path: str) -> tuple[str, ...]:
+    folders: list[str] = []
+    for part in filter(None, (part.strip() for part in path.split(","))):
+        match = re.fullmatch(r"(.+)\*([1-9][0-9]{0,3})", part)
+        folders += [match[1].strip()] * int(match[2]) if match else [part]
+    return tuple(folders)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -335,13 +354,18 @@ def parse(config: Any) -> Config:
 
 def check_paths(config: Config) -> None:
     """Raises `ConfigError` if the data that the configuration names is not there."""
-    for path in config.data.folders:
-        if not pathlib.Path(path).is_dir():
-            what = "is not a folder" if os.path.exists(path) else "does not exist"
-            raise ConfigError(
-                f"data.path={path!r} {what}; accepted: a folder of records, several with commas "
-                "between them, or '' for the default data set"
-            )
+    data = config.data
+    for name, folders, empty in (
+        ("path", data.folders, "the default data set"),
+        ("eval_path", data.eval_folders, "those of data.path"),
+    ):
+        for path in dict.fromkeys(folders):
+            if not pathlib.Path(path).is_dir():
+                what = "is not a folder" if os.path.exists(path) else "does not exist"
+                raise ConfigError(
+                    f"data.{name}={path!r} {what}; accepted: a folder of records, several with "
+                    f"commas between them, or '' for {empty}"
+                )
 
 
 def to_json(config: Config) -> str:

@@ -60,7 +60,9 @@ def evaluate_run(
     run = open_run(workdir, checkpoint)
     config = run.config
     if data is not None:
-        config = dataclasses.replace(config, data=dataclasses.replace(config.data, path=data))
+        config = dataclasses.replace(
+            config, data=dataclasses.replace(config.data, path=data, eval_path="")
+        )
     check_paths(config)
     config = with_default_data(config)
     split = split or config.data.eval_split

@@ -40,6 +40,7 @@ from psgn_jax.training.signals import Stopped, StopSignal
 MAY_CHANGE = frozenset(
     {
         "data.path",  # a folder can be moved
+        "data.eval_path",
         "data.eval_split",
         "data.num_eval_points",
         "data.num_workers",
@@ -244,16 +245,18 @@ def _local(params: Any) -> Any:
 def _check_data(config: Config) -> dict[str, int]:
     """Samples per split; a `ConfigError` for a data set that cannot serve the configuration."""
     sizes = {}
+    data = config.data
     for field in ("train_split", "eval_split"):
-        split = getattr(config.data, field)
+        split = getattr(data, field)
+        evaluation = field == "eval_split"
+        name = "eval_path" if evaluation and data.eval_path else "path"
+        path = getattr(data, name)
         try:
-            sizes[split] = loader.num_samples(config.data, split)
+            sizes[split] = loader.num_samples(data, split, evaluation=evaluation)
         except (ValueError, OSError) as error:
-            raise ConfigError(f"data.path={config.data.path!r}: {error}") from error
+            raise ConfigError(f"data.{name}={path!r}: {error}") from error
         if not sizes[split]:
-            raise ConfigError(
-                f"data.{field}={split!r}: no samples of that split in {config.data.path!r}"
-            )
+            raise ConfigError(f"data.{field}={split!r}: no samples of that split in {path!r}")
     return sizes
 
 
