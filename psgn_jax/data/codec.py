@@ -368,7 +368,7 @@ def unpack(data: bytes) -> dict[str, Any]:
     """
     body = data[4:]
     if len(data) < 5 or zlib.crc32(body) != int.from_bytes(data[:4], "little"):
-        raise ValueError("its checksum does not fit")
+        raise ValueError("its checksum does not match")
     stored = msgpack.unpackb(body)
     if not isinstance(stored, dict):
         raise ValueError(f"it contains {type(stored).__name__}, expected a map of fields")

@@ -224,7 +224,7 @@ class RecordReader:
     def locate(self, index: int) -> tuple[pathlib.Path, int]:
         """The file of record `index` and its number within the file."""
         if not 0 <= index < len(self):
-            raise IndexError(f"record {index} of {len(self)}")
+            raise IndexError(f"record {index}: expected 0 to {len(self) - 1}")
         number = int(np.searchsorted(self._ends, index, side="right"))
         start = int(self._ends[number]) - self.shards[number].count
         return self.folder / self.shards[number].file, index - start
@@ -284,7 +284,7 @@ class RecordReader:
             path = self.folder / shard.file
             if file_crc32(path) != shard.crc32:
                 raise RecordError(
-                    f"shard {path} is damaged: its checksum does not fit; {self._remedy(shard)}"
+                    f"shard {path} is damaged: its checksum does not match; {self._remedy(shard)}"
                 )
 
 
@@ -317,7 +317,7 @@ class JoinedReader:
 
     def _of(self, index: int) -> tuple[RecordReader, int]:
         if not 0 <= index < len(self):
-            raise IndexError(f"record {index} of {len(self)}")
+            raise IndexError(f"record {index}: expected 0 to {len(self) - 1}")
         number = int(np.searchsorted(self._ends, index, side="right"))
         reader = self._readers[number]
         return reader, index - int(self._ends[number]) + len(reader)

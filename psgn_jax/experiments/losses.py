@@ -260,7 +260,7 @@ def run(
     else:
         if full or steps:
             raise ConfigError(
-                "--full and --steps are for trainings: accepted: not with --cd, --emd"
+                "--full and --steps: accepted: only for trainings, not with --cd, --emd"
             )
         folders = {name: pathlib.Path(trained[name]) for name in LOSSES}
         configs = _configs_of(folders, data)

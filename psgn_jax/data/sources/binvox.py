@@ -112,7 +112,7 @@ def _header_line(words: list[str], path: pathlib.Path) -> dict[str, list[float]]
     lengths = {"dim": 3, "translate": 3, "scale": 1}
     shown = " ".join(words)[:60]
     if not words or words[0] not in lengths or len(words) != 1 + lengths[words[0]]:
-        raise ValueError(f"{path}: {shown!r} is no line of a binvox header")
+        raise ValueError(f"{path}: {shown!r} is not a line of a binvox header")
     try:
         numbers = [float(word) for word in words[1:]]
     except ValueError:

@@ -65,7 +65,7 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
             for name in path.read_text("utf-8", "replace").split():
                 # Names are used as paths: refuse names that lead out of the folder.
                 if pathlib.PurePath(name).name != name or name == ".." or "\0" in name:
-                    messages.append(f"{path}: {name[:60]!r} is no name of a model")
+                    messages.append(f"{path}: {name[:60]!r} is not the name of a model")
                 elif (folder.name, name) in listed:
                     messages.append(f"{path}: {name[:60]!r} is listed a second time")
                 else:
