@@ -1,6 +1,6 @@
-"""The functions that `data_gen` needs to write data sets, in one module.
+"""What the data stage (`data_gen`) needs to write data sets, under one name.
 
-`psgn_jax` itself imports from `data.codec`, `data.manifest`, `data.dataset` and `files`.
+The package itself imports from `data.codec`, `data.manifest`, `data.dataset` and `files`.
 """
 
 from psgn_jax.data.codec import DEFAULT_POINT_BITS, decode, encode, unpack
