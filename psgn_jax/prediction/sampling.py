@@ -68,7 +68,7 @@ def compile_predict_samples(
     """
     if not config.model.random_size:
         raise ConfigError(
-            "model.random_size=0: this network has one prediction per image; accepted: a network "
+            "model.random_size=0: this network gives one prediction per image; accepted: a network "
             "trained with a random input, such as configs/mo2_cd.py"
         )
     if num_draws < 1:
