@@ -10,8 +10,8 @@
 
 A file, a model or a view of a model that cannot be read is reported and left out, and the exit code
 is 1. With `--strict` the command stops at the first one. If the command is started again, it keeps
-the complete shards and continues after them; it converts shards again from which something was left
-out. A finished conversion is not changed.
+the complete shards and continues after them. Shards from which something was left out are converted
+again. A complete conversion is not changed.
 """
 
 import argparse

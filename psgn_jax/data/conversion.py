@@ -2,8 +2,8 @@
 
 A file, a model or a view of a model that cannot be read is reported and left out; with `strict` it
 stops the conversion. A conversion that is started again keeps the complete shards and continues
-after them. It converts shards again from which something was left out. A finished conversion is not
-changed.
+after them. Shards from which something was left out are converted again. A complete conversion is
+not changed.
 """
 
 import contextlib

@@ -148,9 +148,10 @@ def write_dataset(
 
 
 class RecordReader:
-    """Random access to the records of one split; safe to share by threads and to pickle.
+    """Random access to the records of one split; it can be pickled and shared between threads.
 
-    Opening checks that every shard is there and has its size; reading checks each record.
+    Opening it checks that every shard exists and has the size in the manifest. Reading a record
+    checks its CRC-32.
     """
 
     def __init__(self, folder: str | os.PathLike[str], split: str) -> None:

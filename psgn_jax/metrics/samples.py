@@ -1,5 +1,6 @@
 """Metrics of several predictions for one image, compared with one or several true shapes.
 
+"Samples" are the predictions for one image with different random inputs.
 Distances between clouds are functions of one pair from `losses` or `metrics.clouds`.
 `cross_distances` computes a matrix of them, from which the metrics of sets are computed. Results
 are in the unit of the distance.

@@ -120,7 +120,7 @@ def write_pages(
 
 
 def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distance [n] from each of `queries` to the nearest of `points`, in blocks of queries."""
+    """Distance [n] of each query to the nearest point; blocks of queries bound the memory."""
     centre = points.mean(axis=0, dtype=np.float64)  # centring reduces cancellation in the squares
     queries, points = queries - centre, points - centre
     squares = (points**2).sum(axis=1)
