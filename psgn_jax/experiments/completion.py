@@ -1,10 +1,10 @@
 """Shape completion: RGB against RGB-D, `python -m psgn_jax.experiments.completion --workdir DIR`.
 
 The study trains one network twice on the same data, in the same order, with the same augmentation
-and number of steps. The first input is colour and mask; the second also has the depth image. Both
-networks are measured on the evaluation split, separately for true points that are visible in the
-depth image (`data.visibility`) and for hidden ones. The depth image gives the visible points, but
-the hidden ones must be completed.
+and number of steps. The first time the inputs are colour and mask, the second time also the depth
+image. Both networks are measured on the evaluation split, separately for true points that are
+visible in the depth image (`data.visibility`) and for hidden ones. The depth image gives the
+visible points, but the hidden ones must be completed.
 
 The trainings are ordinary runs in `DIR/rgb` and `DIR/rgbd`: if the command is killed, starting it
 again resumes them; if both are complete, it only measures and draws. Files: `completion.txt`, `.md`

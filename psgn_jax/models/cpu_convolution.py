@@ -79,7 +79,9 @@ def uses_xla() -> bool:
 def conv2d(
     x: Float[Array, "b h w c_in"], kernel: Float[Array, "kh kw c_in c_out"], *, stride: int = 1
 ) -> Float[Array, "b ho wo c_out"]:
-    """Convolution (cross-correlation) without bias, SAME padding: `ho = ceil(h / stride)`.
+    """Convolution (cross-correlation) without bias; SAME padding of TensorFlow.
+
+    The output has `ho = ceil(h / stride)` rows and `wo = ceil(w / stride)` columns.
 
     Args:
       x: a batch of feature maps.
