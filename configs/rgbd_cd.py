@@ -2,16 +2,15 @@
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/rgbd_cd.py --workdir=runs/rgbd_cd
-Hardware: a GPU; on two CPU cores a step takes some seconds (see BUILD.md).
+Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: not measured.
 Expect: a lower cd_sq_radius2 than `authors.py`, mostly through visible points. It has not been
 measured at this size; a smaller network had .0107 with depth and .0123 without after 1,000 steps
-(README).
+(docs/experiments.md).
 
 The recipe is that of `authors.py`. All records with depth can be used
 (`--config.data.path=RECORDS`). The depth channels are described in `models.inputs.stack_channels`.
-A smaller comparison of RGB and RGB-D for two CPU cores is
-`python -m psgn_jax.experiments.completion`.
+A smaller comparison of RGB and RGB-D for two CPU cores is `psgn study completion`.
 
 Source: paper, section "3D Shape Completion from RGBD Images", which gives no separate recipe.
 """

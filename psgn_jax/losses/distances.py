@@ -78,6 +78,13 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
     Returns:
       (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. If the
       function takes further arrays, they need the same leading axis.
+
+    Examples:
+      >>> import jax.numpy as jnp
+      >>> from psgn_jax import losses
+      >>> preds, gts = jnp.zeros((2, 1, 3)), jnp.ones((2, 5, 3))
+      >>> losses.map_pairs(losses.chamfer_sq_mean)(preds, gts).tolist()
+      [6.0, 6.0]
     """
 
     # Defined here, not in `over_batch`: JAX's cache then recognises it, and it is compiled once

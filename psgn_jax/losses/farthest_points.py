@@ -61,6 +61,13 @@ def farthest_points(
     Differentiable: the gradient of a chosen point is added to the input point it was taken from.
     Inside `jit`, all coordinates are NaN if one input coordinate is not finite. Arguments and
     errors: `farthest_point_indices`.
+
+    Examples:
+      >>> import jax.numpy as jnp
+      >>> from psgn_jax import losses
+      >>> points = jnp.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [9.0, 0.0, 0.0]])
+      >>> losses.farthest_points(points, 2).tolist()
+      [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]]
     """
     index = farthest_point_indices(points, num_samples, start=start)
     return jnp.asarray(points).at[index].get(mode="fill", fill_value=jnp.nan)

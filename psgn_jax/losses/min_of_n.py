@@ -24,15 +24,19 @@ from psgn_jax.types import Array, Float, Int
 class MinOfN(NamedTuple):
     """The smallest of n distances, the index of its sample, and all n distances.
 
-    `value` and `distances` are in the unit of the distance. Only `value` has a gradient.
+    `value` and `distances` are in the unit of the distance. Only `value` has a gradient. `aux` is
+    the auxiliary output of the winner, or () without `has_aux`.
     """
 
     value: Float[Array, ""]
     winner: Int[Array, ""]
     distances: Float[Array, " n"]
+    aux: Any = ()
 
 
-def min_of_n(distance: Callable[..., Any]) -> Callable[[Array, Array], MinOfN]:
+def min_of_n(
+    distance: Callable[..., Any], *, has_aux: bool = False
+) -> Callable[[Array, Array], MinOfN]:
     """Turns a distance d of one pair into the MoN of several predictions and one ground truth.
 
     The winner is the first sample with the smallest distance. The gradient is that of d for the
@@ -48,11 +52,21 @@ def min_of_n(distance: Callable[..., Any]) -> Callable[[Array, Array], MinOfN]:
     Args:
       distance: (pred [n, 3], gt [m, 3]) -> scalar, such as `chamfer_sq` or `emd_sum`; it may close
         over traced values.
+      has_aux: whether `distance` returns (scalar, pytree) instead of a scalar; the pytree of the
+        winner becomes `aux`.
 
     Returns:
       (preds [draws, n, 3], gt [m, 3]) -> `MinOfN`, for any draws >= 1. It can be used inside `jit`
       and batched with `vmap` or `map_pairs`. It raises ValueError for a wrong shape of `preds`, and
       the errors of `distance`.
+
+    Examples:
+      >>> import jax.numpy as jnp
+      >>> from psgn_jax import losses
+      >>> preds = jnp.array([[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]])  # two draws of one point
+      >>> result = losses.min_of_n(losses.chamfer_sq)(preds, jnp.array([[0.0, 0.0, 3.0]]))
+      >>> float(result.value), int(result.winner), result.distances.tolist()
+      (2.0, 1, [18.0, 2.0])
     """
 
     def over_draws(preds: Array, gt: Array) -> MinOfN:
@@ -61,8 +75,10 @@ def min_of_n(distance: Callable[..., Any]) -> Callable[[Array, Array], MinOfN]:
                 f"preds: got shape {tuple(preds.shape)}, expected [draws, n, 3] with draws >= 1"
             )
         gts = jnp.broadcast_to(gt[None], (len(preds), *gt.shape))
-        distances = map_pairs(distance)(preds, gts)
+        result = map_pairs(distance)(preds, gts)
+        distances, aux = result if has_aux else (result, ())
         winner = jnp.argmin(distances)
-        return MinOfN(distances[winner], winner, jax.lax.stop_gradient(distances))
+        aux = jax.tree.map(lambda leaf: jax.lax.stop_gradient(leaf[winner]), aux)
+        return MinOfN(distances[winner], winner, jax.lax.stop_gradient(distances), aux)
 
     return over_draws

@@ -24,72 +24,97 @@ from psgn_jax.files import write_atomic
 from psgn_jax.metrics import table
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.models.point_layout import branch_of_point
-from psgn_jax.training.run_folder import load_config, open_run
+from psgn_jax.training.run_folder import load_config
 from psgn_jax.viewing import report as report_lib
+from psgn_jax.weights.opening import open_network, weights_path
+
+FRAMES = ("keep", "place")
 
 
 def evaluate_run(
-    workdir: str | pathlib.Path,
+    workdir: str | pathlib.Path | None = None,
     *,
+    weights: str | None = None,
     checkpoint: str = "best",
     split: str | None = None,
     data: str | None = None,
     out: str | pathlib.Path | None = None,
     draws: int = 0,
+    frame: str = "keep",
     on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
 ) -> Evaluation:
-    """Evaluates a checkpoint of a run and writes the tables.
+    """Evaluates a checkpoint of a run, or weights, and writes the tables.
 
     Args:
-      workdir: the folder of the run.
+      workdir: the folder of the run; None: evaluate `weights`.
+      weights: name or file of weights, instead of a run. If `workdir` is None too, the weights of
+        the package are used.
       checkpoint: "best" (by the validation metric; the last one if none was evaluated) or "last".
       split: name of the split; None: `data.eval_split` of the configuration.
       data: folder of records that replaces `data.path` of the configuration.
-      out: folder for the files; None: `workdir/eval_<split>_<checkpoint>`.
+      out: folder for the files; None: `workdir/eval_<split>_<checkpoint>`, or for weights
+        `eval_<weights>_<split>`. With `frame="place"`, `_placed` is appended.
       draws: number of samples per image for the additional metrics of `tasks.points.with_draws`;
         0 = none.
+      frame: "keep": use the images of the records as they are. "place": crop and place every image
+        like a photo, and move its points accordingly (`data.framing`).
       on_batch: called with (index of the batch, batch, predictions).
 
     Raises:
-      ConfigError, CheckpointError: the run, its checkpoint or its data are missing or do not match;
-        the message is one line.
+      ConfigError, CheckpointError, WeightsError: the run, its checkpoint, the weights or the data
+        are missing or do not match; the message is one line.
     """
-    workdir = pathlib.Path(workdir)
     if data is not None:
         check_paths(parse({"data": {"path": data}}))
-    run = open_run(workdir, checkpoint)
+    run = open_network(workdir, weights, checkpoint)
     config = run.config
     if data is not None:
-        config = dataclasses.replace(
-            config, data=dataclasses.replace(config.data, path=data, eval_path="")
-        )
+        named = dataclasses.replace(config.data, path=data, eval_path="")
+        config = dataclasses.replace(config, data=named)
     check_paths(config)
     config = with_default_data(config)
     split = split or config.data.eval_split
     if draws:
         require_points_task(config, "--draws")
-    logging.info("evaluating %s, step %d, split %s", workdir, run.step, split)
-    task = tasks.create(config, workdir)
+    if frame not in FRAMES:
+        raise ConfigError(f"--frame={frame}: accepted: {', '.join(FRAMES)}")
+    if frame == "place":
+        require_points_task(config, "--frame=place")
+        config = dataclasses.replace(
+            config, data=dataclasses.replace(config.data, eval_frame=frame)
+        )
+    config = dataclasses.replace(config, eval=dataclasses.replace(config.eval, aligned=True))
+    logging.info("evaluating %s, step %d, split %s", run.source, run.step, split)
+    task = tasks.create(config, workdir or "")
     options = {"draws": draws} if draws else {}
     result = task.evaluate(run.params, split=split, on_batch=on_batch, chosen=run.scores, **options)
-    folder = pathlib.Path(out) if out else workdir / f"eval_{split}_{checkpoint}"
+    name = f"{workdir}/eval_{split}_{checkpoint}" if workdir else f"eval_{run.source}_{split}"
+    folder = pathlib.Path(out or name + ("_placed" if frame == "place" else ""))
     write_atomic(folder / "table.txt", table.text(result))
     write_atomic(folder / "table.csv", table.csv_text(result))
     write_atomic(folder / "samples.csv", table.samples_csv(result))
-    document = table.json_text(result, workdir=str(workdir), step=run.step, checkpoint=checkpoint)
+    origin = {run.source_kind: run.source, "step": run.step, "frame": frame}
+    if workdir:
+        origin["checkpoint"] = checkpoint
+    document = table.json_text(result, **origin)
     write_atomic(folder / "table.json", document)
     logging.info("tables written to %s", folder)
     return result
 
 
 def report_runs(
-    folder: str | pathlib.Path, workdirs: Sequence[str | pathlib.Path], **options: Any
+    folder: str | pathlib.Path,
+    workdirs: Sequence[str | pathlib.Path | None],
+    *,
+    weights: str | None = None,
+    **options: Any,
 ) -> Evaluation:
     """Evaluates one run, or two for a comparison, and writes the gallery (`viewing.report`).
 
     Args:
       folder: folder for the pages.
-      workdirs: one or two folders of runs.
+      workdirs: one or two folders of runs; None stands for the network of `weights`.
+      weights: described in `evaluate_run`.
       **options: options of `evaluate_run`; `out` applies to the first run only.
 
     Returns:
@@ -101,15 +126,20 @@ def report_runs(
     """
     runs: list[Any] = []
     samples: list[Any] = []
-    configs = [load_config(workdir) for workdir in workdirs]
+    if weights and None not in workdirs:
+        raise ConfigError(f"--weights={weights}: accepted without --workdir (one network)")
+    configs = [load_config(w) if w else open_network(None, weights).config for w in workdirs]
     for config in configs:
         require_points_task(config, "--report")
     for number, (workdir, config) in enumerate(zip(workdirs, configs, strict=True)):
         collector = report_lib.Collector()
         own = options if not number else options | {"out": None}
-        result = evaluate_run(workdir, on_batch=collector, **own)
+        given = None if workdir else weights
+        result = evaluate_run(workdir, weights=given, on_batch=collector, **own)
         num_fc = len(branch_of_point(config.model).fc)
-        label = pathlib.Path(workdir).resolve().name
+        label = (
+            pathlib.Path(workdir).resolve().name if workdir else weights_path(weights or "").stem
+        )
         runs.append(report_lib.Run(label, result, collector.preds, num_fc))
         samples = samples or collector.samples
     try:
