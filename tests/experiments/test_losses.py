@@ -52,7 +52,7 @@ def test_the_table_and_its_numbers():
     evaluation = Evaluation("validation", names, {}, 0.01, (1024, 4096), 0.025)
     text = lib.table(both, evaluation, {"cd": 30, "emd": 30})
     assert "after 30 steps of each training" in text
-    assert "not one budget" in lib.table(both, evaluation, {"cd": 30, "emd": 20})
+    assert "(not equal)" in lib.table(both, evaluation, {"cd": 30, "emd": 20})
     lines = lib.markdown(both, evaluation, {"cd": 30, "emd": 30}).splitlines()
     assert {x.count("|") for x in lines if x.startswith("|")} == {6}
     document = json.loads(json.dumps(lib.numbers(both, evaluation), allow_nan=False))
