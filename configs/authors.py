@@ -3,10 +3,11 @@
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors.py --workdir=runs/authors
 Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
-Time: not measured to its end.
-Expect: less than `configs/authors_small.py` gives; not measured to its end.
+Time: a complete run has not been measured.
+Expect: a lower cd_sq_radius2 than `configs/authors_small.py`; a complete run has not been measured.
 
-The recipe is that of `authors_small.py` with the published two-branch network. The authors' own is
+The recipe is based on `authors_small.py`, with the published two-branch network. The authors' own
+recipe is:
     --config.loss.name=chamfer_authors --config.loss.l2=authors
     --config.optim.schedule=constant --config.optim.warmup_steps=0
     --config.optim.learning_rate=3e-5 --config.optim.clip_norm=0 --config.optim.ema_decay=0

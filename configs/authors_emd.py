@@ -3,12 +3,14 @@ r"""The full two-branch network on the authors' batches, trained under the EMD.
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_emd.py --workdir=runs/authors_emd
 Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
-Time: not measured to its end.
-Expect: a lower EMD and a higher Chamfer distance than `authors.py`; not measured to its end.
+Time: a complete run has not been measured.
+Expect: a lower EMD and a higher Chamfer distance than `authors.py`; a complete run has not been
+measured.
 
-The recipe is that of `authors.py`. An EMD compares clouds of one size: 1,024 points. The half-size
-network trains on two CPU cores, a second a step; after 600 steps its emd_radius is .156 where 3,200
-steps under the Chamfer distance leave .309, and its cd_sq_radius2 .0179 instead of .0105:
+The recipe is that of `authors.py`. The EMD compares clouds of equal size, here 1,024 points. The
+half-size network can be trained on two CPU cores, at one second per step. After 600 steps its
+emd_radius is .156 and its cd_sq_radius2 .0179; 3,200 steps with the Chamfer distance give .309 and
+.0105. The command is:
     python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small_emd \
     --config.loss.name=emd_mean --config.data.num_points=1024
 """

@@ -1,10 +1,10 @@
-"""Two branches on half-size images of the authors' batches: half an hour on two CPU cores.
+"""A two-branch network on half-size images of the authors' batches: 30 minutes on two CPU cores.
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small
-Hardware: two CPU cores (5.2 M parameters; about .3 s a step).
-Time: 28 minutes on cores that had other work too.
-Expect: cd_sq_radius2 of .0105 on the validation split, at the last step and the best.
+Hardware: two CPU cores (5.2 M parameters; about .3 s per step).
+Time: 28 minutes, on cores that also ran other programs.
+Expect: cd_sq_radius2 of .0105 on the validation split, at the last step, which is also the best.
 """
 
 import ml_collections

@@ -1,7 +1,7 @@
-"""Defaults of every field: the two-branch network at full size, as `psgn_jax.config` states them.
+"""The defaults of all fields in `psgn_jax.config`: the two-branch network at full size.
 
 Command: python -m psgn_jax.main --config=configs/base.py --workdir=runs/base
-Hardware, time and number to expect: none; the other configurations start from this one.
+Hardware, time and expected result: not given; the other configurations start from these defaults.
 """
 
 import ml_collections

@@ -1,8 +1,8 @@
-"""A first run on the default data set (procedural models of 13 categories), half-size images.
+"""A first run: half-size images of the default data set (procedural models of 13 categories).
 
 Command: python -m psgn_jax.main --config=configs/quickstart.py --workdir=runs/quickstart
 Hardware: two CPU cores.
-Time: 6 min 46 s on a fresh clone and busy cores, installing and rendering the data included.
+Time: 6 min 46 s from a fresh clone on busy cores, including installation and rendering.
 Expect: cd_sq_radius2 of .009 on the validation split.
 """
 

@@ -1,4 +1,4 @@
-"""The network variant for the images of 3D-R2N2: 128x128 pixels, three channels.
+"""The two-branch network for the images of 3D-R2N2: 128x128 pixels, three channels.
 
 Command: python -m psgn_jax.convert r2n2 SRC records/r2n2
          python -m psgn_jax.main --config=configs/r2n2_cd.py --workdir=runs/r2n2_cd
@@ -6,9 +6,9 @@ Hardware: a GPU.
 Time: not measured.
 Expect: not measured.
 
-Widths 32 to 512, 768 points from a deconv branch of 16x16 cells with 9 channels, as the authors
-published; 256 from the fc branch. They name no number of levels: six, down to 4x4, are **ours**.
-The conversion has `train` and `test`, no validation split.
+The authors published widths of 32 to 512, a deconv branch of 16x16 cells with 9 channels (768
+points) and an fc branch of 256 points. They do not give the number of levels; six, down to 4x4, are
+**ours**. The converted data have the splits `train` and `test` but no validation split.
 """
 
 import ml_collections

@@ -1,14 +1,14 @@
-"""3D-R2N2, which the paper compares with: one to five images to a volume, by cross-entropy.
+"""3D-R2N2, the baseline of the paper: one to five images to a volume, trained by cross-entropy.
 
 Command: python -m psgn_jax.main --config=configs/recurrent_volume.py --config.data.path=RECORDS
 Hardware: a GPU; on two CPU cores with --config.voxels.width_multiplier=0.125.
 Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
 
-The records have to hold solid volumes and at least five views of every model (with fewer set
-`voxels.max_views` and `voxels.eval_views`). Batches of 36 and 60,000 steps of Adam at 1e-4 are
-those of its published code; 127x127 pixels are its images' size. It predicts in the frame of the
-first view (`psgn_jax.tasks.voxels` says why).
+The records must contain solid volumes and at least five views of every model; with fewer views set
+`voxels.max_views` and `voxels.eval_views`. The batch size 36, 60,000 Adam steps, the learning rate
+1e-4 and the image size 127x127 are those of the published code of 3D-R2N2. Unlike the original, the
+network predicts in the frame of the first view, as `psgn_jax.tasks.r2n2` explains.
 """
 
 import ml_collections

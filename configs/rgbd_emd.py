@@ -1,16 +1,16 @@
-"""Shape completion from RGB-D: the full two-branch network, colour, mask and depth, under the EMD.
+"""Shape completion from RGB-D: the full two-branch network on colour, mask and depth, with the EMD.
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/rgbd_emd.py --workdir=runs/rgbd_emd
 Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: not measured.
-Expect: a lower emd_radius than `authors_emd.py` gives and than `rgbd_cd.py`; not measured.
+Expect: a lower emd_radius than `authors_emd.py` and `rgbd_cd.py`; not measured.
 
-The recipe is that of `authors_emd.py`, 1,024 points of the truth included; any records with depth
-will do (`--config.data.path=RECORDS`). What the network sees of the depth:
+The recipe is that of `authors_emd.py`, including the 1,024 ground-truth points. All records with
+depth can be used (`--config.data.path=RECORDS`). The depth channels are described in
 `models.inputs.stack_channels`.
 
-Source: paper, section "3D Shape Completion from RGBD Images", which names no recipe of its own.
+Source: paper, section "3D Shape Completion from RGBD Images", which gives no separate recipe.
 """
 
 import ml_collections

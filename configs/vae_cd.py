@@ -1,17 +1,22 @@
-"""The paper's conditional variational autoencoder under the CD, 300,000 steps of Adam at batch 32.
+"""The paper's conditional variational autoencoder with the CD: 300,000 Adam steps, batch size 32.
 
 Command: python -m psgn_jax.main --config=configs/vae_cd.py --config.data.path=RECORDS
 Hardware: a GPU.
 Time: not measured.
 Expect: not measured. Without `--config.data.path` it trains on the default data set.
 
-Source: paper, section "Generation of Multiple Plausible Shapes": while training, z comes from a
-VoxNet-like network that reads the volume of the ground truth (`psgn_jax.models.posterior`), at test
-time from N(0, I). The paper names no sizes and no weight. **Ours**: 128 numbers as for r; weight
-0.3, which for a sum of squared distances stands for a scatter of the points of
-sqrt(0.3 / 2) = .39 over all of them, .005 for each of the 5,120 (for the mean CD that is about
-1e-4; in `psgn_jax.experiments.ambiguity` 2e-4 worked and 5e-4 kept z too quiet); warmed up over
-10,000 steps, lest the divergence push z out of use before the generator has learned to read it.
+Source: paper, section "Generation of Multiple Plausible Shapes". During training, z is sampled from
+a VoxNet-like network that reads the volume of the ground truth (`psgn_jax.models.posterior`); at
+test time it is sampled from N(0, I). The paper gives neither sizes nor the weight of the
+divergence. **Ours**:
+
+- z has 128 components, like r.
+- The weight is 0.3. If the sum of squared distances is the negative logarithm of a normal
+  distribution, this is a standard deviation of sqrt(0.3 / 2) = .39 over all distances together, or
+  .005 for each of the 5,120. For the mean CD it corresponds to about 1e-4; in
+  `psgn_jax.experiments.ambiguity` 2e-4 worked, and with 5e-4 z had too little effect.
+- The weight rises over the first 10,000 steps. Otherwise the divergence could make z carry no
+  information before the generator has learned to use it.
 """
 
 import ml_collections

@@ -1,12 +1,13 @@
-"""The paper's conditional variational autoencoder under the EMD, 300,000 steps at batch 32.
+"""The paper's conditional variational autoencoder with the EMD: 300,000 Adam steps, batch size 32.
 
 Command: python -m psgn_jax.main --config=configs/vae_emd.py --config.data.path=RECORDS
 Hardware: a GPU.
 Time: not measured.
 Expect: not measured. Without `--config.data.path` it trains on the default data set.
 
-As `vae_cd.py`, but for the loss, the paper's earth mover's distance of the 1,024 predicted points
-from as many of the ground truth, to 1 % by auction, and the weight of the divergence, **ours**: 1.
+This is `vae_cd.py` with another loss and another weight of the divergence. The loss is the paper's
+earth mover's distance between the 1,024 predicted points and 1,024 points of the ground truth, to
+1 % by auction. The weight is 1 (**ours**).
 """
 
 import ml_collections

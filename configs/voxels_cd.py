@@ -1,14 +1,14 @@
-"""The paper's voxel head on the clouds of one network trained by the Chamfer distance.
+"""The paper's voxel post-processing of the clouds of one network, trained by the Chamfer distance.
 
 Command: python -m psgn_jax.main --config=configs/voxels_cd.py --config.data.path=RECORDS
              --config.voxels.from_cd=runs/cd
 Hardware: a GPU; two CPU cores with --config.voxels.widths='(8,8,8,8,8)' and a small network in
-    `from_cd`, whose `data.image_size` and `data.inputs` have to be repeated here.
+    `from_cd`. Then `data.image_size` and `data.inputs` must be the same here as in `from_cd`.
 Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
 
-The records have to hold solid volumes. To add the volume channel, train
-`configs/voxels_volume.py` and give --config.voxels.from_volume=runs/voxels_volume.
+The records must contain solid volumes. To add the volume channel, train
+`configs/voxels_volume.py` and pass --config.voxels.from_volume=runs/voxels_volume.
 """
 
 import ml_collections

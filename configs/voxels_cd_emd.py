@@ -1,4 +1,4 @@
-"""The paper's best voxel head: clouds of networks trained by CD and EMD, and a predicted volume.
+"""The paper's best voxel post-processing: clouds trained by CD and by EMD, and a predicted volume.
 
 Command: python -m psgn_jax.main --config=configs/voxels_cd_emd.py --config.data.path=RECORDS
              --config.voxels.from_cd=runs/cd --config.voxels.from_emd=runs/emd

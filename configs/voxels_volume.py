@@ -1,4 +1,4 @@
-"""The network that predicts an object's volume, an input of the voxel head.
+"""The network that predicts the volume of an object, an input of the voxel post-processing.
 
 Command: python -m psgn_jax.main --config=configs/voxels_volume.py --config.data.path=RECORDS
 Hardware: a GPU.

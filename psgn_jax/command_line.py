@@ -1,4 +1,4 @@
-"""What all commands share: progress on the terminal, errors in one line, flags, kept programs."""
+"""Common parts of the commands: logging, one-line errors, flags, and the compilation cache."""
 
 import contextlib
 import logging as python_logging
@@ -17,9 +17,9 @@ from psgn_jax.files import cache_folder
 
 
 def log_to_terminal() -> None:
-    """Shows the progress of this package and of `data_gen`, of others only warnings, on stderr."""
+    """Logs to stderr: all messages of this package and `data_gen`, warnings of other packages."""
     logging.use_absl_handler()
-    if not flags.FLAGS.is_parsed():  # in a notebook: absl would complain with the first line
+    if not flags.FLAGS.is_parsed():  # in a notebook, where absl would otherwise warn
         flags.FLAGS.mark_as_parsed()
     logging.set_verbosity(logging.INFO)
     logging.set_stderrthreshold(logging.INFO)
@@ -36,10 +36,10 @@ def log_to_terminal() -> None:
 
 @contextlib.contextmanager
 def exit_on_user_error() -> Iterator[None]:
-    """Ends the process with one line and the error's exit code for what a user can mend.
+    """Turns errors that the user can fix into one line on stderr and an exit code.
 
-    Those are the errors that have an `exit_code`: `UserError` and, since the records' code does not
-    depend on the configuration's, `RecordError`.
+    These are the errors with an attribute `exit_code`: `UserError`, and `RecordError`, which is not
+    a `UserError` because `data.schema` imports no other module of this package.
     """
     try:
         yield
@@ -53,15 +53,15 @@ def exit_on_user_error() -> Iterator[None]:
 
 
 def parse_flags(argv: list[str]) -> list[str]:
-    """Parses flags as absl does, but ends with one line whatever is wrong with one.
+    """Parses flags like absl, but ends the process with one line if a flag is wrong.
 
-    For `app.run(..., flags_parser=parse_flags)`.
+    Use it as `app.run(..., flags_parser=parse_flags)`.
     """
     with exit_on_user_error():
         try:
             return flags.FLAGS(argv)
         except (AttributeError, KeyError) as error:
-            # An unknown field; the message is a repr inside a repr: its quotes and escapes go.
+            # An unknown field. The message is a repr inside a repr; remove its quotes and escapes.
             text = re.sub(r"\\n", " ", str(error.args[0])).translate(str.maketrans("", "", "\\'\""))
             text = " ".join(text.split())
             name = next(iter(re.findall(r"\w+", text)), "")
@@ -72,16 +72,19 @@ def parse_flags(argv: list[str]) -> list[str]:
 
 
 def keep_compiled() -> None:
-    """Lets JAX keep compiled programs in the cache folder: a second start compiles nothing.
+    """Enables JAX's persistent compilation cache in the cache folder.
 
-    On a CPU they are kept by the kind of processor, as what is compiled for one may not run on
-    another that shares the folder. XLA takes two of its own tuning preferences for features that
-    the processor lacks, and warns in 3,000 characters for every program it reads back:
-    `TF_CPP_MIN_LOG_LEVEL`, unless it is set, leaves only fatal messages of native code. Call it
-    before JAX compiles anything. Whoever sets JAX_COMPILATION_CACHE_DIR decides for themselves.
+    Call it before JAX compiles anything. If JAX_COMPILATION_CACHE_DIR is set, that folder is used
+    instead.
+
+    The cache has one folder per type of processor, because a program that was compiled for one may
+    not run on another. When XLA reads a program on a CPU, it wrongly warns (3,000 characters) that
+    the processor lacks two features; they are tuning preferences of XLA itself. Therefore
+    TF_CPP_MIN_LOG_LEVEL is set to 3, unless it is set already: native code then logs only fatal
+    errors.
     """
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    import jax  # commands answer a wrong flag before JAX is imported
+    import jax  # imported here so that wrong flags are reported before JAX is loaded
 
     if jax.config.values["jax_compilation_cache_dir"]:
         return

@@ -1,17 +1,17 @@
-"""Foreign data sets to records.
+"""Converts published data sets to records.
 
     python -m psgn_jax.convert authors SRC DST
     python -m psgn_jax.convert r2n2 SRC DST [--views 24] [--points 16384] [--strict]
     python -m psgn_jax.convert occnet SRC DST [--views 24] [--points 16384] [--strict]
 
-`authors`: SRC is a folder of the authors' batch files (`*.gz`). `r2n2`: SRC holds 3D-R2N2's
-`ShapeNetRendering` and `ShapeNetVox32`. `occnet`: SRC is the `ShapeNet` folder of Occupancy
-Networks, one folder for each category.
+- `authors`: SRC is a folder with the authors' batch files (`*.gz`).
+- `r2n2`: SRC contains `ShapeNetRendering` and `ShapeNetVox32` of 3D-R2N2.
+- `occnet`: SRC is the folder `ShapeNet` of Occupancy Networks, with one folder per category.
 
-What cannot be read (a file, a model, one view of a model) is reported and left out, and the command
-ends with exit code 1; under `--strict` it stops at the first. Started again, the command goes on
-behind the shards that are complete, and converts those again that something was left out of; a
-finished conversion is left as it is.
+A file, a model or a view of a model that cannot be read is reported and left out, and the exit code
+is 1. With `--strict` the command stops at the first one. If the command is started again, it keeps
+the complete shards and continues after them. Shards from which something was left out are converted
+again. A complete conversion is not changed.
 """
 
 import argparse
@@ -25,24 +25,24 @@ from psgn_jax.data.sources import shapenet
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """The command; returns its exit code."""
+    """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m psgn_jax.convert", description=(__doc__ or "").split("\n")[0]
     )
     commands = parser.add_subparsers(dest="layout", required=True)
     command = commands.add_parser("authors", help="the authors' published batches")
     command.add_argument("source", metavar="SRC", help="folder with the authors' *.gz files")
-    command.add_argument("destination", metavar="DST", help="folder of the data set to be made")
+    command.add_argument("destination", metavar="DST", help="folder for the records")
     for layout, what in (
         ("r2n2", "folder with ShapeNetRendering and ShapeNetVox32"),
         ("occnet", "folder ShapeNet of Occupancy Networks"),
     ):
         command = commands.add_parser(layout, help=what)
         command.add_argument("source", metavar="SRC", help=what)
-        command.add_argument("destination", metavar="DST", help="folder of the data set")
-        command.add_argument("--views", type=int, default=24, help="first so many of each model")
-        command.add_argument("--points", type=int, default=shapenet.NUM_POINTS, help="of a sample")
-        command.add_argument("--strict", action="store_true", help="stop at the first damage")
+        command.add_argument("destination", metavar="DST", help="folder for the records")
+        command.add_argument("--views", type=int, default=24, help="views per model, at most")
+        command.add_argument("--points", type=int, default=shapenet.NUM_POINTS, help="per sample")
+        command.add_argument("--strict", action="store_true", help="stop at the first bad file")
     arguments = parser.parse_args(argv)
     logging.use_absl_handler()
     logging.set_verbosity(logging.INFO)
@@ -69,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for message in refused:
         sys.stderr.write(f"left out: {message}\n")
     if refused:
-        sys.stderr.write(f"{len(refused)} things were left out\n")
+        sys.stderr.write(f"{len(refused)} files, models or views were left out\n")
     return 1 if refused else 0
 
 

@@ -1,8 +1,8 @@
-"""The default data set: procedural models rendered by the data stage on first use, then kept.
+"""The default data set: procedural models that are rendered on first use and cached.
 
-What a configuration without `data.path` trains on. Commands make it, by the ordinary
-pipeline (`data_gen`, extra `render`), into a cache folder, which takes a minute or two; see
-`data_gen.default` for what is in it. A program that calls the library calls `with_default_data`.
+A configuration without `data.path` uses it. Commands render it with `data_gen` (extra `render`) to
+the cache folder, which takes a minute or two. `data_gen.default` describes its contents. Programs
+that use the library call `with_default_data`.
 """
 
 import dataclasses
@@ -19,12 +19,12 @@ from psgn_jax.files import cache_folder
 
 
 def with_default_data(config: Config) -> Config:
-    """A configuration that finds its data: one without `data.path` gets the default data set.
+    """Adds the folder of the default data set to a configuration without `data.path`.
 
-    `data.path` itself, and so what a run's folder says, stays as it is.
+    `data.path` is not changed, and therefore neither is the configuration in the folder of a run.
 
     Raises:
-      ConfigError: as `default_dataset`.
+      ConfigError: the errors of `default_dataset`.
     """
     if config.data.path:
         return config
@@ -33,13 +33,13 @@ def with_default_data(config: Config) -> Config:
 
 
 def default_dataset() -> str:
-    """Folder of the default data set; renders it, or what lacks of it, where it is missing.
+    """Returns the folder of the default data set; renders what is missing of it.
 
-    Killed on the way, the next call goes on with it. Of several processes one renders and the
-    others wait.
+    If the process is killed, the next call continues. If several processes call this, one renders
+    and the others wait.
 
     Raises:
-      ConfigError: it is not there and cannot be made, with the remedy.
+      ConfigError: the data set does not exist and cannot be rendered; the message says what to do.
     """
     folder = cache_folder() / default.NAME
     if _is_complete(folder):
@@ -57,10 +57,10 @@ def default_dataset() -> str:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            logging.info("waiting for another process that makes the default data set")
+            logging.info("waiting for another process that renders the default data set")
             fcntl.flock(lock, fcntl.LOCK_EX)
         if not _is_complete(folder):
-            logging.info("making the default data set in %s", folder)
+            logging.info("rendering the default data set in %s", folder)
             default.build(folder)
     return str(folder)
 

@@ -1,4 +1,4 @@
-"""Files that are whole or absent, and the folder of what can be made again."""
+"""Atomic writing of files, and the cache folder."""
 
 import math
 import os
@@ -9,18 +9,21 @@ from typing import Any
 
 
 def cache_folder() -> pathlib.Path:
-    """Folder of data and programs that can be made again: $PSGN_CACHE, or ~/.cache/psgn_jax."""
+    """Folder for data and compiled programs: $PSGN_CACHE, or ~/.cache/psgn_jax.
+
+    Its contents can be deleted; they are created again when needed.
+    """
     return pathlib.Path(os.environ.get("PSGN_CACHE") or pathlib.Path.home() / ".cache" / "psgn_jax")
 
 
 def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bool = True) -> None:
-    """Writes a file that appears under its name whole and durable, or not at all.
+    """Writes a file atomically: it appears under its name complete, or not at all.
 
     Args:
-      path: of the file; one that is there is replaced, its folder is made where missing.
-      content: bytes, or text to be written as UTF-8.
-      sync: whether it also outlives the machine's death at any moment, not the process's alone;
-        False is for what is quickly made again.
+      path: path of the file; an existing file is replaced, a missing folder is created.
+      content: bytes, or text that is written as UTF-8.
+      sync: whether the file also survives a crash of the machine, not only of the process. Use
+        False for files that are quick to create again.
     """
     path = pathlib.Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -36,7 +39,7 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bo
 
 
 def install(temporary: pathlib.Path, path: pathlib.Path) -> None:
-    """Makes `temporary` durable and gives it its name, in one step."""
+    """Flushes `temporary` to disk and renames it to `path` atomically."""
     with temporary.open("rb") as file:
         os.fsync(file.fileno())
     temporary.replace(path)
@@ -44,7 +47,7 @@ def install(temporary: pathlib.Path, path: pathlib.Path) -> None:
 
 
 def file_crc32(path: pathlib.Path) -> int:
-    """CRC-32 of a file's content."""
+    """CRC-32 of the content of a file."""
     crc = 0
     with path.open("rb") as file:
         while block := file.read(1 << 20):
@@ -53,7 +56,7 @@ def file_crc32(path: pathlib.Path) -> int:
 
 
 def finite_or_none(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """JSON has no NaN: None, its null, in place of floats that are not finite."""
+    """Replaces non-finite floats by None (null in JSON), because JSON has no NaN."""
     return {
         key: None if isinstance(value, float) and not math.isfinite(value) else value
         for key, value in entry.items()

@@ -1,10 +1,11 @@
-"""Looks at a data set.
+"""Checks a data set and draws some of its samples.
 
     python -m psgn_jax.inspect PATH [--sheet FILE.png] [--samples 12] [--check 256]
 
-Prints splits, counts, fields, sizes and categories; checks shards' checksums, records, cameras and
-depths; writes a contact sheet: a row per sample with its image, its cloud seen by the sample's
-camera and its cloud from a second side. Exit code 1 if anything is damaged.
+The command prints splits, counts, fields, sizes and categories. It checks the checksums of the
+shards, and records, cameras and depths of some samples. It writes a contact sheet with one row per
+sample: the image, the cloud seen by the sample's camera, and the cloud from another direction. The
+exit code is 1 if anything is damaged.
 """
 
 import argparse
@@ -17,14 +18,14 @@ from psgn_jax.viewing.dataset import make_sheet, report
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """The command; returns its exit code."""
+    """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m psgn_jax.inspect", description=(__doc__ or "").split("\n")[0]
     )
     parser.add_argument("path", metavar="PATH", help="folder of records")
-    parser.add_argument("--sheet", default="", help="where to write the sheet (./<name>.png)")
+    parser.add_argument("--sheet", default="", help="file of the sheet (default: ./<name>.png)")
     parser.add_argument("--samples", type=int, default=12, help="samples on the sheet")
-    parser.add_argument("--check", type=int, default=256, help="samples checked in each split")
+    parser.add_argument("--check", type=int, default=256, help="samples to check in each split")
     arguments = parser.parse_args(argv)
     try:
         lines, whole = report(arguments.path, max(1, arguments.check))

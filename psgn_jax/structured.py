@@ -1,11 +1,11 @@
-"""Nested mappings to frozen dataclasses: every key known, every value as its annotation says.
+"""Builds frozen dataclasses from nested mappings and validates every key and value.
 
-The dataclass is the whole specification: names, annotations (`Annotated[int, Bounds(low=1)]`,
-`Literal`, tuples, nested dataclasses) and defaults. Whatever is wrong ends in a `ConfigError` whose
-message is one line naming the field, its value and what would be accepted.
+The dataclass is the specification: its field names, annotations (`Annotated[int, Bounds(low=1)]`,
+`Literal`, tuples, nested dataclasses) and defaults. A wrong key or value raises a `ConfigError`.
+Its message is one line with the field, its value and the accepted values.
 
-A field with the metadata `{"derived": "..."}` is filled in by the program, from what the text
-names; it is no key and is not written out.
+A field with the metadata `{"derived": "..."}` is computed by the program; the text says from what.
+Such a field is not accepted as a key and is not written out.
 """
 
 import dataclasses
@@ -19,18 +19,18 @@ T = TypeVar("T")
 
 
 class UserError(ValueError):
-    """Something a user can mend; the message is one line, shown without a traceback."""
+    """An error that the user can fix; the message is one line, shown without a traceback."""
 
     exit_code = 2
 
 
 class ConfigError(UserError):
-    """A wrong configuration."""
+    """The configuration is wrong."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Bounds:
-    """Accepted interval of a number; `open_low` and `open_high` leave out an end."""
+    """Accepted interval of a number; `open_low` and `open_high` exclude the end points."""
 
     low: float | int = -math.inf
     high: float | int = math.inf
@@ -38,7 +38,7 @@ class Bounds:
     open_high: bool = False
 
     def holds(self, value: float | int) -> bool:
-        """Whether `value` lies in the interval."""
+        """Returns whether `value` is in the interval."""
         above = value > self.low if self.open_low else value >= self.low
         return above and (value < self.high if self.open_high else value <= self.high)
 
@@ -58,12 +58,12 @@ Fraction = Annotated[float, Bounds(low=0, high=1)]
 
 
 def build(cls: type[T], node: Any, prefix: str = "") -> T:
-    """A dataclass from a mapping; keys left out take their defaults.
+    """Builds a dataclass from a mapping; missing keys get their defaults.
 
     Args:
       cls: the dataclass.
-      node: an `ml_collections.ConfigDict` or a mapping (lists count as tuples).
-      prefix: of the names in messages, such as "model.".
+      node: an `ml_collections.ConfigDict` or a mapping; lists are accepted as tuples.
+      prefix: prefix of the field names in messages, such as "model.".
 
     Raises:
       ConfigError: an unknown key, a wrong type or a value out of range.
@@ -88,7 +88,7 @@ def build(cls: type[T], node: Any, prefix: str = "") -> T:
 
 
 def to_dict(config: Any) -> dict[str, Any]:
-    """Nested dict of a configuration dataclass, without derived fields; inverse of `parse`."""
+    """Nested dict of a configuration dataclass, without derived fields; the inverse of `build`."""
     return {
         field.name: to_dict(value) if dataclasses.is_dataclass(value) else value
         for field in dataclasses.fields(config)
@@ -113,20 +113,20 @@ def flatten(config: Any) -> dict[str, Any]:
 
 
 def suggestion(name: str, choices: typing.Iterable[str]) -> str:
-    """`"did you mean 'x'? "` where one of `choices` is near `name`, else nothing."""
+    """`"did you mean 'x'? "` if one of `choices` is similar to `name`, else ""."""
     near = difflib.get_close_matches(name, list(choices), n=1)
     return f"did you mean {near[0]!r}? " if near else ""
 
 
 def wrong(path: str, value: Any, accepted: str, hint: str = "") -> ConfigError:
-    """The error of a field, by its path, with its value and what is accepted."""
+    """The error for a wrong field, with its path, its value and the accepted values."""
     shown = " ".join(repr(value).split())
     shown = shown if len(shown) <= 80 else shown[:77] + "..."
     return ConfigError(f"{path or 'config'}={shown}: {hint}accepted: {accepted}")
 
 
 def _convert(hint: Any, value: Any, path: str) -> Any:
-    """`value` as the annotation `hint` wants it, or a `ConfigError`."""
+    """Converts `value` to the type of the annotation `hint`, or raises `ConfigError`."""
     if dataclasses.is_dataclass(hint):
         return build(typing.cast(type, hint), value, path + ".")
     origin, args = get_origin(hint), get_args(hint)

@@ -1,4 +1,4 @@
-"""Array types used in signatures: the dtype, the rank and the name of each axis."""
+"""Array types for annotations, which state the dtype and the name of each axis."""
 
 from typing import TYPE_CHECKING
 
@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 if TYPE_CHECKING:
     from jax import Array
 else:
-    # What a checker at run time accepts: as in JAX itself, NumPy's arrays serve as well.
+    # For checks at run time: like JAX itself, accept NumPy arrays too.
     Array = jax.Array | np.ndarray
 
 PRNGKey = jax.Array

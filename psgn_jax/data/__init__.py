@@ -1,1 +1,1 @@
-"""Training data: what a sample is, where it comes from and how it becomes a batch."""
+"""Training data: samples, data sets, readers of published data, augmentation and batches."""

@@ -1,6 +1,6 @@
 """Projection between the project's frame and the image, in numpy.
 
-Conventions of frame, camera and pixel centres: `psgn_jax.data.schema`.
+`psgn_jax.data.schema` defines the frame, the camera and the pixel centres.
 """
 
 import numpy as np
@@ -14,17 +14,16 @@ def default_camera(
     distance: float = 3.6,
     shift_down: float = 0.252,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The authors' camera, fitted on the silhouettes of their images (half a pixel).
+    """The authors' camera, fitted to the silhouettes in their images (to half a pixel).
 
-    It looks down by `tilt_degrees` at the object from +x. `focal` is in pixels at 192x256 and
-    follows `image_size`.
+    It looks at the object from +x, down by `tilt_degrees`.
 
     Args:
-      image_size: (H, W) in pixels.
-      focal: focal length in pixels of an image 192x256.
-      tilt_degrees: angle of the optical axis below the horizon.
-      distance: from the origin along the optical axis, unit of the frame.
-      shift_down: how far the origin lies below the optical axis, unit of the frame.
+      image_size: (H, W) in pixels; the focal length is scaled to it.
+      focal: focal length in pixels of an image of 192x256.
+      tilt_degrees: angle of the optical axis below the horizontal.
+      distance: depth of the origin along the optical axis, unit of the frame.
+      shift_down: distance of the origin below the optical axis, unit of the frame.
 
     Returns:
       intrinsics float32 [3, 3] and extrinsics float32 [3, 4].
@@ -42,13 +41,13 @@ def default_camera(
 def scale_intrinsics(
     intrinsics: np.ndarray, old_size: tuple[int, int], new_size: tuple[int, int]
 ) -> np.ndarray:
-    """Intrinsics of an image resized from `old_size` to `new_size`, both (H, W)."""
+    """Intrinsics after resizing an image from `old_size` to `new_size`, both (H, W)."""
     factor = np.array([new_size[1] / old_size[1], new_size[0] / old_size[0], 1.0])
     return (factor[:, None] * intrinsics).astype(np.float32)
 
 
 def to_camera(points: np.ndarray, extrinsics: np.ndarray) -> np.ndarray:
-    """Points [n, 3] of the project's frame in the camera's frame, [n, 3]."""
+    """Transforms points [n, 3] from the project's frame to the camera's frame."""
     return points @ extrinsics[:, :3].T + extrinsics[:, 3]
 
 
@@ -58,8 +57,8 @@ def project(
     """Projects points [n, 3] of the project's frame.
 
     Returns:
-      pixels [n, 2] as continuous (column, row), and the depth [n] along the optical axis. Points
-      at or behind the camera (depth <= 0) get pixels that are not finite or meaningless.
+      pixels [n, 2] as continuous (column, row), and the depth [n] along the optical axis. The
+      pixels of points at or behind the camera (depth <= 0) are not finite or have no meaning.
     """
     camera = to_camera(points, extrinsics)
     depth = camera[:, 2]
@@ -69,7 +68,7 @@ def project(
 
 
 def back_project(depth: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray) -> np.ndarray:
-    """Surface points of all pixels with a depth, in the project's frame.
+    """Back-projects the centres of all pixels with a depth to the project's frame.
 
     Args:
       depth: [H, W] along the optical axis, 0 = no surface.
@@ -77,7 +76,7 @@ def back_project(depth: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarr
       extrinsics: [3, 4].
 
     Returns:
-      float32 [n, 3], one point per pixel with depth > 0 (its centre), in row-major order.
+      float32 [n, 3], one point per pixel with depth > 0, in row-major order.
     """
     rows, columns = np.nonzero(depth > 0)
     z = depth[rows, columns].astype(np.float64)
@@ -88,15 +87,15 @@ def back_project(depth: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarr
 
 
 def inside_mask(pixels: np.ndarray, mask: np.ndarray, radius: int = 0) -> np.ndarray:
-    """Whether each of `pixels` [n, 2] (column, row) lies on the mask.
+    """Returns whether each of `pixels` [n, 2] (column, row) is on the mask or near it.
 
     Args:
-      pixels: continuous coordinates as from `project`.
+      pixels: continuous coordinates, as returned by `project`.
       mask: bool [H, W].
-      radius: accepts pixels within this many pixels of the mask, along rows and columns.
+      radius: accept pixels within this many rows and columns of the mask.
 
     Returns:
-      bool [n]; False outside the image (further than `radius`) and for coordinates not finite.
+      bool [n]; False for pixels more than `radius` outside the image and for non-finite ones.
     """
     padded = np.pad(mask, radius + 1)
     grown = padded.copy()
@@ -112,5 +111,5 @@ def inside_mask(pixels: np.ndarray, mask: np.ndarray, radius: int = 0) -> np.nda
     cells = np.floor(np.where(finite[:, None], pixels, -1e6)) + (radius + 1)
     columns = np.clip(cells[:, 0], 0, width - 1).astype(np.intp)
     rows = np.clip(cells[:, 1], 0, height - 1).astype(np.intp)
-    # Growing leaves the outermost ring of the padding False, so clipped coordinates read False.
+    # The outermost ring of the padding stays False, so clipped coordinates give False.
     return across[rows, columns] & finite

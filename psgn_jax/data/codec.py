@@ -1,22 +1,22 @@
-"""The bytes of one record.
+"""Encodes and decodes one record.
 
-A record is 4 bytes of CRC-32 (little-endian) over the rest, which is one msgpack map, a key per
-field of `psgn_jax.data.schema.Sample`. Nothing is ever pickled.
+A record is a CRC-32 (4 bytes, little-endian) followed by a msgpack map, over which the CRC is
+computed. The map has one key per field of `psgn_jax.data.schema.Sample`. Nothing is pickled.
 
 image      Lossless WebP, exact.
 mask       Bits, deflated, exact.
 depth      16-bit codes of the pixels with a depth, z = offset + scale * code. Exact for 16-bit
-           sources given as `DepthCodes`; else the error is at most (max - min) / 131070.
+           sources given as `DepthCodes`; otherwise the error is at most (max - min) / 131070.
 points     Unsigned lattice coordinates and the affine map [3, 4] to the project's frame; sorted,
-           differences deflated. Exact for sources given as `PointLattice`; else the error is at
-           most half a lattice step, extent / 8190 on each axis at 12 bits.
-normals    Octahedral, 2 x 8 bits, in the order of the points; the error is under 1 degree.
+           differences deflated. Exact for sources given as `PointLattice`; otherwise the error is
+           at most half a lattice step, extent / 8190 on each axis at 12 bits.
+normals    Octahedral, 2 x 8 bits, in the order of the points; the error is below 1 degree.
 occupancy  Bits, deflated, exact.
-extra      Text, only where there is some.
+extra      Text, absent if empty.
 
-Points keep their multiplicity and lose their order, which carries no meaning. On the authors'
-images WebP takes 9.6 kB where PNG takes 13.7 kB, and two thirds of the time to decode; its slower
-settings save another 4 % for three times the encoding time.
+Duplicate points are kept; the order of the points, which has no meaning, is not. On the authors'
+images WebP takes 9.6 kB and PNG 13.7 kB, and WebP decodes in two thirds of the time. Slower
+settings of WebP save another 4 % but encode three times as long.
 """
 
 import dataclasses
@@ -36,11 +36,11 @@ DEFAULT_POINT_BITS = 12
 MAX_POINT_BITS = 16
 DEFAULT_NORMAL_BITS = 8
 
-# Sizes no honest record exceeds; they bound the memory that a hostile one can ask for.
+# Upper limits for valid records; they bound the memory that a malicious record can allocate.
 _MAX_IMAGE_SIDE = 4096
 _MAX_POINTS = 1 << 22
 
-# Half a percent more bytes than level 9, for a third of the time.
+# Half a percent more bytes than level 9, in a third of the time.
 _DEFLATE_LEVEL = 5
 
 
@@ -57,7 +57,7 @@ class PointLattice:
     matrix: np.ndarray
 
     def points(self, index: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Points in the project's frame, float32 [n, 3]; all of them, or those of `index`."""
+        """Points in the project's frame, float32 [n, 3]; all of them, or those at `index`."""
         matrix = self.matrix.astype(np.float32)
         codes = self.codes[index] if isinstance(index, slice) else self.codes.take(index, axis=0)
         return codes.astype(np.float32) @ matrix[:, :3].T + matrix[:, 3]
@@ -69,7 +69,7 @@ class DepthCodes:
 
     Attributes:
       codes: uint16 [H, W].
-      valid: bool [H, W], where there is a depth.
+      valid: bool [H, W], True where there is a depth.
       scale, offset: `z = offset + scale * code` along the optical axis, unit of the frame.
     """
 
@@ -79,13 +79,13 @@ class DepthCodes:
     offset: float
 
     def depth(self) -> np.ndarray:
-        """Depth in the frame's unit, float32 [H, W], 0 where there is none."""
+        """Depth in the unit of the frame, float32 [H, W], 0 where there is none."""
         z = self.offset + self.scale * self.codes.astype(np.float64)
         return np.where(self.valid, z, 0.0).astype(np.float32)
 
 
 def lattice_of(points: np.ndarray, bits: int = DEFAULT_POINT_BITS) -> PointLattice:
-    """Rounds points to a lattice of 2**bits steps over their bounding box on each axis.
+    """Rounds points to a lattice with 2**bits levels on each axis of their bounding box.
 
     Args:
       points: float [M, 3], finite.
@@ -103,7 +103,7 @@ def lattice_of(points: np.ndarray, bits: int = DEFAULT_POINT_BITS) -> PointLatti
 
 
 def depth_codes_of(depth: np.ndarray) -> DepthCodes:
-    """Rounds a depth map [H, W] (0 = none) to 65,536 steps between its extremes."""
+    """Rounds a depth map [H, W] (0 = none) to 65,536 levels between its minimum and maximum."""
     valid = depth > 0
     values = depth[valid].astype(np.float64)
     low, high = (values.min(), values.max()) if values.size else (0.0, 0.0)
@@ -115,18 +115,14 @@ def depth_codes_of(depth: np.ndarray) -> DepthCodes:
 # --- Bytes of one field -----------------------------------------------------------------------
 
 
-# Half a percent more bytes than level 9, for a third of the time.
-_DEFLATE_LEVEL = 5
-
-
 def _deflate(data: np.ndarray) -> bytes:
     return zlib.compress(np.ascontiguousarray(data).tobytes(), _DEFLATE_LEVEL)
 
 
 def _inflate(data: Any, size: int, field: str) -> bytes:
-    """Inflates to exactly `size` bytes, and never allocates more."""
+    """Inflates to exactly `size` bytes, and never allocates much more."""
     if not isinstance(data, bytes):
-        raise ValueError(f"field {field!r} holds no bytes")
+        raise ValueError(f"field {field!r} is {type(data).__name__}, expected bytes")
     stream = zlib.decompressobj()
     try:
         out = stream.decompress(data, size + 1)
@@ -138,7 +134,7 @@ def _inflate(data: Any, size: int, field: str) -> bytes:
 
 
 def _byte_planes(values: np.ndarray, count: int) -> np.ndarray:
-    """Bytes of unsigned integers, all lowest bytes first: like bytes side by side deflate well."""
+    """Bytes of unsigned integers, all lowest bytes first; similar neighbours deflate well."""
     return np.stack([(values >> (8 * i)) & 255 for i in range(count)]).astype(np.uint8)
 
 
@@ -163,14 +159,14 @@ def _encode_image(image: np.ndarray) -> dict[str, Any]:
 def _image_size(stored: Mapping[str, Any]) -> tuple[int, int]:
     height, width = stored["image"]["size"]
     if not (0 < height <= _MAX_IMAGE_SIDE and 0 < width <= _MAX_IMAGE_SIDE):
-        raise ValueError(f"image size {height} x {width}: sides of 1 to {_MAX_IMAGE_SIDE} expected")
+        raise ValueError(f"image size {height} x {width}, expected sides of 1 to {_MAX_IMAGE_SIDE}")
     return height, width
 
 
 def _decode_image(stored: Mapping[str, Any]) -> np.ndarray:
     size = _image_size(stored)
     picture = Image.open(io.BytesIO(stored["image"]["webp"]), formats=("WEBP",))
-    # Before any pixel is decoded: the header alone decides how much memory that takes.
+    # Check the header before decoding, because it decides how much memory the pixels take.
     if picture.size != size[::-1] or picture.mode != "RGB":
         raise ValueError(
             f"image is {picture.mode} {picture.size}, the record says RGB {size[::-1]}"
@@ -188,11 +184,11 @@ def _encode_depth(depth: DepthCodes, mask: np.ndarray) -> dict[str, Any]:
     values = depth.codes[depth.valid].astype(np.int32)
     steps = np.diff(values, prepend=np.int32(0)).astype(np.uint16)  # modulo 2**16
     signed = steps.view(np.int16)
-    zigzag = ((signed << 1) ^ (signed >> 15)).view(np.uint16)  # small magnitudes, small codes
+    zigzag = ((signed << 1) ^ (signed >> 15)).view(np.uint16)  # small magnitudes get small codes
     return {
         "scale": depth.scale,
         "offset": depth.offset,
-        # None: a depth wherever the mask is, the usual case.
+        # None: the pixels with a depth are those of the mask, which is the usual case.
         "valid": None if np.array_equal(depth.valid, mask) else _deflate(np.packbits(depth.valid)),
         "steps": _deflate(_byte_planes(zigzag, 2)),
     }
@@ -232,7 +228,7 @@ def _encode_points(points: PointLattice, order: np.ndarray) -> dict[str, Any]:
 def _num_points(stored: Mapping[str, Any]) -> int:
     count = stored["points"]["count"]
     if not 0 < count <= _MAX_POINTS:
-        raise ValueError(f"{count} points: 1 to {_MAX_POINTS} expected")
+        raise ValueError(f"{count} points, expected 1 to {_MAX_POINTS}")
     return count
 
 
@@ -240,7 +236,7 @@ def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
     field, count = stored["points"], _num_points(stored)
     bits, planes = field["bits"], field["planes"]
     if bits not in (8, 16) or not 1 <= planes <= 6:
-        raise ValueError(f"points of {bits} bits in {planes} planes: 8 or 16 and 1 to 6 expected")
+        raise ValueError(f"points of {bits} bits in {planes} planes, expected 8 or 16 in 1 to 6")
     small = bits == 8 and planes <= 3
     dtype: Any = np.uint32 if small else np.uint64
     steps = _from_byte_planes(_inflate(field["steps"], planes * count, "points"), planes, dtype)
@@ -250,12 +246,16 @@ def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
         codes[:, axis] = (keys >> dtype(shift)).astype(codes.dtype)  # the cast keeps the low bits
     matrix = np.frombuffer(field["matrix"], "<f8").reshape(3, 4).astype(np.float64)
     if not np.isfinite(matrix).all():
-        raise ValueError("points: the matrix is not finite")
+        raise ValueError("points: the matrix is not finite, expected finite numbers")
     return PointLattice(codes, matrix)
 
 
 def _encode_normals(normals: np.ndarray, order: np.ndarray, bits: int) -> dict[str, Any]:
-    """Octahedral map: fold the sphere on |x| + |y| + |z| = 1 to a square (Cigolle et al. 2014)."""
+    """Octahedral map: projects the sphere to |x| + |y| + |z| = 1, unfolded to a square.
+
+    Source: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors",
+    Journal of Computer Graphics Techniques 2014.
+    """
     n = normals[order].astype(np.float64)
     n /= np.abs(n).sum(axis=1, keepdims=True)
     sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
@@ -270,7 +270,7 @@ def _decode_normals(stored: Mapping[str, Any]) -> np.ndarray:
     field, count = stored["normals"], _num_points(stored)
     bits = field["bits"]
     if not 1 <= bits <= 16:
-        raise ValueError(f"normals of {bits} bits: 1 to 16 expected")
+        raise ValueError(f"normals of {bits} bits, expected 1 to 16")
     planes = 1 if bits <= 8 else 2
     data = _inflate(field["codes"], 2 * planes * count, "normals")
     codes = _from_byte_planes(data, planes, np.uint16).reshape(2, count).T
@@ -293,24 +293,25 @@ def encode(
     point_bits: int = DEFAULT_POINT_BITS,
     normal_bits: int = DEFAULT_NORMAL_BITS,
 ) -> bytes:
-    """One sample as the bytes of a record.
+    """Encodes one sample as the bytes of a record.
 
     Args:
       sample: a valid sample.
-      points: the lattice that `sample.points` come from, in their order, to store them exactly.
-      depth: the codes that `sample.depth` comes from, to store them exactly.
-      point_bits: resolution of the lattice where `points` is None.
+      points: the lattice from which `sample.points` were computed, in the same order; it is stored
+        exactly.
+      depth: the codes from which `sample.depth` was computed; they are stored exactly.
+      point_bits: resolution of the lattice if `points` is None.
       normal_bits: resolution of normals on each of the two octahedral axes, 1 to 16.
 
     Raises:
-      ValueError: a field of the sample is not as `schema.validate` demands.
+      ValueError: a field of the sample does not pass `schema.validate`.
     """
     schema.validate(sample)
     if points is None:
         points = lattice_of(sample.points, point_bits)
     if points.codes.shape != sample.points.shape:
         raise ValueError(
-            f"points: the lattice has shape {points.codes.shape}, the sample {sample.points.shape}"
+            f"points: the lattice has shape {points.codes.shape}, expected {sample.points.shape}"
         )
     order = np.argsort(_lattice_keys(points.codes), kind="stable")
     stored: dict[str, Any] = {
@@ -338,10 +339,10 @@ def encode(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Stored:
-    """A decoded record whose points and depth still are in their compact form.
+    """A decoded record with points and depth in their compact form.
 
-    Fields as in `schema.Sample`; `points` and `depth` are lattices. Fields that were not asked for
-    or that the record lacks are None (the strings and `view` are always there).
+    The fields are those of `schema.Sample`. Fields that were not requested or that the record does
+    not have are None. Cameras, strings and `view` are always present.
     """
 
     image: np.ndarray | None
@@ -360,22 +361,22 @@ class Stored:
 
 
 def unpack(data: bytes) -> dict[str, Any]:
-    """The msgpack map of a record's bytes, its checksum verified.
+    """Verifies the checksum of a record and returns its msgpack map.
 
     Raises:
-      ValueError: the checksum does not fit, or this is no record.
+      ValueError: the checksum does not match, or the bytes are not a record.
     """
     body = data[4:]
     if len(data) < 5 or zlib.crc32(body) != int.from_bytes(data[:4], "little"):
-        raise ValueError("its checksum does not fit")
+        raise ValueError("its checksum does not match")
     stored = msgpack.unpackb(body)
     if not isinstance(stored, dict):
-        raise ValueError("it holds no map of fields")
+        raise ValueError(f"it contains {type(stored).__name__}, expected a map of fields")
     return stored
 
 
 def field_sizes(data: bytes) -> dict[str, int]:
-    """Bytes that each field of a record takes."""
+    """The number of bytes of each field of a record."""
     return {name: len(msgpack.packb(value)) for name, value in unpack(data).items()}
 
 
@@ -383,7 +384,7 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
     """Decodes those of `fields` that the record has.
 
     Raises:
-      ValueError: the record is damaged, or a field is not as it should be.
+      ValueError: the record is damaged, or a field is invalid.
     """
     stored = unpack(data)
     wanted = set(fields) & set(stored)
@@ -411,19 +412,19 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
             extra=stored.get("extra", ""),
         )
     except (KeyError, TypeError, OSError, EOFError, SyntaxError, OverflowError) as error:
-        # A record whose checksum fits and whose fields do not: written by something else.
+        # The checksum matches but a field is invalid: another program wrote the record.
         raise ValueError(f"a field is not as expected: {type(error).__name__} {error}") from error
 
 
 def decode(data: bytes) -> Sample:
-    """One record's bytes as a sample.
+    """Decodes the bytes of a record to a sample.
 
     Raises:
       ValueError: the record is damaged.
     """
     s = decode_stored(data)
     if s.image is None or s.mask is None or s.points is None:
-        raise ValueError("it lacks one of the fields image, mask, points")
+        raise ValueError("a field is missing, expected image, mask and points")
     return Sample(
         image=s.image,
         mask=s.mask,

@@ -1,8 +1,9 @@
-"""Foreign data sets to records, shard by shard; a conversion that was stopped goes on.
+"""Converts published data sets to records, shard by shard.
 
-What cannot be read (a file, a model, one view of a model) is reported and left out, or, strict,
-stops the conversion. Started again, it goes on behind the shards that are complete, and converts
-those again that something was left out of; a finished conversion is left as it is.
+A file, a model or a view of a model that cannot be read is reported and left out; with `strict` it
+stops the conversion. A conversion that is started again keeps the complete shards and continues
+after them. Shards from which something was left out are converted again. A complete conversion is
+not changed.
 """
 
 import contextlib
@@ -27,11 +28,11 @@ LAYOUTS = {"r2n2": r2n2, "occnet": occnet}
 
 
 class _Item(NamedTuple):
-    """One thing that is converted as a whole.
+    """One input (a file or a model) that is converted as a whole.
 
     Attributes:
-      tag: names it and its state.
-      read: its records as (split, bytes, sample); a string in place of one that is damaged.
+      tag: identifies the input and its version.
+      read: yields its records as (split, bytes, sample), or a message for a damaged one.
     """
 
     tag: str
@@ -45,7 +46,7 @@ def _natural(path: pathlib.Path) -> tuple[int | str, ...]:
 
 
 def _input_tag(path: pathlib.Path) -> str:
-    """Names an input and its state, so that a changed file is converted again."""
+    """Identifies a file by name, size and time, so that a changed file is converted again."""
     status = path.stat()
     return f"{path.name}:{status.st_size}:{status.st_mtime_ns}"
 
@@ -53,18 +54,18 @@ def _input_tag(path: pathlib.Path) -> str:
 def convert_authors(
     source: str | pathlib.Path, destination: str | pathlib.Path
 ) -> tuple[Manifest, list[str]]:
-    """Converts a folder of the authors' batches; one file in memory at a time.
+    """Converts a folder of the authors' batches; one file is in memory at a time.
 
     Args:
       source: folder with `*.gz`.
-      destination: folder of the data set, made where missing.
+      destination: folder for the data set; created if missing.
 
     Returns:
-      the manifest, and a message for every file that was refused.
+      The manifest, and a message for every file that was left out.
 
     Raises:
-      ValueError: `source` holds no batch file, or no file of it can be read.
-      RecordError: `destination` holds a data set from another source.
+      ValueError: `source` has no batch file, or none that can be read.
+      RecordError: `destination` contains a data set from another source.
     """
     source, destination = pathlib.Path(source), pathlib.Path(destination)
     if not source.is_dir():
@@ -74,7 +75,7 @@ def convert_authors(
         raise ValueError(f"SRC {str(source)!r}: no *.gz file there")
 
     def read(path: pathlib.Path) -> Iterator[tuple[str, bytes, schema.Sample]]:
-        # Encoded before the first one is given away: a file is taken whole or not at all.
+        # Encode all samples before the first one is returned: a file is used whole or not at all.
         encoded = [(e.encode(), e.sample) for e in authors.read_batch(path)]
         return ((authors.split_of(sample.model_id), record, sample) for record, sample in encoded)
 
@@ -91,27 +92,27 @@ def convert_models(
     max_views: int = 24,
     strict: bool = False,
 ) -> tuple[Manifest, list[str]]:
-    """Converts a tree of ShapeNet models; one model in memory at a time.
+    """Converts a folder tree of ShapeNet models; one model is in memory at a time.
 
     Args:
-      layout: "r2n2" or "occnet", see the modules of these names.
-      source: the tree.
-      destination: folder of the data set, made where missing.
-      num_points: points of a sample, at most.
-      max_views: the first so many views of each model.
-      strict: whether to stop at the first thing that cannot be read.
+      layout: "r2n2" or "occnet"; the modules of these names describe the layouts.
+      source: root of the tree.
+      destination: folder for the data set; created if missing.
+      num_points: maximum number of points per sample.
+      max_views: maximum number of views per model, from the first one.
+      strict: whether to stop at the first file, model or view that cannot be read.
 
     Returns:
-      the manifest, and a message for everything that was left out.
+      The manifest, and a message for everything that was left out.
 
     Raises:
-      ValueError: `source` has not the layout, or nothing in it can be read; under `strict`, the
-        first message.
-      RecordError: `destination` holds a data set from another source.
+      ValueError: `source` does not have the layout, or nothing in it can be read; with `strict`
+        also the first message.
+      RecordError: `destination` contains a data set from another source.
     """
     source, destination = pathlib.Path(source), pathlib.Path(destination)
     reader: Any = LAYOUTS[layout]
-    found, messages = reader.models(source)
+    models, messages = reader.models(source)
     for message in messages:
         logging.error("%s", message)
     if strict and messages:
@@ -126,7 +127,7 @@ def convert_models(
             yield sample if isinstance(sample, str) else (split, encode(sample), sample)
 
     items = []
-    for split, synset, name in found:
+    for split, synset, name in models:
         states = (_state(path) for path in reader.input_files(source, synset, name))
         tag = f"{split}/{synset}/{name}:{num_points}:{max_views}:" + ":".join(states)
         items.append(_Item(tag, functools.partial(read, split, synset, name)))
@@ -135,7 +136,7 @@ def convert_models(
 
 
 def _state(path: pathlib.Path) -> str:
-    """Size and time of a path, "-" where it is missing."""
+    """Size and modification time of a path, or "-" if it is missing."""
     try:
         status = path.stat()
     except OSError:
@@ -151,21 +152,21 @@ def _convert(
     per_shard: int,
     strict: bool = False,
 ) -> tuple[Manifest, list[str]]:
-    """Converts items in groups, each to at most one shard of each split; goes on where it stopped.
+    """Converts items in groups, each to at most one shard per split; continues where it stopped.
 
     Raises:
-      ValueError: nothing could be read, or `strict` and not everything could.
-      RecordError: `destination` holds a data set from another source.
+      ValueError: nothing could be read, or with `strict` something could not be read.
+      RecordError: `destination` contains a data set from another source.
     """
     destination.mkdir(parents=True, exist_ok=True)
-    # A finished shard is kept where its number and its inputs are what this run would give it: one
-    # of another number could be overwritten by the group that now has that number.
+    # A finished shard is kept if this run would give it the same number and inputs. With another
+    # number it could be overwritten by the group that has that number now.
     done: dict[tuple[int, tuple[str, ...]], list[Shard]] = {}
     if (destination / MANIFEST).exists():
         previous = load_manifest(destination, allow_incomplete=True)
         if previous.source != kind:
             raise RecordError(
-                f"DST {str(destination)!r} holds a data set from {previous.source!r}; "
+                f"DST {str(destination)!r} contains a data set from {previous.source!r}; "
                 "give another folder"
             )
         for shard in previous.shards:
@@ -173,9 +174,11 @@ def _convert(
             if path.is_file() and path.stat().st_size == shard.size:
                 done.setdefault((_number(shard.file), shard.inputs), []).append(shard)
     elif any(not (p.name[0] == "." and p.suffix == ".tmp") for p in destination.iterdir()):
-        raise ValueError(f"DST {str(destination)!r}: not empty and not a data set")
+        raise ValueError(
+            f"DST {str(destination)!r}: not empty and not a data set; give an empty folder"
+        )
     for left in destination.glob(".*.tmp"):
-        left.unlink()  # of a run that was killed
+        left.unlink()  # left by a run that was killed
 
     shards: list[Shard] = []
     refused: list[str] = []
@@ -198,19 +201,19 @@ def _convert(
     save_manifest(destination, manifest)
     for left in destination.glob("*.arrayrecord"):
         if left.name not in {shard.file for shard in shards}:
-            left.unlink()  # of inputs that are no longer there
+            left.unlink()  # its inputs no longer exist
     return manifest, refused
 
 
 def _number(file: str) -> int:
-    """The number in a shard's file name."""
+    """The number in the file name of a shard."""
     return int(pathlib.PurePath(file).stem.rpartition("-")[2])
 
 
 def _convert_group(
     group: Sequence[_Item], folder: pathlib.Path, number: int, strict: bool
 ) -> tuple[list[Shard], list[str]]:
-    """Converts some items to at most one shard of each split."""
+    """Converts some items to at most one shard per split."""
     writers: dict[str, ShardWriter] = {}
     refused: list[str] = []
     inputs: list[str] = []
@@ -218,19 +221,19 @@ def _convert_group(
         for item in group:
             messages: list[str] = []
             try:
-                for found in item.read():
-                    if isinstance(found, str):
-                        messages.append(found)
+                for result in item.read():
+                    if isinstance(result, str):
+                        messages.append(result)
                         continue
-                    split, record, sample = found
+                    split, record, sample = result
                     if split not in writers:
                         writer = ShardWriter(folder, split, number)
                         writers[split] = stack.enter_context(writer)
                     writers[split].write(record, sample)
             except (ValueError, OSError) as error:
                 messages.append(str(error))
-            # What was not read whole is not among the inputs, so that the group is tried again
-            # next time.
+            # An item that was not read completely is not listed in the inputs, so that the group is
+            # converted again next time.
             if not messages:
                 inputs.append(item.tag)
             for message in messages:
@@ -243,6 +246,6 @@ def _convert_group(
     shards = []
     for split in sorted(writers):
         shard = writers[split].shard
-        assert shard is not None  # set by the block's end
+        assert shard is not None  # set when the writer was closed
         shards.append(shard)
     return shards, refused

@@ -1,12 +1,13 @@
-"""Data sets on disk: sharded, random access, checksummed.
+"""Data sets on disk: shards of records with random access and checksums.
 
 A data set is a folder with a `manifest.json` (`data.manifest`) and shards
-`<split>-<number>.arrayrecord` (ArrayRecord files, one group per record) of records (`data.codec`),
-with a tag after the number in sets that can grow.
+`<split>-<number>.arrayrecord`. A shard is an ArrayRecord file of records (`data.codec`), with one
+group per record. In data sets that can grow, a tag follows the number.
 
-Writers write to a temporary name, fsync and rename, and write the manifest last: a folder whose
-manifest says `complete` is complete. ArrayRecord finds damaged blocks by its own hashes and raises
-(it never aborted in some thousands of damaged files); the CRC also covers what happens between.
+Shards are written to a temporary name, fsynced and renamed, and the manifest is written last: if it
+says `complete`, the data set is complete. ArrayRecord detects damaged blocks by its own hashes and
+raises an exception (in some thousands of damaged files it never aborted the process). The CRC-32 of
+a record additionally covers the path from the encoder to the decoder.
 """
 
 import contextlib
@@ -26,22 +27,22 @@ from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, sav
 from psgn_jax.data.schema import RecordError, Sample
 from psgn_jax.files import file_crc32, install
 
-# One record per group: reading one record never decodes its neighbours. The payload is compressed
-# already.
+# With one record per group, reading a record does not decode its neighbours. The records are
+# compressed already.
 _WRITER_OPTIONS = "group_size:1,uncompressed"
-# Read-ahead serves sequential reads and costs memory in random ones.
+# Read-ahead only helps sequential reads, and costs memory.
 _READER_OPTIONS = "readahead_buffer_size:0"
 
 _SPLIT_NAME = re.compile(r"[a-z0-9_]+")
 
 
 def shard_name(split: str, number: int, tag: str = "") -> str:
-    """File name of a shard; names of one split sort in the order of their numbers.
+    """File name of a shard; within a split, names sort in the order of their numbers.
 
     Args:
-      split: of its records.
-      number: of the shard in the split.
-      tag: ends the name, for shards of one number that differ; "" = none.
+      split: split of the records.
+      number: number of the shard in the split.
+      tag: end of the name, to tell shards with the same number apart; "" = none.
     """
     if not _SPLIT_NAME.fullmatch(split):
         raise ValueError(f"split {split!r}: expected lower-case letters, digits and _")
@@ -49,7 +50,7 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
 
 
 class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
-    """Writes one shard; the file appears under its name only when the block ends without error.
+    """Context that writes one shard; the file gets its name when the block ends without error.
 
     After the block, `shard` describes the file.
     """
@@ -80,7 +81,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
         self._fields -= {f for f in schema.OPTIONAL_FIELDS if getattr(sample, f) is None}
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        """Closes the file; gives it its name, or removes it after an error."""
+        """Closes the file and renames it to its name, or removes it after an error."""
         self._writer.close()
         if kind is not None:
             self._temporary.unlink(missing_ok=True)
@@ -107,18 +108,18 @@ def write_dataset(
     point_bits: int = DEFAULT_POINT_BITS,
     overwrite: bool = False,
 ) -> Manifest:
-    """Writes a whole data set; samples are taken one at a time.
+    """Writes a data set; one sample is in memory at a time.
 
     Args:
-      folder: made where missing.
+      folder: folder for the data set; created if missing.
       splits: samples of each split.
-      source: of the data set, for the manifest.
-      records_per_shard: at most this many records in a file.
-      point_bits: resolution of the points' lattice, see `lattice_of`.
-      overwrite: whether to replace a data set that is there already, from the first record on.
+      source: name of the source, for the manifest.
+      records_per_shard: maximum number of records per file.
+      point_bits: resolution of the lattice of the points, see `lattice_of`.
+      overwrite: whether to replace an existing data set.
 
     Raises:
-      RecordError: there is a data set already, and `overwrite` is not set.
+      RecordError: a data set exists and `overwrite` is False.
     """
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -147,9 +148,10 @@ def write_dataset(
 
 
 class RecordReader:
-    """Random access to the records of one split; safe to share by threads and to pickle.
+    """Random access to the records of one split; it can be pickled and shared between threads.
 
-    Opening checks that every shard is there and has its size; reading checks each record.
+    Opening it checks that every shard exists and has the size in the manifest. Reading a record
+    checks its CRC-32.
     """
 
     def __init__(self, folder: str | os.PathLike[str], split: str) -> None:
@@ -172,13 +174,13 @@ class RecordReader:
         self._lock = threading.Lock()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the open files, which the copy opens anew."""
+        """The state without open files; the copy opens them again."""
         state = self.__dict__.copy()
         del state["_readers"], state["_lock"]
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restores the reader with no file open."""
+        """Restores the reader without open files."""
         self.__dict__.update(state)
         self._init_handles()
 
@@ -187,7 +189,7 @@ class RecordReader:
         return int(self._ends[-1]) if len(self._ends) else 0
 
     def _remedy(self, shard: Shard) -> str:
-        return f"copy {shard.file} again from where the data set is whole, or make the set again"
+        return f"copy {shard.file} from an undamaged copy of the data set, or write the set again"
 
     def _check_size(self, shard: Shard) -> None:
         path = self.folder / shard.file
@@ -206,23 +208,24 @@ class RecordReader:
                 path = self.folder / shard.file
                 try:
                     reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
-                    found = reader.num_records()
+                    count = reader.num_records()
                 except (RuntimeError, OSError) as error:
                     raise RecordError(
-                        f"shard {path} does not open ({_first_line(error)}); {self._remedy(shard)}"
+                        f"shard {path} cannot be opened ({_first_line(error)}); "
+                        + self._remedy(shard)
                     ) from error
-                if found != shard.count:
+                if count != shard.count:
                     raise RecordError(
-                        f"shard {path} is damaged: {found} of {shard.count} records are found; "
+                        f"shard {path} is damaged: it has {count} records, expected {shard.count}; "
                         + self._remedy(shard)
                     )
                 self._readers[number] = reader
             return self._readers[number]
 
     def locate(self, index: int) -> tuple[pathlib.Path, int]:
-        """File and number inside the file of record `index`."""
+        """The file of record `index` and its number within the file."""
         if not 0 <= index < len(self):
-            raise IndexError(f"record {index} of {len(self)}")
+            raise IndexError(f"record {index}: expected 0 to {len(self) - 1}")
         number = int(np.searchsorted(self._ends, index, side="right"))
         start = int(self._ends[number]) - self.shards[number].count
         return self.folder / self.shards[number].file, index - start
@@ -231,7 +234,7 @@ class RecordReader:
         """The bytes of one record.
 
         Raises:
-          RecordError: the file is damaged there; names file and record.
+          RecordError: the file is damaged there; the message names file and record.
           IndexError: `index` is not in [0, len).
         """
         path, position = self.locate(index)
@@ -257,14 +260,14 @@ class RecordReader:
             raise self._damaged(path, position, number, _first_line(error)) from error
 
     def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Stored:
-        """Record `index` with points and depth still compact, `fields` alone decoded."""
+        """Record `index` with points and depth in their compact form; decodes only `fields`."""
         return self._decoded(index, lambda data: decode_stored(data, fields))
 
     def __getitem__(self, index: int) -> Sample:
         """Sample `index`.
 
         Raises:
-          RecordError: the record is damaged; names file and record.
+          RecordError: the record is damaged; the message names file and record.
         """
         return self._decoded(index, decode)
 
@@ -276,18 +279,18 @@ class RecordReader:
         """Reads every shard and compares its checksum.
 
         Raises:
-          RecordError: names the first shard that differs from what was written.
+          RecordError: a shard is damaged; the message names the first one.
         """
         for shard in self.shards:
             path = self.folder / shard.file
             if file_crc32(path) != shard.crc32:
                 raise RecordError(
-                    f"shard {path} is damaged: its checksum does not fit; {self._remedy(shard)}"
+                    f"shard {path} is damaged: its checksum does not match; {self._remedy(shard)}"
                 )
 
 
 def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
-    """The bytes of all records of one file, whatever data set it belongs to.
+    """The bytes of all records of one file; it needs no manifest.
 
     Raises:
       RecordError: it is missing or damaged.
@@ -302,7 +305,7 @@ def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
 
 
 class JoinedReader:
-    """The records of one split of several data sets, one set after the other."""
+    """The records of one split of several data sets, concatenated."""
 
     def __init__(self, readers: Sequence[RecordReader]) -> None:
         self._readers = tuple(readers)
@@ -315,23 +318,23 @@ class JoinedReader:
 
     def _of(self, index: int) -> tuple[RecordReader, int]:
         if not 0 <= index < len(self):
-            raise IndexError(f"record {index} of {len(self)}")
+            raise IndexError(f"record {index}: expected 0 to {len(self) - 1}")
         number = int(np.searchsorted(self._ends, index, side="right"))
         reader = self._readers[number]
         return reader, index - int(self._ends[number]) + len(reader)
 
     def locate(self, index: int) -> tuple[pathlib.Path, int]:
-        """As `RecordReader.locate`."""
+        """The file of record `index` and its number within the file."""
         reader, own = self._of(index)
         return reader.locate(own)
 
     def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Stored:
-        """As `RecordReader.stored`."""
+        """Record `index` with points and depth in their compact form; decodes only `fields`."""
         reader, own = self._of(index)
         return reader.stored(own, fields)
 
     def __getitem__(self, index: int) -> Sample:
-        """As `RecordReader.__getitem__`."""
+        """Sample `index`; raises `RecordError` if the record is damaged."""
         reader, own = self._of(index)
         return reader[own]
 
@@ -339,11 +342,11 @@ class JoinedReader:
 def open_split(
     folders: Sequence[str | os.PathLike[str]], split: str
 ) -> RecordReader | JoinedReader:
-    """The records of a split of one or more data sets; a set without that split adds none.
+    """Opens a split of one or more data sets; data sets without that split are skipped.
 
     Raises:
-      RecordError: a folder holds no whole data set, or none has the split.
-      TypeError: one folder in place of a list of them.
+      RecordError: a folder has no complete data set, or none of them has the split.
+      TypeError: `folders` is a single path instead of a list.
     """
     if isinstance(folders, str | os.PathLike):
         raise TypeError(f"folders: got {folders!r}, expected a list of folders")

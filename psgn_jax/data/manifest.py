@@ -1,4 +1,4 @@
-"""The manifest of a data set: format, version, splits, shards and counts, in `manifest.json`."""
+"""The manifest of a data set, `manifest.json`: format, version, splits, shards and counts."""
 
 import dataclasses
 import json
@@ -20,14 +20,14 @@ class Shard:
     """One file of records.
 
     Attributes:
-      file: name inside the data set's folder.
+      file: file name in the folder of the data set.
       split: name of its split.
       count: number of records.
-      size: of the file, bytes.
-      crc32: of the whole file.
-      categories: how many records of each category.
+      size: size of the file in bytes.
+      crc32: CRC-32 of the whole file.
+      categories: number of records of each category.
       fields: the fields that all its records have.
-      inputs: what it was made from, for a converter that is started again.
+      inputs: identifiers of its inputs, for a converter that is started again.
     """
 
     file: str
@@ -42,7 +42,7 @@ class Shard:
 
 @dataclasses.dataclass(frozen=True)
 class Manifest:
-    """What a data set holds; `complete` is False while it is being written."""
+    """The contents of a data set; `complete` is False while it is being written."""
 
     source: str
     complete: bool
@@ -56,7 +56,7 @@ class Manifest:
         return {name: tuple(out[name]) for name in sorted(out)}
 
     def fields(self) -> tuple[str, ...]:
-        """Fields that every record has, in the schema's order."""
+        """Fields that every record has, in the order of `schema.FIELDS`."""
         present = [set(s.fields) for s in self.shards]
         common = set.intersection(*present) if present else set()
         return tuple(f for f in schema.FIELDS if f in common)
@@ -76,11 +76,11 @@ def save_manifest(folder: pathlib.Path, manifest: Manifest) -> None:
 
 
 def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = False) -> Manifest:
-    """Reads a data set's manifest.
+    """Reads the manifest of a data set.
 
     Raises:
-      RecordError: no data set is there, or its manifest is damaged, of another version, or of a
-        data set whose writing has not ended.
+      RecordError: there is no data set; its manifest is damaged or of another version; or the data
+        set is not complete and `allow_incomplete` is False.
     """
     folder = pathlib.Path(folder)
     path = folder / MANIFEST
@@ -89,18 +89,18 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
     if not path.is_file():
         raise RecordError(
             f"data set {str(folder)!r}: not a data set of this project, it has no {MANIFEST} "
-            "(`python -m psgn_jax.convert` makes one)"
+            "(`python -m psgn_jax.convert` creates one)"
         )
     try:
         content = json.loads(path.read_text())
-        found = content["format"], content["version"]
+        form, version = content["format"], content["version"]
     except (ValueError, TypeError, KeyError) as error:
         raise RecordError(f"{path}: damaged ({error}); convert the data set again") from None
-    if found[0] != FORMAT:
-        raise RecordError(f"{path}: format {found[0]!r}, expected {FORMAT!r}")
-    if found[1] != VERSION:
+    if form != FORMAT:
+        raise RecordError(f"{path}: format {form!r}, expected {FORMAT!r}")
+    if version != VERSION:
         raise RecordError(
-            f"{path}: format version {found[1]!r}, this version of psgn_jax reads {VERSION}; "
+            f"{path}: format version {version!r}, this version of psgn_jax reads {VERSION}; "
             "convert the data set again, or use the version of psgn_jax that wrote it"
         )
     try:
@@ -109,7 +109,7 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
             for s in content["shards"]
         )
         for s in shards:
-            # Names are used as paths: one that leads out of the folder is refused.
+            # Names are used as paths: refuse names that lead out of the folder.
             if (
                 pathlib.PurePath(s.file).name != s.file
                 or not isinstance(s.count, int)
@@ -121,7 +121,7 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
         raise RecordError(f"{path}: damaged ({error}); convert the data set again") from None
     if not manifest.complete and not allow_incomplete:
         raise RecordError(
-            f"data set {str(folder)!r}: its writing has not ended; run the command that makes it "
-            "again, it goes on where it stopped"
+            f"data set {str(folder)!r}: its writing has not ended; run the command that writes it "
+            "again, it continues where it stopped"
         )
     return manifest

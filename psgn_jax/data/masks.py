@@ -1,12 +1,12 @@
-"""Finding the mask of a photo's object. The only importer of cv2 and rembg (extra `photo`).
+"""Finds the mask of the object in a photo. Only this file imports cv2 and rembg (extra `photo`).
 
-Four ways, tried in this order by "auto":
+There are four methods; "auto" tries them in this order:
 
-- `alpha`: the file's transparency.
-- `plain`: a background of one colour all around, as training renderings and product photos have.
-- `rembg`: a segmentation network, if the package is installed and its weights lie on this machine
-  (nothing is ever downloaded here).
-- `grabcut`: OpenCV's GrabCut seeded by the frame: a band along the border is background (Rother,
+- `alpha`: the alpha channel of the file.
+- `plain`: a background of one colour, as in the renderings for training and in product photos.
+- `rembg`: a segmentation network, if the package and its weights are installed. Weights are never
+  downloaded here.
+- `grabcut`: OpenCV's GrabCut, initialised with a band along the border as background (Rother,
   Kolmogorov, Blake, "GrabCut", SIGGRAPH 2004).
 """
 
@@ -21,12 +21,13 @@ from psgn_jax.data.photo import PhotoError, resize_mask
 
 METHODS = ("auto", "alpha", "plain", "rembg", "grabcut")
 
-# The search works on a copy of at most this many pixels a side.
+# `plain` and `grabcut` work on a copy with at most this many pixels per side.
 _SEARCH_SIDE = 512
-# Of `plain`: the share of the border that is background, and the largest deviation from its colour.
+# `plain`: the fraction of the border that must be background, and the maximum deviation from the
+# background colour.
 _BORDER_SHARE, _LARGEST_DEVIATION = 0.97, 24
-_SMALLEST, _LARGEST = 0.0005, 0.97  # share of the image that an object may cover
-_BAND = 0.03  # width of the band along the border that is background for GrabCut
+_SMALLEST, _LARGEST = 0.0005, 0.97  # fraction of the image that an object may cover
+_BAND = 0.03  # width of the background band for GrabCut, relative to the image
 _GRABCUT_ROUNDS = 5
 _WEIGHTS = "u2net"
 
@@ -34,7 +35,7 @@ _WEIGHTS = "u2net"
 def find_mask(
     image: np.ndarray, alpha: np.ndarray | None = None, method: str = "auto"
 ) -> tuple[np.ndarray, str]:
-    """Finds the object: (bool [h, w], the way it was found).
+    """Finds the object; returns its mask, bool [h, w], and the name of the method.
 
     Args:
       image: uint8 [h, w, 3] RGB.
@@ -42,7 +43,7 @@ def find_mask(
       method: one of `METHODS`.
 
     Raises:
-      PhotoError: no object found, with the remedy.
+      PhotoError: no object was found; the message says what the user can do.
       ValueError: an unknown method.
     """
     if method not in METHODS:
@@ -72,7 +73,7 @@ def find_mask(
         ):
             return mask, name
         if mask is not None and name == "alpha":
-            raise PhotoError("the image is transparent all over: no object to see")
+            raise PhotoError("the image is transparent all over, expected an object")
     if method == "auto" and "grabcut" in missing:
         remedy = "give a mask, or pip install 'psgn-jax[photo]' for GrabCut"
     elif method in missing:
@@ -96,12 +97,12 @@ def looks_inverted(mask: np.ndarray) -> bool:
 
 
 def plain(image: np.ndarray) -> np.ndarray | None:
-    """What stands out from a background of one colour, or None if there is no such background."""
+    """The pixels that differ from a background of one colour, or None without such a background."""
     border = np.concatenate([image[0], image[-1], image[1:-1, 0], image[1:-1, -1]]).astype(int)
     colour = np.median(border, axis=0).astype(int)
     deviation = np.abs(border - colour).max(axis=1)
     spread = float(np.quantile(deviation, _BORDER_SHARE))
-    if spread <= 1:  # a rendering: whatever has another colour is object
+    if spread <= 1:  # a rendering: every pixel of another colour is object
         return _deviation(image, colour) > 2
     if spread > _LARGEST_DEVIATION / 2:
         return None
@@ -114,7 +115,7 @@ def plain(image: np.ndarray) -> np.ndarray | None:
 
 
 def grabcut(image: np.ndarray) -> np.ndarray | None:
-    """GrabCut's object, its large parts alone; the same for the same image. Needs OpenCV."""
+    """The large connected parts of GrabCut's mask, or None. Deterministic; needs OpenCV."""
     import cv2
 
     small = np.ascontiguousarray(_small(image)[..., ::-1])
@@ -128,7 +129,7 @@ def grabcut(image: np.ndarray) -> np.ndarray | None:
     try:
         cv2.grabCut(small, labels, nowhere, back, fore, rounds, cv2.GC_INIT_WITH_MASK)
     except cv2.error:
-        return None  # an image of one colour has no two mixtures of colours
+        return None  # GrabCut cannot fit two colour models to an image of one colour
     mask = (labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)
     count, parts, statistics, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     if count < 2:
@@ -140,7 +141,7 @@ def grabcut(image: np.ndarray) -> np.ndarray | None:
 
 
 def has_rembg() -> bool:
-    """Whether rembg and its weights are here."""
+    """Returns whether rembg and its weights are installed."""
     return importlib.util.find_spec("rembg") is not None and _rembg_weights().is_file()
 
 
@@ -157,7 +158,7 @@ def _rembg(image: np.ndarray) -> np.ndarray:
 
 
 def _deviation(image: np.ndarray, colour: np.ndarray) -> np.ndarray:
-    """Largest difference of a channel from a colour, at each pixel."""
+    """The largest difference of a channel from `colour`, at each pixel."""
     planes = [np.abs(image[..., i].astype(np.int16) - np.int16(colour[i])) for i in range(3)]
     return np.maximum(np.maximum(planes[0], planes[1]), planes[2])
 
@@ -168,11 +169,11 @@ def _small(image: np.ndarray) -> np.ndarray:
 
 
 def _flood(start: np.ndarray, passable: np.ndarray) -> np.ndarray:
-    """What can be reached from `start` over `passable` pixels along rows and columns."""
+    """The pixels that are connected to `start` through `passable` pixels (4-neighbours)."""
     reached = start & passable
     while True:
         before = int(reached.sum())
-        # Four sweeps carry it as far as it goes in straight lines and around convex corners.
+        # Sweeps in four directions; each propagates along whole rows or columns.
         for array, free in ((reached, passable), (reached.T, passable.T)):
             for lines in (range(1, len(array)), range(len(array) - 2, -1, -1)):
                 step = 1 if lines.step > 0 else -1
@@ -183,7 +184,7 @@ def _flood(start: np.ndarray, passable: np.ndarray) -> np.ndarray:
 
 
 def _majority(mask: np.ndarray) -> np.ndarray:
-    """Each pixel as most of the nine around it: specks go, edges stay."""
+    """3x3 majority filter: removes specks and keeps edges."""
     padded = np.pad(mask, 1, mode="edge").astype(np.uint8)
     height, width = mask.shape
     count = sum(padded[i : i + height, j : j + width] for i in range(3) for j in range(3))

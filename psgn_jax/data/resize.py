@@ -8,7 +8,7 @@ from PIL import Image
 
 @functools.lru_cache(maxsize=16)
 def _area_weights(old: int, new: int) -> np.ndarray:
-    """Matrix [new, old] of the share that each old cell has in each new one."""
+    """Matrix [new, old] with the fraction of each new cell that each old cell covers."""
     edges = np.arange(new + 1) * (old / new)
     cells = np.arange(old)
     overlap = np.minimum(edges[1:, None], cells + 1) - np.maximum(edges[:-1, None], cells)
@@ -21,7 +21,7 @@ def _whole_factors(old: tuple[int, ...], new: tuple[int, int]) -> tuple[int, int
 
 
 def _area_average(array: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Float32 averages over the areas of the new cells, for any factors; [H, W, ...]."""
+    """Averages [H, W, ...] over the areas of the new cells, in float32, for any scale factors."""
     rows = _area_weights(array.shape[0], size[0])
     columns = _area_weights(array.shape[1], size[1])
     down = np.tensordot(rows, array.astype(np.float32), 1)
@@ -38,7 +38,7 @@ def resize_image(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def resize_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Resizes bool [H, W] to `size` (H', W') by majority of the area; a tie counts as object."""
+    """Resizes bool [H, W] to `size` (H', W') by the majority of the area; a tie gives True."""
     if mask.shape == tuple(size):
         return mask
     if factors := _whole_factors(mask.shape, size):
@@ -48,12 +48,13 @@ def resize_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Resizes a depth map [H, W] (0 = none) to the size of an already resized mask.
+    """Resizes a depth map [H, W] (0 = none) to the size of a mask that is already resized.
 
-    Depths are never averaged across an edge: each pixel takes the depth nearest to its centre, or
-    where there is none, the first depth found at the centres of its four quarters. So a hole
-    narrower than a new pixel closes, and a wide one stays. Outside `mask` the result is 0; inside
-    it is 0 where all five places lack a depth. What is not finite counts as none.
+    Depths are not averaged, because an average across an edge is wrong. Each new pixel takes the
+    depth of the old pixel at its centre. If there is none, it takes the first depth at the centres
+    of its four quarters. Holes narrower than a new pixel are therefore closed, wider ones remain.
+    The result is 0 outside `mask`, and where all five positions have no depth. Non-finite depths
+    count as none.
 
     Args:
       depth: float32 [H, W].

@@ -1,20 +1,20 @@
-"""What one sample is: fields, shapes, dtypes, units and frames.
+"""The definition of a sample: fields, shapes, dtypes, units and frames.
 
-This module needs numpy alone, so the renderer (`data_gen`) shares it.
+This module only needs numpy, so that the renderer (`data_gen`) can use it too.
 
-**Frame** (every data set, prediction and export): right-handed, +z up, +y to the image's right,
-+x horizontally toward the camera, origin on the ground under the object. The unit of length is the
-radius of the object's bounding hemisphere.
+**Frame** (of every data set, prediction and export): right-handed, +z up, +y to the right of the
+image, +x horizontally toward the camera, origin on the ground under the object. The unit of length
+is the radius of the object's bounding hemisphere.
 
-**Camera**: `extrinsics` [3,4] takes a point of that frame to the camera's, which is OpenCV's: x to
-the right of the image, y down, z forward along the optical axis. `intrinsics` [3,3] takes it to
-the image, `(column, row) = (K @ X)[:2] / (K @ X)[2]`.
+**Camera**: `extrinsics` [3,4] maps a point from that frame to the frame of the camera. This is
+OpenCV's: x to the right of the image, y down, z forward along the optical axis. `intrinsics` [3,3]
+projects a point X of the camera frame to the image, `(column, row) = (K @ X)[:2] / (K @ X)[2]`.
 
-**Pixels**: image coordinates are continuous with (0, 0) at the outer corner of the first pixel, so
-pixel (row i, column j) covers [i, i+1) x [j, j+1) and its **centre is at (i + 0.5, j + 0.5)**. A
-point falls into the pixel `floor(row), floor(column)`, and a resized image only scales the
-intrinsics. (With the camera fitted to the authors' images, this reading puts the most points inside
-the masks; shifted by half a pixel in either direction it is worse.)
+**Pixels**: image coordinates are continuous, with (0, 0) at the outer corner of the first pixel.
+Pixel (row i, column j) covers [i, i+1) x [j, j+1), and its **centre is at (i + 0.5, j + 0.5)**. A
+point falls into the pixel `floor(row), floor(column)`. Resizing an image only scales the
+intrinsics. (With the camera that was fitted to the authors' images, this convention puts more
+points inside the masks than a shift by half a pixel in either direction.)
 """
 
 import dataclasses
@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 BACKGROUND_GREY = 191
-"""Colour of all background pixels, as in the authors' images."""
+"""Grey level of all background pixels, as in the authors' images."""
 
 OCCUPANCY_SIZE = 32
-"""Edge of the occupancy grid in cells."""
+"""Number of cells along an edge of the occupancy grid."""
 
 _ROTATION_TOLERANCE = 1e-3
 
@@ -51,9 +51,9 @@ OPTIONAL_FIELDS = ("depth", "normals", "occupancy")
 
 
 class RecordError(ValueError):
-    """A data set, a shard or a record that is missing, damaged or of another format."""
+    """A data set, a shard or a record is missing, damaged or of another format."""
 
-    exit_code = 2  # commands end with the message alone and this code
+    exit_code = 2  # commands print only the message and exit with this code
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -63,20 +63,20 @@ class Sample:
     Attributes:
       image: uint8 [H, W, 3], RGB.
       mask: bool [H, W], True on the object.
-      depth: float32 [H, W] along the optical axis, 0 = background, or not measured (a sensor's
-        hole, where the mask is True); None where unknown.
-      points: float32 [M, 3], points of the complete surface. Their order carries no meaning.
+      depth: float32 [H, W] along the optical axis; 0 = background, or not measured (a hole of the
+        sensor, where the mask is True). None if there is no depth map.
+      points: float32 [M, 3], points of the complete surface. Their order has no meaning.
       normals: float32 [M, 3], outward unit normals of `points`, or None.
       occupancy: bool [32, 32, 32] indexed [x, y, z], or None. The grid covers
-        [-1, 1] x [-1, 1] x [0, 2], cells cubes of 1/16.
-      intrinsics: float32 [3, 3], pixels.
-      extrinsics: float32 [3, 4], project frame to camera.
-      category: name of the object's category, "" where unknown.
+        [-1, 1] x [-1, 1] x [0, 2]; a cell is a cube with an edge of 1/16.
+      intrinsics: float32 [3, 3], in pixels.
+      extrinsics: float32 [3, 4], from the project's frame to the camera's.
+      category: name of the object's category, "" if unknown.
       model_id: name of the object in its source.
       view: number of the view of this object.
-      source: where the sample comes from, such as "authors".
-      extra: what else its maker knows of it, as a JSON object in text, "" = nothing. Not one of
-        `FIELDS`: nothing in training reads it.
+      source: the data set or program that the sample comes from, such as "authors".
+      extra: further information of the source as the text of a JSON object, "" = none. It is not
+        in `FIELDS`, because training does not read it.
     """
 
     image: np.ndarray
@@ -101,7 +101,7 @@ def _fail(field: str, got: Any, accepted: str) -> None:
 def _check_array(
     field: str, value: Any, dtype: type[np.generic], shape: tuple[int | None, ...]
 ) -> None:
-    """Checks dtype and shape; a None in `shape` accepts any size of at least one."""
+    """Checks dtype and shape; None in `shape` accepts any size >= 1."""
     expected = f"a numpy array {np.dtype(dtype).name} [{', '.join(str(s or 'n') for s in shape)}]"
     if not isinstance(value, np.ndarray):
         _fail(field, type(value).__name__, expected)
@@ -122,7 +122,7 @@ def validate(sample: Sample) -> Sample:
     """Checks every field of a sample and returns the sample.
 
     Raises:
-      ValueError: names the first wrong field, what it holds and what is accepted.
+      ValueError: a field is wrong; the message names the first one, its value and what is expected.
     """
     _check_array("image", sample.image, np.uint8, (None, None, 3))
     size = sample.image.shape[:2]
@@ -163,10 +163,10 @@ def _is_json_object(text: str) -> bool:
 
 
 def check_camera(intrinsics: np.ndarray, extrinsics: np.ndarray) -> None:
-    """Checks that a camera is proper: finite, positive focal lengths, a right-handed rotation.
+    """Checks that a camera is valid: finite, positive focal lengths, a right-handed rotation.
 
     Raises:
-      ValueError: names `intrinsics` or `extrinsics` and what is wrong.
+      ValueError: the camera is not valid; the message names `intrinsics` or `extrinsics`.
     """
     _check_finite("intrinsics", intrinsics)
     _check_finite("extrinsics", extrinsics)

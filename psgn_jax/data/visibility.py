@@ -1,28 +1,32 @@
-"""Which points of a surface a depth image shows, in numpy; runs beside the decoding of records.
+"""Decides which points of a surface are visible in a depth image, in numpy.
 
-A point P is **visible** where it lies within a tolerance t of what the depth image measured:
+It runs where records are decoded. A point P is **visible** if it is within a tolerance t of a
+surface point that the depth image measured:
 
-    |P - Q| <= t for some pixel with a depth, Q its back-projected centre; else it is **hidden**.
+    |P - Q| <= t for some pixel with a depth, where Q is its back-projected centre
 
-- The depth image is that of the record, at its own size: the classes of a data set do not depend on
-  the size of image that a network sees.
-- Steep surfaces: neighbouring Q are a pixel's width apart across the view and a pixel over cos(a)
-  along a surface that is tilted by a, so t has to be some pixels wide: .025 covers what the
-  authors' camera sees tilted by up to 80 degrees, and leaves gaps in what is steeper, whose points
-  there count as hidden. Comparing P's depth with its own pixel's alone would lose far more.
-- Silhouettes: of the surface that turns away just behind an outline, a strip as wide as t counts as
-  visible, and so does the back of a sheet thinner than t. Points without normals cannot tell.
-- A hole in the depth (a sensor's) shows nothing: points seen through it alone are hidden.
+All other points are **hidden**.
 
-The default of t, `config.eval.visible_tolerance` = .025, follows from the authors' data: up to
-.0085 between a point and its place on their 8-bit lattice (steps of .0098), .0064 from a point to
-the nearest pixel's centre at f = 400 and a distance of 3.6, .01 on a surface tilted by 60 degrees,
-and .0045 for half a pixel's error of the camera. On drawn convex solids, where
-visibility is known exactly, .025 calls 4.4 % of the visible points hidden and 2.8 % of the hidden
-ones visible, 3.5 % of all: as few as any t does (.015: 6.1 %, .02: 4.3 %, .03: 3.5 %, .04: 4.1 %).
+- The depth image is that of the record, at its full size. The classes therefore do not depend on
+  the image size of a network.
+- Steep surfaces: neighbouring Q are one pixel apart across the view, but one pixel over cos(a)
+  apart along a surface tilted by a. So t must be several pixels wide. In the authors' images .025
+  covers surfaces tilted by up to 80 degrees. Steeper surfaces have gaps, whose points count as
+  hidden. Comparing the depth of P only with the depth of its own pixel would lose far more points.
+- Silhouettes: a strip of width t behind an occluding contour counts as visible, and so does the
+  back of a sheet thinner than t. Without normals these points cannot be told apart.
+- Holes in the depth (of a sensor): points that are only seen through a hole are hidden.
 
-A *predicted* point has no such class: off the surface it is neither seen nor occluded, and to give
-it the class of the nearest true point would let a wrong point choose where it counts.
+The default of t, `config.eval.visible_tolerance` = .025, follows from the authors' data. A point is
+up to .0085 from its place on their 8-bit lattice (steps of .0098). It is up to .0064 from the
+nearest pixel centre at f = 400 and a distance of 3.6, and up to .01 on a surface tilted by 60
+degrees. A camera error of half a pixel adds .0045. On drawn convex solids, for which visibility is
+known exactly, t = .025 calls 4.4 % of the visible points hidden and 2.8 % of the hidden points
+visible, 3.5 % of all. This is the minimum over t (.015: 6.1 %, .02: 4.3 %, .03: 3.5 %, .04: 4.1 %).
+
+*Predicted* points have no class. A point off the surface is neither visible nor occluded. If it got
+the class of the nearest true point, the position of a wrong point would decide where its error
+counts.
 """
 
 import numpy as np
@@ -37,9 +41,9 @@ def visible_points(
     extrinsics: np.ndarray,
     tolerance: float,
 ) -> np.ndarray:
-    """Whether each point is visible, by the rule of the module.
+    """Returns whether each point is visible, by the rule of the module.
 
-    One function: each step narrows down the points that the next one looks at.
+    It is one long function because each step removes points that the next step need not check.
 
     Args:
       points: [n, 3] in the project's frame.
@@ -49,10 +53,11 @@ def visible_points(
       tolerance: t, in units.
 
     Returns:
-      bool [n]; False for points that are not finite or less than t before the camera.
+      bool [n]; False for points that are not finite, behind the camera, or less than t in front of
+      it.
 
     Raises:
-      ValueError: a tolerance that is not a finite number > 0.
+      ValueError: the tolerance is not finite or not positive.
     """
     if not 0 < tolerance < np.inf:
         raise ValueError(f"tolerance: got {tolerance}, expected a finite distance > 0")
@@ -65,7 +70,7 @@ def visible_points(
     measured = np.isfinite(depth) & (depth > 0)
     if not measured.any():
         return visible
-    # The object is a small part of most images.
+    # Crop to the pixels with a depth: the object is a small part of most images.
     rows, columns = (np.flatnonzero(measured.any(axis=axis)) for axis in (1, 0))
     part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     depth, measured = depth[part], measured[part]
@@ -76,8 +81,9 @@ def visible_points(
     left = np.flatnonzero(finite & possible)
     place = place[left]
 
-    # Q within t of P is at most `across`, `down` pixels away: with x = X / Z of P, the difference
-    # of x is ((X - X') - x (Z - Z')) / Z', at most t sqrt(1 + x^2) / Z'; so for y.
+    # How many pixels away a Q within t of P can be (`across`, `down`): with x = X / Z of P, the
+    # difference of x is ((X - X') - x (Z - Z')) / Z', which is at most t sqrt(1 + x^2) / Z'. The
+    # same holds for y.
     ray = place[:, :2] / place[:, 2:]
     change = tolerance * np.sqrt(1 + ray**2) / np.maximum(place[:, 2:] - tolerance, first)
     reach = np.stack([change @ np.abs(inner[0, :2]), change[:, 1] * inner[1, 1]], axis=1) + 0.5
@@ -88,11 +94,11 @@ def visible_points(
     if not len(left):
         return visible
     across, down = np.minimum(reach[inside].max(axis=0), size - 1).astype(int).tolist()
-    # Moved into the image, a cell is no farther from any pixel.
+    # Clipping a cell to the image does not move it away from any pixel.
     cell = np.clip(np.floor(image).astype(np.intp), 0, size - 1)
 
-    # Back-projected pixels in the camera's frame, infinitely far where there is none, with a margin
-    # as wide as the window.
+    # Back-projected pixels in the camera's frame, at infinity where there is no depth, with a
+    # margin as wide as the window.
     rows, columns = np.nonzero(measured)
     pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))], axis=1)
     width = depth.shape[1] + 2 * across
@@ -104,13 +110,13 @@ def visible_points(
 
     index = (cell[:, 1] + down) * width + cell[:, 0] + across
 
-    # Cheap and exact: most hidden points are deeper than all that their window shows.
+    # A cheap and exact test: most hidden points are deeper than all depths in their window.
     z = surface[:, 2].reshape(-1, width)
     deepest = _window_max(np.where(z < np.inf, z, -np.inf), down, across).reshape(-1)
     near = place[:, 2] - deepest.take(index) <= tolerance
     left, place, index = left[near], place[near], index[near]
 
-    # The nearest pixels first: they settle most of the visible points, which then drop out.
+    # Nearest pixels first: they decide most of the visible points, which are then removed.
     offsets = [(i, j) for i in range(-down, down + 1) for j in range(-across, across + 1)]
     offsets.sort(key=lambda o: o[0] ** 2 + o[1] ** 2)
     for number, (i, j) in enumerate(offsets, 1):
@@ -123,7 +129,7 @@ def visible_points(
 
 
 def _window_max(plane: np.ndarray, down: int, across: int) -> np.ndarray:
-    """The largest value of [H, W] within `down` rows and `across` columns of each place."""
+    """Maximum of [H, W] over windows of +-`down` rows and +-`across` columns."""
     for axis, reach in enumerate((down, across)):
         plane = np.moveaxis(plane, axis, 0)
         widened = plane.copy()

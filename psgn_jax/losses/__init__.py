@@ -1,4 +1,4 @@
-"""Distances between point clouds: pure functions on one pair; callers vmap (or use `map_pairs`)."""
+"""Distances between point clouds: pure functions of one pair; batch with `map_pairs` or vmap."""
 
 from psgn_jax.losses.assignment import Assignment, assign
 from psgn_jax.losses.chamfer import (

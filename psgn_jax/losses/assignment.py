@@ -1,4 +1,4 @@
-"""A bijection of two clouds with its proof, by the solver that is fastest on the device."""
+"""A nearly optimal bijection of two clouds with a proven gap; chooses the solver for the device."""
 
 import functools
 from typing import Any, Literal, NamedTuple
@@ -17,16 +17,17 @@ Schedule = Literal["scaling", "authors"]
 
 # The paper (section 4.2) reports an error of about 1 %.
 TOLERANCE = 0.01
-# Bids a point at most. Real pairs of 1,024 points need 5 to 40 of them at 1 %.
+# Default budget, in bids per point. Real pairs of 1,024 points need 5 to 40 bids per point at 1 %.
 BIDS_PER_POINT = 2000
 
 
 class Assignment(NamedTuple):
-    """A bijection of two clouds, the prices that prove it good, and how it was reached.
+    """A bijection of two clouds, its certificate, and the statistics of the solver.
 
-    `a[i]` is matched with `b[index[i]]`. `prices` are those of the points of b (unit, least 0).
-    `gap` >= (cost - OPT) / OPT, proven; infinite where no positive lower bound is known.
-    `converged` says gap <= tolerance. `iterations` counts bids.
+    `a[i]` is matched with `b[index[i]]`. `prices` are the dual prices of the points of b that prove
+    the gap (unit; the smallest is 0). `gap` is a proven bound on (cost - OPT) / OPT; it is infinite
+    if no positive lower bound on OPT is known. `converged` is gap <= tolerance. `iterations` is the
+    number of bids.
     """
 
     index: Int[Array, " n"]  # type: ignore[assignment]  # hides tuple.index
@@ -43,10 +44,10 @@ def _trial() -> bool:
 
 
 def _for_platform(solver: Any, n: int, schedule: Schedule) -> Any:
-    """The solver in one launch for CUDA, where there is one and it works; else the given one."""
+    """The Pallas kernel where it applies (CUDA, "scaling", few enough points), else `solver`."""
     if schedule != "scaling" or not use_kernels(_trial):
         return solver
-    # Imported where it is used: Pallas takes a while, and a CPU has no need of it.
+    # Imported here because Pallas is slow to import and not needed on a CPU.
     from psgn_jax.losses.kernels import auction as auction_kernel
 
     if n > auction_kernel.MAX_POINTS:
@@ -65,39 +66,41 @@ def assign(
     schedule: Schedule = "scaling",
     names: tuple[str, str] = ("a", "b"),
 ) -> Assignment:
-    """A bijection of a and b of nearly the least sum of Euclidean distances, with its proof.
+    """A bijection of a and b whose sum of Euclidean distances is nearly minimal, with its proof.
 
-    The algorithm is described in `auction`, the proof in `certificate`. It ends as soon as `gap` <=
-    tolerance. Half of the budget is for that; when it is spent, epsilon is raised by and by (the
-    paper's "error ratio raised until it ends"). Whatever happens the result is a bijection and
-    `gap` is true of it.
+    The algorithm is described in `auction`, the proof in `certificate`. The solver stops as soon as
+    `gap` <= tolerance. When half of the budget is spent, it raises epsilon step by step (the
+    paper's "error ratio raised until it ends"). The result is always a bijection, and `gap` is
+    always valid for it.
 
-    Nothing here is differentiable: see `emd` for the distance and its gradient.
+    It has no gradient; `emd` has the distance and its gradient.
 
-    Where it runs: on a CPU pairs are solved one after the other, also under `vmap`. On a CUDA GPU
-    up to 4,096 points are solved by one launch (`kernels.auction`); more points, and the schedule
-    "authors", take the plain path there, which launches kernels for every bid and is slow.
+    Devices: on a CPU, pairs are solved one after another, under `vmap` too. On a CUDA GPU, pairs of
+    up to 4,096 points are solved by one kernel launch (`kernels.auction`). Larger clouds and the
+    schedule "authors" use the plain path there, which launches kernels for every bid and is slow.
 
     Args:
-      a: [n, 3], 1 <= n, a floating dtype, any unit; solved in float32.
+      a: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
       b: [n, 3].
-      tolerance: >= 0, accepted (cost - OPT) / OPT. Float32 proves about 1e-4, no less.
+      tolerance: >= 0, accepted (cost - OPT) / OPT. In float32 gaps below about 1e-4 cannot be
+        proven.
       max_bids: >= 0, the budget; None: 2000 n. One bid is a pass over the n distances of a point.
-      schedule: "scaling", or "authors" for the later kernel of the paper's group: no phases,
-        epsilon 1e-4 (in the unit of the clouds), times 100 after every 40 n bids, at most 1; it
-        stops after 40 n bids with that. Its result may be far from the tolerance; `gap` tells.
-      names: what the caller calls a and b, for the error messages.
+      schedule: "scaling", or "authors" for the later kernel of the paper's group: no phases;
+        epsilon starts at 1e-4 (unit of the clouds) and is multiplied by 100 after every 40 n bids,
+        up to 1. It stops after 40 n bids at epsilon 1. Its `gap` may exceed the tolerance by far.
+      names: the caller's names for a and b, used in error messages.
 
     Raises:
       ValueError: wrong shape or dtype, unequal sizes, a negative tolerance or budget, an unknown
-        schedule; non-finite coordinates outside `jit`. Inside, they give the bijection i -> i,
-        `converged` False and a NaN gap; so do clouds whose extent float32 cannot hold (1e-38).
+        schedule, or (outside `jit`) a non-finite coordinate. Inside `jit`, a non-finite coordinate
+        gives the bijection i -> i, `converged` False and a NaN gap. So does an extent below the
+        smallest normal float32 (1e-38).
     """
     a, b = check_points(a, names[0]), check_points(b, names[1])
     if len(a) != len(b):
         raise ValueError(
             f"{names[1]}: got {len(b)} points, expected as many as {names[0]} has ({len(a)}): a"
-            " bijection needs equal sizes (draw a subset, or use a Chamfer distance)"
+            " bijection needs equal sizes (take a subset, or use a Chamfer distance)"
         )
     if schedule not in ("scaling", "authors"):
         raise ValueError(f"schedule: got {schedule!r}, accepted: 'scaling', 'authors'")

@@ -1,24 +1,27 @@
-"""Bertsekas' auction, a solver of the assignment problem of two clouds, in plain JAX.
+"""Bertsekas' auction algorithm for the assignment problem of two clouds, in plain JAX.
 
 The problem, for clouds a and b of n points each and Euclidean costs c_ij = |a_i - b_j|:
 
     OPT = min over bijections s of sum_i c_{i, s(i)}
 
-Every point of a is a bidder, every point of b an object with a price p_j. A bidder without object
-takes the one that is cheapest for it, j = argmin_j (c_ij + p_j), raises its price by the margin to
-the second cheapest plus epsilon, and the bidder it displaces bids again. Once everybody has an
-object, every pair satisfies epsilon-complementary slackness: c_{i,s(i)} + p_{s(i)} <=
-min_j (c_ij + p_j) + epsilon. Large epsilons end fast, small ones end near the optimum: the auction
-runs in phases of falling epsilon that start from the prices of the phase before and from those
-pairs that satisfy the new slackness already.
+Every point of a is a bidder, every point of b an object with a price p_j. A bidder without an
+object takes the object that is cheapest for it, j = argmin_j (c_ij + p_j). It raises the price of j
+by the margin to its second cheapest object plus epsilon. The bidder it displaces must bid again.
+When every bidder has an object, all pairs satisfy epsilon-complementary slackness:
+c_{i,s(i)} + p_{s(i)} <= min_j (c_ij + p_j) + epsilon.
 
-How good the result is says `certificate`; between phases it also improves the prices.
+With a large epsilon the auction ends fast, with a small one it ends near the optimum. It therefore
+runs in phases with decreasing epsilon (epsilon scaling). A phase starts from the prices of the
+previous phase and from the pairs that already satisfy the slackness condition of the new epsilon.
+
+`certificate` bounds the distance of the result from the optimum. It also improves the prices
+between phases.
 
 Sources: Bertsekas, "A Distributed Algorithm for the Assignment Problem", MIT LIDS working paper,
 1979; Bertsekas, "Auction Algorithms for Network Flow Problems: A Tutorial Introduction",
 Computational Optimization and Applications 1, 1992 (epsilon scaling, reverse auctions). Fan, Su,
-Guibas, CVPR 2017, section 4.2 use it with a fixed time per instance, the error ratio raised until
-it ends.
+Guibas, CVPR 2017, section 4.2, use it with a fixed time per instance and raise the error ratio
+until it ends.
 """
 
 import functools
@@ -43,23 +46,24 @@ from psgn_jax.losses.certificate import (
 from psgn_jax.losses.xla import as_one_function, one_pair_at_a_time, vary_with, write_once
 from psgn_jax.types import Array
 
-_FACTOR = 8.0  # epsilon falls by it from phase to phase
-_AIM = 0.8  # or less, when this part of the tolerance seems in reach
-_RAISE = 4.0  # and rises by it when the budget runs out, _RAISES times at most
-_RAISES = 16
-_START = 0.1  # first epsilon, in extents of the clouds
-_FLOOR = 2.0**-20  # last one: a few units in the last place of the prices
+_FACTOR = 8.0  # epsilon is divided by at most this from phase to phase
+_AIM = 0.8  # epsilon is chosen so that the next gap is about _AIM times the tolerance
+_RAISE = 4.0  # epsilon is multiplied by this when half of the budget is spent,
+_RAISES = 16  # at most this often
+_START = 0.1  # first epsilon, relative to the extent of the clouds
+_FLOOR = 2.0**-20  # smallest epsilon: a few units in the last place of the prices
 
-# The later kernel of the paper's group: tolerance 1e-4, times 100 after every 40 n bids, at most 1.
+# The later CUDA kernel of the paper's group: epsilon 1e-4, multiplied by 100 after every 40 n bids,
+# at most 1.
 _AUTHORS_START, _AUTHORS_RAISE, _AUTHORS_BIDS, _AUTHORS_CAP = 1e-4, 100.0, 40, 1.0
 
 
 class _Bidding(NamedTuple):
     """State of the loop over bids."""
 
-    prices: Array  # [R, L] of the objects, infinite where there is none (padding)
-    owner: Array  # [R L] bidder of every object, -1 where there is none
-    stack: Array  # [n] its first `waiting` entries are the bidders without object
+    prices: Array  # [R, L] prices of the objects, infinite for padding
+    owner: Array  # [R L] bidder of every object, -1 if it has none
+    stack: Array  # [n] the first `waiting` entries are the bidders without an object
     waiting: Array
     bids: Array
 
@@ -70,14 +74,14 @@ class _Phase(NamedTuple):
     epsilon: Array
     prices: Array  # [n]
     owner: Array  # [n]
-    waiting: Array  # bidders without object: 0 between phases, else the budget ran out
+    waiting: Array  # number of bidders without an object; > 0 at the end: the budget ran out
     stack: Array
     bids: Array
     raises: Array
     index: Array  # type: ignore[assignment]  # [n] the cheapest bijection so far
-    cost: Array  # and its cost
-    proof: Array  # [n] prices of the best lower bound
-    lower: Array  # and the bound
+    cost: Array  # cost of `index`
+    proof: Array  # [n] the prices that prove `lower`
+    lower: Array  # the best lower bound so far
     gap: Array
 
 
@@ -90,7 +94,7 @@ def _put(x: Array, i: Array, value: Array) -> Array:
 
 
 def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) -> _Bidding:
-    """The bidder on top of the stack bids; whom it displaces takes its place there."""
+    """Lets the bidder on top of the stack bid; the bidder it displaces replaces it there."""
     top = state.waiting - 1
     bidder = _take(state.stack, top)
     point = lax.dynamic_slice(a, (bidder, 0), (1, 3))[0]
@@ -103,7 +107,7 @@ def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) 
     lane = least(jnp.where(by_lane == best, lanes, width))
     column = lax.dynamic_slice(value, (0, lane), (height, 1))[:, 0]
     row = least(jnp.where(column == best, rows, height))
-    # Exact ties count as second best: everything but the one object chosen.
+    # The second best is taken over all objects but the chosen one, so an exact tie has margin 0.
     infinite = jnp.int32(0x7F800000)
     second = lax.min(
         least(jnp.where(lanes == lane, infinite, by_lane)),
@@ -127,7 +131,7 @@ def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) 
 def _bid_all(
     a: Array, b: Array, epsilon: Array, limit: Array, state: _Bidding, *, fused: bool
 ) -> _Bidding:
-    """Bids until everybody has an object or `limit` bids were made in total."""
+    """Bids until every bidder has an object or `limit` bids have been made in total."""
     n, width = len(a), num_lanes(len(a))
     padding = -n % width
     columns = tuple(
@@ -160,9 +164,10 @@ def _owners(index: Array, kept: Array) -> Array:
 def _solve(
     a: Array, b: Array, tolerance: Array, max_bids: Array, *, authors: bool, fused: bool
 ) -> tuple[Array, Array, Array, Array]:
-    """index, prices, bids, gap of one pair; the loops around the bids.
+    """Runs the phases for one pair; returns index, prices, bids and gap.
 
-    One function: the parts of its loop all read the problem, the budget and the schedule.
+    It is one long function because all parts of the loop use the problem, the budget and the
+    schedule.
     """
     n = len(a)
     problem = prepare(a, b)
@@ -173,17 +178,17 @@ def _solve(
     first = judge(problem, index, vary_with(jnp.zeros(n), here))
 
     start: Array
-    quiet: Array  # bids before epsilon is raised for the first time
-    patience: Array  # and from then on between raises
+    quiet: Array  # number of bids before epsilon is raised for the first time
+    patience: Array  # number of bids between later raises
     if authors:
-        # Their numbers are in the unit of their clouds.
+        # The authors' numbers are in the unit of their clouds.
         start, cap = _AUTHORS_START / problem.unit, _AUTHORS_CAP / problem.unit
         raise_by, start_prices = _AUTHORS_RAISE, jnp.zeros_like(first.prices)
         quiet = patience = jnp.int32(_AUTHORS_BIDS * n)
     else:
         start, cap = vary_with(_START, here), vary_with(jnp.inf, here)
         raise_by, start_prices = _RAISE, first.prices
-        # Half of the budget for the tolerance, half to come to an end.
+        # Half of the budget is for reaching the tolerance, half for completing the matching.
         quiet = max_bids - max_bids // 2
         patience = jnp.maximum(max_bids // 2 // _RAISES, 1)
     keep = first.slack <= start if not authors else vary_with(jnp.zeros(n, bool), here)
@@ -212,7 +217,8 @@ def _solve(
         if authors:
             more = (s.waiting > 0) & (s.raises < 3)
         else:
-            # Complete at the last epsilon, or only because epsilon was raised: no better comes.
+            # A matching that is complete cannot improve after the smallest epsilon (marked by
+            # epsilon 0) or after epsilon was raised.
             more = (s.waiting > 0) | ((s.raises == 0) & (s.epsilon > 0))
         return (s.gap > tolerance) & more & (s.bids < max_bids) & problem.finite
 
@@ -230,7 +236,8 @@ def _solve(
         gap = gap_of(s.cost, s.lower, n)
         if authors:
             return s._replace(gap=gap)
-        # Aim a little below the tolerance once it is near; never crawl, never jump.
+        # Near the end aim a little below the tolerance, but change epsilon neither too little nor
+        # too much.
         aim = jnp.where(jnp.isfinite(gap), _AIM * tolerance / gap, 0)
         epsilon = s.epsilon * jnp.clip(aim, 1 / _FACTOR, 0.7)
         floor = _FLOOR * (1 + s.prices.max())
@@ -240,7 +247,7 @@ def _solve(
         owner, waiting, stack = begin(new, index, new.slack <= epsilon)
         return s._replace(
             gap=gap,
-            # Zero says that there is nothing left to do.
+            # Epsilon 0 marks the end.
             epsilon=jnp.where(done, 0.0, epsilon),
             owner=jnp.where(done, s.owner, owner),
             waiting=jnp.where(done, 0, waiting),
@@ -258,18 +265,19 @@ def _solve(
         return lax.cond(s.waiting == 0, end_phase, hurry, s)
 
     state = lax.while_loop(unfinished, phase, state)
-    # Cut short: whatever is complete now may still be better than the bijection before.
+    # The budget ran out within a phase. Completed in order, this matching may still be better than
+    # the best bijection so far.
     state = lax.cond(state.waiting > 0, end_phase, lambda s: s, state)
     gap = jnp.where(problem.finite, state.gap, jnp.nan)
     return state.index, state.proof * problem.unit, state.bids, gap
 
 
 def _solver(authors: bool) -> Any:
-    # Compiled once for a size, also where the caller does not use `jit`.
+    # Compiled once per size, even if the caller does not use `jit`.
     solve = jax.jit(functools.partial(_solve, authors=authors), static_argnames="fused")
 
-    # In lock step the pairs of a batch would all take as long as the slowest, and every bid would
-    # copy the state of all: on a CPU a batch is solved one pair after the other.
+    # On a CPU the pairs of a batch are solved one after another. In lock step every pair would take
+    # as long as the slowest one, and every bid would copy the state of all pairs.
     @one_pair_at_a_time
     def cpu(a: Array, b: Array, tolerance: Array, max_bids: Array) -> Any:
         return solve(a, b, tolerance, max_bids, fused=True)
@@ -281,4 +289,4 @@ def _solver(authors: bool) -> Any:
 
 
 SOLVERS = {authors: _solver(authors) for authors in (False, True)}
-"""By whether the schedule is the authors': the solver for a CPU, and for other devices."""
+"""Key: whether the schedule is the authors'. Value: the solvers for a CPU and for other devices."""

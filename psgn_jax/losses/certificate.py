@@ -1,4 +1,4 @@
-"""The assignment problem of two clouds, and the proof of how good a bijection is.
+"""The assignment problem of two clouds, and a proven bound on how far a bijection is from optimal.
 
 For clouds a and b of n points each and Euclidean costs c_ij = |a_i - b_j|:
 
@@ -9,17 +9,18 @@ u_i <= c_ij + p_j for all i and j, every bijection t costs at least
 
     sum_i c_{i,t(i)} >= sum_i (u_i - p_{t(i)}) = sum_i u_i - sum_j p_j.
 
-So OPT lies below the cost P of a bijection s by at most the sum of its slacks,
+The cost P of a bijection s therefore exceeds OPT by at most the sum of its slacks:
 
-    P - OPT <= sum_i (c_{i,s(i)} + p_{s(i)} - u_i),
+    P - OPT <= sum_i (c_{i,s(i)} + p_{s(i)} - u_i)
 
-whatever has led to those prices. First u_i = min_j (c_ij + p_j), and then, with u fixed, every
-price is lowered as far as it goes, p_j = max_i (u_i - c_ij): a sweep back over the matrix that
-makes the bound, and the prices, better at the cost of one pass. The gap is that bound over the
-lower end of OPT, with every rounding of float32 counted against it (`_ROUNDING`).
+This holds for any prices, however they were computed. `judge` first sets
+u_i = min_j (c_ij + p_j). Then, with u fixed, it lowers every price as far as possible,
+p_j = max_i (u_i - c_ij). This second pass over the distances (the backward sweep) improves the
+prices and the bound. The gap is the bound on P - OPT divided by the lower bound on OPT. All float32
+rounding errors are included, to the disadvantage of the bijection (`_ROUNDING`).
 
-Memory is linear in n: distances are computed from coordinates when they are needed. Both solvers
-(`auction`, `kernels.auction`) are judged here.
+Memory is linear in n, because distances are computed from the coordinates when needed. The results
+of both solvers (`auction`, `kernels.auction`) are verified here.
 """
 
 from typing import NamedTuple
@@ -30,32 +31,33 @@ from jax import lax
 from psgn_jax.losses.xla import vary_with
 from psgn_jax.types import Array
 
-_TILE = 32  # targets a step of a pass over all distances
+_TILE = 32  # targets per step of a pass over all distances
 _UNIT = 2.0**-24  # unit roundoff of float32
 
-# A slack c + p - u is made of numbers below 2 extents + the largest price; with centring, casting,
-# differences, squares, sums, roots, the sweep back and its shift it is wrong by less than 24 times
-# the unit roundoff of their sum (18 by a count of operations with a root good to 2 units).
+# The terms of a slack c + p - u are bounded by 2 extents plus the largest price. The error of the
+# slack (centring, cast, differences, squares, sums, roots, the backward sweep and its shift) is
+# below 24 unit roundoffs times that bound. Counting operations gives 18, if a square root is
+# accurate to 2 units in the last place.
 _ROUNDING = 24 * _UNIT
 
 
 def bits(x: Array) -> Array:
-    """Floats >= 0 as integers of the same order, which reduce in vector registers."""
+    """Floats >= 0 as integers in the same order; integer minima use vector registers."""
     return lax.bitcast_convert_type(x, jnp.int32)
 
 
 def least(x: Array, axes: tuple[int, ...] = (0,)) -> Array:
-    """Minimum of `bits` over axes."""
-    return lax.reduce(x, jnp.int32(0x7F800000), lax.min, axes)  # bits of infinity
+    """Minimum over `axes` of an array that `bits` returned."""
+    return lax.reduce(x, jnp.int32(0x7F800000), lax.min, axes)  # start: the bits of infinity
 
 
 def distance(x: tuple[Array, ...], y: tuple[Array, ...]) -> Array:
-    """Euclidean distances of points given as three arrays of coordinates."""
+    """Euclidean distances between points, given as three coordinate arrays each."""
     return jnp.sqrt(sum(jnp.square(s - t) for s, t in zip(x, y, strict=True)))
 
 
 def cheapest(points: Array, targets: Array, prices: Array) -> Array:
-    """min_j |points_i - targets_j| + prices_j for every i, in tiles of targets; prices >= 0."""
+    """min_j (|points_i - targets_j| + prices_j) for every i, in tiles of targets; prices >= 0."""
     padding = -len(targets) % _TILE
     tiles = jnp.pad(targets, ((0, padding), (0, 0)), mode="edge").reshape(-1, _TILE, 3)
     prices = jnp.pad(prices, (0, padding), constant_values=jnp.inf).reshape(-1, _TILE)
@@ -71,12 +73,12 @@ def cheapest(points: Array, targets: Array, prices: Array) -> Array:
 
 
 def num_lanes(n: int) -> int:
-    """Lanes L of the [R, L] arrangement of n objects: a search is one pass, then R + L steps."""
+    """Width L of the [R, L] array that holds n objects: a search is one pass and R + L steps."""
     return 16 if n <= 256 else 32 if n <= 2048 else 64 if n <= 8192 else 128
 
 
 def accurate_sum(x: Array) -> Array:
-    """The sum of n terms >= 0, wrong by less than `sum_rounding(n)` of itself."""
+    """The sum of n terms >= 0, with a relative error below `sum_rounding(n)`."""
     width = num_lanes(len(x))
     return jnp.pad(x, (0, -len(x) % width)).reshape(-1, width).sum(axis=0).sum()
 
@@ -88,7 +90,7 @@ def sum_rounding(n: int) -> float:
 
 
 def front(chosen: Array) -> Array:
-    """The numbers of the chosen entries, in order, at the front of an array [n]."""
+    """The indices of the chosen entries, in order, at the front of an array [n]."""
     n = len(chosen)
     place = jnp.where(chosen, jnp.cumsum(chosen.astype(jnp.int32)) - 1, n)
     numbers = lax.iota(jnp.int32, n)
@@ -96,7 +98,7 @@ def front(chosen: Array) -> Array:
 
 
 def bijection(owner: Array) -> Array:
-    """The bijection of the owners; bidders and objects left over are matched in order."""
+    """Turns owners into a bijection; bidders and objects without a partner are paired in order."""
     n = len(owner)
     numbers = lax.iota(jnp.int32, n)
     free = owner < 0
@@ -107,13 +109,13 @@ def bijection(owner: Array) -> Array:
 
 
 class Problem(NamedTuple):
-    """One pair: as given, scaled, and centred besides; all extents of the latter at most 1."""
+    """One pair of clouds: scaled (`exact_*`), and scaled and centred (`a`, `b`); extents <= 1."""
 
     exact_a: Array
     exact_b: Array
     a: Array
     b: Array
-    unit: Array  # a distance here times `unit` is one of the caller's
+    unit: Array  # a distance here times `unit` is a distance in the caller's unit
     finite: Array
 
 
@@ -123,10 +125,10 @@ def prepare(a: Array, b: Array) -> Problem:
     a, b = jnp.where(finite, a, 0), jnp.where(finite, b, 0)
     low = jnp.minimum(a.min(axis=0), b.min(axis=0))
     high = jnp.maximum(a.max(axis=0), b.max(axis=0))
-    # A power of two: scaling is exact.
+    # The scale is a power of two, so that scaling is exact.
     extent = (high - low).max()
     finite &= jnp.isfinite(extent)
-    # Extents that underflow: there is nothing to tell the points apart by, and nothing is proven.
+    # The extent underflows although the points differ: no distances, hence no bound.
     finite &= (extent > 0) | (low == high).all()
     extent = jnp.where(finite, extent, 0)
     _, exponent = jnp.frexp(jnp.where(extent > 0, extent, 1))
@@ -142,14 +144,14 @@ def prepare(a: Array, b: Array) -> Problem:
 
 def cost_of(problem: Problem, index: Array) -> Array:
     """Sum of the distances of a bijection."""
-    # From the coordinates as given: the relative error is a few roundings at any offset, and
-    # coincident points cost exactly nothing.
+    # Uses the coordinates before centring: the relative error is a few roundings at any offset,
+    # and coincident points cost exactly 0.
     difference = (problem.exact_a - problem.exact_b[index]).astype(jnp.float32)
     return accurate_sum(jnp.sqrt(jnp.square(difference).sum(axis=-1)))
 
 
 class Judged(NamedTuple):
-    """Cost of a bijection, lower bound on OPT, and the prices and slacks after the sweep back."""
+    """Cost of a bijection, lower bound on OPT, prices and slacks after the backward sweep."""
 
     cost: Array
     lower: Array
@@ -158,7 +160,7 @@ class Judged(NamedTuple):
 
 
 def judge(problem: Problem, index: Array, prices: Array) -> Judged:
-    """Cost of a bijection, the lower bound its prices prove, and the prices after the sweep."""
+    """Computes the cost of a bijection, the lower bound that its prices prove, and new prices."""
     a, b, n = problem.a, problem.b, len(index)
     u = cheapest(a, b, prices)
     top = u.max()
@@ -175,7 +177,7 @@ def judge(problem: Problem, index: Array, prices: Array) -> Judged:
 
 
 def gap_of(cost: Array, lower: Array, n: int) -> Array:
-    """Proven bound on (cost - OPT) / OPT; infinite without a positive lower bound."""
+    """Proven bound on (cost - OPT) / OPT; infinite unless the lower bound is positive."""
     upper = cost * (1 + sum_rounding(n) + 10 * _UNIT)
     gap = jnp.where(lower > 0, (upper - lower) / jnp.where(lower > 0, lower, 1), jnp.inf)
     return jnp.where(cost == 0, 0.0, gap)

@@ -1,11 +1,11 @@
-"""Nearest neighbours between two point clouds, and the Chamfer distances built on them.
+"""Nearest neighbours between two point clouds, and the Chamfer distances computed from them.
 
-Everything takes one pair, `pred` [n, 3] and `gt` [m, 3], any n, m >= 1; callers batch, on a CPU
-best with `map_pairs`: for 32 pairs and their gradient on one core, `lax.map` took .033 s at
+All functions take one pair, `pred` [n, 3] and `gt` [m, 3], with any n, m >= 1. On a CPU, use
+`map_pairs` for batches: for 32 pairs with gradient on one core, `lax.map` took .033 s at
 1024 x 1024 and .45 s at 1024 x 16384, `vmap` .051 and .63 s (tests/bench/losses.py).
 
-Units: coordinates are in the unit of the caller's clouds (the project's: radius of the bounding
-hemisphere); what has `sq` in its name is in unit^2, the others in unit.
+Units: "unit" is the unit of the caller's coordinates (in this project the radius of the bounding
+hemisphere). Functions with `sq` in their name return unit^2, the others unit.
 """
 
 from typing import NamedTuple
@@ -18,8 +18,8 @@ from psgn_jax.losses.kernels.dispatch import select, use_kernels
 from psgn_jax.losses.xla import vary_with, write_once
 from psgn_jax.types import Array, Float, Int
 
-# A tile of distances is _TILE rows by the whole shorter cloud: 256 kB at 1,024 points, which
-# stays in a core's second-level cache while both minima are read off it.
+# A tile of distances has _TILE rows and one column per point of the shorter cloud: 256 kB at 1,024
+# points. It stays in the second-level cache of a core while both minima are computed from it.
 _TILE = 64
 _BLOCK = 32
 
@@ -32,9 +32,9 @@ class Nearest(NamedTuple):
 
 
 def _first_min(x: Array) -> tuple[Array, Array]:
-    """Minimum over the last axis and its lowest position; a NaN leaves both undefined.
+    """Minimum over the last axis and its lowest position; both are undefined if there is a NaN.
 
-    XLA's argmin on a CPU is two to four times slower than a minimum and an equality pass.
+    On a CPU, XLA's argmin is two to four times slower than a minimum and a pass for equality.
     """
     smallest = x.min(axis=-1)
     position = jax.lax.broadcasted_iota(jnp.int32, x.shape, x.ndim - 1)
@@ -43,12 +43,13 @@ def _first_min(x: Array) -> tuple[Array, Array]:
 
 
 def _pad(points: Array, multiple: int) -> Array:
-    # Copies of the last point: they tie with it and the lowest index wins, so padding never does.
+    # Pads with copies of the last point. They tie with it, and the lowest index wins a tie, so no
+    # padded point is ever chosen.
     return jnp.pad(points, ((0, -len(points) % multiple), (0, 0)), mode="edge")
 
 
 def _search(rows: Array, cols: Array) -> tuple[Array, Array, Array, Array]:
-    """Nearest col of every row and nearest row of every col, from one pass over the distances."""
+    """The nearest column of every row and vice versa, from one pass over the distances."""
     n, m = len(rows), len(cols)
     cols = _pad(cols, _BLOCK)
     tiles = _pad(rows, _TILE).reshape(-1, _TILE, 3)
@@ -72,7 +73,7 @@ def _search(rows: Array, cols: Array) -> tuple[Array, Array, Array, Array]:
     start = vary_with(jnp.full_like(cols[:, 0], jnp.inf), here), vary_with(0, here)
     numbers = jnp.arange(len(tiles), dtype=jnp.int32)
     (col_min, tile), (row_min, row_index) = jax.lax.scan(step, start, (numbers, tiles))
-    # Which row of the winning tile: once more the exact distances, of _TILE rows for each col.
+    # The scan recorded only the best tile of each column: recompute that tile to find the row.
     d = jnp.sum(jnp.square(tiles[tile] - cols[:, None, :]), axis=-1)
     _, offset = _first_min(d)
     row_index = jnp.minimum(row_index.reshape(-1)[:n], m - 1)
@@ -81,7 +82,7 @@ def _search(rows: Array, cols: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _search_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
-    # The longer cloud is cut into tiles, the shorter one is a tile's width.
+    # The longer cloud is cut into tiles; the shorter one is the width of a tile.
     if len(a) >= len(b):
         return _search(a, b)
     from_b, index_b, from_a, index_a = _search(b, a)
@@ -97,13 +98,13 @@ def _trial() -> bool:
 @jax.custom_vjp
 def _nearest_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
     if a.dtype == jnp.float32 and use_kernels(_trial):
-        # Imported where it is used: Pallas takes a while, and a CPU has no need of it.
+        # Imported here because Pallas is slow to import and not needed on a CPU.
         from psgn_jax.losses.kernels import chamfer as chamfer_kernel
 
         from_a, index_a, from_b, index_b = select(chamfer_kernel.search, _search_both, a, b)
     else:
         from_a, index_a, from_b, index_b = _search_both(a, b)
-    # XLA's minimum may drop a NaN: without this a broken point would simply not be counted.
+    # XLA's minimum may ignore a NaN; a non-finite point would then go unnoticed.
     finite = jnp.isfinite(a).all() & jnp.isfinite(b).all()
     return jnp.where(finite, from_a, jnp.nan), index_a, jnp.where(finite, from_b, jnp.nan), index_b
 
@@ -138,24 +139,25 @@ def nearest_both(
 ) -> tuple[Nearest, Nearest]:
     """The nearest point of b for every point of a, and of a for every point of b.
 
-    Both directions come from one pass over the distances. These are sums of squared coordinate
-    differences, never the expansion |a|^2 - 2ab + |b|^2, so a squared distance is right to a few
-    units in its last place at any offset and scale at which it neither overflows nor underflows.
-    Of equally near points (in float arithmetic) the one with the lowest index is taken.
+    Both directions come from one pass over the distances. Squared distances are sums of squared
+    coordinate differences; the expansion |a|^2 - 2ab + |b|^2 is not used. They are accurate to a
+    few units in the last place at every offset and scale that neither overflows nor underflows.
+    Among points at equal distance (in float arithmetic) the lowest index is returned.
 
-    Gradient of `distance_sq`, at fixed neighbours: 2 (a_i - b_index) to a_i and its negative to
-    b_index; 0 where they coincide. `index` carries none. Only the indices are kept for it.
+    Gradient of `distance_sq`, with the neighbours held fixed: 2 (a_i - b_index) for a_i and its
+    negative for b_index, so 0 where they coincide. `index` has no gradient. The backward pass
+    stores the clouds and the indices, not the distances.
 
-    Memory beyond inputs and outputs: about 64 min(n, m) numbers a pair.
+    Memory beyond inputs and outputs: about 64 min(n, m) numbers per pair.
 
     Args:
-      a: [n, 3], n >= 1, a floating dtype; computed in float32 (float64 stays).
+      a: [n, 3], n >= 1, a floating dtype; computed in float32 (float64 stays float64).
       b: [m, 3], m >= 1, likewise.
-      names: what the caller calls a and b, for the error messages.
+      names: the caller's names for a and b, used in error messages.
 
     Raises:
-      ValueError: wrong shape or dtype, an empty cloud, or non-finite coordinates outside `jit`;
-        inside, one non-finite coordinate makes every distance of the pair NaN.
+      ValueError: wrong shape or dtype, an empty cloud, or (outside `jit`) a non-finite coordinate.
+        Inside `jit`, one non-finite coordinate makes every distance of the pair NaN.
     """
     a, b = check_points(a, names[0]), check_points(b, names[1])
     dtype = jnp.promote_types(a.dtype, b.dtype)
@@ -164,7 +166,7 @@ def nearest_both(
 
 
 def nearest(a: Float[Array, "n 3"], b: Float[Array, "m 3"]) -> Nearest:
-    """For every point of a its nearest point of b; see `nearest_both`.
+    """The nearest point of b for every point of a; see `nearest_both`.
 
     Returns:
       `distance_sq` [n] in unit^2 and `index` [n] int32 into b.
@@ -185,7 +187,7 @@ _PAIR = ("pred", "gt")
 
 
 def chamfer_sq(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """The paper's Chamfer distance (unit^2): a sum over both clouds.
+    """The Chamfer distance of the paper (unit^2): the sum over both clouds.
 
     sum_i min_j |pred_i - gt_j|^2 + sum_j min_i |pred_i - gt_j|^2
 
@@ -205,11 +207,11 @@ def chamfer_sq(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Arra
 
 
 def chamfer_sq_mean(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """Mean squared distance pred to gt, plus the same gt to pred (unit^2).
+    """Mean squared distance from pred to gt plus the mean from gt to pred (unit^2).
 
     1/n sum_i min_j |pred_i - gt_j|^2 + 1/m sum_j min_i |pred_i - gt_j|^2
 
-    The evaluation CD of the project. Errors and gradient: `nearest_both`.
+    This is the CD that the project reports. Errors and gradient: `nearest_both`.
 
     Examples:
       >>> import jax
@@ -241,13 +243,14 @@ def chamfer_sq_gt_to_pred_mean(
 
 
 def chamfer_l1_mean(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """Half the sum of both mean Euclidean distances (unit); "Chamfer-L1".
+    """The mean of the two mean Euclidean distances (unit), known as "Chamfer-L1".
 
     1/2 (1/n sum_i min_j |pred_i - gt_j| + 1/m sum_j min_i |pred_i - gt_j|)
 
-    As in Mescheder et al., "Occupancy Networks", CVPR 2019, section 4 (accuracy and completeness
-    averaged); the name says L1, the norm is Euclidean. Their unit is 1/10 of the longest edge of
-    the object's bounding box. The gradient at coincident points is 0. Errors: `nearest_both`.
+    Defined in Mescheder et al., "Occupancy Networks", CVPR 2019, section 4, as the mean of accuracy
+    and completeness. In spite of its name the norm is Euclidean. Their unit is 1/10 of the longest
+    edge of the object's bounding box. The gradient is 0 where two points coincide. Errors:
+    `nearest_both`.
 
     Examples:
       >>> import jax.numpy as jnp
@@ -262,11 +265,12 @@ def chamfer_l1_mean(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float
 
 
 def chamfer_authors(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """The training loss of the paper's published code (unit^2 times 10^4).
+    """The training loss in the published code of the paper (unit^2 times 10^4).
 
     10^4 (1/m sum_j min_i |pred_i - gt_j|^2 + 1/2 1/n sum_i min_j |pred_i - gt_j|^2)
 
-    It weights covering the truth twice as much as lying on it: for training, not for comparing.
+    The term that measures coverage of gt has twice the weight of the other one. Use it for
+    training, not for comparisons.
     """
     to_gt, to_pred = nearest_both(pred, gt, names=_PAIR)
     return 1e4 * (to_pred.distance_sq.mean() + 0.5 * to_gt.distance_sq.mean())

@@ -1,4 +1,4 @@
-"""Squared distances, safe square roots, the check of a cloud, and batches of pairs."""
+"""Squared distances, safe square roots, validation of a point cloud, and batches of pairs."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,14 +11,14 @@ from psgn_jax.types import Array, Float
 
 
 def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
-    """Returns one point cloud as float32 (float64 stays), or says what is wrong with it.
+    """Validates one point cloud and returns it as float32 (float64 stays float64).
 
-    The values are looked at only where they are at hand: inside `jit`, `vmap` or `grad` they are
-    not, and a non-finite coordinate then reaches the loss as NaN.
+    Values are checked only if they are concrete. Inside `jit`, `vmap` or `grad` they are traced:
+    a non-finite coordinate then makes the loss NaN.
 
     Args:
       points: [n, 3] coordinates of a floating dtype, n >= 1; any unit and frame.
-      name: what the caller calls this argument; it begins the error messages.
+      name: the caller's name for this argument; error messages start with it.
 
     Raises:
       ValueError: the shape is not [n, 3] with n >= 1, the dtype is not floating, or a concrete
@@ -48,36 +48,36 @@ def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
 
 
 def pairwise_sq(a: Float[Array, "n 3"], b: Float[Array, "m 3"]) -> Float[Array, "n m"]:
-    """|a_i - b_j|^2 from coordinate differences (unit^2); it holds the whole [n, m] matrix.
+    """|a_i - b_j|^2 from coordinate differences (unit^2); allocates the whole [n, m] matrix.
 
-    No expansion into |a|^2 - 2ab + |b|^2, which loses the digits of near points: every entry is
-    right to a few units in its last place, wherever the clouds lie.
+    The expansion |a|^2 - 2ab + |b|^2 is not used, because it cancels for nearby points. Every
+    entry is accurate to a few units in its last place, at any offset of the clouds.
     """
     x, y, z = (jnp.square(a[:, None, axis] - b[None, :, axis]) for axis in range(3))
     return x + y + z
 
 
 def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
-    """sqrt(x) for x >= 0 with gradient 0 at x = 0 in place of infinity; NaN stays NaN."""
+    """sqrt(x) for x >= 0, with gradient 0 instead of infinity at x = 0; NaN stays NaN."""
     is_zero = x == 0
     return jnp.where(is_zero, 0, jnp.sqrt(jnp.where(is_zero, 1, x)))
 
 
 def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
-    """Turns a function of one pair into one of a batch of pairs, the fast way for the platform.
+    """Maps a function of one pair over a batch of pairs, in the way that suits the platform.
 
-    On a CPU one pair after the other (`jax.lax.map`): a pair's tile then stays in the cache. On
-    accelerators all at once (`jax.vmap`; not measured there). The values agree within rounding.
-    The EMD's auction goes pair by pair on a CPU under `jax.vmap` too: lock step would make every
-    pair wait for the slowest.
+    On a CPU the pairs are processed one after another (`jax.lax.scan`), so that the tile of a pair
+    stays in the cache. On accelerators they are processed together (`jax.vmap`; not measured
+    there). The results agree up to rounding. The auction of the EMD runs pair by pair on a CPU
+    under `jax.vmap` too, because in lock step every pair would wait for the slowest one.
 
     Args:
-      function: of one pair, (pred [n, 3], gt [m, 3]) -> any pytree of arrays.
-      platform: "cpu", "gpu" or "tpu"; None asks JAX for its default backend.
+      function: (pred [n, 3], gt [m, 3]) -> any pytree of arrays, for one pair.
+      platform: "cpu", "gpu" or "tpu"; None: the default backend of JAX.
 
     Returns:
-      (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. Further
-      arrays, if the function takes them, have that axis too.
+      (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. If the
+      function takes further arrays, they need the same leading axis.
 
     Examples:
       >>> import jax.numpy as jnp
@@ -87,7 +87,8 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
       [6.0, 6.0]
     """
 
-    # Made once, so that JAX knows it again and compiles it once, also without `jit` around.
+    # Defined here, not in `over_batch`: JAX's cache then recognises it, and it is compiled once
+    # even without an enclosing `jit`.
     def one_pair(_: None, arrays: tuple[Array, ...]) -> tuple[None, Any]:
         return None, function(*arrays)
 

@@ -2,16 +2,17 @@
 
     EMD(a, b) = min over bijections s of sum_i |a_i - b_{s(i)}|
 
-with the Euclidean, not the squared, distance: Fan, Su, Guibas, "A Point Set Generation Network for
-3D Object Reconstruction from a Single Image", CVPR 2017, section 4.2. Everything takes one pair,
-`pred` and `gt` [n, 3]; callers batch with `losses.map_pairs`.
+The distance is Euclidean, not squared: Fan, Su, Guibas, "A Point Set Generation Network for 3D
+Object Reconstruction from a Single Image", CVPR 2017, section 4.2. All functions take one pair,
+`pred` and `gt` [n, 3]; use `losses.map_pairs` for batches.
 
-Units: that of the caller's clouds. `emd_sum` is the paper's sum, `emd_mean` the sum over n: the
-mean distance a point travels, which does not depend on the number of points. Distances are roots of
-float32 squares: steps below 1e-19 count as none, and from 1e19 on they overflow.
+Units: results are in the unit of the caller's clouds. `emd_sum` is the sum of the paper. `emd_mean`
+is the sum divided by n, the mean distance between matched points, which is comparable between
+numbers of points. Distances are square roots of float32 squares: below 1e-19 they become 0, above
+1e19 they overflow.
 
-The first call for a number of points compiles: 3 to 4 seconds on a CPU; later ones do not, with or
-without `jax.jit` around.
+The first call for a number of points compiles for 3 to 4 seconds on a CPU. Later calls do not
+compile, with or without an enclosing `jax.jit`.
 """
 
 from typing import NamedTuple
@@ -28,7 +29,7 @@ _PAIR = ("pred", "gt")
 
 
 class MatchedDistances(NamedTuple):
-    """Distance (unit) of every point of pred to its partner, and the assignment."""
+    """Distance (unit) of every point of pred to its match in gt, and the assignment."""
 
     distance: Float[Array, " n"]
     assignment: Assignment
@@ -44,20 +45,21 @@ def matched_distances(
 ) -> MatchedDistances:
     """|pred_i - gt_{s(i)}| for a nearly optimal bijection s, and the assignment with its proof.
 
-    Gradient, at the fixed bijection (at almost every pair of clouds the optimal one does not
-    change nearby, so for it this is the gradient of the EMD): the unit vector from gt_{s(i)} to
-    pred_i for pred_i, its negative for gt_{s(i)}, and zero where the two coincide.
+    Gradient, with the bijection held fixed: for pred_i the unit vector from gt_{s(i)} to pred_i,
+    for gt_{s(i)} its negative, and 0 where the two coincide. For the optimal bijection this is the
+    gradient of the EMD at almost every pair of clouds, because there a small change of the clouds
+    does not change the bijection.
 
     Args:
       pred: [n, 3].
       gt: [n, 3].
-      tolerance: as for `assign`, like the other arguments.
-      max_bids: the budget.
-      schedule: "scaling" or "authors".
+      tolerance: described in `assign`.
+      max_bids: described in `assign`.
+      schedule: described in `assign`.
 
     Raises:
-      ValueError: as `assign`. Inside `jit`, and under `grad` and `vmap`, a non-finite coordinate
-        makes all distances of its pair NaN, and their gradients.
+      ValueError: the errors of `assign`. Inside `jit`, `grad` and `vmap`, a non-finite coordinate
+        makes all distances of its pair and their gradients NaN.
 
     Examples:
       >>> import jax.numpy as jnp
@@ -70,12 +72,14 @@ def matched_distances(
       >>> bool(assignment.converged)  # the proven relative error, `assignment.gap`, is at most .01
       True
     """
-    found = assign(pred, gt, tolerance=tolerance, max_bids=max_bids, schedule=schedule, names=_PAIR)
+    matched = assign(
+        pred, gt, tolerance=tolerance, max_bids=max_bids, schedule=schedule, names=_PAIR
+    )
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
-    square = jnp.square(pred - gt[found.index]).sum(axis=-1)
-    # A factor, not a choice: the gradient of a broken pair is NaN as its distances are.
-    healthy = jnp.where(jnp.isnan(found.gap), jnp.nan, 1.0)
-    return MatchedDistances(safe_sqrt(square) * healthy, found)
+    square = jnp.square(pred - gt[matched.index]).sum(axis=-1)
+    # Multiplied rather than selected, so that the gradient of a non-finite pair is NaN as well.
+    healthy = jnp.where(jnp.isnan(matched.gap), jnp.nan, 1.0)
+    return MatchedDistances(safe_sqrt(square) * healthy, matched)
 
 
 def emd_sum(
@@ -86,10 +90,11 @@ def emd_sum(
     max_bids: int | Array | None = None,
     schedule: Schedule = "scaling",
 ) -> Float[Array, ""]:
-    """The paper's EMD (unit): the sum of n matched distances; arguments: `matched_distances`.
+    """The EMD of the paper (unit): sum_i |pred_i - gt_{s(i)}|.
 
-    sum_i |pred_i - gt_{s(i)}|, at most (1 + tolerance) times the least of all bijections s where
-    the auction converged (`matched_distances` tells).
+    If the auction converged (`matched_distances(...).assignment.converged`), this is at most
+    (1 + tolerance) times the minimum over all bijections. Arguments, errors and gradient:
+    `matched_distances`.
     """
     return matched_distances(
         pred, gt, tolerance=tolerance, max_bids=max_bids, schedule=schedule
@@ -104,7 +109,7 @@ def emd_mean(
     max_bids: int | Array | None = None,
     schedule: Schedule = "scaling",
 ) -> Float[Array, ""]:
-    """1/n times `emd_sum` (unit): how far a point travels on average.
+    """1/n times `emd_sum` (unit): the mean distance between matched points.
 
     Examples:
       >>> import jax.numpy as jnp
@@ -120,20 +125,21 @@ def emd_mean(
 
 
 class ExactAssignment(NamedTuple):
-    """An optimal bijection: `pred[i]` with `gt[index[i]]`, and its sum of distances (unit)."""
+    """An optimal bijection (`pred[i]` with `gt[index[i]]`) and its sum of distances (unit)."""
 
     index: Int[np.ndarray, " n"]  # type: ignore[assignment]  # hides tuple.index
     cost: float
 
 
 def emd_exact(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"]) -> ExactAssignment:
-    """The optimum, in float64 by scipy's `linear_sum_assignment` on the host: for evaluation.
+    """The optimal bijection, in float64 by scipy's `linear_sum_assignment` on the host.
 
-    Not for `jit`, no gradient. It needs SciPy, which JAX requires, 8 n^2 bytes and time that
-    grows like n^3: about .1 to 1 s at 1,024 points. `cost` is right to about 1e-12 of the extent.
+    For evaluation: it does not work inside `jit` and has no gradient. It needs 8 n^2 bytes, and
+    its time grows like n^3: about .1 to 1 s at 1,024 points. The error of `cost` is about 1e-12
+    of the extent.
 
     Raises:
-      ValueError: as `assign`; or the clouds are traced.
+      ValueError: wrong shape or dtype, unequal sizes, a non-finite coordinate, or traced clouds.
 
     Examples:
       >>> import jax.numpy as jnp

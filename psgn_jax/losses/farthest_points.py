@@ -1,7 +1,7 @@
-"""Farthest point sampling: a spread subset of a cloud, one point after the other.
+"""Farthest point sampling: a well-spread subset of a cloud, chosen greedily.
 
 Source: Eldar et al., "The Farthest Point Strategy for Progressive Image Sampling", IEEE
-Transactions on Image Processing 1997; the paper turns volumes into clouds by it (section 5.2).
+Transactions on Image Processing 1997. The paper uses it to turn volumes into clouds (section 5.2).
 """
 
 import functools
@@ -12,8 +12,9 @@ import jax.numpy as jnp
 from psgn_jax.losses.distances import check_points
 from psgn_jax.types import Array, Float, Int
 
-# Points whose maximum is taken first: the winner is then looked for in one block alone. For 1,024
-# of 16,384 points, two clouds under vmap, 14 ms a cloud instead of 23 for looking through them all.
+# Points per block. The maximum of each block is computed first, and the index of the winner is then
+# searched in one block only. For 1,024 of 16,384 points, two clouds under vmap, this takes 14 ms
+# per cloud instead of 23.
 _BLOCK = 128
 
 
@@ -24,23 +25,23 @@ def farthest_point_indices(
 
     i_0 = start,   i_t = argmax over j not yet chosen of min over s < t of |p_j - p_(i_s)|^2
 
-    Ties (in float arithmetic) go to the lowest index, so the answer is a function of the points
-    and `start` alone; it is invariant to rigid motion up to rounding, and no index comes twice
-    even where points coincide. It carries no gradient; gather the points with it.
+    Ties (in float arithmetic) go to the lowest index, so the result depends only on the points and
+    `start`. It is invariant to rigid motion up to rounding. No index occurs twice, even if points
+    coincide. The indices have no gradient; `farthest_points` has one.
 
-    Memory beyond the input: 4 n numbers. Time n k. For a batch use `jax.vmap`, on a CPU better
-    `jax.lax.map(..., batch_size=2)`: half the time, since two clouds stay in the cache. A
-    coordinate that is not finite makes, inside `jit`, every index n (out of range:
-    `farthest_points` gives NaN).
+    Memory beyond the input: 4 n numbers. Time: proportional to n k. For a batch use `jax.vmap`; on
+    a CPU `jax.lax.map(..., batch_size=2)` takes half the time, because two clouds fit in the cache.
+    Inside `jit`, a non-finite coordinate makes every index n, which is out of range
+    (`farthest_points` then returns NaN).
 
     Args:
-      points: [n, 3], n >= 1, a floating dtype; computed in float32 (float64 stays).
+      points: [n, 3], n >= 1, a floating dtype; computed in float32 (float64 stays float64).
       num_samples: k, 1 to n.
-      start: index of the first chosen point, 0 to n - 1; may be traced (then not checked).
+      start: index of the first chosen point, 0 to n - 1; not checked if it is traced.
 
     Raises:
-      ValueError: wrong shape or dtype, `num_samples` or `start` out of range, or coordinates that
-        are not finite outside `jit`.
+      ValueError: wrong shape or dtype, `num_samples` or `start` out of range, or (outside `jit`) a
+        non-finite coordinate.
     """
     points = check_points(points, "points")
     if not 1 <= num_samples <= len(points):
@@ -55,9 +56,11 @@ def farthest_point_indices(
 def farthest_points(
     points: Float[Array, "n 3"], num_samples: int, *, start: int | Array = 0
 ) -> Float[Array, "k 3"]:
-    """The points of `farthest_point_indices`; all NaN if a coordinate is not finite inside `jit`.
+    """The points at `farthest_point_indices`.
 
-    Differentiable: each chosen point passes its gradient on to where it was taken from.
+    Differentiable: the gradient of a chosen point is added to the input point it was taken from.
+    Inside `jit`, all coordinates are NaN if one input coordinate is not finite. Arguments and
+    errors: `farthest_point_indices`.
 
     Examples:
       >>> import jax.numpy as jnp
@@ -73,7 +76,7 @@ def farthest_points(
 @functools.partial(jax.jit, static_argnums=1)
 def _indices(points: Array, num_samples: int, start: Array) -> Array:
     n = len(points)
-    # Copies of the last point: they tie with it and the lowest index wins, so padding never does.
+    # Pads with copies of the last point, which are never chosen: their distance starts at -1.
     padded = jnp.pad(jax.lax.stop_gradient(points), ((0, -n % _BLOCK), (0, 0)), mode="edge")
     x, y, z = (padded[:, axis].reshape(-1, _BLOCK) for axis in range(3))
     blocks = jax.lax.broadcasted_iota(jnp.int32, (len(x),), 0)
@@ -85,7 +88,7 @@ def _indices(points: Array, num_samples: int, start: Array) -> Array:
         px, py, pz = jax.lax.dynamic_index_in_dim(padded, chosen, keepdims=False)
         distance_sq = jnp.square(x - px) + jnp.square(y - py) + jnp.square(z - pz)
         nearest_sq = jnp.minimum(nearest_sq, distance_sq)
-        # Below every distance, so that a chosen point stays behind coinciding ones.
+        # -1 is below every distance, so that no point is chosen twice.
         block, place = jnp.divmod(chosen, _BLOCK)
         nearest_sq = nearest_sq.at[block, place].set(-1)
         best = nearest_sq.max(axis=1)

@@ -1,7 +1,7 @@
-"""Intersection over union of two volumes, soft for training and thresholded for reporting.
+"""Intersection over union of two volumes: a soft form for training, a thresholded one for reports.
 
-Volumes are occupancies in [0, 1] on one grid, any shape; all functions take one pair. IoU has no
-unit. The project's grid is the schema's: [32, 32, 32] indexed [x, y, z] over
+Volumes are occupancies in [0, 1] on the same grid, of any shape. All functions take one pair. IoU
+has no unit. The grid of this project (`data.schema`) is [32, 32, 32], indexed [x, y, z], over
 [-1, 1] x [-1, 1] x [0, 2].
 """
 
@@ -10,20 +10,20 @@ import jax.numpy as jnp
 from psgn_jax.types import Array, Bool, Float
 
 PREDICTION_THRESHOLDS = tuple(round(0.05 * i, 2) for i in range(1, 20))
-"""Default of a sweep: .05 to .95."""
+"""Default thresholds of `iou_sweep`: .05 to .95."""
 
 
 def soft_iou(pred: Float[Array, "*cells"], gt: Float[Array, "*cells"]) -> Float[Array, ""]:
-    """sum(p g) / sum(p + g - p g), 1 where both are empty: IoU with probabilities.
+    """IoU of probabilities: sum(p g) / sum(p + g - p g), or 1 if both volumes are empty.
 
-    Equals `iou` where all values are 0 or 1. Differentiable everywhere.
+    Equal to `iou` if all values are 0 or 1. Differentiable everywhere.
 
     Source: Rahman and Wang, "Optimizing Intersection-Over-Union in Deep Neural Networks for Image
     Segmentation", ISVC 2016. The paper says only that its post-processing network "is trained by
     IoU" (implementation details); this form is **ours**.
 
     Args:
-      pred: values in [0, 1], not checked.
+      pred: values in [0, 1]; the range is not checked.
       gt: likewise.
 
     Raises:
@@ -45,10 +45,10 @@ def soft_iou_loss(pred: Float[Array, "*cells"], gt: Float[Array, "*cells"]) -> F
 def iou(
     pred: Float[Array, "*cells"], gt: Bool[Array, "*cells"], threshold: float | Array = 0.5
 ) -> Float[Array, ""]:
-    """|P and G| / |P or G| with P = (pred >= threshold), 1 where both are empty.
+    """|P and G| / |P or G| with P = (pred >= threshold), or 1 if both volumes are empty.
 
     NaN if a predicted value is NaN. Source: Choy et al., "3D-R2N2", ECCV 2016, section 5.1 (its
-    code compares with >= and takes .4).
+    code compares with >= and uses the threshold .4).
 
     Raises:
       ValueError: the shapes differ.
@@ -68,7 +68,9 @@ def iou_sweep(
     gt: Bool[Array, "*cells"],
     thresholds: Float[Array, " t"] | tuple[float, ...] = PREDICTION_THRESHOLDS,
 ) -> Float[Array, " t"]:
-    """`iou` at each threshold. To choose one, average over validation samples and take the best.
+    """`iou` at each threshold.
+
+    To choose a threshold, average the scores over validation samples and take the best.
 
     Raises:
       ValueError: the shapes differ.
@@ -79,7 +81,7 @@ def iou_sweep(
     both = (inside & gt[None, :]).sum(axis=1)
     either = (inside | gt[None, :]).sum(axis=1)
     score = jnp.where(either == 0, 1.0, both / jnp.where(either == 0, 1, either))
-    # A comparison turns NaN into "empty": a silent number. Let it through instead.
+    # NaN >= threshold is False: without this, NaN would count as an empty cell.
     return jnp.where(jnp.isnan(pred).any(), jnp.nan, score)
 
 

@@ -1,12 +1,14 @@
-"""Min-of-N (MoN): the distance of the best of several predictions, for any distance of one pair.
+"""Min-of-N (MoN): the distance of the best of n predictions, for any distance of one pair.
 
     MoN(S_1, ..., S_n; S_gt) = min over j of d(S_j, S_gt)
 
-With S_j = G(I, r_j), r_j ~ N(0, I), it trains a network to sample: one of the n clouds must come
-near the truth, the others are free to stand for what else the image may show. Where an image allows
-several shapes, the plain loss (n = 1) is least at their mean, MoN where the draws share them out.
+With S_j = G(I, r_j), r_j ~ N(0, I), it trains a network to sample: one of the n clouds must be near
+the ground truth, the others may be other shapes that fit the image. If an image allows several
+shapes, the plain loss (n = 1) is minimal at their mean; MoN is minimal when different samples
+predict different shapes.
 Source: Fan, Su, Guibas, "A Point Set Generation Network for 3D Object Reconstruction from a Single
-Image", CVPR 2017, section "Generation of Multiple Plausible Shapes"; they found n = 2 to suffice.
+Image", CVPR 2017, section "Generation of Multiple Plausible Shapes". They report that n = 2
+suffices.
 """
 
 from collections.abc import Callable
@@ -20,10 +22,10 @@ from psgn_jax.types import Array, Float, Int
 
 
 class MinOfN(NamedTuple):
-    """The least of n distances, which draw has it, and all n of them.
+    """The smallest of n distances, the index of its sample, and all n distances.
 
-    `value` and `distances` are in the unit of the distance. Only `value` carries a gradient.
-    `aux` is what the distance of the winner said besides, see `min_of_n`.
+    `value` and `distances` are in the unit of the distance. Only `value` has a gradient. `aux` is
+    the auxiliary output of the winner, or () without `has_aux`.
     """
 
     value: Float[Array, ""]
@@ -35,27 +37,28 @@ class MinOfN(NamedTuple):
 def min_of_n(
     distance: Callable[..., Any], *, has_aux: bool = False
 ) -> Callable[[Array, Array], MinOfN]:
-    """Turns a distance d of one pair into the MoN of n predictions and one truth (see the module).
+    """Turns a distance d of one pair into the MoN of several predictions and one ground truth.
 
-    Its gradient is that of d for the winner, the first of equally near draws, and zero for every
-    other draw. (The minimum is differentiable wherever only one draw attains it.) A NaN wins, so
-    that a broken draw shows; an infinite distance loses to every finite one.
+    The winner is the first sample with the smallest distance. The gradient is that of d for the
+    winner and 0 for every other sample. A NaN distance wins, so that it is not hidden; an infinite
+    distance loses to every finite one.
 
-    Nothing is computed twice: the derivative of d is asked for with weight 0 at the losers, so it
-    should be finite there, as those of `losses` are. To search again for the winner alone, with
-    gradient, took 1.9 times as long under the EMD of 1,024 points (n = 2, on a CPU), whose auction
-    is all the work; under the CD of 1,024 and 4,096 points the two were about even (1.3 and .85
-    times as long in two runs on a busy machine).
+    Every distance is computed once, with its gradient; the gradients of the losers get weight 0, so
+    they must be finite (those of `losses` are). The alternative, to compute the distance of the
+    winner a second time with gradient, took 1.9 times as long for the EMD of 1,024 points (n = 2,
+    on a CPU), where the auction dominates. For the CD of 1,024 and 4,096 points it took 1.3 and .85
+    times as long, in two runs on a busy machine.
 
     Args:
       distance: (pred [n, 3], gt [m, 3]) -> scalar, such as `chamfer_sq` or `emd_sum`; it may close
         over traced values.
-      has_aux: whether it returns (scalar, pytree) instead; the winner's pytree becomes `aux`.
+      has_aux: whether `distance` returns (scalar, pytree) instead of a scalar; the pytree of the
+        winner becomes `aux`.
 
     Returns:
-      (preds [draws, n, 3], gt [m, 3]) -> `MinOfN`; any draws >= 1; for `jit`, and for `vmap` or
-      `map_pairs` over samples. It raises ValueError for another shape of `preds`, and what
-      `distance` raises.
+      (preds [draws, n, 3], gt [m, 3]) -> `MinOfN`, for any draws >= 1. It can be used inside `jit`
+      and batched with `vmap` or `map_pairs`. It raises ValueError for a wrong shape of `preds`, and
+      the errors of `distance`.
 
     Examples:
       >>> import jax.numpy as jnp
@@ -72,8 +75,8 @@ def min_of_n(
                 f"preds: got shape {tuple(preds.shape)}, expected [draws, n, 3] with draws >= 1"
             )
         gts = jnp.broadcast_to(gt[None], (len(preds), *gt.shape))
-        found = map_pairs(distance)(preds, gts)
-        distances, aux = found if has_aux else (found, ())
+        result = map_pairs(distance)(preds, gts)
+        distances, aux = result if has_aux else (result, ())
         winner = jnp.argmin(distances)
         aux = jax.tree.map(lambda leaf: jax.lax.stop_gradient(leaf[winner]), aux)
         return MinOfN(distances[winner], winner, jax.lax.stop_gradient(distances), aux)

@@ -1,8 +1,9 @@
-"""Metrics of a sampler: several predictions for one image, set against one truth or several.
+"""Metrics of several predictions for one image, compared with one or several true shapes.
 
-Distances between clouds are `losses`' or `metrics.clouds`' own, of one pair; a matrix of them is
-made by `cross_distances`, and the metrics of sets read that matrix. Units are those of the
-distance.
+"Samples" are the predictions for one image with different random inputs.
+Distances between clouds are functions of one pair from `losses` or `metrics.clouds`.
+`cross_distances` computes a matrix of them, from which the metrics of sets are computed. Results
+are in the unit of the distance.
 """
 
 from collections.abc import Callable
@@ -19,7 +20,7 @@ Distance = Callable[[Array, Array], Array]
 
 
 class BestAndMean(NamedTuple):
-    """The least and the mean of the distances of K draws from one truth, and all of them."""
+    """Minimum and mean of the distances of K samples to one ground truth, and all K distances."""
 
     best: Float[Array, ""]
     mean: Float[Array, ""]
@@ -29,7 +30,7 @@ class BestAndMean(NamedTuple):
 def cross_distances(
     a: Float[Array, "k n 3"], b: Float[Array, "t m 3"], distance: Distance
 ) -> Float[Array, "k t"]:
-    """The distance of every cloud of `a` from every cloud of `b`: entry (i, j) is d(a_i, b_j)."""
+    """Distances between all clouds of `a` and all clouds of `b`: entry (i, j) is d(a_i, b_j)."""
     k, t = len(a), len(b)
     pairs = map_pairs(distance)(jnp.repeat(a, t, axis=0), jnp.tile(b, (k, 1, 1)))
     return pairs.reshape(k, t)
@@ -40,30 +41,34 @@ def best_and_mean(
 ) -> BestAndMean:
     """Best-of-K and mean-of-K: min and mean over i of d(draw_i, gt).
 
-    The best of K says how near a sampler comes if something else picks the draw; it never grows
-    with K, so K has to be stated. The mean is what one draw can be expected to have.
-    Source: paper, equation of the MoN loss, as a metric.
+    The best of K measures how near the samples come to the truth if the best one can be chosen. It
+    does not increase with K, so K must be reported. The mean is the expected distance of one
+    sample.
+    Source: paper, equation of the MoN loss, here used as a metric.
     """
     each = cross_distances(draws, gt[None], distance)[:, 0]
     return BestAndMean(each.min(), each.mean(), each)
 
 
 def minimum_matching_distance(distances: Float[Array, "k t"]) -> Float[Array, ""]:
-    """Mean over the true shapes that share an image of the distance to the nearest draw.
+    """Minimum matching distance: mean over the true shapes of the distance to the nearest sample.
 
-    MMD = mean over j of min over i of d(draw_i, truth_j): small where each truth has a good draw.
+    MMD = mean over j of min over i of d(draw_i, truth_j)
 
+    It is small if every true shape is near some sample.
     Source: Achlioptas et al., "Learning Representations and Generative Models for 3D Point Clouds",
-    ICML 2018, section 2.2; there over all shapes of a category, here over those of one image.
+    ICML 2018, section 2.2. There the mean is over all shapes of a category, here over the true
+    shapes that fit one image.
     """
     return distances.min(axis=0).mean()
 
 
 def coverage(distances: Float[Array, "k t"]) -> Float[Array, ""]:
-    """Share of the true shapes that are the nearest one of some draw (the first, in a tie).
+    """Fraction of the true shapes that are the nearest true shape of some sample.
 
-    It says whether the draws go everywhere, not how near they come. T truths hit by K random draws
-    of their own kind are covered to 1 - (1 - 1/T)^K: .66 at K = T = 8.
+    Of true shapes at equal distance the first one counts. Coverage measures whether the samples
+    reach all true shapes, not how near they come. If each of K samples hits one of T true shapes at
+    random, the expected coverage is 1 - (1 - 1/T)^K: .66 for K = T = 8.
 
     Source: Achlioptas et al. 2018, section 2.2.
     """
@@ -73,15 +78,15 @@ def coverage(distances: Float[Array, "k t"]) -> Float[Array, ""]:
 
 
 def total_mutual_difference(distances: Float[Array, "k k"]) -> Float[Array, ""]:
-    """How much K draws of one image differ: sum over i of the mean distance to the others.
+    """Total mutual difference of K samples of one image.
 
-    TMD = sum over i of 1 / (K - 1) * sum over j != i of d(draw_i, draw_j).
+    TMD = sum over i of 1 / (K - 1) * sum over j != i of d(draw_i, draw_j)
 
-    Source: Wu et al., "Multimodal Shape Completion via Conditional Generative Adversarial
-    Networks", ECCV 2020, section 4 (there K = 10 and the Chamfer distance). It grows with K.
+    It grows with K. Source: Wu et al., "Multimodal Shape Completion via Conditional Generative
+    Adversarial Networks", ECCV 2020, section 4 (there K = 10 and the Chamfer distance).
 
     Raises:
-      ValueError: not a square matrix of at least two draws.
+      ValueError: `distances` is not a square matrix of at least two samples.
     """
     k = len(distances)
     if distances.shape != (k, k) or k < 2:
@@ -93,7 +98,10 @@ def total_mutual_difference(distances: Float[Array, "k k"]) -> Float[Array, ""]:
 
 
 def mutual_distances(draws: Float[Array, "k n 3"], distance: Distance) -> Float[Array, "k k"]:
-    """`cross_distances(draws, draws, distance)` of a symmetric distance, each pair once."""
+    """`cross_distances(draws, draws, distance)` for a symmetric distance; computes each pair once.
+
+    The diagonal is 0.
+    """
     first, second = np.triu_indices(len(draws), 1)
     matrix = jnp.zeros((len(draws), len(draws)), draws.dtype)
     if not len(first):
@@ -103,11 +111,11 @@ def mutual_distances(draws: Float[Array, "k n 3"], distance: Distance) -> Float[
 
 
 class Spread(NamedTuple):
-    """Standard deviation over draws of each output point's place (unit).
+    """Standard deviation over samples of the position of each output point (unit).
 
     Attributes:
       by_axis: along x, y, z.
-      total: Euclidean, the root of the sum of their squares.
+      total: square root of the sum of the three variances.
     """
 
     by_axis: Float[Array, "n 3"]
@@ -115,36 +123,38 @@ class Spread(NamedTuple):
 
 
 def spread(draws: Float[Array, "k n 3"]) -> Spread:
-    """How far each output point moves between draws of one image.
+    """Standard deviation of each output point over the samples of one image.
 
-    Draws correspond by the index of the point: one network makes them all, and a small
-    change of its random input moves a point a little. Source: paper, section "Predicting Multiple
-    Plausible Shapes": certain points move little, along the direction of ambiguity they move more.
+    Points correspond by their index, because one network predicts all samples and a small change of
+    its random input moves a point only a little. Source: paper, section "Predicting Multiple
+    Plausible Shapes": certain points move little, and points move more along directions of
+    ambiguity.
     """
     variance = jnp.var(draws, axis=0)
     return Spread(jnp.sqrt(variance), jnp.sqrt(variance.sum(axis=-1)))
 
 
 def marginal_spread(draws: Float[Array, "k n 3"]) -> Float[Array, "3"]:
-    """How much the draws differ along each axis, whatever the order of their points.
+    """How much the samples differ along each axis, independently of the order of their points.
 
-    The coordinates of each draw along an axis are sorted; the result is the root of the mean over
-    ranks of the variance over draws, in the unit of the points. Points that only change places, or
-    slide so that others fill their gaps, count in `spread` and not here.
+    The coordinates of each sample along an axis are sorted. The result is the square root of the
+    mean over ranks of the variance over samples, in the unit of the points. Points that exchange
+    positions, or that move to where other points were, increase `spread` but not this measure.
 
-    Source: the draws' variance in the Wasserstein-2 metric of their marginals, **ours**.
+    This is **ours**: the variance of the samples in the Wasserstein-2 metric of their marginals.
     """
     return jnp.sqrt(jnp.var(jnp.sort(draws, axis=1), axis=0).mean(axis=0))
 
 
 def wasserstein_1(drawn: Float[np.ndarray, " k"], true: Float[np.ndarray, " t"]) -> float:
-    """Wasserstein-1 distance of two samples of one number: the integral of |F - G|, in its unit.
+    """Wasserstein-1 distance of two sets of numbers: the integral of |F - G|, in their unit.
 
-    For K exact draws of the true distribution it is not 0 but of the order of its width / sqrt(K):
-    compare with that floor. Source: Vallender, Theory of Probability 18(4), 1974.
+    F and G are the empirical distribution functions. Even for K exact samples of the true
+    distribution the distance is not 0 but of the order of its width / sqrt(K). Source: Vallender,
+    Theory of Probability 18(4), 1974.
 
     Raises:
-      ValueError: an empty sample, or one that is not finite.
+      ValueError: a set is empty or has numbers that are not finite.
     """
     samples = [np.sort(np.asarray(s, np.float64).reshape(-1)) for s in (drawn, true)]
     for name, values in zip(("drawn", "true"), samples, strict=True):
@@ -156,15 +166,18 @@ def wasserstein_1(drawn: Float[np.ndarray, " k"], true: Float[np.ndarray, " t"])
 
 
 def range_coverage(drawn: Float[np.ndarray, " k"], low: float, high: float) -> float:
-    """Share of the true range [low, high] between the least and the greatest drawn number.
+    """Fraction of the true range [low, high] between the smallest and the largest sampled number.
 
-    K uniform draws of that range cover (K - 1) / (K + 1) of it on average.
+    K uniform samples of that range cover (K - 1) / (K + 1) of it on average.
 
     Raises:
-      ValueError: not low < high, or nothing drawn.
+      ValueError: `low` is not below `high`, or there are no samples.
     """
     if not low < high or not np.size(drawn):
-        raise ValueError(f"range {low} to {high} of {np.size(drawn)} numbers: expected low < high")
+        raise ValueError(
+            f"range {low} to {high} of {np.size(drawn)} numbers: expected low < high and at least"
+            " one number"
+        )
     inside = min(float(np.max(drawn)), high) - max(float(np.min(drawn)), low)
     return max(0.0, inside) / (high - low)
 
@@ -172,14 +185,14 @@ def range_coverage(drawn: Float[np.ndarray, " k"], low: float, high: float) -> f
 def summarise_draws(
     draws: Float[Array, "k n 3"], gt: Float[Array, "m 3"], distances: dict[str, Distance]
 ) -> dict[str, Array]:
-    """Best-of-K and mean-of-K under each named distance, for a table.
+    """Best-of-K and mean-of-K for each named distance, without gradients.
 
     Returns:
       `<name>_best_of_<K>` and `<name>_mean_of_<K>`.
     """
-    found: dict[str, Array] = {}
+    metrics: dict[str, Array] = {}
     for name, distance in distances.items():
-        of = best_and_mean(draws, gt, distance)
-        found[f"{name}_best_of_{len(draws)}"] = of.best
-        found[f"{name}_mean_of_{len(draws)}"] = of.mean
-    return jax.tree.map(jax.lax.stop_gradient, found)
+        result = best_and_mean(draws, gt, distance)
+        metrics[f"{name}_best_of_{len(draws)}"] = result.best
+        metrics[f"{name}_mean_of_{len(draws)}"] = result.mean
+    return jax.tree.map(jax.lax.stop_gradient, metrics)

@@ -1,4 +1,4 @@
-"""An evaluation as a table: text, CSV and JSON, with one row per category and the two averages."""
+"""Writes an evaluation as a table: text, CSV and JSON, one row per category and two averages."""
 
 import csv
 import io
@@ -55,7 +55,7 @@ def markdown(lines: Lines) -> str:
 
 
 def header(evaluation: Evaluation, metric: str) -> str:
-    """A metric's name with its unit, as it heads a column."""
+    """The column header of a metric: its name and unit."""
     if of_draws := re.fullmatch(r"(.*)_(best|mean)_of_(\d+)", metric):
         return f"{of_draws[2]} of {of_draws[3]} draws: {header(evaluation, of_draws[1])}"
     return {
@@ -97,22 +97,22 @@ def text(evaluation: Evaluation) -> str:
 
 
 def csv_text(evaluation: Evaluation) -> str:
-    """The table as CSV; the F-score, precision and recall are fractions here."""
+    """The table as CSV; F-score, precision and recall are fractions, not percentages."""
     rows = [[r.name, r.count, *r.metrics.values()] for r in evaluation.rows()]
     return _csv(["category", "samples", *evaluation.metrics], rows)
 
 
 def samples_csv(evaluation: Evaluation) -> str:
-    """One row per sample."""
+    """The metrics as CSV, one row per sample."""
     columns = [values.tolist() for values in evaluation.metrics.values()]
     rows = [[*name, *numbers] for name, *numbers in zip(evaluation.names, *columns, strict=True)]
     return _csv([*SampleName._fields, *evaluation.metrics], rows)
 
 
 def json_text(evaluation: Evaluation, **others: Any) -> str:
-    """The table as JSON, with fractions as `csv_text`; `others` is stored beside it.
+    """The table as JSON; `others` are added as further keys.
 
-    JSON has no NaN: null stands for what is not finite.
+    F-score, precision and recall are fractions. Numbers that are not finite become null.
     """
     *categories, over_samples, over_categories = evaluation.rows()
     of_points = {

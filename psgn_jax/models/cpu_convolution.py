@@ -1,37 +1,46 @@
-"""The linear maps that the networks consist of, as pure functions: convolutions, fast on a CPU.
+"""Convolutions as pure functions, with formulations that are fast on a CPU.
 
-Kernels have the plain form `[kh, kw, c_in, c_out]` whatever formulation computes the map, so that
-checkpoints do not depend on it. Arithmetic happens in the dtype of the arguments; formulations
-agree up to rounding, and each gives the same bits in every run.
+Kernels have the axes `[kh, kw, c_in, c_out]` in every formulation, so that checkpoints do not
+depend on the platform. Arithmetic is in the dtype of the arguments. The formulations agree up to
+rounding, and each of them is deterministic.
 
-On a GPU or TPU these are XLA's convolutions. On a CPU, XLA computes convolutions without dilation
-about as fast as PyTorch, those with one (a transposed convolution, the input gradient of a strided
-one) and the gradient of the kernel up to a hundred times slower. So there both maps are made of
+On a GPU or TPU these functions call XLA's convolutions. On a CPU, XLA computes convolutions without
+dilation about as fast as PyTorch. But transposed convolutions, the input gradients of strided
+convolutions (both have dilation) and kernel gradients are up to a hundred times slower. On a CPU,
+`conv2d` and `conv2d_transpose` therefore use three building blocks:
 
-- `_correlate`, a convolution: XLA's own. With few channels XLA does not use its fast routine;
-  more output channels than needed make it do so.
-- `_spread`, its adjoint, which is the input gradient of `conv2d` and the value of
-  `conv2d_transpose`: the pixels of the larger image at one place of the `stride x stride` cells are
-  a convolution of stride 1 with every `stride`th tap, so that there are as many products as needed.
-- `_kernel_gradient`: a product of two matrices. At stride 1 one holds the horizontally, the other
-  the vertically shifted pixels: `kw + kh` copies instead of the `kh * kw` of an im2col. A few rows
-  of the image at a time stay in the cache.
+- `_correlate`, a convolution by XLA. With few channels XLA does not choose its fast routine; adding
+  unused output channels makes it do so.
+- `_spread`, the adjoint of `_correlate`: the input gradient of `conv2d` and the value of
+  `conv2d_transpose`. The larger image is divided into cells of `stride x stride` pixels. The pixels
+  at one position of all cells are a convolution of stride 1 with every `stride`th tap. This avoids
+  products with inserted zeros.
+- `_kernel_gradient`, a product of two matrices. At stride 1 one matrix holds the horizontally
+  shifted pixels and the other the vertically shifted pixels: `kw + kh` copies of the image instead
+  of the `kh * kw` of an im2col. It processes a few rows of the image at a time, which stay in the
+  cache.
 
-Where the kernel is larger than the images, to rearrange it costs more than the convolution; there
-`_correlate` and `_spread` use an im2col and its adjoint, which take the kernel as it is. All rules
-are in `_is_small`, `_narrow` and `_rows_of_block`; `tests/bench/step.py --layers` prints the times.
+If the kernel is larger than the images, rearranging it costs more than the convolution. In that
+case `_correlate` and `_spread` use an im2col and its adjoint, which do not rearrange the kernel.
+The rules are in `_is_small`, `_narrow` and `_rows_of_block`; `tests/bench/step.py --layers` prints
+the times.
 
-For volumes (`conv3d`) XLA's routine on a CPU is some ten times slower than its two-dimensional one,
-so there a volume is a batch of slices: the neighbouring slices side by side are the channels of one
-`conv2d`, with that function's gradients. CPU seconds for two volumes of 32^3, 3x3x3, value and then
-value with both gradients (`tests/bench/convolution3d.py`): 16 to 16 channels .017 and .094 instead
-of .27 and .96; 1 to 16 .025 and .045 instead of .10 and .34. Four of 32^3, 16 to 1: .027 and .12
-instead of .56 and 1.41; four of 8^3, 128 to 128: .026 and .077 instead of .064 and .29. To put the
-three depths beside each other in the output channels instead is faster forward at 32^3 and mostly
-slower backward.
+Volumes (`conv3d`): on a CPU, XLA's 3D routine is about ten times slower than its 2D routine. There
+a volume is computed as a batch of slices: each slice and its neighbours are concatenated along the
+channels of one `conv2d`. CPU seconds for kernels of 3x3x3, forward and then forward with both
+gradients, compared with XLA's own (`tests/bench/convolution3d.py`):
 
-The backend is asked when a function is traced. On a CPU there is no forward-mode derivative. With
-`PSGN_CONVOLUTIONS=xla` in the environment XLA's own convolutions are used on a CPU too.
+    volumes   channels      here            XLA
+    2 x 32^3  16 to 16      .017, .094      .27, .96
+    2 x 32^3  1 to 16       .025, .045      .10, .34
+    4 x 32^3  16 to 1       .027, .12       .56, 1.41
+    4 x 8^3   128 to 128    .026, .077      .064, .29
+
+An alternative, concatenating the three depths along the output channels, is faster forward at 32^3
+and mostly slower backward.
+
+The platform is determined when a function is traced. On a CPU there is no forward-mode derivative.
+With `PSGN_CONVOLUTIONS=xla` in the environment, XLA's own convolutions are used on a CPU too.
 """
 
 import functools
@@ -46,16 +55,16 @@ from psgn_jax.types import Array, Float
 _LAYOUT = ("NHWC", "HWIO", "NHWC")
 _LAYOUT_3D = ("NDHWC", "DHWIO", "NDHWC")
 
-# Measured on AVX-512 with jax 0.10; the rules that use them say what for.
+# Measured on AVX-512 with jax 0.10; `_narrow`, `_is_small` and `_rows_of_block` explain them.
 _NARROW_CHANNELS = 16
 _SMALL_PIXELS = 4
 _BLOCK_PIXELS = 512
 
 
 class _Geometry(NamedTuple):
-    """Which pixels a convolution reads: padding so that `(out - 1) * stride + k` are left.
+    """Stride and padding of a convolution; the padded size is `(out - 1) * stride + k`.
 
-    The padding, (top, bottom), (left, right), is negative where pixels at the end are not read.
+    The padding is ((top, bottom), (left, right)). It is negative if the last pixels are not read.
     """
 
     stride: int
@@ -63,14 +72,16 @@ class _Geometry(NamedTuple):
 
 
 def uses_xla() -> bool:
-    """Whether convolutions are XLA's own: not on a CPU, unless `PSGN_CONVOLUTIONS` is "xla"."""
+    """Returns whether to use XLA's convolutions: on GPU and TPU, or if PSGN_CONVOLUTIONS=xla."""
     return jax.default_backend() != "cpu" or os.environ.get("PSGN_CONVOLUTIONS") == "xla"
 
 
 def conv2d(
     x: Float[Array, "b h w c_in"], kernel: Float[Array, "kh kw c_in c_out"], *, stride: int = 1
 ) -> Float[Array, "b ho wo c_out"]:
-    """Convolution (correlation) without bias, TensorFlow's SAME padding: `ho = ceil(h / stride)`.
+    """Convolution (cross-correlation) without bias; SAME padding of TensorFlow.
+
+    The output has `ho = ceil(h / stride)` rows and `wo = ceil(w / stride)` columns.
 
     Args:
       x: a batch of feature maps.
@@ -94,11 +105,11 @@ def conv2d(
 def conv2d_transpose(
     x: Float[Array, "b h w c_in"], kernel: Float[Array, "kh kw c_in c_out"], *, stride: int = 2
 ) -> Float[Array, "b ho wo c_out"]:
-    """Transposed convolution without bias, the map of `jax.lax.conv_transpose(..., "SAME")`.
+    """Transposed convolution without bias, equal to `jax.lax.conv_transpose(..., "SAME")`.
 
     Args:
       x: a batch of feature maps.
-      kernel: the weights, in the orientation of `conv2d` (no swapped channels).
+      kernel: the weights, with the channel order of `conv2d` (not swapped).
       stride: `ho = stride * h`.
     """
     if uses_xla():
@@ -107,7 +118,8 @@ def conv2d_transpose(
         )
 
     def padding(k: int) -> tuple[int, int]:
-        # What `jax.lax.conv_transpose` puts before the dilated input, seen from the output.
+        # `jax.lax.conv_transpose` pads the dilated input by `before`; this is the corresponding
+        # padding of the output.
         before = k - 1 if stride > k - 1 else -(-(k + stride - 2) // 2)
         low = k - 1 - before
         return low, k - stride - low
@@ -120,9 +132,9 @@ def conv2d_transpose(
 def conv3d(
     x: Float[Array, "b x y z c_in"], kernel: Float[Array, "kx ky kz c_in c_out"], *, stride: int = 1
 ) -> Float[Array, "b xo yo zo c_out"]:
-    """Convolution (correlation) of volumes without bias, SAME padding as in `conv2d`.
+    """Convolution (cross-correlation) of volumes without bias, SAME padding as in `conv2d`.
 
-    On a CPU a volume is a batch of slices (see the module).
+    On a CPU a volume is computed as a batch of slices, as the module describes.
 
     Args:
       x: a batch of volumes.
@@ -148,13 +160,13 @@ def conv3d(
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(2,))
 def _conv(x: Array, kernel: Array, geometry: _Geometry) -> Array:
-    """`y[o] = sum over taps t of x[stride * o + t - low] kernel[t]`, in both directions."""
+    """`y[o] = sum over taps t of x[stride * o + t - low] kernel[t]`; o, t have two components."""
     return _correlate(x, kernel, geometry)
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(2, 3))
 def _conv_adjoint(y: Array, kernel: Array, geometry: _Geometry, size: tuple[int, int]) -> Array:
-    """The adjoint of `_conv` in its first argument, an image of the given size."""
+    """The adjoint of `_conv` with respect to its first argument; returns images of `size`."""
     return _spread(y, kernel, geometry, size)
 
 
@@ -180,24 +192,25 @@ _conv_adjoint.defvjp(
 
 
 def _is_small(num_pixels: int, kernel: Array) -> bool:
-    """Whether to leave the kernel as it is: it has few uses for each number in it.
+    """Returns whether an im2col is faster: there are few pixels per number of the kernel.
 
-    Per batch of 32 on one core: 5x5 of stride 2 from 6x8x512, 83 ms instead of 146 forward and 62
-    instead of 112 backward; 3x3 at 6x8x512, 122 instead of 107, and 73 instead of 115; but 3x3 at
-    12x16x256, 170 instead of 73, and 126 instead of 72.
+    Milliseconds with an im2col and without, for a batch of 32 on one core: 5x5 of stride 2 from
+    6x8x512, 83 and 146 forward, 62 and 112 backward; 3x3 at 6x8x512, 122 and 107 forward, 73 and
+    115 backward; 3x3 at 12x16x256, 170 and 73 forward, 126 and 72 backward.
     """
     return num_pixels <= _SMALL_PIXELS * kernel.shape[3]
 
 
 def _narrow(kernel: Array) -> bool:
-    """Whether XLA would use its slow routine: 54 ms, not 33, for 8 images of 192x256x16."""
+    """Returns whether XLA would use its slow routine: 54 instead of 33 ms for 8 x 192x256x16."""
     return max(kernel.shape[2:]) <= _NARROW_CHANNELS
 
 
 def _rows_of_block(b: int, h: int, w: int) -> int:
-    """Rows of images of h x w that `_kernel_gradient` takes at a time: the fewest with enough work.
+    """Number of rows that `_kernel_gradient` processes at a time: the fewest with enough work.
 
-    All of them where there are several devices: the loop would add up theirs in every round.
+    With several devices it is all h rows, because otherwise every iteration of the loop would sum
+    over the devices.
     """
     if jax.device_count() > 1:
         return h
@@ -216,21 +229,22 @@ def _correlate(x: Array, kernel: Array, geometry: _Geometry) -> Array:
     y = jax.lax.conv_general_dilated(
         x, kernel, (stride, stride), padding, dimension_numbers=_LAYOUT
     )
-    # A slice that XLA moves into the convolution would undo the padding.
+    # Without the barrier XLA would move the slice into the convolution and undo the padding.
     return y if y.shape[3] == c_out else jax.lax.optimization_barrier(y)[..., :c_out]
 
 
 def _spread(y: Array, kernel: Array, geometry: _Geometry, size: tuple[int, int]) -> Array:
     """The value of `_conv_adjoint`.
 
-    Pixel r of cell q, that is pixel `stride * q + r`, receives from output `q + d` through the tap
-    `t = r + low - stride * d`: through every `stride`th tap, the last one first.
+    Pixel r of cell q is pixel `stride * q + r`. It receives a contribution from output `q + d`
+    through the tap `t = r + low - stride * d`, that is, through every `stride`th tap in reverse
+    order.
     """
     kh, kw, c, _ = kernel.shape
     b, ho, wo, _ = y.shape
     stride = geometry.stride
     if _is_small(b * ho * wo, kernel):
-        # Taps outermost, so that neither the kernel nor the result is transposed.
+        # Taps before channels, so that neither the kernel nor the result is transposed.
         parts = jnp.einsum("bhwo,tco->bhwtc", y, kernel.reshape(kh * kw, c, -1))
         image = jax.ShapeDtypeStruct((b, *size, c), y.dtype)
         adjoint = jax.linear_transpose(lambda x: _patches(x, (kh, kw), geometry), image)
@@ -239,7 +253,7 @@ def _spread(y: Array, kernel: Array, geometry: _Geometry, size: tuple[int, int])
     cells = [-(-n // stride) for n in size]
 
     def taps(axis: int, r: int) -> tuple[slice, tuple[int, int]]:
-        """Taps of pixels r along an axis, and the padding of `y` for them."""
+        """The taps that contribute to pixels r along an axis, and the padding of `y`."""
         furthest, first = divmod(r + geometry.padding[axis][0], stride)
         count = -(-(kernel.shape[axis] - first) // stride)
         low = count - 1 - furthest
@@ -260,7 +274,7 @@ def _spread(y: Array, kernel: Array, geometry: _Geometry, size: tuple[int, int])
 
 
 def _kernel_gradient(x: Array, dy: Array, size: tuple[int, int], geometry: _Geometry) -> Array:
-    """The gradient of `_conv` with respect to the kernel, of `size` taps, summed in float32.
+    """The gradient of `_conv` with respect to the kernel of `size` taps, summed in float32.
 
     `dkernel[i, j] = sum over o of x[stride * o + (i, j) - low]^T dy[o]`.
     """
@@ -268,7 +282,8 @@ def _kernel_gradient(x: Array, dy: Array, size: tuple[int, int], geometry: _Geom
     (top, bottom), (left, right) = geometry.padding
     ho, wo, c_out = dy.shape[1:]
     if stride == 1:
-        # Row y of x meets row y + top - i of dy; i in the columns of the product, j in its rows.
+        # Row y of x is multiplied with row y + top - i of dy. The columns of the product are the
+        # vertical taps i, its rows the horizontal taps j.
         x = _pad(x, ((0, 0), (left, right)))
         dy = _pad(dy, ((kh - 1 - top, kh - 1 - bottom), (0, 0)))
         height, shape = h, (kw * c_in, kh * c_out)
@@ -299,29 +314,29 @@ def _kernel_gradient(x: Array, dy: Array, size: tuple[int, int], geometry: _Geom
             jnp.zeros(shape, jnp.promote_types(x.dtype, jnp.float32)),
         )
     if stride == 1:
-        # Row y + v of the padded dy is that of the tap i = kh - 1 - v.
+        # Row y + v of the padded dy belongs to tap i = kh - 1 - v.
         total = jnp.flip(total.reshape(kw, c_in, kh, c_out), 2).transpose(2, 0, 1, 3)
     return total.reshape(kh, kw, c_in, c_out).astype(x.dtype)
 
 
 def _product(left: list[Array], right: list[Array]) -> Array:
-    """`left^T right`, each a matrix of pixels x channels given in parts [b, h, w, c]."""
+    """`left^T right`, each a matrix [pixels, channels] given as a list of parts [b, h, w, c]."""
     a, b = (jnp.concatenate(parts, axis=-1) for parts in (left, right))
     a, b = a.reshape(-1, a.shape[-1]), b.reshape(-1, b.shape[-1])
     dtype = jnp.promote_types(a.dtype, jnp.float32)
-    # XLA is up to three times as fast where the result has more columns than rows.
+    # XLA is up to three times as fast if the result has more columns than rows.
     if a.shape[1] > b.shape[1]:
         return jnp.matmul(b.T, a, preferred_element_type=dtype).T
     return jnp.matmul(a.T, b, preferred_element_type=dtype)
 
 
 def _patches(x: Array, size: tuple[int, int], geometry: _Geometry) -> Array:
-    """What each output reads: [b, ho, wo, kh * kw * c]; the im2col."""
+    """The im2col: the pixels that each output reads, [b, ho, wo, kh * kw * c]."""
     return jnp.concatenate(_taps(_pad(x, geometry.padding), size, geometry.stride), axis=-1)
 
 
 def _taps(x: Array, size: tuple[int, int], stride: int) -> list[Array]:
-    """For each tap of a valid convolution, the pixels that it reads."""
+    """The pixels that each tap reads, for a convolution without padding."""
     ho, wo = ((n - k) // stride + 1 for n, k in zip(x.shape[1:3], size, strict=True))
     return [
         x[:, i : i + stride * ho : stride, j : j + stride * wo : stride]
@@ -331,7 +346,7 @@ def _taps(x: Array, size: tuple[int, int], stride: int) -> list[Array]:
 
 
 def _pad(x: Array, padding: tuple[tuple[int, int], tuple[int, int]]) -> Array:
-    """Adds zeros around images, or removes pixels where the padding is negative."""
+    """Pads images with zeros, or crops them where the padding is negative."""
     if not any(map(any, padding)):
         return x
     config = [(0, 0, 0), *((low, high, 0) for low, high in padding), (0, 0, 0)]

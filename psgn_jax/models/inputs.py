@@ -1,6 +1,6 @@
-"""From a sample's image, mask and depth to the channels that a network sees.
+"""Builds the input channels of a network from the image, mask and depth of a sample.
 
-The arrays may live on the host or be traced: everything is jax.numpy and runs inside jit.
+All functions use jax.numpy and can run inside jit. Arguments may be NumPy arrays or traced.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,10 +11,10 @@ import jax.numpy as jnp
 from psgn_jax.config import CHANNELS_OF, Config
 from psgn_jax.types import Array, Bool, Float, UInt8
 
-# Background colour of the authors' files (github.com/fanhqme/PointSetGeneration).
+# Background colour in the authors' files (github.com/fanhqme/PointSetGeneration).
 BACKGROUND = 191 / 255
-# Distance of the frame's origin from their camera along the optical axis, fitted on the silhouettes
-# (`data.camera.default_camera`): what depth is counted from where no camera is given.
+# Depth of the frame's origin in the authors' camera, along the optical axis. It was fitted on the
+# silhouettes (`data.camera.default_camera`) and is used if no camera is given.
 DEFAULT_DISTANCE = 3.6
 
 
@@ -26,32 +26,32 @@ def stack_channels(
     channels: Sequence[str],
     distance: Float[Array, "*b"] | float | None = None,
 ) -> Float[Array, "*b h w c"]:
-    """The input of a network, its channels in the order of `channels`.
+    """Builds the input of a network, with its channels in the order of `channels`.
 
     - "rgb", three channels: colour / 255; every background pixel is 191 / 255.
     - "mask", one channel: the **background** mask, 1 = background, 0 = object.
-    - "depth", two channels: `distance - z`, in units how much nearer than the frame's origin,
-      within [-1, 1] on the object (the unit is its bounding radius), not clipped; and 1 where that
-      was measured. Both are 0 on the background and in a sensor's holes (z <= 0 or not finite): a
-      hole differs from the background by the mask, and from a surface at the origin's distance by
-      the second channel.
+    - "depth", two channels. The first is `distance - z`: how much nearer the surface is than the
+      frame's origin, in units. It is in [-1, 1] on the object, because the unit is the bounding
+      radius; it is not clipped. The second is 1 where depth was measured. Both are 0 on the
+      background and in holes of the sensor (z <= 0 or not finite). The mask tells a hole from the
+      background; the second channel tells it from a surface at the depth of the origin.
 
     Args:
       image: RGB.
       mask: True on the object.
-      depth: z along the optical axis in units (radius of the bounding hemisphere); used, and
-        needed, only if "depth" is among `channels`.
-      channels: any of "rgb", "mask", "depth", each once.
-      distance: of the frame's origin from the camera along the optical axis, `extrinsics[2, 3]`;
-        None = 3.6, the default camera's.
+      depth: z along the optical axis in units (radius of the bounding hemisphere); required if
+        "depth" is in `channels`, otherwise ignored.
+      channels: any of "rgb", "mask", "depth", each at most once.
+      distance: depth of the frame's origin along the optical axis, `extrinsics[2, 3]`; None: 3.6,
+        the value of the default camera.
 
     Raises:
-      ValueError: for channels that are unknown, repeated or missing their array, for shapes that
-        disagree and for an image that is not uint8 or a mask that is not bool.
+      ValueError: a channel is unknown, repeated or has no array; shapes disagree; the image is not
+        uint8 or the mask not bool.
 
-    Source: the authors' published code and data, which order the colours BGR. Of depth their files
-    hold 16 bits, (5.4 - z) / 3.6 * 65535; neither they nor the paper say how a network saw it. The
-    two channels are **ours**.
+    Source: the authors' published code and data, which store colours as BGR. Their files store
+    depth as 16-bit integers, (5.4 - z) / 3.6 * 65535. Neither the files nor the paper say how it is
+    passed to a network; the two depth channels are **ours**.
     """
     _check(image, mask, depth, channels)
     image, mask = jnp.asarray(image), jnp.asarray(mask)
@@ -73,7 +73,7 @@ def stack_channels(
 
 
 def _check(image: Any, mask: Any, depth: Any, channels: Sequence[str]) -> None:
-    """Raises ValueError for arguments of `stack_channels` that do not fit."""
+    """Raises ValueError for invalid arguments of `stack_channels`."""
     if not channels or len(set(channels)) < len(channels) or not set(channels) <= set(CHANNELS_OF):
         raise ValueError(
             f"channels={tuple(channels)!r}: accepted: any of {tuple(CHANNELS_OF)}, each once"
@@ -89,7 +89,7 @@ def _check(image: Any, mask: Any, depth: Any, channels: Sequence[str]) -> None:
         )
     if "depth" in channels:
         if depth is None:
-            raise ValueError("depth=None: accepted: an array, since 'depth' is among the channels")
+            raise ValueError("depth=None: accepted: an array, because 'depth' is in channels")
         if depth.shape != mask.shape:
             raise ValueError(
                 f"depth has the shape {tuple(depth.shape)}: accepted: {tuple(mask.shape)}, "
@@ -98,7 +98,7 @@ def _check(image: Any, mask: Any, depth: Any, channels: Sequence[str]) -> None:
 
 
 def network_inputs(config: Config, batch: Mapping[str, Any]) -> Array:
-    """What a network sees of a batch, [B,H,W,C], or [B,V,H,W,C] of several views."""
+    """The network input of a batch: [B,H,W,C], or [B,V,H,W,C] for several views."""
     camera = batch.get("extrinsics")
     return stack_channels(
         batch["image"],

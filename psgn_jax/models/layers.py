@@ -1,19 +1,21 @@
-"""Layers of the networks: convolution, transposed convolution, dense; and how they start.
+"""Layers of the networks (convolution, transposed convolution, dense) and their initial values.
 
-Every layer keeps float32 parameters named `kernel` and `bias`, in the plain form of
-`models.cpu_convolution`, and computes in its `dtype`: input, kernel and bias are cast to it.
+Every layer has float32 parameters named `kernel` and `bias`, with the axes that
+`models.cpu_convolution` describes. It casts input, kernel and bias to its `dtype` and computes in
+it.
 
-Initial values (**ours**; the paper names none). The networks have no normalisation, so the size of
-the activations must survive some twenty layers by the choice of variances alone (He et al. 2015,
+Initial values (**ours**; the paper gives none). The networks have no normalisation, so the initial
+variances alone must keep the size of the activations over some twenty layers (He et al. 2015,
 "Delving deep into rectifiers", section 2.2):
 
 - `RELU`: variance 2 / fan_in, for a layer followed by a ReLU.
 - `SUMMED`: variance 1 / fan_in, for each of two linear layers whose sum goes through a ReLU (the
-  skip connections): the sum then has the variance of one `RELU` layer.
-- The fan-in of a transposed convolution of stride s is k * k * c_in / s^2: that many products add
-  up in one output, the others fall on the zeros in between.
-- Biases start at zero, those of the output layers at the middle of an object (`cloud_bias`); the
-  points of a deconv branch start on a plane that faces the camera (`grid_offset`).
+  skip connections). The sum then has the variance of one `RELU` layer.
+- The fan-in of a transposed convolution of stride s is k * k * c_in / s^2, because an output is the
+  sum of that many products; the other taps meet inserted zeros.
+- Biases start at zero, except those of the output layers, which start at the middle of an object
+  (`cloud_bias`). The points of a deconv branch start on a plane that faces the camera
+  (`grid_offset`).
 """
 
 from collections.abc import Callable, Sequence
@@ -30,12 +32,12 @@ from psgn_jax.types import Array, Float, PRNGKey
 Initializer = Callable[[PRNGKey, Sequence[int], Any], jax.Array]
 
 DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
-"""Of `model.compute_dtype`."""
+"""The accepted values of `model.compute_dtype`."""
 
 RELU: Initializer = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal")
 SUMMED: Initializer = nn.initializers.variance_scaling(1.0, "fan_in", "truncated_normal")
 
-# Middle of the ground-truth points over 384 samples of the authors' batches (mean -.002, .008,
+# Rounded mean of the ground-truth points in 384 samples of the authors' batches (mean -.002, .008,
 # .324; standard deviations .33, .33, .26), in the project's frame and unit.
 CLOUD_CENTRE = (0.0, 0.0, 0.32)
 CLOUD_SPREAD = 0.3
@@ -49,7 +51,7 @@ class Conv(nn.Module):
       kernel_size: side of the square kernel.
       stride: step in both directions; the output has `ceil(size / stride)` rows and columns.
       kernel_init, bias_init: initial values.
-      dtype: of the arithmetic and the output.
+      dtype: dtype of the arithmetic and the output.
     """
 
     features: int
@@ -78,9 +80,9 @@ class Conv3D(nn.Module):
       features: output channels.
       kernel_size: edge of the cubic kernel.
       stride: step in all directions.
-      use_bias: whether to add one.
+      use_bias: whether to add a bias.
       kernel_init, bias_init: initial values.
-      dtype: of the arithmetic and the output.
+      dtype: dtype of the arithmetic and the output.
     """
 
     features: int
@@ -112,8 +114,8 @@ class ConvTranspose(nn.Module):
       features: output channels.
       kernel_size: side of the square kernel.
       stride: factor of both sizes.
-      kernel_init: initial values; their variance is multiplied by stride^2 (see the module).
-      dtype: of the arithmetic and the output.
+      kernel_init: initial values; their variance is multiplied by stride^2, as the module explains.
+      dtype: dtype of the arithmetic and the output.
     """
 
     features: int
@@ -143,9 +145,9 @@ class Dense(nn.Module):
 
     Attributes:
       features: size of the output.
-      use_bias: whether to add one.
+      use_bias: whether to add a bias.
       kernel_init, bias_init: initial values.
-      dtype: of the arithmetic and the output.
+      dtype: dtype of the arithmetic and the output.
     """
 
     features: int
@@ -167,13 +169,15 @@ class Dense(nn.Module):
 
 
 def cloud_bias(spread: float) -> Initializer:
-    """Bias of an output layer: xyz, xyz, ... around the middle of an object (**ours**).
+    """Initial bias of an output layer: coordinates xyz, xyz, ... near the middle of an object.
+
+    This is **ours**. A dense output layer has one bias per point, so its cloud can start spread
+    over the object. Most points are then soon the nearest to some part of the surface. The bias of
+    a convolution is the same in all cells; there the spread is 0, and `grid_offset` spreads the
+    points.
 
     Args:
-      spread: standard deviation of each coordinate in units. A fully connected output has a bias
-        of its own for each point, so its cloud can start spread over the object, where most points
-        are soon the nearest of some part of the surface; the bias of a convolution is shared by all
-        cells, so it is given no spread; `grid_offset` takes its place.
+      spread: standard deviation of each coordinate in units.
     """
 
     def init(key: PRNGKey, shape: Sequence[int], dtype: Any = jnp.float32) -> jax.Array:
@@ -185,15 +189,16 @@ def cloud_bias(spread: float) -> Initializer:
 
 
 def grid_offset(height: int, width: int, points_per_cell: int) -> np.ndarray:
-    """What the deconv branch adds to its linear output (**ours**): [height, width, 3 * points].
+    """Constant that the deconv branch adds to its linear output: [height, width, 3 * points].
 
-    A constant: the grid laid over the middle of an object like the image that the network sees,
-    y from left to right, z from top to bottom, x = 0; along both as wide as a uniform distribution
-    with the standard deviation of the ground truth, +-.57 and +-.45 units.
+    This is **ours**. The cells form a grid in the plane x = 0, oriented like the image: y runs from
+    left to right, z decreases from top to bottom. The grid covers +-.57 units along y and +-.45
+    along z, the width of uniform distributions with the standard deviations of the ground truth.
 
-    Without it all cells start at one point: they share kernel and bias, and those on the background
-    see the same features. Short trainings then leave most of them in a knot (`authors_small.py`
-    after 600 steps: CD .0150 without, .0135 with).
+    Without the offset all cells start at nearly the same point, because they have the same kernel
+    and bias, and cells on the background see the same features. After a short training most of
+    their points are then still close together (`authors_small.py` after 600 steps: CD .0150
+    without, .0135 with).
     """
     y = np.linspace(-1, 1, width) * np.sqrt(3) * 0.33
     z = np.linspace(1, -1, height) * np.sqrt(3) * 0.26
@@ -203,5 +208,5 @@ def grid_offset(height: int, width: int, points_per_cell: int) -> np.ndarray:
 
 
 def small(spread: float) -> Initializer:
-    """Kernel of a linear output layer: outputs of about `spread` times the size of the input."""
+    """Initial kernel of a linear output layer; outputs are about `spread` times the input."""
     return nn.initializers.variance_scaling(spread**2, "fan_in", "truncated_normal")

@@ -1,4 +1,4 @@
-"""Which points a configuration's PointOutNet predicts: sizes, the grid, the branches."""
+"""The number of points that a PointOutNet predicts, its output grid and its branches."""
 
 from typing import Any, NamedTuple
 
@@ -9,7 +9,10 @@ RANDOM_AT = ("bottleneck", "fc")
 
 
 class OutputGrid(NamedTuple):
-    """The image of points that a deconv branch predicts: 24 rows, 32 columns, 1 by default."""
+    """Size of the point grid of a deconv branch: 24 rows, 32 columns, 1 point per cell by default.
+
+    It is (0, 0, 0) without a deconv branch.
+    """
 
     height: int
     width: int
@@ -24,10 +27,10 @@ class Branches(NamedTuple):
 
 
 def scaled_widths(widths: tuple[int, ...], multiplier: float) -> tuple[int, ...]:
-    """Widths times `multiplier`, to the nearest multiple of 8, at least 8; unchanged if it is 1.
+    """Widths times `multiplier`, rounded to multiples of 8, at least 8; unchanged if it is 1.
 
     Raises:
-      ValueError: for a width or a multiplier that is not positive.
+      ValueError: a width or the multiplier is not positive.
     """
     if multiplier <= 0:
         raise wrong_field("width_multiplier", multiplier, "a positive number")
@@ -42,7 +45,7 @@ def padded_size(image_size: tuple[int, int], num_levels: int) -> tuple[int, int]
     """Image size after padding: the next multiples of `2 ** (num_levels - 1)`.
 
     Raises:
-      ValueError: if a side is under half of that, so that most of the image would be padding.
+      ValueError: a side is smaller than half of that, so that padding would exceed the image.
     """
     divisor = 2 ** (num_levels - 1)
     if min(image_size) < divisor / 2:
@@ -60,7 +63,7 @@ def output_grid(config: ModelConfig) -> OutputGrid:
     """The grid of the deconv branch; (0, 0, 0) for `vanilla`.
 
     Raises:
-      ValueError: for a field out of range.
+      ValueError: a field is out of range.
     """
     levels = len(config.widths)
     if config.name not in VERSIONS:
@@ -81,10 +84,10 @@ def output_grid(config: ModelConfig) -> OutputGrid:
 
 
 def branch_of_point(config: ModelConfig) -> Branches:
-    """Which branch predicts which of the points: fc 0 to 255, deconv 256 to 1,023 by default.
+    """The point indices of each branch: fc 0 to 255, deconv 256 to 1,023 by default.
 
     Raises:
-      ValueError: for a field out of range.
+      ValueError: a field is out of range.
     """
     grid = output_grid(config)
     lowest = 1 if config.name == "vanilla" else 0
@@ -97,15 +100,15 @@ def branch_of_point(config: ModelConfig) -> Branches:
 
 
 def num_points(config: ModelConfig) -> int:
-    """Points of one prediction, 1,024 by default.
+    """Number of points of one prediction, 1,024 by default.
 
     Raises:
-      ValueError: for a field out of range.
+      ValueError: a field is out of range.
     """
     branches = branch_of_point(config)
     return len(branches.fc) + len(branches.deconv)
 
 
 def wrong_field(field: str, value: Any, accepted: str) -> ValueError:
-    """The error of a field of `ModelConfig`."""
+    """The error for a wrong field of `ModelConfig`."""
     return ValueError(f"model.{field}={value!r}: accepted: {accepted}")

@@ -1,55 +1,59 @@
-"""PointOutNet: from one image to a cloud of points, in three versions.
+"""PointOutNet: predicts a point cloud from one image, in three versions.
 
-Source: paper, section 3.2 and its figure "PointOutNet structure"; the layer list
-of the authors' published code (github.com/fanhqme/PointSetGeneration). Sizes below are those of the
-default configuration: 192x256 pixels, widths 16, 32, 64, 128, 256, 512, 512 at levels 0 to 6 (level
-l has 1 / 2^l of the image's size; the last level, 3x4, is the bottleneck). Layers are 3x3
-convolutions with ReLU unless said otherwise.
+Sources: section 3.2 of the paper and its figure "PointOutNet structure"; the layers in the authors'
+published code (github.com/fanhqme/PointSetGeneration). The sizes below are those of the default
+configuration: images of 192x256 pixels and widths 16, 32, 64, 128, 256, 512, 512 at levels 0 to 6.
+Level l has 1 / 2^l of the image size; the last level, 3x4, is the bottleneck. Layers are 3x3
+convolutions with ReLU unless stated otherwise.
 
-- `Encoder`: two convolutions at full size; then per level a strided one, followed by two (three
-  at the last level before the bottleneck, none at the bottleneck).
-- `vanilla`: encoder; flatten, dense 2048, 1024 (ReLU), then 3 numbers for each point (linear).
-- `two_branch`: the same for 256 points, beside a deconv branch: per level, from the bottleneck up
-  to 24x32, a `Merge`; then one more convolution and a linear one to the coordinates of each cell.
+- `Encoder`: two convolutions at full size; then at each level a strided convolution, followed by
+  two more (three at the last level before the bottleneck, none at the bottleneck).
+- `vanilla`: encoder, flatten, dense 2048 and 1024 (ReLU), then 3 numbers per point (linear).
+- `two_branch`: the same for 256 points (fc branch), and in parallel a deconv branch: a `Merge` at
+  each level from the bottleneck up to 24x32, one more convolution, and a linear convolution to the
+  coordinates of the points of each cell.
 - `hourglass`: encode, decode up to 96x128, encode again, decode to 24x32, then as `two_branch`.
-  The dense 2048 of the first bottleneck goes through a linear 2048 and is added to a linear 2048
-  of the second bottleneck before the ReLU.
-- `Merge`: ReLU(resampled + skip), then a convolution. Resampled is a linear 5x5 transposed
-  convolution of stride 2 (up) or a linear strided one (down); skip is a linear 3x3 convolution of
-  the newest features stored at that level. The width is half the encoder's at that level.
+  The dense 2048 of the first bottleneck goes through a linear layer of 2048 and is added to a
+  linear layer of 2048 of the second bottleneck, before the ReLU.
+- `Merge`: ReLU(resampled + skip), then a convolution. "Resampled" is a linear 5x5 transposed
+  convolution of stride 2 (up) or a linear strided convolution (down). "Skip" is a linear 3x3
+  convolution of the latest features of that level. The width is half of the encoder's width at
+  that level.
 
-Output: the fc points first, then the deconv points, row by row; the points of one cell together.
-Both are linear, so that coordinates can be negative.
+Output: first the fc points, then the deconv points row by row, with the points of one cell next to
+each other. Both output layers are linear, so that coordinates can be negative.
 
 Choices that are **ours**, because the sources leave them open or disagree:
 
-- Strided kernels: 3x3, but 5x5 into the bottleneck (`vanilla`, `two_branch`) or at the last three
-  levels (`hourglass`); this is what the authors published for each, given for fewer levels too.
-- Their published two-branch network has a ReLU after the last transposed convolution too; their
-  hourglass has none. Here it is linear everywhere.
-- `vanilla` was never published; it is the two-branch network without its deconv branch, and all of
-  its points are `fc_points` (set it to 1024 for as many as the others predict).
-- With fewer levels the rules above apply counted from the bottleneck. The hourglass goes up to
-  level 1 between its passes, or to level 0 if `deconv_level` is 0.
-- The random input r: a dense layer without bias maps it to the bottleneck's shape, and the result
-  is added before the bottleneck's ReLU, in each pass with a layer of its own; or, with `random_at`
-  "fc", to the first hidden layer of the fc branch, before its ReLU: then the points of the deconv
-  branch are those of the image alone, and all but the fc branch is shared. With several draws of
-  r for each image, what comes before (in `vanilla` and `two_branch` the whole encoder, in
-  `hourglass` that of the first pass) and the skip convolutions that read it are computed once; the
-  rest sees a batch of b * draws, the draws of one image together.
-- `width_multiplier` scales all hidden widths, convolutions and dense, rounded to multiples of 8,
-  at least 8.
-- Padding: an image whose sides are no multiples of 2^(levels - 1) is enlarged to the next ones
-  by repeating its border pixels, half on each side (the odd pixel at the bottom and right). Where
-  the object does not touch the border, this is background in every channel.
-- Initial values, and a constant that spreads the deconv points over the image: see `blocks`.
-- The output layers compute in float32 whatever `compute_dtype` is: a bfloat16 coordinate near 1 has
-  steps of .008.
+- Strided kernels are 3x3, except 5x5 into the bottleneck (`vanilla`, `two_branch`) or at the last
+  three levels (`hourglass`). The authors published these sizes; we count the levels from the
+  bottleneck, so that the rule also applies to fewer levels.
+- The two-branch network of the authors has a ReLU after the last transposed convolution; their
+  hourglass does not. Here that layer is linear in both.
+- `vanilla` was never published. Here it is the two-branch network without the deconv branch. All of
+  its points are `fc_points`; set this to 1024 to predict as many points as the other versions.
+- Between its two passes the hourglass goes up to level 1, or to level 0 if `deconv_level` is 0.
+- The random input r: with `random_at` "bottleneck", a dense layer without bias maps r to the shape
+  of the bottleneck, and the result is added before the ReLU of the bottleneck; each pass has its
+  own dense layer. With `random_at` "fc", r is added to the first hidden layer of the fc branch,
+  before its ReLU; the points of the deconv branch then depend only on the image.
+- Several samples of r per image: the layers before r, and the skip convolutions that read them, are
+  computed once per image. These are the whole encoder (`vanilla`, `two_branch`), the encoder of the
+  first pass (`hourglass`), or everything but the fc branch (`random_at` "fc"). The other layers
+  have a batch of b * draws, in which the samples of one image are next to each other.
+- `width_multiplier` scales all hidden widths, of convolutions and of dense layers. They are rounded
+  to multiples of 8 and are at least 8.
+- Padding: if a side of the image is not a multiple of 2^(levels - 1), it is padded to the next one
+  by repeating border pixels, half on each side (an odd pixel at the bottom or right). If the object
+  does not touch the border, the padding is background in every channel.
+- Initial values, and a constant that spreads the deconv points over the image, are described in
+  `layers`.
+- The output layers compute in float32 for every `compute_dtype`, because bfloat16 numbers near 1
+  have steps of .008.
 
 Parameters, for rules that depend on the type of a layer (such as the authors' L2 terms): kernels of
-convolutions have four axes, those of dense layers two; the hourglass's linear layer after the
-first pass, to which the authors give a weight of its own, is `params["fc"]["carry"]`.
+convolutions have four axes, kernels of dense layers two. The linear layer after the first pass of
+the hourglass, for which the authors use a separate L2 weight, is `params["fc"]["carry"]`.
 """
 
 from typing import Any
@@ -71,12 +75,12 @@ from psgn_jax.types import Array, Float
 
 
 class Encoder(nn.Module):
-    """Image to the features of each level and the bottleneck.
+    """Maps an image to the features of each level and the bottleneck.
 
     Attributes:
-      widths: feature maps per level; the last is the bottleneck's.
-      num_wide: at how many levels, counted from the bottleneck, the strided kernel is 5x5.
-      dtype: of the arithmetic.
+      widths: feature maps per level; the last entry is the bottleneck.
+      num_wide: number of levels, counted from the bottleneck, with a strided 5x5 kernel.
+      dtype: dtype of the arithmetic.
     """
 
     widths: tuple[int, ...]
@@ -107,7 +111,7 @@ class Bottleneck(nn.Module):
 
     @nn.compact
     def __call__(self, x: Array, r: Array | None) -> Array:
-        """Halves the size; `r` is one vector for each sample, or for each draw of each, or None."""
+        """Halves the size; `r` is None or has one row per image and sample, [b * draws, k]."""
         x = Conv(self.width, 5, stride=2, dtype=self.dtype, name="down")(x)
         if r is not None:
             dense = Dense(
@@ -126,9 +130,9 @@ class Merge(nn.Module):
 
     Attributes:
       width: feature maps of the output.
-      down_size: kernel of the strided convolution down to the size of `skip`; 0 = go up instead, by
-        a 5x5 transposed convolution.
-      dtype: of the arithmetic.
+      down_size: kernel size of the strided convolution down to the size of `skip`; 0 = upsample by
+        a 5x5 transposed convolution instead.
+      dtype: dtype of the arithmetic.
     """
 
     width: int
@@ -137,7 +141,7 @@ class Merge(nn.Module):
 
     @nn.compact
     def __call__(self, x: Array, skip: Array) -> Array:
-        """Returns features of the size of `skip`, which may be shared by several draws of x."""
+        """Returns features of the size of `skip`; x may hold several samples per row of `skip`."""
         init, dtype = layers.SUMMED, self.dtype
         if self.down_size:
             x = Conv(
@@ -150,12 +154,12 @@ class Merge(nn.Module):
 
 
 class Decoder(nn.Module):
-    """From the bottleneck up to a level.
+    """Upsamples from the bottleneck to the level `top`.
 
     Attributes:
-      widths: the encoder's, per level; a decoder has half of each.
+      widths: widths of the encoder per level; the decoder has half of each.
       top: level at which to stop.
-      dtype: of the arithmetic.
+      dtype: dtype of the arithmetic.
     """
 
     widths: tuple[int, ...]
@@ -164,7 +168,7 @@ class Decoder(nn.Module):
 
     @nn.compact
     def __call__(self, x: Array, features: list[Array]) -> list[Array]:
-        """Returns `features` with the levels from `top` on replaced by the decoded ones."""
+        """Returns `features` with the levels >= `top` replaced by decoded features."""
         features = list(features)
         for level in reversed(range(self.top, len(features))):
             width = max(1, self.widths[level] // 2)
@@ -174,13 +178,13 @@ class Decoder(nn.Module):
 
 
 class Reencoder(nn.Module):
-    """The hourglass's second way down, from a level to the bottleneck.
+    """The second downsampling pass of the hourglass, from the level `top` to the bottleneck.
 
     Attributes:
-      widths: the encoder's, per level; half of each here, but for the bottleneck.
+      widths: widths of the encoder per level; this pass has half of each, except the bottleneck.
       top: level to start from.
-      num_wide: as in `Encoder`.
-      dtype: of the arithmetic.
+      num_wide: number of levels, counted from the bottleneck, with a strided 5x5 kernel.
+      dtype: dtype of the arithmetic.
     """
 
     widths: tuple[int, ...]
@@ -190,7 +194,7 @@ class Reencoder(nn.Module):
 
     @nn.compact
     def __call__(self, features: list[Array], r: Array | None) -> tuple[list[Array], Array]:
-        """Returns `features` with the levels below `top` replaced, and the bottleneck."""
+        """Returns `features` with the levels > `top` replaced, and the bottleneck."""
         features, last = list(features), len(self.widths) - 1
         x = features[self.top]
         for level in range(self.top + 1, last):
@@ -202,12 +206,12 @@ class Reencoder(nn.Module):
 
 
 class FullyConnected(nn.Module):
-    """The fc branch: bottleneck features to points.
+    """The fc branch: maps bottleneck features to points.
 
     Attributes:
-      num_points: how many.
+      num_points: number of points.
       widths: hidden widths; the first layer takes the bottleneck of each pass.
-      dtype: of the arithmetic in the hidden layers.
+      dtype: dtype of the arithmetic in the hidden layers.
     """
 
     num_points: int
@@ -216,9 +220,9 @@ class FullyConnected(nn.Module):
 
     @nn.compact
     def __call__(self, bottlenecks: list[Array], r: Array | None) -> Array:
-        """Maps the bottleneck of the only pass, or of both, to points [b, num_points, 3].
+        """Maps the bottlenecks of one or two passes to points [b, num_points, 3].
 
-        `r` is None unless it enters here; else b is that of its draws.
+        `r` is None unless `random_at` is "fc". With r, b is the number of rows of r.
         """
         *first, last = [x.reshape(x.shape[0], -1) for x in bottlenecks]
         hidden, dtype = self.widths[0], self.dtype
@@ -245,20 +249,21 @@ class FullyConnected(nn.Module):
 
 
 class PointOutNet(nn.Module):
-    """One image, and a random vector if the network has that input, to a cloud (see the module).
+    """Maps one image, and optionally a random vector r, to a point cloud.
 
-    Usually made by `build`, which checks the fields.
+    The architecture is described in the module. Use `build`, which validates the fields.
 
     Attributes:
       version: "vanilla", "two_branch" or "hourglass".
       image_size: (height, width) of the images in pixels, before padding.
       in_channels: channels of the images.
       widths: feature maps per level, full size first.
-      fc_points, fc_widths: points and hidden widths of the fc branch.
-      deconv_level, deconv_channels: where the deconv branch ends; 3 channels per point of a cell.
-      random_size: components of r; 0 = none.
-      random_at: where r enters, "bottleneck" or "fc".
-      dtype: of the arithmetic in the hidden layers; parameters and points are float32.
+      fc_points, fc_widths: number of points and hidden widths of the fc branch.
+      deconv_level, deconv_channels: last level of the deconv branch, and its output channels (3 per
+        point of a cell).
+      random_size: components of r; 0 = no random input.
+      random_at: where r is added, "bottleneck" or "fc".
+      dtype: dtype of the arithmetic in the hidden layers; parameters and points are float32.
     """
 
     version: str
@@ -280,16 +285,17 @@ class PointOutNet(nn.Module):
         """Predicts the clouds of a batch.
 
         Args:
-          x: from `inputs.stack_channels`.
-          r: standard normal numbers, [b, random_size], or [b, draws, random_size] for several
-            clouds of each image, at the cost of one encoder; None exactly if `random_size` is 0.
+          x: images, as returned by `inputs.stack_channels`.
+          r: standard normal numbers: [b, random_size], or [b, draws, random_size] for several
+            clouds per image, for which the encoder runs once. None if and only if `random_size` is
+            0.
 
         Returns:
           Points in the project's frame, unit = radius of the bounding hemisphere; float32;
           [b, n, 3], or [b, draws, n, 3].
 
         Raises:
-          ValueError: for an argument whose shape the network was not built for.
+          ValueError: the shape of an argument does not match the network.
         """
         self._check_shapes(x, r)
         batch_shape = x.shape[:1] if r is None else r.shape[:-1]
@@ -322,7 +328,7 @@ class PointOutNet(nn.Module):
             height, width, channels = points.shape[1:]
             points = points + layers.grid_offset(height, width, channels // 3)[None]
             points = points.reshape(points.shape[0], -1, 3)
-            if late is not None:  # the same points in every draw
+            if late is not None:  # these points do not depend on r
                 points = jnp.repeat(points, len(late) // len(points), axis=0)
             clouds.append(points)
         cloud = jnp.concatenate(clouds, axis=1)
@@ -349,10 +355,10 @@ class PointOutNet(nn.Module):
 
 
 def build(config: ModelConfig) -> PointOutNet:
-    """The network of a configuration; nothing is computed yet.
+    """Builds the network of a configuration, without parameters.
 
     Raises:
-      ValueError: for a field out of range or an image size that does not fit, see `padded_size`.
+      ValueError: a field is out of range, or the image is too small (see `padded_size`).
     """
     num_points(config)
     if config.compute_dtype not in DTYPES:
@@ -366,7 +372,7 @@ def build(config: ModelConfig) -> PointOutNet:
     if config.random_at not in RANDOM_AT:
         raise wrong_field("random_at", config.random_at, f"one of {RANDOM_AT}")
     if config.random_size and config.random_at == "fc" and not config.fc_points:
-        raise wrong_field("random_at", "fc", "'bottleneck', as fc_points=0 leaves no fc branch")
+        raise wrong_field("random_at", "fc", "'bottleneck', because fc_points=0 has no fc branch")
     return PointOutNet(
         version=config.name,
         image_size=config.image_size,
@@ -383,7 +389,7 @@ def build(config: ModelConfig) -> PointOutNet:
 
 
 def _pad(x: Array, size: tuple[int, int]) -> Array:
-    """Repeats the border pixels until the image has the size, the odd pixel bottom and right."""
+    """Pads images to `size` with their border pixels; an odd pixel is added at bottom or right."""
     extra = [target - side for target, side in zip(size, x.shape[1:3], strict=True)]
     if not any(extra):
         return x
@@ -391,7 +397,7 @@ def _pad(x: Array, size: tuple[int, int]) -> Array:
     return jnp.pad(x, [(0, 0), *amounts, (0, 0)], mode="edge")
 
 
-def _add(x: Array, shared: Array) -> Array:
-    """Sum; x may hold several draws of each sample of `shared`, one after another."""
-    grouped = x.reshape(len(shared), -1, *shared.shape[1:])
-    return (grouped + shared[:, None]).reshape(x.shape)
+def _add(x: Array, per_image: Array) -> Array:
+    """`x + per_image`; x may hold several rows per row of `per_image`, next to each other."""
+    grouped = x.reshape(len(per_image), -1, *per_image.shape[1:])
+    return (grouped + per_image[:, None]).reshape(x.shape)

@@ -1,26 +1,28 @@
-"""The posterior of a conditional variational autoencoder: a network from true shape to z.
+"""The posterior network of a conditional variational autoencoder: from the true shape to z.
 
 Source: paper, section "Generation of Multiple Plausible Shapes" and its figure on the conditional
 variational autoencoder (after Doersch, "Tutorial on Variational Autoencoders", 2016, section 3).
-While training, a 3D convolutional network Q reads the volume Y of the true shape and gives a normal
-distribution of z; the generator turns the image and a draw of z into a cloud; minimised is
+During training, a 3D convolutional network Q maps the volume Y of the true shape to a normal
+distribution of z, and the generator G maps the image I and a sample of z to a cloud. The objective,
+with the ground truth S, is
 
     E over z ~ Q(z | Y) of d(G(I, z), S)  +  weight * KL(Q(z | Y) || N(0, I)).
 
-When only an image is at hand, z is drawn from N(0, I). z takes the place of the random input r: the
-generator is the one of `point_out_net`, entry point included.
+At test time z is sampled from N(0, I). The generator is the network of `point_out_net`; z is passed
+to it as its random input r.
 
-The code of the paper's version was never published and its text names no sizes. **Ours**, with
-VoxNet (Maturana and Scherer, IROS 2015) as the paper's pointer:
+The authors did not publish code for this version, and the paper gives no sizes. It refers to VoxNet
+(Maturana and Scherer, IROS 2015). The following is **ours**:
 
-- VoxNet's is 5^3 convolution of stride 2, 3^3 convolution, pooling, dense 128. Here convolutions of
-  stride 2 (5^3, then 3^3) take the place of pooling, as in the paper's image network, each with
-  ReLU; then dense 128 with ReLU, and a linear layer to mean and log-variance.
-- The volume is made of the sample's ground-truth points while training (`occupied`), not read from
-  the records' solid occupancy: so it follows every change of the sample (mirrored, stretched) and
-  needs no field that some data sets (the authors' batches) lack.
-  It is VoxNet's "hit grid" of the surface: the network sees the cells through which it passes.
-- The last layer starts small, so that Q starts near N(0, I) and the divergence near zero.
+- VoxNet has a 5^3 convolution of stride 2, a 3^3 convolution, pooling and a dense layer of 128.
+  Here convolutions of stride 2 (5^3, then 3^3), each with ReLU, replace the pooling, as in the
+  image network of the paper. A dense layer of 128 with ReLU and a linear layer to mean and
+  log-variance follow.
+- The volume is computed from the ground-truth points of the sample (`occupied`), not from the solid
+  occupancy in the records. It therefore includes the augmentation of the sample (flip, stretch),
+  and it also works for data sets without occupancy, such as the authors' batches. It is VoxNet's
+  "hit grid": the cells that contain points of the surface.
+- The last layer has small initial values, so that Q starts near N(0, I) and the divergence near 0.
 """
 
 from typing import NamedTuple
@@ -36,27 +38,27 @@ from psgn_jax.models.layers import Conv3D, Dense
 from psgn_jax.types import Array, Float
 
 NAME = "posterior"
-"""Where the parameters are, beside those of the generator."""
+"""Key of the posterior's parameters next to those of the generator."""
 
 GRID = (OCCUPANCY_SIZE,) * 3
-"""Cells of the volume along x, y, z; it covers [-1, 1] x [-1, 1] x [0, 2] as `data.schema` says."""
+"""Cells of the volume along x, y, z. It covers [-1, 1] x [-1, 1] x [0, 2], see `data.schema`."""
 
 ACTIVE = 0.01
-"""A dimension of z whose divergence exceeds this (nats, mean over samples) counts as in use."""
+"""A dimension of z is active if its divergence (nats, mean over samples) exceeds this."""
 
 _LOW = (-1.0, -1.0, 0.0)
 _CELL = 2 / OCCUPANCY_SIZE
 
 
 class Gaussian(NamedTuple):
-    """Independent normal distributions: means and logarithms of the variances."""
+    """Independent normal distributions, given by means and logarithms of the variances."""
 
     mean: Float[Array, "b k"]
     log_variance: Float[Array, "b k"]
 
 
 class Posterior(nn.Module):
-    """Volumes to the distributions of z (see the module).
+    """Maps volumes to distributions of z; the module describes the layers.
 
     Attributes:
       widths: feature maps of the convolutions.
@@ -70,7 +72,7 @@ class Posterior(nn.Module):
 
     @nn.compact
     def __call__(self, volume: Float[Array, "b x y z"]) -> Gaussian:
-        """Reads a batch of volumes (`occupied`), float32 throughout."""
+        """Maps a batch of volumes from `occupied`; all arithmetic is float32."""
         x = volume[..., None]
         for i, width in enumerate(self.widths):
             x = nn.relu(Conv3D(width, 3 if i else 5, stride=2, name=f"conv{i}")(x))
@@ -81,7 +83,7 @@ class Posterior(nn.Module):
 
 
 def build(config: ModelConfig) -> Posterior:
-    """The network of a configuration that has `posterior`."""
+    """Builds the network of a configuration with `posterior`."""
     return Posterior(
         widths=tuple(config.posterior_widths),
         hidden=config.posterior_hidden,
@@ -90,10 +92,10 @@ def build(config: ModelConfig) -> Posterior:
 
 
 def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:
-    """1 in the cells of the `GRID` that hold a point, 0 in the others; no gradient.
+    """1 in the cells of `GRID` that contain a point, 0 in the others; it has no gradient.
 
-    Points outside (a stretched sample may be wider than the grid) count for the nearest cell.
-    Setting ones, unlike adding, gives the same bits in any order of the points.
+    Points outside the grid count for the nearest cell (a stretched sample may be wider than the
+    grid). The result does not depend on the order of the points.
     """
     place = (points - jnp.asarray(_LOW, points.dtype)[None, :]) / _CELL
     cell = jnp.clip(jnp.floor(place), 0, OCCUPANCY_SIZE - 1).astype(jnp.int32)
@@ -102,7 +104,7 @@ def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:
 
 
 def reparameterise(q: Gaussian, noise: Float[Array, "b k"]) -> Float[Array, "b k"]:
-    """A draw, mean + standard deviation * noise, of Q for noise ~ N(0, I).
+    """A sample of Q: mean + standard deviation * noise, for noise ~ N(0, I).
 
     Source: Kingma and Welling, "Auto-Encoding Variational Bayes", ICLR 2014, section 2.4.
     """
@@ -112,7 +114,7 @@ def reparameterise(q: Gaussian, noise: Float[Array, "b k"]) -> Float[Array, "b k
 def kl_of_dims(q: Gaussian) -> Float[Array, "b k"]:
     """KL(Q || N(0, I)) of each dimension, in nats: (mean^2 + variance - 1 - log variance) / 2.
 
-    Source: Kingma and Welling 2014, appendix B. Variance - 1 is computed by `expm1`: near the prior
-    the difference would be all rounding.
+    Source: Kingma and Welling 2014, appendix B. "variance - 1" is computed by `expm1` from the
+    log-variance, which avoids cancellation near the prior.
     """
     return 0.5 * (jnp.square(q.mean) + jnp.expm1(q.log_variance) - q.log_variance)

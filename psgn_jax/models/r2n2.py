@@ -1,29 +1,31 @@
-"""3D-R2N2: from one or more images to a volume, the network that the paper compares with.
+"""3D-R2N2, the baseline of the paper: predicts an occupancy grid from one or more images.
 
 Source: Choy et al., "3D-R2N2: A Unified Approach for Single and Multi-view 3D Object
-Reconstruction", ECCV 2016, and its published code (github.com/chrischoy/3D-R2N2,
-`models/res_gru_net.py`), from which the sizes are:
+Reconstruction", ECCV 2016. The sizes are those of its published code
+(github.com/chrischoy/3D-R2N2, `models/res_gru_net.py`):
 
-- `ImageEncoder`, for each view: six levels of 96, 128, 256, 256, 256, 256 feature maps, each two
-  3x3 convolutions (7x7 for the very first one) and a 2x2 max pooling that pads by one pixel:
-  127 pixels become 64, 33, 17, 9, 5, 3; then a dense layer of 1024. Levels 2, 3 and 5 add a 1x1
-  convolution of their input, level 6 its input, levels 1 and 4 nothing.
-- `VolumeCell`: a grid of 4^3 cells with 128 numbers each. A cell sees its 3^3 neighbours through a
-  convolution, and the view through a dense layer without bias that has weights of its own for each
-  cell. GRU: `h = u h + (1 - u) tanh(W x + U (r h) + b)`. LSTM (paper, section 3.2, no output gate):
-  `s = f s + i tanh(W x + U h + b)`, `h = tanh(s)`.
-- `VolumeDecoder`: three times each number is put in the corner of 2^3 cells, the others 0
-  ("unpooling"), followed by two 3x3x3 convolutions of 128, 128, 64 feature maps, to whose result
-  the unpooled volume is added (at 64 through a 1x1x1 convolution); at 32^3 two more of 32, and a
-  third, that reads the first one's output, is added to the second's; at last one to 2 numbers per
-  cell. In all 35,968,706 parameters for images of 127 or 128 pixels.
+- `ImageEncoder`, applied to each view: six levels with 96, 128, 256, 256, 256, 256 feature maps.
+  Each level has two 3x3 convolutions (the very first one is 7x7) and a 2x2 max pooling with a
+  padding of one pixel: 127 pixels become 64, 33, 17, 9, 5, 3. A dense layer of 1024 follows.
+  Shortcuts: levels 2, 3 and 5 add a 1x1 convolution of their input, level 6 adds its input, levels
+  1 and 4 have none.
+- `VolumeCell`: the recurrent unit, a grid of 4^3 cells with 128 numbers each. A 3x3x3 convolution
+  connects neighbouring cells. A dense layer without bias, with separate weights for each cell,
+  reads the view. GRU: `h = u h + (1 - u) tanh(W x + U (r h) + b)`. LSTM (section 3.2 of their
+  paper, without an output gate): `s = f s + i tanh(W x + U h + b)`, `h = tanh(s)`.
+- `VolumeDecoder`: three levels with 128, 128 and 64 feature maps. Each level doubles the size by
+  unpooling (each number goes to one corner of 2^3 cells, the others are 0), applies two 3x3x3
+  convolutions and adds the unpooled volume (at 64 feature maps through a 1x1x1 convolution). At
+  32^3 two convolutions with 32 feature maps follow; a third one reads the output of the first and
+  is added to the output of the second. A last convolution has 2 outputs per cell.
 
-Leaky ReLU (.01) after every convolution of the encoder and decoder, but not after those that are
-added as shortcuts, nor the last. The loss is the mean over the cells of the softmax cross-entropy.
+The network has 35,968,706 parameters for images of 127 or 128 pixels. A leaky ReLU (.01) follows
+every convolution of the encoder and decoder, except shortcuts and the last convolution. The loss is
+the softmax cross-entropy, averaged over the cells.
 
-**Ours**: initial values by He with the mean of fan-in and fan-out, as in their code, for the dense
-layers of the cell too (theirs start larger); the axes of the grid are those of the ground truth
-that it is trained on, [x, y, z] of the schema.
+**Ours**: He initialisation with the mean of fan-in and fan-out, which their code uses elsewhere,
+also for the dense layers of `VolumeCell` (theirs start larger). The axes of the grid are those of
+the ground truth, [x, y, z] of `data.schema`.
 """
 
 from typing import Any, NamedTuple
@@ -44,7 +46,7 @@ DECODER_WIDTHS = (128, 128, 64, 32)
 HIDDEN_SIZE = 4
 IMAGE_SIDE = 127
 THRESHOLD = 0.4
-"""The occupancy at which their evaluation calls a cell full."""
+"""Probability from which the evaluation of Choy et al. counts a cell as occupied."""
 
 _LEAK = 0.01
 _KERNEL = nn.initializers.variance_scaling(2.0, "fan_avg", "normal")
@@ -56,14 +58,14 @@ def _leaky(x: Array) -> Array:
 
 
 class State(NamedTuple):
-    """What a cell remembers of the views before: `hidden`, and the LSTM's `memory`."""
+    """State of the recurrent unit: `hidden`, and `memory` (only used by the LSTM)."""
 
     hidden: Float[Array, "b 4 4 4 c"]
     memory: Float[Array, "b 4 4 4 c"]
 
 
 class ImageEncoder(nn.Module):
-    """An image to a vector; see the module."""
+    """Maps an image to a vector; the module describes the layers."""
 
     widths: tuple[int, ...]
     dense: int
@@ -93,7 +95,7 @@ class ImageEncoder(nn.Module):
 
 
 class _Gate(nn.Module):
-    """`W x + U * h + b`: dense for each cell, convolution over cells."""
+    """`W x + U * h + b`, with a dense layer W per cell and a convolution U over the cells."""
 
     dtype: Any
 
@@ -108,11 +110,11 @@ class _Gate(nn.Module):
 
 
 class VolumeCell(nn.Module):
-    """The recurrent part; see the module.
+    """The recurrent unit; the module describes it.
 
     Attributes:
       kind: "gru" or "lstm".
-      dtype: of the arithmetic.
+      dtype: dtype of the arithmetic.
     """
 
     kind: str
@@ -120,7 +122,7 @@ class VolumeCell(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "b n"], state: State) -> State:
-        """The state after one more view."""
+        """Returns the state after one more view."""
         hidden, memory = state
         if self.kind == "gru":
             update = nn.sigmoid(_Gate(self.dtype, name="update")(x, hidden))
@@ -135,7 +137,7 @@ class VolumeCell(nn.Module):
 
 
 class VolumeDecoder(nn.Module):
-    """A grid of 4^3 to one of 32^3 with two numbers a cell; see the module."""
+    """Maps a grid of 4^3 to one of 32^3 with two numbers per cell; the module describes it."""
 
     widths: tuple[int, ...]
     dtype: Any
@@ -164,12 +166,12 @@ class VolumeDecoder(nn.Module):
 
 
 class RecurrentVolume(nn.Module):
-    """Views of an object to the logits of its 32^3 cells.
+    """Maps views of an object to the logits of its 32^3 cells.
 
     Attributes:
       cell: "gru" or "lstm".
-      conv_widths, dense_width, hidden_width, decoder_widths: sizes, see the module.
-      dtype: of the arithmetic; the last layer computes in float32.
+      conv_widths, dense_width, hidden_width, decoder_widths: sizes, described in the module.
+      dtype: dtype of the arithmetic; the last layer computes in float32.
     """
 
     cell: str = "gru"
@@ -181,14 +183,15 @@ class RecurrentVolume(nn.Module):
 
     @nn.compact
     def __call__(self, views: Float[Array, "b v h w c"]) -> Float[Array, "b x y z 2"]:
-        """Logits (empty, occupied) after the last view; their order matters little, if trained so.
+        """Returns the logits (empty, occupied) after the last view.
 
         Args:
-          views: v >= 1 images of each object, such as RGB in [0, 1] of 127x127 pixels. Trained on
-            any number of views, it takes any number.
+          views: v >= 1 images of each object, such as RGB in [0, 1] of 127x127 pixels. The
+            parameters do not depend on v. If the network is trained with views in random order,
+            their order has little influence.
 
         Raises:
-          ValueError: no view.
+          ValueError: v is 0.
         """
         batch, count = views.shape[:2]
         if count < 1:
@@ -207,10 +210,10 @@ class RecurrentVolume(nn.Module):
 def build(
     cell: str = "gru", width_multiplier: float = 1.0, dtype: Any = jnp.float32
 ) -> RecurrentVolume:
-    """The network of the published sizes, or with all widths times a factor.
+    """Builds the network with the published widths times `width_multiplier`.
 
     Raises:
-      ValueError: for an unknown cell or a factor that is not positive.
+      ValueError: the cell is unknown or the multiplier is not positive.
     """
     if cell not in CELLS:
         raise ValueError(f"cell={cell!r}: accepted: one of {CELLS}")
@@ -226,7 +229,7 @@ def build(
 
 
 def unpool(x: Float[Array, "b n n n c"]) -> Float[Array, "b m m m c"]:
-    """Twice the size along each axis: each number in the lowest corner of 2^3 cells, else 0."""
+    """Doubles each axis: each number goes to the lowest corner of 2^3 cells, the others are 0."""
     twice = [(0, 1, 1)] * 3
     return jax.lax.pad(x, jnp.zeros((), x.dtype), [(0, 0, 0), *twice, (0, 0, 0)])
 
@@ -234,13 +237,13 @@ def unpool(x: Float[Array, "b n n n c"]) -> Float[Array, "b m m m c"]:
 def voxel_cross_entropy(
     logits: Float[Array, "x y z 2"], gt: Bool[Array, "x y z"]
 ) -> Float[Array, ""]:
-    """Mean over the cells of -log softmax(logits)[gt]; natural logarithm."""
+    """Mean over the cells of -log softmax(logits)[gt], with the natural logarithm."""
     gt = jnp.asarray(gt)
-    # -log of the probability of one of two classes is softplus of the other's lead.
+    # For two classes, -log(probability) is the softplus of the other logit minus this one.
     lead = logits[..., 1] - logits[..., 0]
     return nn.softplus(jnp.where(gt, -lead, lead)).mean()
 
 
 def occupancy(logits: Float[Array, "*cells 2"]) -> Float[Array, "*cells"]:
-    """Probability that a cell is occupied: the second of the softmax."""
+    """Probability that a cell is occupied: the second component of the softmax."""
     return nn.sigmoid(logits[..., 1] - logits[..., 0])

@@ -1,17 +1,20 @@
-"""From a cloud to a volume: splat, then a small 3D network; and a network of the object's volume.
+"""Turns clouds into occupancy grids with a small 3D network, and predicts the volume of an object.
 
-Source: paper, implementation details, "Post processing": the cloud is "registered into the
-32x32x32 grid with bilinear interpolation", as if the points were 1x1x1 cubes (`splat`); "6 layers
-of 3x3x3 convolutions" look at local neighbourhoods, "trained by IoU" (`VoxelRefiner` with
-`losses.soft_iou_loss`); "another network to predict the object's volume", whose answer "is
-concatenated with the registered occupancy" (`VolumeNet`); the best result of the paper feeds the
-predictions of a network trained by CD and of one trained by EMD together: one channel for each.
+Source: paper, implementation details, "Post processing":
 
-**Ours**, where the paper is silent: the sum of the intersections is clipped to [0, 1]; widths of
-the hidden layers, ReLU, a sigmoid at the end; the volume enters as its logarithm, the same number
-in every cell.
+- `splat`: the cloud is "registered into the 32x32x32 grid with bilinear interpolation", as if the
+  points were 1x1x1 cubes.
+- `VoxelRefiner`: "6 layers of 3x3x3 convolutions" over local neighbourhoods, "trained by IoU"
+  (`losses.soft_iou_loss`). The best result of the paper uses two input channels: the cloud of a
+  network trained by CD and the cloud of a network trained by EMD.
+- `VolumeNet`: "another network to predict the object's volume", whose output "is concatenated with
+  the registered occupancy".
 
-Frame: the schema's grid, indexed [x, y, z], over [-1, 1] x [-1, 1] x [0, 2].
+**Ours**, because the paper does not say: the sum of the intersections is clipped to [0, 1]; the
+widths of the hidden layers, ReLU, and a sigmoid at the end; the volume is given to the refiner as
+its logarithm, as a channel with the same number in every cell.
+
+Frame: the grid of `data.schema`, indexed [x, y, z], over [-1, 1] x [-1, 1] x [0, 2].
 """
 
 from collections.abc import Sequence
@@ -29,26 +32,28 @@ from psgn_jax.types import Array, Bool, Float
 GRID_ORIGIN = (-1.0, -1.0, 0.0)
 GRID_EDGE = 2.0
 
-# A first answer of about a tenth of the hemisphere's bounding box; any start would do.
+# Initial bias of `VolumeNet`: .37 unit^3, about a tenth of the bounding box of the hemisphere. The
+# exact value does not matter.
 _LOG_VOLUME = -1.0
-# Few cells are occupied: a first answer of 5 % everywhere.
+# Initial bias of `VoxelRefiner`: a probability of 5 % everywhere, because few cells are occupied.
 _FIRST_LOGIT = -3.0
 
 
 def splat(
     points: Float[Array, "n 3"], size: int = OCCUPANCY_SIZE
 ) -> Float[Array, "size size size"]:
-    """Volume of the intersection of each cell with the points' unit cubes, clipped to [0, 1].
+    """Volume of the intersection of each cell with cubes around the points, clipped to [0, 1].
 
     grid[c] = min(1, sum_i prod_axis max(0, 1 - |u_i - (c + 1/2)|)),   u = (p - origin) size / 2
 
-    A point at the centre of a cell fills it; elsewhere its cube, as large as a cell, is shared out
-    among up to eight. What lies outside the grid is lost. Differentiable in the points, with
-    gradient 0 from cells that are full. A coordinate that is not finite makes everything NaN.
+    Each cube is as large as a cell. A point at the centre of a cell fills that cell; otherwise its
+    cube intersects up to eight cells. Parts of cubes outside the grid are ignored. The function is
+    differentiable in the points; cells that are clipped to 1 have gradient 0. One non-finite
+    coordinate makes the whole grid NaN.
 
     Args:
       points: [n, 3] in the project's frame.
-      size: cells along an edge of the grid (static).
+      size: number of cells along an edge of the grid (static).
     """
     points = jnp.asarray(points)
     u = (points - jnp.asarray(GRID_ORIGIN, points.dtype)[None]) * (size / GRID_EDGE) - 0.5
@@ -60,7 +65,7 @@ def splat(
         step = [corner >> axis & 1 for axis in range(3)]
         cell = first + jnp.asarray(step)[None]
         weight = jnp.where(jnp.asarray(step)[None] == 1, share, 1 - share).prod(axis=1)
-        # Negative indices would count from the end: everything outside goes beyond it.
+        # Negative indices would count from the end; map them beyond it, where they are dropped.
         cell = jnp.where(cell < 0, size, cell)
         grid = grid.at[cell[:, 0], cell[:, 1], cell[:, 2]].add(weight, mode="drop")
     grid = jnp.minimum(grid, 1)
@@ -68,28 +73,28 @@ def splat(
 
 
 def splat_clouds(clouds: Sequence[Float[Array, "_ 3"]]) -> Float[Array, "s s s c"]:
-    """`splat` of each cloud, in channels: the input of `VoxelRefiner` for one sample."""
+    """`splat` of each cloud, stacked along channels: the input of `VoxelRefiner` for one sample."""
     return jnp.stack([splat(cloud) for cloud in clouds], axis=-1)
 
 
 def log_volume(occupancy: Bool[Array, "s s s"]) -> Float[Array, ""]:
-    """Natural logarithm of the occupied volume in unit^3; that of one cell where it is empty."""
+    """Natural logarithm of the occupied volume in unit^3; an empty grid counts as one cell."""
     occupancy = jnp.asarray(occupancy)
     cell = (GRID_EDGE / occupancy.shape[0]) ** 3
     return jnp.log(jnp.maximum(occupancy.sum(), 1) * cell)
 
 
 class VoxelRefiner(nn.Module):
-    """Splats (and a volume) to the probability that each cell is occupied.
+    """Maps splats, and optionally a volume, to the probability that each cell is occupied.
 
-    Six 3x3x3 convolutions, ReLU between them, a sigmoid at the end: each answer sees 13 cells
-    along each axis. Works at any grid size.
+    Six 3x3x3 convolutions with ReLU between them and a sigmoid at the end. The receptive field is
+    13 cells along each axis. It works for any grid size.
 
     Attributes:
-      num_clouds: channels of the input; 1, or 2 for CD-trained and EMD-trained clouds.
-      with_volume: whether it is given log-volumes too.
-      widths: of the five hidden layers.
-      dtype: of the arithmetic; the last layer computes in float32.
+      num_clouds: channels of the input: 1, or 2 for a CD-trained and an EMD-trained cloud.
+      with_volume: whether log-volumes are an input too.
+      widths: widths of the five hidden layers.
+      dtype: dtype of the arithmetic; the last layer computes in float32.
     """
 
     num_clouds: int = 1
@@ -106,11 +111,13 @@ class VoxelRefiner(nn.Module):
         """Probabilities in [0, 1].
 
         Args:
-          splats: of `splat_clouds`.
-          log_volumes: of the objects, predicted or true, if `with_volume`.
+          splats: the result of `splat_clouds` for each sample.
+          log_volumes: log-volumes of the objects, predicted or true; given if and only if
+            `with_volume`.
 
         Raises:
-          ValueError: for other than `num_clouds` channels, or log-volumes missing or not wanted.
+          ValueError: the number of channels is not `num_clouds`, or `log_volumes` does not match
+            `with_volume`.
         """
         if splats.shape[-1] != self.num_clouds:
             raise ValueError(
@@ -137,15 +144,15 @@ class VoxelRefiner(nn.Module):
 
 
 class VolumeNet(nn.Module):
-    """Image to the logarithm of the object's volume in unit^3.
+    """Maps an image to the logarithm of the object's volume in unit^3.
 
-    The encoder of `PointOutNet`, a dense layer with ReLU, a number. Train it on the squared error
-    to `log_volume` (**ours**).
+    The network is the encoder of `PointOutNet`, a dense layer with ReLU and a linear layer with one
+    output. It is trained on the squared error to `log_volume` (**ours**).
 
     Attributes:
       widths: feature maps per level, see `point_out_net.Encoder`.
       hidden: width of the dense layer.
-      dtype: of the arithmetic; the last layer computes in float32.
+      dtype: dtype of the arithmetic; the last layer computes in float32.
     """
 
     widths: tuple[int, ...]
@@ -154,7 +161,7 @@ class VolumeNet(nn.Module):
 
     @nn.compact
     def __call__(self, images: Float[Array, "b h w c"]) -> Float[Array, " b"]:
-        """Log-volumes of a batch of images, of sides that are multiples of 2^(levels - 1)."""
+        """Predicts log-volumes of images whose sides are multiples of 2^(levels - 1)."""
         encoder = point_out_net.Encoder(self.widths, 1, self.dtype, name="encoder")
         _, x = encoder(images.astype(self.dtype), None)
         x = x.reshape(x.shape[0], -1)
@@ -169,7 +176,7 @@ class VolumeNet(nn.Module):
 
 
 def build_volume_net(config: ModelConfig) -> VolumeNet:
-    """The volume network with the encoder widths of a configuration."""
+    """Builds the volume network with the encoder widths of a configuration."""
     widths = point_layout.scaled_widths(config.widths, config.width_multiplier)
     hidden = point_layout.scaled_widths((512,), config.width_multiplier)[0]
     return VolumeNet(widths, hidden, layers.DTYPES[config.compute_dtype])

@@ -1,7 +1,8 @@
-"""Several predictions of one image: draws of the random input at evaluation.
+"""Several predictions for one image, by sampling the random input.
 
-For a network trained with Min-of-N r is drawn as in training, for a variational autoencoder z from
-its prior: N(0, I) for both (paper, section "Predicting Multiple Plausible Shapes").
+For a network trained with Min-of-N, r is sampled as in training; for a variational autoencoder, z
+is sampled from its prior. Both distributions are N(0, I) (paper, section "Predicting Multiple
+Plausible Shapes").
 """
 
 import functools
@@ -22,12 +23,12 @@ from psgn_jax.types import Array, Float
 
 
 class PredictedSamples(NamedTuple):
-    """K predictions of each image of a batch. Output point i is the same one in all draws.
+    """K predictions for each image of a batch; points with the same index correspond.
 
     Attributes:
       points: in the project's frame, unit = radius of the bounding hemisphere.
-      spread: standard deviation over draws of each point along x, y, z (unit).
-      mutual: squared Chamfer distance of every two draws, both directions' means added (unit^2).
+      spread: standard deviation over the K predictions of each point along x, y, z (unit).
+      mutual: `chamfer_sq_mean` between all pairs of predictions of an image (unit^2).
     """
 
     points: Float[Array, "b k n 3"]
@@ -39,10 +40,11 @@ class PredictedSamples(NamedTuple):
 def sample_latents(
     config: Config, first: Array | int, batch_size: int, num_draws: int, seed: Array | int
 ) -> Float[Array, "b k size"]:
-    """Random inputs of the samples numbered `first`, `first` + 1, ...
+    """Random inputs of the samples `first`, `first` + 1, ...
 
-    Each depends on (seed, number of the sample, number of the draw) alone: not on the batch it is
-    in, and more draws begin with the same ones. All predictions outside training draw here.
+    Each random input depends only on the seed, the number of the sample and the number of the draw.
+    It does not depend on the batch or on `num_draws`. All predictions outside training use this
+    function.
     """
     key = random_key(0, seed, train=False)
 
@@ -66,8 +68,8 @@ def compile_predict_samples(
     """
     if not config.model.random_size:
         raise ConfigError(
-            "model.random_size=0: this network gives one prediction for an image; several draws "
-            "want one trained with a random input, such as configs/mo2_cd.py"
+            "model.random_size=0: this network gives one prediction per image; accepted: a network "
+            "trained with a random input, such as configs/mo2_cd.py"
         )
     if num_draws < 1:
         raise ValueError(f"num_draws: got {num_draws}, expected 1 or more")
@@ -98,17 +100,17 @@ def predict_samples(
     *,
     first: int = 0,
 ) -> PredictedSamples:
-    """Several predictions for each image of a batch, at the cost of one encoder.
+    """Several predictions for each image of a batch; the encoder runs once per image.
 
     Args:
-      config: the run's configuration.
-      model: from `point_out_net.build`.
+      config: configuration of the run.
+      model: the network, from `point_out_net.build`.
       params: parameters of the network.
-      batch: image uint8 [B,H,W,3], mask bool [B,H,W], and depth if it is among the inputs.
-      num_draws: K.
-      seed: of the draws.
-      first: number of the first sample; give the samples before this batch so that no two batches
-        share their draws.
+      batch: image uint8 [B,H,W,3], mask bool [B,H,W], and depth if it is an input.
+      num_draws: K, the number of predictions per image.
+      seed: seed of the random inputs.
+      first: number of the first sample of the batch. Pass the number of samples before this batch;
+        otherwise all batches have the same random inputs.
 
     Raises:
       ConfigError: the network has no random input.

@@ -1,4 +1,4 @@
-"""What a run trains and measures: a task, see `tasks.base.Task`, by its name in `Config.task`."""
+"""Tasks: what a run trains and measures. `Config.task` names one; the type is `tasks.base.Task`."""
 
 import pathlib
 from collections.abc import Callable
@@ -16,9 +16,12 @@ TASKS: dict[str, Callable[[Config, pathlib.Path], Task]] = {
     "volume": Volume,
     "views": Views,
 }
-"""Makers of (configuration, folder of the run)."""
+"""Constructors of the tasks, called with (configuration, folder of the run)."""
 
 
 def create(config: Config, workdir: str | pathlib.Path) -> Task:
-    """The task of a configuration; raises `ConfigError` if another run that it reads is missing."""
+    """Creates the task of a configuration; raises `ConfigError` if a run that it reads is missing.
+
+    A task reads other runs if `voxels.from_cd`, `from_emd` or `from_volume` names them.
+    """
     return TASKS[config.task](config, pathlib.Path(workdir))

@@ -1,7 +1,7 @@
-"""The interface of a task: what a run trains and measures. `tasks.create` makes the one named.
+"""The interface of a task: what a run trains and measures. `tasks.create` creates a task.
 
-`training.loop.train` and `tasks.runs.evaluate_run` know a task by the methods below alone: what
-of a batch goes to the device, how parameters begin, what is minimised, what is measured.
+`training.loop.train` and `tasks.runs.evaluate_run` only use the methods below. A task defines which
+arrays of a batch go to the device, the initial parameters, the objective and the metrics.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,29 +18,29 @@ from psgn_jax.types import Array
 
 
 class Task(Protocol):
-    """One run's task, made of its configuration and its folder.
+    """The task of one run, created from its configuration and its folder.
 
     Attributes:
-      title: of the network, for the log.
-      keys: of a training batch that the device needs.
+      title: name of the network, for the log.
+      keys: keys of the arrays of a training batch that the device needs.
     """
 
     title: str
     keys: tuple[str, ...]
 
     def check(self) -> None:
-        """Raises `ConfigError` if the configuration cannot be trained; before anything is."""
+        """Raises `ConfigError` if the configuration cannot be trained; called before training."""
 
     def keep_sources(self) -> None:
-        """Copies into the run's folder what other runs it reads, so that it stands alone."""
+        """Copies the runs that this run reads into its folder, so that they may be deleted."""
 
     def create(self, tx: optax.GradientTransformation) -> TrainState:
-        """The state before the first step. Pure, to be run inside jit."""
+        """The state before the first step. A pure function that can run inside jit."""
 
     def train_step(
         self, tx: optax.GradientTransformation, mesh: Mesh
     ) -> Callable[[TrainState, Batch], tuple[TrainState, dict[str, Array]]]:
-        """The compiled step, see `training.step.compile_train_step`."""
+        """The compiled training step, described in `training.step.compile_train_step`."""
 
     def evaluate(
         self,
@@ -51,16 +51,16 @@ class Task(Protocol):
         on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
         chosen: Mapping[str, float] | None = None,
     ) -> Evaluation:
-        """Metrics on a split, see `training.evaluation.evaluate_split`.
+        """Computes metrics on a split with `training.evaluation.evaluate_split`.
 
         Args:
-          params: of the network.
-          split: default the evaluation split.
-          max_samples: only the first so many; 0 = all.
+          params: parameters of the network.
+          split: name of the split; None: the evaluation split.
+          max_samples: evaluate only this many samples, from the start of the split; 0 = all.
           on_batch: called with (index of the batch, batch, predictions).
-          chosen: from an earlier evaluation's `Evaluation.chosen`; what is missing is chosen anew,
-            on this split.
+          chosen: thresholds from `Evaluation.chosen` of an earlier evaluation. Thresholds that are
+            missing there are chosen on this split.
         """
 
     def picture(self, params: Any) -> np.ndarray | None:
-        """Some predictions, uint8 [h, w, 3], or None."""
+        """An image of some predictions, uint8 [h, w, 3], or None."""

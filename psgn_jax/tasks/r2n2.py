@@ -1,10 +1,11 @@
-"""The task "views": 3D-R2N2, a solid volume from one or more images.
+"""The task "views": 3D-R2N2, which predicts a solid volume from one or more images.
 
 Source: Choy et al., "3D-R2N2", ECCV 2016.
 
-**Ours**: it predicts in the frame of the first view it is given, in which all is measured here,
-instead of the data set's own frame, the same for all views. One view alone faces the task of the
-point networks; of further ones it has to find out itself how they are turned.
+**Ours**: the network predicts in the frame of the first view, like all networks of this project.
+The original predicts in the frame of the data set, which is the same for all views. With one view
+the task is that of the point networks. With several views the network must infer how the other
+views are rotated relative to the first one.
 """
 
 import pathlib
@@ -24,10 +25,10 @@ from psgn_jax.types import Array
 
 
 class Views(VoxelTask):
-    """3D-R2N2 (`models.r2n2`): one or more images to a volume, by cross-entropy.
+    """3D-R2N2 (`models.r2n2`): from one or more images to a volume, trained by cross-entropy.
 
-    Metrics: `iou_1_views`, `iou_3_views`, ... for each of `voxels.eval_views`. The prediction is
-    that of the first of these numbers.
+    Metrics: `iou_1_views`, `iou_3_views`, ..., one for each number of views in `voxels.eval_views`.
+    The predictions that `evaluate` passes on use the first of these numbers.
     """
 
     def __init__(self, config: Config, workdir: pathlib.Path) -> None:

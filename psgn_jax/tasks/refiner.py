@@ -1,11 +1,12 @@
-"""The task "refine": clouds of trained networks to a solid volume.
+"""The task "refine": maps the clouds of trained networks to a solid volume.
 
-Source: paper, implementation details, "Post processing". A plain splat of each cloud beside the
-refiner has its own best threshold, chosen the same way.
+Source: paper, implementation details, "Post processing". For comparison, the IoU of the plain splat
+of each cloud is measured too; its threshold is chosen in the same way.
 
-The networks whose clouds (or log-volumes) a refiner reads do not change. They run inside its step,
-so that augmentation reaches them; on the split that they were trained on they are better than on
-images new to them, so a refiner learns from better clouds than it meets later.
+The networks that predict the clouds (and the log-volume) are frozen. They run inside the training
+step of the refiner, so that augmentation applies to their inputs. They are better on their own
+training split than on new images, so the refiner is trained on better clouds than it sees at test
+time.
 """
 
 import pathlib
@@ -32,10 +33,10 @@ CLOUDS = ("from_cd", "from_emd")
 
 
 def open_source(config: Config, workdir: pathlib.Path, name: str) -> Run:
-    """The run that `voxels.<name>` names, from the copy below `workdir` once there is one.
+    """Opens the run that `voxels.<name>` names, or its copy in `workdir` if there is one.
 
     Raises:
-      ConfigError: there is no such run, or it sees other images or predicts another thing.
+      ConfigError: the run does not exist, or its image size, inputs or task do not match.
       CheckpointError: it has no checkpoint.
     """
     path, wanted = config.voxels.sources[name], "volume" if name == "from_volume" else "points"
@@ -60,11 +61,11 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Run:
 
 
 def keep_source(workdir: pathlib.Path, name: str, source: Run) -> None:
-    """Copies a run that is read into `workdir/frozen/<name>`, unless that is done."""
+    """Copies a source run to `workdir/frozen/<name>`, unless a complete copy exists."""
     folder = workdir / "frozen" / name
     if (folder / "config.json").exists():
         return
-    shutil.rmtree(folder, ignore_errors=True)  # of a copying that was killed
+    shutil.rmtree(folder, ignore_errors=True)  # an incomplete copy of a process that was killed
     checkpoints = Checkpoints(folder / "checkpoints")
     checkpoints.save(
         source.step,
@@ -72,13 +73,14 @@ def keep_source(workdir: pathlib.Path, name: str, source: Run) -> None:
         {"config": to_dict(source.config), "seed": source.config.seed},
     )
     checkpoints.close()
-    write_atomic(folder / "config.json", to_json(source.config))  # last: it says that all is there
+    # Written last: its presence marks a complete copy.
+    write_atomic(folder / "config.json", to_json(source.config))
 
 
 class Refine(VoxelTask):
-    """Clouds of one or two trained networks to a volume (`models.voxel_refiner.VoxelRefiner`).
+    """Maps clouds of one or two trained networks to a volume (`models.voxel_refiner.VoxelRefiner`).
 
-    Metrics: `iou`, and of each cloud the plain splat's, `iou_splat_cd`, `iou_splat_emd`.
+    Metrics: `iou` of the refiner, and `iou_splat_cd`, `iou_splat_emd` of the plain splats.
     """
 
     metric = "iou"
@@ -105,7 +107,7 @@ class Refine(VoxelTask):
         self.title = "refiner of " + ", ".join(name.removeprefix("from_") for name in names)
 
     def keep_sources(self) -> None:
-        """Copies the runs that are read into the run's folder."""
+        """Copies the source runs into the folder of this run."""
         for name, source in self._sources.items():
             keep_source(self._workdir, name, source)
 
@@ -124,7 +126,7 @@ class Refine(VoxelTask):
     def _predict(
         self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
     ) -> tuple[Array, Array]:
-        """Probabilities [B,x,y,z], and the splats [B,x,y,z,clouds] that they come from."""
+        """Returns probabilities [B,x,y,z] and the splats [B,x,y,z,clouds] of the clouds."""
         clouds = [
             step_lib.predict(
                 self._sources[name].config, self._networks[name], frozen[name], batch, latents[name]

@@ -1,11 +1,12 @@
-"""Evaluation of a trained run in its folder: tables, and a gallery of all cases.
+"""Evaluates trained runs: writes tables, and a gallery of all samples.
 
-Every sample of a split is predicted and counted once. Metrics are those of
-`metrics.clouds.evaluate_pair`, or those of the run's own task (`Config.task`); the unit is the
-radius of an object's bounding hemisphere.
+Every sample of a split is evaluated once. The metrics are those of the run's task (`Config.task`),
+for clouds `metrics.clouds.evaluate_pair`. The unit is the radius of an object's bounding
+hemisphere.
 
-Files, below `W/eval_<split>_<best|last>/`: `table.txt`, `table.csv`, `table.json` with one row per
-category and the two averages, and `samples.csv` with one row per sample.
+Files in `W/eval_<split>_<best|last>/`, where W is the folder of the run: `table.txt`, `table.csv`
+and `table.json` with one row per category and the two averages; `samples.csv` with one row per
+sample.
 """
 
 import dataclasses
@@ -45,21 +46,23 @@ def evaluate_run(
     """Evaluates a checkpoint of a run, or weights, and writes the tables.
 
     Args:
-      workdir: the run's folder.
-      weights: name or file of weights, in place of a run; without either those of the package.
-      checkpoint: "best" (on the validation metric; the last one if there is none) or "last".
-      split: default the configuration's `data.eval_split`.
-      data: folder of records in place of the configuration's `data.path`.
-      out: folder for the files, default `workdir/eval_<split>_<checkpoint>`, or of weights
-        `eval_<weights>_<split>`; with `_placed` after it for `frame="place"`.
-      draws: add the metrics of so many draws of each image, see `tasks.points.with_draws`;
+      workdir: the folder of the run; None: evaluate `weights`.
+      weights: name or file of weights, instead of a run. If `workdir` is None too, the weights of
+        the package are used.
+      checkpoint: "best" (by the validation metric; the last one if none was evaluated) or "last".
+      split: name of the split; None: `data.eval_split` of the configuration.
+      data: folder of records that replaces `data.path` of the configuration.
+      out: folder for the files; None: `workdir/eval_<split>_<checkpoint>`, or for weights
+        `eval_<weights>_<split>`. With `frame="place"`, `_placed` is appended.
+      draws: number of samples per image for the additional metrics of `tasks.points.with_draws`;
         0 = none.
-      frame: "place" has every image cropped and placed as a photo is, and its points moved along
-        (`data.framing`); "keep" = as framed.
-      on_batch: as for `training.evaluation.evaluate_split`.
+      frame: "keep": use the images of the records as they are. "place": crop and place every image
+        like a photo, and move its points accordingly (`data.framing`).
+      on_batch: called with (index of the batch, batch, predictions).
 
     Raises:
-      ConfigError, CheckpointError, WeightsError: one line on what is missing.
+      ConfigError, CheckpointError, WeightsError: the run, its checkpoint, the weights or the data
+        are missing or do not match; the message is one line.
     """
     if data is not None:
         check_paths(parse({"data": {"path": data}}))
@@ -106,19 +109,20 @@ def report_runs(
     weights: str | None = None,
     **options: Any,
 ) -> Evaluation:
-    """Evaluates one run, or two to compare, and writes the gallery (`viewing.report`).
+    """Evaluates one run, or two for a comparison, and writes the gallery (`viewing.report`).
 
     Args:
-      folder: for the pages.
-      workdirs: one or two folders of runs; None = the network of `weights`.
-      weights: as for `evaluate_run`.
-      **options: of `evaluate_run`; `out` is the first run's.
+      folder: folder for the pages.
+      workdirs: one or two folders of runs; None stands for the network of `weights`.
+      weights: described in `evaluate_run`.
+      **options: options of `evaluate_run`; `out` applies to the first run only.
 
     Returns:
-      The first run's evaluation.
+      The evaluation of the first run.
 
     Raises:
-      ConfigError, CheckpointError: as `evaluate_run`; runs that see other samples.
+      ConfigError, CheckpointError: the errors of `evaluate_run`, or the two runs are evaluated on
+        different samples.
     """
     runs: list[Any] = []
     samples: list[Any] = []

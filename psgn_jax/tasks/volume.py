@@ -1,4 +1,4 @@
-"""The task "volume": the volume of the object, a number, from an image."""
+"""The task "volume": predicts the volume of the object, a number, from an image."""
 
 import pathlib
 from typing import Any
@@ -15,9 +15,10 @@ from psgn_jax.types import Array
 
 
 class Volume(VoxelTask):
-    """An image to the logarithm of the object's volume (`models.voxel_refiner.VolumeNet`).
+    """Maps an image to the logarithm of the object's volume (`models.voxel_refiner.VolumeNet`).
 
-    The loss is the squared error of the natural logarithm. Metric: its absolute value.
+    The loss is the squared error of the natural logarithm, the metric `log_volume_abs_error` its
+    absolute error.
     """
 
     def __init__(self, config: Config, workdir: pathlib.Path) -> None:

@@ -1,9 +1,9 @@
-"""What the tasks on solid volumes share: a step, an evaluation, thresholds.
+"""Base class of the tasks on solid volumes: training step, evaluation and thresholds.
 
-All of them read the records' occupancy, a 32^3 grid in the frame of the image; IoU is that of
-`losses.iou`. The threshold at which a probability counts as occupied is the one, of .05 to .95,
-with the best mean IoU over the samples of the split on which a run is evaluated while it trains; a
-later evaluation, on any split, takes it from there.
+The ground truth is the occupancy in the records, a 32^3 grid in the frame of the image. IoU is
+defined in `losses.iou`. A cell counts as occupied if its probability reaches a threshold. The
+threshold, of .05 to .95, is the one with the best mean IoU on the split that is evaluated during
+training. Later evaluations, on any split, use the same threshold.
 """
 
 import dataclasses
@@ -28,20 +28,20 @@ from psgn_jax.types import Array
 
 GRID = (OCCUPANCY_SIZE,) * 3
 THRESHOLD_OF = "threshold_of_"
-"""Before the name of a metric: the threshold that was chosen for it."""
+"""Prefix of a metric's name: the key of the threshold that was chosen for the metric."""
 
 
 def apply(model: nn.Module, params: Any, *inputs: Any) -> Array:
-    """`model` with parameters `params`."""
+    """Applies `model` with parameters `params`."""
     return cast(Array, model.apply({"params": params}, *inputs))
 
 
 class VoxelTask:
-    """What the tasks on solid volumes have in common; see `tasks.base.Task`."""
+    """Base class of the tasks on solid volumes; the interface is `tasks.base.Task`."""
 
     title: str
     metric: str = ""
-    """The IoU that says which checkpoint is the best."""
+    """Name of the IoU that decides which checkpoint is the best."""
 
     def __init__(self, config: Config, workdir: pathlib.Path) -> None:
         self._config, self._workdir = config, workdir
@@ -49,7 +49,7 @@ class VoxelTask:
         self.keys: tuple[str, ...] = ("image", "mask", *depth, "occupancy")
         self._frozen: dict[str, Any] = {}
 
-    # What a task adds.
+    # Methods that a task implements.
 
     def _init(self, key: Array) -> Any:
         raise NotImplementedError
@@ -60,19 +60,19 @@ class VoxelTask:
     def _measure(
         self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
     ) -> tuple[Array, dict[str, Array]]:
-        """Predictions, and metrics [B]; or [B, thresholds], of which one is to be chosen."""
+        """Returns predictions and metrics [B], or [B, thresholds] of which one will be chosen."""
         raise NotImplementedError
 
     def _sample_latents(self, index: Array | int, batch_size: int) -> Any:
         return None
 
-    # What a run does with it.
+    # The interface of `Task`.
 
     def check(self) -> None:
-        """`config.parse` has checked all."""
+        """Does nothing: `config.parse` checks everything."""
 
     def keep_sources(self) -> None:
-        """There are none."""
+        """Does nothing: no other runs are read."""
 
     def create(self, tx: optax.GradientTransformation) -> state_lib.TrainState:
         """The state before the first step."""
@@ -84,7 +84,7 @@ class VoxelTask:
     ) -> Callable[
         [state_lib.TrainState, step_lib.Batch], tuple[state_lib.TrainState, dict[str, Array]]
     ]:
-        """`training.step.compile_train_step` of the task's loss."""
+        """The compiled training step with the loss of the task."""
 
         def objective(
             params: Any, frozen: Any, batch: step_lib.Batch, latents: Any, _: Any
@@ -117,7 +117,7 @@ class VoxelTask:
         on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
         chosen: Mapping[str, float] | None = None,
     ) -> Evaluation:
-        """Metrics on a split; what is chosen are the thresholds."""
+        """Metrics on a split, at the thresholds in `chosen` or the best ones on this split."""
         measured = evaluation.evaluate_split(
             self._config,
             params,
@@ -129,19 +129,19 @@ class VoxelTask:
         return at_thresholds(measured, chosen or {}, best=self.metric)
 
     def picture(self, params: Any) -> None:
-        """There is none."""
+        """Returns None: there is no image of predictions."""
 
 
 def at_thresholds(
     measured: Evaluation, chosen: Mapping[str, float], *, best: str = ""
 ) -> Evaluation:
-    """An evaluation whose sweeps [samples, thresholds] give way to the values at one of them.
+    """Replaces the sweeps [samples, thresholds] of an evaluation by the values at one threshold.
 
     Args:
-      measured: with sweeps.
-      chosen: `{"threshold_of_iou": .4, ...}` from an earlier evaluation; a threshold that is not
-        there is chosen here: that of the best mean over the samples.
-      best: metric of which `one_minus_iou` is added.
+      measured: the evaluation with sweeps.
+      chosen: `{"threshold_of_iou": .4, ...}` from an earlier evaluation. A threshold that is
+        missing there is chosen here: the one with the best mean over the samples.
+      best: name of the metric for which `one_minus_iou` is added.
     """
     metrics: dict[str, np.ndarray] = {}
     taken: dict[str, float] = {}

@@ -1,8 +1,9 @@
-"""What a training writes: JSON lines, tensorboard, and progress on the terminal.
+"""The output of training: JSON lines, TensorBoard files, and progress on the terminal.
 
-The only importer of tensorboardX. `metrics.jsonl` has one JSON object per line with `step`, `kind`
-("train" or "eval") and numbers, or lists of them. A resumed run drops the lines past its first
-step, since it will write them again; so lines are neither lost nor doubled.
+Only this file imports tensorboardX. Each line of `metrics.jsonl` is a JSON object with `step`,
+`kind` ("train" or "eval") and metrics, which are numbers or lists of numbers. A resumed run removes
+the lines after the step it resumes from, because it will write them again. So no line is lost or
+duplicated.
 """
 
 import collections
@@ -32,9 +33,10 @@ class NonFiniteError(UserError):
 
 
 class TrainingLog:
-    """Metrics of the steps -> lines, two steps late so that the device never waits for the host.
+    """Logs the metrics of training steps.
 
-    It also keeps the host from running ahead of the device by more than those two steps.
+    It reads the metrics two steps late, so that the device does not wait for the host. It also
+    keeps the host at most two steps ahead of the device.
     """
 
     def __init__(self, config: Config, writer: "MetricsWriter | None", start: int):
@@ -47,7 +49,7 @@ class TrainingLog:
         self._last: dict[str, jax.Array] = {}
 
     def add(self, step: int, metrics: dict[str, jax.Array]) -> None:
-        """Takes the metrics of a step that has been dispatched."""
+        """Adds the metrics of a step that has been dispatched."""
         self._pending.append((step, metrics))
         while len(self._pending) > 2:
             self._pop()
@@ -57,14 +59,14 @@ class TrainingLog:
             self._restart_clock(step)
 
     def drain(self) -> None:
-        """Waits for all steps; raises `NonFiniteError` if one was not finite."""
+        """Waits for all steps; raises `NonFiniteError` if the loss or gradient was not finite."""
         while self._pending:
             self._pop()
         self._check()
 
     @contextlib.contextmanager
     def pause(self) -> Iterator[None]:
-        """Context whose time does not count as training."""
+        """Context whose duration does not count as training time."""
         self.drain()
         began = time.monotonic()
         try:
@@ -93,7 +95,7 @@ class TrainingLog:
         vectors = {k: np.asarray(v) for k, v in self._last.items() if v.ndim}
         seconds = time.monotonic() - self._last_time - self._paused
         steps = step - self._last_step
-        if steps:  # none where the first step, which compiles, is itself logged
+        if steps:  # 0 if the first step, which includes compilation, is logged itself
             values["samples_per_second"] = steps * self._config.train.batch_size / seconds
         self._line(step, values, seconds / max(1, steps))
         if self._writer:
@@ -131,26 +133,29 @@ class TrainingLog:
         if self._last and int(self._last["bad_step"]) >= 0:
             metric = WATCHED[int(self._last["bad_metric"])]
             raise NonFiniteError(
-                f"the {metric} is not finite at step {int(self._last['bad_step'])}; stopped, the "
-                "checkpoints are from before; in a new --workdir, a lower optim.learning_rate or "
-                "optim.clip_norm=1 may help"
+                f"the {metric} is not finite at step {int(self._last['bad_step'])}; training has "
+                "stopped, and the checkpoints are from earlier steps; try a lower "
+                "optim.learning_rate or optim.clip_norm=1 in a new --workdir"
             )
 
 
 def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
-    """Lines of a `metrics.jsonl`; those torn by a kill are left out. No file, no lines."""
+    """The lines of a `metrics.jsonl`; without a file there are none.
+
+    Lines that are incomplete because the process was killed are skipped.
+    """
     with contextlib.suppress(FileNotFoundError), open(path, encoding="utf-8") as file:
         return [entry for line in file if (entry := _entry(line)) is not None]
     return []
 
 
 class MetricsWriter:
-    """Writes the metrics of one run below `workdir`.
+    """Writes the metrics of one run to `workdir`.
 
     Args:
-      workdir: gets `metrics.jsonl` and the folder `tensorboard`.
-      step: step at which the run (re)starts; everything later is dropped.
-      evaluated: whether the evaluation at `step` is done; if not, its line is dropped too.
+      workdir: folder for `metrics.jsonl` and the folder `tensorboard`.
+      step: step at which the run starts or resumes; later lines are removed.
+      evaluated: whether the evaluation at `step` is complete; if not, its line is removed too.
     """
 
     def __init__(self, workdir: str | pathlib.Path, step: int = 0, *, evaluated: bool = True):
@@ -176,12 +181,13 @@ class MetricsWriter:
         values: Mapping[str, float],
         vectors: Mapping[str, np.ndarray] = types.MappingProxyType({}),
     ) -> None:
-        """One line of numbers, and the same to tensorboard as `kind/name`.
+        """Writes one line, and the same metrics to TensorBoard as `kind/name`.
 
-        `vectors` are lists in the line and distributions in tensorboard.
+        `vectors` are lists in the line and histograms in TensorBoard.
         """
         lists = {k: [_finite(float(x)) for x in v] for k, v in vectors.items()}
-        # One write of a whole line in append mode: a kill leaves all of it or (rarely) a torn end.
+        # The whole line in one write in append mode: if the process is killed, the line is complete
+        # or, rarely, cut off.
         os.write(self._file, _line({"step": step, "kind": kind, **values, **lists}).encode())
         board = self._board()
         for name, value in values.items():
@@ -190,11 +196,11 @@ class MetricsWriter:
             board.add_histogram(f"{kind}/{name}", vector, step)
 
     def image(self, step: int, name: str, image: np.ndarray) -> None:
-        """A picture uint8 [H,W,3] to tensorboard."""
+        """Writes an image, uint8 [H,W,3], to TensorBoard."""
         self._board().add_image(name, image, step, dataformats="HWC")
 
     def flush(self) -> None:
-        """Hands everything to the operating system."""
+        """Passes everything written so far to the operating system."""
         if self._tensorboard is not None:
             self._tensorboard.flush()
 
@@ -206,12 +212,12 @@ class MetricsWriter:
 
     def _board(self) -> Any:
         if self._tensorboard is None:
-            import tensorboardX  # not at the top: it delays the first step by its import
+            import tensorboardX  # imported here because it is slow and would delay the first step
 
             folder = self._workdir / "tensorboard"
             self._tensorboard = tensorboardX.SummaryWriter(
                 str(folder),
-                # What a killed run wrote past its checkpoint is hidden by tensorboard.
+                # TensorBoard then hides what a killed run wrote after its checkpoint.
                 purge_step=self._step + 1 if folder.exists() else None,
             )
         return self._tensorboard

@@ -1,4 +1,4 @@
-"""SIGTERM and SIGINT end a training after the current step."""
+"""Handles SIGTERM and SIGINT: they end training after the current step."""
 
 import signal
 from types import FrameType
@@ -10,7 +10,7 @@ class Stopped(Exception):  # noqa: N818 - not an error
 
 
 class StopSignal:
-    """Remembers SIGTERM or SIGINT while the loop runs; a second one acts at once."""
+    """Context that records SIGTERM or SIGINT; a second signal has its usual effect at once."""
 
     def __init__(self) -> None:
         self.signal: int | None = None
@@ -20,7 +20,7 @@ class StopSignal:
         try:
             for number in (signal.SIGTERM, signal.SIGINT):
                 self._old[number] = signal.signal(number, self._handle)
-        except ValueError:  # not in the main thread: whoever runs us handles signals
+        except ValueError:  # not in the main thread, where signals cannot be handled
             pass
         return self
 

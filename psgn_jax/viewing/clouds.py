@@ -1,8 +1,9 @@
-"""Clouds drawn into an image with numpy: points as small squares, near ones over far ones.
+"""Draws clouds with numpy: points are small squares, and near points cover far ones.
 
-A picture of one case has five panels: the input image; prediction and truth from the camera of the
-image; prediction and truth from the side, turned by 90 degrees about the vertical axis. Colour is
-the height of a point (blue at the ground, red at z = 1), darker with distance from the viewer.
+A picture of one case has five panels: the input image; prediction and ground truth from the camera
+of the image; prediction and ground truth from the side, rotated by 90 degrees about the vertical
+axis. The colour is the height of a point (blue at the ground, red at z = 1). It gets darker with
+the distance from the camera.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +14,7 @@ from PIL import Image
 
 from psgn_jax.data.camera import project
 
-# A colour map from blue over green and yellow to red, at equal steps of height.
+# Colour map from blue over green and yellow to red, at equal steps of height.
 _COLOURS = np.array(
     [[49, 54, 149], [69, 144, 190], [102, 189, 99], [253, 190, 80], [215, 48, 39]], np.float64
 )
@@ -29,15 +30,15 @@ def render_cloud(
     radius: int = 1,
     colours: np.ndarray | None = None,
 ) -> np.ndarray:
-    """One cloud seen by a camera.
+    """Draws one cloud as seen by a camera.
 
     Args:
-      points: [n, 3] in the project's frame; those that are not finite are left out.
+      points: [n, 3] in the project's frame; points that are not finite are skipped.
       intrinsics: [3, 3] in pixels of an image of `size`.
-      extrinsics: [3, 4], project's frame to camera.
+      extrinsics: [3, 4], from the project's frame to the camera's.
       size: (height, width) of the picture.
-      radius: a point is a square of 2 * radius + 1 pixels.
-      colours: [n, 3], 0 to 255, of the points; None = by their height.
+      radius: a point is a square with sides of 2 * radius + 1 pixels.
+      colours: [n, 3], 0 to 255; None = colour by height.
 
     Returns:
       uint8 [height, width, 3] on white.
@@ -57,11 +58,11 @@ def render_cloud(
     if colours is not None:
         colour = colours[kept].astype(np.float64)
     centre = 0.5 * (depth.min() + depth.max()) if len(depth) else 0.0
-    # Objects are about 2 units deep: full brightness in front, .55 behind.
+    # Objects are about 2 units deep: brightness falls from 1 in front to .55 at the back.
     colour *= np.clip(0.8 - 0.25 * (depth - centre), 0.55, 1.0)[:, None]
     shade = colour.astype(np.uint8)
     picture = np.full((height, width, 3), 255, np.uint8)
-    # Pixels beyond any picture are clipped before they become integers.
+    # Clip far-away pixels before the conversion to integers.
     corner = np.floor(np.clip(pixels, -1e6, 1e6)).astype(int)
     offsets = range(-radius, radius + 1)
     square = np.array([(dx, dy) for dx in offsets for dy in offsets])
@@ -69,7 +70,7 @@ def render_cloud(
     row = corner[:, None, 1] + square[None, :, 1]
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     flat = (row * width + column)[inside]
-    # Of several points on a pixel the last, nearest one wins: keep each pixel's last occurrence.
+    # If several points cover a pixel, the last one is the nearest: keep the last one.
     order = np.broadcast_to(np.arange(len(points))[:, None], inside.shape)[inside]
     winner = np.full(height * width, -1)
     np.maximum.at(winner, flat, order)
@@ -79,7 +80,7 @@ def render_cloud(
 
 
 def turned(extrinsics: np.ndarray, degrees: float) -> np.ndarray:
-    """The camera [3, 4] that sees the object turned by an angle about its vertical axis."""
+    """Extrinsics [3, 4] that show the object rotated by an angle about the vertical axis."""
     cosine, sine = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     return np.concatenate([extrinsics[:, :3] @ turn, extrinsics[:, 3:]], axis=1)
@@ -92,10 +93,10 @@ def render_case(
     intrinsics: np.ndarray,
     extrinsics: np.ndarray,
 ) -> np.ndarray:
-    """The five panels of one case side by side, uint8 [h, 5 w, 3].
+    """Draws the five panels of one case side by side, uint8 [h, 5 w, 3].
 
     Args:
-      image: uint8 [H, W, 3], as the network sees it.
+      image: uint8 [H, W, 3], the input of the network.
       pred: [n, 3].
       gt: [m, 3].
       intrinsics: [3, 3] for `image`.
@@ -106,7 +107,7 @@ def render_case(
     enlarged = np.asarray(Image.fromarray(image).resize(size[::-1], Image.Resampling.BICUBIC))
     camera = np.diag([scale, scale, 1.0]) @ intrinsics
     side = turned(extrinsics, 90)
-    # A truth of many more points would look denser than the prediction for no merit of its own.
+    # Show about as many true points as predicted ones, so that both clouds look equally dense.
     gt = gt[:: max(1, len(gt) // max(1, len(pred)))]
     clouds = [
         render_cloud(cloud, camera, view, size)
@@ -117,7 +118,7 @@ def render_case(
 
 
 def render_cases(batch: Mapping[str, Any], pred: np.ndarray, indices: Sequence[int]) -> np.ndarray:
-    """Pictures of several samples of a batch, one below the other."""
+    """Draws several samples of a batch, one below the other."""
     keys = ("points", "intrinsics", "extrinsics")
     return np.concatenate(
         [render_case(batch["image"][i], pred[i], *(batch[k][i] for k in keys)) for i in indices]

@@ -1,4 +1,4 @@
-"""What a data set holds and whether it is whole: a report in text, and a contact sheet."""
+"""Describes and checks a data set: a report in text, and a contact sheet."""
 
 import dataclasses
 import pathlib
@@ -15,8 +15,9 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.viewing.clouds import render_cloud, turned
 from psgn_jax.viewing.page import nearest_distances
 
-# Below this share of points within 2 pixels of the mask a sample is flagged: its image does not
-# show all of its surface, or its camera is wrong. Of the authors' samples 2.5 % are.
+# A sample is flagged if a smaller fraction of its points is within 2 pixels of the mask. Its image
+# then does not show its whole surface, or its camera is wrong. 2.5 % of the authors' samples are
+# flagged.
 FLAG_BELOW = 0.99
 NEAR_PIXELS = 2
 
@@ -25,12 +26,12 @@ _DEPTH_PIXELS = 400
 
 @dataclasses.dataclass(frozen=True)
 class Check:
-    """How well a sample's parts agree.
+    """How well the image, the depth and the points of a sample agree.
 
     Attributes:
-      inside: share of points that project strictly inside the mask.
-      near: share within `NEAR_PIXELS` pixels of the mask.
-      depth_median: median distance of back-projected pixels to the nearest point, unit of the
+      inside: fraction of the points that project into the mask.
+      near: fraction of the points within `NEAR_PIXELS` pixels of the mask.
+      depth_median: median distance from back-projected pixels to the nearest point, unit of the
         frame; None without depth.
       reach: largest distance of a point from the origin, unit of the frame.
       lowest: smallest z of a point.
@@ -44,7 +45,7 @@ class Check:
 
 
 def check(sample: schema.Sample) -> Check:
-    """Projects the points onto the mask and the depth onto the points."""
+    """Compares the projected points with the mask, and the back-projected depth with the points."""
     pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
     pixels = np.where(depth[:, None] > 0, pixels, np.inf)
     median = None
@@ -64,7 +65,7 @@ def check(sample: schema.Sample) -> Check:
 def contact_sheet(
     samples: Sequence[schema.Sample], labels: Sequence[str], columns: int = 2
 ) -> Image.Image:
-    """Image, cloud on the image's outline, and cloud from another side, of each sample."""
+    """Draws each sample: image, cloud with the outline of the mask, cloud from another side."""
     size = samples[0].image.shape[:2]
     height, width = size
     rows = -(-len(samples) // columns)
@@ -72,7 +73,7 @@ def contact_sheet(
     pen = ImageDraw.Draw(sheet)
     for number, (sample, label) in enumerate(zip(samples, labels, strict=True)):
         left, top = number % columns * 3 * (width + 4), number // columns * (height + 16)
-        # Images of other sizes are brought to that of the first.
+        # All images are resized to the size of the first one.
         intrinsics = camera.scale_intrinsics(sample.intrinsics, sample.image.shape[:2], size)
         front = render_cloud(sample.points, intrinsics, sample.extrinsics, size)
         side = render_cloud(sample.points, intrinsics, turned(sample.extrinsics, 120), size)
@@ -85,7 +86,7 @@ def contact_sheet(
         inner[:-1] &= mask[1:]
         inner[:, 1:] &= mask[:, :-1]
         inner[:, :-1] &= mask[:, 1:]
-        front[mask & ~inner] = [230, 40, 40]  # the mask's outline over the cloud
+        front[mask & ~inner] = [230, 40, 40]  # the outline of the mask over the cloud
         for place, picture in enumerate((np.asarray(image), front, side)):
             sheet.paste(Image.fromarray(picture), (left + place * (width + 4), top + 14))
         pen.text((left + 2, top + 1), label, fill="black")
@@ -93,12 +94,12 @@ def contact_sheet(
 
 
 def _spread(count: int, wanted: int) -> np.ndarray:
-    """At most `wanted` indices spread over range(count)."""
+    """At most `wanted` indices, evenly spaced in range(count)."""
     return np.unique(np.linspace(0, count - 1, min(count, wanted)).astype(int))
 
 
 def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
-    """Lines about one split; damage is reported in lines that begin with `DAMAGED`."""
+    """Lines about one split; lines about damage begin with `DAMAGED`."""
     shards = reader.shards
     size = sum(s.size for s in shards)
     lines = [
@@ -178,10 +179,10 @@ def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str],
 
     Args:
       path: folder of records.
-      num_checked: at most this many samples of each split are decoded, spread over it.
+      num_checked: maximum number of samples to decode in each split, evenly spaced.
 
     Returns:
-      lines of text, and whether nothing was found damaged.
+      Lines of text, and True if no damage was found.
 
     Raises:
       RecordError: there is no readable manifest.
@@ -200,24 +201,24 @@ def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str],
 
 
 def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
-    """Contact sheet of samples spread over all splits; damaged ones are left out."""
+    """Draws a contact sheet of samples from all splits; damaged samples are skipped."""
     samples, labels = [], []
     splits = list(load_manifest(path).splits())
     for split in splits:
         try:
             reader = RecordReader(path, split)
-        except RecordError:  # a shard is missing: `report` says which
+        except RecordError:  # a shard is missing; `report` names it
             continue
         for index in map(int, _spread(len(reader), -(-num_samples // len(splits)))):
             try:
                 sample = reader[index]
             except RecordError:
                 continue
-            found = check(sample)
+            checked = check(sample)
             samples.append(sample)
             labels.append(
                 f"{split} {index}  {sample.category}  {sample.model_id[:16]}  "
-                f"{found.inside:.1%} inside, {found.near:.1%} within {NEAR_PIXELS} px"
+                f"{checked.inside:.1%} inside, {checked.near:.1%} within {NEAR_PIXELS} px"
             )
     if not samples:
         raise RecordError(f"data set {str(path)!r}: no readable sample")

@@ -1,13 +1,14 @@
-"""A page to look at clouds: one HTML file that needs no network and nothing beside it.
+"""A viewer for point clouds: one HTML file that needs no network and no other files.
 
-Image, predicted cloud that turns under mouse or finger, truth beside it, a slider over samples;
-points coloured by height, branch, error, spread of the samples or from the image. `page.html` holds
-the page's own code, which draws on a plain canvas; a policy in its head forbids all requests.
-Coordinates are kept as int16: a ten-thousandth of the unit is lost.
+It shows the image, the predicted cloud and the ground truth, with a slider for several samples. The
+clouds can be rotated with a mouse or a finger. Points are coloured by height, branch, error, spread
+of the samples, or by the colours of the image. `page.html` contains the code of the page, which
+draws on a canvas; a content security policy forbids all requests. Coordinates are stored as int16
+and have an error below 1e-4 units.
+
+The command for the files that `psgn_jax.predict` writes is:
 
     python -m psgn_jax.viewing.page OUT/*.npz --out=page.html
-
-shows what `psgn_jax.predict` wrote.
 """
 
 import argparse
@@ -28,28 +29,28 @@ from psgn_jax.files import write_atomic
 from psgn_jax.viewing import spheres
 
 MAX_BYTES = 5_000_000
-"""Of one page; more cases go onto further pages, linked at the foot."""
+"""Maximum size of a page; further cases are on further pages, with links at the bottom."""
 
 _TEMPLATE = pathlib.Path(__file__).with_name("page.html")
 _PLACE_OF_DATA = "/*DATA*/"
-_EXTENT = 2.0  # largest coordinate kept; objects reach to 1
-_ERROR_TOP = 0.2  # distance that has the last colour of the scale, unit
+_EXTENT = 2.0  # largest coordinate that can be stored; objects extend to about 1
+_ERROR_TOP = 0.2  # distance with the last colour of the scale, unit
 _BLOCK = 512
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Case:
-    """What the page shows of one image.
+    """One image with its predictions, as shown on the page.
 
     Attributes:
-      name: unlike that of the other cases; `page.html#NAME` opens it.
+      name: a unique name; `page.html#NAME` opens the case.
       image: uint8 [H, W, 3].
       samples: float32 [k, n, 3], predictions in the project's frame.
-      truth: float32 [m, 3], or None.
-      num_fc: how many of a sample's points, the first ones, are of the fc branch.
-      colours: uint8 [k, n, 3] from the image, or None.
-      about: a few words, such as the category.
-      metrics: a few words on each sample.
+      truth: float32 [m, 3], the ground truth, or None.
+      num_fc: number of points of the fc branch, which come first.
+      colours: uint8 [k, n, 3], colours from the image, or None.
+      about: a short text, such as the category.
+      metrics: a short text for each sample.
     """
 
     name: str
@@ -69,19 +70,19 @@ def write_pages(
     title: str = "psgn_jax",
     max_bytes: int = MAX_BYTES,
 ) -> dict[str, pathlib.Path]:
-    """Writes the page, or several where one would be too large: `page.html`, `page-2.html`, ...
+    """Writes one page, or several if one would be too large: `page.html`, `page-2.html`, ...
 
     Args:
-      path: of the first page.
-      cases: at least one, with names unlike each other.
-      title: of the page.
-      max_bytes: of one page, unless a single case is larger.
+      path: path of the first page.
+      cases: at least one case; names must be unique.
+      title: title of the pages.
+      max_bytes: maximum size of a page, unless a single case is larger.
 
     Returns:
-      The page of each case by its name.
+      The page of each case, by the name of the case.
 
     Raises:
-      ValueError: no case, two of one name, or arrays that do not fit together.
+      ValueError: there is no case, a name occurs twice, or shapes of arrays do not match.
     """
     path = pathlib.Path(path)
     if not cases:
@@ -119,20 +120,20 @@ def write_pages(
 
 
 def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distance [n] of each of `queries` to the nearest of `points`, in blocks of bounded memory."""
-    centre = points.mean(axis=0, dtype=np.float64)  # the squares' expansion loses few digits there
+    """Distance [n] of each query to the nearest point; blocks of queries bound the memory."""
+    centre = points.mean(axis=0, dtype=np.float64)  # centring reduces cancellation in the squares
     queries, points = queries - centre, points - centre
     squares = (points**2).sum(axis=1)
-    found = []
+    distances = []
     for i in range(0, len(queries), _BLOCK):
         part = queries[i : i + _BLOCK]
         least = (squares - 2 * part @ points.T).min(axis=1) + (part**2).sum(axis=1)
-        found.append(np.sqrt(np.maximum(least, 0)))
-    return np.concatenate(found)
+        distances.append(np.sqrt(np.maximum(least, 0)))
+    return np.concatenate(distances)
 
 
 def case_of_prediction(path: str | pathlib.Path) -> Case:
-    """A case from an NPZ of `psgn_jax.predict`."""
+    """Reads a case from an NPZ file of `psgn_jax.predict`."""
     with open(path, "rb") as file, np.load(file) as archive:
         return Case(
             name=pathlib.Path(path).stem,
@@ -174,7 +175,7 @@ def _encode(case: Case) -> dict[str, Any]:
         item["truth_errors"] = [_levels(nearest_distances(truth, s), _ERROR_TOP) for s in samples]
         item["error_top"] = _ERROR_TOP
     if len(samples) > 1:
-        # The same output of the network in each sample: its distance from its mean place.
+        # For each output point: its standard deviation over the samples.
         spread = np.sqrt(((samples - samples.mean(axis=0)) ** 2).sum(axis=2).mean(axis=0))
         top = max(float(np.nan_to_num(spread).max()), 1e-3)
         item["spread"], item["spread_top"] = _levels(spread, top), top
@@ -184,7 +185,7 @@ def _encode(case: Case) -> dict[str, Any]:
 
 
 def to_json(value: Any) -> str:
-    """JSON in one line that cannot end the script element it stands in."""
+    """JSON in one line, escaped so that it cannot close the script element that contains it."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
@@ -203,7 +204,7 @@ def _base64(array: np.ndarray) -> str:
 
 
 def _picture(image: np.ndarray) -> str:
-    """A data URI: PNG where that is small, else JPEG."""
+    """A data URI of the image: PNG if that is small, else the smaller of PNG and JPEG."""
     best = ""
     for kind, options in (("png", {"optimize": True}), ("jpeg", {"quality": 88})):
         buffer = io.BytesIO()
@@ -216,17 +217,17 @@ def _picture(image: np.ndarray) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """The command; returns its exit code."""
+    """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m psgn_jax.viewing.page", description=(__doc__ or "").split("\n")[0]
     )
-    parser.add_argument("predictions", nargs="+", metavar="NPZ", help="of psgn_jax.predict")
-    parser.add_argument("--out", required=True, help="the page")
+    parser.add_argument("predictions", nargs="+", metavar="NPZ", help="files of psgn_jax.predict")
+    parser.add_argument("--out", required=True, help="HTML file to write")
     parser.add_argument("--title", default="psgn_jax")
     arguments = parser.parse_args(argv)
     try:
         cases = [case_of_prediction(path) for path in arguments.predictions]
-        # Two networks on one photo: files of one name in two folders.
+        # Files in different folders may have the same name, such as two predictions of one photo.
         names = [case.name for case in cases]
         cases = [
             dataclasses.replace(case, name=str(path)) if names.count(case.name) > 1 else case

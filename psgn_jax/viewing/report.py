@@ -1,9 +1,16 @@
-"""An evaluation as pages: `python -m psgn_jax.evaluate --workdir=W --report=DIR [--compare=W2]`.
+"""Writes an evaluation as HTML pages and pictures.
 
-Files in DIR: `index.html`, the gallery (per-category table, histogram of errors, best, median and
-worst cases, every case sortable by error and category, linked to its viewer); `viewer.html` (and
-`viewer-2.html`, ...), the clouds to turn, `viewing.page`; `sheet.png`, up to 160 cases as spheres:
-image, prediction, that of the second run, truth; `extremes.png`, the best, median and worst ones.
+    python -m psgn_jax.evaluate --workdir=W --report=DIR [--compare=W2]
+
+Files in DIR:
+
+- `index.html`: the gallery, with a table per category, a histogram of errors, the best, median and
+  worst cases, and all cases, sortable by error and category, with links to the viewer.
+- `viewer.html`, `viewer-2.html`, ...: the clouds in the interactive viewer (`viewing.page`).
+- `sheet.png`: up to 160 cases drawn as spheres: image, prediction, prediction of the second run (if
+  there is one), ground truth.
+- `extremes.png`: the best, median and worst cases, drawn in the same way.
+
 No page needs a network. The error is the squared Chamfer distance, `cd_sq_radius2`.
 """
 
@@ -24,25 +31,25 @@ from psgn_jax.viewing import page, spheres
 
 ERROR = "cd_sq_radius2"
 SHEET_CASES = 160
-"""As many as the paper's gallery has."""
+"""Maximum number of cases on `sheet.png`; the gallery of the paper has as many."""
 
 _TEMPLATE = pathlib.Path(__file__).with_name("report.html")
 _TABLE = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
-_PICTURES = 600  # with more cases the gallery is text: pictures are in the viewer
+_PICTURES = 600  # with more cases the gallery has no pictures; they are in the viewer
 _THUMB = (96, 128)
 _BARS = 16
-_EXTREMES = 5  # best, median and worst cases each
+_EXTREMES = 5  # number of best cases, of median cases and of worst cases
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Run:
-    """One network's evaluation with its clouds.
+    """The evaluation of one network, with its clouds.
 
     Attributes:
       label: a short name.
       evaluation: metrics and names of the samples.
-      preds: float32 [n, 3] of each sample.
-      num_fc: points of the fc branch, the first ones.
+      preds: predicted clouds, float32 [n, 3] for each sample.
+      num_fc: number of points of the fc branch, which come first.
     """
 
     label: str
@@ -53,7 +60,7 @@ class Run:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sample:
-    """What the samples of a split are: image, true points, camera."""
+    """Image, ground-truth points and camera of one sample."""
 
     image: np.ndarray
     points: np.ndarray
@@ -62,14 +69,14 @@ class Sample:
 
 
 class Collector:
-    """Gathers samples and clouds as the hook `on_batch` of `evaluate.evaluate`."""
+    """Collects samples and clouds; an instance is the hook `on_batch` of `evaluate_run`."""
 
     def __init__(self) -> None:
         self.samples: list[Sample] = []
         self.preds: list[np.ndarray] = []
 
     def __call__(self, index: int, batch: Any, points: np.ndarray) -> None:
-        """Keeps the valid rows of a batch."""
+        """Stores the valid rows of a batch."""
         for i in np.flatnonzero(batch["valid"]):
             self.samples.append(
                 Sample(*(np.asarray(batch[f.name][i]) for f in dataclasses.fields(Sample)))
@@ -83,17 +90,18 @@ def write_report(
     """Writes the pages and sheets; returns the path of `index.html`.
 
     Args:
-      folder: is made if missing.
-      samples: of the split, in order.
-      runs: one, or two to compare on the same samples; order and errors are the first one's.
+      folder: folder for the files; created if missing.
+      samples: the samples of the split, in order.
+      runs: one run, or two runs on the same samples; cases are ranked by the errors of the first.
 
     Raises:
-      ValueError: no run or more than two, no sample, runs over other samples.
+      ValueError: the number of runs is not 1 or 2, there is no sample, or the runs were evaluated
+        on different samples.
     """
     folder = pathlib.Path(folder)
     if not 1 <= len(runs) <= 2 or not samples:
         raise ValueError(
-            f"{len(runs)} runs over {len(samples)} samples: accepted: 1 or 2, over 1 or more"
+            f"{len(runs)} runs over {len(samples)} samples: accepted: 1 or 2 runs, 1 sample or more"
         )
     names = runs[0].evaluation.names
     for run in runs:
@@ -128,8 +136,8 @@ def write_report(
     document = {
         "title": " and ".join(run.label for run in runs),
         "about": f"{len(names)} cases of the split {first.split!r}; {first.num_points[0]} "
-        f"predicted against {first.num_points[1]} true points; radius = that of the bounding "
-        "hemisphere",
+        f"predicted points, {first.num_points[1]} ground-truth points; radius = radius of the "
+        "bounding hemisphere",
         "error_name": table.header(first, ERROR),
         "table": _table(runs),
         "histogram": _histogram(errors[0]),
@@ -148,7 +156,7 @@ def _write_sheets(
     errors: Sequence[np.ndarray],
 ) -> None:
     """Writes `sheet.png` and `extremes.png`."""
-    ranked = np.argsort(errors[0], kind="stable")  # what is not finite comes last
+    ranked = np.argsort(errors[0], kind="stable")  # NaN comes last
     count = min(len(samples), SHEET_CASES)
     chosen = np.linspace(0, len(samples) - 1, count).astype(int)
     sheet = [_sheet_case(i, "", samples[i], runs, errors) for i in chosen]
@@ -171,7 +179,7 @@ def _write_sheets(
 def _viewer_case(
     i: int, title: str, sample: Sample, runs: Sequence[Run], errors: Sequence[np.ndarray]
 ) -> page.Case:
-    # Runs whose clouds have as many points share the slider; others cannot.
+    # The slider of the viewer can only show clouds with the same number of points.
     shown = [k for k, run in enumerate(runs) if run.preds[i].shape == runs[0].preds[i].shape]
     return page.Case(
         name=title,
@@ -199,7 +207,7 @@ def _sheet_case(
 
 
 def _thumbs(sample: Sample, clouds: Sequence[np.ndarray]) -> list[str]:
-    """Data URIs of the image and of each cloud, small."""
+    """Data URIs of small pictures of the image and of each cloud."""
     drawn = spheres.render_spheres(
         spheres.Case(
             "",
@@ -216,7 +224,7 @@ def _thumbs(sample: Sample, clouds: Sequence[np.ndarray]) -> list[str]:
 
 
 def _table(runs: Sequence[Run]) -> list[list[str]]:
-    """Head and rows, the averages last, as text; columns of each run side by side."""
+    """The header and the rows as text, the averages last; the columns of two runs side by side."""
     metrics = [name for name in _TABLE if name in runs[0].evaluation.metrics]
     head = ["category", "samples"]
     body = [[row.name, str(row.count)] for row in runs[0].evaluation.rows()]
@@ -233,7 +241,7 @@ def _table(runs: Sequence[Run]) -> list[list[str]]:
 
 
 def _histogram(errors: np.ndarray) -> dict[str, list[Any]]:
-    """Counts between edges at equal ratios."""
+    """Histogram of the finite errors with logarithmically spaced bins."""
     finite = errors[np.isfinite(errors)]
     low = max(float(finite.min(initial=np.inf)), 1e-6) if len(finite) else 1e-3
     high = max(float(finite.max(initial=0.0)), low * 1.1)

@@ -1,12 +1,15 @@
-"""Pictures of clouds as in the paper: each point a small shaded sphere, its shadow on the ground.
+"""Draws clouds as in the paper: points are small shaded spheres that cast a shadow on the ground.
 
-Numpy and Pillow alone, no GPU: spheres are stamped into a depth buffer with their normals, lit
-softly, darkened in the gaps between them, and drawn at twice the size to smooth edges.
+It only needs NumPy and Pillow, and no GPU. Spheres are drawn with their normals into a depth
+buffer, lit softly and darkened in the gaps between them. Pictures are computed at twice their size,
+for antialiasing.
+
+The command for the files that `psgn_jax.predict` writes is:
 
     python -m psgn_jax.viewing.spheres OUT/*.npz --out=sheet.png [--turntable=turn.mp4]
 
-draws what `psgn_jax.predict` wrote. The only importer of `av` (extra `video`): H.264 is what every
-browser plays, and OpenCV's wheels have no encoder for it.
+Only this file imports `av` (extra `video`). Videos are H.264, because all browsers play it, and
+OpenCV's wheels have no H.264 encoder.
 """
 
 import argparse
@@ -27,26 +30,26 @@ from psgn_jax.files import write_atomic
 from psgn_jax.viewing.clouds import turned
 
 RADIUS = 0.028
-"""Of a sphere, unit of the frame: half the distance of 1,024 points on a usual surface."""
+"""Radius of a sphere, unit of the frame: half the distance of 1,024 points on a typical surface."""
 
 BRANCH_COLOURS = ((226, 114, 62), (70, 130, 180))
-"""Of points from the fully connected and from the deconvolutional branch."""
+"""Colours of points from the fully connected branch and from the deconvolution branch."""
 
-# By height, from the ground up: the paper's pictures have one hue; this runs from slate to sand.
+# By height, from the ground up. The pictures of the paper have a single hue.
 HEIGHT_COLOURS = np.array(
     [[61, 82, 120], [66, 128, 150], [110, 170, 148], [205, 190, 120], [224, 134, 88]], np.float64
 )
-# By a value, from small to large: perceptually even (dark violet, magenta, orange, light yellow).
+# By a value, from small to large, perceptually uniform (dark violet, magenta, orange, yellow).
 VALUE_COLOURS = np.array(
     [[48, 30, 110], [124, 38, 128], [200, 62, 100], [245, 130, 70], [252, 220, 140]], np.float64
 )
 
-# Directions in the camera's frame (x right, y down, z forward), toward the light.
+# Direction toward the light, in the frame of the camera (x right, y down, z forward).
 _KEY = np.array([-0.5, -0.75, -0.6]) / np.linalg.norm([0.5, 0.75, 0.6])
 _AMBIENT, _DIFFUSE, _SPECULAR = 0.42, 0.62, 0.16
 _OVERSAMPLING = 2
-_SHADOW_CELLS, _SHADOW_HALF = 192, 1.6  # of the map on the ground: cells a side, half its width
-_SHADOW_SLANT = (-0.25, 0.3)  # how far the light carries the shadow per unit of height, x and y
+_SHADOW_CELLS, _SHADOW_HALF = 192, 1.6  # shadow map on the ground: cells per side, half its width
+_SHADOW_SLANT = (-0.25, 0.3)  # offset of the shadow per unit of height: toward the camera, right
 _SHADOW_DARKNESS = 0.42
 _WHITE = 255.0
 _MP4_TURNS = 4
@@ -54,12 +57,12 @@ _MP4_TURNS = 4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Case:
-    """One line of a sheet.
+    """One row of a sheet.
 
     Attributes:
       label: a short text.
       image: uint8 [H, W, 3].
-      clouds: name -> (points [n, 3] in the project's frame, colours uint8 [n, 3]).
+      clouds: for each name (points [n, 3] in the project's frame, colours uint8 [n, 3]).
       intrinsics, extrinsics: the camera of `image`.
     """
 
@@ -71,17 +74,17 @@ class Case:
 
 
 def colours_by_height(points: np.ndarray) -> np.ndarray:
-    """uint8 [n, 3] by z, from 0 to 1."""
+    """Colours uint8 [n, 3] by height; the scale is z from 0 to 1."""
     return _ramp(HEIGHT_COLOURS, points[:, 2])
 
 
 def colours_by_value(values: np.ndarray, largest: float) -> np.ndarray:
-    """uint8 [n, 3] by a value, from 0 to `largest` (error, spread)."""
+    """Colours uint8 [n, 3] by a value (error or spread); the scale is 0 to `largest`."""
     return _ramp(VALUE_COLOURS, values / largest)
 
 
 def colours_by_branch(branch: np.ndarray) -> np.ndarray:
-    """uint8 [n, 3]: `BRANCH_COLOURS` of 0 (fc) and 1 (deconv)."""
+    """Colours uint8 [n, 3] by branch: 0 is fc, 1 is deconv."""
     return np.array(BRANCH_COLOURS, np.uint8)[branch.astype(int)]
 
 
@@ -95,16 +98,17 @@ def render(
     radius: float = RADIUS,
     shadow: bool = True,
 ) -> np.ndarray:
-    """One cloud as lit spheres on white, with the shadow that it casts on the ground z = 0.
+    """Draws one cloud as lit spheres on white, with its shadow on the ground z = 0.
 
     Args:
-      points: [n, 3] in the project's frame; those not finite or behind the camera are left out.
+      points: [n, 3] in the project's frame; points that are not finite or behind the camera are
+        skipped.
       colours: uint8 [n, 3].
       intrinsics: [3, 3] in pixels of an image of `size`.
-      extrinsics: [3, 4], project's frame to camera.
+      extrinsics: [3, 4], from the project's frame to the camera's.
       size: (height, width) of the picture.
-      radius: of the spheres, unit of the frame.
-      shadow: whether to draw the ground's shadow.
+      radius: radius of the spheres, unit of the frame.
+      shadow: whether to draw the shadow.
 
     Returns:
       uint8 [height, width, 3].
@@ -131,7 +135,7 @@ def render(
 
 
 def render_spheres(case: Case, height: int = 192, turns: Sequence[float] = (0, 75)) -> np.ndarray:
-    """The image, then each cloud from the image's camera and turned by `turns` degrees."""
+    """Draws the image, then each cloud from its camera, rotated by each of `turns` degrees."""
     scale = height / case.image.shape[0]
     size = (height, round(case.image.shape[1] * scale))
     image = Image.fromarray(case.image).resize(size[::-1], Image.Resampling.BICUBIC)
@@ -151,10 +155,10 @@ def sheet(
     height: int = 144,
     turns: Sequence[float] = (0, 75),
 ) -> Image.Image:
-    """Many cases on one page, each with its label and the names of its clouds.
+    """Draws many cases in one picture, each with its label and the names of its clouds.
 
     Raises:
-      ValueError: no cases.
+      ValueError: `cases` is empty.
     """
     if not cases:
         raise ValueError("cases is empty: accepted: at least one case")
@@ -187,15 +191,15 @@ def turntable(
     size: tuple[int, int] = (240, 320),
     milliseconds: int = 80,
 ) -> None:
-    """Writes a moving picture of a cloud turning once about the vertical, whole or not at all.
+    """Writes an animation of a cloud that rotates about the vertical axis; the write is atomic.
 
     Args:
       points: [n, 3] in the project's frame.
       colours: uint8 [n, 3].
-      path: its suffix says what is written: `.gif`, or `.mp4` (H.264, needs the extra `video`).
-      frames: of one turn.
-      size: (height, width); even for an MP4, which keeps colours at half the resolution.
-      milliseconds: of each frame.
+      path: file to write, ending in `.gif` or `.mp4` (H.264, needs the extra `video`).
+      frames: number of frames of one turn.
+      size: (height, width); must be even for an MP4, which stores colours at half the resolution.
+      milliseconds: duration of a frame.
 
     Raises:
       ValueError: another suffix, an odd size for an MP4, or the extra is missing.
@@ -211,7 +215,7 @@ def turntable(
 
 
 def check_turntable(path: str | pathlib.Path, size: tuple[int, int] = (240, 320)) -> None:
-    """Raises what `turntable` would for this path and size, before anything is drawn."""
+    """Raises the errors of `turntable` for this path and size, before anything is drawn."""
     suffix = pathlib.Path(path).suffix.lower()
     if suffix not in (".gif", ".mp4"):
         raise ValueError(f"turntable {path}: accepted: a name that ends with .gif or .mp4")
@@ -225,7 +229,10 @@ def check_turntable(path: str | pathlib.Path, size: tuple[int, int] = (240, 320)
 
 
 def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
-    """A case for each NPZ of `psgn_jax.predict`: the first samples by height, then by branch."""
+    """Reads a case from each NPZ file of `psgn_jax.predict`.
+
+    It shows the first two samples, coloured by height, or a single one by height and by branch.
+    """
     cases = []
     for path in paths:
         with open(path, "rb") as file, np.load(file) as archive:
@@ -250,9 +257,9 @@ def _gif(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
 
 
 def _mp4(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
-    """H.264 in yuv420p, the one format of colours that all browsers decode; four turns.
+    """H.264 in yuv420p, the pixel format that all browsers decode, with four turns.
 
-    A player may not repeat a film, so that one turn of three seconds would be over at once.
+    Players may not loop a video, and a single turn lasts only three seconds.
     """
     import av
 
@@ -277,7 +284,7 @@ def _ramp(stops: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _stamp(
     pixels: np.ndarray, depth: np.ndarray, radius: float, focal: float, canvas: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The nearest sphere at each pixel: (flat pixel, normal, depth there, index of the point)."""
+    """Rasterises spheres; returns (flat pixel, normal, depth, index of the point) of each hit."""
     height, width = canvas.shape[:2]
     nothing = np.zeros(0, int)
     on_screen = focal * radius / np.maximum(depth, 0.05)
@@ -287,7 +294,7 @@ def _stamp(
     offsets = offsets[(offsets**2).sum(axis=1) <= (reach + 1) ** 2]
     limit = 4.0 * max(height, width)
     corner = np.floor(np.clip(pixels, -limit, 2 * limit)).astype(int)
-    # From the centre of each pixel to the sphere's, in its radii.
+    # Offset of each pixel's centre from the centre of the sphere, in radii.
     fraction = (corner + 0.5 - np.clip(pixels, -limit, 2 * limit)) / on_screen[:, None]
     across = fraction[:, 0, None] + offsets[:, 0] / on_screen[:, None]
     down = fraction[:, 1, None] + offsets[:, 1] / on_screen[:, None]
@@ -300,7 +307,7 @@ def _stamp(
     flat = (row * width + column)[inside]
     rise = np.sqrt(forward[inside])
     surface = depth[owner] - radius * rise
-    # Depth in the high digits, the fragment in the low ones: one minimum finds both.
+    # Depth in the high bits and the fragment's index in the low bits: one minimum gives both.
     fragment = np.arange(len(flat))
     key = (surface * 2**16).astype(np.int64) * 2**32 + fragment
     nearest = np.full(height * width, np.iinfo(np.int64).max)
@@ -312,7 +319,7 @@ def _stamp(
 
 
 def _lit(normal: np.ndarray, colour: np.ndarray) -> np.ndarray:
-    """Soft light from the upper left: ambient by height, wrapped diffuse, a weak highlight."""
+    """Soft light from the upper left: ambient, wrapped diffuse and a weak highlight."""
     sky = 0.5 - 0.5 * normal[:, 1]  # 1 on top, 0 below
     diffuse = np.clip((normal @ _KEY + 0.25) / 1.25, 0, 1)
     half = _KEY + np.array([0, 0, -1.0])
@@ -322,11 +329,11 @@ def _lit(normal: np.ndarray, colour: np.ndarray) -> np.ndarray:
 
 
 def _openness(depth: np.ndarray, radius: float) -> np.ndarray:
-    """1 where a surface lies in front of what surrounds it, down to .62 in gaps behind it."""
+    """Ambient occlusion factor: 1 in front of the surroundings, down to .62 in gaps behind them."""
     empty = np.isnan(depth)
     near, far = np.nanmin(depth), np.nanmax(depth)
     span = max(far - near, 1e-6)
-    # The empty lies far behind, but not so far that outlines would dominate.
+    # Empty pixels get the largest depth, not infinity, so that silhouettes do not dominate.
     filled = np.where(empty, 1.0, (depth - near) / span)
     blur = ImageFilter.GaussianBlur(max(2.0, depth.shape[0] / 64))
     around = np.asarray(Image.fromarray(filled.astype(np.float32) * 255).convert("L").filter(blur))
@@ -341,16 +348,16 @@ def _ground_light(
     extrinsics: np.ndarray,
     size: tuple[int, int],
 ) -> np.ndarray:
-    """Light on the ground z = 0 at each pixel, 1 = full; 1 too where the ray meets no ground."""
+    """Light on the ground z = 0 at each pixel; 1 = no shadow, or the ray misses the ground."""
     cell = 2 * _SHADOW_HALF / _SHADOW_CELLS
-    # The shadow falls away from the camera's upper left, however the camera is turned.
+    # The shadow always falls away from the upper left of the camera.
     rotation = extrinsics[:, :3]
     right, toward = rotation[0, :2], -rotation[2, :2]
     slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward / np.linalg.norm(toward)
     high = np.maximum(points[:, 2], 0)
     place = (points[:, :2] + high[:, None] * slant + _SHADOW_HALF) / cell
     place = np.clip(np.floor(place), 0, _SHADOW_CELLS - 1).astype(int)
-    # What is high casts a softer, weaker shadow.
+    # Higher points cast a softer, weaker shadow.
     layers = np.zeros((2, _SHADOW_CELLS, _SHADOW_CELLS))
     weight = (2 * radius / cell) ** 2 * 1.2
     share = np.clip(high / 0.6, 0, 1)
@@ -380,14 +387,14 @@ def _ground_light(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """The command; returns its exit code."""
+    """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m psgn_jax.viewing.spheres", description=(__doc__ or "").split("\n")[0]
     )
-    parser.add_argument("predictions", nargs="+", metavar="NPZ", help="of psgn_jax.predict")
-    parser.add_argument("--out", required=True, help="the sheet, a PNG")
+    parser.add_argument("predictions", nargs="+", metavar="NPZ", help="files of psgn_jax.predict")
+    parser.add_argument("--out", required=True, help="PNG file to write")
     parser.add_argument("--columns", type=int, default=1)
-    parser.add_argument("--turntable", help="GIF or MP4 of the first prediction turning")
+    parser.add_argument("--turntable", help="GIF or MP4 of the first prediction, rotating")
     arguments = parser.parse_args(argv)
     try:
         if arguments.turntable:

@@ -241,7 +241,7 @@ def test_damage_names_file_and_record_and_spares_the_others(make, copied):
         RecordError, match=r"record 3 of .*train-00001\.arrayrecord is damaged.*again"
     ):
         reader[13]
-    with pytest.raises(RecordError, match="checksum does not fit"):
+    with pytest.raises(RecordError, match="checksum does not match"):
         reader.verify()
     assert all(reader[i].model_id for i in range(37) if i != 13)
 

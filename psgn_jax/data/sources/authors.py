@@ -1,13 +1,19 @@
-"""The authors' published training batches as samples.
+"""Reads the authors' published training batches.
 
-One file holds 32 samples as a zlib stream (not gzip, whatever its name says) of, in order: colour
-uint8 [32, 192, 256, 3] in BGR; depth uint16 [32, 192, 256], 0 = background; rotation float32
-[32, 3, 3]; points uint8 [32, 16384, 3]; 32x1024x4 uint16 of other data, not needed; then the
-models' names, separated by newlines. Names beginning with `f` are for validation, and whole files
-are of one kind.
+A file contains 32 samples as a zlib stream (not gzip, in spite of its name). The arrays in it are,
+in this order:
 
-Points keep their 8-bit lattice, depth its 16 bits: nothing is lost. The camera was fitted on the
-silhouettes (it is `camera.default_camera`).
+    colour     uint8 [32, 192, 256, 3], BGR
+    depth      uint16 [32, 192, 256], 0 = background
+    rotation   float32 [32, 3, 3]
+    points     uint8 [32, 16384, 3]
+    other      uint16 [32, 1024, 4], not used here
+
+The names of the models follow, separated by newlines. Models whose name begins with `f` are for
+validation; all models of a file belong to the same split.
+
+Points and depth are stored as they are, on an 8-bit lattice and as 16-bit codes, so nothing is
+lost. The camera is `camera.default_camera`, which was fitted to the silhouettes.
 """
 
 import dataclasses
@@ -38,20 +44,20 @@ _LAYOUT = (
 )
 _ARRAYS_SIZE = sum(dtype.itemsize * int(np.prod(shape)) for _, dtype, shape in _LAYOUT)
 _MAX_KEY = 256
-# Room for the names; what inflates to more is not such a file.
+# With space for the names; a stream that inflates to more is not a file of this format.
 _MAX_SIZE = _ARRAYS_SIZE + BATCH * (_MAX_KEY + 1)
-# No honest file is larger than its content and deflate's overhead.
+# A valid file is not larger than its content and the overhead of deflate.
 _MAX_FILE_SIZE = _MAX_SIZE + (1 << 16)
 _BLOCK = 1 << 16
 
-# From (p - (1, 0, 0)) of the authors' target frame (down, right, toward the camera) to the
-# project's: (x, y, z) = (p2, p1, 1 - p0).
+# Maps p - (1, 0, 0), with p in the authors' target frame (down, right, toward the camera), to the
+# project's frame: (x, y, z) = (p2, p1, 1 - p0).
 _TO_PROJECT = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Entry:
-    """One sample and what it is exactly stored from."""
+    """One sample, with the lattice and the codes from which it is stored exactly."""
 
     sample: schema.Sample
     points: PointLattice
@@ -63,12 +69,12 @@ class Entry:
 
 
 def split_of(model_id: str) -> str:
-    """The split of a model by the authors' rule."""
+    """The split of a model, by the authors' rule."""
     return "validation" if model_id.startswith("f") else "train"
 
 
 def _inflate(path: pathlib.Path) -> bytes:
-    """The content of a zlib file, never more than `_MAX_SIZE` bytes in memory."""
+    """Inflates a zlib file, with at most about `_MAX_SIZE` bytes in memory."""
     size = path.stat().st_size
     if size > _MAX_FILE_SIZE:
         raise ValueError(f"{path}: {size} bytes, more than any file of this format has")
@@ -103,13 +109,14 @@ def _keys(data: bytes, path: pathlib.Path) -> list[str]:
 
 
 def lattice_matrix(rotation: np.ndarray) -> np.ndarray:
-    """The map from 8-bit coordinates to the project's frame, float64 [3, 4].
+    """The affine map from 8-bit coordinates to the project's frame, float64 [3, 4].
 
-    m = (points / 255 - (0.7, 0.5, 0.5)) / 0.4 is the model's frame, m @ (R @ inv(V)) the authors'
-    target less (1, 0, 0), with V the tilt of the camera.
+    With the rotation R of the file and the tilt V of the camera,
+    m = (points / 255 - (0.7, 0.5, 0.5)) / 0.4 are coordinates in the frame of the model, and
+    m @ (R @ inv(V)) are coordinates in the authors' target frame minus (1, 0, 0).
 
     Args:
-      rotation: [3, 3], the file's R.
+      rotation: [3, 3], R.
     """
     cosine, sine = np.cos(np.deg2rad(TILT_DEGREES)), np.sin(np.deg2rad(TILT_DEGREES))
     tilt = np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
@@ -118,11 +125,11 @@ def lattice_matrix(rotation: np.ndarray) -> np.ndarray:
 
 
 def read_batch(path: str | pathlib.Path) -> Iterator[Entry]:
-    """The 32 samples of one file; all checks are done before the first one.
+    """Reads the 32 samples of a file; the whole file is checked before the first one is returned.
 
     Raises:
-      ValueError: names the file and what is wrong: truncated, corrupt, of the wrong size, with
-        bytes after its end, with names, rotations or depths that cannot be.
+      ValueError: the file is truncated, corrupt, of the wrong size, has bytes after its end, or
+        invalid names or rotations; the message names the file and the reason.
     """
     path = pathlib.Path(path)
     data = _inflate(path)
@@ -137,10 +144,13 @@ def read_batch(path: str | pathlib.Path) -> Iterator[Entry]:
     keys = _keys(data[start:], path)
     rotation = arrays["rotation"].astype(np.float64)
     if not np.isfinite(rotation).all():
-        raise ValueError(f"{path}: a rotation is not finite")
+        raise ValueError(f"{path}: a rotation is not finite, expected finite numbers")
     defect = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max()
     if defect > 1e-3 or (np.linalg.det(rotation) < 0).any():
-        raise ValueError(f"{path}: a rotation is not one (defect {defect:.3g})")
+        raise ValueError(
+            f"{path}: a rotation is not one (defect {defect:.3g}), expected an orthonormal matrix"
+            " of determinant 1"
+        )
     intrinsics, extrinsics = camera.default_camera((HEIGHT, WIDTH), tilt_degrees=TILT_DEGREES)
 
     def entries() -> Iterator[Entry]:

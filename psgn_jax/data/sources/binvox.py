@@ -1,11 +1,12 @@
-"""The binvox file format: read in bounded memory, and write.
+"""Reads (in bounded memory) and writes binvox files.
 
-A header of text lines, `#binvox 1`, `dim D D D`, optionally `translate X Y Z` and `scale S`, then
-`data`; then pairs of bytes, value (0 or 1) and count (1 to 255). In the file **y runs fastest,
-then z, then x**; here arrays are indexed [x, y, z], the axes of the model that was voxelised.
+A file begins with a header of text lines: `#binvox 1`, `dim D D D`, optionally `translate X Y Z`
+and `scale S`, and `data`. Pairs of bytes follow: a value (0 or 1) and a count (1 to 255). In the
+file **y runs fastest, then z, then x**. Here arrays are indexed [x, y, z], along the axes of the
+model that was voxelised.
 
-Cell (i, j, k) of a D^3 grid spans `translate + scale * [i, i+1] / D` along x, and so on: the grid
-is a cube of edge `scale` whose lowest corner is `translate`, in the model's coordinates.
+The grid is a cube with the edge `scale` and the lowest corner `translate`, in the coordinates of
+the model. Cell (i, j, k) of a D^3 grid spans `translate + scale * [i, i+1] / D` along x, and so on.
 
 Source: www.patrickmin.com/binvox/binvox.html.
 """
@@ -27,8 +28,8 @@ class Binvox:
 
     Attributes:
       solid: bool [D, D, D] indexed [x, y, z].
-      translate: float64 [3], the lowest corner of the grid in the model's coordinates.
-      scale: edge of the grid in the model's unit.
+      translate: float64 [3], lowest corner of the grid in the coordinates of the model.
+      scale: edge of the grid in the unit of the model.
     """
 
     solid: np.ndarray
@@ -37,11 +38,12 @@ class Binvox:
 
 
 def read(path: str | os.PathLike[str], *, max_dim: int = MAX_DIM) -> Binvox:
-    """Reads one file; memory is bounded by `max_dim`, whatever the file holds.
+    """Reads a file; `max_dim` bounds the memory for any content.
 
     Raises:
-      ValueError: names the file and what is wrong: not binvox, a header that cannot be, a grid
-        that is no cube or larger than `max_dim`, runs that do not add up to the grid (cut off).
+      ValueError: the file is not binvox, its header is invalid, its grid is not a cube or larger
+        than `max_dim`, or its runs do not add up to the grid (it is cut off); the message names the
+        file and the reason.
       OSError: the file cannot be read.
     """
     path = pathlib.Path(path)
@@ -64,14 +66,15 @@ def read(path: str | os.PathLike[str], *, max_dim: int = MAX_DIM) -> Binvox:
         if len(set(dims)) > 1 or dim != dims[0] or not 1 <= dim <= max_dim:
             raise ValueError(f"{path}: dim {dims}, expected a cube of 1 to {max_dim} cells an edge")
         total = dim**3
-        raw = np.frombuffer(file.read(2 * total + 1), np.uint8)  # every run has a cell or more
+        # Every run has at least one cell, so that more bytes cannot be valid.
+        raw = np.frombuffer(file.read(2 * total + 1), np.uint8)
     if len(raw) % 2:
         raise ValueError(f"{path}: cut off, or bytes after the end of the data")
     values, counts = raw[::2], raw[1::2]
-    found = int(counts.sum(dtype=np.int64))
-    if found != total:
-        what = "cut off" if found < total else "too long"
-        raise ValueError(f"{path}: {what}, {found} of {total} cells")
+    count = int(counts.sum(dtype=np.int64))
+    if count != total:
+        what = "cut off" if count < total else "too long"
+        raise ValueError(f"{path}: {what}, {count} of {total} cells")
     if values.size and values.max() > 1:
         raise ValueError(f"{path}: a value of {values.max()}, expected 0 or 1")
     solid = np.repeat(values.astype(np.bool_), counts).reshape(dim, dim, dim).transpose(0, 2, 1)
@@ -83,7 +86,7 @@ def read(path: str | os.PathLike[str], *, max_dim: int = MAX_DIM) -> Binvox:
 
 
 def write(path: str | os.PathLike[str], grid: Binvox) -> None:
-    """Writes one file; `read` gives the same back, numbers to 17 digits.
+    """Writes a file; `read` returns the same grid, with numbers to 17 digits.
 
     Raises:
       ValueError: `grid.solid` is not a boolean cube.
@@ -109,7 +112,7 @@ def _header_line(words: list[str], path: pathlib.Path) -> dict[str, list[float]]
     lengths = {"dim": 3, "translate": 3, "scale": 1}
     shown = " ".join(words)[:60]
     if not words or words[0] not in lengths or len(words) != 1 + lengths[words[0]]:
-        raise ValueError(f"{path}: {shown!r} is no line of a binvox header")
+        raise ValueError(f"{path}: {shown!r} is not a line of a binvox header")
     try:
         numbers = [float(word) for word in words[1:]]
     except ValueError:

@@ -1,21 +1,22 @@
-"""The ShapeNet subset of Occupancy Networks as samples.
+"""Reads the ShapeNet subset of Occupancy Networks.
 
 The published layout (github.com/autonomousvision/occupancy_networks, `im2mesh/data`):
 
-    <synset>/train.lst, val.lst, test.lst            names of models, one a line
+    <synset>/train.lst, val.lst, test.lst            names of models, one per line
     <synset>/<model>/pointcloud.npz                  points [N, 3], normals [N, 3], loc [3], scale
     <synset>/<model>/model.binvox                    3D-R2N2's voxels of the model (optional here)
     <synset>/<model>/img_choy2016/000.jpg .. 023.jpg 137x137 on white, no alpha
     <synset>/<model>/img_choy2016/cameras.npz        camera_mat_<i> [3, 3], world_mat_<i> [3, 4]
 
-`points` are normalised, ShapeNet's are `points * scale + loc`; `world_mat` takes those (y up) to
-the camera's frame, `camera_mat` to pixels of the 137x137 image (their `get_camera_args`). The
-voxels fill the cube [-1/2, 1/2]^3 of the normalised points (their `VoxelGrid`). Splits: `val` is
-called `validation` here.
+`points` are normalised; ShapeNet's coordinates (y up) are `points * scale + loc`. `world_mat` maps
+ShapeNet's coordinates to the camera frame, `camera_mat` maps these to pixels of the 137x137 image
+(their `get_camera_args`). The voxels fill the cube [-1/2, 1/2]^3 of the normalised points (their
+`VoxelGrid`). The split `val` is called `validation` here.
 
-The images have no mask. **Ours**: the silhouette is where the points fall (100,000 of them leave no
-gap of a pixel; gaps of one are closed), which no colour of the object can mislead; at least 80 % of
-the pixels that are clearly not white must lie in it, else the view is left out.
+The images have no mask. **Ours**: the mask is the set of pixels that the points project to, with
+gaps of one pixel closed; it does not depend on the colour of the object. 100,000 points leave no
+gap of a pixel. At least 80 % of the pixels that are clearly not white must be in the mask,
+otherwise the view is left out.
 """
 
 import io
@@ -42,14 +43,14 @@ _NEAR_PIXELS = 2
 
 
 def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """All listed models as (split, synset, name), and messages for lists that cannot be used.
+    """Lists all models as (split, synset, name), and messages for lists that cannot be used.
 
     Raises:
-      ValueError: the folder has not the layout.
+      ValueError: the folder does not have the layout.
     """
     if not source.is_dir():
         raise ValueError(f"SRC {str(source)!r}: there is no such folder")
-    found: list[tuple[str, str, str]] = []
+    usable: list[tuple[str, str, str]] = []
     messages: list[str] = []
     listed: set[tuple[str, str]] = set()
     for folder in sorted(p for p in source.iterdir() if p.is_dir()):
@@ -62,38 +63,39 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
                 messages.append(f"{path}: missing, or far too long")
                 continue
             for name in path.read_text("utf-8", "replace").split():
-                # Names are used as paths: one that leads out of the folder is refused.
+                # Names are used as paths: refuse names that lead out of the folder.
                 if pathlib.PurePath(name).name != name or name == ".." or "\0" in name:
-                    messages.append(f"{path}: {name[:60]!r} is no name of a model")
+                    messages.append(f"{path}: {name[:60]!r} is not the name of a model")
                 elif (folder.name, name) in listed:
                     messages.append(f"{path}: {name[:60]!r} is listed a second time")
                 else:
                     listed.add((folder.name, name))
-                    found.append((split, folder.name, name))
-    if not found:
+                    usable.append((split, folder.name, name))
+    if not usable:
         raise ValueError(f"SRC {str(source)!r}: no <synset>/train.lst, val.lst or test.lst there")
-    return found, messages
+    return usable, messages
 
 
 def input_files(source: pathlib.Path, synset: str, name: str) -> list[pathlib.Path]:
-    """The paths whose state tells whether a model changed."""
+    """The paths whose size and time show whether a model has changed."""
     folder = source / synset / name
     files = ("pointcloud.npz", "model.binvox", f"{IMAGES}/cameras.npz", IMAGES)
     return [folder / file for file in files]
 
 
 def read_npz(path: pathlib.Path, limits: dict[str, int]) -> dict[str, np.ndarray]:
-    """Some arrays of numbers of an npz file; nothing is ever unpickled.
+    """Reads numeric arrays from an npz file; nothing is unpickled.
 
-    Sizes are checked before anything is inflated, and the header of each array against its size.
+    Sizes are checked before an array is inflated, and the header of each array is checked against
+    its size.
 
     Args:
       path: the file.
-      limits: the arrays wanted, and the most numbers that each may have; of those that are not in
-        the file nothing is said.
+      limits: names of the arrays, each with its maximum number of elements. Arrays that are not in
+        the file are missing from the result.
 
     Raises:
-      ValueError: names the file and what is wrong.
+      ValueError: the file is damaged; the message names the file and the reason.
     """
     data = shapenet.read_limited(path)
     arrays = {}
@@ -106,7 +108,7 @@ def read_npz(path: pathlib.Path, limits: dict[str, int]) -> dict[str, np.ndarray
                 size = archive.getinfo(f"{key}.npy").file_size
                 if size > 8 * limit + 4096:
                     raise ValueError(f"{key} takes {size} bytes")
-                # With a length, since without one all is inflated, whatever the size said.
+                # `read` without a length would inflate everything, even beyond the stated size.
                 with archive.open(f"{key}.npy") as member:
                     arrays[key] = _read_npy(member.read(size), key, limit)
     except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError,
@@ -143,12 +145,13 @@ def read_model(
     num_points: int = shapenet.NUM_POINTS,
     max_views: int = NUM_VIEWS,
 ) -> Iterator[schema.Sample | str]:
-    """The views of one model in order; in place of a view that is damaged, a message.
+    """Yields the views of a model in order, or a message for a view that is damaged.
 
-    Always the same points for the same model, drawn without replacement from the file's.
+    The points are sampled without replacement from those in the file. They are the same for all
+    views and in every run.
 
     Raises:
-      ValueError: the model as a whole cannot be read; names the file and what is wrong.
+      ValueError: the model as a whole cannot be read; the message names the file and the reason.
     """
     cloud_path, voxel_path, camera_path, images = input_files(source, synset, name)
     points, normals, loc, scale = _read_cloud(cloud_path)
@@ -212,17 +215,19 @@ def _read_cloud(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray, np.ndarray,
         raise ValueError(f"{path}: points {points.shape}, normals {normals.shape}, expected [n, 3]")
     loc, scale = arrays["loc"].astype(np.float64).reshape(-1), float(arrays["scale"].reshape(-1)[0])
     if loc.shape != (3,) or not (np.isfinite(loc).all() and np.isfinite(scale) and scale > 0):
-        raise ValueError(f"{path}: loc {loc.tolist()}, scale {scale:g}: no placement")
+        raise ValueError(
+            f"{path}: loc {loc.tolist()}, scale {scale:g}, expected finite numbers and scale > 0"
+        )
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     if not (np.isfinite(points).all() and np.isfinite(length).all() and length.min() > 0.1):
-        raise ValueError(f"{path}: points or normals that are not finite, or normals of length 0")
+        raise ValueError(f"{path}: expected finite points, and finite normals of length > 0")
     return points, normals / length, loc, scale
 
 
 def _camera(
     cameras: dict[str, np.ndarray], view: int, path: pathlib.Path
 ) -> tuple[np.ndarray, np.ndarray]:
-    """World to camera [3, 4] and intrinsics [3, 3] of a view."""
+    """World-to-camera matrix [3, 4] and intrinsics [3, 3] of a view."""
     for key, shape in ((f"world_mat_{view}", (3, 4)), (f"camera_mat_{view}", (3, 3))):
         if key not in cameras or cameras[key].shape != shape:
             raise ValueError(f"{path}: no {key} {list(shape)}")
@@ -243,7 +248,7 @@ def _silhouette(
     image: np.ndarray,
     path: pathlib.Path,
 ) -> np.ndarray:
-    """The pixels that points fall into, gaps of one pixel closed, bool [H, W]."""
+    """The pixels that points project to, with gaps of one pixel closed, bool [H, W]."""
     height, width = image.shape[:2]
     pixels, depth = camera.project(points, inner, extrinsics)
     pixels = pixels[depth > 0]
@@ -256,14 +261,14 @@ def _silhouette(
     inside = camera.inside_mask(seen, mask, _NEAR_PIXELS).mean() if len(seen) else 0.0
     if inside < _LEAST_INSIDE or not mask.any():
         raise ValueError(
-            f"{path}: {inside:.0%} of the pixels that are not white lie where the points project, "
+            f"{path}: the points project to {inside:.0%} of the pixels that are not white, "
             f"expected {_LEAST_INSIDE:.0%}; camera, shape and image disagree"
         )
     return mask
 
 
 def _grown(mask: np.ndarray) -> np.ndarray:
-    """By one pixel in all eight directions."""
+    """Dilates a mask by one pixel in all eight directions."""
     padded = np.pad(mask, 1, mode="edge")
     rows = padded[:-2] | padded[1:-1] | padded[2:]
     return rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]

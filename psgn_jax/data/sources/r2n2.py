@@ -1,21 +1,21 @@
-"""3D-R2N2's renderings and voxels as samples.
+"""Reads the renderings and voxels of 3D-R2N2.
 
-The published layout (github.com/chrischoy/3D-R2N2, its README): two archives unpacked in a folder,
+The published layout (README of github.com/chrischoy/3D-R2N2): two archives, unpacked in a folder,
 
     ShapeNetRendering/<synset>/<model>/rendering/00.png .. 23.png   137x137, RGBA
     ShapeNetRendering/<synset>/<model>/rendering/rendering_metadata.txt
     ShapeNetVox32/<synset>/<model>/model.binvox                     32^3, solid, ShapeNet's axes
 
-A line of the metadata, one for each view: azimuth, elevation, in-plane rotation (0 in all of them),
-distance ratio, field of view. Camera: `shapenet`.
+The metadata have one line per view: azimuth, elevation, in-plane rotation (0 in all lines),
+distance ratio, field of view. The camera is described in `shapenet`.
 
-Split: of the models of a category, sorted by name, the first 80 % (rounded down) are `train`, the
-others `test`, their rule (`lib/data_io.py`) applied to the names that are here.
+Splits: the models of a category are sorted by name; the first 80 % (rounded down) are `train`, the
+others `test`. This is the rule of 3D-R2N2 (`lib/data_io.py`), applied to the models in the folder.
 
-There are no surface points in this data set. **Ours**: `points` are drawn uniformly from the
-outside of the voxels, whose place the header of the binvox gives; so they are as coarse as the
-voxels (1/32 of the longest edge), and `normals` are absent. `occupancy` is the volume turned to
-the view; the untouched one is in `extra`.
+The data set has no surface points. **Ours**: `points` are sampled uniformly from the outer faces of
+the voxels; the header of the binvox file gives the position of the voxels. The points are therefore
+as coarse as the voxels (1/32 of the longest edge), and there are no `normals`. `occupancy` is the
+volume resampled to the frame of the view; the original volume is in `extra`.
 """
 
 import pathlib
@@ -33,23 +33,23 @@ NUM_VIEWS = 24
 TRAIN_SHARE = 0.8
 _MAX_LINES = 1000
 
-# A voxel at the surface reaches up to its diagonal beyond the model: 3.3 pixels * sqrt(3), say.
+# A voxel at the surface extends beyond the model by up to its diagonal, about 3.3 * sqrt(3) pixels.
 _NEAR_PIXELS = 6
 _LEAST_NEAR = 0.9
 
 
 def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """All models as (split, synset, name), and a message for each folder that is none of the 13.
+    """Lists all models as (split, synset, name), and a message for each unknown category.
 
-    A model is listed if it has renderings or voxels, so that a missing half is reported.
+    A model is listed if it has renderings or voxels, so that a missing part is reported later.
 
     Raises:
-      ValueError: the folder has not the layout.
+      ValueError: the folder does not have the layout.
     """
     for part in (RENDERINGS, VOXELS):
         if not (source / part).is_dir():
             raise ValueError(f"SRC {str(source)!r}: no folder {part} there")
-    found: list[tuple[str, str, str]] = []
+    listed: list[tuple[str, str, str]] = []
     messages: list[str] = []
     folders = {p.name for part in (RENDERINGS, VOXELS) for p in (source / part).iterdir()}
     for synset in sorted(folders):
@@ -60,22 +60,22 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
             continue
         names = sorted({p.name for place in places for p in place.iterdir() if p.is_dir()})
         last = int(TRAIN_SHARE * len(names))
-        found += [("train" if i < last else "test", synset, name) for i, name in enumerate(names)]
-    return found, messages
+        listed += [("train" if i < last else "test", synset, name) for i, name in enumerate(names)]
+    return listed, messages
 
 
 def input_files(source: pathlib.Path, synset: str, name: str) -> list[pathlib.Path]:
-    """The paths whose state tells whether a model changed."""
+    """The paths whose size and time show whether a model has changed."""
     rendering = source / RENDERINGS / synset / name / "rendering"
     voxels = source / VOXELS / synset / name / "model.binvox"
     return [rendering, rendering / "rendering_metadata.txt", voxels]
 
 
 def read_metadata(path: pathlib.Path) -> list[tuple[float, float, float, float, float] | str]:
-    """The rows of a metadata file; in place of a row that is wrong, what is wrong with it.
+    """Reads the rows of a metadata file; a wrong row is replaced by a message.
 
     Raises:
-      ValueError: the file is missing or far too long.
+      ValueError: the file is missing or much too long.
     """
     text = shapenet.read_limited(path).decode("ascii", "replace")
     lines = text.splitlines()
@@ -106,13 +106,14 @@ def read_model(
     num_points: int = shapenet.NUM_POINTS,
     max_views: int = NUM_VIEWS,
 ) -> Iterator[schema.Sample | str]:
-    """The views of one model in order; in place of a view that is damaged, a message.
+    """Yields the views of a model in order, or a message for a view that is damaged.
 
-    Always the same points for the same model, as those of all its views.
+    The points are the same for all views and in every run.
 
     Raises:
-      ValueError: the model as a whole cannot be read; names the file and what is wrong. So too with
-        fewer rows of metadata than pictures: a lost row gives all views after it another's camera.
+      ValueError: the model as a whole cannot be read; the message names the file and the reason.
+        Fewer rows of metadata than images are such an error, because after a lost row all views
+        would get the camera of another view.
     """
     rendering, metadata, voxels = input_files(source, synset, name)
     if not voxels.is_file():
@@ -131,8 +132,7 @@ def read_model(
     pictures = sum((rendering / f"{view:02d}.png").exists() for view in range(NUM_VIEWS))
     if len(rows) < pictures:
         raise ValueError(
-            f"{metadata}: {len(rows)} rows for {pictures} pictures, so that it is not known which "
-            "row belongs to which"
+            f"{metadata}: {len(rows)} rows for {pictures} pictures, expected one row per picture"
         )
     for view in range(min(max_views, NUM_VIEWS)):
         path = rendering / f"{view:02d}.png"
@@ -166,7 +166,7 @@ def read_model(
 
 
 def _read_view(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray]:
-    """Image over the project's background, and mask: where alpha is over a half."""
+    """Returns the image over the project's background, and the mask (alpha above one half)."""
     rgba = shapenet.read_image(path, "PNG", "RGBA")
     side = shapenet.IMAGE_SIDE
     if rgba.shape[:2] != (side, side):
@@ -174,7 +174,7 @@ def _read_view(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray]:
     alpha = rgba[..., 3:].astype(np.float32) / 255
     mask = rgba[..., 3] > 127
     if not mask.any():
-        raise ValueError(f"{path}: nothing in the picture, alpha is 0 everywhere")
+        raise ValueError(f"{path}: the image is transparent, expected an object")
     over = rgba[..., :3] * alpha + schema.BACKGROUND_GREY * (1 - alpha)
     image = np.where(mask[..., None], np.rint(over), schema.BACKGROUND_GREY).astype(np.uint8)
     return image, mask

@@ -1,15 +1,16 @@
-"""What the foreign layouts built on ShapeNet share: categories, frames, cameras, volumes.
+"""Common parts of the data sets built on ShapeNet: categories, frames, cameras and volumes.
 
-**World**: ShapeNet's models have +y up; here they are turned to +z up, `(x, y, z) = (X, -Z, Y)`, as
-Blender does when it reads an OBJ. A sample's frame is the project's: turned about the vertical so
-that the image's right is +y, origin on the ground under the middle of the bounding box, unit = the
-distance of the farthest point (`Placement`).
+**World**: ShapeNet's models have +y up. Here they are rotated to +z up, `(x, y, z) = (X, -Z, Y)`,
+as Blender does when it reads an OBJ. The frame of a sample is the project's: rotated about the
+vertical axis so that +y is the right of the image, with the origin on the ground under the middle
+of the bounding box; the unit is the distance of the farthest point from the origin (`Placement`).
 
-**Camera** of 3D-R2N2's renderings (its commit 3f62115, `lib/blender_renderer.py`, and the matrices
-that later projects derived from it and agree on): images of 137x137 pixels, focal length 35 mm on
-a sensor of 32 mm, so 35/32 * 137 = 149.8 pixels (the "field of view" of the metadata, 25, was not
-used), looking at the world's origin from the distance 1.75 * ratio, at the elevation over the
-ground and at the azimuth against the direction (1, 0), clockwise seen from above.
+**Camera** of 3D-R2N2's renderings. Sources: commit 3f62115, `lib/blender_renderer.py`, and the
+matrices that later projects derived from it, which agree. The images have 137x137 pixels. The focal
+length is 35 mm on a sensor of 32 mm, so 35/32 * 137 = 149.8 pixels (the "field of view" of 25 in
+the metadata was not used). The camera looks at the origin of the world from the distance
+1.75 * ratio. The elevation is the angle above the ground; the azimuth is the angle from the
+direction (1, 0), clockwise seen from above.
 """
 
 import base64
@@ -41,14 +42,14 @@ SYNSETS = {
     "04401088": "cellphone",
     "04530566": "watercraft",
 }
-"""The 13 categories of 3D-R2N2 under the names of the paper's table."""
+"""The 13 categories of 3D-R2N2, with the names in the table of the paper."""
 
 NUM_POINTS = 16384
 IMAGE_SIDE = 137
 FOCAL = 35 / 32 * IMAGE_SIDE
 MAX_DISTANCE = 1.75
 
-# ShapeNet's axes to the world's.
+# Rotation from ShapeNet's axes to those of the world.
 TO_WORLD = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 _MAX_FILE_SIZE = 1 << 24
@@ -58,7 +59,7 @@ _FINE = 4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Placement:
-    """Where an object stands in the world: frame = (world - origin) / unit, then turned."""
+    """Position and scale of an object: frame = (world - origin) / unit, then rotated."""
 
     origin: np.ndarray
     unit: float
@@ -66,12 +67,12 @@ class Placement:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Solid:
-    """A volume in the world.
+    """An occupancy grid in the world.
 
     Attributes:
       cells: bool [n, n, n] indexed [x, y, z], z up.
-      low: [3], its lowest corner.
-      edge: of one cell.
+      low: [3], lowest corner of the grid.
+      edge: edge length of a cell.
     """
 
     cells: np.ndarray
@@ -86,7 +87,7 @@ def intrinsics() -> np.ndarray:
 
 
 def orbit_camera(azimuth: float, elevation: float, distance: float) -> np.ndarray:
-    """World to camera [3, 4] of a camera that looks at the world's origin; degrees, world units."""
+    """World-to-camera matrix [3, 4] of a camera that looks at the origin; degrees, world units."""
     a, e = np.deg2rad(azimuth), np.deg2rad(elevation)
     outward = np.array([np.cos(a) * np.cos(e), -np.sin(a) * np.cos(e), np.sin(e)])
     right = np.array([np.sin(a), np.cos(a), 0])
@@ -95,21 +96,21 @@ def orbit_camera(azimuth: float, elevation: float, distance: float) -> np.ndarra
 
 
 def turn_to_view(world_to_camera: np.ndarray) -> np.ndarray:
-    """The rotation [3, 3] about the vertical, world to frame, that takes the image's right to +y.
+    """Rotation [3, 3] about the vertical axis, world to frame, that maps the image's right to +y.
 
     Raises:
-      ValueError: the image's right points up or down (a camera on its side).
+      ValueError: the right of the image points up or down (the camera is rolled on its side).
     """
     right = world_to_camera[0, :2]
     length = float(np.linalg.norm(right))
     if not length > 0.1:
-        raise ValueError("the camera is rolled on its side: accepted: the image's right level")
+        raise ValueError("the camera is rolled on its side, expected a level image")
     x, y = right / length
     return np.array([[y, -x, 0], [x, y, 0], [0, 0, 1.0]])
 
 
 def place(points: np.ndarray) -> Placement:
-    """The placement of an object from all its points [n, 3] in the world.
+    """Computes the placement of an object from all its points [n, 3] in the world.
 
     Raises:
       ValueError: the points have no extent, or are not finite.
@@ -118,21 +119,21 @@ def place(points: np.ndarray) -> Placement:
     origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     unit = float(np.linalg.norm(points - origin, axis=1).max())
     if not (np.isfinite(unit) and unit > 0):
-        raise ValueError(f"the object's radius is {unit:g}")
+        raise ValueError(f"the object's radius is {unit:g}, expected a finite number > 0")
     return Placement(origin, unit)
 
 
 def frame_extrinsics(
     world_to_camera: np.ndarray, turn: np.ndarray, placement: Placement
 ) -> np.ndarray:
-    """Extrinsics float32 [3, 4] of the sample's frame: lengths in its unit, pixels the same."""
+    """Extrinsics float32 [3, 4] for the frame of the sample; projections stay the same."""
     rotation, shift = world_to_camera[:, :3], world_to_camera[:, 3]
     moved = (rotation @ placement.origin + shift) / placement.unit
     return np.concatenate([rotation @ turn.T, moved[:, None]], axis=1).astype(np.float32)
 
 
 def solid_of(grid: Binvox) -> Solid:
-    """A binvox of a ShapeNet model in the world."""
+    """Transforms the binvox of a ShapeNet model to the world."""
     cells = grid.solid.transpose(0, 2, 1)[:, ::-1]
     x, y, z = grid.translate
     low = np.array([x, -(z + grid.scale), y])
@@ -155,13 +156,14 @@ def corners(solid: Solid) -> np.ndarray:
 def surface_points(solid: Solid, count: int, rng: np.random.Generator) -> np.ndarray:
     """Uniformly distributed points on the faces between occupied and empty cells, in the world.
 
-    Faces on the border of the grid count. Stairs make the surface rougher and larger than the
-    model's: on a slanted plane the points lie up to one cell from it.
+    Faces on the border of the grid are included. The surface consists of steps and is therefore
+    rougher and larger than that of the model. On a slanted plane, points are up to one cell from
+    it.
 
     Args:
-      solid: not empty.
+      solid: a grid that is not empty.
       count: number of points.
-      rng: draws them.
+      rng: random number generator.
 
     Returns:
       float64 [count, 3].
@@ -181,12 +183,13 @@ def surface_points(solid: Solid, count: int, rng: np.random.Generator) -> np.nda
 
 
 def turned_occupancy(solid: Solid, placement: Placement, turn: np.ndarray) -> np.ndarray:
-    """The volume in the schema's grid of a frame, bool [32, 32, 32].
+    """Resamples the volume to the schema's grid in the frame of a view, bool [32, 32, 32].
 
-    A cell is occupied if at least half of its 4^3 parts have their centre in an occupied cell of
-    `solid`; and if any has, but neither the cell nor one of its 26 neighbours is occupied by that
-    rule (thin parts stay, as in data_gen). Coarse grids turned to a view lose detail: compare with
-    3D-R2N2 in its own grid, see `grid_extra`.
+    A cell is divided into 4^3 parts. A part counts if its centre is in an occupied cell of `solid`.
+    A cell is occupied if at least half of its parts count. To keep thin structures, it is also
+    occupied if any part counts and none of its 26 neighbours is occupied by the first rule
+    (`data_gen` does the same). Rotating a coarse grid loses detail; comparisons with 3D-R2N2 should
+    use its own grid, see `grid_extra`.
     """
     size, fine = schema.OCCUPANCY_SIZE, schema.OCCUPANCY_SIZE * _FINE
     along = (np.arange(fine) + 0.5) * (2 / fine)
@@ -208,10 +211,11 @@ def turned_occupancy(solid: Solid, placement: Placement, turn: np.ndarray) -> np
 
 
 def grid_extra(solid: Solid, placement: Placement, turn: np.ndarray) -> str:
-    """The untouched volume for a sample's `extra`, to compare in the grid of its source.
+    """The volume in its original grid, for comparisons there, as the text of `Sample.extra`.
 
-    JSON: `grid`, base64 of the deflated bits of `cells`, [n, n, n]; `grid_size`, n; `grid_to_frame`
-    [3, 4], from indices (cell (i, j, k) spans [i, i+1] ..) to the sample's frame.
+    JSON: `grid` is the base64 of the deflated bits of `cells` [n, n, n]. `grid_size` is n.
+    `grid_to_frame` [3, 4] maps indices to the frame of the sample; cell (i, j, k) spans [i, i+1]
+    along x, and so on.
     """
     linear = turn * (solid.edge / placement.unit)
     moved = turn @ (solid.low - placement.origin) / placement.unit
@@ -225,10 +229,10 @@ def grid_extra(solid: Solid, placement: Placement, turn: np.ndarray) -> str:
 
 
 def grid_of_extra(extra: str) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse of `grid_extra`: cells bool [n, n, n], and `grid_to_frame` float64 [3, 4].
+    """Inverse of `grid_extra`: cells, bool [n, n, n], and `grid_to_frame`, float64 [3, 4].
 
     Raises:
-      ValueError: `extra` holds no such volume.
+      ValueError: `extra` does not contain a volume.
     """
     try:
         content = json.loads(extra)
@@ -240,15 +244,15 @@ def grid_of_extra(extra: str) -> tuple[np.ndarray, np.ndarray]:
         bits = np.unpackbits(np.frombuffer(packed, np.uint8), count=size**3)
         matrix = np.array(content["grid_to_frame"], np.float64).reshape(3, 4)
     except (ValueError, TypeError, KeyError, zlib.error) as error:
-        raise ValueError(f"extra holds no volume: {error!r}") from None
+        raise ValueError(f"extra: expected a volume of `grid_extra` ({error!r})") from None
     return bits.reshape(size, size, size).astype(np.bool_), matrix
 
 
 def read_limited(path: pathlib.Path) -> bytes:
-    """The content of a file.
+    """Reads a file.
 
     Raises:
-      ValueError: it is missing, no file, or larger than any of these layouts has.
+      ValueError: it is missing, not a file, or larger than any file of these data sets.
     """
     if not path.is_file():
         raise ValueError(f"{path}: missing")
@@ -258,21 +262,21 @@ def read_limited(path: pathlib.Path) -> bytes:
 
 
 def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
-    """Decodes an image as uint8 [H, W, channels of `mode`].
+    """Decodes an image to uint8 [H, W, channels of `mode`].
 
     Args:
       path: the file.
-      kind: the format that it must have, Pillow's name.
-      mode: "RGB" (grey is accepted) or "RGBA".
+      kind: required format, as Pillow names it.
+      mode: "RGB" (grey images are converted) or "RGBA".
 
     Raises:
-      ValueError: names the file and what is wrong.
+      ValueError: the file cannot be read; the message names the file and the reason.
     """
     data = read_limited(path)
     try:
         picture = Image.open(io.BytesIO(data), formats=(kind,))
         if max(picture.size) > _MAX_IMAGE_SIDE:
-            raise ValueError(f"{picture.size} pixels")
+            raise ValueError(f"{picture.size} pixels, expected at most {_MAX_IMAGE_SIDE} per side")
         if mode == "RGBA" and picture.mode not in ("RGBA", "LA"):
             raise ValueError(f"mode {picture.mode}, expected one with an alpha channel")
         return np.asarray(picture.convert(mode))
@@ -283,10 +287,10 @@ def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
 def check_projection(
     sample: schema.Sample, radius: int, least: float, path: pathlib.Path
 ) -> schema.Sample:
-    """Returns the sample if its points lie on its image.
+    """Returns the sample if its points project onto its mask.
 
     Raises:
-      ValueError: fewer than the share `least` lie within `radius` pixels of the mask.
+      ValueError: less than the fraction `least` projects to within `radius` pixels of the mask.
     """
     pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
     near = camera.inside_mask(pixels, sample.mask, radius)[depth > 0].sum() / len(depth)

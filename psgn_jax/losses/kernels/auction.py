@@ -1,32 +1,34 @@
 """The auction on a GPU: a Pallas kernel (Triton) that solves one pair of clouds per program.
 
-The algorithm is that of `losses.auction` (Bertsekas, epsilon scaling, phases that keep the pairs
-which still satisfy epsilon-complementary slackness), laid out for a GPU: the whole solve is one
-launch, not one per bid. The objects' coordinates, prices and owners live in the registers of one
-program (4 warps for 1,024 points, 8 objects a thread), the bidders' coordinates in the first-level
-cache; under `vmap` the batch becomes an axis of the launch, one program a pair, each ending on its
-own.
+The algorithm is that of `losses.auction`: Bertsekas' auction with epsilon scaling, whose phases
+keep the pairs that still satisfy epsilon-complementary slackness. Here the whole solve is one
+launch instead of one launch per bid. The coordinates, prices and owners of the objects are in the
+registers of one program (4 warps for 1,024 points, 8 objects per thread). The coordinates of the
+bidders are in the first-level cache. Under `vmap` the batch is an axis of the launch, with one
+program per pair; the programs end independently.
 
-A round. Each of K lanes holds a bidder without object. Over the tile [K, n] of distances, computed
-from coordinates: the least of distance plus price, the first object that attains it, the least of
-all others (an exact tie counts as second best). Of the lanes that chose the same object the highest
-bid wins, of equal bids the lowest lane: both are maxima and minima of the same registers, no float
-is computed twice and compared, so an object has one winner and the owners stay a matching. A lane
-goes on with the bidder it displaced; one that took a free object draws the next from the list of
-bidders the phase has yet to place. K falls from 8 over 2 to 1 as the list runs out: the tail of a
-phase is serial, and the tile should not be wider than it.
+A round. Each of K lanes holds one bidder without an object. The tile [K, n] of distances is
+computed from coordinates. Each lane computes the minimum of distance plus price, the first object
+that attains it, and the minimum over all other objects (so an exact tie has margin 0). If several
+lanes chose the same object, the highest bid wins, and among equal bids the lowest lane. Both rules
+are minima and maxima over the same registers; no float is computed twice and compared. An object
+therefore has one winner, and the owners remain a matching. A lane continues with the bidder it
+displaced. If the object was free, the lane takes the next bidder from the list of those still
+without an object in this phase. K is 8, then 2, then 1 as the list runs out, because the end of a
+phase is serial and a wide tile would be wasted there.
 
 Cost of a round at 1,024 points and 4 warps, from the machine code of Triton 3.6 for sm_90: 2,630
-instructions a warp for K = 8, 641 for K = 2, 340 for K = 1, and 12 to 16 barriers, no spills inside
-the rounds. A warp per scheduler issues at best one a cycle, and four reductions across the program
-depend on each other (some 150 cycles each): about 3,400, 1,500 and 1,100 cycles. Real pairs of
-1,024 points at 1 % took (interpreted) 2,500 to 3,600 rounds of 8, 300 to 1,400 of 2 and 700 to
-4,600 of 1, in 6 or 7 phases, whose sweeps over all distances add 128 steps of 1,900 instructions
-each. That is 10 to 18 million cycles: 6 to 10 ms at 1.75 GHz, all pairs at once on a GPU with as
-many multiprocessors. An estimate: it has not been run on a GPU so far.
+instructions per warp for K = 8, 641 for K = 2, 340 for K = 1, and 12 to 16 barriers, without spills
+inside the rounds. With one warp per scheduler at most one instruction is issued per cycle. Four
+reductions across the program depend on each other (about 150 cycles each). This gives about 3,400,
+1,500 and 1,100 cycles. Real pairs of 1,024 points at 1 % took, in interpret mode, 2,500 to 3,600
+rounds with K = 8, 300 to 1,400 with K = 2 and 700 to 4,600 with K = 1, in 6 or 7 phases. The sweeps
+of the phases over all distances add 128 steps of 1,900 instructions each. The total is 10 to 18
+million cycles: 6 to 10 ms at 1.75 GHz, for all pairs together if the GPU has as many
+multiprocessors as there are pairs. This is an estimate: the kernel has not been run on a GPU yet.
 
-What the kernel returns is a matching and prices; the bijection, the cost and the proven gap come
-from `certificate`, which trusts nothing that was computed here.
+The kernel returns a matching and prices. The bijection, the cost and the proven gap come from
+`certificate`, which does not rely on anything that was computed here.
 """
 
 import functools
@@ -44,22 +46,23 @@ from psgn_jax.losses import certificate
 from psgn_jax.losses.kernels.dispatch import varying_like
 from psgn_jax.types import Array
 
-# Registers end here: 16 warps with 8 objects a thread.
+# More points do not fit in the registers: 16 warps with 8 objects per thread.
 MAX_POINTS = 4096
 
 _LANES = (8, 2, 1)  # K, in the order of use
-_FACTOR = 5.0  # epsilon falls by it from phase to phase
-_START = 0.1  # first epsilon, in the largest distance
-_SAFETY = 0.85  # of the tolerance: what the bids aim at; the rest is for roundings
-_FLOOR = 2.0**-20  # last epsilon, for clouds of extent 1: a few units in the last place of a price
-_RAISES = 16  # beyond half of the budget epsilon rises, by 4 at a time, this often at most
-_TINY = 1e-37  # below it a squared distance counts as zero
+_FACTOR = 5.0  # epsilon is divided by this from phase to phase
+_START = 0.1  # first epsilon, relative to the largest distance
+_SAFETY = 0.85  # the bids aim at this fraction of the tolerance; the rest is for rounding errors
+_FLOOR = 2.0**-20  # smallest epsilon (clouds of extent 1): a few units in the last place of a price
+_RAISES = 16  # after half of the budget epsilon is multiplied by 4, at most this often
+_TINY = 1e-37  # smaller squared distances count as zero
 
 
 class Matching(NamedTuple):
-    """Who has which object, and prices that bound the optimum from below.
+    """The owner of each object, and prices that bound the optimum from below.
 
-    `owner[j]` is the bidder of object j, -1 if none (the budget ran out); no bidder has two.
+    `owner[j]` is the bidder of object j, or -1 if the budget ran out before it had one. No bidder
+    owns two objects.
     The optimum is at least sum_i min_j (c_ij + prices_j) - sum_j prices_j.
     """
 
@@ -72,8 +75,8 @@ class _Rounds(NamedTuple):
     prices: Array  # [1, size], infinite for padding
     owner: Array  # [1, size]
     who: Array  # [K] bidder of each lane, -1 if none
-    head: Array  # how many of the list were drawn
-    active: Array  # lanes with a bidder
+    head: Array  # number of bidders taken from the list so far
+    active: Array  # number of lanes with a bidder
     bids: Array
 
 
@@ -101,12 +104,13 @@ def _kernel(  # type: ignore[no-untyped-def]
     n: int,
     barrier: Callable[[], Any],
 ) -> None:
-    """The program of one pair, see the module.
+    """The program for one pair, described in the module docstring.
 
-    One function: a kernel is traced as a whole, and its parts read the same references.
+    It is one long function because a kernel is traced as a whole and its parts use the same
+    references.
     """
-    # object_ref, list_ref and slack_ref are working memory (Pallas has none for Triton but its
-    # outputs). Stores that are masked off go to the entry after the last: `nowhere`.
+    # object_ref, list_ref and slack_ref are working memory; for Triton, Pallas has no other working
+    # memory than outputs. Masked stores go to the entry after the last one: `nowhere`.
     size = nowhere = prices_ref.shape[1]
     wide = _LANES[0]
     tolerance, budget = tolerance_ref[0], budget_ref[0]
@@ -131,7 +135,7 @@ def _kernel(  # type: ignore[no-untyped-def]
         return jnp.sum(condition.astype(jnp.int32), dtype=jnp.int32)
 
     def places(condition: Array, axis: int) -> Array:
-        # Where the chosen entries go if they are moved to the front, in order.
+        # Target positions that move the chosen entries to the front, in order.
         place = jnp.cumsum(condition.astype(jnp.int32), axis=axis, dtype=jnp.int32) - 1
         return jnp.where(condition, place, nowhere)
 
@@ -179,7 +183,7 @@ def _kernel(  # type: ignore[no-untyped-def]
             highest = jnp.max(bid, axis=0)[None, :]
             winner = jnp.min(jnp.where(chosen & (bid == highest), lane, lanes), axis=0)[None, :]
             won = chosen & (lane == winner)
-            # -2: outbid by another lane. -1: the object was free.
+            # -2: the lane was outbid by another lane. -1: the object was free.
             displaced = jnp.max(jnp.where(won, s.owner, -2), axis=1)
             taker = jnp.max(jnp.where(won, who[:, None], -1), axis=0)[None, :]
             who = jnp.where(displaced == -2, who, displaced)
@@ -198,7 +202,7 @@ def _kernel(  # type: ignore[no-untyped-def]
             round_of_bids,
             _Rounds(state.prices, state.owner, nobody, zero, zero, state.bids),
         )
-        # Whoever is left becomes the list of the next, narrower rounds.
+        # The remaining bidders become the list of the next rounds, which have fewer lanes.
         barrier()
         left = end.who >= 0
         plgpu.store(list_ref.at[places(left, 0)], end.who, mask=left)
@@ -207,7 +211,7 @@ def _kernel(  # type: ignore[no-untyped-def]
         return state, end.active
 
     def begin(state: _Phases) -> tuple[_Phases, Array]:
-        """Judges a complete matching and takes the objects from those with too much slack."""
+        """Measures a complete matching and frees the objects of pairs with too much slack."""
         barrier()
         object_ref[state.owner] = objects
         barrier()
@@ -215,14 +219,14 @@ def _kernel(  # type: ignore[no-untyped-def]
         slack, primal, _ = over_bidders(measure, nothing, nothing, state.prices)
         slack, primal = jnp.sum(slack), jnp.sum(primal)
         barrier()
-        # The prices to return are those that prove the most.
+        # Return the prices with the highest lower bound.
         dual = primal - slack
         prices_ref[...] = jnp.where(dual > state.bound, state.prices, prices_ref[...])
         bound = jnp.maximum(state.bound, dual)
         aim = _SAFETY * tolerance * bound
-        # At the last epsilon, or once it had to be raised, nothing better comes.
+        # After the smallest epsilon, or after epsilon was raised, the matching cannot improve.
         last = (state.epsilon <= _FLOOR) | (state.bids > budget - budget // 2)
-        # Written so that NaN ends it.
+        # Negated so that a NaN ends the loop.
         done = jnp.logical_not(primal - bound > aim) | last
         goal = aim / n
         lower = state.epsilon / _FACTOR
@@ -243,8 +247,8 @@ def _kernel(  # type: ignore[no-untyped-def]
             state, waiting = bid_all(lanes, until, state, waiting, state.epsilon)
         return state
 
-    # Both sums over nearest neighbours are lower bounds; and lowering every price by the distance
-    # of the nearest bidder makes the second of them the dual value to begin with.
+    # Both sums of distances to nearest neighbours are lower bounds. With prices equal to minus the
+    # distance to the nearest bidder, the dual value starts at the second of these sums.
     nothing = jnp.zeros((wide,), jnp.float32)
     column, row_sum, widest = over_bidders(
         opening, jnp.full((1, size), jnp.inf, jnp.float32), nothing, nothing
@@ -254,7 +258,7 @@ def _kernel(  # type: ignore[no-untyped-def]
     state = _Phases(
         prices=jnp.where(real, -column, jnp.inf),
         owner=objects,
-        # Divided by the factor before it is used.
+        # `begin` divides it by _FACTOR before it is used.
         epsilon=jnp.max(widest) * (_START * _FACTOR),
         bound=jnp.maximum(row_sum, column_sum),
         done=zero,
@@ -273,15 +277,15 @@ def solve(
     *,
     interpret: bool = False,
 ) -> Matching:
-    """Bids until the matching is within about `tolerance`, or `max_bids` bids were made.
+    """Bids until the matching is within about `tolerance`, or `max_bids` bids have been made.
 
     Args:
-      a: [n, 3] float32, finite, 1 <= n <= MAX_POINTS, best of extent 1 (the last epsilon and the
-        smallest distance told from zero, 3e-19, are meant so).
+      a: [n, 3] float32, finite, 1 <= n <= MAX_POINTS. The extent should be about 1, because the
+        smallest epsilon and the smallest distance that differs from zero (3e-19) assume this.
       b: [n, 3] likewise.
       tolerance: scalar, accepted (cost - optimum) / optimum.
-      max_bids: scalar; with 0 the matching is i -> i. Beyond half of it epsilon rises, so that the
-        matching becomes complete at least.
+      max_bids: scalar; with 0 the matching is i -> i. After half of it epsilon is raised, so that
+        the matching becomes complete.
       interpret: run it as plain JAX, on any platform.
 
     Raises:
@@ -290,7 +294,7 @@ def solve(
     n = len(a)
     if n > MAX_POINTS:
         raise ValueError(f"a: got {n} points, expected at most {MAX_POINTS} for the kernel")
-    if n == 1:  # a single object has no second best
+    if n == 1:  # with one object there is no second best
         return Matching(jnp.zeros_like(a[:, 0], jnp.int32), jnp.zeros_like(a[:, 0]), jnp.int32(0))
     size = max(pl.next_power_of_2(n), 32)
     inputs = tuple(jnp.pad(x.astype(jnp.float32), ((0, size - n), (0, 0))).T for x in (a, b))
@@ -309,7 +313,7 @@ def solve(
     prices, owner, bids, *_ = pl.pallas_call(
         functools.partial(_kernel, n=n, barrier=_no_barrier if interpret else plgpu.debug_barrier),
         out_shape=tuple(varying_like(shape, dtype, *inputs) for shape, dtype in shapes),
-        # 8 objects a thread.
+        # 8 objects per thread.
         compiler_params=plgpu.CompilerParams(num_warps=max(size // 256, 1), num_stages=1),
         interpret=interpret,
         name="auction",
@@ -329,24 +333,24 @@ def solve_pair(
     *,
     interpret: bool = False,
 ) -> tuple[Array, Array, Array, Array]:
-    """index, prices, bids and proven gap of one pair, as a solver of `losses.auction` does.
+    """Index, prices, bids and proven gap of one pair, like the solvers of `losses.auction`.
 
-    The bijection, its cost and the certificate come from `certificate`, from the matching
-    and the prices found here. Non-finite coordinates: i -> i and a NaN gap.
+    The kernel computes a matching and prices; `certificate` computes the bijection, its cost and
+    the gap from them. Non-finite coordinates give the bijection i -> i and a NaN gap.
     """
     problem = certificate.prepare(a, b)
     budget = jnp.where(problem.finite, max_bids, 0)
-    found = solve(problem.a, problem.b, tolerance, budget, interpret=interpret)
-    index = certificate.bijection(found.owner)
-    # There the least price is zero.
-    judged = certificate.judge(problem, index, found.prices - found.prices.min())
+    matching = solve(problem.a, problem.b, tolerance, budget, interpret=interpret)
+    index = certificate.bijection(matching.owner)
+    # `judge` expects prices >= 0.
+    judged = certificate.judge(problem, index, matching.prices - matching.prices.min())
     gap = certificate.gap_of(judged.cost, judged.lower, len(a))
     gap = jnp.where(problem.finite, gap, jnp.nan)
-    return index, judged.prices * problem.unit, found.bids, gap
+    return index, judged.prices * problem.unit, matching.bids, gap
 
 
 def trial() -> bool:
-    """Whether the compiled kernel finds the optimum of a small problem, on the default device."""
+    """Returns whether the compiled kernel solves a small problem, on the default device."""
     rng = np.random.default_rng(0)
     b = rng.normal(size=(200, 3)).astype(np.float32)
     order = rng.permutation(len(b))

@@ -1,17 +1,19 @@
 """Nearest neighbours on a GPU: a Pallas kernel (Triton) that keeps minima and indices on chip.
 
-A program holds a tile of rows (points of one cloud) in registers, streams over the other cloud and
-keeps, per row and lane, the least squared distance and the chunk of columns it came from. Nothing
-of size n m is ever written; both directions are two launches of this kernel, and under `vmap` the
-batch becomes an axis of the launch. Reductions have a fixed order: same input, same bits.
+One program holds a tile of rows (points of one cloud) in registers and streams over the columns
+(points of the other cloud). For each row and lane it keeps the smallest squared distance and the
+number of the chunk of columns with that distance. No array of size n m is written. Each of the two
+directions is one launch. Under `vmap` the batch is an axis of the launch. Reductions have a fixed
+order, so equal inputs give equal bits.
 
-Cost. A distance is 6 instructions a lane (3 differences, 1 product, 2 fused multiply-adds); its
-minimum is 1 more and the chunk's number 2. For long clouds the number is kept per _GROUP chunks
-(2 / _GROUP instructions) and the winning group is evaluated once more at the end, 256 columns a
-row. In the machine code of Triton 3.6 for sm_90 the inner loops are 7.8 instructions a distance
-(16,384 columns) and 9.7 (1,024 columns), without spills: 17.5 a pair for both directions. An exact
-search that computed every distance once needs at least 8 (6 and a minimum for each direction),
-which `tests/bench/kernels.py` takes as the floor. Estimated, never run on a GPU so far.
+Cost. A distance takes 6 instructions per lane (3 differences, 1 product, 2 fused multiply-adds),
+its minimum 1, the update of the chunk number 2. For long clouds the number is stored per group of
+_GROUP chunks (2 / _GROUP instructions), and at the end the winning group, 256 columns per row, is
+computed again. In the machine code of Triton 3.6 for sm_90 the inner loop has 7.8 instructions per
+distance for 16,384 columns and 9.7 for 1,024 columns, without spills: 17.5 per pair of points for
+both directions. An exact search that computes every distance once needs at least 8 (6, and one
+minimum per direction). `tests/bench/kernels.py` uses this as the lower limit. These are estimates:
+the kernel has not been run on a GPU yet.
 """
 
 import functools
@@ -25,11 +27,11 @@ from jax.experimental.pallas import triton as plgpu
 from psgn_jax.losses.kernels.dispatch import varying_like
 from psgn_jax.types import Array
 
-# 32 x 64 distances on 4 warps are 16 rows and one column a thread: 48 coordinates, 48 minima and
-# numbers, 113 to 162 registers with all else. All sizes are powers of two, as Triton wants.
+# A tile of 32 x 64 distances on 4 warps is 16 rows and one column per thread: 48 coordinates, 48
+# minima and numbers, and 113 to 162 registers in total. Triton requires powers of two.
 _ROWS = 32
 _COLS = 64
-_GROUP = 4  # chunks of columns that share a number, where the other cloud is long
+_GROUP = 4  # chunks of columns per number, if the other cloud has at least _LONG points
 _LONG = 4096
 _WARPS = 4
 _LAST = np.iinfo(np.int32).max
@@ -52,7 +54,7 @@ def _kernel(rows_ref, cols_ref, distance_ref, index_ref, *, groups: int, group: 
             d = squared([cols_ref[axis, pl.ds(begin, _COLS)][None, :] for axis in range(3)])
             least = d if least is None else jnp.minimum(least, d)
         assert least is not None
-        better = least < best  # strictly: of equals the first stays
+        better = least < best  # strict: among equal distances the first is kept
         return jnp.where(better, least, best), jnp.where(better, number, where)
 
     start = jnp.full(shape, jnp.inf, rows[0].dtype), jnp.zeros(shape, jnp.int32)
@@ -60,8 +62,8 @@ def _kernel(rows_ref, cols_ref, distance_ref, index_ref, *, groups: int, group: 
     if group == 1:
         where = where * _COLS + lanes
     else:
-        # The first group that holds the minimum, once more, now with positions. The minimum is
-        # taken anew as well: were it rounded otherwise here, an equality would find nothing.
+        # Compute the first group with the minimum again, to find the column. The minimum is also
+        # computed again: a comparison with the old value would fail if rounding differed here.
         least = jnp.min(best, axis=1)[:, None]
         first = jnp.min(jnp.where(best == least, where, groups - 1), axis=1)[:, None]
         best, where = start
@@ -76,14 +78,16 @@ def _kernel(rows_ref, cols_ref, distance_ref, index_ref, *, groups: int, group: 
 
 
 def _planes(points: Array, multiple: int) -> Array:
-    # Copies of the last point: they tie with it and the lowest index wins, so padding never does.
+    # Pads with copies of the last point. They tie with it, and the lowest index wins a tie, so no
+    # padded point is ever chosen.
     return jnp.pad(points, ((0, -len(points) % multiple), (0, 0)), mode="edge").T
 
 
 def nearest(rows: Array, cols: Array, *, interpret: bool = False) -> tuple[Array, Array]:
-    """Squared distance and index of the nearest of cols [m, 3] for every one of rows [n, 3].
+    """Squared distance and index of the nearest point of `cols` [m, 3] for each of `rows` [n, 3].
 
-    Of equally near points the lowest index; a NaN leaves its rows undefined, but ends.
+    Among points at equal distance the lowest index is returned. With a NaN the affected rows are
+    undefined, but the kernel terminates.
     """
     n, m = len(rows), len(cols)
     group = _GROUP if m >= _LONG else 1
@@ -110,12 +114,12 @@ def nearest(rows: Array, cols: Array, *, interpret: bool = False) -> tuple[Array
 
 
 def search(a: Array, b: Array, *, interpret: bool = False) -> tuple[Array, Array, Array, Array]:
-    """Nearest of b for all of a, and of a for all of b: distances, indices, distances, indices."""
+    """Squared distances and indices of the nearest points from a to b, then from b to a."""
     return *nearest(a, b, interpret=interpret), *nearest(b, a, interpret=interpret)
 
 
 def trial() -> bool:
-    """Whether the compiled kernel is right on small clouds, on the default device."""
+    """Returns whether the compiled kernel is correct on small clouds, on the default device."""
     rng = np.random.default_rng(0)
     a, b = (rng.normal(size=(n, 3)).astype(np.float32) for n in (40, _LONG))
     d = np.square(a[:, None] - b[None]).sum(axis=-1)

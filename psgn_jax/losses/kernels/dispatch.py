@@ -1,9 +1,14 @@
-"""Whether the losses run their Pallas kernels: on a GPU, where these compile, unless forbidden.
+"""Chooses between the Pallas kernels of the losses and the plain XLA path.
 
-`PSGN_KERNELS` in the environment decides: `auto` (the default) takes the kernels where JAX's
-default backend is a CUDA GPU and a small trial gave the right answer; `on` traces them without a
-trial, for whatever is lowered for CUDA; `off` never does. Everything else, and whatever is lowered
-for another platform in the same process, runs the plain XLA path, which works everywhere.
+The environment variable `PSGN_KERNELS` decides:
+
+- `auto` (default): use the kernels if JAX's default backend is a GPU and the kernel computes a
+  small test problem correctly.
+- `on`: use the kernels in everything that is lowered for CUDA, without that test.
+- `off`: never use them.
+
+The plain XLA path works on every platform. It is also used for what is lowered for another platform
+in the same process.
 """
 
 import functools
@@ -20,13 +25,13 @@ _VARIABLE = "PSGN_KERNELS"
 
 
 def use_kernels(trial: Callable[[], bool], force: bool | None = None) -> bool:
-    """Says whether to trace a Pallas kernel for CUDA beside the plain path.
+    """Returns whether to trace a Pallas kernel for CUDA in addition to the plain path.
 
     Args:
-      trial: runs the kernel on a small problem and says whether the answer is right. Called once
-        in a process, and only in mode `auto` on a GPU; if it raises or denies, a warning is logged
-        and the plain path is taken from then on.
-      force: True or False decides in place of the environment.
+      trial: runs the kernel on a small problem and returns whether the result is correct. It is
+        called once per process, and only in mode `auto` on a GPU. If it raises or returns False, a
+        warning is logged and the plain path is used from then on.
+      force: overrides the environment variable: True is `on`, False is `off`.
 
     Raises:
       ValueError: `PSGN_KERNELS` is not one of auto, on, off.
@@ -43,25 +48,28 @@ def use_kernels(trial: Callable[[], bool], force: bool | None = None) -> bool:
 def _passes(trial: Callable[[], bool]) -> bool:
     name = trial.__module__
     try:
-        # The losses are traced when this is asked: the trial must run now all the same.
+        # This is called while a loss is being traced, but the trial must run immediately.
         with jax.ensure_compile_time_eval():
             passed = trial()
-    except Exception as error:  # whatever a compiler may raise: the plain path remains
-        logging.warning("%s: kernel not usable here, plain path taken: %s", name, error)
+    except Exception as error:  # any error of the compiler: fall back to the plain path
+        logging.warning("%s: kernel not usable, using the plain path: %s", name, error)
         return False
     if not passed:
-        logging.warning("%s: kernel gave a wrong answer here, plain path taken", name)
+        logging.warning("%s: kernel gave a wrong result, using the plain path", name)
     return passed
 
 
 def select(kernel: Callable, plain: Callable, *arguments: Array) -> Any:
-    """`kernel(*arguments)` in what is lowered for CUDA, else `plain(*arguments)`."""
+    """`kernel(*arguments)` if lowered for CUDA, else `plain(*arguments)`."""
     return jax.lax.platform_dependent(*arguments, cuda=kernel, default=plain)
 
 
 def varying_like(shape: tuple[int, ...], dtype: Any, *arguments: Array) -> jax.ShapeDtypeStruct:
-    """An output of a kernel that, inside `shard_map`, varies along the axes its inputs vary on."""
-    # jax 0.8 and 0.9 call the set of those axes vma; from 0.10 on it is part of a larger type.
+    """Shape and dtype of a kernel's output that varies along the same mesh axes as its inputs.
+
+    Pallas needs this inside `shard_map`.
+    """
+    # jax 0.8 and 0.9 store the set of axes as `vma`; from 0.10 on it is part of a larger type.
     for name, axes_of in (("manual_axis_type", lambda kind: kind.varying), ("vma", frozenset)):
         kinds = [getattr(jax.typeof(argument), name, None) for argument in arguments]
         if known := [kind for kind in kinds if kind is not None]:

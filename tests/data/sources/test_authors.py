@@ -164,7 +164,7 @@ def test_conversion_refuses_wrong_folders(dataset, tmp_path, authors_file, capsy
     assert convert.main(["authors", str(tmp_path), str(tmp_path / "dst")]) == 2
     assert "no *.gz" in capsys.readouterr().err
     assert convert.main(["authors", str(authors_file.parent), str(dataset)]) == 2
-    assert "holds a data set from 'solids'" in capsys.readouterr().err
+    assert "contains a data set from 'solids'" in capsys.readouterr().err
     (tmp_path / "other.txt").write_text("mine")
     assert convert.main(["authors", str(authors_file.parent), str(tmp_path)]) == 2
     assert "not empty and not a data set" in capsys.readouterr().err

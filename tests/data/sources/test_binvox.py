@@ -59,7 +59,7 @@ def damaged(rng):
         "cut_off": (good[:-6], "cut off, .* of 512 cells"),
         "odd": (good[:-1], "cut off, or bytes after the end"),
         "header_alone": (good[:start], "cut off, 0 of 512"),
-        "header_cut": (good[: start - 5], "no line of a binvox header"),
+        "header_cut": (good[: start - 5], "not a line of a binvox header"),
         "too_long": (good + b"\x00\x09", "too long"),
         "value": (good[:start] + b"\x07" + good[start + 1 :], "a value of 7"),
         "not_a_cube": (good.replace(b"dim 8 8 8", b"dim 8 8 4"), "expected a cube of 1 to 256"),

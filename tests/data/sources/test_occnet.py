@@ -85,8 +85,8 @@ def test_conversion_and_damage(tmp_path, capsys):
         "c/img_choy2016/000.jpg: ",
         "w/model.binvox: dim 16, expected 32",
         "missing/pointcloud.npz: missing",
-        "test.lst: '../c' is no name of a model",
-        "test.lst: 'x\\x00y' is no name of a model",
+        "test.lst: '../c' is not the name of a model",
+        "test.lst: 'x\\x00y' is not the name of a model",
         "test.lst: 'a' is listed a second time",
         "somewhere: not one of the 13",
     ):

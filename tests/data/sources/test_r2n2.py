@@ -178,7 +178,7 @@ def test_damage_names_itself_and_stops_nothing(tree, tmp_path, capsys):
     error = capsys.readouterr().err
     for message in expected:
         assert message in error
-    assert f"{len(expected)} things were left out" in error
+    assert f"{len(expected)} files, models or views were left out" in error
     train = RecordReader(target, "train")
     kept = [(s.model_id[-1], s.view) for s in train]
     assert kept == [("a", 0), ("a", 3), ("b", 0), ("b", 3), *(("e", view) for view in range(4))]
