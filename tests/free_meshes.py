@@ -9,7 +9,7 @@ import pathlib
 
 import pytest
 
-from data_gen import catalogues
+from data_gen.catalogues.by_name import open_catalogue
 
 _FOLDERS = {
     "sh3f": ("sweethome3d-furniture", "share/sweethome3d/furniture"),
@@ -24,7 +24,7 @@ def entries(catalogue):
     root = pathlib.Path(packages) / package / "usr" if packages else pathlib.Path("/usr")
     if not (root / place).is_dir():
         pytest.skip(f"{package} is not on disk (PSGN_FREE_MESHES)")
-    return list(catalogues.open(catalogue, root / place).entries())
+    return list(open_catalogue(catalogue, root / place).entries())
 
 
 def model(catalogue, name):

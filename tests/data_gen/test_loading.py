@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from data_gen import loading, meshes
-from data_gen.meshes import UnusableModelError
+from data_gen.mesh import Material, UnusableModelError, face_areas, face_normals, texels
+from data_gen.readers import files as reader_files
+from data_gen.readers import obj, textures
+from data_gen.readers.files import FolderFiles
+from data_gen.readers.load import load_model
+from data_gen.readers.notes import Notes
+from data_gen.readers.obj import _blocks, read_obj
+from data_gen.readers.textures import bounded, decode_texture
+from data_gen.surface import sample_surface
 
 CUBE = """\
 v -1 -1 -1
@@ -42,20 +49,20 @@ def write(tmp_path):
 
 
 def test_a_plain_cube(write):
-    model = loading.load(write("cube.obj", CUBE + FACES))
+    model = load_model(write("cube.obj", CUBE + FACES))
     assert len(model.faces) == 12
     assert model.warnings == ()
     assert model.model_id == "cube.obj"
     outward = model.corners().mean(1) - model.vertices.mean(0)
-    assert ((outward * meshes.face_normals(model.vertices, model.faces)).sum(1) > 0).all()
+    assert ((outward * face_normals(model.vertices, model.faces)).sum(1) > 0).all()
     np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
 
 
 def test_y_is_up_and_z_the_front(write):
     text = "v 0 0 0\nv 1 0 0\nv 0 5 0\nv 0 0 2\nf 1 2 3\nf 1 3 4\nf 1 2 4\nf 2 3 4\n"
-    extent = np.ptp(loading.load(write("a.obj", text)).vertices, axis=0)
+    extent = np.ptp(load_model(write("a.obj", text)).vertices, axis=0)
     np.testing.assert_allclose(extent / extent[1], [2, 1, 5])
-    extent = np.ptp(loading.load(write("a.obj", text), up="+z", front="+x").vertices, axis=0)
+    extent = np.ptp(load_model(write("a.obj", text), up="+z", front="+x").vertices, axis=0)
     np.testing.assert_allclose(extent / extent[0], [1, 5, 2])
 
 
@@ -66,7 +73,7 @@ def test_y_is_up_and_z_the_front(write):
 )  # fmt: skip
 def test_every_form_of_a_corner(write, face):
     head = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nvt 0 0\nvt 1 0 0\nvt 0 1\nvn 0 0 1\n"
-    model = loading.load(write("a.obj", head + face + "\n"))
+    model = load_model(write("a.obj", head + face + "\n"))
     assert len(model.faces) == 1
     np.testing.assert_allclose(model.normals, [[[1, 0, 0]] * 3], atol=1e-6)
 
@@ -74,7 +81,7 @@ def test_every_form_of_a_corner(write, face):
 def test_negative_indices_count_from_where_they_stand(write):
     one = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n"
     two = "v 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n"
-    model = loading.load(write("a.obj", one + two))
+    model = load_model(write("a.obj", one + two))
     assert len(model.vertices) == 6
 
 
@@ -84,9 +91,9 @@ def test_a_concave_polygon_is_not_filled(write):
     for start in range(6):
         turned = outline[start:] + outline[:start]
         text = "".join(f"v {x} {y} 0\n" for x, y in turned) + "f 1 2 3 4 5 6\n"
-        model = loading.load(write("l.obj", text))
+        model = load_model(write("l.obj", text))
         extent = np.ptp(model.vertices, axis=0).max()
-        area = meshes.face_areas(model.vertices, model.faces).sum() * 4 / extent**2
+        area = face_areas(model.vertices, model.faces).sum() * 4 / extent**2
         assert area == pytest.approx(3)
 
 
@@ -114,7 +121,7 @@ map_d holes.png
     write("my picture.png", png((10, 20, 30)))
     write("holes.png", png(0, mode="L"))
     write("things.mtl", mtl)
-    model = loading.load(write("a.obj", "mtllib things.mtl\n" + CUBE + body))
+    model = load_model(write("a.obj", "mtllib things.mtl\n" + CUBE + body))
     by_name = {m.name: m for m in model.materials}
     assert by_name["red paint"].diffuse == (1, 0, 0)
     assert by_name["red paint"].specular == (0.5, 0.5, 0.5)
@@ -125,7 +132,7 @@ map_d holes.png
     assert by_name["picture"].texture[0, 0].tolist() == [10, 20, 30, 255]
     assert by_name["leaf"].texture[0, 0].tolist() == [10, 20, 30, 0]
     assert list(model.warnings) == ["material 'nothing' is missing; grey stands in"]
-    sample = meshes.sample_surface(model, 500, 0)
+    sample = sample_surface(model, 500, 0)
     names_of_points = {model.materials[i].name for i in model.face_material[sample.face]}
     assert names_of_points == set(names) - {"leaf"}
 
@@ -135,7 +142,7 @@ def test_missing_files_are_replaced_with_a_warning(write):
     mtl += "newmtl b\nKd .1 .2 .3\nmap_Kd gone.jpg\n"
     write("m.mtl", mtl)
     text = f"mtllib m.mtl\nmtllib gone.mtl\n{CUBE}usemtl a\n{FACES}usemtl b\n{FACES}"
-    model = loading.load(write("a.obj", text))
+    model = load_model(write("a.obj", text))
     assert model.materials[0].texture is None
     assert model.materials[0].diffuse == (0.6, 0.6, 0.6)
     assert model.materials[1].diffuse == (0.1, 0.2, 0.3)
@@ -150,7 +157,7 @@ def test_nothing_outside_of_the_root_is_read(write, tmp_path, name):
     write("secret.png", png((255, 0, 0)))
     write("root/m.mtl", f"newmtl a\nmap_Kd {name}\n")
     write("root/a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}")
-    model = loading.load(tmp_path / "root" / "a.obj")
+    model = load_model(tmp_path / "root" / "a.obj")
     assert model.materials[0].texture is None
     assert any("missing" in w for w in model.warnings)
 
@@ -159,7 +166,7 @@ def test_a_reference_may_go_up_inside_the_root(write, tmp_path):
     write("images/x.PNG", png((1, 2, 3)))
     write("models/m.mtl", "newmtl a\nmap_Kd ../images/X.png\n")
     write("models/a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}")
-    model = loading.load("models/a.obj", loading.FolderFiles(tmp_path))
+    model = load_model("models/a.obj", FolderFiles(tmp_path))
     assert model.materials[0].texture is not None
 
 
@@ -180,14 +187,14 @@ def test_a_reference_may_go_up_inside_the_root(write, tmp_path):
 )
 def test_obj_files_that_are_refused(write, text, match):
     with pytest.raises(UnusableModelError, match=match):
-        loading.load(write("a.obj", text))
+        load_model(write("a.obj", text))
 
 
 def test_a_truncated_obj_keeps_what_is_whole(write):
     text = CUBE + FACES
     for cut in range(len(CUBE) + 20, len(text), 7):
         try:
-            model = loading.load(write("a.obj", text[:cut]))
+            model = load_model(write("a.obj", text[:cut]))
         except UnusableModelError:
             continue
         assert 2 <= len(model.faces) <= 12
@@ -196,7 +203,7 @@ def test_a_truncated_obj_keeps_what_is_whole(write):
 def test_too_many_faces_are_refused_before_they_are_built(write):
     text = CUBE + FACES * 5000
     with pytest.raises(UnusableModelError, match="limit of 1000 faces"):
-        loading.load(write("a.obj", text), max_faces=1000)
+        load_model(write("a.obj", text), max_faces=1000)
 
 
 def stl(count, triangles=()):
@@ -220,7 +227,7 @@ HEADERS = {
 @pytest.mark.parametrize("name", HEADERS)
 def test_too_many_faces_are_refused_by_the_header(write, name):
     with pytest.raises(UnusableModelError, match="more than the limit"):
-        loading.load(write(name, HEADERS[name]))
+        load_model(write(name, HEADERS[name]))
 
 
 @pytest.mark.parametrize(
@@ -229,7 +236,7 @@ def test_too_many_faces_are_refused_by_the_header(write, name):
 @pytest.mark.parametrize("content", [b"", b"\0" * 100, b"\xff\xfe nonsense \n" * 20])
 def test_nonsense_is_refused(write, name, content):
     with pytest.raises(UnusableModelError):
-        loading.load(write(name, content))
+        load_model(write(name, content))
 
 
 @pytest.mark.parametrize("kind", ["stl", "ply", "off", "glb", "obj"])
@@ -238,7 +245,7 @@ def test_formats_agree(write, tmp_path, kind):
     mesh = trimesh.creation.icosphere(2)
     path = tmp_path / f"ball.{kind}"
     mesh.export(path)
-    model = loading.load(path, up="+y", front="+z")
+    model = load_model(path, up="+y", front="+z")
     assert len(model.faces) == 320
     # A ball on the ground: its top is the farthest point.
     np.testing.assert_allclose(model.vertices[:, 2].max(), 1, atol=0.02)
@@ -246,7 +253,7 @@ def test_formats_agree(write, tmp_path, kind):
     data = path.read_bytes()
     for cut in (len(data) // 3, len(data) // 2, len(data) - 10):
         try:
-            loading.load(write(f"cut.{kind}", data[:cut]))
+            load_model(write(f"cut.{kind}", data[:cut]))
         except UnusableModelError:
             continue
 
@@ -267,14 +274,14 @@ def test_glb_scene_with_materials(tmp_path):
         scene.add_geometry(box, transform=mirror)
     path = tmp_path / "two.glb"
     scene.export(path)
-    model = loading.load(path)
+    model = load_model(path)
     assert len(model.faces) == 24
     assert sorted(round(m.opacity, 1) for m in model.materials) == [0.5, 1.0]
     for owner in (0, 1):  # the mirrored box is not inside out
         faces = model.faces[model.face_material == owner]
         corners = model.vertices[faces]
         outward = corners.mean(1) - corners.mean((0, 1))
-        assert (outward * meshes.face_normals(model.vertices, faces)).sum(1).min() > 0
+        assert (outward * face_normals(model.vertices, faces)).sum(1).min() > 0
 
 
 def test_vertex_colours_become_a_palette(tmp_path):
@@ -283,15 +290,15 @@ def test_vertex_colours_become_a_palette(tmp_path):
     box.visual.face_colors = np.repeat([[255, 0, 0, 255], [0, 255, 0, 255]], 6, axis=0)
     path = tmp_path / "box.ply"
     box.export(path)
-    model = loading.load(path)
-    colours = meshes.texels(model.materials[0].texture, model.uv[:, 0])
+    model = load_model(path)
+    colours = texels(model.materials[0].texture, model.uv[:, 0])
     assert {tuple(c[:3]) for c in colours.tolist()} <= {(255, 0, 0), (0, 255, 0)}
 
 
 def test_textures_are_reduced():
     stream = io.BytesIO()
     Image.new("RGB", (3000, 100), (9, 8, 7)).save(stream, "PNG")
-    texture = loading.decode_texture(stream.getvalue(), 1000)
+    texture = decode_texture(stream.getvalue(), 1000)
     assert texture.shape == (33, 1000, 4)
     assert texture[5, 5].tolist() == [9, 8, 7, 255]
 
@@ -314,7 +321,7 @@ def huge_png(side):
 def test_a_texture_of_30000_pixels_is_not_decoded(write):
     write("big.png", huge_png(30_000))
     write("m.mtl", "newmtl a\nKd .2 .4 .6\nmap_Kd big.png\n")
-    model = loading.load(write("a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}"))
+    model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}"))
     assert model.materials[0].texture is None
     assert model.materials[0].diffuse == (0.2, 0.4, 0.6)
     assert "30000 x 30000 pixels" in model.warnings[0]
@@ -323,8 +330,8 @@ def test_a_texture_of_30000_pixels_is_not_decoded(write):
 def test_a_large_jpeg_is_reduced_while_it_is_decoded(monkeypatch):
     stream = io.BytesIO()
     Image.new("RGB", (4000, 2000), (200, 100, 50)).save(stream, "JPEG")
-    monkeypatch.setattr(loading, "MAX_DECODED_PIXELS", 1_000_000)
-    texture = loading.decode_texture(stream.getvalue(), 512)
+    monkeypatch.setattr(textures, "MAX_DECODED_PIXELS", 1_000_000)
+    texture = decode_texture(stream.getvalue(), 512)
     assert texture.shape == (256, 512, 4)
     np.testing.assert_allclose(texture[0, 0], [200, 100, 50, 255], atol=4)
 
@@ -333,19 +340,19 @@ def test_a_large_jpeg_is_reduced_while_it_is_decoded(monkeypatch):
 def test_modes_of_pictures(mode):
     stream = io.BytesIO()
     Image.new("L", (300, 200), 255).convert(mode).save(stream, "TIFF")
-    texture = loading.decode_texture(stream.getvalue(), 100)
+    texture = decode_texture(stream.getvalue(), 100)
     assert texture.shape == (67, 100, 4)
     assert texture.dtype == np.uint8
 
 
 def test_many_textures_share_a_budget(write, monkeypatch):
-    monkeypatch.setattr(loading, "_MAX_TEXELS", 5000)
+    monkeypatch.setattr(textures, "_MAX_TEXELS", 5000)
     names = [f"t{k}" for k in range(6)]
     for name in names:
         write(f"{name}.png", png((1, 2, 3), (64, 64)))
     write("m.mtl", "".join(f"newmtl {n}\nmap_Kd {n}.png\n" for n in names))
     body = "".join(f"usemtl {n}\nf {q}\n" for n, q in zip(names, QUADS, strict=True))
-    model = loading.load(write("a.obj", f"mtllib m.mtl\n{CUBE}{body}"))
+    model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{body}"))
     assert sum(m.texture.shape[0] * m.texture.shape[1] for m in model.materials) <= 5000
     assert any("textures reduced" in w for w in model.warnings)
 
@@ -353,15 +360,15 @@ def test_many_textures_share_a_budget(write, monkeypatch):
 def test_a_name_that_is_not_ascii(write):
     write("Stühle/größe.mtl", "newmtl Öl\nKd 1 0 0\n")
     path = write("Stühle/стул 椅子.obj", f"mtllib größe.mtl\n{CUBE}usemtl Öl\n{FACES}")
-    model = loading.load(path)
+    model = load_model(path)
     assert model.materials[0].diffuse == (1, 0, 0)
     assert model.model_id == "стул 椅子.obj"
 
 
 def test_a_large_file_is_refused(write, monkeypatch):
-    monkeypatch.setattr(loading, "MAX_FILE_BYTES", 100)
+    monkeypatch.setattr(reader_files, "MAX_FILE_BYTES", 100)
     with pytest.raises(UnusableModelError, match="more than the limit of 100"):
-        loading.load(write("a.obj", CUBE + FACES))
+        load_model(write("a.obj", CUBE + FACES))
 
 
 COLLADA = """\
@@ -403,7 +410,7 @@ def test_collada(tmp_path):
     pytest.importorskip("collada")
     (tmp_path / "a.dae").write_text(COLLADA)
     Image.fromarray(np.full((2, 2, 3), (10, 200, 30), np.uint8)).save(tmp_path / "bild.png")
-    model = loading.load(tmp_path / "a.dae")
+    model = load_model(tmp_path / "a.dae")
     assert len(model.faces) == 2
     extent = np.ptp(model.vertices, axis=0)
     np.testing.assert_allclose(extent / extent[2], [2, 4, 1], rtol=1e-5)
@@ -413,12 +420,12 @@ def test_collada(tmp_path):
     assert model.uv.max() == 1
     (tmp_path / "torn.dae").write_text(COLLADA[:-400])
     with pytest.raises(UnusableModelError, match="not readable as dae"):
-        loading.load(tmp_path / "torn.dae")
+        load_model(tmp_path / "torn.dae")
     (tmp_path / "bomb.dae").write_text(
         COLLADA.replace("<COLLADA", '<!DOCTYPE a [<!ENTITY b "bbbb">]><COLLADA', 1)
     )
     with pytest.raises(UnusableModelError, match="entities"):
-        loading.load(tmp_path / "bomb.dae")
+        load_model(tmp_path / "bomb.dae")
 
 
 # --- The OBJ reader's arrays against a plain reading, line by line ------------------------------
@@ -483,14 +490,14 @@ def random_obj(seed, forms, end="\n"):
 )  # fmt: skip
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_arrays_are_those_of_a_reading_line_by_line(write, monkeypatch, forms, end):
-    monkeypatch.setattr(loading, "triangles", fans)
+    monkeypatch.setattr(obj, "triangles", fans)
     for seed, size in enumerate([1 << 22, 900, 64]):  # blocks end anywhere between lines
-        monkeypatch.setattr(loading._blocks, "__defaults__", (size,))
+        monkeypatch.setattr(_blocks, "__defaults__", (size,))
         text = random_obj(seed, forms, end)
         positions, uv, normals = plain_obj(text)
         path = write("a.obj", text)
-        files = loading.FolderFiles(path.parent)
-        arrays = loading._read_obj(text.encode(), files, "", 64, 9999, loading.Notes())
+        files = FolderFiles(path.parent)
+        arrays = read_obj(text.encode(), files, "", 64, 9999, Notes())
         np.testing.assert_array_equal(arrays["vertices"][arrays["faces"]], positions)
         for name, expected in (("uv", uv), ("normals", normals)):
             found = arrays[name] if arrays[name] is not None else np.zeros_like(expected)
@@ -498,7 +505,7 @@ def test_arrays_are_those_of_a_reading_line_by_line(write, monkeypatch, forms, e
 
 
 def fans(counts, corners, vertices):
-    """As `loading.triangles`, every polygon as a fan."""
+    """As `polygons.triangles`, every polygon as a fan."""
     start = np.cumsum(counts) - counts
     pairs = [(s, k) for s, n in zip(start, counts, strict=True) for k in range(1, n - 1)]
     polygon = np.repeat(np.arange(len(counts)), counts - 2)
@@ -522,7 +529,7 @@ f 1 2 3 4 # f 1 2 3
 fo 1 2 3
 f 4 3 \\
  2 1"""
-    model = loading.load(write("a.obj", text))
+    model = load_model(write("a.obj", text))
     assert len(model.faces) == 4
     assert [m.name for m in model.materials] == ["two words"]
     assert "2 faces with less" not in " ".join(model.warnings)
@@ -531,12 +538,12 @@ f 4 3 \\
 
 def test_materials_that_share_a_texture_are_counted_once(monkeypatch):
     texture = np.zeros((64, 64, 4), np.uint8)
-    monkeypatch.setattr(loading, "_MAX_TEXELS", 64 * 64)
-    notes = loading.Notes()
-    shared = [meshes.Material(texture=texture) for _ in range(5)]
-    assert loading.bounded(shared, notes)[3].texture is texture
+    monkeypatch.setattr(textures, "_MAX_TEXELS", 64 * 64)
+    notes = Notes()
+    shared = [Material(texture=texture) for _ in range(5)]
+    assert bounded(shared, notes)[3].texture is texture
     assert not notes.lines
-    other = meshes.Material(texture=np.zeros((128, 64, 4), np.uint8))
-    result = loading.bounded([*shared, other, meshes.Material()], notes)
+    other = Material(texture=np.zeros((128, 64, 4), np.uint8))
+    result = bounded([*shared, other, Material()], notes)
     assert len({id(m.texture) for m in result[:5]}) == 1
     assert sum(t.size // 4 for t in {id(m.texture): m.texture for m in result[:6]}.values()) <= 4096

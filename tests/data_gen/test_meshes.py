@@ -5,13 +5,16 @@ import numpy as np
 import pytest
 import scipy.ndimage
 
-from data_gen import meshes
 from data_gen.catalogues import solids
-from data_gen.meshes import Material
+from data_gen.frame import axis_vector, normalize, orient
+from data_gen.mesh import Material, UnusableModelError, build_model, face_areas, face_normals
+from data_gen.polygons import cut_ears
+from data_gen.surface import sample_surface
+from data_gen.voxelise import solid_occupancy
 
 
 def model_of(solid, **kwargs):
-    return meshes.build(solid.vertices, solid.faces, **kwargs)
+    return build_model(solid.vertices, solid.faces, **kwargs)
 
 
 def cube(size=1.0):
@@ -25,7 +28,7 @@ def sphere(sides=32):
 def test_build_drops_what_is_no_surface():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [9, 9, 9]], float)
     faces = np.array([[0, 1, 2], [0, 1, 3], [0, 0, 1], [0, 1, 7], [0, 2, -1]])
-    model = meshes.build(vertices, faces)
+    model = build_model(vertices, faces)
     assert len(model.faces) == 1
     assert len(model.vertices) == 3
     assert any("2 degenerate" in w for w in model.warnings)
@@ -36,7 +39,7 @@ def test_build_drops_faces_nobody_can_see():
     clear = Material(opacity=0.0)
     faces = cube().faces
     owner = np.arange(len(faces)) % 2
-    model = meshes.build(cube().vertices, faces, materials=[Material(), clear], face_material=owner)
+    model = build_model(cube().vertices, faces, materials=[Material(), clear], face_material=owner)
     assert len(model.faces) == len(faces) // 2
 
 
@@ -44,21 +47,21 @@ def test_build_drops_faces_nobody_can_see():
 def test_build_refuses_vertices_that_are_not_finite(bad):
     vertices = cube().vertices.copy()
     vertices[0, 0] = bad
-    with pytest.raises(meshes.UnusableModelError, match="not finite"):
-        meshes.build(vertices, cube().faces)
+    with pytest.raises(UnusableModelError, match="not finite"):
+        build_model(vertices, cube().faces)
 
 
 def test_a_bad_vertex_that_no_face_uses_is_harmless():
     vertices = np.concatenate([cube().vertices, [[np.nan] * 3]])
-    assert len(meshes.build(vertices, cube().faces).faces) == 12
+    assert len(build_model(vertices, cube().faces).faces) == 12
 
 
 def test_build_refuses_empty_and_too_large():
-    with pytest.raises(meshes.UnusableModelError, match="empty"):
-        meshes.build(np.zeros((0, 3)), np.zeros((0, 3)))
-    with pytest.raises(meshes.UnusableModelError, match="empty"):
-        meshes.build(np.zeros((3, 3)), [[0, 1, 2]])
-    with pytest.raises(meshes.UnusableModelError, match="limit of 11"):
+    with pytest.raises(UnusableModelError, match="empty"):
+        build_model(np.zeros((0, 3)), np.zeros((0, 3)))
+    with pytest.raises(UnusableModelError, match="empty"):
+        build_model(np.zeros((3, 3)), [[0, 1, 2]])
+    with pytest.raises(UnusableModelError, match="limit of 11"):
         model_of(cube(), max_faces=11)
 
 
@@ -73,7 +76,7 @@ def test_model_checks_its_arrays():
 def test_crease_normals_of_a_cube_are_flat_and_of_a_sphere_round():
     flat = model_of(cube())
     np.testing.assert_allclose(
-        flat.normals, np.repeat(meshes.face_normals(flat.vertices, flat.faces)[:, None], 3, 1),
+        flat.normals, np.repeat(face_normals(flat.vertices, flat.faces)[:, None], 3, 1),
         atol=1e-6,
     )  # fmt: skip
     round_ = model_of(sphere())
@@ -83,7 +86,7 @@ def test_crease_normals_of_a_cube_are_flat_and_of_a_sphere_round():
 
 def test_crease_normals_do_not_need_shared_vertices():
     soup = sphere().vertices[sphere().faces].reshape(-1, 3)
-    model = meshes.build(soup, np.arange(len(soup)).reshape(-1, 3))
+    model = build_model(soup, np.arange(len(soup)).reshape(-1, 3))
     np.testing.assert_allclose(model.normals, model.corners(), atol=0.02)
 
 
@@ -93,29 +96,29 @@ def test_crease_normals_with_many_faces_on_one_edge():
     tips = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     vertices = np.concatenate([[[0, 0, -1.0], [0, 0, 1.0]], tips])
     faces = np.stack([np.zeros(200, int), np.ones(200, int), np.arange(2, 202)], axis=1)
-    model = meshes.build(vertices, faces)
+    model = build_model(vertices, faces)
     np.testing.assert_allclose(np.linalg.norm(model.normals, axis=2), 1, atol=1e-5)
 
 
 def test_missing_normals_are_made_and_given_ones_kept():
     solid = cube()
-    given = np.repeat(meshes.face_normals(solid.vertices, solid.faces)[:, None], 3, 1)
+    given = np.repeat(face_normals(solid.vertices, solid.faces)[:, None], 3, 1)
     given[0] = 0
     given[1, 1] = np.nan
     given[2] *= 7
     model = model_of(solid, normals=given)
-    want = np.repeat(meshes.face_normals(model.vertices, model.faces)[:, None], 3, 1)
+    want = np.repeat(face_normals(model.vertices, model.faces)[:, None], 3, 1)
     np.testing.assert_allclose(model.normals, want, atol=1e-6)
     assert any("4 corner normals" in w for w in model.warnings)
 
 
 def test_a_face_is_turned_over_to_agree_with_its_normals():
     solid = cube()
-    given = np.repeat(meshes.face_normals(solid.vertices, solid.faces)[:, None], 3, 1)
+    given = np.repeat(face_normals(solid.vertices, solid.faces)[:, None], 3, 1)
     faces = solid.faces.copy()
     faces[3] = faces[3][::-1]
-    model = meshes.build(solid.vertices, faces, normals=given)
-    facing = meshes.face_normals(model.vertices, model.faces)
+    model = build_model(solid.vertices, faces, normals=given)
+    facing = face_normals(model.vertices, model.faces)
     assert ((facing[:, None] * model.normals).sum(axis=2) > 0.99).all()
 
 
@@ -123,9 +126,9 @@ def test_a_face_is_turned_over_to_agree_with_its_normals():
 def test_orient_turns_up_to_z_and_front_to_x(up, front):
     model = model_of(cube())
     marked = dataclasses.replace(
-        model, vertices=np.stack([meshes.axis_vector(up), meshes.axis_vector(front)] * 4)
+        model, vertices=np.stack([axis_vector(up), axis_vector(front)] * 4)
     )
-    turned = meshes.orient(marked, up, front).vertices
+    turned = orient(marked, up, front).vertices
     np.testing.assert_allclose(turned[:2], [[0, 0, 1], [1, 0, 0]], atol=1e-12)
     volume = np.linalg.det(np.stack([turned[1], np.cross(turned[0], turned[1]), turned[0]]))
     assert volume == pytest.approx(1)
@@ -133,22 +136,22 @@ def test_orient_turns_up_to_z_and_front_to_x(up, front):
 
 def test_orient_names_a_wrong_axis():
     with pytest.raises(ValueError, match="axis 'y'"):
-        meshes.orient(model_of(cube()), up="y")
+        orient(model_of(cube()), up="y")
     with pytest.raises(ValueError, match="right angles"):
-        meshes.orient(model_of(cube()), up="+y", front="-y")
+        orient(model_of(cube()), up="+y", front="-y")
 
 
 def test_a_mirroring_keeps_the_outside_outside():
-    model = meshes.normalize(model_of(sphere()))
+    model = normalize(model_of(sphere()))
     mirrored = model.transformed(np.array([[-1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]))
-    facing = meshes.face_normals(mirrored.vertices, mirrored.faces)
+    facing = face_normals(mirrored.vertices, mirrored.faces)
     assert ((facing[:, None] * mirrored.normals).sum(axis=2) > 0.9).all()
     assert (facing * (mirrored.corners().mean(axis=1) - [0, 0, 0.5])).sum(axis=1).min() > 0
 
 
 def test_normalize(rng):
     shift = rng.normal(size=3) * 100
-    model = meshes.normalize(model_of(solids.box(3, 2, 1).at(*shift)))
+    model = normalize(model_of(solids.box(3, 2, 1).at(*shift)))
     np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
     assert model.vertices[:, 2].min() == 0
     np.testing.assert_allclose(model.vertices[:, :2].min(0), -model.vertices[:, :2].max(0))
@@ -165,7 +168,7 @@ def with_sheet(texture, corners, model):
     uv[-2:] = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])[[[0, 1, 2], [0, 2, 3]]]
     owner = np.zeros(len(faces), int)
     owner[-2:] = 1
-    return meshes.build(
+    return build_model(
         np.concatenate([model.vertices, corners]), faces, uv=uv, face_material=owner,
         materials=[Material(), Material(texture=texture)],
     )  # fmt: skip
@@ -181,11 +184,11 @@ def test_normalize_counts_only_what_is_drawn(size):
     corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
     model = with_sheet(texture, corners, model_of(cube(0.5)))
     exists = texture[..., 3] > 0
-    sample = meshes.sample_surface(model, 200_000, 0).points
+    sample = sample_surface(model, 200_000, 0).points
     low, high = sample.min(axis=0), sample.max(axis=0)
     origin = np.array([*(low + high)[:2] / 2, low[2]])
     radius = np.linalg.norm(sample - origin, axis=1).max()
-    got = meshes.normalize(model)
+    got = normalize(model)
     want = (model.vertices - origin) / radius
     np.testing.assert_allclose(got.vertices, want, atol=0.006)
     # And the texels' borders exactly: the lowest row that exists, seen from the sheet's corner.
@@ -203,7 +206,7 @@ def test_normalize_of_a_model_without_alpha_keeps_its_bits():
     low, high = model.vertices.min(axis=0), model.vertices.max(axis=0)
     moved = model.vertices - [*(low + high)[:2] / 2, low[2]]
     np.testing.assert_array_equal(
-        meshes.normalize(model).vertices, moved / np.linalg.norm(moved, axis=1).max()
+        normalize(model).vertices, moved / np.linalg.norm(moved, axis=1).max()
     )
 
 
@@ -211,27 +214,27 @@ def test_normalize_of_sheets_that_exist_nowhere_or_repeat():
     corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
     texture = np.zeros((16, 16, 4), np.uint8)
     model = with_sheet(texture, corners, model_of(cube(0.5)))
-    want = meshes.normalize(model_of(cube(0.5))).vertices
-    np.testing.assert_allclose(meshes.normalize(model).vertices[:-4], want)
+    want = normalize(model_of(cube(0.5))).vertices
+    np.testing.assert_allclose(normalize(model).vertices[:-4], want)
     alone = dataclasses.replace(
         model, faces=model.faces[-2:], uv=model.uv[-2:], normals=model.normals[-2:],
         face_material=model.face_material[-2:],
     )  # fmt: skip
-    with pytest.raises(meshes.UnusableModelError, match="nothing of the surface exists"):
-        meshes.normalize(alone)
+    with pytest.raises(UnusableModelError, match="nothing of the surface exists"):
+        normalize(alone)
     # Stripes, three times repeated and shifted: v from -1.4 to 1.6.
     texture[8:] = 255
     striped = dataclasses.replace(alone, materials=(Material(), Material(texture=texture)),
                                   uv=(alone.uv * 3 - [0, 1.4]).astype(np.float32))  # fmt: skip
-    got = meshes.normalize(striped).vertices
+    got = normalize(striped).vertices
     # It exists for v in [-1, -.5], [0, .5] and [1, 1.5]; one of v is a third of the height of 4.
     scale = np.ptp(got[:, 0]) / 4
     assert got[:, 2].min() == pytest.approx(-0.4 / 3 * 4 * scale, abs=0.005)
 
 
 def test_normalize_refuses_what_overflows():
-    with pytest.raises(meshes.UnusableModelError):
-        meshes.normalize(dataclasses.replace(model_of(cube()), vertices=cube().vertices * 1e200))
+    with pytest.raises(UnusableModelError):
+        normalize(dataclasses.replace(model_of(cube()), vertices=cube().vertices * 1e200))
 
 
 def test_normalize_refuses_strays_by_name():
@@ -239,25 +242,23 @@ def test_normalize_refuses_strays_by_name():
     vertices, faces = joined(cube(), far)
     owner = (np.arange(len(faces)) >= 12).astype(int)
     materials = [Material(name="paint"), Material(name="marker")]
-    model = meshes.build(vertices, faces, face_material=owner, materials=materials)
-    with pytest.raises(
-        meshes.UnusableModelError, match=r"stray part .*marker.*\(.*20, 0\.5.*empty"
-    ):
-        meshes.normalize(model)
+    model = build_model(vertices, faces, face_material=owner, materials=materials)
+    with pytest.raises(UnusableModelError, match=r"stray part .*marker.*\(.*20, 0\.5.*empty"):
+        normalize(model)
     # A pair of things half an extent apart is one object.
     pair = joined(cube(), cube().at(2.5, 0, 0))
-    assert len(meshes.normalize(meshes.build(*pair)).faces) == 24
+    assert len(normalize(build_model(*pair)).faces) == 24
 
 
 def test_a_railway_car_with_a_stray_sphere_is_refused():
-    with pytest.raises(meshes.UnusableModelError, match="stray part"):
+    with pytest.raises(UnusableModelError, match="stray part"):
         free_meshes.model("ac3d", "Transport/ICE3firstcar.ac")
 
 
 def test_samples_are_uniform_by_area():
-    model = meshes.normalize(model_of(solids.box(4, 2, 1)))
-    sample = meshes.sample_surface(model, 7000, 3)
-    area = meshes.face_areas(model.vertices, model.faces)
+    model = normalize(model_of(solids.box(4, 2, 1)))
+    sample = sample_surface(model, 7000, 3)
+    area = face_areas(model.vertices, model.faces)
     got = np.bincount(sample.face, minlength=len(area)) / 7000
     np.testing.assert_allclose(got, area / area.sum(), atol=2e-3)
     # Inside the faces, too: the centroid of a face's points is the face's.
@@ -270,18 +271,18 @@ def test_samples_are_uniform_by_area():
 
 def test_samples_are_the_seeds():
     model = model_of(sphere())
-    one, two, other = (meshes.sample_surface(model, 500, s) for s in (1, 1, 2))
+    one, two, other = (sample_surface(model, 500, s) for s in (1, 1, 2))
     np.testing.assert_array_equal(one.points, two.points)
     assert not np.array_equal(one.points, other.points)
     with pytest.raises(ValueError, match="number of points: got 0"):
-        meshes.sample_surface(model, 0, 1)
+        sample_surface(model, 0, 1)
 
 
 def square(texture, opacity=1.0):
     """A unit square in the plane z = 0 whose texture covers it once."""
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
-    return meshes.build(
+    return build_model(
         np.column_stack([corners, np.zeros(4)]), faces, uv=corners[faces],
         materials=[Material(texture=texture, opacity=opacity)],
     )  # fmt: skip
@@ -291,7 +292,7 @@ def test_no_points_in_the_holes_of_an_alpha_map():
     texture = np.full((8, 8, 4), 255, np.uint8)
     texture[:4, :, 3] = 0  # the upper half: v > 1/2
     texture[6:, :4, 3] = 10  # nearly clear: lower left
-    sample = meshes.sample_surface(square(texture), 4000, 0)
+    sample = sample_surface(square(texture), 4000, 0)
     assert len(sample.points) == 4000
     assert sample.points[:, 1].max() <= 0.5
     left = sample.points[:, 0] < 0.5
@@ -301,10 +302,10 @@ def test_no_points_in_the_holes_of_an_alpha_map():
 
 def test_glass_has_points_and_a_clear_texture_has_none():
     texture = np.full((4, 4, 4), 255, np.uint8)
-    assert len(meshes.sample_surface(square(texture, 0.3), 100, 0).points) == 100
+    assert len(sample_surface(square(texture, 0.3), 100, 0).points) == 100
     texture[..., 3] = 0
-    with pytest.raises(meshes.UnusableModelError, match="hardly any"):
-        meshes.sample_surface(square(texture), 100, 0)
+    with pytest.raises(UnusableModelError, match="hardly any"):
+        sample_surface(square(texture), 100, 0)
 
 
 def joined(*solids_):
@@ -322,11 +323,11 @@ def test_doubled_faces_have_one_density(back):
     here, there = solids.box(1, 1, 1), solids.box(1, 1, 1).at(1.5, 0, 0)
     vertices, faces = joined(here, there)
     again = faces[12:, ::-1] if back else faces[12:]
-    model = meshes.normalize(meshes.build(vertices, np.concatenate([faces, again])))
-    sample = meshes.sample_surface(model, 20_000, 0)
+    model = normalize(build_model(vertices, np.concatenate([faces, again])))
+    sample = sample_surface(model, 20_000, 0)
     right = (sample.points[:, 0] > 0).mean()
     assert right / (1 - right) == pytest.approx(1, abs=0.05)
-    same = meshes.sample_surface(model, 20_000, 0)
+    same = sample_surface(model, 20_000, 0)
     np.testing.assert_array_equal(same.points, sample.points)
 
 
@@ -338,10 +339,10 @@ def test_surfaces_that_lie_on_one_another_have_one_density():
     many = np.concatenate([np.stack([a, c, b], -1), np.stack([a, d, c], -1)]).reshape(-1, 3)
     square_ = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0.0]])
     faces = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
-    model = meshes.build(
+    model = build_model(
         np.concatenate([square_, grid.reshape(-1, 3)]), np.concatenate([faces, many + 6])
     )
-    sample = meshes.sample_surface(model, 20_000, 0)
+    sample = sample_surface(model, 20_000, 0)
     left = (sample.points[:, 0] < 1).mean()
     assert left / (1 - left) == pytest.approx(1, abs=0.05)
 
@@ -351,13 +352,13 @@ def test_a_hole_in_one_of_two_layers_shows_the_other():
     texture[:, :2, 3] = 0  # u < 1/2
     under = square(None)
     over = square(texture)
-    model = meshes.build(
+    model = build_model(
         np.concatenate([over.vertices, under.vertices]),
         np.concatenate([over.faces, under.faces + 4]),
         uv=np.concatenate([over.uv, under.uv]), face_material=np.array([0, 0, 1, 1]),
         materials=[*over.materials, *under.materials],
     )  # fmt: skip
-    sample = meshes.sample_surface(model, 20_000, 0)
+    sample = sample_surface(model, 20_000, 0)
     left = (sample.points[:, 0] < 0.5).mean()
     assert left / (1 - left) == pytest.approx(1, abs=0.05)
 
@@ -374,8 +375,8 @@ def test_normals_point_outward_where_the_mesh_can_tell(case):
         faces = faces[:, ::-1]
     else:
         faces = faces[ball.vertices[faces][..., 2].max(axis=1) > -0.8][:, ::-1]
-    model = meshes.normalize(meshes.build(ball.vertices, faces))
-    sample = meshes.sample_surface(model, 4000, 0)
+    model = normalize(build_model(ball.vertices, faces))
+    sample = sample_surface(model, 4000, 0)
     outward = sample.points - [0, 0, sample.points[:, 2].max() / 2]
     assert ((outward * sample.normals).sum(axis=1) > 0).mean() > 0.99
 
@@ -384,8 +385,8 @@ def test_an_inner_wall_keeps_its_normals():
     inner, outer = solids.ball(1.4, 1.4, 1.4, 24), solids.ball(2, 2, 2, 24)
     vertices, faces = joined(outer, inner)
     faces[len(outer.faces) :] = faces[len(outer.faces) :, ::-1]
-    model = meshes.build(vertices, faces)
-    sample = meshes.sample_surface(model, 4000, 0)
+    model = build_model(vertices, faces)
+    sample = sample_surface(model, 4000, 0)
     toward = np.where(np.linalg.norm(sample.points, axis=1) > 0.85, 1, -1)
     assert ((sample.points * sample.normals).sum(axis=1) * toward > 0).all()
 
@@ -395,14 +396,14 @@ def test_an_inner_wall_keeps_its_normals():
 )
 def test_furniture_with_doubled_faces_has_one_density(name):
     model = free_meshes.model("sh3f", name)
-    sample = meshes.sample_surface(model, 16_384, 0)
+    sample = sample_surface(model, 16_384, 0)
     # Doubled or not, by exact geometry: the same corners again.
     key = np.sort(np.round(model.corners(), 5).view("f8,f8,f8").reshape(-1, 3), axis=1)
     _, number, count = np.unique(
         key.view(np.uint8).reshape(len(key), -1), axis=0, return_inverse=True, return_counts=True
     )
     twice = count[number.ravel()] > 1
-    area = meshes.face_areas(model.vertices, model.faces)
+    area = face_areas(model.vertices, model.faces)
     got = twice[sample.face].mean()
     once = area[~twice].sum()
     double = (area / count[number.ravel()])[twice].sum()
@@ -417,8 +418,8 @@ def centres(size=32):
 
 
 def test_occupancy_of_a_dome_is_its_volume():
-    model = meshes.normalize(model_of(sphere()))
-    got = meshes.solid_occupancy(model, np.eye(3))
+    model = normalize(model_of(sphere()))
+    got = solid_occupancy(model, np.eye(3))
     radius = model.vertices[:, 2].max() / 2
     want = np.linalg.norm(centres() - [0, 0, radius], axis=-1) < radius
     assert got.shape == (32, 32, 32)
@@ -426,10 +427,10 @@ def test_occupancy_of_a_dome_is_its_volume():
 
 
 def test_occupancy_is_indexed_x_y_z_and_turned():
-    bar = meshes.normalize(model_of(solids.box(4, 1, 1)))
-    along = meshes.solid_occupancy(bar, np.eye(3))
+    bar = normalize(model_of(solids.box(4, 1, 1)))
+    along = solid_occupancy(bar, np.eye(3))
     quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    across = meshes.solid_occupancy(bar, quarter)
+    across = solid_occupancy(bar, quarter)
     x, y, z = (np.ptp(i) + 1 for i in np.nonzero(along))
     assert x > 25
     assert y < 12
@@ -440,23 +441,23 @@ def test_occupancy_is_indexed_x_y_z_and_turned():
 
 def test_occupancy_fills_through_cracks_and_an_open_bottom():
     box = solids.box(1, 1, 1)
-    closed = meshes.normalize(model_of(box))
-    normal = meshes.face_normals(box.vertices, box.faces)
-    without_bottom = meshes.normalize(meshes.build(box.vertices, box.faces[normal[:, 2] > -0.5]))
-    want = meshes.solid_occupancy(closed, np.eye(3))
-    np.testing.assert_array_equal(meshes.solid_occupancy(without_bottom, np.eye(3)), want)
+    closed = normalize(model_of(box))
+    normal = face_normals(box.vertices, box.faces)
+    without_bottom = normalize(build_model(box.vertices, box.faces[normal[:, 2] > -0.5]))
+    want = solid_occupancy(closed, np.eye(3))
+    np.testing.assert_array_equal(solid_occupancy(without_bottom, np.eye(3)), want)
     # Faces drawn apart by half a cell leak nothing.
-    corners = closed.corners() + 0.012 * meshes.face_normals(closed.vertices, closed.faces)[:, None]
-    cracked = meshes.build(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3))
-    got = meshes.solid_occupancy(cracked, np.eye(3))
+    corners = closed.corners() + 0.012 * face_normals(closed.vertices, closed.faces)[:, None]
+    cracked = build_model(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    got = solid_occupancy(cracked, np.eye(3))
     assert got[16, 16, 5]
     assert (got & want).sum() / want.sum() > 0.95
 
 
 def test_occupancy_keeps_an_open_vessel_open():
-    normal = meshes.face_normals(cube().vertices, cube().faces)
-    vessel = meshes.normalize(meshes.build(cube().vertices, cube().faces[normal[:, 2] < 0.5]))
-    got = meshes.solid_occupancy(vessel, np.eye(3))
+    normal = face_normals(cube().vertices, cube().faces)
+    vessel = normalize(build_model(cube().vertices, cube().faces[normal[:, 2] < 0.5]))
+    got = solid_occupancy(vessel, np.eye(3))
     assert not got[16, 16, 8]
     assert got[16, 16, 0]
 
@@ -465,14 +466,14 @@ def test_occupancy_keeps_thin_parts():
     table = [solids.box(1.4, 1.4, 0.02).at(z=0.9)]
     table += [solids.rod((x, y, 0), (x, y, 0.9), 0.008) for x in (-0.6, 0.6) for y in (-0.6, 0.6)]
     sizes = np.cumsum([0, *(len(p.vertices) for p in table)])
-    model = meshes.normalize(
-        meshes.build(
+    model = normalize(
+        build_model(
             np.concatenate([p.vertices for p in table]),
             np.concatenate([p.faces + n for p, n in zip(table, sizes[:-1], strict=True)]),
         )
     )
-    got = meshes.solid_occupancy(model, np.eye(3))
-    points = meshes.sample_surface(model, 5000, 0).points
+    got = solid_occupancy(model, np.eye(3))
+    points = sample_surface(model, 5000, 0).points
     cell = np.clip(np.floor((points + np.array([1, 1, 0])) * 16).astype(int), 0, 31)
     # A sheet on the border of two layers of cells is in one of them.
     assert got[tuple(cell.T)].mean() > 0.85
@@ -482,11 +483,11 @@ def test_occupancy_keeps_thin_parts():
 
 
 def test_occupancy_in_any_pose_holds_most_of_the_surface(rng):
-    model = meshes.normalize(model_of(solids.box(2, 1, 1)))
+    model = normalize(model_of(solids.box(2, 1, 1)))
     for angle in rng.uniform(0, 2 * np.pi, 4):
         c, s = np.cos(angle), np.sin(angle)
         rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        got = meshes.solid_occupancy(model, rotation)
+        got = solid_occupancy(model, rotation)
         inside = (np.abs((centres() @ rotation)[..., 0]) < model.vertices[:, 0].max()) & (
             np.abs((centres() @ rotation)[..., 1]) < model.vertices[:, 1].max()
         )
@@ -496,9 +497,9 @@ def test_occupancy_in_any_pose_holds_most_of_the_surface(rng):
 
 def test_occupancy_refuses_endless_surface():
     vertices = np.tile([[-0.7, -0.7, 0], [0.7, -0.7, 0], [0, 0.7, 0.6]], (20000, 1))
-    model = meshes.build(vertices, np.arange(60000).reshape(-1, 3))
-    with pytest.raises(meshes.UnusableModelError, match="too much to voxelise"):
-        meshes.solid_occupancy(model, np.eye(3))
+    model = build_model(vertices, np.arange(60000).reshape(-1, 3))
+    with pytest.raises(UnusableModelError, match="too much to voxelise"):
+        solid_occupancy(model, np.eye(3))
 
 
 def test_ears_of_a_star():
@@ -507,7 +508,7 @@ def test_ears_of_a_star():
         np.stack([np.cos(angle), np.sin(angle)], axis=1)
         * np.where(np.arange(10) % 2, 0.4, 1)[:, None]
     )
-    triangles = star[meshes.cut_ears(star)]
+    triangles = star[cut_ears(star)]
     a, b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     area = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
     assert (area > 0).all()

@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 import winding
 
-from data_gen import cameras, catalogues, meshes
+from data_gen import cameras
 from data_gen.catalogues import solids
+from data_gen.catalogues.by_name import open_catalogue
+from data_gen.frame import normalize
+from data_gen.mesh import UnusableModelError, build_model
+from data_gen.voxelise import mark_surface, solid_occupancy
 
 FACE = np.array([[0, 1, 2]])
 EDGES = np.array([[0, 1], [1, 2], [0, 2]])
@@ -38,7 +42,7 @@ def slivers(rng, count, size):
 def test_no_step_of_air_crosses_a_marked_sliver(rng):
     size = 20
     for corners in slivers(rng, 150, size):
-        marked, crossed = meshes._mark_surface(corners, FACE, EDGES, size)
+        marked, crossed = mark_surface(corners, FACE, EDGES, size)
         for axis in range(3):
             met = crossings(corners, axis, size)
             first = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
@@ -50,7 +54,7 @@ def test_no_step_of_air_crosses_a_marked_sliver(rng):
 def test_marked_cells_hold_the_surface_and_leave_no_part_out(rng):
     size = 20
     for corners in slivers(rng, 60, size).clip(0.1, size - 0.1):
-        marked, _ = meshes._mark_surface(corners, FACE, EDGES, size)
+        marked, _ = mark_surface(corners, FACE, EDGES, size)
         # Half of the points on the edges.
         weights = rng.dirichlet([1, 1, 1], 20_000)
         weights[::2, 0] = 0
@@ -78,11 +82,11 @@ def test_a_body_of_slivers_is_solid(angle):
             np.stack([here, there + 240, here + 240], axis=1),
         ]
     )
-    model = meshes.normalize(meshes.build(vertices, faces))
+    model = normalize(build_model(vertices, faces))
     assert winding.is_watertight(model)
     rotation = cameras.turn_about_vertical(angle)
     want = winding.occupancy(winding.inside(model, rotation))
-    got = meshes.solid_occupancy(model, rotation)
+    got = solid_occupancy(model, rotation)
     assert (got & want).sum() / (got | want).sum() > 0.95
 
 
@@ -99,7 +103,7 @@ def compare(model, angles=(20.0, 63.0), least=100):
         return None
     views = [points, winding.inside(model, turns[1])]
     want = [winding.occupancy(view) for view in views]
-    got = [meshes.solid_occupancy(model, turn) for turn in turns]
+    got = [solid_occupancy(model, turn) for turn in turns]
     parts = [
         winding.cells_of(thick, turn @ turns[0].T) & ~winding.sheltered_cells(view)
         for turn, view in zip(turns, views, strict=True)
@@ -117,7 +121,7 @@ def check(found, count):
     for entry in found:
         try:
             model = entry.load()
-        except meshes.UnusableModelError:
+        except UnusableModelError:
             continue
         if len(model.faces) > 20_000 or not winding.is_watertight(model):
             continue
@@ -140,10 +144,10 @@ def check(found, count):
 
 
 def test_a_car_agrees_with_winding_numbers():
-    entry = next(e for e in catalogues.open("procedural", "1").entries() if e.model_id == "car-0")
+    entry = next(e for e in open_catalogue("procedural", "1").entries() if e.model_id == "car-0")
     model, turn = entry.load(), cameras.turn_about_vertical(-37.0)
     want = winding.occupancy(winding.inside(model, turn))
-    got = meshes.solid_occupancy(model, turn)
+    got = solid_occupancy(model, turn)
     assert (got & want).sum() / (got | want).sum() > 0.95
 
 
@@ -152,7 +156,7 @@ def test_a_car_agrees_with_winding_numbers():
 def test_models_agree_with_winding_numbers(catalogue, count):
     """Run with `-m slow -s` for the table."""
     if catalogue == "procedural":
-        found = list(catalogues.open("procedural", "8").entries())
+        found = list(open_catalogue("procedural", "8").entries())
     else:
         found = free_meshes.entries(catalogue)
     check(found, count)
@@ -163,14 +167,14 @@ def test_a_mattress_of_slivers_holds_no_air():
     turn = cameras.turn_about_vertical(0.0)
     points = winding.inside(model, turn)
     whole = points.reshape(32, winding.SIDE, 32, winding.SIDE, 32, winding.SIDE)
-    assert meshes.solid_occupancy(model, turn)[whole.all(axis=(1, 3, 5))].all()
+    assert solid_occupancy(model, turn)[whole.all(axis=(1, 3, 5))].all()
 
 
 def test_the_volume_of_a_flat_box_has_no_bias():
     # Tops between the middle and the border of cells, and below the middle: half a cell decides.
     for height, layers in ((0.46, 7), (0.49, 8), (0.52, 8)):
-        box = meshes.build(*_box(1.6, 0.9, height))
-        got = meshes.solid_occupancy(box, np.eye(3))
+        box = build_model(*_box(1.6, 0.9, height))
+        got = solid_occupancy(box, np.eye(3))
         assert got.any(axis=(0, 1)).sum() == layers
 
 
