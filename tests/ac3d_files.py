@@ -1,6 +1,6 @@
 """AC3D files for tests, and their reading."""
 
-from data_gen.catalogues import ac3d
+from data_gen.readers.ac3d import read_ac3d
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.notes import Notes
 
@@ -40,5 +40,5 @@ def read(path, **options):
     notes = Notes()
     values = {"side": 64, "max_faces": 1000, **options}
     files = FolderFiles(path.parent)
-    arrays = ac3d.read(path.read_bytes(), files, "", values["side"], values["max_faces"], notes)
+    arrays = read_ac3d(path.read_bytes(), files, "", values["side"], values["max_faces"], notes)
     return arrays, notes.lines

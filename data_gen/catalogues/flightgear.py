@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from data_gen.catalogues import ac3d, folder
 from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
 from data_gen.mesh import MAX_FACES, Model
+from data_gen.readers.ac3d import read_ac3d
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
 
@@ -80,7 +81,7 @@ def _load(root: str, name: str, livery: str, category: str, model_id: str, max_f
         category=category,
         model_id=model_id,
         max_faces=max_faces,
-        reader=ac3d.read,
+        reader=read_ac3d,
     )
 
 

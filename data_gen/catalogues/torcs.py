@@ -17,6 +17,7 @@ import numpy as np
 from data_gen.catalogues import ac3d
 from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
 from data_gen.mesh import MAX_FACES, Model, UnusableModelError
+from data_gen.readers.ac3d import read_ac3d
 from data_gen.readers.files import Files, FolderFiles
 from data_gen.readers.load import load_model
 from data_gen.readers.notes import Notes
@@ -80,13 +81,13 @@ def read_car(
     Raises:
       UnusableModelError: its files are damaged, too large or empty, or assimp is missing.
     """
-    parts = [ac3d.read(data, files, base, side, max_faces, notes)]
+    parts = [read_ac3d(data, files, base, side, max_faces, notes)]
     name = base.rpartition("/")[2]
     try:
         folder, places = wheel_places(files.open(base, f"{name}.xml")[:_MAX_XML_BYTES])
         place_of_wheels = f"wheels/{folder}"
         model = files.open(place_of_wheels, "wheel0.acc")
-        wheel = ac3d.read(model, files, place_of_wheels, side, max_faces, notes)
+        wheel = read_ac3d(model, files, place_of_wheels, side, max_faces, notes)
     except (FileNotFoundError, UnusableModelError) as error:
         notes.add(f"no wheels: {error}")
         places = []

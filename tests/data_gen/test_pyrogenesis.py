@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from data_gen.catalogues import pyrogenesis
 from data_gen.catalogues.by_name import open_catalogue
 from data_gen.mesh import UnusableModelError, face_areas, face_normals
-from data_gen.readers import archives
+from data_gen.readers import actors, archives
 from data_gen.readers.files import Files
+from data_gen.readers.pmd import read_pmd
 
 IDENTITY = (0, 0, 0, 0, 0, 0, 1)
 QUARTER_ABOUT_Y = (0, 0, 0, 0, 2**-0.5, 0, 2**-0.5)
@@ -178,9 +178,7 @@ def test_alpha_means_what_the_material_says(tmp_path):
     skin, leaf = by_name["skin.dds"].texture[0], by_name["leaf.png"].texture[0]
     assert skin[0].tolist() == [200, 0, 0, 255]
     assert skin[1, 3] == 255
-    assert tuple(np.round(skin[1, :3] / 255, 2)) in {
-        tuple(np.round(c, 2)) for c in pyrogenesis._PLAYERS
-    }
+    assert tuple(np.round(skin[1, :3] / 255, 2)) in {tuple(np.round(c, 2)) for c in actors._PLAYERS}
     assert leaf[:, 3].tolist() == [255, 0]
     house = found["structures/rome/house"].load().materials[0].texture[0]
     assert house.tolist() == [[200, 0, 0, 255], [200, 0, 0, 255]]
@@ -220,12 +218,12 @@ def test_bad_meshes_are_refused(change, match, tmp_path):
 
 def test_every_torn_mesh_is_refused():
     data = pmd(bones=[IDENTITY], props=[("head", IDENTITY, 0)])
-    assert len(pyrogenesis.read_pmd(data).faces) == 12
+    assert len(read_pmd(data).faces) == 12
     for stop in range(0, len(data), 13):
         with pytest.raises(UnusableModelError):
-            pyrogenesis.read_pmd(data[:stop])
+            read_pmd(data[:stop])
     with pytest.raises(UnusableModelError, match="limit of 5"):
-        pyrogenesis.read_pmd(data, 5)
+        read_pmd(data, 5)
 
 
 def test_hostile_archives(tmp_path):

@@ -3,16 +3,21 @@
 import free_meshes
 import numpy as np
 import pytest
+import scipy.ndimage
 import winding
+from helpers.solid_models import cube, model_of, sphere
 
 from data_gen import cameras
 from data_gen.catalogues import solids
 from data_gen.catalogues.by_name import open_catalogue
 from data_gen.frame import normalize
-from data_gen.mesh import UnusableModelError, build_model
+from data_gen.mesh import UnusableModelError, build_model, face_normals
+from data_gen.surface import sample_surface
 from data_gen.voxelise import mark_surface, solid_occupancy
 
 FACE = np.array([[0, 1, 2]])
+
+
 EDGES = np.array([[0, 1], [1, 2], [0, 2]])
 
 
@@ -181,3 +186,93 @@ def test_the_volume_of_a_flat_box_has_no_bias():
 def _box(*size):
     solid = solids.box(*size)
     return solid.vertices - [0, 0, solid.vertices[:, 2].min()], solid.faces
+
+
+def centres(size=32):
+    x = (np.arange(size) + 0.5) / size * 2
+    return np.stack(np.meshgrid(x - 1, x - 1, x, indexing="ij"), axis=-1)
+
+
+def test_occupancy_of_a_dome_is_its_volume():
+    model = normalize(model_of(sphere()))
+    got = solid_occupancy(model, np.eye(3))
+    radius = model.vertices[:, 2].max() / 2
+    want = np.linalg.norm(centres() - [0, 0, radius], axis=-1) < radius
+    assert got.shape == (32, 32, 32)
+    assert (got & want).sum() / (got | want).sum() > 0.9
+
+
+def test_occupancy_is_indexed_x_y_z_and_turned():
+    bar = normalize(model_of(solids.box(4, 1, 1)))
+    along = solid_occupancy(bar, np.eye(3))
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    across = solid_occupancy(bar, quarter)
+    x, y, z = (np.ptp(i) + 1 for i in np.nonzero(along))
+    assert x > 25
+    assert y < 12
+    assert z < 12
+    assert np.nonzero(along)[2].min() == 0
+    np.testing.assert_array_equal(across, along.transpose(1, 0, 2))
+
+
+def test_occupancy_fills_through_cracks_and_an_open_bottom():
+    box = solids.box(1, 1, 1)
+    closed = normalize(model_of(box))
+    normal = face_normals(box.vertices, box.faces)
+    without_bottom = normalize(build_model(box.vertices, box.faces[normal[:, 2] > -0.5]))
+    want = solid_occupancy(closed, np.eye(3))
+    np.testing.assert_array_equal(solid_occupancy(without_bottom, np.eye(3)), want)
+    # Faces drawn apart by half a cell leak nothing.
+    corners = closed.corners() + 0.012 * face_normals(closed.vertices, closed.faces)[:, None]
+    cracked = build_model(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    got = solid_occupancy(cracked, np.eye(3))
+    assert got[16, 16, 5]
+    assert (got & want).sum() / want.sum() > 0.95
+
+
+def test_occupancy_keeps_an_open_vessel_open():
+    normal = face_normals(cube().vertices, cube().faces)
+    vessel = normalize(build_model(cube().vertices, cube().faces[normal[:, 2] < 0.5]))
+    got = solid_occupancy(vessel, np.eye(3))
+    assert not got[16, 16, 8]
+    assert got[16, 16, 0]
+
+
+def test_occupancy_keeps_thin_parts():
+    table = [solids.box(1.4, 1.4, 0.02).at(z=0.9)]
+    table += [solids.rod((x, y, 0), (x, y, 0.9), 0.008) for x in (-0.6, 0.6) for y in (-0.6, 0.6)]
+    sizes = np.cumsum([0, *(len(p.vertices) for p in table)])
+    model = normalize(
+        build_model(
+            np.concatenate([p.vertices for p in table]),
+            np.concatenate([p.faces + n for p, n in zip(table, sizes[:-1], strict=True)]),
+        )
+    )
+    got = solid_occupancy(model, np.eye(3))
+    points = sample_surface(model, 5000, 0).points
+    cell = np.clip(np.floor((points + np.array([1, 1, 0])) * 16).astype(int), 0, 31)
+    # A sheet on the border of two layers of cells is in one of them.
+    assert got[tuple(cell.T)].mean() > 0.85
+    assert scipy.ndimage.maximum_filter(got, size=3)[tuple(cell.T)].all()
+    assert got.sum() < 3000
+    assert not got[16, 16, 3]
+
+
+def test_occupancy_in_any_pose_holds_most_of_the_surface(rng):
+    model = normalize(model_of(solids.box(2, 1, 1)))
+    for angle in rng.uniform(0, 2 * np.pi, 4):
+        c, s = np.cos(angle), np.sin(angle)
+        rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        got = solid_occupancy(model, rotation)
+        inside = (np.abs((centres() @ rotation)[..., 0]) < model.vertices[:, 0].max()) & (
+            np.abs((centres() @ rotation)[..., 1]) < model.vertices[:, 1].max()
+        )
+        inside &= centres()[..., 2] < model.vertices[:, 2].max()
+        assert (got & inside).sum() / (got | inside).sum() > 0.85
+
+
+def test_occupancy_refuses_endless_surface():
+    vertices = np.tile([[-0.7, -0.7, 0], [0.7, -0.7, 0], [0, 0.7, 0.6]], (20000, 1))
+    model = build_model(vertices, np.arange(60000).reshape(-1, 3))
+    with pytest.raises(UnusableModelError, match="too much to voxelise"):
+        solid_occupancy(model, np.eye(3))

@@ -8,6 +8,7 @@ from PIL import Image
 from data_gen.catalogues import ac3d
 from data_gen.catalogues.by_name import open_catalogue
 from data_gen.mesh import UnusableModelError
+from data_gen.readers.ac3d import read_outline
 
 needs_assimp = pytest.mark.skipif(not ac3d.find_assimp(), reason="assimp is not installed")
 
@@ -132,24 +133,24 @@ def test_bad_files_are_refused_before_assimp_sees_them(change, match):
     text = change(good())
     assert text != good()
     with pytest.raises(UnusableModelError, match=match):
-        ac3d.read_outline(text.encode())
+        read_outline(text.encode())
 
 
 def test_every_torn_file_is_refused():
     text = good().encode()
-    assert len(ac3d.read_outline(text)) == 3
+    assert len(read_outline(text)) == 3
     last = text.rindex(b"kids 0")
     for stop in range(0, last, 61):
         with pytest.raises(UnusableModelError):
-            ac3d.read_outline(text[:stop])
+            read_outline(text[:stop])
 
 
 def test_faces_are_counted_before_they_are_read():
     with pytest.raises(UnusableModelError, match="limit of 20"):
-        ac3d.read_outline(good().encode(), max_faces=20)
+        read_outline(good().encode(), max_faces=20)
     # What looks like a statement in an object's free text is none.
     free = good().replace('name "été"', "data 16\nkids 7\nkids 70\n ", 1)
-    assert len(ac3d.read_outline(free.encode())) == 3
+    assert len(read_outline(free.encode())) == 3
 
 
 @needs_assimp
