@@ -49,7 +49,8 @@ class Mesh:
         engine.dr.eval(found.t, found.prim_index, found.prim_uv)
         t = np.array(found.t, np.float32)
         face = np.where(np.isfinite(t), np.array(found.prim_index).astype(np.int64), -1)
-        one, two = np.array(found.prim_uv, np.float32).reshape(2, count)
+        # Rays that hit nothing have any numbers here.
+        one, two = np.where(face >= 0, np.array(found.prim_uv, np.float32).reshape(2, count), 0)
         return RayHits(face, np.stack([1 - one - two, one, two], axis=1), t)
 
     def _cast_one_by_one(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:

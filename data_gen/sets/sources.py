@@ -60,7 +60,7 @@ class Source:
 
     Attributes:
       name: of the source, and of its folder in the set.
-      catalogue: one of `catalogues.by_name.CATALOGUES`.
+      catalogue: one of `by_name.CATALOGUES`.
       views: images of each model.
       licences: of its models; the first whose pattern fits counts.
       package: of Debian, "" = none is needed.

@@ -28,15 +28,14 @@ MAX_THREADS = 8
 """Decoding threads in one process, at most; no more than there are cores."""
 
 
-def _open(cfg: DataConfig, split: str) -> RecordReader | JoinedReader:
-    folders = cfg.folders
+def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader | JoinedReader:
     if not folders:
         raise RecordError(
             "no data set is named; expected a folder of records, or a configuration from "
             "psgn_jax.default_data.with_default_data, which renders the default data set"
         )
     reader = open_split(folders, split)
-    name = ",".join(folders)
+    name = ",".join(dict.fromkeys(folders))
     if not len(reader):
         raise RecordError(f"data set {name!r}: split {split!r} is empty")
     if "depth" in cfg.inputs and any("depth" not in s.fields for s in reader.shards):
@@ -110,13 +109,13 @@ def _check_positive(name: str, value: int) -> None:
         raise ValueError(f"{name}: got {value}, expected 1 or more")
 
 
-def num_samples(cfg: DataConfig, split: str) -> int:
-    """Number of samples in a split.
+def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int:
+    """Number of samples in a split of the training data, or of the data of the evaluation.
 
     Raises:
       RecordError: there is no such data set or split.
     """
-    return len(_open(cfg, split))
+    return len(_open(cfg, cfg.eval_folders if evaluation else cfg.folders, split))
 
 
 def train_batches(
@@ -162,7 +161,7 @@ def train_batches(
         raise ValueError(
             f"batch_size: got {batch_size}, expected a multiple of the {process_count} processes"
         )
-    reader = _open(cfg, cfg.train_split)
+    reader = _open(cfg, cfg.folders, cfg.train_split)
     local = batch_size // process_count
     rows = range(process_index * local, (process_index + 1) * local)
     models = _models(cfg, reader, train=True)
@@ -201,7 +200,7 @@ def eval_batches(
       RecordError: the data set is missing or damaged, from the call or while iterating.
     """
     _check_positive("batch_size", batch_size)
-    reader = _open(cfg, split)
+    reader = _open(cfg, cfg.eval_folders, split)
     if any("depth" not in s.fields for s in reader.shards):
         visible_tolerance = 0.0
     items = Items(cfg, reader, visibility=bool(visible_tolerance))

@@ -160,7 +160,7 @@ def measure(
     """
     run = open_run(workdir, "last")
     logging.info("measuring %s, step %d", workdir, run.step)
-    total = loader.num_samples(config.data, config.data.eval_split)
+    total = loader.num_samples(config.data, config.data.eval_split, evaluation=True)
     wanted = {int(i) for i in np.linspace(0, total - 1, min(num_cases, total))}
     cases: dict[int, dict[str, np.ndarray]] = {}
 

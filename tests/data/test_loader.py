@@ -310,6 +310,26 @@ def test_several_folders_are_joined(cfg, dataset, tmp_path, make, rng):
         loader.num_samples(joined, "test")
 
 
+def test_a_folder_counts_several_times_in_training_alone(cfg, dataset, tmp_path, make, rng):
+    extra = [make.sample(rng, num_points=120, model_id=f"extra{i}") for i in range(3)]
+    other = tmp_path / "other"
+    write_dataset(other, {"train": extra, "validation": extra[:2]}, source="test")
+    weighted = dataclasses.replace(cfg, path=f"{dataset},{other}*5")
+    assert weighted.folders == (str(dataset), *[str(other)] * 5)
+    assert loader.num_samples(weighted, "train") == 37 + 15
+    assert loader.num_samples(weighted, "validation", evaluation=True) == 11 + 2
+
+
+def test_a_run_is_evaluated_on_data_of_its_own(cfg, dataset, tmp_path, make, rng):
+    samples = [make.sample(rng, model_id=f"held{i}") for i in range(4)]
+    write_dataset(tmp_path / "held", {"validation": samples}, source="test")
+    apart = dataclasses.replace(cfg, eval_path=str(tmp_path / "held"))
+    assert loader.num_samples(apart, "train") == 37
+    assert loader.num_samples(apart, "validation", evaluation=True) == 4
+    (batch,) = loader.eval_batches(apart, split="validation", batch_size=4)
+    assert batch["model_id"] == ["held0", "held1", "held2", "held3"]
+
+
 def test_rolled_cameras_are_trained_on_with_a_stretch(cfg, dataset, tmp_path):
     """All other samples are stretched as ever; those of rolled cameras keep their points' width."""
     samples = list(RecordReader(dataset, "train"))
