@@ -24,14 +24,16 @@ from typing import Any
 
 from absl import logging
 
-from data_gen import pool, worker
-from data_gen.catalogues import Entry
+from data_gen import pool
+from data_gen.catalogues.entry import Entry
+from data_gen.mitsuba_setup import choose_variant
+from data_gen.render_model import Context
+from data_gen.results import failure, pack_result
 
 NO_DASK = "Dask is not installed: `pip install 'psgn-jax[cluster]'`"
 
 # So long may a cluster be without any worker before the job is given up; it can be gone on with.
 _SECONDS_WITHOUT_WORKERS = 600.0
-
 
 # --- On the workers ---------------------------------------------------------------------------
 
@@ -39,11 +41,11 @@ _SECONDS_WITHOUT_WORKERS = 600.0
 _kept: dict[int, tuple[str, pool.Renderer]] = {}
 
 
-def _of_this_machine(context: worker.Context) -> worker.Context:
+def _of_this_machine(context: Context) -> Context:
     """The context with this machine's own LLVM library, where the other's path is not there."""
     if not context.variant.libllvm or os.path.exists(context.variant.libllvm):
         return context
-    variant, _ = worker.choose_variant("llvm")
+    variant, _ = choose_variant("llvm")
     return dataclasses.replace(context, variant=variant)
 
 
@@ -70,7 +72,7 @@ def _release(job: str) -> None:
 
 
 def render_on(
-    address: str, tasks: Sequence[tuple[int, Entry]], context: worker.Context
+    address: str, tasks: Sequence[tuple[int, Entry]], context: Context
 ) -> Iterator[pool.Result]:
     """Renders models on a cluster; see `pool.Pool`.
 
@@ -102,7 +104,7 @@ def render_on(
 
 
 def _render_with(
-    client: Any, job: str, tasks: list[tuple[int, Entry]], context: worker.Context
+    client: Any, job: str, tasks: list[tuple[int, Entry]], context: Context
 ) -> Iterator[pool.Result]:
     import distributed
     from distributed.scheduler import KilledWorker
@@ -142,8 +144,8 @@ def _render_with(
             line, content, address = future.result()
         except (KilledWorker, distributed.CancelledError) as error:
             what = f"its Dask worker died: {type(error).__name__}"
-            line = worker.failure(entry, "crashed", what)
-            content = worker.pack_result(line, [])
+            line = failure(entry, "crashed", what)
+            content = pack_result(line, [])
         except Exception as error:
             raise RuntimeError(
                 f"a Dask worker cannot render: {type(error).__name__}: {error}"

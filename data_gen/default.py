@@ -4,8 +4,10 @@ import os
 import pathlib
 import shutil
 
-from data_gen import catalogues, job, settings, worker
-from psgn_jax.data import records
+from data_gen import job, settings
+from data_gen.catalogues.by_name import open_catalogue
+from data_gen.mitsuba_setup import has_mitsuba
+from psgn_jax.data.manifest import load_manifest
 
 NUM_PER_CATEGORY = 40
 """Models of each of the 13 categories, one view each: 520 images."""
@@ -20,7 +22,7 @@ SETTINGS = settings.Settings(views=1, models_per_shard=64)
 
 def can_build() -> bool:
     """Whether what rendering needs is installed."""
-    return worker.has_mitsuba()
+    return has_mitsuba()
 
 
 def build(
@@ -39,19 +41,19 @@ def build(
       options: all settings.
 
     Returns:
-      the folder, a complete data set of `psgn_jax.data.records`.
+      the folder, a complete data set of records.
 
     Raises:
       RuntimeError: Mitsuba is missing or does not run, or no model could be rendered.
       ValueError: the folder holds something else, complete.
     """
     folder = pathlib.Path(folder)
-    source = catalogues.open("procedural", str(models_per_category))
+    source = open_catalogue("procedural", str(models_per_category))
     try:
         summary = job.render_catalogue(source, folder, options)
     except job.OtherSettingsError:
         # Begun before LLVM came or went, and not completed: nothing of worth is lost.
-        if records.load_manifest(folder, allow_incomplete=True).complete:
+        if load_manifest(folder, allow_incomplete=True).complete:
             raise
         shutil.rmtree(folder)
         summary = job.render_catalogue(source, folder, options)

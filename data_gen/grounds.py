@@ -149,7 +149,10 @@ def _cells(rng: np.random.Generator, rows: int, columns: int, stagger: bool) -> 
 
 
 def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, float]:
-    """A texture, the length of its side, and its gloss."""
+    """A texture, the length of its side, and its gloss.
+
+    One function: a branch for each kind of ground.
+    """
     size = (_TEXELS, _TEXELS)
     white = rng.standard_normal((*size, 1)).astype(np.float32)
     if kind == "paper":

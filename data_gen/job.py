@@ -17,10 +17,17 @@ from typing import Any
 
 from absl import logging
 
-from data_gen import job_folder, pool, settings, worker
-from data_gen.catalogues import Catalogue, Entry, choosing
+from data_gen import job_folder, pool, settings
+from data_gen.backgrounds import list_pictures
+from data_gen.blocks import Job, Name
+from data_gen.catalogues import choosing
 from data_gen.catalogues.choosing import Choice
-from data_gen.job_folder import Job, Name, OtherSettingsError
+from data_gen.catalogues.entry import Catalogue, Entry
+from data_gen.environment_maps import load_maps
+from data_gen.job_folder import OtherSettingsError
+from data_gen.mitsuba_setup import choose_variant
+from data_gen.render_model import Context
+from data_gen.results import read_result, work_path, write_result
 from data_gen.settings import Settings
 
 __all__ = ["REPORT", "OtherSettingsError", "Summary", "job_of", "render_catalogue"]
@@ -148,6 +155,8 @@ def render_catalogue(
 ) -> Summary:
     """Renders a catalogue to a data set; goes on with one that was begun, and lets one grow.
 
+    One function: the steps of a job, in their order.
+
     A complete data set whose models are all among those of the call grows by the others; its
     readers see the old state until the new one is complete.
 
@@ -169,22 +178,22 @@ def render_catalogue(
     entries = choosing.choose(list(catalogue.entries()), choice)[: limit or None]
     if not entries:
         raise ValueError(f"catalogue {catalogue.name!r}: it has no models")
-    variant, message = worker.choose_variant(options.job.variant)
+    variant, message = choose_variant(options.job.variant)
     if message:
         logging.warning("%s", message)
     job = job_of(catalogue.name, entries, options, variant.name, choice, limit)
     if not job_folder.check(out, job):
         # Before anything is written: what is wrong with these must not mark the folder.
         pictures = (
-            worker.list_pictures(options.image.background_folder)
+            list_pictures(options.image.background_folder)
             if options.image.background == "folder"
             else []
         )
-        maps = worker.load_maps(options.light, variant, detail=options.image.shading == "photo")
+        maps = load_maps(options.light, variant, detail=options.image.shading == "photo")
     if job_folder.begin(out, job):
         logging.info("%s is complete", out)
         return _summary(entries, job_folder.read_report(out), True, started, 0)
-    context = worker.Context(options, catalogue.name, variant, maps, pictures)
+    context = Context(options, catalogue.name, variant, maps, pictures)
     folder = out / job_folder.WORK
     blocks = job.blocks()
     own = blocks[part[0] :: part[1]]
@@ -205,7 +214,7 @@ def render_catalogue(
     for block in open_blocks:
         for index in block.indices:
             try:
-                worker.read_result(worker.work_path(folder, entries[index].model_id))
+                read_result(work_path(folder, entries[index].model_id))
             except ValueError:
                 todo.append(index)
     fresh = set(todo)
@@ -219,7 +228,7 @@ def render_catalogue(
     told = time.monotonic()
     results = render([(i, entries[i]) for i in todo], context) if todo else ()
     for done, (index, line, content) in enumerate(results, 1):
-        worker.write_result(folder, entries[index].model_id, content)
+        write_result(folder, entries[index].model_id, content)
         arrived(index)
         rendered += line["samples"]
         if line["status"] != "ok":

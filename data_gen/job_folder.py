@@ -13,17 +13,20 @@ as it is are kept; samples of the others are copied, not rendered again.
 """
 
 import dataclasses
-import hashlib
 import json
 import pathlib
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from absl import logging
 
-from data_gen import worker
-from psgn_jax.data import records
+from data_gen.blocks import Block, Job, Name
+from data_gen.results import pack_result, read_result, work_path, write_result
+from psgn_jax.data.codec import decode, unpack
+from psgn_jax.data.dataset import ShardWriter, read_shard
+from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
+from psgn_jax.files import write_atomic
 
 REPORT = "models.jsonl"
 
@@ -36,79 +39,6 @@ _SHARD = re.compile(r"\.?[a-z0-9_]+-[0-9]{5}-[0-9a-f]{8}\.arrayrecord(\.[0-9]+\.
 
 class OtherSettingsError(ValueError):
     """The folder holds a data set, complete or begun, that was made with other settings."""
-
-
-class Name(NamedTuple):
-    """What a job knows of a model."""
-
-    model_id: str
-    category: str
-    split: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Job:
-    """What a data set is made of, but for the models' files themselves.
-
-    Attributes:
-      statement: of the settings, the catalogue and the renderer: all that the samples of a model
-        depend on besides its name and category.
-      choice: how the models were chosen from the catalogue, for people and messages.
-      names: the models, in the catalogue's order.
-      models_per_shard: models of a block.
-    """
-
-    statement: Mapping[str, Any]
-    choice: Mapping[str, Any]
-    names: tuple[Name, ...]
-    models_per_shard: int
-
-    @property
-    def source(self) -> str:
-        """Name of the catalogue."""
-        return str(self.statement["source"])
-
-    def blocks(self) -> list["Block"]:
-        """All blocks, by their first model, so that a job goes through the catalogue."""
-        result = []
-        for split in dict.fromkeys(name.split for name in self.names):
-            own = [i for i, name in enumerate(self.names) if name.split == split]
-            for number, start in enumerate(range(0, len(own), self.models_per_shard)):
-                indices = tuple(own[start : start + self.models_per_shard])
-                names = tuple(self.names[i] for i in indices)
-                text = json.dumps([self.statement, names], sort_keys=True)
-                digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:16]
-                result.append(Block(split, number, indices, names, digest))
-        return sorted(result, key=lambda block: block.indices[0])
-
-
-@dataclasses.dataclass(frozen=True)
-class Block:
-    """Models whose samples make one shard: of one split, in the catalogue's order.
-
-    Attributes:
-      split: of all of them.
-      number: of the block in its split.
-      indices: of the models in the job.
-      names: of the models.
-      digest: of the settings and the names.
-    """
-
-    split: str
-    number: int
-    indices: tuple[int, ...]
-    names: tuple[Name, ...]
-    digest: str
-
-    @property
-    def shard(self) -> str:
-        """Name of the file of records."""
-        return records.shard_name(self.split, self.number, self.digest[:8])
-
-    @property
-    def note(self) -> str:
-        """Name of the file that says it is done."""
-        return f"{self.split}-{self.number:05d}-{self.digest}.json"
 
 
 # --- What the folder is for -------------------------------------------------------------------
@@ -200,9 +130,7 @@ def _names(lines: Iterable[Mapping[str, Any]]) -> list[Name]:
     return [Name(line["model_id"], line["category"], line["split"]) for line in lines]
 
 
-def _is_manifest_of(
-    manifest: records.Manifest, job: Job, lines: Sequence[Mapping[str, Any]]
-) -> bool:
+def _is_manifest_of(manifest: Manifest, job: Job, lines: Sequence[Mapping[str, Any]]) -> bool:
     """Whether the shards of a data set are those of a job, whose models' lines are given."""
     samples = {line["model_id"]: line["samples"] for line in lines}
     expected = {
@@ -220,8 +148,8 @@ def check(out: pathlib.Path, job: Job) -> bool:
     """
     if not out.exists():
         return False
-    if (out / records.MANIFEST).exists():
-        manifest = records.load_manifest(out, allow_incomplete=True)
+    if (out / MANIFEST).exists():
+        manifest = load_manifest(out, allow_incomplete=True)
         if manifest.complete:
             stated = _read_json(out / JOB)
             if not isinstance(stated, dict) or not (out / REPORT).exists():
@@ -238,7 +166,7 @@ def check(out: pathlib.Path, job: Job) -> bool:
     elif (
         any(not p.name.startswith(".") for p in out.iterdir())
         and not (
-            out / records.MANIFEST  # of another part, since
+            out / MANIFEST  # of another part, since
         ).exists()
     ):
         raise ValueError(f"--out {str(out)!r}: not empty and not a data set")
@@ -256,9 +184,9 @@ def begin(out: pathlib.Path, job: Job) -> bool:
     begun = _begun(out)
     if begun is None or begun[1] != list(job.names):
         stated = {"job": job.statement, "choice": job.choice, "models": job.names}
-        records.write_atomic(out / WORK / JOB, json.dumps(stated) + "\n")
-    if not (out / records.MANIFEST).exists():
-        records.save_manifest(out, records.Manifest(job.source, False, ()))
+        write_atomic(out / WORK / JOB, json.dumps(stated) + "\n")
+    if not (out / MANIFEST).exists():
+        save_manifest(out, Manifest(job.source, False, ()))
     return False
 
 
@@ -267,16 +195,16 @@ def begin(out: pathlib.Path, job: Job) -> bool:
 
 def finish_block(out: pathlib.Path, block: Block) -> None:
     """Writes a block's shard from its models' files and says that it is done."""
-    sources = [worker.work_path(out / WORK, name.model_id) for name in block.names]
-    results = [worker.read_result(path) for path in sources]
+    sources = [work_path(out / WORK, name.model_id) for name in block.names]
+    results = [read_result(path) for path in sources]
     shard = None
     if any(data for _, data in results):
-        with records.ShardWriter(
+        with ShardWriter(
             out, block.split, block.number, (block.digest,), tag=block.digest[:8]
         ) as writer:
             for _, data in results:
                 for record in data:
-                    writer.write(record, records.decode(record))
+                    writer.write(record, decode(record))
         shard = writer.shard
     _note(out, block, shard, [line for line, _ in results])
     for path in sources:
@@ -284,10 +212,10 @@ def finish_block(out: pathlib.Path, block: Block) -> None:
 
 
 def _note(
-    out: pathlib.Path, block: Block, shard: records.Shard | None, lines: Sequence[Mapping[str, Any]]
+    out: pathlib.Path, block: Block, shard: Shard | None, lines: Sequence[Mapping[str, Any]]
 ) -> None:
     content = {"shard": None if shard is None else dataclasses.asdict(shard), "lines": lines}
-    records.write_atomic(out / WORK / block.note, json.dumps(content) + "\n")
+    write_atomic(out / WORK / block.note, json.dumps(content) + "\n")
 
 
 def read_block(out: pathlib.Path, block: Block) -> dict[str, Any] | None:
@@ -315,7 +243,7 @@ def take_over(out: pathlib.Path, blocks: Iterable[Block], job: Job) -> None:
       blocks: those to be done, of `job`.
       job: whose data set is made.
     """
-    manifest = records.load_manifest(out, allow_incomplete=True)
+    manifest = load_manifest(out, allow_incomplete=True)
     lines: Mapping[str, Mapping[str, Any]] = {}
     if manifest.complete and (out / REPORT).exists():
         lines = {line["model_id"]: line for line in read_report(out)}
@@ -333,7 +261,7 @@ def take_over(out: pathlib.Path, blocks: Iterable[Block], job: Job) -> None:
                 continue
         wanted |= {
             name.model_id for name in block.names
-            if not worker.work_path(out / WORK, name.model_id).exists()
+            if not work_path(out / WORK, name.model_id).exists()
         }  # fmt: skip
     if not wanted:
         return
@@ -341,9 +269,7 @@ def take_over(out: pathlib.Path, blocks: Iterable[Block], job: Job) -> None:
         if wanted & {line["model_id"] for line in old}:
             for line, data in _samples(out / file, old):
                 if line["model_id"] in wanted:
-                    worker.write_result(
-                        out / WORK, line["model_id"], worker.pack_result(line, data)
-                    )
+                    write_result(out / WORK, line["model_id"], pack_result(line, data))
 
 
 def _earlier_blocks(
@@ -366,8 +292,8 @@ def _samples(
     data: list[bytes] = []
     if any(line["samples"] for line in lines):
         try:
-            data = records.read_shard(path)
-            owners = [records.unpack(record)["model_id"] for record in data]
+            data = read_shard(path)
+            owners = [unpack(record)["model_id"] for record in data]
         except (ValueError, KeyError):  # gone or damaged: rendered again
             return []
         if owners != [line["model_id"] for line in lines for _ in range(line["samples"])]:
@@ -415,23 +341,23 @@ def complete(
         )
     text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
     # What no UTF-8 can hold becomes an escape, which JSON understands.
-    records.write_atomic(out / REPORT, text.encode("utf-8", "backslashreplace"))
+    write_atomic(out / REPORT, text.encode("utf-8", "backslashreplace"))
     stated = {"job": job.statement, "choice": job.choice}
-    records.write_atomic(out / JOB, json.dumps(stated, indent=1) + "\n")
+    write_atomic(out / JOB, json.dumps(stated, indent=1) + "\n")
     shards = sorted(
         (content["shard"] for content in contents if content and content["shard"]),
         key=lambda shard: str(shard["file"]),
     )
-    manifest = records.Manifest(
+    manifest = Manifest(
         job.source,
         True,
         tuple(
-            records.Shard(**{**s, "fields": tuple(s["fields"]), "inputs": tuple(s["inputs"])})
+            Shard(**{**s, "fields": tuple(s["fields"]), "inputs": tuple(s["inputs"])})
             for s in shards
         ),
     )
     # From here on readers see the new state.
-    records.save_manifest(out, manifest)
+    save_manifest(out, manifest)
     _tidy_up(out, job)
     return lines, True
 
@@ -441,7 +367,7 @@ def _tidy_up(out: pathlib.Path, job: Job) -> None:
     begun = _begun(out)
     if begun is None or begun[1] != list(job.names):
         return  # nothing to do, or the data set is growing
-    kept = {shard.file for shard in records.load_manifest(out).shards}
+    kept = {shard.file for shard in load_manifest(out).shards}
     for path in out.iterdir():
         if _SHARD.fullmatch(path.name) and path.name not in kept:
             path.unlink(missing_ok=True)

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from data_gen import catalogues
+from data_gen.catalogues.by_name import CATALOGUES, class_of, option_types
 from data_gen.settings import Settings
 
 _WIDTH = 92
@@ -45,11 +45,11 @@ def _plain(value: Any) -> str:
 
 def options_of(name: str) -> str:
     """The options of a catalogue with their defaults and meanings."""
-    kind = catalogues.class_of(name)
+    kind = class_of(name)
     texts = documented(kind)
     defaults = inspect.signature(kind).parameters
     out = [f"Options of --catalogue={name}", _entry("--source", texts.get("source", ""))]
-    for option in catalogues.option_types(name):
+    for option in option_types(name):
         value = defaults[option].default
         shown = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
         out.append(_entry(f"--option={option}={shown}", texts.get(option, "")))
@@ -82,6 +82,6 @@ def text(summary: str, flags: dict[str, str]) -> str:
     """
     parts = [summary.strip(), "Flags"]
     parts[-1] += "\n" + "\n".join(_entry(name, meaning) for name, meaning in flags.items())
-    parts += [options_of(name) for name in sorted(catalogues.CATALOGUES)]
+    parts += [options_of(name) for name in sorted(CATALOGUES)]
     parts.append("Settings, with their defaults\n" + "\n".join(_settings(Settings, "--config.")))
     return "\n\n".join(parts) + "\n"

@@ -18,8 +18,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from data_gen import worker
-from data_gen.catalogues import Entry
+from data_gen import ROOT
+from data_gen.catalogues.entry import Entry
+from data_gen.render_model import Context
+from data_gen.results import failure, pack_result
 
 ATTEMPTS = 2
 """A model whose process died is tried once more, in a fresh one: it may have been the process."""
@@ -30,14 +32,14 @@ _SECONDS_TO_START = 300.0
 
 
 class Result(NamedTuple):
-    """What became of one model: its number, its line, and `worker.pack_result` of it."""
+    """What became of one model: its number, its line, and `results.pack_result` of it."""
 
     number: int
     line: dict[str, Any]
     content: bytes
 
 
-Pool = Callable[[Sequence[tuple[int, Entry]], worker.Context], Iterator[Result]]
+Pool = Callable[[Sequence[tuple[int, Entry]], Context], Iterator[Result]]
 """Renders numbered models in any order. No model can end it; it raises RuntimeError where no
 process can be started."""
 
@@ -53,7 +55,7 @@ class Renderer:
       context: what the process needs besides the models.
     """
 
-    def __init__(self, context: worker.Context) -> None:
+    def __init__(self, context: Context) -> None:
         self._context = context
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Any = None
@@ -61,9 +63,9 @@ class Renderer:
         self._ended = False
 
     def render(self, entry: Entry) -> tuple[dict[str, Any], bytes]:
-        """One attempt at a model: its line and `worker.pack_result` of it.
+        """One attempt at a model: its line and `results.pack_result` of it.
 
-        The line's status is one of `worker.render_model`, "error", or "crashed", "timeout",
+        The line's status is one of `render_model.render_model`, "error", or "crashed", "timeout",
         "memory" where the process is gone.
 
         Raises:
@@ -154,8 +156,8 @@ class Renderer:
         if status != "crashed" and self._process is not None:
             self._process.kill()
         code = self._discard()
-        line = worker.failure(entry, status, reason or f"exit code {code}")
-        return line, worker.pack_result(line, [])
+        line = failure(entry, status, reason or f"exit code {code}")
+        return line, pack_result(line, [])
 
     def _megabytes(self) -> float:
         """Resident memory of the process, 0 where it cannot be told."""
@@ -175,12 +177,12 @@ def _environment() -> dict[str, str]:
         "MKL_NUM_THREADS": "1",
         **os.environ,
         "PYTHONPATH": os.pathsep.join(
-            dict.fromkeys([str(worker.ROOT), *(os.path.abspath(p) for p in sys.path)])
+            dict.fromkeys([str(ROOT), *(os.path.abspath(p) for p in sys.path)])
         ),
     }
 
 
-def render_local(tasks: Sequence[tuple[int, Entry]], context: worker.Context) -> Iterator[Result]:
+def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Iterator[Result]:
     """Renders models in processes of this machine; see `Pool`."""
     count = min(context.settings.job.workers or len(os.sched_getaffinity(0)), len(tasks))
     todo = collections.deque(tasks)

@@ -3,7 +3,7 @@
     python data_gen/render.py --catalogue NAME --source PATH --out RECORDS
 
 NAME is one of procedural, folder, shapenet, sh3f, ac3d, flightgear, torcs, pyrogenesis; PATH is
-what the catalogue reads. RECORDS becomes a data set of `psgn_jax.data.records` that training reads,
+what the catalogue reads. RECORDS becomes a data set of records that training reads,
 with `models.jsonl` beside it: a line for each model with its status, reason, checks and times.
 
 Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; `--help` lists all
@@ -29,7 +29,6 @@ of it before stays; give another folder for the output then.
 import difflib
 import functools
 import pathlib
-import signal
 import sys
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -40,21 +39,12 @@ if __package__ in (None, ""):  # run as a file: the folder above is where `data_
 from absl import app, flags, logging
 from ml_collections import config_flags
 
-from data_gen import cameras, catalogues, cluster, job, manual, pool, settings
+from data_gen import cameras, cluster, job, manual, pool, settings
+from data_gen.catalogues.by_name import CATALOGUES, open_catalogue, parse_options
 from data_gen.catalogues.choosing import Choice
+from data_gen.signals import StoppedError, stop_on_signals
 
-
-class StoppedError(Exception):
-    """A signal asked for the end."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(f"stopped by signal {number}")
-        self.number = number
-
-
-_CATALOGUE = flags.DEFINE_enum(
-    "catalogue", None, sorted(catalogues.CATALOGUES), "Where the models come from."
-)
+_CATALOGUE = flags.DEFINE_enum("catalogue", None, sorted(CATALOGUES), "Where the models come from.")
 _SOURCE = flags.DEFINE_string(
     "source", None, "What the catalogue reads: a folder, a file, or numbers of models."
 )
@@ -92,10 +82,6 @@ def parse_part(text: str) -> tuple[int, int]:
     if not (slash and first.isdecimal() and second.isdecimal()) or not int(first) < int(second):
         raise ValueError(f"--shard: got {text!r}, expected i/n with i from 0 to n - 1")
     return int(first), int(second)
-
-
-def _stop(number: int, frame: Any) -> None:
-    raise StoppedError(number)
 
 
 def _one_line(error: BaseException) -> str:
@@ -196,8 +182,7 @@ def _check_effects(options: settings.Settings, given: Collection[str]) -> None:
 def main(argv: list[str]) -> None:
     """The command; exits with the code that tells what came of it."""
     logging.set_verbosity(logging.INFO)
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, _stop)
+    stop_on_signals()
     try:
         if len(argv) > 1:
             raise ValueError(f"unexpected argument {argv[1]!r}")
@@ -208,7 +193,7 @@ def main(argv: list[str]) -> None:
         _check_effects(options, config_flags.get_override_values(flags.FLAGS["config"]))
         part = parse_part(_PART.value)
         try:
-            source = catalogues.open(name, place, **catalogues.parse_options(name, _OPTION.value))
+            source = open_catalogue(name, place, **parse_options(name, _OPTION.value))
         except TypeError as error:
             raise ValueError(f"--option: {error}") from error
         render = pool.render_local

@@ -5,13 +5,14 @@ once; each view adds a camera and light.
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int, UInt32
 
 from data_gen.cameras import Camera
 from data_gen.lights import Lights
-from data_gen.meshes import EXISTS, Model, face_normals
+from data_gen.mesh import EXISTS, Model, face_normals
 from psgn_jax.data import schema
 
 BACKGROUND = schema.BACKGROUND_GREY / 255
@@ -109,3 +110,11 @@ def flatten(model: Model) -> Surfaces:
         texture_size=np.array(sizes, np.int32),
         opaque=opaque,
     )
+
+
+class RayHits(NamedTuple):
+    """Where rays meet the mesh: face (-1 = nowhere), barycentric weights, ray parameter."""
+
+    face: Int[np.ndarray, " n"]
+    weights: Float[np.ndarray, "n 3"]
+    t: Float[np.ndarray, " n"]

@@ -1,16 +1,14 @@
 """The data stage's settings: frozen dataclasses with their checks, to and from plain mappings."""
 
 import dataclasses
-import difflib
-import types
-import typing
 from collections.abc import Mapping
 from typing import Any
 
 from data_gen import cameras, grounds
 from data_gen.cameras import CameraSettings
 from data_gen.lights import LightSettings
-from data_gen.photo import FilmSettings
+from data_gen.photo.film import FilmSettings
+from psgn_jax import structured
 
 SHADINGS = ("local", "path", "photo")
 BACKGROUNDS = ("grey", "random", "folder", "surroundings")
@@ -145,7 +143,7 @@ class Settings:
       seed: of everything random; a model's own seed is made of this and its name.
       views: images of each model.
       num_points: surface points of each sample.
-      point_bits: resolution of the stored points, see `psgn_jax.data.records`.
+      point_bits: resolution of the stored points, see `psgn_jax.data.codec`.
       models_per_shard: models in one file of records.
       camera, light, image, film, checks, job: see their classes.
     """
@@ -193,37 +191,10 @@ def to_dict(settings: Any) -> dict[str, Any]:
     return dataclasses.asdict(settings)
 
 
-def parse(values: Mapping[str, Any], kind: type = Settings, prefix: str = "") -> Any:
+def parse(values: Mapping[str, Any]) -> Settings:
     """Settings from nested mappings (an `ml_collections.ConfigDict`, too); what lacks is default.
 
     Raises:
       ValueError: names the field that is unknown or wrong, its value, and what is accepted.
     """
-    hints = typing.get_type_hints(kind)
-    given: dict[str, Any] = {}
-    for name in values:
-        if name not in hints:
-            near = difflib.get_close_matches(name, hints, 1)
-            hint = f"; did you mean {prefix}{near[0]}?" if near else ""
-            raise ValueError(f"{prefix}{name}: there is no such field{hint}")
-        given[name] = _convert(values[name], hints[name], f"{prefix}{name}")
-    return kind(**given)
-
-
-def _convert(value: Any, hint: Any, name: str) -> Any:
-    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        if isinstance(value, hint):
-            return value
-        if not hasattr(value, "keys"):
-            raise ValueError(f"{name}: got {value!r}, expected a mapping")
-        return parse(value, hint, f"{name}.")
-    if isinstance(hint, types.GenericAlias) and typing.get_origin(hint) is tuple:
-        parts = typing.get_args(hint)
-        if not isinstance(value, (tuple, list)) or len(value) != len(parts):
-            raise ValueError(f"{name}: got {value!r}, expected {len(parts)} numbers")
-        return tuple(_convert(v, p, name) for v, p in zip(value, parts, strict=True))
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if not isinstance(value, hint) or (hint is int and isinstance(value, bool)):
-        raise ValueError(f"{name}: got {value!r}, expected {hint.__name__}")
-    return value
+    return structured.build(Settings, values)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from data_gen.lights import Lights
-from data_gen.meshes import EXISTS
+from data_gen.mesh import EXISTS
 from data_gen.scene import Surfaces
 
 

@@ -148,7 +148,10 @@ def outdoors(
 
 
 def room(rng: np.random.Generator) -> Surroundings:
-    """A room with windows, lamps, doors, pictures and furniture along its walls."""
+    """A room with windows, lamps, doors, pictures and furniture along its walls.
+
+    One function: the order in which random numbers are drawn is the room.
+    """
     size = lights.DETAIL
     half = (float(rng.uniform(5, 12)), float(rng.uniform(5, 12)))
     on_floor = rng.random() < 0.5

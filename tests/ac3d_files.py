@@ -1,7 +1,8 @@
 """AC3D files for tests, and their reading."""
 
-from data_gen import loading
-from data_gen.catalogues import ac3d
+from data_gen.readers.ac3d import read_ac3d
+from data_gen.readers.files import FolderFiles
+from data_gen.readers.notes import Notes
 
 MATERIALS = (
     'MATERIAL "rouge é" rgb 1 0 0  amb 1 1 1  emis 0 0 0  spec 0.5 0.5 0.5  shi 64  trans 0\n'
@@ -36,8 +37,8 @@ def write(path, *objects):
 
 def read(path, **options):
     """The arrays of a file, before they are cleaned and normalised."""
-    notes = loading.Notes()
+    notes = Notes()
     values = {"side": 64, "max_faces": 1000, **options}
-    files = loading.FolderFiles(path.parent)
-    arrays = ac3d.read(path.read_bytes(), files, "", values["side"], values["max_faces"], notes)
+    files = FolderFiles(path.parent)
+    arrays = read_ac3d(path.read_bytes(), files, "", values["side"], values["max_faces"], notes)
     return arrays, notes.lines

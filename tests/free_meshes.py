@@ -10,7 +10,7 @@ import re
 
 import pytest
 
-from data_gen import catalogues
+from data_gen.catalogues.by_name import open_catalogue
 from data_gen.sets import free
 
 _FOLDERS = {
@@ -31,14 +31,14 @@ def _place(package, path):
 def entries(catalogue):
     """The entries of a catalogue, by its name; the test that asks for them may be skipped."""
     package, path = _FOLDERS[catalogue]
-    return list(catalogues.open(catalogue, _place(package, f"usr/{path}")).entries())
+    return list(open_catalogue(catalogue, _place(package, f"usr/{path}")).entries())
 
 
 def entries_of_source(name):
     """The entries of a source of the free set, as `entries` of a catalogue."""
     source = next(s for s in free.SOURCES if s.name == name)
     place = _place(source.package, source.place) if source.package else source.place
-    found = catalogues.open(source.catalogue, place, **source.options).entries()
+    found = open_catalogue(source.catalogue, place, **source.options).entries()
     return [e for e in found if not source.exclude or not re.search(source.exclude, e.model_id)]
 
 

@@ -4,7 +4,8 @@ import pathlib
 import pytest
 
 from data_gen import default as recipe
-from data_gen import job, job_folder, settings, worker
+from data_gen import job, job_folder, settings
+from data_gen.mitsuba_setup import has_mitsuba
 from psgn_jax import default_data
 from psgn_jax.config import Config, ConfigError, DataConfig, to_dict
 from psgn_jax.data import loader
@@ -22,7 +23,7 @@ def cache(tmp_path, monkeypatch):
 
 
 def test_without_mitsuba_the_remedy_is_named(monkeypatch):
-    monkeypatch.setattr(worker, "has_mitsuba", lambda: False)
+    monkeypatch.setattr(recipe, "has_mitsuba", lambda: False)
     with pytest.raises(ConfigError, match=r"pip install -e '\.\[render\]'"):
         default_data.with_default_data(Config())
 
@@ -51,11 +52,11 @@ def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch):
     assert to_dict(named) == to_dict(Config())
 
 
-@pytest.mark.skipif(not worker.has_mitsuba(), reason="Mitsuba is not installed")
+@pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
 def test_one_begun_otherwise_is_begun_anew(cache, monkeypatch):
     """Built by the real job, three models; what another renderer had begun is dropped."""
-    source = recipe.catalogues.open("procedural", "chair=3")
-    monkeypatch.setattr(recipe.catalogues, "open", lambda *_: source)
+    source = recipe.open_catalogue("procedural", "chair=3")
+    monkeypatch.setattr(recipe, "open_catalogue", lambda *_: source)
     folder = cache / "data"
     other = dataclasses.replace(TINY, seed=1)
     entries = list(source.entries())

@@ -15,7 +15,8 @@ import free_meshes
 import numpy as np
 import winding
 
-from data_gen import cameras, meshes
+from data_gen import cameras
+from data_gen.mesh import UnusableModelError
 from data_gen.sets import free, sources
 
 ANGLES = (20.0, 63.0)
@@ -129,7 +130,7 @@ def reason_against(entry):
     """Why a model cannot be compared, "" if it can."""
     try:
         model = entry.load()
-    except meshes.UnusableModelError:
+    except UnusableModelError:
         return "unusable"
     if len(model.faces) > MAX_FACES:
         return "too many faces"

@@ -1,4 +1,4 @@
-"""Solid cells by winding numbers, counted independently of `meshes.solid_occupancy`."""
+"""Solid cells by winding numbers, counted independently of `voxelise.solid_occupancy`."""
 
 import numpy as np
 import scipy.ndimage

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from absl import logging
 
-from data_gen.catalogues import Entry
+from data_gen.catalogues.entry import Entry
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,10 +17,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from data_gen import catalogues
+from data_gen.catalogues.entry import Entry, loader
 from data_gen.catalogues.families.kit import BLACK, Kit, lacquer, metal, pick, wood
 from data_gen.catalogues.solids import ball, box
-from data_gen.meshes import Model
+from data_gen.mesh import Model
 
 KINDS = ("front", "turned")
 TURN = 55.0
@@ -107,7 +107,7 @@ class DoubtCatalogue:
         numbers = zip(self._seeds, self._draws, strict=True)
         return len(KINDS) * sum(seeds * draws for seeds, draws in numbers)
 
-    def entries(self) -> Iterator[catalogues.Entry]:
+    def entries(self) -> Iterator[Entry]:
         """The models: of each seed both kinds and all draws."""
         for split, first, seeds, draws in (
             ("train", 0, self._seeds[0], self._draws[0]),
@@ -117,9 +117,9 @@ class DoubtCatalogue:
             for seed in range(first, first + seeds):
                 for kind in KINDS:
                     for draw in range(draws):
-                        yield catalogues.Entry(
+                        yield Entry(
                             f"{kind}-{seed}-h{draw}",
                             kind,
                             split,
-                            catalogues.loader(generate, kind, seed, draw),
+                            loader(generate, kind, seed, draw),
                         )

@@ -12,8 +12,12 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 
-from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import Entry, ac3d, folder
+from data_gen.catalogues import ac3d, folder
+from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
+from data_gen.mesh import MAX_FACES, Model
+from data_gen.readers.ac3d import read_ac3d
+from data_gen.readers.files import FolderFiles
+from data_gen.readers.load import load_model
 
 _MAX_XML_BYTES = 1 << 20
 
@@ -25,7 +29,7 @@ _NO_OBJECTS = re.compile(
 )
 
 
-class LiveryFiles(loading.FolderFiles):
+class LiveryFiles(FolderFiles):
     """Files below a folder, pictures from a livery's folder before all others."""
 
     def __init__(self, root: str | os.PathLike[str], livery: str) -> None:
@@ -33,7 +37,7 @@ class LiveryFiles(loading.FolderFiles):
         self._livery = livery
 
     def open(self, base: str, name: str) -> bytes:
-        """See `loading.Files`."""
+        """See `readers.files.Files`."""
         if self._livery:
             try:
                 return super().open(self._livery, posixpath.basename(name.replace("\\", "/")))
@@ -68,10 +72,8 @@ def _wrapper(path: pathlib.Path, root: pathlib.Path, depth: int = 0) -> tuple[st
     return (model if model.casefold().endswith(".ac") else ""), livery
 
 
-def _load(
-    root: str, name: str, livery: str, category: str, model_id: str, max_faces: int
-) -> meshes.Model:
-    return loading.load(
+def _load(root: str, name: str, livery: str, category: str, model_id: str, max_faces: int) -> Model:
+    return load_model(
         name,
         LiveryFiles(root, livery),
         up="+y",
@@ -79,7 +81,7 @@ def _load(
         category=category,
         model_id=model_id,
         max_faces=max_faces,
-        reader=ac3d.read,
+        reader=read_ac3d,
     )
 
 
@@ -92,7 +94,7 @@ class FlightGearCatalogue:
     Args:
       source: the folder `AI/Aircraft` of FlightGear's data.
       liveries: most models of one file, spread over the names of its liveries.
-      fractions: of models for training, validation and test, see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
       max_faces: models with more are refused.
 
     Raises:
@@ -106,8 +108,8 @@ class FlightGearCatalogue:
         source: str | os.PathLike[str],
         *,
         liveries: int = 3,
-        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
-        max_faces: int = meshes.MAX_FACES,
+        fractions: tuple[float, float, float] = FRACTIONS,
+        max_faces: int = MAX_FACES,
     ) -> None:
         if liveries < 1:
             raise ValueError(f"liveries: got {liveries}, expected 1 or more")
@@ -142,8 +144,8 @@ class FlightGearCatalogue:
             yield Entry(
                 model_id,
                 category,
-                catalogues.split_of(name, self._fractions),
-                catalogues.loader(load, category, model_id, self._max_faces),
+                split_of(name, self._fractions),
+                loader(load, category, model_id, self._max_faces),
             )
 
 

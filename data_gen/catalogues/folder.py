@@ -6,8 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 
 from absl import logging
 
-from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import Entry
+from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
+from data_gen.frame import axis_vector
+from data_gen.mesh import MAX_FACES, Model, UnusableModelError
+from data_gen.readers.files import FolderFiles
+from data_gen.readers.load import Reader, load_model
 
 # Formats whose programs draw with z up; the others mean y.
 _Z_UP = (".stl", ".ply", ".off", ".3mf", ".xyz")
@@ -26,7 +29,6 @@ _OTHERS = {
     ".wrl",
     ".x3d",
 }
-
 
 # Catalogues for files that are not read here.
 _CATALOGUES = {".ac": "ac3d", ".acc": "ac3d", ".sh3f": "sh3f"}
@@ -89,12 +91,12 @@ def _load(
     up: str,
     front: str,
     max_faces: int,
-    reader: loading.Reader | None,
-    objection: Callable[[str, meshes.Model], str] | None,
-) -> meshes.Model:
-    model = loading.load(
+    reader: Reader | None,
+    objection: Callable[[str, Model], str] | None,
+) -> Model:
+    model = load_model(
         name,
-        loading.FolderFiles(root),
+        FolderFiles(root),
         up=up,
         front=front,
         category=category,
@@ -104,7 +106,7 @@ def _load(
     )
     reason = objection(name, model) if objection else ""
     if reason:
-        raise meshes.UnusableModelError(reason)
+        raise UnusableModelError(reason)
     return model
 
 
@@ -116,11 +118,11 @@ class FolderCatalogue:
 
     Args:
       source: the folder.
-      up: axis of the files that points up (`meshes.AXES`), or "auto": +z for STL, PLY, OFF and
+      up: axis of the files that points up (`frame.AXES`), or "auto": +z for STL, PLY, OFF and
         3MF, +y for all others.
       front: axis of the files toward which the objects look, or "auto": +z where y is up, -y
         where z is.
-      fractions: of models for training, validation and test, see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
       max_faces: models with more are refused.
       leave_out: names of folders, wherever they are, whose files are left out.
 
@@ -129,8 +131,8 @@ class FolderCatalogue:
     """
 
     name = "folder"
-    _reader: loading.Reader | None = None  # by the files' endings
-    _objection: Callable[[str, meshes.Model], str] | None = None
+    _reader: Reader | None = None  # by the files' endings
+    _objection: Callable[[str, Model], str] | None = None
 
     def __init__(
         self,
@@ -138,13 +140,13 @@ class FolderCatalogue:
         *,
         up: str = "auto",
         front: str = "auto",
-        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
-        max_faces: int = meshes.MAX_FACES,
+        fractions: tuple[float, float, float] = FRACTIONS,
+        max_faces: int = MAX_FACES,
         leave_out: Sequence[str] = (),
     ) -> None:
         self.root = pathlib.Path(source)
         for axis in {up, front} - {"auto"}:
-            meshes.axis_vector(axis)
+            axis_vector(axis)
         self._up, self._front, self._fractions, self._max_faces = up, front, fractions, max_faces
         names = find_meshes(source, self._endings())
         self._names = [n for n in names if not set(n.split("/")[:-1]) & set(leave_out)]
@@ -176,8 +178,8 @@ class FolderCatalogue:
             yield Entry(
                 name,
                 category,
-                catalogues.split_of(name, self._fractions),
-                catalogues.loader(
+                split_of(name, self._fractions),
+                loader(
                     _load,
                     str(self.root),
                     name,

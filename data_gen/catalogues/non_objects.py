@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from data_gen.meshes import Model
+from data_gen.mesh import Model
 
 FOLDERS = ("Weather", "Astro", "Effects")
 """Folders that hold nothing but clouds, the sky, and effects such as lights, smoke and wakes."""

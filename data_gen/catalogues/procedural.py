@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from data_gen import catalogues
+from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
 from data_gen.catalogues.families import (
     buildings,
     figures,
@@ -49,7 +49,7 @@ from data_gen.catalogues.families.plane import plane
 from data_gen.catalogues.families.speaker import open_speaker, speaker
 from data_gen.catalogues.families.table import table
 from data_gen.catalogues.families.watercraft import watercraft
-from data_gen.meshes import Model
+from data_gen.mesh import Model
 
 # Keeps these draws apart from those of other users of the same seed.
 _VISIBLE, _HIDDEN = 0x70736776, 0x70736768
@@ -190,7 +190,7 @@ def _built(
 # --- What an image cannot tell ----------------------------------------------------------------
 
 
-def parse_id(model: str | catalogues.Entry | Model) -> tuple[str, int]:
+def parse_id(model: str | Entry | Model) -> tuple[str, int]:
     """Category and seed of a procedural model by its name (or the entry's, or the model's).
 
     Not whether its back is open.
@@ -201,7 +201,7 @@ def parse_id(model: str | catalogues.Entry | Model) -> tuple[str, int]:
     return _parse(model)[:2]
 
 
-def _parse(model: str | catalogues.Entry | Model) -> tuple[str, int, bool]:
+def _parse(model: str | Entry | Model) -> tuple[str, int, bool]:
     name = model if isinstance(model, str) else model.model_id
     match = re.fullmatch(r"([a-z]+)-([0-9]+)(-open)?(?:-h[0-9]+)?(?:-set)?", name)
     if match is None or match[1] not in (OPEN_BACKS if match[3] else _ALL):
@@ -209,7 +209,7 @@ def _parse(model: str | catalogues.Entry | Model) -> tuple[str, int, bool]:
     return match[1], int(match[2]), bool(match[3])
 
 
-def hidden_ranges(model: str | catalogues.Entry | Model) -> dict[str, HiddenRange]:
+def hidden_ranges(model: str | Entry | Model) -> dict[str, HiddenRange]:
     """The hidden parameters of a model and what they are drawn from.
 
     Each is drawn uniformly from its range, independently of the others and of everything that can
@@ -228,7 +228,7 @@ def hidden_ranges(model: str | catalogues.Entry | Model) -> dict[str, HiddenRang
 
 
 def redraw_hidden(
-    model: str | catalogues.Entry | Model,
+    model: str | Entry | Model,
     hidden_seed: int = 0,
     *,
     values: Mapping[str, float] | None = None,
@@ -265,7 +265,7 @@ class ProceduralCatalogue:
         n > 1 = n that look the same and differ in what is hidden. They share a split.
       open_backs: whether cabinets, speakers and cellphones have a recess at the back whose depth
         is hidden (`OPEN_BACKS`); the source then has these categories alone.
-      fractions: of models for training, validation and test, see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
 
     Raises:
       ValueError: the source is neither, or an unknown category, or one without open backs.
@@ -281,7 +281,7 @@ class ProceduralCatalogue:
         first_seed: int = 0,
         hidden_draws: int = 1,
         open_backs: bool = False,
-        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
+        fractions: tuple[float, float, float] = FRACTIONS,
     ) -> None:
         known = tuple(OPEN_BACKS) if open_backs else tuple(self.families)
         text = str(source).strip()
@@ -307,21 +307,21 @@ class ProceduralCatalogue:
         """Number of models."""
         return sum(self._counts.values()) * self._draws
 
-    def entries(self) -> Iterator[catalogues.Entry]:
+    def entries(self) -> Iterator[Entry]:
         """The models; categories take turns, so that every beginning holds all of them."""
         for offset in range(max(self._counts.values())):
             seed = self._first + offset
             for category, count in self._counts.items():
                 if offset >= count:
                     continue
-                split = catalogues.split_of(f"{category}-{seed}", self._fractions)
+                split = split_of(f"{category}-{seed}", self._fractions)
                 for draw in range(self._draws):
                     hidden = None if self._draws == 1 else draw
                     name = _name(category, seed, hidden, self._open)
-                    make = catalogues.loader(
+                    make = loader(
                         generate, category, seed, hidden_seed=hidden, open_back=self._open
                     )
-                    yield catalogues.Entry(name, category, split, make)
+                    yield Entry(name, category, split, make)
 
 
 class ExtraCatalogue(ProceduralCatalogue):
@@ -330,7 +330,7 @@ class ExtraCatalogue(ProceduralCatalogue):
     Args:
       source: see `ProceduralCatalogue`.
       first_seed: of each category.
-      fractions: see `catalogues.split_of`.
+      fractions: see `catalogues.entry.split_of`.
     """
 
     name = "procedural_extra"
@@ -341,6 +341,6 @@ class ExtraCatalogue(ProceduralCatalogue):
         source: str | os.PathLike[str] = "100",
         *,
         first_seed: int = 0,
-        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
+        fractions: tuple[float, float, float] = FRACTIONS,
     ) -> None:
         super().__init__(source, first_seed=first_seed, fractions=fractions)

@@ -16,9 +16,10 @@ from collections.abc import Iterator
 import numpy as np
 from absl import logging
 
-from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import Entry, archives
-from data_gen.meshes import Model, UnusableModelError
+from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of, unique_names
+from data_gen.mesh import MAX_FACES, Model, UnusableModelError
+from data_gen.readers import archives
+from data_gen.readers.load import load_model
 
 PROPERTIES = "PluginFurnitureCatalog.properties"
 
@@ -142,7 +143,7 @@ def _load(path: str, piece: Furniture, max_faces: int) -> Model:
         files = archives.open_files(path)
     except (zipfile.BadZipFile, OSError, ValueError) as error:
         raise UnusableModelError(f"library {path!r} cannot be read: {error}"[:200]) from error
-    return loading.load(
+    return load_model(
         piece.file,
         files,
         up="+y",
@@ -163,7 +164,7 @@ class SweetHomeCatalogue:
 
     Args:
       source: the file or folder.
-      fractions: of models for training, validation and test, see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
       max_faces: models with more are refused.
 
     Raises:
@@ -176,8 +177,8 @@ class SweetHomeCatalogue:
         self,
         source: str | os.PathLike[str],
         *,
-        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
-        max_faces: int = meshes.MAX_FACES,
+        fractions: tuple[float, float, float] = FRACTIONS,
+        max_faces: int = MAX_FACES,
     ) -> None:
         path = pathlib.Path(source)
         libraries = sorted(path.rglob("*.sh3f")) if path.is_dir() else [path]
@@ -194,7 +195,7 @@ class SweetHomeCatalogue:
             raise ValueError("; ".join(problems))
         for problem in problems:
             logging.warning("left out: %s", problem)
-        names = catalogues.unique_names([piece.model_id for _, piece in pieces])
+        names = unique_names([piece.model_id for _, piece in pieces])
         self._pieces = [
             (library, dataclasses.replace(piece, model_id=name))
             for (library, piece), name in zip(pieces, names, strict=True)
@@ -210,6 +211,6 @@ class SweetHomeCatalogue:
             yield Entry(
                 piece.model_id,
                 piece.category,
-                catalogues.split_of(piece.model_id, self._fractions),
-                catalogues.loader(_load, library, piece, self._max_faces),
+                split_of(piece.model_id, self._fractions),
+                loader(_load, library, piece, self._max_faces),
             )

@@ -9,8 +9,10 @@ import os
 import pathlib
 from collections.abc import Iterator, Sequence
 
-from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import Entry
+from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
+from data_gen.mesh import MAX_FACES, Model
+from data_gen.readers.files import FolderFiles
+from data_gen.readers.load import load_model
 
 SYNSETS = {
     "02691156": "plane", "02747177": "trash bin", "02773838": "bag", "02801938": "basket",
@@ -31,12 +33,6 @@ SYNSETS = {
 }  # fmt: skip
 """Names of the synsets: those of the paper's table for the 13 categories of 3D-R2N2."""
 
-R2N2_SYNSETS = (
-    "02691156", "02828884", "02933112", "02958343", "03001627", "03211117", "03636649",
-    "03691459", "04090263", "04256520", "04379243", "04401088", "04530566",
-)  # fmt: skip
-"""The 13 categories of 3D-R2N2."""
-
 _LAYOUTS = (("models/model_normalized.obj", "-z"), ("model.obj", "+x"))
 
 # Part of each category's models that 3D-R2N2 trains on, the first ones by name.
@@ -45,10 +41,10 @@ _R2N2_TRAIN = 0.8
 
 def _load(
     folder: str, file: str, front: str, model_id: str, category: str, max_faces: int
-) -> meshes.Model:
-    return loading.load(
+) -> Model:
+    return load_model(
         file,
-        loading.FolderFiles(folder),
+        FolderFiles(folder),
         up="+y",
         front=front,
         category=category,
@@ -65,7 +61,7 @@ class ShapeNetCatalogue:
       categories: names or synset numbers to keep; () = all that are there.
       split: "r2n2": of each category, by name, the first 80 % are for training and the others for
         testing, as in 3D-R2N2. It is theirs only where a category is complete. "hash": see
-        `catalogues.split_of`.
+        `catalogues.entry.split_of`.
       validation: with "r2n2", the part of the training models that is kept for validation, by a
         hash of the name. 0 = as published.
       fractions: with "hash", of models for training, validation and test.
@@ -84,8 +80,8 @@ class ShapeNetCatalogue:
         categories: Sequence[str] = (),
         split: str = "r2n2",
         validation: float = 0.0,
-        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
-        max_faces: int = meshes.MAX_FACES,
+        fractions: tuple[float, float, float] = FRACTIONS,
+        max_faces: int = MAX_FACES,
     ) -> None:
         self.root = pathlib.Path(source)
         if not self.root.is_dir():
@@ -96,7 +92,7 @@ class ShapeNetCatalogue:
             raise ValueError(f"validation: got {validation}, expected 0 or more and less than 1")
         if split == "hash" and validation:
             raise ValueError(f"validation: got {validation}, which has no effect with split 'hash'")
-        if split == "r2n2" and tuple(fractions) != catalogues.FRACTIONS:
+        if split == "r2n2" and tuple(fractions) != FRACTIONS:
             raise ValueError(
                 f"fractions: got {list(fractions)}, which has no effect with split 'r2n2'"
             )
@@ -143,16 +139,16 @@ class ShapeNetCatalogue:
             index = place[synset] = place.get(synset, -1) + 1
             model_id, category = f"{synset}/{model}", SYNSETS.get(synset, synset)
             if self._split == "hash":
-                split = catalogues.split_of(model_id, self._fractions)
+                split = split_of(model_id, self._fractions)
             elif index >= int(_R2N2_TRAIN * self._count[synset]):
                 split = "test"
             else:
                 parts = (1 - self._validation, self._validation, 0.0)
-                split = catalogues.split_of(model_id, parts)
+                split = split_of(model_id, parts)
             folder = str(self.root / synset / model)
             yield Entry(
                 model_id,
                 category,
                 split,
-                catalogues.loader(_load, folder, file, front, model_id, category, self._max_faces),
+                loader(_load, folder, file, front, model_id, category, self._max_faces),
             )

@@ -9,9 +9,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy.interpolate
 
-from data_gen import meshes
+from data_gen.polygons import cut_ears
 
 
 class Solid(NamedTuple):
@@ -101,7 +100,7 @@ def _cap(ring: np.ndarray) -> np.ndarray | None:
             return None
         second = np.arange(1, len(ring) - 1)
         return np.stack([0 * second, second, second + 1], axis=1)
-    triangles = meshes.cut_ears(flat)
+    triangles = cut_ears(flat)
     return triangles if total[axis] != 0 else None
 
 
@@ -366,94 +365,10 @@ def tube(
     return loft(rings)
 
 
-# --- Bodies -----------------------------------------------------------------------------------
-
-
-def through(table: Sequence[Sequence[float]], places: np.ndarray) -> np.ndarray:
-    """Rows of a table between its own, smooth and without overshoot.
-
-    Args:
-      table: [K, C + 1], in each row a place and what is there; places in ascending or descending
-        order, no two alike.
-      places: [N]; beyond the ends the nearest row stays.
-
-    Returns:
-      [N, C].
-    """
-    rows = np.asarray(table, np.float64)
-    if rows[0, 0] > rows[-1, 0]:
-        rows = rows[::-1]
-    inside = np.clip(places, rows[0, 0], rows[-1, 0])
-    if len(rows) == 2:
-        share = ((inside - rows[0, 0]) / (rows[1, 0] - rows[0, 0]))[:, None]
-        return np.asarray((1 - share) * rows[0, 1:] + share * rows[1, 1:])
-    return np.asarray(scipy.interpolate.PchipInterpolator(rows[:, 0], rows[:, 1:])(inside))
-
-
-def between(places: Sequence[float], steps: int) -> np.ndarray:
-    """The places with each interval between neighbours cut into `steps` equal ones."""
-    knots = np.asarray(places, np.float64)
-    return np.interp(np.arange((len(knots) - 1) * steps + 1) / steps, np.arange(len(knots)), knots)
-
-
-def body(
-    stations: Sequence[Sequence[float]], power: float = 2.0, steps: int = 3, sides: int = 24
-) -> Solid:
-    """A skin over superellipses across the x axis, smooth from one to the next.
-
-    Args:
-      stations: rows of x, half width, half height and z of the centre; a fifth number is the power
-        there, which goes before the argument.
-      power: of the superellipses.
-      steps: sections for each interval between stations.
-      sides: points of a section.
-    """
-    places = between([s[0] for s in stations], steps)
-    rows = through(stations, places)
-    rings = []
-    for x, row in zip(places, rows, strict=True):
-        w, h, z = max(row[0], 0.0), max(row[1], 0.0), row[2]
-        outline = superellipse(2 * w, 2 * h, row[3] if len(row) > 3 else power, sides)
-        rings.append(np.column_stack([np.full(sides, x), outline[:, 0], outline[:, 1] + z]))
-    return loft(rings)
-
-
 def pane(grid: np.ndarray, thickness: float) -> Solid:
     """As `sheet`, but the surface through the points is the outer face."""
     points = np.asarray(grid, np.float64)
     return sheet(points - thickness / 2 * _grid_normals(points), thickness)
-
-
-AEROFOIL = np.array(
-    [(1, 0.04), (0.8, 0.4), (0.55, 0.78), (0.3, 1), (0.12, 0.8), (0.03, 0.42), (0, 0),
-     (0.03, -0.3), (0.12, -0.5), (0.3, -0.6), (0.55, -0.45), (0.8, -0.2)]
-)  # fmt: skip
-"""Distance behind the leading edge in chords, height in thicknesses."""
-
-
-def wing(
-    sections: Sequence[Sequence[float]], thickness: float = 0.1, steps: int = 1, fin: bool = False
-) -> Solid:
-    """A wing over aerofoils from the root to the tip, its nose toward +x.
-
-    Args:
-      sections: rows of x, y, z of the leading edge and the chord; a fifth number is the thickness
-        there in chords, which goes before the argument.
-      thickness: in chords.
-      steps: sections for each interval; from 2 on the outline is smooth.
-      fin: thick along y (and symmetrical) in place of along z.
-    """
-    table = [(float(k), *row) for k, row in enumerate(sections)]
-    rings = []
-    for row in through(table, between(range(len(table)), steps)) if steps > 1 else sections:
-        x, y, z, chord = row[:4]
-        high = (row[4] if len(row) > 4 else thickness) * chord * AEROFOIL[:, 1]
-        if fin:
-            high = np.where(high < 0, high / 0.6, high) / 2
-        flat = np.stack([x - chord * AEROFOIL[:, 0], np.full(12, y), np.full(12, z)], axis=1)
-        flat[:, 1 if fin else 2] += high
-        rings.append(flat)
-    return loft(rings)
 
 
 def split(solid: Solid, chosen: np.ndarray) -> tuple[Solid, Solid]:

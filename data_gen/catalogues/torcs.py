@@ -14,8 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import Entry, ac3d
+from data_gen.catalogues import ac3d
+from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
+from data_gen.mesh import MAX_FACES, Model, UnusableModelError
+from data_gen.readers.ac3d import read_ac3d
+from data_gen.readers.files import Files, FolderFiles
+from data_gen.readers.load import load_model
+from data_gen.readers.notes import Notes
+from data_gen.readers.textures import bounded
 
 _MAX_XML_BYTES = 1 << 20
 _WHEELS = "trb1-3"  # for cars that the program gives plain discs
@@ -35,7 +41,7 @@ def wheel_places(parameters: bytes) -> tuple[str, list[tuple[np.ndarray, float, 
     try:
         tree = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise meshes.UnusableModelError(f"parameters not readable: {error}"[:200]) from error
+        raise UnusableModelError(f"parameters not readable: {error}"[:200]) from error
     sections = {s.get("name", ""): s for s in tree.iter("section")}
 
     def number(section: str, key: str) -> float:
@@ -47,7 +53,7 @@ def wheel_places(parameters: bytes) -> tuple[str, list[tuple[np.ndarray, float, 
                     break
                 if np.isfinite(value):
                     return value
-        raise meshes.UnusableModelError(f"parameters: no {key!r} of {section!r}")
+        raise UnusableModelError(f"parameters: no {key!r} of {section!r}")
 
     folder = next(
         (s.get("val", "") for s in tree.iter("attstr") if s.get("name") == "3d wheel directory"), ""
@@ -68,21 +74,21 @@ def wheel_places(parameters: bytes) -> tuple[str, list[tuple[np.ndarray, float, 
 
 
 def read_car(
-    data: bytes, files: loading.Files, base: str, side: int, max_faces: int, notes: loading.Notes
+    data: bytes, files: Files, base: str, side: int, max_faces: int, notes: Notes
 ) -> dict[str, Any]:
-    """Arrays of a car's body and its wheels for `meshes.build`; a reader for `loading.load`.
+    """Arrays of a car's body and its wheels for `mesh.build_model`; a `readers.load.Reader`.
 
     Raises:
       UnusableModelError: its files are damaged, too large or empty, or assimp is missing.
     """
-    parts = [ac3d.read(data, files, base, side, max_faces, notes)]
+    parts = [read_ac3d(data, files, base, side, max_faces, notes)]
     name = base.rpartition("/")[2]
     try:
         folder, places = wheel_places(files.open(base, f"{name}.xml")[:_MAX_XML_BYTES])
         place_of_wheels = f"wheels/{folder}"
         model = files.open(place_of_wheels, "wheel0.acc")
-        wheel = ac3d.read(model, files, place_of_wheels, side, max_faces, notes)
-    except (FileNotFoundError, meshes.UnusableModelError) as error:
+        wheel = read_ac3d(model, files, place_of_wheels, side, max_faces, notes)
+    except (FileNotFoundError, UnusableModelError) as error:
         notes.add(f"no wheels: {error}")
         places = []
     for where, radius, width in places:
@@ -104,13 +110,13 @@ def read_car(
         for key in ("vertices", "faces", "normals", "uv", "face_material")
     }
     together = tuple(m for part in parts for m in part["materials"])
-    return {**merged, "materials": loading.bounded(together, notes)}
+    return {**merged, "materials": bounded(together, notes)}
 
 
-def _load(root: str, name: str, max_faces: int) -> meshes.Model:
-    return loading.load(
+def _load(root: str, name: str, max_faces: int) -> Model:
+    return load_model(
         name,
-        loading.FolderFiles(root),
+        FolderFiles(root),
         up="+y",
         front="+x",
         category="car",
@@ -125,7 +131,7 @@ class TorcsCatalogue:
 
     Args:
       source: the folder that has `cars` and `wheels` in it.
-      fractions: of models for training, validation and test, see `catalogues.split_of`.
+      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
       max_faces: models with more are refused.
 
     Raises:
@@ -138,8 +144,8 @@ class TorcsCatalogue:
         self,
         source: str | os.PathLike[str],
         *,
-        fractions: tuple[float, float, float] = catalogues.FRACTIONS,
-        max_faces: int = meshes.MAX_FACES,
+        fractions: tuple[float, float, float] = FRACTIONS,
+        max_faces: int = MAX_FACES,
     ) -> None:
         self.root = pathlib.Path(source)
         self._fractions, self._max_faces = fractions, max_faces
@@ -163,6 +169,6 @@ class TorcsCatalogue:
             yield Entry(
                 name,
                 "car",
-                catalogues.split_of(name, self._fractions),
-                catalogues.loader(_load, str(self.root), name, self._max_faces),
+                split_of(name, self._fractions),
+                loader(_load, str(self.root), name, self._max_faces),
             )

@@ -23,7 +23,6 @@ missing or nothing came of it; 143 and 130 stopped by SIGTERM or Ctrl-C.
 import dataclasses
 import json
 import pathlib
-import signal
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -33,10 +32,12 @@ if __package__ in (None, ""):  # run as a file: two folders above is where `data
 
 from absl import app, flags, logging
 
-from data_gen import catalogues, config, job, settings
+from data_gen import config, job, settings
+from data_gen.catalogues.by_name import CATALOGUES
 from data_gen.sets import sources
 from data_gen.sets.sources import Licence, Selection, Source
-from psgn_jax.data import records
+from data_gen.signals import StoppedError, stop_on_signals
+from psgn_jax.files import write_atomic
 
 _FLIGHTGEAR = "Curtis L. Olson and the FlightGear team"
 _FREE_ART = "Jean-Christophe Durieu; ViPeR"
@@ -170,7 +171,7 @@ def plan(chosen: Sequence[Source], photo: float = PHOTO) -> list[Part]:
 
 def known_sources() -> dict[str, Source]:
     """The sources whose catalogues exist here, by name."""
-    return {s.name: s for s in SOURCES if s.catalogue in catalogues.CATALOGUES}
+    return {s.name: s for s in SOURCES if s.catalogue in CATALOGUES}
 
 
 def options_of(part: Part, workers: int, variant: str) -> settings.Settings:
@@ -188,8 +189,7 @@ def options_of(part: Part, workers: int, variant: str) -> settings.Settings:
     values.job.variant = variant
     # Other cameras than those of the same models in the other preset.
     values.seed = 0 if part.preset == "authors" else 1
-    options: settings.Settings = settings.parse(values)
-    return options
+    return settings.parse(values)
 
 
 def write_table(
@@ -213,10 +213,10 @@ def write_table(
             text = sources.copyright_of(packages, package) if package else ""
             if text:
                 (out / "licences").mkdir(exist_ok=True)
-                records.write_atomic(out / "licences" / f"{package}.txt", text)
+                write_atomic(out / "licences" / f"{package}.txt", text)
     text = sources.markdown(rows)
-    records.write_atomic(out / "sources.json", json.dumps(rows, indent=1) + "\n")
-    records.write_atomic(out / "SOURCES.md", text)
+    write_atomic(out / "sources.json", json.dumps(rows, indent=1) + "\n")
+    write_atomic(out / "SOURCES.md", text)
     return text
 
 
@@ -271,18 +271,6 @@ def build(
 # --- The command ------------------------------------------------------------------------------
 
 
-class StoppedError(Exception):
-    """A signal asked for the end."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(f"stopped by signal {number}")
-        self.number = number
-
-
-def _stop(number: int, frame: Any) -> None:
-    raise StoppedError(number)
-
-
 def _define_flags() -> None:
     flags.DEFINE_string("packages", None, "Folder of the unpacked packages.")
     flags.DEFINE_string("out", None, "Folder of the set.")
@@ -308,8 +296,7 @@ def _parse_flags(argv: list[str]) -> list[str]:
 def main(argv: list[str]) -> None:
     """The command; exits with the code that tells what came of it."""
     logging.set_verbosity(logging.INFO)
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, _stop)
+    stop_on_signals()
     given = flags.FLAGS
     try:
         if len(argv) > 1:

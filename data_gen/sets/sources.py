@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from data_gen import catalogues
-from data_gen.catalogues import Entry
+from data_gen.catalogues.by_name import open_catalogue
+from data_gen.catalogues.entry import Entry, split_of
 
 _COLOURS = (
     "white|black|red|green|blue|yellow|grey|gray|brown|beige|orange|pink|purple|gold|silver|dark"
@@ -60,7 +60,7 @@ class Source:
 
     Attributes:
       name: of the source, and of its folder in the set.
-      catalogue: one of `catalogues.CATALOGUES`.
+      catalogue: one of `by_name.CATALOGUES`.
       views: images of each model.
       licences: of its models; the first whose pattern fits counts.
       package: of Debian, "" = none is needed.
@@ -118,7 +118,7 @@ class Selection:
     def __init__(
         self, source: Source, packages: str | os.PathLike[str], fraction: float = 1.0
     ) -> None:
-        inner = catalogues.open(source.catalogue, source.path(packages), **source.options)
+        inner = open_catalogue(source.catalogue, source.path(packages), **source.options)
         self.name = inner.name
         entries = [
             e for e in inner.entries()
@@ -128,8 +128,7 @@ class Selection:
             raise ValueError(f"source {source.name!r}: no model is left")
         if source.families:
             entries = [
-                dataclasses.replace(e, split=catalogues.split_of(source.family(e.model_id)))
-                for e in entries
+                dataclasses.replace(e, split=split_of(source.family(e.model_id))) for e in entries
             ]
         if fraction < 1:
             count = max(3, round(fraction * len(entries)))

@@ -313,7 +313,7 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> View:
 def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:
     """Scale a and shift b with `points = a * normalised + b`, where `normalised` has normal form.
 
-    The form is that of training objects (`data_gen.meshes.normalize`): lowest point at z = 0,
+    The form is that of training objects (`data_gen.frame.normalize`): lowest point at z = 0,
     middle of the bounding box at x = y = 0, farthest point at distance 1 from the origin.
 
     Args:

@@ -16,7 +16,10 @@ import time
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
-from data_gen import catalogues, settings, shader, worker  # noqa: E402
+from data_gen import engine, settings  # noqa: E402
+from data_gen.catalogues.by_name import open_catalogue  # noqa: E402
+from data_gen.mitsuba_setup import choose_variant  # noqa: E402
+from data_gen.render_model import Context, peak_megabytes, render_model  # noqa: E402
 
 
 def main():
@@ -27,20 +30,20 @@ def main():
     parser.add_argument("--views", type=int, default=4)
     parser.add_argument("--variant", default="auto", choices=settings.VARIANTS)
     arguments = parser.parse_args()
-    variant, message = worker.choose_variant(arguments.variant)
+    variant, message = choose_variant(arguments.variant)
     print(variant.name, message)
-    shader.start(*variant)
-    entries = list(catalogues.open(arguments.catalogue, arguments.source).entries())
+    engine.start(*variant)
+    entries = list(open_catalogue(arguments.catalogue, arguments.source).entries())
     chosen = entries[:: max(1, len(entries) // arguments.models)][: arguments.models]
-    context = worker.Context(
+    context = Context(
         settings.Settings(views=arguments.views), arguments.catalogue, variant, None, []
     )
-    worker.render_model(chosen[0], context)  # what is compiled or loaded once
+    render_model(chosen[0], context)  # what is compiled or loaded once
     parts, models, images = {}, [], 0
     wall, cpu = time.perf_counter(), time.process_time()
     for entry in chosen:
         start = time.process_time()
-        done, line = worker.render_model(entry, context)
+        done, line = render_model(entry, context)
         models.append((time.process_time() - start, entry.model_id, line.get("faces", 0)))
         images += len(done)
         for name, seconds in line.get("seconds", {}).items():
@@ -51,7 +54,7 @@ def main():
     print("ms an image:", ", ".join(f"{k} {1000 * v / images:.0f}" for k, v in parts.items()))
     for seconds, name, faces in sorted(models)[-3:]:
         print(f"slowest: {name}, {faces} faces: {seconds:.2f} s for {arguments.views} views")
-    print(f"peak memory {worker.peak_megabytes():.0f} MB")
+    print(f"peak memory {peak_megabytes():.0f} MB")
 
 
 if __name__ == "__main__":

@@ -21,8 +21,8 @@ import numpy as np
 import scipy.spatial
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-from data_gen import meshes
 from data_gen.catalogues import procedural
+from data_gen.surface import sample_surface
 from psgn_jax.data.sources import authors
 
 POINTS = 1536
@@ -135,8 +135,8 @@ def our_clouds(category, count, first_seed):
     first, second = [], []
     for seed in range(first_seed, first_seed + count):
         model = procedural.generate(category, seed)
-        first.append(meshes.sample_surface(model, POINTS, 1).points.astype(np.float64))
-        second.append(meshes.sample_surface(model, POINTS, 2).points.astype(np.float64))
+        first.append(sample_surface(model, POINTS, 1).points.astype(np.float64))
+        second.append(sample_surface(model, POINTS, 2).points.astype(np.float64))
     return first, second
 
 

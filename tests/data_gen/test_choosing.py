@@ -2,8 +2,9 @@ import collections
 
 import pytest
 
-from data_gen.catalogues import Entry, choosing
+from data_gen.catalogues import choosing
 from data_gen.catalogues.choosing import Choice, choose
+from data_gen.catalogues.entry import Entry
 
 SIZES = {"Boats/Civilian": 40, "Boats/Military": 10, "Weather": 100, "Cars": 30, "Rare": 2}
 

@@ -9,12 +9,16 @@ import warnings
 
 import pytest
 
-from data_gen import catalogues, cluster, job, pool, settings, worker
-from psgn_jax.data import records
+from data_gen import cluster, job, pool, settings
+from data_gen.catalogues.by_name import open_catalogue
+from data_gen.catalogues.entry import Entry
+from data_gen.mitsuba_setup import Variant, has_mitsuba
+from data_gen.render_model import Context
+from psgn_jax.data.manifest import MANIFEST, load_manifest
 
 distributed = pytest.importorskip("distributed")
 pytestmark = [
-    pytest.mark.skipif(not worker.has_mitsuba(), reason="Mitsuba is not installed"),
+    pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed"),
     # Dask's own: it warns of ports, of the log and of processes that were killed.
     pytest.mark.filterwarnings("ignore"),
 ]
@@ -54,7 +58,7 @@ def dask():
 def contents(folder):
     return {
         p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
-        if p.suffix == ".arrayrecord" or p.name == records.MANIFEST
+        if p.suffix == ".arrayrecord" or p.name == MANIFEST
     }  # fmt: skip
 
 
@@ -65,7 +69,7 @@ def on(address):
 def test_same_bytes_as_the_local_job_though_a_worker_is_killed_and_the_job_broken_off(
     dask, tmp_path
 ):
-    source = catalogues.open("procedural", SOURCE)
+    source = open_catalogue("procedural", SOURCE)
     local = job.render_catalogue(source, tmp_path / "local", OPTIONS)
     assert local.samples == 6
 
@@ -77,7 +81,7 @@ def test_same_bytes_as_the_local_job_though_a_worker_is_killed_and_the_job_broke
 
     with pytest.raises(KeyboardInterrupt):
         job.render_catalogue(source, tmp_path / "out", OPTIONS, render=broken_off)
-    assert not records.load_manifest(tmp_path / "out", allow_incomplete=True).complete
+    assert not load_manifest(tmp_path / "out", allow_incomplete=True).complete
 
     todo = []
 
@@ -110,10 +114,10 @@ class Hostile:
         return 3
 
     def entries(self):
-        good = next(iter(catalogues.open("procedural", "table=1").entries()))
-        yield catalogues.Entry("abort", "", "train", abort)
-        yield catalogues.Entry("sleep", "", "train", sleep_long)
-        yield catalogues.Entry("good", "table", "train", good.loader)
+        good = next(iter(open_catalogue("procedural", "table=1").entries()))
+        yield Entry("abort", "", "train", abort)
+        yield Entry("sleep", "", "train", sleep_long)
+        yield Entry("good", "table", "train", good.loader)
 
 
 @pytest.mark.slow
@@ -139,7 +143,7 @@ def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
 
 
 def test_renderers_are_told_apart_from_models_that_cannot_start(tmp_path):
-    context = worker.Context(OPTIONS, "procedural", worker.Variant("no such variant"), None, [])
-    entry = next(iter(catalogues.open("procedural", "table=1").entries()))
+    context = Context(OPTIONS, "procedural", Variant("no such variant"), None, [])
+    entry = next(iter(open_catalogue("procedural", "table=1").entries()))
     with pytest.raises(RuntimeError, match="before they were ready"):
         pool.Renderer(context).render(entry)

@@ -13,11 +13,12 @@ import pytest
 from ac3d_files import CUBE, MATERIALS, SIDES, cube, obj, read, write
 from PIL import Image
 
-from data_gen import catalogues, worker
 from data_gen.catalogues import ac3d, torcs
-from data_gen.meshes import UnusableModelError
+from data_gen.catalogues.by_name import open_catalogue
+from data_gen.mesh import UnusableModelError
+from data_gen.mitsuba_setup import has_mitsuba
 from data_gen.sets import free, sources
-from psgn_jax.data import records
+from psgn_jax.data.manifest import load_manifest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -55,7 +56,7 @@ def aircraft(tmp_path):
 
 @needs_assimp
 def test_aircraft_wear_some_of_their_liveries(aircraft):
-    catalogue = catalogues.open("flightgear", aircraft, liveries=2)
+    catalogue = open_catalogue("flightgear", aircraft, liveries=2)
     first, second, plain = catalogue.entries()
     assert len(catalogue) == 3
     assert first.model_id == "A320/Models/A320.ac:Alfa"
@@ -65,7 +66,7 @@ def test_aircraft_wear_some_of_their_liveries(aircraft):
     assert plain.model_id == "Cub/Cub.ac"
     assert any("missing" in w for w in plain.load().warnings)
     with pytest.raises(ValueError, match="liveries"):
-        catalogues.open("flightgear", aircraft, liveries=0)
+        open_catalogue("flightgear", aircraft, liveries=0)
 
 
 CAR = """<?xml version="1.0"?>
@@ -113,7 +114,7 @@ def make_cars(root, parameters=PARAMETERS):
 
 @needs_assimp
 def test_cars_stand_on_their_wheels(tmp_path):
-    (entry,) = catalogues.open("torcs", make_cars(tmp_path)).entries()
+    (entry,) = open_catalogue("torcs", make_cars(tmp_path)).entries()
     assert (entry.model_id, entry.category) == ("cars/a/a.acc", "car")
     model = entry.load()
     assert len(model.faces) == 60
@@ -136,7 +137,7 @@ def test_cars_stand_on_their_wheels(tmp_path):
     "parameters", ["", "<params>", CAR.format(wheels=""), CAR.replace("1.5", "x")]
 )
 def test_a_car_without_its_parameters_has_no_wheels(tmp_path, parameters):
-    (entry,) = catalogues.open("torcs", make_cars(tmp_path, parameters)).entries()
+    (entry,) = open_catalogue("torcs", make_cars(tmp_path, parameters)).entries()
     model = entry.load()
     assert len(model.faces) == 12
     assert any("no wheels" in w for w in model.warnings)
@@ -323,7 +324,7 @@ def test_what_is_wrong_is_said_before_the_work(arguments, match, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not worker.has_mitsuba(), reason="Mitsuba is not installed")
+@pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
 def test_killed_and_started_again(tmp_path):
     arguments = ["--packages=.", f"--out={tmp_path / 'set'}", "--sources=procedural",
                  "--fraction=0.001", "--variant=scalar", "--workers=1"]  # fmt: skip
@@ -339,7 +340,7 @@ def test_killed_and_started_again(tmp_path):
         out, err = process.communicate(timeout=500)
     assert process.returncode == 0, err
     assert "--config.data.path=" in out
-    manifest = records.load_manifest(tmp_path / "set/procedural")
+    manifest = load_manifest(tmp_path / "set/procedural")
     assert manifest.complete
     (row,) = json.loads((tmp_path / "set/sources.json").read_text())
     assert row["models"] == 6

@@ -8,9 +8,17 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 
-from data_gen import catalogues, job, job_folder, pool, settings, worker
+from data_gen import job, job_folder, pool, settings
 from data_gen.catalogues.choosing import Choice
-from psgn_jax.data import records, schema
+from data_gen.catalogues.entry import Entry
+from data_gen.mitsuba_setup import Variant
+from data_gen.render_model import model_seed
+from data_gen.results import failure, pack_result
+from psgn_jax.data import schema
+from psgn_jax.data.codec import encode
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data.manifest import load_manifest
+from psgn_jax.files import write_atomic
 
 
 class Listed:
@@ -27,11 +35,11 @@ class Listed:
     def entries(self):
         for name in self._names:
             category = name.partition("/")[0] if "/" in name else "thing"
-            yield catalogues.Entry(name, category, self._split(name), lambda: None)
+            yield Entry(name, category, self._split(name), lambda: None)
 
 
 def sample_of(entry):
-    rng = np.random.default_rng(worker.model_seed(0, "listed", entry.model_id) % 2**31)
+    rng = np.random.default_rng(model_seed(0, "listed", entry.model_id) % 2**31)
     drawn = solids.draw(solids.random_solid("box", rng), rng, image_size=(16, 24))
     return schema.Sample(
         image=drawn.image, mask=drawn.mask, depth=drawn.depth, points=drawn.points[:50],
@@ -52,18 +60,18 @@ class Pool:
                 raise KeyboardInterrupt
             self._between()
             self.made.append(entry.model_id)
-            line = worker.failure(entry, "refused", "its name")
+            line = failure(entry, "refused", "its name")
             data = []
             if "refused" not in entry.model_id:
                 line |= {"status": "ok", "reason": "", "samples": 1}
                 line["views"] = [{"inside": 1.0, "depth": 0.0, "luminance": 9.0}]
-                data = [records.encode(sample_of(entry))]
-            yield pool.Result(index, line, worker.pack_result(line, data))
+                data = [encode(sample_of(entry))]
+            yield pool.Result(index, line, pack_result(line, data))
 
 
 @pytest.fixture(autouse=True)
 def no_renderer(monkeypatch):
-    monkeypatch.setattr(worker, "choose_variant", lambda _: (worker.Variant("none"), ""))
+    monkeypatch.setattr(job, "choose_variant", lambda _: (Variant("none"), ""))
 
 
 OPTIONS = settings.parse({"views": 1, "models_per_shard": 3})
@@ -87,8 +95,8 @@ def contents(folder):
 
 def models_of(folder):
     names = []
-    for split in records.load_manifest(folder).splits():
-        reader = records.RecordReader(folder, split)
+    for split in load_manifest(folder).splits():
+        reader = RecordReader(folder, split)
         reader.verify()
         names += [sample.model_id for sample in reader]
     return sorted(names)
@@ -99,7 +107,7 @@ def test_a_larger_limit_goes_on(tmp_path):
     make(tmp_path / "grown", TEN, limit=5)
     assert models_of(tmp_path / "grown") == TEN[:5]
     first = tmp_path / "grown" / next(
-        s.file for s in records.load_manifest(tmp_path / "grown").shards if s.count == 3
+        s.file for s in load_manifest(tmp_path / "grown").shards if s.count == 3
     )  # fmt: skip
     untouched = first.stat()
     summary, made = make(tmp_path / "grown", TEN)
@@ -170,7 +178,7 @@ class Killed(BaseException):
 def test_a_kill_at_any_step_leaves_the_old_state_or_the_new_one(stride, tmp_path, monkeypatch):
     make(tmp_path / "once", TEN)
     make(tmp_path / "five", TEN[:5])
-    write, rename, unlink = records.write_atomic, pathlib.Path.replace, pathlib.Path.unlink
+    write, rename, unlink = write_atomic, pathlib.Path.replace, pathlib.Path.unlink
     left = [0]
 
     def counted(function):
@@ -186,7 +194,7 @@ def test_a_kill_at_any_step_leaves_the_old_state_or_the_new_one(stride, tmp_path
         out = tmp_path / f"killed-{steps}"
         shutil.copytree(tmp_path / "five", out)
         with monkeypatch.context() as patch:
-            patch.setattr(records, "write_atomic", counted(write))
+            patch.setattr(job_folder, "write_atomic", counted(write))
             patch.setattr(pathlib.Path, "replace", counted(rename))
             patch.setattr(pathlib.Path, "unlink", counted(unlink))
             left[0] = steps
@@ -247,7 +255,7 @@ def test_a_damaged_shard_is_made_again(tmp_path):
     make(tmp_path / "once", TEN)
     out = tmp_path / "grown"
     make(out, TEN[:5])
-    shards = {s.count: out / s.file for s in records.load_manifest(out).shards if "train" in s.file}
+    shards = {s.count: out / s.file for s in load_manifest(out).shards if "train" in s.file}
     shards[1].write_bytes(b"no shard")
     assert make(out, TEN)[1] == TEN[4:]
     assert contents(out) == contents(tmp_path / "once")

@@ -9,7 +9,7 @@ from data_gen.catalogues import procedural, solids
 from data_gen.catalogues.families import materials, textures
 from data_gen.catalogues.families.kit import Kit
 from data_gen.catalogues.families.mapping import Fitted, Tiled, Wrapped
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 _spec = importlib.util.spec_from_file_location(
     "rasteriser", pathlib.Path(__file__).with_name("rasteriser.py")

@@ -6,24 +6,25 @@ import json
 import numpy as np
 import pytest
 
-from data_gen import (
-    cameras,
-    config,
-    grounds,
-    lights,
-    meshes,
-    photo,
-    scene,
-    settings,
-    surroundings,
-    worker,
-)  # fmt: skip
-from data_gen.catalogues import Entry
+from data_gen import cameras, config, engine, grounds, lights, scene, settings, surroundings
+from data_gen.catalogues.entry import Entry
+from data_gen.environment_maps import load_maps
+from data_gen.mesh import Material, build_model
+from data_gen.mitsuba_setup import Variant, has_mitsuba
+from data_gen.photo.backdrop import draw_ground
+from data_gen.photo.film import FilmSettings, develop
+from data_gen.photo.light import PATTERNS, Light
+from data_gen.photo.photograph import photograph
+from data_gen.photo.smoothing import smooth
+from data_gen.picture import render
+from data_gen.ray_mesh import Mesh
+from data_gen.render_model import Context, render_model
+from data_gen.scene import RayHits
 from data_gen.surroundings import Surroundings
 from psgn_jax.data import camera as project_camera
-from psgn_jax.data import records
+from psgn_jax.data.codec import decode
 
-needs_mitsuba = pytest.mark.skipif(not worker.has_mitsuba(), reason="Mitsuba is not installed")
+needs_mitsuba = pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
 
 
 def photo_settings(**changes):
@@ -166,7 +167,7 @@ def test_mixed_maps_are_skies_and_those_of_a_folder(tmp_path):
     head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 64 +X 128\n"
     (tmp_path / "even.hdr").write_bytes(head + pixels.tobytes())
     chosen = lights.LightSettings(source="mixed", folder=str(tmp_path))
-    maps = worker.load_maps(chosen, worker.Variant("scalar_rgb"))
+    maps = load_maps(chosen, Variant("scalar_rgb"))
     assert maps.shape == (lights.NUM_SUNSKY + 1, *lights.DETAIL, 3)
     np.testing.assert_allclose(maps[-1], 0.5, rtol=0.01)
     assert maps[0].max() > 10 * maps[0].mean()
@@ -180,21 +181,19 @@ def box(half=0.4, height=0.8, colour=(0, 0, 0)):
 
     solid = trimesh.creation.box((2 * half, 2 * half, height))
     vertices = np.asarray(solid.vertices) + np.array([0, 0, height / 2])
-    model = meshes.build(vertices, solid.faces, materials=[meshes.Material(diffuse=colour)])
+    model = build_model(vertices, solid.faces, materials=[Material(diffuse=colour)])
     return scene.flatten(model)
 
 
 def nowhere(origins, directions):
     count = len(origins)
-    return photo.RayHits(
+    return RayHits(
         np.full(count, -1), np.zeros((count, 3), np.float32), np.full(count, np.inf, np.float32)
     )
 
 
 def light_of(around, ground=None, cast=nowhere, rays=16):
-    return photo.Light(
-        around, ground, box(), np.eye(3), cast, rays=rays, rng=np.random.default_rng(0)
-    )
+    return Light(around, ground, box(), np.eye(3), cast, rays=rays, rng=np.random.default_rng(0))
 
 
 def plain_ground(colour=0.5):
@@ -207,7 +206,7 @@ def test_even_light_from_all_sides_is_one():
     normals = np.random.default_rng(1).normal(size=(4000, 3))
     normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
     places = np.full((4000, 3), 5, np.float32)
-    got = light.gather(places, normals, np.arange(4000) % photo.PATTERNS)
+    got = light.gather(places, normals, np.arange(4000) % PATTERNS)
     assert got.mean() == pytest.approx(1, abs=0.02)
     np.testing.assert_allclose(light.in_the_open(normals), 1, atol=0.02)
 
@@ -227,13 +226,12 @@ def test_a_lamp_lights_by_the_cosine():
 
 @needs_mitsuba
 def test_contact_shadow_of_a_black_box():
-    from data_gen import shader
 
-    shader.start("scalar_rgb")
+    engine.start("scalar_rgb")
     surfaces = box()
-    light = photo.Light(
+    light = Light(
         Surroundings(np.ones((64, 128, 3))), plain_ground(), surfaces, np.eye(3),
-        shader.Mesh(surfaces.corners).cast, rays=16, rng=np.random.default_rng(0),
+        Mesh(surfaces.corners).cast, rays=16, rng=np.random.default_rng(0),
     )  # fmt: skip
     places = np.array([[0.405, 0, 0], [0.8, 0, 0], [3.5, 0, 0]], np.float32).repeat(64, 0)
     up = np.tile(np.array([0, 0, 1], np.float32), (192, 1))
@@ -257,7 +255,7 @@ def test_smoothing_keeps_to_surfaces():
     guides[:10, :, 2] = guides[10:, :, 0] = 1
     guides[..., 6] = 1
     valid = np.ones((20, 16), np.bool_)
-    result = photo.smooth(values, valid, guides)
+    result = smooth(values, valid, guides)
     assert abs(result[9].mean() - 1) < 0.06
     assert abs(result[10].mean() - 3) < 0.06
     assert result[:8].std() < 0.5 * values[:8].std()
@@ -267,14 +265,12 @@ def test_film_is_repeatable_and_follows_its_settings():
     rng = np.random.default_rng(0)
     light = rng.uniform(0, 1, (24, 32, 3)).astype(np.float32) ** 2
     weight = np.ones((24, 32))
-    still = photo.FilmSettings(exposure=(0, 0), grain=(0, 0), vignette=(0, 0), blur=(0, 0))
+    still = FilmSettings(exposure=(0, 0), grain=(0, 0), vignette=(0, 0), blur=(0, 0))
 
     def take(chosen, seed=1):
-        return photo.develop(
-            light, weight, chosen, np.random.default_rng(seed), illuminant=np.ones(3)
-        )
+        return develop(light, weight, chosen, np.random.default_rng(seed), illuminant=np.ones(3))
 
-    np.testing.assert_array_equal(take(photo.FilmSettings()), take(photo.FilmSettings()))
+    np.testing.assert_array_equal(take(FilmSettings()), take(FilmSettings()))
     dark = dataclasses.replace(still, exposure=(-1.0, -1.0))
     assert take(dark).mean() < take(still).mean() - 10
     blurred = dataclasses.replace(still, blur=(1.5, 1.5))
@@ -291,22 +287,21 @@ def load_box():
     texture = np.full((8, 8, 4), 255, np.uint8)
     texture[::2, :, :3] = 60
     faces = np.arange(3 * len(surfaces.corners)).reshape(-1, 3)
-    material = meshes.Material(
+    material = Material(
         diffuse=(0.8, 0.3, 0.1), specular=(0.4,) * 3, shininess=60.0, texture=texture
     )
-    return meshes.build(
+    return build_model(
         surfaces.corners.reshape(-1, 3).astype(float), faces, materials=[material],
         uv=np.tile(np.array([[0, 0], [1, 0], [0, 1]], float), (len(faces), 1, 1)),
     )  # fmt: skip
 
 
 def samples_of(chosen):
-    from data_gen import shader
 
-    shader.start("scalar_rgb")
+    engine.start("scalar_rgb")
     entry = Entry("box", "", "train", load_box)
-    context = worker.Context(chosen, "test", worker.Variant("scalar_rgb"), None, [])
-    data, line = worker.render_model(entry, context)
+    context = Context(chosen, "test", Variant("scalar_rgb"), None, [])
+    data, line = render_model(entry, context)
     assert line["status"] == "ok", line["reason"]
     return data
 
@@ -314,14 +309,14 @@ def samples_of(chosen):
 @pytest.fixture(scope="module")
 def samples():
     chosen = photo_settings()
-    return samples_of(chosen), [records.decode(d) for d in samples_of(chosen)]
+    return samples_of(chosen), [decode(d) for d in samples_of(chosen)]
 
 
 @needs_mitsuba
 def test_same_seed_same_bits(samples):
     data, again = samples
     for one, two in zip(data, again, strict=True):
-        np.testing.assert_array_equal(records.decode(one).image, two.image)
+        np.testing.assert_array_equal(decode(one).image, two.image)
 
 
 @needs_mitsuba
@@ -329,7 +324,7 @@ def test_ground_and_surroundings_are_in_the_image_alone(samples):
     without = photo_settings(
         image={"shading": "local", "background": "grey", "ground": "none", "soft_edges": False}
     )
-    plain = [records.decode(d) for d in samples_of(without)]
+    plain = [decode(d) for d in samples_of(without)]
     for sample, other in zip(samples[1], plain, strict=True):
         for name in ("mask", "depth", "points", "normals", "intrinsics", "extrinsics"):
             np.testing.assert_array_equal(getattr(sample, name), getattr(other, name))
@@ -360,37 +355,36 @@ def test_points_and_depth_agree_with_the_mask(samples):
 def test_views_from_all_heights(elevation):
     chosen = photo_settings(camera={"elevation": (elevation, elevation)})
     chosen = dataclasses.replace(chosen, views=1)
-    (sample,) = (records.decode(d) for d in samples_of(chosen))
+    (sample,) = (decode(d) for d in samples_of(chosen))
     assert sample.mask.any()
     camera = cameras.make(
         image_size=(48, 64), azimuth=0.0, elevation=elevation, distance=4.0, focal=400.0, roll=0.0,
         aim=0.268,
     )  # fmt: skip
     around = Surroundings(np.ones((8, 16, 3)))
-    ground = photo.draw_ground(np.random.default_rng(0), "random", around, camera)
+    ground = draw_ground(np.random.default_rng(0), "random", around, camera)
     # There is no ground where the camera would see it from below.
     assert (ground is None) == (elevation < -3)
 
 
 @needs_mitsuba
 def test_the_ground_is_darker_under_the_object():
-    from data_gen import shader
 
-    shader.start("scalar_rgb")
+    engine.start("scalar_rgb")
     surfaces = box(0.3, 0.3)
     camera = cameras.make(
         image_size=(48, 64), azimuth=0.0, elevation=30.0, distance=4.0, focal=400.0, roll=0.0,
         aim=0.2,
     )  # fmt: skip
-    mesh = shader.Mesh(surfaces.corners)
+    mesh = Mesh(surfaces.corners)
     light = lights.reduce(np.ones((32, 64, 3)), lights.LightSettings(), ambient=0.3, exposure=1.0)
     shown = scene.Scene(surfaces, camera, light)
-    picture = shader.render(mesh, shown, side=0)
-    still = photo.FilmSettings(
+    picture = render(mesh, shown, side=0)
+    still = FilmSettings(
         exposure=(0, 0), grain=(0, 0), vignette=(0, 0), blur=(0, 0), contrast=(0, 0),
         white_balance=(0, 0), saturation=(1, 1),
     )  # fmt: skip
-    image = shader.photograph(
+    image = photograph(
         mesh, shown, picture, Surroundings(np.ones((64, 128, 3))), plain_ground(), film=still,
         side=2, soft_edges=True, rays=16, show_surroundings=True, rng=np.random.default_rng(0),
     )  # fmt: skip

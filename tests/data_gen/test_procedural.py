@@ -6,8 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from data_gen import catalogues, meshes
-from data_gen.catalogues import procedural, solids
+from data_gen.catalogues import bodies, procedural, solids
+from data_gen.catalogues.by_name import open_catalogue
 from data_gen.catalogues.families import (
     bench,
     cabinet,
@@ -20,6 +20,9 @@ from data_gen.catalogues.families import (
     table,
 )
 from data_gen.catalogues.families.kit import Kit
+from data_gen.mesh import face_normals
+from data_gen.surface import sample_surface
+from data_gen.voxelise import solid_occupancy
 
 _spec = importlib.util.spec_from_file_location(
     "rasteriser", pathlib.Path(__file__).with_name("rasteriser.py")
@@ -52,9 +55,9 @@ def test_models_are_sound(category):
         np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
         assert model.vertices[:, 2].min() == 0
         np.testing.assert_allclose(np.linalg.norm(model.normals, axis=2), 1, atol=1e-4)
-        facing = meshes.face_normals(model.vertices, model.faces)
+        facing = face_normals(model.vertices, model.faces)
         assert (model.normals * facing[:, None]).sum(axis=2).min() > -0.2
-        sample = meshes.sample_surface(model, 500, 0)
+        sample = sample_surface(model, 500, 0)
         assert np.isfinite(sample.points).all()
         assert model.parameters["hidden"]
         assert model.parameters["hidden_azimuth"]
@@ -179,14 +182,14 @@ def test_backs_are_open_where_a_study_asks(category):
 
 
 def test_the_catalogue_of_open_backs():
-    catalogue = catalogues.open("procedural", "2", open_backs=True, hidden_draws=2)
+    catalogue = open_catalogue("procedural", "2", open_backs=True, hidden_draws=2)
     entries = list(catalogue.entries())
     assert len(entries) == len(catalogue) == 2 * 2 * len(procedural.OPEN_BACKS)
     assert entries[0].model_id == entries[0].load().model_id == "cabinet-0-open-h0"
-    closed = {e.model_id: e.split for e in catalogues.open("procedural", "2").entries()}
+    closed = {e.model_id: e.split for e in open_catalogue("procedural", "2").entries()}
     assert all(closed[e.model_id.partition("-open")[0]] == e.split for e in entries)
     with pytest.raises(ValueError, match="category 'chair': expected one of"):
-        catalogues.open("procedural", "chair=1", open_backs=True)
+        open_catalogue("procedural", "chair=1", open_backs=True)
     with pytest.raises(ValueError, match="models with an open back"):
         procedural.generate("chair", 0, open_back=True)
     with pytest.raises(ValueError, match="name of a procedural model"):
@@ -220,7 +223,7 @@ def test_hidden_parameters_cannot_be_seen_and_matter(category):
             np.testing.assert_allclose(depth, other_depth, atol=1e-7)
             np.testing.assert_array_equal(material, other_material)
         # The geometry does differ.
-        clouds = [meshes.sample_surface(m, 4000, 0).points for m in models]
+        clouds = [sample_surface(m, 4000, 0).points for m in models]
         assert len(models[0].faces) != len(models[1].faces) or not np.array_equal(*clouds)
 
 
@@ -272,7 +275,7 @@ def test_hidden_parameters_are_drawn_from_their_ranges(category):
 
 
 def test_redrawn_models_are_those_of_the_catalogue():
-    entries = list(catalogues.open("procedural", "bench=2", hidden_draws=2).entries())
+    entries = list(open_catalogue("procedural", "bench=2", hidden_draws=2).entries())
     for entry, hidden in zip(entries, (0, 1, 0, 1), strict=True):
         for name in (entry, entry.model_id, entry.load(), entry.model_id.split("-h")[0]):
             model = procedural.redraw_hidden(name, hidden)
@@ -290,7 +293,7 @@ def test_hidden_parameters_can_be_set():
         assert found[low].parameters["hidden"] == values
         assert found[low].model_id == "cabinet-5-open-h3-set"
     assert procedural.parse_id(found[True]) == ("cabinet", 5)
-    one, two = (meshes.solid_occupancy(m, np.eye(3)).sum() for m in found.values())
+    one, two = (solid_occupancy(m, np.eye(3)).sum() for m in found.values())
     assert one < two  # a deep recess leaves less
     (name,) = list(ranges)[:1]
     for wrong, match in (({name: 9.0}, f"hidden {name}: got 9"), ({"a": 1.0}, "hidden 'a'")):
@@ -336,12 +339,12 @@ PARTS = {
     "prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5),
     "star prism": solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5, 0.05),
     "tray": solids.tray(lambda d: solids.rounded(2 - 2 * d, 1 - 2 * d, 0.2), 0.3, 0.1, 0.2),
-    "body": solids.body([(2, 0.1, 0.1, 0, 2), (1, 1, 0.8, 0.2, 3), (-1, 1, 1, 0, 4)]),
+    "body": bodies.body([(2, 0.1, 0.1, 0, 2), (1, 1, 0.8, 0.2, 3), (-1, 1, 1, 0, 4)]),
     "sheet": solids.sheet(np.stack([*np.mgrid[:3.0, :4.0], np.zeros((3, 4))], axis=-1), 0.1),
     "pane": solids.pane(np.stack([*np.mgrid[:3.0, :4.0], np.zeros((3, 4))], axis=-1), 0.1),
-    "wing": solids.wing([(0, 0, 0, 2), (-1, 3, 0.2, 1)]),
-    "round wing": solids.wing([(0, 0, 0, 2), (-1, 3, 0.2, 1), (-2, 4, 0, 0.5)], steps=3),
-    "fin": solids.wing([(0, 0, 0, 2), (-1, 0.3, 3, 1)], fin=True),
+    "wing": bodies.wing([(0, 0, 0, 2), (-1, 3, 0.2, 1)]),
+    "round wing": bodies.wing([(0, 0, 0, 2), (-1, 3, 0.2, 1), (-2, 4, 0, 0.5)], steps=3),
+    "fin": bodies.wing([(0, 0, 0, 2), (-1, 0.3, 3, 1)], fin=True),
     "mirrored": solids.box(1, 2, 3).mirrored(),
     "turned": solids.prism([(0, 0), (2, 0), (0, 1)], 0.5).turned("x", 50).turned("z", 200),
     "cushion": solids.cushion(1, 2, 0.5),
@@ -390,16 +393,16 @@ def test_parts_are_closed_and_face_outward(name):
 
 def test_curves_pass_through_their_points_and_do_not_overshoot():
     table = [(3, 1, 0.0), (2, 1, 5), (1, 0, 5), (-1, 0, 5)]
-    places = solids.between([row[0] for row in table], 8)
+    places = bodies.between([row[0] for row in table], 8)
     assert len(places) == 25
-    np.testing.assert_allclose(solids.through(table, places)[::8], [row[1:] for row in table])
-    one, two = solids.through(table, places).T
+    np.testing.assert_allclose(bodies.through(table, places)[::8], [row[1:] for row in table])
+    one, two = bodies.through(table, places).T
     assert one.min() == 0
     assert one.max() == 1
     assert two.max() == 5
     assert (np.diff(one) <= 0).all()
-    np.testing.assert_array_equal(solids.through(table, np.array([-9.0])), [[0, 5]])
-    np.testing.assert_allclose(solids.through([(0, 2), (2, 4)], np.array([0.5])), [[2.5]])
+    np.testing.assert_array_equal(bodies.through(table, np.array([-9.0])), [[0, 5]])
+    np.testing.assert_allclose(bodies.through([(0, 2), (2, 4)], np.array([0.5])), [[2.5]])
 
 
 def test_superellipses_go_from_diamonds_to_boxes():

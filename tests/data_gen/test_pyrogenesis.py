@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from data_gen import catalogues, loading, meshes
-from data_gen.catalogues import archives, pyrogenesis
-from data_gen.meshes import UnusableModelError
+from data_gen.catalogues.by_name import open_catalogue
+from data_gen.mesh import UnusableModelError, face_areas, face_normals
+from data_gen.readers import actors, archives
+from data_gen.readers.files import Files
+from data_gen.readers.pmd import read_pmd
 
 IDENTITY = (0, 0, 0, 0, 0, 0, 1)
 QUARTER_ABOUT_Y = (0, 0, 0, 0, 2**-0.5, 0, 2**-0.5)
@@ -119,7 +121,7 @@ def archive(path, **changes):
 
 
 def models(path, **options):
-    return {e.model_id: e for e in catalogues.open("pyrogenesis", path, **options).entries()}
+    return {e.model_id: e for e in open_catalogue("pyrogenesis", path, **options).entries()}
 
 
 def test_which_actors_are_models(tmp_path):
@@ -133,7 +135,7 @@ def test_which_actors_are_models(tmp_path):
     }
     # Meshes that are alike in all but a number share a split.
     assert len({e.split for n, e in found.items() if "house" in n}) == 1
-    assert len(catalogues.open("pyrogenesis", tmp_path)) == len(found)
+    assert len(open_catalogue("pyrogenesis", tmp_path)) == len(found)
     assert len(models(tmp_path / "public.zip", shapes=1)) == len(found) - 1
     for entry in pickle.loads(pickle.dumps(list(found.values()))):
         if "trees" not in entry.model_id:
@@ -149,7 +151,7 @@ def test_an_actor_is_put_together_in_its_idle_pose(tmp_path):
     extent = np.ptp(body, axis=0)
     np.testing.assert_allclose(extent / extent[2] * 2, [1, 3, 2], atol=1e-5)
     assert hat[:, 2].min() == pytest.approx(body[:, 2].max(), abs=1e-6)
-    outward = meshes.face_normals(model.vertices, model.faces)
+    outward = face_normals(model.vertices, model.faces)
     middle = np.repeat([body.mean(axis=0), hat.mean(axis=0)], 12, axis=0)
     centre = model.corners().mean(axis=1)
     assert (((centre - middle) * outward).sum(axis=1) > 0).all()
@@ -176,9 +178,7 @@ def test_alpha_means_what_the_material_says(tmp_path):
     skin, leaf = by_name["skin.dds"].texture[0], by_name["leaf.png"].texture[0]
     assert skin[0].tolist() == [200, 0, 0, 255]
     assert skin[1, 3] == 255
-    assert tuple(np.round(skin[1, :3] / 255, 2)) in {
-        tuple(np.round(c, 2)) for c in pyrogenesis._PLAYERS
-    }
+    assert tuple(np.round(skin[1, :3] / 255, 2)) in {tuple(np.round(c, 2)) for c in actors._PLAYERS}
     assert leaf[:, 3].tolist() == [255, 0]
     house = found["structures/rome/house"].load().materials[0].texture[0]
     assert house.tolist() == [[200, 0, 0, 255], [200, 0, 0, 255]]
@@ -189,7 +189,7 @@ def test_buildings_have_no_foundations(tmp_path):
     # Of 6 units of height 4 are in the ground.
     extent = np.ptp(model.vertices, axis=0)
     np.testing.assert_allclose(extent / extent[2], 1, atol=1e-6)
-    area = meshes.face_areas(model.vertices, model.faces).sum() / extent[2] ** 2
+    area = face_areas(model.vertices, model.faces).sum() / extent[2] ** 2
     assert area == pytest.approx(5)
     corners = model.corners().reshape(-1, 3)
     v = model.uv.reshape(-1, 2)
@@ -218,12 +218,12 @@ def test_bad_meshes_are_refused(change, match, tmp_path):
 
 def test_every_torn_mesh_is_refused():
     data = pmd(bones=[IDENTITY], props=[("head", IDENTITY, 0)])
-    assert len(pyrogenesis.read_pmd(data).faces) == 12
+    assert len(read_pmd(data).faces) == 12
     for stop in range(0, len(data), 13):
         with pytest.raises(UnusableModelError):
-            pyrogenesis.read_pmd(data[:stop])
+            read_pmd(data[:stop])
     with pytest.raises(UnusableModelError, match="limit of 5"):
-        pyrogenesis.read_pmd(data, 5)
+        read_pmd(data, 5)
 
 
 def test_hostile_archives(tmp_path):
@@ -267,20 +267,20 @@ def test_a_missing_texture_or_prop_is_a_warning(tmp_path):
 
 def test_wrong_sources_are_told(tmp_path):
     with pytest.raises(ValueError, match=r"public\.zip"):
-        catalogues.open("pyrogenesis", tmp_path)
+        open_catalogue("pyrogenesis", tmp_path)
     (tmp_path / "public.zip").write_bytes(b"PK nonsense")
     with pytest.raises(ValueError, match="cannot be read"):
-        catalogues.open("pyrogenesis", tmp_path)
+        open_catalogue("pyrogenesis", tmp_path)
     with zipfile.ZipFile(tmp_path / "public.zip", "w") as out:
         out.writestr("a.txt", "")
     with pytest.raises(ValueError, match="no actors"):
-        catalogues.open("pyrogenesis", tmp_path)
+        open_catalogue("pyrogenesis", tmp_path)
     with pytest.raises(ValueError, match="colours"):
-        catalogues.open("pyrogenesis", archive(tmp_path / "b.zip"), colours=0)
+        open_catalogue("pyrogenesis", archive(tmp_path / "b.zip"), colours=0)
 
 
 def test_archives_are_files_of_models(tmp_path):
     files = archives.ZipFiles(archive(tmp_path / "public.zip"))
-    assert isinstance(files, loading.Files)
+    assert isinstance(files, Files)
     with pytest.raises(FileNotFoundError):
         files.open("", "../../evil.png")

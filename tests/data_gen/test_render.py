@@ -11,11 +11,20 @@ import time
 import numpy as np
 import pytest
 
-from data_gen import cameras, catalogues, job, lights, meshes, scene, settings, worker
+from data_gen import cameras, engine, job, lights, mitsuba_setup, scene, settings
+from data_gen.catalogues.by_name import open_catalogue
+from data_gen.catalogues.entry import Entry
+from data_gen.environment_maps import load_maps
+from data_gen.mesh import Material, build_model
+from data_gen.mitsuba_setup import Variant, _smoke, choose_variant, has_mitsuba, llvm_candidates
+from data_gen.path_trace import path_trace
+from data_gen.picture import render
+from data_gen.ray_mesh import Mesh
 from psgn_jax.data import camera as project_camera
-from psgn_jax.data import records
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data.manifest import MANIFEST, load_manifest
 
-pytestmark = pytest.mark.skipif(not worker.has_mitsuba(), reason="Mitsuba is not installed")
+pytestmark = pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -33,11 +42,8 @@ SMALL = {
 
 
 @pytest.fixture(scope="session")
-def shader():
-    from data_gen import shader
-
-    shader.start("scalar_rgb")
-    return shader
+def started():
+    engine.start("scalar_rgb")
 
 
 def square(x, size=0.5, material=None, z=0.0):
@@ -47,13 +53,13 @@ def square(x, size=0.5, material=None, z=0.0):
     )
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)[faces]
-    return corners, faces, uv, material or meshes.Material()
+    return corners, faces, uv, material or Material()
 
 
 def build(*parts):
     """A model of squares, each with its own material, in place as given."""
     offset = 4 * np.arange(len(parts))
-    return meshes.build(
+    return build_model(
         np.concatenate([p[0] for p in parts]),
         np.concatenate([p[1] + o for p, o in zip(parts, offset, strict=True)]),
         uv=np.concatenate([p[2] for p in parts]),
@@ -78,20 +84,20 @@ def flat_light():
     )
 
 
-def shot(shader, model, camera, **options):
+def shot(model, camera, **options):
     surfaces = scene.flatten(model)
     shown = scene.Scene(surfaces, camera, flat_light())
-    return shader.render(shader.Mesh(surfaces.corners), shown, **options)
+    return render(Mesh(surfaces.corners), shown, **options)
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 70.0])
-def test_depth_and_mask_are_those_of_a_sphere(shader, azimuth):
+def test_depth_and_mask_are_those_of_a_sphere(started, azimuth):
     import trimesh
 
     ball = trimesh.creation.icosphere(4, radius=0.4)
-    model = meshes.build(ball.vertices + np.array([0, 0, 0.4]), ball.faces)
+    model = build_model(ball.vertices + np.array([0, 0, 0.4]), ball.faces)
     camera = view(azimuth, roll=10.0)
-    picture = shot(shader, model, camera)
+    picture = shot(model, camera)
     seen = project_camera.back_project(picture.depth, camera.intrinsics, camera.extrinsics)
     np.testing.assert_allclose(np.linalg.norm(seen - [0, 0, 0.4], axis=1), 0.4, atol=2e-3)
     outward = (seen - [0, 0, 0.4]) / 0.4
@@ -101,54 +107,54 @@ def test_depth_and_mask_are_those_of_a_sphere(shader, azimuth):
     assert (picture.image[~picture.mask] == 191).all()
 
 
-def test_colours_left_right_and_up(shader):
-    red = meshes.Material(diffuse=(1, 0, 0))
-    blue = meshes.Material(diffuse=(0, 0, 1))
+def test_colours_left_right_and_up(started):
+    red = Material(diffuse=(1, 0, 0))
+    blue = Material(diffuse=(0, 0, 1))
     left, right = square(0, 0.2, red), square(0, 0.2, blue, z=0.4)
     left[0][:, 1] -= 0.3
     right[0][:, 1] += 0.3
-    picture = shot(shader, build(left, right), view())
+    picture = shot(build(left, right), view())
     rows, columns = np.nonzero(picture.image[..., 0] > 250)
     other_rows, other_columns = np.nonzero(picture.image[..., 2] > 250)
     assert columns.max() < other_columns.min()  # -y is to the left
     assert rows.mean() > other_rows.mean()  # the red one is lower
 
 
-def test_texture_is_upright_and_smoothed(shader):
+def test_texture_is_upright_and_smoothed(started):
     texture = np.full((16, 16, 4), 255, np.uint8)
     texture[:8, :, :3] = 0  # black upper half
-    material = meshes.Material(diffuse=(1, 1, 1), texture=texture)
-    picture = shot(shader, build(square(0, 0.5, material)), view(elevation=0.0))
+    material = Material(diffuse=(1, 1, 1), texture=texture)
+    picture = shot(build(square(0, 0.5, material)), view(elevation=0.0))
     rows = picture.image[:, 32, 0].astype(int)
     inside = np.flatnonzero(picture.mask[:, 32])
     assert (rows[inside[1:4]] == 0).all()
     assert (rows[inside[-4:-1]] == 255).all()
 
 
-def test_holes_show_what_is_behind_and_glass_is_part_of_the_object(shader):
+def test_holes_show_what_is_behind_and_glass_is_part_of_the_object(started):
     texture = np.full((4, 4, 4), 255, np.uint8)
     texture[:, :2, 3] = 0
-    holed = meshes.Material(diffuse=(1, 0, 0), texture=texture)
-    green = meshes.Material(diffuse=(0, 1, 0))
+    holed = Material(diffuse=(1, 0, 0), texture=texture)
+    green = Material(diffuse=(0, 1, 0))
     near, far = square(0.4, 0.4, holed), square(-0.4, 0.15, green)
     camera = view(elevation=10.0)
-    picture = shot(shader, build(near, far), camera)
+    picture = shot(build(near, far), camera)
     colours = {tuple(c) for c in picture.image[picture.mask].tolist()}
     assert {(255, 0, 0), (0, 255, 0)} <= colours
     behind = (picture.image == [0, 255, 0]).all(axis=-1)
     assert picture.depth[behind].min() > picture.depth[(picture.image == [255, 0, 0]).all(-1)].max()
     # A hole with nothing behind it is background.
-    alone = shot(shader, build(near), camera)
-    assert 0 < alone.mask.sum() < 0.7 * shot(shader, build(square(0.4, 0.4)), camera).mask.sum()
+    alone = shot(build(near), camera)
+    assert 0 < alone.mask.sum() < 0.7 * shot(build(square(0.4, 0.4)), camera).mask.sum()
     # Glass tints what is behind it, and is the surface that depth tells.
-    glass = meshes.Material(diffuse=(0, 0, 1), opacity=0.5)
-    picture = shot(shader, build(square(0.4, 0.4, glass), far), camera)
+    glass = Material(diffuse=(0, 0, 1), opacity=0.5)
+    picture = shot(build(square(0.4, 0.4, glass), far), camera)
     assert (picture.image[picture.mask] == [0, 128, 128]).all(axis=1).any()
     assert np.ptp(picture.depth[picture.mask]) < 0.3
 
 
-def test_soft_edges_blend_with_the_background(shader):
-    picture = shot(shader, build(square(0, 0.37, meshes.Material(diffuse=(0, 0, 0)))), view(),
+def test_soft_edges_blend_with_the_background(started):
+    picture = shot(build(square(0, 0.37, Material(diffuse=(0, 0, 0)))), view(),
                    soft_edges=True)  # fmt: skip
     values = np.unique(picture.image)
     assert {0, 191} <= set(values.tolist())
@@ -156,46 +162,46 @@ def test_soft_edges_blend_with_the_background(shader):
     assert ((picture.opacity > 0) & (picture.opacity < 1)).any()
 
 
-def test_background_image(shader):
+def test_background_image(started):
     surfaces = scene.flatten(build(square(0)))
     behind = np.zeros((48, 64, 3), np.float32)
     behind[:, :, 1] = 1
     shown = scene.Scene(surfaces, view(), flat_light(), behind)
-    picture = shader.render(shader.Mesh(surfaces.corners), shown)
+    picture = render(Mesh(surfaces.corners), shown)
     assert (picture.image[~picture.mask] == [0, 255, 0]).all()
 
 
 @pytest.mark.parametrize("toward", [(0.9, 0.3), (0.0, 0.9), (0.0, -0.9)])
-def test_path_tracing_has_the_light_where_local_shading_has_it(shader, toward):
+def test_path_tracing_has_the_light_where_local_shading_has_it(started, toward):
     import trimesh
 
     ball = trimesh.creation.icosphere(2, radius=0.4)
-    surfaces = scene.flatten(meshes.build(ball.vertices + np.array([0, 0, 0.4]), ball.faces))
+    surfaces = scene.flatten(build_model(ball.vertices + np.array([0, 0, 0.4]), ball.faces))
     light = np.array([*toward, 0.3])
     light /= np.linalg.norm(light)
     radiance = np.exp(20 * (lights.directions_of(lights.MAP_SIZE) @ light - 1))
     radiance = np.repeat(radiance[..., None], 3, axis=-1)
     found = lights.reduce(radiance, lights.LightSettings(count=1), ambient=0.1, exposure=1.0)
     shown = scene.Scene(surfaces, view(azimuth=40.0), found)
-    local = shader.render(shader.Mesh(surfaces.corners), shown)
-    traced = shader.path_trace(shown, radiance, samples=4, seed=0)
+    local = render(Mesh(surfaces.corners), shown)
+    traced = path_trace(shown, radiance, samples=4, seed=0)
     both = np.stack([local.image[local.mask].mean(axis=1), traced[local.mask][:, :3].mean(axis=1)])
     assert np.corrcoef(both)[0, 1] > 0.8
 
 
 @pytest.mark.parametrize("what", ["colour", "hole"])
-def test_path_traced_textures_are_upright(shader, what):
+def test_path_traced_textures_are_upright(started, what):
     texture = np.full((16, 16, 4), 255, np.uint8)
     texture[..., :3] = (0, 0, 255)
     texture[:8, :, :3] = (255, 0, 0)  # red on top
     if what == "hole":
         texture[8:, :, 3] = 0
-    material = meshes.Material(diffuse=(1, 1, 1), texture=texture)
+    material = Material(diffuse=(1, 1, 1), texture=texture)
     surfaces = scene.flatten(build(square(0, 0.5, material)))
     shown = scene.Scene(surfaces, view(elevation=0.0), flat_light())
     radiance = np.ones((*lights.MAP_SIZE, 3))
-    traced = shader.path_trace(shown, radiance, samples=4, seed=0)
-    local = shader.render(shader.Mesh(surfaces.corners), shown)
+    traced = path_trace(shown, radiance, samples=4, seed=0)
+    local = render(Mesh(surfaces.corners), shown)
     rows = np.flatnonzero(local.mask[:, 32])[1:-1]
     upper, lower = rows[: len(rows) // 2 - 1], rows[len(rows) // 2 + 1 :]
     if what == "colour":
@@ -222,16 +228,16 @@ def test_environment_maps_of_a_folder(tmp_path):
     values[8:12, 32:40] = 256  # near the zenith, at a quarter of the way round
     write_hdr(tmp_path / "a sky.hdr", values)
     chosen = lights.LightSettings(source="folder", folder=str(tmp_path))
-    (found,) = worker.load_maps(chosen, worker.Variant("scalar_rgb"))
+    (found,) = load_maps(chosen, Variant("scalar_rgb"))
     assert found.shape == (*lights.MAP_SIZE, 3)
     np.testing.assert_allclose(found[4:6, 16:20], 256)
     np.testing.assert_allclose(np.median(found), 1)
     write_hdr(tmp_path / "ball.hdr", np.ones((64, 64)))
     with pytest.raises(ValueError, match=r"ball\.hdr.*64 x 64 pixels, expected it twice as wide"):
-        worker.load_maps(chosen, worker.Variant("scalar_rgb"))
+        load_maps(chosen, Variant("scalar_rgb"))
     (tmp_path / "ball.hdr").write_bytes(b"#?RADIANCE\ntorn")
     with pytest.raises(ValueError, match=r"environment map .*ball\.hdr"):
-        worker.load_maps(chosen, worker.Variant("scalar_rgb"))
+        load_maps(chosen, Variant("scalar_rgb"))
 
 
 # --- The job ----------------------------------------------------------------------------------
@@ -244,7 +250,7 @@ def options(**changes):
 def contents(folder):
     return {
         p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
-        if p.suffix == ".arrayrecord" or p.name == records.MANIFEST
+        if p.suffix == ".arrayrecord" or p.name == MANIFEST
     }  # fmt: skip
 
 
@@ -252,7 +258,7 @@ def contents(folder):
 def whole(tmp_path_factory):
     """A data set made at one go by one worker."""
     out = tmp_path_factory.mktemp("render") / "whole"
-    source = catalogues.open("procedural", "chair=2,table=2,lamp=1")
+    source = open_catalogue("procedural", "chair=2,table=2,lamp=1")
     return out, job.render_catalogue(source, out, options())
 
 
@@ -262,8 +268,8 @@ def test_data_set_is_sound(whole):
     assert summary.samples == 5
     assert summary.statuses == {"ok": 5}
     names = set()
-    for split in records.load_manifest(out).splits():
-        for sample in records.RecordReader(out, split):
+    for split in load_manifest(out).splits():
+        for sample in RecordReader(out, split):
             names.add(sample.model_id)
             assert sample.image.shape == (48, 64, 3)
             assert sample.points.shape == (600, 3)
@@ -273,7 +279,7 @@ def test_data_set_is_sound(whole):
             extra = json.loads(sample.extra)
             assert extra["parameters"]["hidden"] is not None
             # The rotation takes the model's frame to the sample's.
-            model = {e.model_id: e for e in catalogues.open("procedural", "3").entries()}[
+            model = {e.model_id: e for e in open_catalogue("procedural", "3").entries()}[
                 sample.model_id
             ].load()
             turned = model.vertices @ np.array(extra["rotation"]).T
@@ -286,7 +292,7 @@ def test_data_set_is_sound(whole):
 def test_complete_data_set_is_left_as_it_is(whole):
     out, _ = whole
     before = contents(out)
-    source = catalogues.open("procedural", "chair=2,table=2,lamp=1")
+    source = open_catalogue("procedural", "chair=2,table=2,lamp=1")
     again = job.render_catalogue(source, out, options())
     assert (again.rendered, again.samples) == (0, 5)
     assert contents(out) == before
@@ -314,8 +320,8 @@ def test_killed_and_parted_gives_the_same_bytes(whole, tmp_path):
             break
     process.send_signal(signal.SIGKILL)
     process.wait()
-    assert not records.load_manifest(out, allow_incomplete=True).complete
-    source = catalogues.open("procedural", "chair=2,table=2,lamp=1")
+    assert not load_manifest(out, allow_incomplete=True).complete
+    source = open_catalogue("procedural", "chair=2,table=2,lamp=1")
     first = job.render_catalogue(source, out, options(), part=(1, 2))
     assert first.exit_code == 3
     second = job.render_catalogue(source, out, options(), part=(0, 2))
@@ -336,7 +342,7 @@ def write_folder(folder):
 
 
 def test_refused_models_have_reasons_and_do_not_stop_the_job(tmp_path):
-    source = catalogues.open("folder", write_folder(tmp_path / "meshes"))
+    source = open_catalogue("folder", write_folder(tmp_path / "meshes"))
     summary = job.render_catalogue(source, tmp_path / "out", options())
     assert summary.exit_code == 1
     assert summary.statuses == {"ok": 2, "refused": 2}
@@ -349,7 +355,7 @@ def test_refused_models_have_reasons_and_do_not_stop_the_job(tmp_path):
 
 
 def test_a_wrong_light_marks_no_folder(tmp_path):
-    source = catalogues.open("procedural", "chair=1")
+    source = open_catalogue("procedural", "chair=1")
     wrong = {"source": "folder", "folder": str(tmp_path / "none")}
     with pytest.raises(ValueError, match="none"):
         job.render_catalogue(source, tmp_path / "out", options(light=wrong))
@@ -381,11 +387,11 @@ class Hostile:
         return 4
 
     def entries(self):
-        good = next(iter(catalogues.open("procedural", "table=1").entries()))
-        yield catalogues.Entry("abort", "", "train", abort)
-        yield catalogues.Entry("sleep", "", "train", sleep_long)
-        yield catalogues.Entry("hoard", "", "train", hoard)
-        yield catalogues.Entry("good", "table", "train", good.loader)
+        good = next(iter(open_catalogue("procedural", "table=1").entries()))
+        yield Entry("abort", "", "train", abort)
+        yield Entry("sleep", "", "train", sleep_long)
+        yield Entry("hoard", "", "train", hoard)
+        yield Entry("good", "table", "train", good.loader)
 
 
 def test_crash_timeout_and_memory_end_with_their_model(tmp_path, monkeypatch):
@@ -401,14 +407,14 @@ def test_choice_of_the_variant(monkeypatch, tmp_path):
     bogus = tmp_path / "libLLVM-19.so"
     bogus.write_bytes(b"no library")
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(bogus))
-    assert worker.llvm_candidates()[0] == str(bogus)
-    assert not worker._smoke(str(bogus), "llvm_ad_rgb")
-    monkeypatch.setattr(worker, "llvm_candidates", lambda: [str(bogus)])
-    variant, message = worker.choose_variant("auto")
-    assert variant == worker.Variant("scalar_rgb")
+    assert llvm_candidates()[0] == str(bogus)
+    assert not _smoke(str(bogus), "llvm_ad_rgb")
+    monkeypatch.setattr(mitsuba_setup, "llvm_candidates", lambda: [str(bogus)])
+    variant, message = choose_variant("auto")
+    assert variant == Variant("scalar_rgb")
     assert "libllvm19" in message
     with pytest.raises(RuntimeError, match="libllvm19"):
-        worker.choose_variant("llvm")
+        choose_variant("llvm")
 
 
 # Runs the command once for each list of arguments; the imports are made once.

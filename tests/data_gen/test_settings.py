@@ -26,9 +26,11 @@ def test_numbers_are_converted():
 
 @pytest.mark.parametrize(
     ("values", "message"),
-    [({"veiws": 2}, "did you mean views"), ({"views": 0}, "views: got 0"),
-     ({"views": 1.5}, "views: got 1.5"), ({"camera": {"elevation": 3}}, "camera.elevation"),
-     ({"camera": 3}, "camera: got 3"), ({"image": {"shading": "toon"}}, "image.shading"),
+    [({"veiws": 2}, "did you mean 'views'"), ({"views": 0}, "views: got 0"),
+     ({"views": 1.5}, "views=1.5: accepted: an integer"),
+     ({"camera": {"elevation": 3}}, "camera.elevation=3: accepted: a tuple"),
+     ({"camera": 3}, "camera=3: accepted: a section"),
+     ({"image": {"shading": "toon"}}, "image.shading"),
      ({"image": {"background": "folder"}}, "background_folder"),
      ({"job": {"variant": "cuda"}}, "job.variant"),
      ({"light": {"source": "folder"}}, "light.folder"),

@@ -1,12 +1,13 @@
 import numpy as np
 
-from data_gen import meshes, scene, shading
+from data_gen import scene, shading
 from data_gen.lights import Lights
+from data_gen.mesh import Material, build_model
 
 
 def surfaces_of(material, uv=None):
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
-    model = meshes.build(corners, np.array([[0, 1, 2]]), materials=[material], uv=uv)
+    model = build_model(corners, np.array([[0, 1, 2]]), materials=[material], uv=uv)
     return scene.flatten(model)
 
 
@@ -31,7 +32,7 @@ def shade(surfaces, light, normal, view, colour):
 
 
 def test_blinn_phong_by_hand():
-    surfaces = surfaces_of(meshes.Material(diffuse=(0.5,) * 3, specular=(0.3,) * 3, shininess=7.0))
+    surfaces = surfaces_of(Material(diffuse=(0.5,) * 3, specular=(0.3,) * 3, shininess=7.0))
     toward, view = np.array([0.6, 0, 0.8]), np.array([0, 0, 1.0])
     half = (toward + view) / np.linalg.norm(toward + view)
     want = 0.5 * (0.1 + 0.8 * 0.8) + 0.3 * 0.8 * half[2] ** 7
@@ -43,7 +44,7 @@ def test_blinn_phong_by_hand():
 
 
 def test_black_is_lifted_and_white_clipped():
-    surfaces = surfaces_of(meshes.Material())
+    surfaces = surfaces_of(Material())
     light = one_light([0, 0, 1.0], darkest=0.03)
     assert (shade(surfaces, light, [0, 0, 1], [0, 0, 1], [0] * 3) > 0.02).all()
     bright = one_light([0, 0, 1.0], colours=np.full((1, 3), 9, np.float32))
@@ -54,7 +55,7 @@ def test_textures_are_read_as_points_are():
     texture = np.zeros((2, 2, 4), np.uint8)
     texture[0, 0], texture[1, 1] = (255, 0, 0, 255), (0, 255, 0, 20)
     uv = np.array([[[0, 1], [1.2, 0.6], [0.4, -0.2]]], float) * 0.9 + 0.05
-    surfaces = surfaces_of(meshes.Material(diffuse=(1, 1, 1), texture=texture), uv)
+    surfaces = surfaces_of(Material(diffuse=(1, 1, 1), texture=texture), uv)
     weights = np.array([[0.9, 0.05, 0.05], [0.1, 0.45, 0.45]], np.float32)
     colour, opacity = shading.look_up(surfaces, np.zeros(2, np.int64), weights)
     np.testing.assert_allclose(colour[0], [1, 0, 0])
@@ -62,7 +63,7 @@ def test_textures_are_read_as_points_are():
 
 
 def test_normals_face_the_viewer():
-    surfaces = surfaces_of(meshes.Material())
+    surfaces = surfaces_of(Material())
     weights = np.full((2, 3), 1 / 3, np.float32)
     rays = np.array([[0, 0, -1], [0, 0, 1]], np.float32)
     normal = shading.shading_normals(surfaces, np.zeros(2, np.int64), weights, np.eye(3), rays)

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from data_gen import meshes, worker
 from data_gen.catalogues import doubt
+from data_gen.mitsuba_setup import has_mitsuba
+from data_gen.surface import sample_surface
 from psgn_jax.experiments import ambiguity as lib
 from psgn_jax.experiments import hidden_depth
 
 
 def truth_cloud(seed, hidden, count=4096):
     model = doubt.generate("front", seed, hidden)
-    points = meshes.sample_surface(model, count, 0).points.astype(np.float32)
+    points = sample_surface(model, count, 0).points.astype(np.float32)
     return points, model.parameters
 
 
@@ -100,7 +101,7 @@ def test_panels():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not worker.has_mitsuba(), reason="rendering is not installed")
+@pytest.mark.skipif(not has_mitsuba(), reason="rendering is not installed")
 def test_whole_study_goes_on_where_it_was(tmp_path, monkeypatch):
     size = lib.Size(
         seeds=(2, 1),

@@ -19,7 +19,7 @@ from data_gen.catalogues.families.kit import (
     wood,
 )
 from data_gen.catalogues.solids import Solid, ball, box, cushion, cylinder, pillow, rod, tube
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 GREEN = Material((0.2, 0.42, 0.17), name="leaves")
 STONE = Material((0.66, 0.64, 0.6), name="stone")

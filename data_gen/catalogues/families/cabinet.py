@@ -23,7 +23,7 @@ from data_gen.catalogues.families.kit import (
     wood,
 )
 from data_gen.catalogues.solids import ball, box, cylinder, lathe, rod, tube
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 
 class _Look:

@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from data_gen.catalogues import solids
+from data_gen.catalogues import bodies, solids
+from data_gen.catalogues.bodies import through
 from data_gen.catalogues.families.car_work import buggy, formula, lorry, vintage
 from data_gen.catalogues.families.kit import (
     BLACK,
@@ -31,10 +32,9 @@ from data_gen.catalogues.solids import (
     prism,
     rod,
     smooth_path,
-    through,
     tube,
 )
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.
@@ -315,7 +315,7 @@ def _fittings(kit: Kit, form: Shell, kind: str, skin: Material, trim: Material) 
         "spoiler", 0.6 if kind in ("coupe", "supercar") else 0.15
     ):
         high = kit.uniform("spoiler_height", 0.08, 0.3)
-        kit.add(skin, solids.wing([(rear + 0.3, -half * 0.9, belt + high, 0.3),
+        kit.add(skin, bodies.wing([(rear + 0.3, -half * 0.9, belt + high, 0.3),
                                    (rear + 0.3, half * 0.9, belt + high, 0.3)], 0.1))
         kit.both(BLACK, box(0.1, 0.03, high + 0.12).at(rear + 0.2, half * 0.6,
                                                        belt + high / 2 - 0.06))

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from data_gen.catalogues import solids
+from data_gen.catalogues import bodies, solids
+from data_gen.catalogues.bodies import body
 from data_gen.catalogues.families.kit import (
     BLACK,
     CHROME,
@@ -21,7 +22,6 @@ from data_gen.catalogues.families.kit import (
 from data_gen.catalogues.families.wheels import wheel
 from data_gen.catalogues.solids import (
     ball,
-    body,
     box,
     cylinder,
     pane,
@@ -31,7 +31,7 @@ from data_gen.catalogues.solids import (
     smooth_path,
     tube,
 )
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.
@@ -184,7 +184,7 @@ def formula(kit: Kit, skin: Material, accent: Material) -> None:
         kit.add(BLACK, ball(0.1, 0.18, 0.2, 12).at(seat - 0.3, 0, z + high + 0.27))
         for x, chord, up, span in ((front, 0.45, 0.14, 0.96), (rear + 0.4, 0.42, 0.85, 0.6)):
             for k in range(2):
-                kit.add(accent, solids.wing([(x - 0.24 * k, -half * span, up + 0.08 * k,
+                kit.add(accent, bodies.wing([(x - 0.24 * k, -half * span, up + 0.08 * k,
                                               chord * (1 - 0.3 * k)),
                                              (x - 0.24 * k, half * span, up + 0.08 * k,
                                               chord * (1 - 0.3 * k))],

@@ -36,7 +36,7 @@ from data_gen.catalogues.solids import (
     sheet,
     tube,
 )
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 BACKS = ("solid", "padded", "slats", "ladder", "spindles", "open", "splat", "cross", "hoop", "cane")
 

@@ -18,7 +18,7 @@ from data_gen.catalogues.families.kit import (
     wood,
 )
 from data_gen.catalogues.solids import Solid, ball, box, cushion, cylinder, pillow, rod
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 
 class _Seat:
@@ -763,7 +763,6 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "group": _group,
     "settee": _settee,
 }
-
 
 _SHARES = {"straight": 5, "corner": 2, "loveseat": 2}
 

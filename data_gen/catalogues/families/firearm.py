@@ -14,20 +14,18 @@ from data_gen.catalogues.families.firearm_long import (
 )
 from data_gen.catalogues.families.firearm_parts import POLYMERS, STEELS
 from data_gen.catalogues.families.kit import Kit, pick, wood
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.
 
 Builder = Callable[[Kit, Material, Material], None]
 
-
 KINDS: dict[str, Builder] = {
     "pistol": pistol, "revolver": revolver, "flintlock": flintlock, "rifle": rifle,
     "assault": assault, "submachine_gun": submachine_gun, "shotgun": shotgun,
     "machine_gun": machine_gun, "sniper": sniper, "launcher": launcher,
 }
-
 
 WOODEN = {"flintlock": 1.0, "rifle": 0.75, "shotgun": 0.7, "revolver": 0.7, "submachine_gun": 0.4}
 """How often a kind has furniture of wood; the others a third of the time."""

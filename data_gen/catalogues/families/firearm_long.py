@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from data_gen.catalogues.bodies import body
 from data_gen.catalogues.families.firearm_parts import (
     POLYMERS,
     add_barrel,
@@ -17,18 +18,8 @@ from data_gen.catalogues.families.firearm_parts import (
     bar,
 )
 from data_gen.catalogues.families.kit import BLACK, CHROME, GOLD, RUBBER, Kit, around
-from data_gen.catalogues.solids import (
-    ball,
-    body,
-    box,
-    cylinder,
-    lathe,
-    prism,
-    rod,
-    smooth_path,
-    tube,
-)
-from data_gen.meshes import Material
+from data_gen.catalogues.solids import ball, box, cylinder, lathe, prism, rod, smooth_path, tube
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from data_gen.catalogues.bodies import body
 from data_gen.catalogues.families.kit import BLACK, DARK_GLASS, GOLD, RUBBER, Kit
 from data_gen.catalogues.solids import (
     Solid,
     ball,
-    body,
     box,
     cylinder,
     lathe,
@@ -18,7 +18,7 @@ from data_gen.catalogues.solids import (
     smooth_path,
     tube,
 )
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.
@@ -29,7 +29,6 @@ STEELS = (
     Material((0.55, 0.56, 0.58), (0.6,) * 3, 60.0, name="stainless"),
     Material((0.2, 0.21, 0.26), (0.5,) * 3, 50.0, name="blued steel"),
 )
-
 
 POLYMERS = (
     BLACK,

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from data_gen import meshes
 from data_gen.catalogues import solids
 from data_gen.catalogues.families.mapping import Tiled, UVMapping
 from data_gen.catalogues.families.materials import (
@@ -34,7 +33,8 @@ from data_gen.catalogues.families.materials import (
     wood,
 )
 from data_gen.catalogues.solids import Solid
-from data_gen.meshes import Material, Model
+from data_gen.frame import normalize
+from data_gen.mesh import Material, Model, build_model
 
 __all__ = [
     "BLACK",
@@ -227,7 +227,7 @@ class Kit:
             [part.solid.faces + start for part, start in zip(self._parts, starts, strict=True)]
         )
         part_of = np.repeat(np.arange(len(starts)), [len(part.solid.faces) for part in self._parts])
-        model = meshes.build(
+        model = build_model(
             vertices,
             faces,
             materials=self._materials,
@@ -243,7 +243,7 @@ class Kit:
             },
         )
         # A cap with points in a line has triangles without area: no news to anybody.
-        return dataclasses.replace(meshes.normalize(model), warnings=())
+        return dataclasses.replace(normalize(model), warnings=())
 
     def _texture_coordinates(
         self, vertices: np.ndarray, faces: np.ndarray, starts: np.ndarray, part_of: np.ndarray

@@ -7,7 +7,7 @@ import numpy as np
 from data_gen.catalogues import solids
 from data_gen.catalogues.families.kit import BLACK, RUBBER, Kit, around, pick
 from data_gen.catalogues.solids import Solid, ball, box, cylinder, lathe, rod, tube
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 TURNED = (
     (

@@ -14,7 +14,7 @@ import numpy as np
 
 from data_gen.catalogues.families import textures
 from data_gen.catalogues.families.mapping import Fitted, Tiled, UVMapping, Wrapped
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 _HUES = (
     # Degrees from and to, weight.
@@ -29,7 +29,6 @@ _HUES = (
     (255, 330, 0.03),
     (330, 350, 0.015),
 )
-
 
 _ONCE: UVMapping = Tiled()
 

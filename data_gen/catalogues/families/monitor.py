@@ -22,7 +22,7 @@ from data_gen.catalogues.families.kit import (
     wood,
 )
 from data_gen.catalogues.solids import Solid, box, cylinder, rod, sheet, tube
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 
 def _materials(kit: Kit) -> tuple[Material, Material]:

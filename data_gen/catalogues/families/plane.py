@@ -18,7 +18,7 @@ from data_gen.catalogues.families.plane_propellers import (
     ultralight,
     warbird,
 )
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.
@@ -29,7 +29,6 @@ KINDS = {
     "flying_wing": flying_wing, "supersonic": supersonic, "flying_boat": flying_boat,
     "helicopter": helicopter, "ultralight": ultralight,
 }
-
 
 GREYS = ((0.42, 0.45, 0.36), (0.36, 0.38, 0.3), (0.5, 0.52, 0.55), (0.62, 0.64, 0.68),
          (0.3, 0.32, 0.34), (0.55, 0.5, 0.4))

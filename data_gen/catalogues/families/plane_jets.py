@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from data_gen.catalogues.bodies import body, wing
 from data_gen.catalogues.families.kit import BLACK, DARK_GLASS, WHITE, Kit
 from data_gen.catalogues.families.plane_parts import (
     Station,
@@ -15,8 +16,8 @@ from data_gen.catalogues.families.plane_parts import (
     add_wings,
     cigar_stations,
 )
-from data_gen.catalogues.solids import ball, body, box, lathe, rod, wing
-from data_gen.meshes import Material
+from data_gen.catalogues.solids import ball, box, lathe, rod
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.

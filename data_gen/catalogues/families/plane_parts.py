@@ -4,11 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from data_gen.catalogues import solids
+from data_gen.catalogues import bodies, solids
+from data_gen.catalogues.bodies import body, through, wing
 from data_gen.catalogues.families.kit import BLACK, CHROME, DARK_GLASS, Kit, around
 from data_gen.catalogues.families.wheels import small_wheel
-from data_gen.catalogues.solids import body, box, lathe, loft, pane, rod, through, wing
-from data_gen.meshes import Material
+from data_gen.catalogues.solids import box, lathe, loft, pane, rod
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.
@@ -22,7 +23,7 @@ def add_fuselage(
 ) -> None:
     """A body of smooth sections. Hidden: how deep the bay in its belly is."""
     depth = kit.hide("bay_depth", 0.05, 0.9)
-    sides, places = 24, solids.between([s[0] for s in stations], steps)
+    sides, places = 24, bodies.between([s[0] for s in stations], steps)
     rows = through(stations, places)
     middle = stations[0][0] + 0.5 * (stations[-1][0] - stations[0][0])
     reach = 0.16 * abs(stations[0][0] - stations[-1][0])

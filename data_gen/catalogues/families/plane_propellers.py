@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from data_gen.catalogues.bodies import body, wing
 from data_gen.catalogues.families.kit import (
     BLACK,
     CHROME,
@@ -25,8 +26,8 @@ from data_gen.catalogues.families.plane_parts import (
     cigar_stations,
 )
 from data_gen.catalogues.families.wheels import small_wheel
-from data_gen.catalogues.solids import ball, body, box, pane, rod, tube, wing
-from data_gen.meshes import Material
+from data_gen.catalogues.solids import ball, box, pane, rod, tube
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.

@@ -23,7 +23,7 @@ from data_gen.catalogues.families.kit import (
     wood,
 )
 from data_gen.catalogues.solids import Solid, ball, box, cylinder, lathe, rod, tube
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 GRILLE = Material((0.13, 0.13, 0.14), name="grille")
 CONES = (

@@ -24,7 +24,7 @@ from data_gen.catalogues.families.kit import (
     wood,
 )
 from data_gen.catalogues.solids import box, cylinder, lathe, rod, tube
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 Outline = Callable[[float], np.ndarray]
 
@@ -728,7 +728,6 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "with_chairs": _with_chairs,
     "workbench": _workbench,
 }
-
 
 _SHARES = {"dining": 4, "coffee": 2, "desk": 2, "pedestal": 2}
 

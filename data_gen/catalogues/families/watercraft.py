@@ -20,13 +20,12 @@ from data_gen.catalogues.families.watercraft_ships import (
     tug,
     warship,
 )
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.
 
 Builder = Callable[[Kit, Material, Material], None]
-
 
 KINDS: dict[str, Builder] = {
     "sailing_yacht": sailing_yacht, "galleon": galleon, "rowing": rowing,

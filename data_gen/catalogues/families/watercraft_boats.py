@@ -4,7 +4,8 @@ import itertools
 
 import numpy as np
 
-from data_gen.catalogues import solids
+from data_gen.catalogues import bodies, solids
+from data_gen.catalogues.bodies import body
 from data_gen.catalogues.families.kit import (
     BLACK,
     CHROME,
@@ -25,18 +26,8 @@ from data_gen.catalogues.families.watercraft_parts import (
     house_outline,
     make_hull,
 )
-from data_gen.catalogues.solids import (
-    ball,
-    body,
-    box,
-    cylinder,
-    pane,
-    pillow,
-    rod,
-    smooth_path,
-    tube,
-)
-from data_gen.meshes import Material
+from data_gen.catalogues.solids import ball, box, cylinder, pane, pillow, rod, smooth_path, tube
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.
@@ -118,10 +109,10 @@ def sailing_yacht(kit: Kit, skin: Material, trim: Material) -> None:
         add_railing(kit, hull, -0.9 * long, 0.22 * depth + 0.15)
     if keel:
         root = 0.25 * long
-        kit.add(BLACK, solids.wing([(root, 0, 0.3 * depth, 0.5 * long),
+        kit.add(BLACK, bodies.wing([(root, 0, 0.3 * depth, 0.5 * long),
                                     (root - 0.12 * long, 0, -lift, 0.3 * long)], 0.1, fin=True),
                 ball(0.4 * long, 0.09 * long, 0.09 * long, 14).at(-0.02 * long, 0, -lift),
-                solids.wing([(-0.7 * long, 0, 0.7 * depth, 0.15 * long),
+                bodies.wing([(-0.7 * long, 0, 0.7 * depth, 0.15 * long),
                              (-0.74 * long, 0, -0.6 * lift, 0.1 * long)], 0.1, fin=True))
 
 

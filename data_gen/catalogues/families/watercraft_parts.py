@@ -8,16 +8,14 @@ import numpy as np
 from data_gen.catalogues import solids
 from data_gen.catalogues.families.kit import BLACK, CHROME, DARK_GLASS, Kit
 from data_gen.catalogues.solids import cylinder, loft, pane, rod, tube
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.
 
 ROPE = Material((0.3, 0.26, 0.2), name="rope")
 
-
 GREY = Material((0.48, 0.51, 0.54), (0.1,) * 3, 20.0, name="grey")
-
 
 HULLS = ((0.45, 0.13, 0.11), (0.12, 0.2, 0.36), (0.13, 0.14, 0.15), (0.16, 0.33, 0.24),
          (0.7, 0.32, 0.12),

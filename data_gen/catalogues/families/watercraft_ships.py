@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from data_gen.catalogues import solids
+from data_gen.catalogues import bodies, solids
+from data_gen.catalogues.bodies import body
 from data_gen.catalogues.families.kit import (
     BLACK,
     CHROME,
@@ -29,8 +30,8 @@ from data_gen.catalogues.families.watercraft_parts import (
     house_outline,
     make_hull,
 )
-from data_gen.catalogues.solids import ball, body, box, cylinder, lathe, loft, pillow, rod, tube
-from data_gen.meshes import Material
+from data_gen.catalogues.solids import ball, box, cylinder, lathe, loft, pillow, rod, tube
+from data_gen.mesh import Material
 
 # fmt: off
 # Coordinates stay in rows, which the formatter would put one below the other.
@@ -84,7 +85,7 @@ def submarine(kit: Kit, skin: Material, trim: Material) -> None:
         top = 2 * r
         fins = kit.choose("tail", 90, 45)
         for angle in (0, 90, 180, 270):
-            kit.add(dark, solids.wing([(-0.8 * long, 0, 0.2 * r, 0.14 * long),
+            kit.add(dark, bodies.wing([(-0.8 * long, 0, 0.2 * r, 0.14 * long),
                                        (-0.84 * long, 0, 1.25 * r, 0.09 * long)], 0.1,
                                       fin=True).turned("x",
                                           angle + (45 if fins == 45 else 0)).at(0, 0, r))
@@ -98,10 +99,10 @@ def submarine(kit: Kit, skin: Material, trim: Material) -> None:
                                 (-0.62 * long, 0.1, 0.1, 1.6 * r)], 3.5))
     sail = kit.uniform("sail_place", -0.05, 0.4) * long
     tall = r * kit.uniform("sail", 0.9, 1.6)
-    kit.add(dark, solids.wing([(sail + 0.1 * long, 0, top - 0.3 * r, 0.24 * long, 0.3),
+    kit.add(dark, bodies.wing([(sail + 0.1 * long, 0, top - 0.3 * r, 0.24 * long, 0.3),
                                (sail + 0.09 * long, 0, top + tall, 0.2 * long, 0.26)], fin=True))
     if kit.chance("sail_planes", 0.5):
-        kit.both(dark, solids.wing([(sail + 0.06 * long, 0, top + 0.5 * tall, 0.07 * long),
+        kit.both(dark, bodies.wing([(sail + 0.06 * long, 0, top + 0.5 * tall, 0.07 * long),
                                     (sail + 0.04 * long, 1.2 * r, top + 0.5 * tall, 0.05 * long)],
                                    0.12))
     for k in range(kit.choose("masts", 1, 3)):
@@ -386,10 +387,10 @@ def warship(kit: Kit, skin: Material, trim: Material) -> None:
                         (0.4 * size, 0.13 * size, 0.13 * size, 0),
                         (-size, 0.1 * size, 0.1 * size, 0)], 2, 1, 8)
             kit.add(GREY, jet.at(px, py, z + 0.2 * size),
-                    solids.wing([(-0.9 * size, 0, 0, 0.3 * size),
+                    bodies.wing([(-0.9 * size, 0, 0, 0.3 * size),
                                  (-0.9 * size, 0, 0.6 * size, 0.15 * size)], 0.1,
                                 fin=True).at(px + 0.5 * size, py, z + 0.2 * size),
-                    *(solids.wing([(0.3 * size, 0, 0, 0.9 * size),
+                    *(bodies.wing([(0.3 * size, 0, 0, 0.9 * size),
                                    (-0.5 * size, s * 0.7 * size, 0, 0.2 * size)], 0.05).at(px, py,
                                        z + 0.2 * size) for s in (-1, 1)))
         return

@@ -2,7 +2,7 @@
 
 from data_gen.catalogues.families.kit import BLACK, RUBBER, around
 from data_gen.catalogues.solids import Solid, box, cylinder, lathe
-from data_gen.meshes import Material
+from data_gen.mesh import Material
 
 # Sections of tyre and rim: radius in radii of the wheel, distance from the middle in half widths.
 _TYRE = ((0.62, -1), (0.94, -1), (1, -0.6), (1, 0.6), (0.94, 1), (0.62, 1))

@@ -1,21 +1,23 @@
-"""Zip archives as `loading.Files`: read in place, never unpacked, every member within limits."""
+"""Zip archives as `files.Files`: read in place, never unpacked, every member within limits."""
 
 import functools
 import os
 import zipfile
 import zlib
 
-from data_gen import loading
-from data_gen.meshes import UnusableModelError
+from data_gen.mesh import UnusableModelError
+from data_gen.readers.files import MAX_FILE_BYTES, Files
 
 _MAX_MEMBERS = 200_000
+
 # Text of meshes shrinks by 3 to 10; a member above this ratio is made to exhaust memory. Small
 # ones are let through: a picture of one colour shrinks by a thousand.
 _MAX_RATIO = 200
+
 _RATIO_FROM = 8 << 20
 
 
-class ZipFiles(loading.Files):
+class ZipFiles(Files):
     """Members of a zip archive."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -31,11 +33,11 @@ class ZipFiles(loading.Files):
         return list(self._members)
 
     def find(self, name: str) -> str | None:
-        """See `loading.Files`; nothing but names in the archive is ever looked up."""
+        """See `readers.files.Files`; nothing but names in the archive is ever looked up."""
         return name if name in self._members else self._folded.get(name.casefold())
 
-    def read(self, name: str, limit: int = loading.MAX_FILE_BYTES) -> bytes:
-        """See `loading.Files`.
+    def read(self, name: str, limit: int = MAX_FILE_BYTES) -> bytes:
+        """See `readers.files.Files`.
 
         Raises:
           UnusableModelError: the member is too large, damaged or compressed like a bomb.

@@ -5,9 +5,10 @@ import pytest
 from ac3d_files import CUBE, MATERIALS, SIDES, cube, obj, read, write
 from PIL import Image
 
-from data_gen import catalogues
 from data_gen.catalogues import ac3d
-from data_gen.meshes import UnusableModelError
+from data_gen.catalogues.by_name import open_catalogue
+from data_gen.mesh import UnusableModelError
+from data_gen.readers.ac3d import read_outline
 
 needs_assimp = pytest.mark.skipif(not ac3d.find_assimp(), reason="assimp is not installed")
 
@@ -88,7 +89,7 @@ def test_catalogue(tmp_path):
     faces = [s[::-1] for s in SIDES]
     write(tmp_path / "Boote" / "Kähne.AC", obj(points=points, faces=faces))
     (tmp_path / "bad.ac").write_bytes(b"AC3Db\nOBJECT world\nkids 3\n")
-    catalogue = catalogues.open("ac3d", tmp_path)
+    catalogue = open_catalogue("ac3d", tmp_path)
     first, second = catalogue.entries()
     assert (first.model_id, first.category) == ("Boote/Kähne.AC", "Boote")
     model = first.load()
@@ -98,9 +99,9 @@ def test_catalogue(tmp_path):
     with pytest.raises(UnusableModelError, match="torn"):
         second.load()
     with pytest.raises(ValueError, match="axis 'up'"):
-        catalogues.open("ac3d", tmp_path, up="up")
+        open_catalogue("ac3d", tmp_path, up="up")
     with pytest.raises(ValueError, match="source"):
-        catalogues.open("ac3d", tmp_path / "nowhere")
+        open_catalogue("ac3d", tmp_path / "nowhere")
 
 
 def good():
@@ -132,24 +133,24 @@ def test_bad_files_are_refused_before_assimp_sees_them(change, match):
     text = change(good())
     assert text != good()
     with pytest.raises(UnusableModelError, match=match):
-        ac3d.read_outline(text.encode())
+        read_outline(text.encode())
 
 
 def test_every_torn_file_is_refused():
     text = good().encode()
-    assert len(ac3d.read_outline(text)) == 3
+    assert len(read_outline(text)) == 3
     last = text.rindex(b"kids 0")
     for stop in range(0, last, 61):
         with pytest.raises(UnusableModelError):
-            ac3d.read_outline(text[:stop])
+            read_outline(text[:stop])
 
 
 def test_faces_are_counted_before_they_are_read():
     with pytest.raises(UnusableModelError, match="limit of 20"):
-        ac3d.read_outline(good().encode(), max_faces=20)
+        read_outline(good().encode(), max_faces=20)
     # What looks like a statement in an object's free text is none.
     free = good().replace('name "été"', "data 16\nkids 7\nkids 70\n ", 1)
-    assert len(ac3d.read_outline(free.encode())) == 3
+    assert len(read_outline(free.encode())) == 3
 
 
 @needs_assimp
@@ -177,7 +178,7 @@ def test_without_assimp_the_catalogue_says_what_to_install(tmp_path, monkeypatch
     write(tmp_path / "a.ac", cube())
     monkeypatch.setattr(ac3d, "find_assimp", lambda: "")
     with pytest.raises(ValueError, match=r"psgn-jax\[render\]"):
-        catalogues.open("ac3d", tmp_path)
+        open_catalogue("ac3d", tmp_path)
 
 
 def flat(size=1.0, tilt=0.3):
@@ -197,7 +198,7 @@ def test_non_objects_are_refused_with_a_reason(tmp_path):
     write(tmp_path / "Aircraft" / "strobe-2.ac", cube())
     write(tmp_path / "Aircraft" / "lighthouse.ac", cube())
     write(tmp_path / "Aircraft" / "street-light.ac", *[cube() for _ in range(9)])
-    catalogue = catalogues.open("ac3d", tmp_path)
+    catalogue = open_catalogue("ac3d", tmp_path)
     reasons = {}
     for entry in catalogue.entries():
         try:
@@ -212,7 +213,7 @@ def test_non_objects_are_refused_with_a_reason(tmp_path):
         "strobe-2.ac": "no object: a light or smoke, by its name ('strobe') and its 12 faces",
         "street-light.ac": "",
     }
-    everything = catalogues.open("ac3d", tmp_path, leave_out=(), objects_only=False)
+    everything = open_catalogue("ac3d", tmp_path, leave_out=(), objects_only=False)
     assert len(everything) == 7
     for entry in everything.entries():
         assert entry.load().model_id == entry.model_id

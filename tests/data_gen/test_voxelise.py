@@ -3,11 +3,18 @@
 import free_meshes
 import numpy as np
 import pytest
+import scipy.ndimage
 import watertight
 import winding
+from helpers.solid_models import cube, model_of, sphere
 
-from data_gen import cameras, catalogues, meshes
+from data_gen import cameras
 from data_gen.catalogues import solids
+from data_gen.catalogues.by_name import open_catalogue
+from data_gen.frame import normalize
+from data_gen.mesh import UnusableModelError, build_model, face_normals
+from data_gen.surface import sample_surface
+from data_gen.voxelise import mark_surface, solid_occupancy
 
 FACE = np.array([[0, 1, 2]])
 EDGES = np.array([[0, 1], [1, 2], [0, 2]])
@@ -39,7 +46,7 @@ def slivers(rng, count, size):
 def test_no_step_of_air_crosses_a_marked_sliver(rng):
     size = 20
     for corners in slivers(rng, 150, size):
-        marked, crossed = meshes._mark_surface(corners, FACE, EDGES, size)
+        marked, crossed = mark_surface(corners, FACE, EDGES, size)
         for axis in range(3):
             met = crossings(corners, axis, size)
             first = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
@@ -51,7 +58,7 @@ def test_no_step_of_air_crosses_a_marked_sliver(rng):
 def test_marked_cells_hold_the_surface_and_leave_no_part_out(rng):
     size = 20
     for corners in slivers(rng, 60, size).clip(0.1, size - 0.1):
-        marked, _ = meshes._mark_surface(corners, FACE, EDGES, size)
+        marked, _ = mark_surface(corners, FACE, EDGES, size)
         # Half of the points on the edges.
         weights = rng.dirichlet([1, 1, 1], 20_000)
         weights[::2, 0] = 0
@@ -79,11 +86,11 @@ def test_a_body_of_slivers_is_solid(angle):
             np.stack([here, there + 240, here + 240], axis=1),
         ]
     )
-    model = meshes.normalize(meshes.build(vertices, faces))
+    model = normalize(build_model(vertices, faces))
     assert winding.is_watertight(model)
     rotation = cameras.turn_about_vertical(angle)
     want = winding.occupancy(winding.inside(model, rotation))
-    got = meshes.solid_occupancy(model, rotation)
+    got = solid_occupancy(model, rotation)
     assert (got & want).sum() / (got | want).sum() > 0.95
 
 
@@ -103,7 +110,7 @@ def compare(model):
         part = winding.cells_of(thick, turn @ turns[0].T)
         for other, air in zip(turns, behind, strict=True):
             part &= ~winding.cells_of(air, turn @ other.T)
-        got, want = meshes.solid_occupancy(model, turn) & part, winding.occupancy(view[0]) & part
+        got, want = solid_occupancy(model, turn) & part, winding.occupancy(view[0]) & part
         iou.append((got & want).sum() / (got | want).sum())
         ours.append(got.sum())
         theirs.append(want.sum())
@@ -111,10 +118,10 @@ def compare(model):
 
 
 def test_a_car_agrees_with_winding_numbers():
-    entry = next(e for e in catalogues.open("procedural", "1").entries() if e.model_id == "car-0")
+    entry = next(e for e in open_catalogue("procedural", "1").entries() if e.model_id == "car-0")
     model, turn = entry.load(), cameras.turn_about_vertical(-37.0)
     want = winding.occupancy(winding.inside(model, turn))
-    got = meshes.solid_occupancy(model, turn)
+    got = solid_occupancy(model, turn)
     assert (got & want).sum() / (got | want).sum() > 0.95
 
 
@@ -124,12 +131,12 @@ def test_walls_thinner_than_the_points_close_a_room():
     vertices = np.concatenate([outer.vertices, inner.vertices])
     vertices[:, 2] -= vertices[:, 2].min()
     faces = np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)])
-    model = meshes.build(vertices, faces)
+    model = build_model(vertices, faces)
     assert winding.is_watertight(model)
     for view in range(2):
         turn = watertight.turn(view)
         want = winding.occupancy(winding.inside(model, turn))
-        got = meshes.solid_occupancy(model, turn)
+        got = solid_occupancy(model, turn)
         assert (got & want).sum() / (got | want).sum() > 0.95
 
 
@@ -161,17 +168,107 @@ def test_a_mattress_of_slivers_holds_no_air():
     turn = cameras.turn_about_vertical(0.0)
     points = winding.inside(model, turn)
     whole = points.reshape(32, winding.SIDE, 32, winding.SIDE, 32, winding.SIDE)
-    assert meshes.solid_occupancy(model, turn)[whole.all(axis=(1, 3, 5))].all()
+    assert solid_occupancy(model, turn)[whole.all(axis=(1, 3, 5))].all()
 
 
 def test_the_volume_of_a_flat_box_has_no_bias():
     # Tops between the middle and the border of cells, and below the middle: half a cell decides.
     for height, layers in ((0.46, 7), (0.49, 8), (0.52, 8)):
-        box = meshes.build(*_box(1.6, 0.9, height))
-        got = meshes.solid_occupancy(box, np.eye(3))
+        box = build_model(*_box(1.6, 0.9, height))
+        got = solid_occupancy(box, np.eye(3))
         assert got.any(axis=(0, 1)).sum() == layers
 
 
 def _box(*size):
     solid = solids.box(*size)
     return solid.vertices - [0, 0, solid.vertices[:, 2].min()], solid.faces
+
+
+def centres(size=32):
+    x = (np.arange(size) + 0.5) / size * 2
+    return np.stack(np.meshgrid(x - 1, x - 1, x, indexing="ij"), axis=-1)
+
+
+def test_occupancy_of_a_dome_is_its_volume():
+    model = normalize(model_of(sphere()))
+    got = solid_occupancy(model, np.eye(3))
+    radius = model.vertices[:, 2].max() / 2
+    want = np.linalg.norm(centres() - [0, 0, radius], axis=-1) < radius
+    assert got.shape == (32, 32, 32)
+    assert (got & want).sum() / (got | want).sum() > 0.9
+
+
+def test_occupancy_is_indexed_x_y_z_and_turned():
+    bar = normalize(model_of(solids.box(4, 1, 1)))
+    along = solid_occupancy(bar, np.eye(3))
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    across = solid_occupancy(bar, quarter)
+    x, y, z = (np.ptp(i) + 1 for i in np.nonzero(along))
+    assert x > 25
+    assert y < 12
+    assert z < 12
+    assert np.nonzero(along)[2].min() == 0
+    np.testing.assert_array_equal(across, along.transpose(1, 0, 2))
+
+
+def test_occupancy_fills_through_cracks_and_an_open_bottom():
+    box = solids.box(1, 1, 1)
+    closed = normalize(model_of(box))
+    normal = face_normals(box.vertices, box.faces)
+    without_bottom = normalize(build_model(box.vertices, box.faces[normal[:, 2] > -0.5]))
+    want = solid_occupancy(closed, np.eye(3))
+    np.testing.assert_array_equal(solid_occupancy(without_bottom, np.eye(3)), want)
+    # Faces drawn apart by half a cell leak nothing.
+    corners = closed.corners() + 0.012 * face_normals(closed.vertices, closed.faces)[:, None]
+    cracked = build_model(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    got = solid_occupancy(cracked, np.eye(3))
+    assert got[16, 16, 5]
+    assert (got & want).sum() / want.sum() > 0.95
+
+
+def test_occupancy_keeps_an_open_vessel_open():
+    normal = face_normals(cube().vertices, cube().faces)
+    vessel = normalize(build_model(cube().vertices, cube().faces[normal[:, 2] < 0.5]))
+    got = solid_occupancy(vessel, np.eye(3))
+    assert not got[16, 16, 8]
+    assert got[16, 16, 0]
+
+
+def test_occupancy_keeps_thin_parts():
+    table = [solids.box(1.4, 1.4, 0.02).at(z=0.9)]
+    table += [solids.rod((x, y, 0), (x, y, 0.9), 0.008) for x in (-0.6, 0.6) for y in (-0.6, 0.6)]
+    sizes = np.cumsum([0, *(len(p.vertices) for p in table)])
+    model = normalize(
+        build_model(
+            np.concatenate([p.vertices for p in table]),
+            np.concatenate([p.faces + n for p, n in zip(table, sizes[:-1], strict=True)]),
+        )
+    )
+    got = solid_occupancy(model, np.eye(3))
+    points = sample_surface(model, 5000, 0).points
+    cell = np.clip(np.floor((points + np.array([1, 1, 0])) * 16).astype(int), 0, 31)
+    # A sheet on the border of two layers of cells is in one of them.
+    assert got[tuple(cell.T)].mean() > 0.85
+    assert scipy.ndimage.maximum_filter(got, size=3)[tuple(cell.T)].all()
+    assert got.sum() < 3000
+    assert not got[16, 16, 3]
+
+
+def test_occupancy_in_any_pose_holds_most_of_the_surface(rng):
+    model = normalize(model_of(solids.box(2, 1, 1)))
+    for angle in rng.uniform(0, 2 * np.pi, 4):
+        c, s = np.cos(angle), np.sin(angle)
+        rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        got = solid_occupancy(model, rotation)
+        inside = (np.abs((centres() @ rotation)[..., 0]) < model.vertices[:, 0].max()) & (
+            np.abs((centres() @ rotation)[..., 1]) < model.vertices[:, 1].max()
+        )
+        inside &= centres()[..., 2] < model.vertices[:, 2].max()
+        assert (got & inside).sum() / (got | inside).sum() > 0.85
+
+
+def test_occupancy_refuses_endless_surface():
+    vertices = np.tile([[-0.7, -0.7, 0], [0.7, -0.7, 0], [0, 0.7, 0.6]], (20000, 1))
+    model = build_model(vertices, np.arange(60000).reshape(-1, 3))
+    with pytest.raises(UnusableModelError, match="too much to voxelise"):
+        solid_occupancy(model, np.eye(3))

@@ -1,34 +1,25 @@
-"""Pictures that look like photographs: soft shadows, light from all around, reflections, film.
+"""The light of a scene, and what it does to surfaces.
 
-Pure numpy, but for the function that sends rays to the mesh, which is passed in. All colours are
-in linear light until `develop`. Light is looked for from each pixel along a few rays, of two
-kinds: toward the bright parts of the environment map, and spread as the surface reflects light;
-their results are weighted by the balance heuristic (Veach 1997). Sixteen patterns of rays take
-turns in blocks of 4 x 4 pixels, and a filter that keeps edges averages over such blocks, so that
-a pixel has the light of sixteen times as many rays; where nothing is in the way, there is no
-noise. What other surfaces send is estimated once for each face, from its colour and the light that
-it gets.
+All colours are in linear light.
 """
 
-import dataclasses
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 import scipy.ndimage
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Float, Int
 
-from data_gen import grounds, lights, shading
-from data_gen.cameras import Camera
+from data_gen import lights, shading
 from data_gen.grounds import Ground
-from data_gen.scene import Surfaces
+from data_gen.scene import RayHits, Surfaces
 from data_gen.surroundings import Surroundings
 
 PATTERNS = 16
 """Patterns of rays that take turns."""
 
 _LIGHT_SIZE = (64, 128)
+
 _TABLE = (17, 32)
 
 # Rays begin this far off the surface along the normal, and as far again along themselves: coarse
@@ -47,60 +38,6 @@ _LAYERS = 4
 
 # Sharpness of the reflections that maps are made for: deviation in radians.
 _BLURS = (0.0, 0.1, 0.25, 0.5)
-
-# Brighter than this times white is cut off before the lens blurs.
-_BRIGHTEST = 6.0
-
-Range = tuple[float, float]
-
-
-@dataclasses.dataclass(frozen=True)
-class FilmSettings:
-    """How a camera turns light into a picture, for "photo" shading; ranges are drawn from.
-
-    Attributes:
-      exposure: in stops, from that of an automatic camera.
-      white_balance: how much of the light's colour is taken out, 0 to 1.
-      contrast: of the tone curve, 0 = none, 1 = that of films.
-      saturation: factor on the distance of colours from grey.
-      vignette: how much darker the corners are, 0 to 1.
-      blur: of the lens: deviation in pixels.
-      grain: of the sensor: deviation at middle grey, 1 = white.
-    """
-
-    exposure: Range = (-0.6, 0.5)
-    white_balance: Range = (0.6, 1.0)
-    contrast: Range = (0.7, 1.0)
-    saturation: Range = (0.9, 1.25)
-    vignette: Range = (0.0, 0.25)
-    blur: Range = (0.3, 0.6)
-    grain: Range = (0.0, 0.02)
-
-    def __post_init__(self) -> None:
-        """Checks the ranges."""
-        limits = {
-            "exposure": (-10.0, 10.0),
-            "white_balance": (0.0, 1.0),
-            "contrast": (0.0, 1.0),
-            "saturation": (0.0, 4.0),
-            "vignette": (0.0, 1.0),
-            "blur": (0.0, 10.0),
-            "grain": (0.0, 1.0),
-        }
-        for name, (low, high) in limits.items():
-            value = getattr(self, name)
-            if len(value) != 2 or not low <= value[0] <= value[1] <= high:
-                raise ValueError(
-                    f"film.{name}: got {value}, expected (low, high) from {low:g} to {high:g}"
-                )
-
-
-class RayHits(NamedTuple):
-    """Where rays meet the mesh: face (-1 = nowhere), barycentric weights, ray parameter."""
-
-    face: Int[np.ndarray, " n"]
-    weights: Float[np.ndarray, "n 3"]
-    t: Float[np.ndarray, " n"]
 
 
 def linear(display: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
@@ -146,7 +83,7 @@ def _between(values: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndar
     return result
 
 
-def _blurred(radiance: np.ndarray, radians: float) -> np.ndarray:
+def blurred(radiance: np.ndarray, radians: float) -> np.ndarray:
     """A map blurred by about an angle."""
     pixels = radians / np.pi * len(radiance)
     result: np.ndarray = scipy.ndimage.gaussian_filter(
@@ -197,6 +134,8 @@ class Light:
         rng: np.random.Generator,
     ) -> None:
         """Prepares rays and tables.
+
+        One function: each table is made of those before it, in the order of the draws.
 
         Args:
           around: where light comes from.
@@ -256,7 +195,7 @@ class Light:
         self.open_ground = self.in_the_open(np.array([[0, 0, 1]], np.float32))[0]
         self._small = small.reshape(-1, 3).astype(np.float32)
         self._sharp = [whole.astype(np.float32)] + [
-            _blurred(small, b).astype(np.float32) for b in _BLURS[1:]
+            blurred(small, b).astype(np.float32) for b in _BLURS[1:]
         ]
         count = len(surfaces.material)
         colour, _ = shading.look_up(
@@ -474,225 +413,3 @@ def fresnel(
     """Reflectance by angle (Schlick 1994); rough surfaces gain less at grazing angles."""
     most = np.where(straight > 0, np.maximum(straight, (1 - blur)[:, None] * 0.7), 0)
     return straight + (most - straight) * ((1 - np.clip(cosine, 0, 1)) ** 5)[:, None]
-
-
-def smooth(
-    values: Float[np.ndarray, "h w 3"],
-    valid: Bool[np.ndarray, "h w"],
-    guides: Float[np.ndarray, "h w 7"] | None,
-    *,
-    step: int = 1,
-) -> Float[np.ndarray, "h w 3"]:
-    """Means over 4 x 4 pixels (with halves at both ends) that belong to the same surface.
-
-    Args:
-      values: to smooth.
-      valid: where there are any.
-      guides: normal, place, and how far off the normal's plane still counts; None = all is one.
-      step: distance of the pixels.
-    """
-    result = values
-    for axis in (0, 1):
-        total = np.zeros_like(values)
-        weight = np.zeros((*valid.shape, 1), np.float32)
-        for offset, share in zip((-2, -1, 0, 1, 2), (0.5, 1, 1, 1, 0.5), strict=True):
-            here, there = [slice(None)] * 2, [slice(None)] * 2
-            size = valid.shape[axis]
-            move = offset * step
-            here[axis] = slice(max(0, -move), min(size, size - move))
-            there[axis] = slice(max(0, move), min(size, size + move))
-            at, of = tuple(here), tuple(there)
-            part = share * (valid[at] & valid[of]).astype(np.float32)
-            if guides is not None and offset:
-                mine, its = guides[at], guides[of]
-                same = np.einsum("hwd,hwd->hw", mine[..., :3], its[..., :3])
-                off = np.abs(
-                    np.einsum("hwd,hwd->hw", mine[..., :3], mine[..., 3:6] - its[..., 3:6])
-                )
-                part = part * np.clip(10 * same - 8.5, 0, 1) * (off < mine[..., 6] * step)
-            total[at] += part[..., None] * result[of]
-            weight[at] += part[..., None]
-        result = total / np.maximum(weight, 1e-6)
-    return result
-
-
-# --- What is behind ----------------------------------------------------------------------------
-
-
-def backdrop(
-    light: Light,
-    around: Surroundings,
-    ground: Ground | None,
-    camera: Camera,
-    rays: Float[np.ndarray, "n 3"],
-    hidden: Bool[np.ndarray, "h w"],
-    *,
-    blur: float,
-) -> Float[np.ndarray, "h w 3"]:
-    """The picture without the object but with its shadow: ground, and surroundings.
-
-    Args:
-      light: of the scene.
-      around: the surroundings.
-      ground: in them; None = there is none.
-      camera: of the view.
-      rays: through the pixels' centres, z = 1 along the optical axis.
-      hidden: pixels that the object hides; there it may be anything.
-      blur: of what is far away, in radians.
-    """
-    height, width = camera.image_size
-    origin = camera.position.astype(np.float32)
-    length = np.linalg.norm(rays, axis=1)
-    along = rays / length[:, None]
-    beyond = along
-    if around.room is not None:
-        beyond = _on_walls(around, origin, along)
-    radiance = around.radiance
-    if blur > 0:
-        radiance = _blurred(radiance, blur)
-    result = look_around(radiance, beyond)
-    if ground is None:
-        return result.reshape(height, width, 3)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.where(along[:, 2] < -1e-4, -origin[2] / along[:, 2], np.inf)
-    down = np.flatnonzero(np.isfinite(reach) & (reach < 400))
-    t = reach[down]
-    place = origin[:2] + t[:, None] * along[down, :2]
-    held = ground.holds(place)
-    # Edges are smooth: a pixel's share is that of nine places in it.
-    share = np.ones(len(down), np.float32)
-    focal = np.float32(camera.intrinsics[0, 0])
-    grazing = np.maximum(-along[down, 2], 0.01)
-    if np.isfinite(ground.half).any():
-        share[:] = 0
-        side = np.cross(along[down], [0, 0, 1.0])[:, :2]
-        front = np.stack([side[:, 1], -side[:, 0]], axis=1)
-        for a in (-1, 0, 1):
-            for b in (-1, 0, 1):
-                moved = place + (a * side + b * front / grazing[:, None]) * (t / focal / 3)[:, None]
-                share += ground.holds(moved) / np.float32(9)
-        held = share > 0
-    down, t, place, share, grazing = (a[held] for a in (down, t, place, share, grazing))
-    points = np.concatenate([place, np.zeros((len(place), 1))], axis=1).astype(np.float32)
-    rows, columns = np.divmod(down, width)
-    up = np.broadcast_to(np.array([0, 0, 1], np.float32), points.shape)
-    lit = np.tile(light.open_ground, (len(points), 1))
-    near = np.flatnonzero((np.linalg.norm(place, axis=1) < 4.0) & ~hidden.ravel()[down])
-    pattern = (rows % 4 * 4 + columns % 4)[near]
-    lit[near] = light.gather(points[near], up[near], pattern, far=True)
-    colour = ground.colour(place.astype(np.float32), t / focal / np.sqrt(grazing))
-    seen = np.zeros((height * width, 3), np.float32)
-    valid = np.zeros(height * width, np.bool_)
-    seen[down], valid[down] = lit, True
-    valid &= ~hidden.ravel()
-    lit_image = smooth(seen.reshape(height, width, 3), valid.reshape(height, width), None)
-    lit = lit_image.reshape(-1, 3)[down]
-    value = colour * lit
-    if ground.gloss > 0:
-        view = -along[down]
-        # Floors are worn: what they mirror is spread, the more the further it is from them.
-        rough = np.full(len(down), 0.25, np.float32)
-        mirror = fresnel(np.full((len(down), 3), ground.gloss, np.float32), view[:, 2], rough)
-        uneven = up + light.spread[rows % 4 * 4 + columns % 4] * np.float32(0.06)
-        uneven /= np.linalg.norm(uneven, axis=1, keepdims=True)
-        seen[:], valid[:] = 0, False
-        seen[down], valid[down] = 0.6 * mirror * light.reflect(points, uneven, view, rough), True
-        seen_image = smooth(seen.reshape(height, width, 3), valid.reshape(height, width), None)
-        value += seen_image.reshape(-1, 3)[down]
-    if ground.sweep > 0:
-        # Paper that bends upward behind the object, as light as what looks to the camera.
-        wall = ground.mean * light.in_the_open(np.array([[1.0, 0.0, 0.0]], np.float32))
-        bend = np.clip((-place[:, 0] - ground.sweep) / (2 * ground.sweep), 0, 1)[:, None]
-        value = value * (1 - bend**2 * (3 - 2 * bend)) + wall * bend**2 * (3 - 2 * bend)
-        rise = np.clip(along[:, 2:3] * 1.5, 0, 0.4)
-        result = np.broadcast_to(wall, result.shape) * (1 - rise)
-    elif not np.isfinite(ground.half).any():
-        haze = (1 - np.exp(-((t / 80) ** 2)))[:, None]
-        middle = len(radiance) // 2
-        level = np.median(radiance[middle - max(middle // 30, 1) : middle], axis=(0, 1))
-        value = value * (1 - haze) + haze * level
-    result[down] += share[:, None] * (value - result[down])
-    return result.reshape(height, width, 3)
-
-
-def _on_walls(around: Surroundings, origin: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Directions from the object to the places on a room's walls that rays from elsewhere meet."""
-    room = around.room
-    assert room is not None
-    angle = np.deg2rad(room.turn)
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0],
-                     [0, 0, 1]], np.float32)  # fmt: skip
-    start, ray = origin @ turn, along @ turn
-    high = np.array([*room.half, room.ceiling], np.float32)
-    low = np.array([-room.half[0], -room.half[1], min(room.floor, -1e-3)], np.float32)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        leave = np.fmax((low - start) / ray, (high - start) / ray).min(axis=1)
-    place = start + np.maximum(leave, 1e-3)[:, None] * ray
-    place = place @ turn.T
-    result: np.ndarray = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), 1e-6)
-    return result.astype(np.float32)
-
-
-# --- The film ----------------------------------------------------------------------------------
-
-
-def develop(
-    light: Float[np.ndarray, "h w 3"],
-    weight: Float[np.ndarray, "h w"],
-    settings: FilmSettings,
-    rng: np.random.Generator,
-    *,
-    illuminant: Float[np.ndarray, " 3"],
-) -> UInt8[np.ndarray, "h w 3"]:
-    """The picture that a camera makes of light.
-
-    Args:
-      light: linear.
-      weight: what the exposure is measured on.
-      settings: of the film.
-      rng: of the draw.
-      illuminant: colour of the light.
-    """
-    height, width = weight.shape
-    draw = {
-        f.name: float(rng.uniform(*getattr(settings, f.name))) for f in dataclasses.fields(settings)
-    }
-    shift = 1 + 0.02 * rng.standard_normal(3)
-    balance = (illuminant.mean() / np.maximum(illuminant, 1e-6)) ** draw["white_balance"] * shift
-    values = light * balance.astype(np.float32)
-    grey = values.mean(axis=-1)
-    middle = np.exp((np.log(grey + 1e-4 * grey.max() + 1e-9) * weight).sum() / weight.sum())
-    gain = 0.2 * 2 ** draw["exposure"] / middle
-    # What is bright may be white, but not large parts of the picture.
-    bright = max(float(np.quantile(grey, 0.93)), 1e-9)
-    gain = min(gain, 0.75 * 2 ** max(draw["exposure"], 0) / bright)
-    values = values * np.float32(gain)
-    values = np.clip(values, 0, _BRIGHTEST)
-    if draw["vignette"] > 0:
-        rows, columns = np.mgrid[:height, :width]
-        away = np.hypot(rows / height - 0.5, columns / width - 0.5)[..., None]
-        values = values * (1 - draw["vignette"] * 2 * away**2).astype(np.float32)
-    if draw["blur"] > 0:
-        values = scipy.ndimage.gaussian_filter(values, (draw["blur"], draw["blur"], 0))
-    if draw["grain"] > 0:
-        # The sensor counts light: noise grows with its root, a little is always there.
-        spread = draw["grain"] * np.sqrt(0.05 + values / 0.2).astype(np.float32) * 0.4
-        values = values + spread * rng.standard_normal(values.shape, np.float32)
-        values = np.maximum(values, 0)
-    # Plain values with a soft shoulder, and a film's curve (Narkowicz 2015).
-    plain = np.where(values < 0.6, values, 1 - 0.4 * np.exp(-(values - 0.6) / 0.4))
-    x = values * np.float32(0.75)
-    film = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
-    mixed = plain + draw["contrast"] * (film - plain)
-    grey = mixed.mean(axis=-1, keepdims=True)
-    mixed = grey + np.float32(draw["saturation"]) * (mixed - grey)
-    return np.rint(255 * np.clip(mixed, 0, 1) ** (1 / 2.2)).astype(np.uint8)
-
-
-def draw_ground(
-    rng: np.random.Generator, kind: str, around: Surroundings, camera: Camera
-) -> Ground | None:
-    """The ground of a view; None if none is wanted or the camera is below it."""
-    if kind == "none" or camera.position[2] < 0.03:
-        return None
-    return grounds.draw(rng, kind, around)

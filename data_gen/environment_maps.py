@@ -1,0 +1,157 @@
+"""Environment maps: Mitsuba's skies, and files of a folder.
+
+    python -m data_gen.environment_maps
+
+is the process that makes and reads them for `load_maps`.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from data_gen import ROOT, engine, lights
+from data_gen.mitsuba_setup import Variant
+
+
+def load_maps(
+    settings: lights.LightSettings, variant: Variant, *, detail: bool = False
+) -> Float[np.ndarray, "m h w 3"] | None:
+    """The environment maps of the settings; None = procedural skies, made for each view.
+
+    Args:
+      settings: of the light.
+      variant: of Mitsuba.
+      detail: whether they are of the size that a picture's background takes; those of the source
+        "mixed" always are.
+
+    A process of its own reads them: it keeps its threads, without which EXR files hang.
+
+    Raises:
+      ValueError: the folder has no map, or one cannot be read.
+    """
+    if settings.source == "procedural":
+        return None
+    names = []
+    if settings.source == "folder" or (settings.source == "mixed" and settings.folder):
+        names = [str(p.resolve()) for p in lights.list_maps(settings.folder)]
+    size = lights.DETAIL if detail or settings.source == "mixed" else lights.MAP_SIZE
+    skies = 0 if settings.source == "folder" else lights.NUM_SUNSKY
+    request = json.dumps({"variant": variant, "names": names, "size": size, "skies": skies})
+    done = subprocess.run(
+        [sys.executable, "-m", "data_gen.environment_maps"],
+        input=request.encode(), capture_output=True, check=False, timeout=600,
+        cwd=ROOT,
+    )  # fmt: skip
+    if done.returncode:
+        lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
+        raise ValueError(f"light.source {settings.source!r}: {lines[-1]}")
+    kind = np.float64 if size == lights.MAP_SIZE else np.float32
+    return np.frombuffer(done.stdout, kind).reshape(-1, *size, 3)
+
+
+def _write_maps() -> None:
+    request = json.loads(sys.stdin.read())
+    engine.start(*request["variant"], shrink_threads=False)
+    size = (request["size"][0], request["size"][1])
+    # From a clear morning to a hazy noon; a quarter of the rows and columns do for a large map.
+    coarse = max(1, size[0] // 64)
+    rng = np.random.default_rng(0)
+    maps = [
+        sunsky_map(
+            rng.uniform(2, 8), rng.uniform(15, 75), rng.uniform(0.15, 0.5),
+            (size[0] // coarse, size[1] // coarse),
+        ).repeat(coarse, axis=0).repeat(coarse, axis=1)
+        for _ in range(request["skies"])
+    ]  # fmt: skip
+    maps += [load_map(name, size) for name in request["names"]]
+    kind = np.float64 if size == lights.MAP_SIZE else np.float32
+    sys.stdout.buffer.write(np.stack(maps).astype(kind).tobytes())
+
+
+def load_map(
+    path: str | os.PathLike[str], size: tuple[int, int] = lights.MAP_SIZE
+) -> Float[np.ndarray, "h w 3"]:
+    """An environment map from an .hdr or .exr file, reduced to a size.
+
+    Call it only in a process whose thread pool has not been shrunk: with a single thread, reading
+    an EXR never ends. `load_maps` does that.
+
+    Raises:
+      ValueError: the file cannot be read, or is not twice as wide as high.
+    """
+    try:
+        bitmap = engine.mi.Bitmap(str(path)).convert(
+            engine.mi.Bitmap.PixelFormat.RGB, engine.mi.Struct.Type.Float32, srgb_gamma=False
+        )
+    except Exception as error:
+        raise ValueError(f"environment map {str(path)!r}: {error}"[:300]) from error
+    pixels = np.array(bitmap)
+    height, width = pixels.shape[:2]
+    # Folders of maps often hold pictures of lit balls, too, which would pass for odd surroundings.
+    if not 1.8 < width / height < 2.2:
+        raise ValueError(
+            f"environment map {str(path)!r}: {width} x {height} pixels, expected it twice as wide "
+            "as high (latitude and longitude)"
+        )
+    return lights.shrink(pixels, size)
+
+
+def sunsky_map(
+    turbidity: float,
+    sun_elevation_degrees: float,
+    albedo: float,
+    size: tuple[int, int] = lights.MAP_SIZE,
+) -> Float[np.ndarray, "h w 3"]:
+    """Mitsuba's model of sun and sky as a map of a size, on grey ground.
+
+    Args:
+      turbidity: 1 (clear) to 10 (hazy).
+      sun_elevation_degrees: of the sun above the horizon.
+      albedo: of the ground.
+      size: of the map.
+    """
+    elevation = np.deg2rad(sun_elevation_degrees)
+    emitter = {
+        "type": "sunsky",
+        "sun_direction": [float(np.cos(elevation)), 0.0, float(np.sin(elevation))],
+        "turbidity": float(turbidity),
+        "albedo": float(albedo),
+        "sun_scale": 0.0,
+        "complex_sun": False,
+    }
+    scene = engine.mi.load_dict({"type": "scene", "sky": emitter})
+    sky = scene.emitters()[0]
+    toward = lights.directions_of(size).reshape(-1, 3)
+    values = np.zeros((len(toward), 3))
+    above = toward[:, 2] > 0
+
+    def evaluate(away: list[Any]) -> np.ndarray:
+        hit = engine.dr.zeros(engine.mi.SurfaceInteraction3f)
+        hit.wi = engine.mi.Vector3f(*away)
+        return np.array(sky.eval(hit), np.float64)
+
+    if engine.mi.variant().startswith("scalar"):
+        values[above] = [evaluate((-d).tolist()) for d in toward[above]]
+    else:
+        columns = (-toward[above]).T.astype(np.float32)
+        values[above] = evaluate([engine.mi.Float(np.ascontiguousarray(c)) for c in columns]).T
+    grid = values.reshape(*size, 3)
+    angles = lights.solid_angles(size)[..., None]
+    # The sun is half a degree wide: no map this small holds it. It is added with the energy that
+    # makes direct light about four times the sky's on a clear day, less in haze.
+    energy = (grid * angles).sum(axis=(0, 1))
+    row = int((90 - sun_elevation_degrees) / 180 * size[0])
+    warm = np.array([1.0, 0.95, 0.85])
+    grid[row, 0] += energy.mean() * warm * 4 / np.sqrt(turbidity) / angles[row, 0]
+    below = lights.directions_of(size)[..., 2] <= 0
+    grid[below] = albedo * (grid * angles).sum(axis=(0, 1)) / (2 * np.pi) / 2
+    return grid
+
+
+if __name__ == "__main__":
+    _write_maps()

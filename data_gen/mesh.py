@@ -1,0 +1,408 @@
+"""The neutral mesh: flat arrays, materials, normals.
+
+A `Model` is triangles with a material each. `build_model` makes one of raw arrays and cleans them,
+`data_gen.readers` reads one from a file, `data_gen.catalogues` says where models come from.
+
+Colours are display values (sRGB) in [0, 1], as material files have them.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
+from jaxtyping import Float, Int, UInt8
+
+MAX_FACES = 400_000
+"""Default limit of a model's faces.
+
+Reading an OBJ file takes about 1 kB of memory for each: 1 GB for a million.
+"""
+
+CREASE_DEGREES = 40.0
+"""Default crease angle: faces that meet at a sharper edge do not share a normal there."""
+
+EXISTS = 0.1
+"""Opacity below which a surface does not exist: it is a hole of an alpha map, or nothing at all.
+
+Window glass is far above it and part of the object."""
+
+# Of the squared extent: a face with less area than this is a line or a point.
+_DEGENERATE = 1e-12
+
+# Vertices nearer than this part of the extent are one vertex when edges are looked for.
+_WELD = 2.0**-20
+
+
+class UnusableModelError(ValueError):
+    """A model that no sample can be made of; the message says why."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Material:
+    """How a surface looks (Blinn-Phong).
+
+    Attributes:
+      diffuse: RGB; multiplies the texture where there is one.
+      specular: RGB of the highlight.
+      shininess: exponent of the highlight.
+      opacity: 1 = opaque; multiplies the texture's alpha.
+      texture: uint8 [H, W, 4], RGBA, first row on top; repeated outside of [0, 1]^2. Its first
+        row is at v = 1, its last at v = 0.
+      name: of the material in its file.
+    """
+
+    diffuse: tuple[float, float, float] = (0.6, 0.6, 0.6)
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shininess: float = 20.0
+    opacity: float = 1.0
+    texture: np.ndarray | None = None
+    name: str = ""
+
+    @functools.cached_property
+    def has_alpha(self) -> bool:
+        """Whether the texture has texels that are not opaque."""
+        return self.texture is not None and bool((self.texture[..., 3] < 255).any())
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Model:
+    """Triangles with materials.
+
+    Attributes:
+      vertices: float64 [V, 3].
+      faces: int64 [F, 3], counter-clockwise seen from outside.
+      normals: float32 [F, 3, 3], a unit normal for each corner of each face.
+      uv: float32 [F, 3, 2], texture coordinates of the corners; 0 where there are none.
+      face_material: int64 [F], index into `materials`.
+      materials: at least one.
+      category: of the object, "" where unknown.
+      model_id: name of the object, unique in its catalogue.
+      parameters: what is known of how the model was made; a procedural one's hidden ones, too.
+      warnings: what was missing or wrong and what stands in for it.
+    """
+
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
+    normals: Float[np.ndarray, "f 3 3"]
+    uv: Float[np.ndarray, "f 3 2"]
+    face_material: Int[np.ndarray, " f"]
+    materials: tuple[Material, ...]
+    category: str = ""
+    model_id: str = ""
+    parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Checks that the arrays fit together."""
+        count = len(self.faces)
+        for name, shape in {
+            "vertices": (len(self.vertices), 3),
+            "faces": (count, 3),
+            "normals": (count, 3, 3),
+            "uv": (count, 3, 2),
+            "face_material": (count,),
+        }.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(
+                    f"model {name}: got shape {getattr(self, name).shape}, expected {shape}"
+                )
+        for name, limit in (("faces", len(self.vertices)), ("face_material", len(self.materials))):
+            index = getattr(self, name)
+            if count and not 0 <= index.min() <= index.max() < limit:
+                raise ValueError(
+                    f"model {name}: got indices {index.min()} to {index.max()}, expected 0 to "
+                    f"{limit - 1}"
+                )
+
+    def corners(self) -> Float[np.ndarray, "f 3 3"]:
+        """Positions of the faces' corners."""
+        return self.vertices[self.faces]
+
+    @functools.cached_property
+    def edges(self) -> Int[np.ndarray, "e 2"]:
+        """Pairs of vertices that a face has an edge between, each once."""
+        faces = self.faces
+        one = np.concatenate([faces[:, 0], faces[:, 1], faces[:, 2]])
+        two = np.concatenate([faces[:, 1], faces[:, 2], faces[:, 0]])
+        key = np.unique(np.minimum(one, two) * len(self.vertices) + np.maximum(one, two))
+        return np.stack(np.divmod(key, len(self.vertices)), axis=1)
+
+    def transformed(self, matrix: Float[np.ndarray, "3 4"]) -> "Model":
+        """The model under `matrix[:, :3] @ vertex + matrix[:, 3]`; a mirroring turns faces over."""
+        linear = np.asarray(matrix, np.float64)[:, :3]
+        determinant = np.linalg.det(linear)
+        if not np.isfinite(matrix).all() or determinant == 0:
+            raise ValueError(
+                f"matrix: got {np.asarray(matrix).tolist()}, expected an invertible one"
+            )
+        # Normals go with the inverse transpose.
+        normals = unit_vectors(self.normals @ np.linalg.inv(linear))
+        turn = slice(None, None, -1 if determinant < 0 else 1)
+        return dataclasses.replace(
+            self,
+            vertices=self.vertices @ linear.T + np.asarray(matrix)[:, 3],
+            faces=self.faces[:, turn],
+            normals=normals[:, turn].astype(np.float32),
+            uv=self.uv[:, turn],
+        )
+
+
+def build_model(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    *,
+    materials: Sequence[Material] = (),
+    face_material: np.ndarray | None = None,
+    normals: np.ndarray | None = None,
+    uv: np.ndarray | None = None,
+    category: str = "",
+    model_id: str = "",
+    parameters: Mapping[str, Any] | None = None,
+    warnings: Sequence[str] = (),
+    crease_degrees: float = CREASE_DEGREES,
+    max_faces: int = MAX_FACES,
+) -> Model:
+    """Cleans raw arrays and completes them to a `Model`.
+
+    One function: each step cleans what the next takes for granted.
+
+    Dropped: faces whose indices point outside, faces without area, faces of materials that are
+    fully transparent, vertices that no face uses. Corner normals that are missing, zero or not
+    finite are made by `crease_normals`; a face whose given normals point to its back is turned
+    over. Everything dropped in number is told in the warnings.
+
+    Args:
+      vertices: [V, 3].
+      faces: [F, 3].
+      materials: none = one grey material.
+      face_material: [F], None = all 0.
+      normals: [F, 3, 3] for corners, or None.
+      uv: [F, 3, 2] for corners, or None.
+      category: see `Model`.
+      model_id: see `Model`.
+      parameters: see `Model`.
+      warnings: see `Model`; more are added.
+      crease_degrees: see `crease_normals`.
+      max_faces: more are refused.
+
+    Raises:
+      UnusableModelError: no face is left, too many faces, vertices that are not finite.
+    """
+    notes = list(warnings)
+    vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
+    faces = np.asarray(faces, np.int64).reshape(-1, 3)
+    check_face_count(len(faces), max_faces)
+    materials = tuple(materials) or (Material(),)
+    owner = np.zeros(len(faces), np.int64) if face_material is None else np.asarray(face_material)
+
+    keep = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
+    if not keep.all():
+        notes.append(f"{int((~keep).sum())} faces with vertices that do not exist dropped")
+    seen = np.array([m.opacity >= EXISTS for m in materials])[owner]
+    if not seen[keep].all():
+        notes.append(f"{int((keep & ~seen).sum())} fully transparent faces dropped")
+    keep &= seen
+    used = vertices[faces[keep]]
+    if not np.isfinite(used).all():
+        bad = int((~np.isfinite(used)).any(axis=2).sum())
+        raise UnusableModelError(f"{bad} corners of faces have coordinates that are not finite")
+    if len(used):
+        # Centred: far from the origin the products below would lose all digits.
+        extent = float(np.ptp(used.reshape(-1, 3), axis=0).max())
+        cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])
+        flat = np.linalg.norm(cross, axis=1) <= _DEGENERATE * extent**2
+        if flat.any():
+            notes.append(f"{int(flat.sum())} degenerate faces dropped")
+            keep[np.flatnonzero(keep)[flat]] = False
+    if not keep.any():
+        raise UnusableModelError("the mesh is empty: it has no face with an area")
+
+    faces, owner = faces[keep], owner[keep].astype(np.int64)
+    index, flat_faces = np.unique(faces, return_inverse=True)
+    vertices, faces = vertices[index], flat_faces.reshape(-1, 3)
+    if uv is None:
+        texture_coordinates = np.zeros((len(faces), 3, 2), np.float32)
+    else:
+        texture_coordinates = np.nan_to_num(
+            np.asarray(uv, np.float32).reshape(-1, 3, 2)[keep], posinf=0, neginf=0
+        )
+    given = None if normals is None else np.asarray(normals, np.float64).reshape(-1, 3, 3)[keep]
+    if given is not None:
+        given = unit_vectors(np.nan_to_num(given, posinf=0, neginf=0))
+        flat_normal = face_normals(vertices, faces)
+        over = (given.sum(axis=1) * flat_normal).sum(axis=1) < 0
+        faces[over] = faces[over][:, ::-1]
+        given[over] = given[over][:, ::-1]
+        texture_coordinates[over] = texture_coordinates[over][:, ::-1]
+    if given is None:
+        given = crease_normals(vertices, faces, crease_degrees)
+    else:
+        missing = (given == 0).all(axis=2)
+        if missing.any():
+            if not missing.all():
+                notes.append(f"{int(missing.sum())} corner normals missing or zero, made anew")
+            given = np.where(
+                missing[..., None], crease_normals(vertices, faces, crease_degrees), given
+            )
+    return Model(
+        vertices=vertices,
+        faces=faces,
+        normals=given.astype(np.float32),
+        uv=texture_coordinates,
+        face_material=owner,
+        materials=materials,
+        category=category,
+        model_id=model_id,
+        parameters=dict(parameters or {}),
+        warnings=tuple(notes),
+    )
+
+
+def check_face_count(count: int, max_faces: int) -> None:
+    """Refuses meshes with more than `max_faces` faces.
+
+    Raises:
+      UnusableModelError: there are more.
+    """
+    if count > max_faces:
+        raise UnusableModelError(f"{count} faces are more than the limit of {max_faces}")
+
+
+def unit_vectors(v: np.ndarray) -> np.ndarray:
+    """The vectors at length 1; 0 for one without length."""
+    length = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.where(length > 1e-12, v / np.maximum(length, 1e-30), 0)
+
+
+def row_dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Dot products of the rows of two arrays."""
+    result: np.ndarray = np.einsum("nd,nd->n", a, b)
+    return result
+
+
+def face_normals(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> Float[np.ndarray, "f 3"]:
+    """Unit normals of the faces, by the right-hand rule; 0 for a face without area."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    length = np.linalg.norm(cross, axis=1, keepdims=True)
+    return cross / np.maximum(length, 1e-300)
+
+
+def face_areas(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> Float[np.ndarray, " f"]:
+    """Areas of the faces."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def weld(vertices: np.ndarray) -> np.ndarray:
+    """A number [V] for each vertex, equal where positions are (to a 2^-20 of the extent)."""
+    low = vertices.min(axis=0)
+    extent = max(float((vertices.max(axis=0) - low).max()), 1e-300)
+    cells = np.rint((vertices - low) / (extent * _WELD)).astype(np.int64)
+    key = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+    return np.unique(key, return_inverse=True)[1].reshape(-1)
+
+
+def crease_normals(
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    crease_degrees: float = CREASE_DEGREES,
+) -> Float[np.ndarray, "f 3 3"]:
+    """Corner normals that are smooth over flat edges and break at sharp ones.
+
+    Two faces that share an edge (by position, whether or not they share vertices) and whose
+    normals differ by less than `crease_degrees` share a normal at the edge's ends. A shared normal
+    is the mean of the faces' normals, weighted by their angles at the vertex.
+
+    Args:
+      vertices: finite.
+      faces: with an area.
+      crease_degrees: 0 = flat shading, 180 = smooth everywhere.
+    """
+    count = len(faces)
+    corner = weld(vertices)[faces]
+    normal = face_normals(vertices, faces)
+    nodes = np.arange(3 * count).reshape(count, 3)
+    start, end = corner.ravel(), np.roll(corner, -1, axis=1).ravel()
+    start_node, end_node = nodes.ravel(), np.roll(nodes, -1, axis=1).ravel()
+    ordered = start < end
+    low, high = np.where(ordered, start, end), np.where(ordered, end, start)
+    low_node = np.where(ordered, start_node, end_node)
+    high_node = np.where(ordered, end_node, start_node)
+    key = low * (int(corner.max()) + 1) + high
+    order = np.argsort(key, kind="stable")
+    links: list[tuple[np.ndarray, np.ndarray]] = []
+    limit = np.cos(np.radians(crease_degrees))
+    # An edge of a proper surface has two faces. Where more meet, each is compared with the next
+    # three, which finds the partners without a cost that grows with the square of their number.
+    for offset in (1, 2, 3):
+        one, two = order[:-offset], order[offset:]
+        same = key[one] == key[two]
+        one, two = one[same], two[same]
+        smooth = (normal[one // 3] * normal[two // 3]).sum(axis=1) > limit
+        one, two = one[smooth], two[smooth]
+        links += [(low_node[one], low_node[two]), (high_node[one], high_node[two])]
+    rows = np.concatenate([a for a, _ in links])
+    columns = np.concatenate([b for _, b in links])
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(rows), np.int8), (rows, columns)), shape=(3 * count, 3 * count)
+    )
+    groups, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    triangle = vertices[faces]
+    along = unit_vectors(np.roll(triangle, -1, axis=1) - triangle)
+    back = -np.roll(along, 1, axis=1)
+    angle = np.arccos(np.clip((along * back).sum(axis=2), -1, 1)).ravel()
+    each = np.repeat(normal, 3, axis=0)
+    total = np.stack([np.bincount(label, angle * each[:, k], groups) for k in range(3)], axis=1)
+    result = unit_vectors(total)[label]
+    lost = (result == 0).all(axis=1)
+    result[lost] = each[lost]
+    return result.reshape(count, 3, 3)
+
+
+def faces_with_alpha(model: Model) -> Int[np.ndarray, " n"]:
+    """Faces that may have holes."""
+    alpha = np.array([m.has_alpha for m in model.materials])
+    return np.flatnonzero(alpha[model.face_material])
+
+
+def opacity_at(
+    model: Model, face: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, " n"]:
+    """Opacity at points of faces: the material's times the alpha of the nearest texel.
+
+    Args:
+      model: with textures.
+      face: indices of faces.
+      weights: barycentric coordinates of the points.
+    """
+    owner = model.face_material[face]
+    result = np.array([m.opacity for m in model.materials])[owner]
+    for index, material in enumerate(model.materials):
+        if not material.has_alpha:
+            continue
+        here = np.flatnonzero(owner == index)
+        uv = (model.uv[face[here]] * weights[here][..., None]).sum(axis=1)
+        result[here] *= texels(material.texture, uv)[:, 3] / 255.0
+    return result
+
+
+def texels(
+    texture: UInt8[np.ndarray, "h w 4"] | None, uv: Float[np.ndarray, "n 2"]
+) -> UInt8[np.ndarray, "n 4"]:
+    """The nearest texel at each coordinate; the texture repeats, its first row is at v = 1."""
+    if texture is None:
+        return np.full((len(uv), 4), 255, np.uint8)
+    height, width = texture.shape[:2]
+    wrapped = uv - np.floor(uv)
+    column = np.minimum((wrapped[:, 0] * width).astype(np.int64), width - 1)
+    row = np.minimum(((1 - wrapped[:, 1]) * height).astype(np.int64), height - 1)
+    return texture[row, column]

@@ -1,0 +1,44 @@
+"""A filter that averages light over pixels of the same surface."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+
+def smooth(
+    values: Float[np.ndarray, "h w 3"],
+    valid: Bool[np.ndarray, "h w"],
+    guides: Float[np.ndarray, "h w 7"] | None,
+    *,
+    step: int = 1,
+) -> Float[np.ndarray, "h w 3"]:
+    """Means over 4 x 4 pixels (with halves at both ends) that belong to the same surface.
+
+    Args:
+      values: to smooth.
+      valid: where there are any.
+      guides: normal, place, and how far off the normal's plane still counts; None = all is one.
+      step: distance of the pixels.
+    """
+    result = values
+    for axis in (0, 1):
+        total = np.zeros_like(values)
+        weight = np.zeros((*valid.shape, 1), np.float32)
+        for offset, share in zip((-2, -1, 0, 1, 2), (0.5, 1, 1, 1, 0.5), strict=True):
+            here, there = [slice(None)] * 2, [slice(None)] * 2
+            size = valid.shape[axis]
+            move = offset * step
+            here[axis] = slice(max(0, -move), min(size, size - move))
+            there[axis] = slice(max(0, move), min(size, size + move))
+            at, of = tuple(here), tuple(there)
+            part = share * (valid[at] & valid[of]).astype(np.float32)
+            if guides is not None and offset:
+                mine, its = guides[at], guides[of]
+                same = np.einsum("hwd,hwd->hw", mine[..., :3], its[..., :3])
+                off = np.abs(
+                    np.einsum("hwd,hwd->hw", mine[..., :3], mine[..., 3:6] - its[..., 3:6])
+                )
+                part = part * np.clip(10 * same - 8.5, 0, 1) * (off < mine[..., 6] * step)
+            total[at] += part[..., None] * result[of]
+            weight[at] += part[..., None]
+        result = total / np.maximum(weight, 1e-6)
+    return result

@@ -1,0 +1,268 @@
+"""All formats but Wavefront OBJ, by trimesh."""
+
+import io
+import json
+import posixpath
+import struct
+import warnings as python_warnings
+from typing import Any
+
+import numpy as np
+
+from data_gen.mesh import Material, UnusableModelError, check_face_count
+from data_gen.readers.files import Files
+from data_gen.readers.mtl import GREY, floats
+from data_gen.readers.notes import Notes
+from data_gen.readers.textures import bounded, decode_texture
+
+_MAX_XML_BYTES = 64 << 20
+
+_ARCHIVES = {"zip", "bz2", "tar.bz2", "tar.gz"}
+
+
+def _faces_in_header(data: bytes, kind: str) -> int:
+    """Number of faces that the file announces, 0 where its format does not say."""
+    head = data[:4096]
+    try:
+        if kind == "stl" and not (head.lstrip().startswith(b"solid") and b"facet" in head):
+            return struct.unpack("<I", data[80:84])[0]
+        if kind in ("stl", "stl_ascii"):
+            return data.count(b"endfacet")
+        if kind == "ply":
+            for line in head.split(b"end_header")[0].splitlines():
+                if line.startswith(b"element face"):
+                    return int(line.split()[2])
+        if kind == "off":
+            words = [w for ln in head.splitlines() for w in ln.split(b"#")[0].split()]
+            words = words[1:] if words and words[0].upper().endswith(b"OFF") else words
+            return int(words[1]) if len(words) > 1 else 0
+        if kind in ("glb", "gltf"):
+            length = struct.unpack("<I", data[12:16])[0]
+            tree = json.loads(data[20 : 20 + length] if kind == "glb" else data)
+            uses: dict[int, int] = {}
+            for node in tree.get("nodes", []):
+                if "mesh" in node:
+                    uses[node["mesh"]] = uses.get(node["mesh"], 0) + 1
+            corners = 0
+            for index, mesh in enumerate(tree.get("meshes", [])):
+                for part in mesh.get("primitives", []):
+                    accessor = part.get("indices", part.get("attributes", {}).get("POSITION"))
+                    count = tree["accessors"][accessor]["count"] if accessor is not None else 0
+                    corners += count * uses.get(index, 1)
+            return corners // 3
+    except (struct.error, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+        raise UnusableModelError(f"not readable as {kind}: {error}"[:200]) from error
+    return 0
+
+
+def _resolver(files: Files, base: str, notes: Notes) -> Any:
+    """`files` in the form in which trimesh asks for the files that a model refers to."""
+    import trimesh
+
+    class Resolver(trimesh.resolvers.Resolver):
+        def __init__(self) -> None:
+            pass
+
+        def get(self, key: str) -> bytes:
+            try:
+                return files.open(base, key)
+            except FileNotFoundError:
+                notes.add(f"file {key!r} is missing")
+                raise
+
+        def write(self, name: str, data: Any) -> None:
+            raise OSError(f"{name}: read only")
+
+        def namespaced(self, namespace: str) -> Any:
+            return _resolver(files, posixpath.join(base, namespace), notes)
+
+        def keys(self) -> list[str]:
+            return []
+
+    return Resolver()
+
+
+def _srgb(linear: float) -> float:
+    return float(min(max(linear, 0.0), 1.0) ** (1 / 2.2))
+
+
+def _from_trimesh_material(material: Any, side: int, notes: Notes) -> Material:
+    """One of trimesh's materials (simple or physically based) as Blinn-Phong."""
+    name = str(getattr(material, "name", "") or "")
+
+    def texture_of(picture: Any) -> np.ndarray | None:
+        if picture is None:
+            return None
+        try:
+            return decode_texture(picture, side)
+        except ValueError as error:
+            notes.add(f"texture of {name!r}: {error}; the plain colour stands in")
+            return None
+
+    def rgba(values: Any, fallback: tuple[float, ...]) -> list[float]:
+        if values is None:
+            return list(fallback)
+        raw = np.asarray(values)
+        scaled = raw / 255 if raw.dtype.kind in "ui" else raw
+        return [*np.clip(scaled.astype(float).ravel(), 0, 1), 1.0, 1.0, 1.0, 1.0][:4]
+
+    if hasattr(material, "baseColorFactor"):
+        texture = texture_of(material.baseColorTexture)
+        plain = (1.0, 1.0, 1.0, 1.0) if texture is not None else (*GREY, 1.0)
+        base = rgba(material.baseColorFactor, plain)
+        if material.baseColorFactor is not None:
+            base = [*(_srgb(v) for v in base[:3]), base[3]]  # glTF's factors are linear
+        mode = str(material.alphaMode or "OPAQUE").upper()
+        if texture is not None and mode != "BLEND" and (texture[..., 3] < 255).any():
+            cutoff = 0.5 if material.alphaCutoff is None else float(material.alphaCutoff)
+            solid = (texture[..., 3] >= 255 * cutoff) | (mode == "OPAQUE")
+            texture = np.dstack([texture[..., :3], np.where(solid, 255, 0).astype(np.uint8)])
+        rough = 0.8 if material.roughnessFactor is None else float(material.roughnessFactor)
+        metal = 0.0 if material.metallicFactor is None else float(material.metallicFactor)
+        if material.metallicRoughnessTexture is not None:
+            metal = min(metal, 0.5)
+        # The exponent whose lobe has the width of a microfacet lobe of that roughness.
+        shininess = min(max(2 / max(rough, 0.05) ** 4 - 2, 1.0), 1000.0)
+        strength = 1 - rough
+        return Material(
+            diffuse=(base[0], base[1], base[2]),
+            specular=tuple(strength * ((1 - metal) * 0.2 + metal * v) for v in base[:3]),  # type: ignore[arg-type]
+            shininess=shininess,
+            opacity=1.0 if mode == "OPAQUE" else base[3],
+            texture=texture,
+            name=name,
+        )
+    texture = texture_of(getattr(material, "image", None))
+    plain = (1.0, 1.0, 1.0, 1.0) if texture is not None else (*GREY, 1.0)
+    base = rgba(getattr(material, "diffuse", None), plain)
+    high = rgba(getattr(material, "specular", None), (0.0, 0.0, 0.0, 1.0))
+    gloss = floats([str(getattr(material, "glossiness", None) or 20.0)], 1) or [20.0]
+    return Material(
+        diffuse=(base[0], base[1], base[2]),
+        specular=(high[0], high[1], high[2]),
+        shininess=min(max(gloss[0], 1.0), 1000.0),
+        opacity=base[3],
+        texture=texture,
+        name=name,
+    )
+
+
+def _palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
+    """A material and uv [F, 3, 2] that give each face its own colour, uint8 [F, 4].
+
+    Colours are rounded to 5 bits; each distinct one is one texel.
+    """
+    key = (colours.astype(np.int64) >> 3) @ np.array([1 << 15, 1 << 10, 1 << 5, 1])
+    distinct, first, index = np.unique(key, return_index=True, return_inverse=True)
+    width = int(np.ceil(np.sqrt(len(distinct))))
+    texture = np.zeros((width * width, 4), np.uint8)
+    texture[: len(distinct)] = colours[first]
+    column, row = index % width, index // width
+    uv = np.stack([(column + 0.5) / width, 1 - (row + 0.5) / width], axis=1)
+    return (
+        Material(diffuse=(1.0, 1.0, 1.0), texture=texture.reshape(width, width, 4), name="colours"),
+        np.repeat(uv[:, None], 3, axis=1),
+    )
+
+
+def read_trimesh(
+    data: bytes, kind: str, files: Files, base: str, side: int, max_faces: int, notes: Notes
+) -> dict[str, Any]:
+    """Arrays of a file of any format that the installed trimesh reads, for `mesh.build_model`.
+
+    One function: one pass over the meshes of a scene, each with all of its looks.
+    """
+    import trimesh
+
+    formats = trimesh.available_formats() - _ARCHIVES
+    if kind not in formats:
+        raise UnusableModelError(f"format {kind!r}: expected one of {sorted(formats)}")
+    check_face_count(_faces_in_header(data, kind), max_faces)
+    if kind in ("dae", "zae", "3mf", "xaml", "3dxml"):
+        if len(data) > _MAX_XML_BYTES:
+            raise UnusableModelError(f"{len(data)} bytes of {kind}: more than {_MAX_XML_BYTES}")
+        if b"<!ENTITY" in data:
+            raise UnusableModelError("XML entities are refused")
+    try:
+        with python_warnings.catch_warnings():
+            python_warnings.simplefilter("ignore")
+            scene = trimesh.load_scene(
+                io.BytesIO(data),
+                file_type=kind,
+                resolver=_resolver(files, base, notes),
+                process=False,
+            )
+            names = [scene.graph[node] for node in scene.graph.nodes_geometry]
+    except Exception as error:
+        # A damaged file surfaces as any exception at all in a third-party reader.
+        what = f"{type(error).__name__}: {error}".splitlines()[0]
+        raise UnusableModelError(f"not readable as {kind}: {what}"[:200]) from error
+    vertices: list[np.ndarray] = []
+    faces: list[np.ndarray] = []
+    normals: list[np.ndarray] = []
+    uvs: list[np.ndarray] = []
+    owners: list[np.ndarray] = []
+    materials: list[Material] = []
+    known: dict[int, int] = {}
+    offset = total = 0
+    for matrix, name in names:
+        mesh = scene.geometry[name]
+        if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+            continue
+        total += len(mesh.faces)
+        check_face_count(total, max_faces)
+        corner = np.asarray(mesh.faces, np.int64)
+        if corner.min() < 0 or corner.max() >= len(mesh.vertices):
+            raise UnusableModelError(
+                f"not readable as {kind}: faces with vertices that do not exist"
+            )
+        linear = np.asarray(matrix, np.float64)[:3, :3]
+        vertices.append(np.asarray(mesh.vertices, np.float64) @ linear.T + matrix[:3, 3])
+        # Normals are kept where the file had them: only then are they in the cache already.
+        given = mesh._cache.cache.get("vertex_normals")
+        if given is not None and len(given) == len(mesh.vertices) and np.linalg.det(linear):
+            turned = np.asarray(given) @ np.linalg.inv(linear)
+            normals.append(turned[corner])
+        else:
+            normals.append(np.zeros((len(corner), 3, 3)))
+        if np.linalg.det(linear) < 0:
+            corner = corner[:, ::-1]
+            normals[-1] = normals[-1][:, ::-1]
+        visual: Any = mesh.visual
+        uv = np.zeros((len(corner), 3, 2))
+        if visual.kind == "texture":
+            coordinates = getattr(visual, "uv", None)
+            if coordinates is not None and len(coordinates) == len(mesh.vertices):
+                uv = np.asarray(coordinates, np.float64)[:, :2][corner]
+            key = id(visual.material)
+            if key not in known:
+                known[key] = len(materials)
+                materials.append(_from_trimesh_material(visual.material, side, notes))
+            owner = known[key]
+        elif visual.kind in ("vertex", "face"):
+            colours = np.asarray(
+                visual.face_colors
+                if visual.kind == "face"
+                else visual.vertex_colors[corner].mean(axis=1)
+            )
+            material, uv = _palette(colours.round().astype(np.uint8))
+            owner = len(materials)
+            materials.append(material)
+        else:
+            owner = len(materials)
+            materials.append(Material())
+        faces.append(corner + offset)
+        uvs.append(uv)
+        owners.append(np.full(len(corner), owner))
+        offset += len(mesh.vertices)
+    if not faces:
+        raise UnusableModelError("the mesh is empty: the file has no faces")
+    normal = np.concatenate(normals)
+    return {
+        "vertices": np.concatenate(vertices),
+        "faces": np.concatenate(faces),
+        "normals": normal if normal.any() else None,
+        "uv": np.concatenate(uvs),
+        "materials": bounded(materials, notes),
+        "face_material": np.concatenate(owners),
+    }

@@ -1,0 +1,96 @@
+"""Materials of Wavefront MTL files."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from data_gen.mesh import Material
+from data_gen.readers.textures import Textures, with_alpha_map
+
+GREY = (0.6, 0.6, 0.6)
+
+
+def floats(words: Sequence[str], count: int) -> list[float] | None:
+    """The first words as numbers; None where there are fewer or one is no finite number."""
+    try:
+        values = [float(w) for w in words[:count]]
+    except ValueError:
+        return None
+    return values if len(values) == count and np.isfinite(values).all() else None
+
+
+def _colour(words: Sequence[str]) -> tuple[float, float, float] | None:
+    values = floats(words, 3) or floats(list(words[:1]) * 3, 3)
+    if values is None:
+        return None
+    red, green, blue = (min(max(v, 0.0), 1.0) for v in values)
+    return red, green, blue
+
+
+# Options of a map statement and how many words each takes, from the MTL specification; those
+# that take up to three numbers take as many as there are.
+_MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1,
+                "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2}  # fmt: skip
+
+_MAP_VECTORS = ("-o", "-s", "-t")
+
+
+def _map_name(rest: str) -> str:
+    """The file name of a map statement, which may hold spaces, without the options before it."""
+    words = rest.split()
+    start = 0
+    while start < len(words) and words[start].lower() in {*_MAP_OPTIONS, *_MAP_VECTORS}:
+        option = words[start].lower()
+        start += 1
+        if option in _MAP_OPTIONS:
+            start += _MAP_OPTIONS[option]
+        else:
+            taken = 0
+            while start < len(words) - 1 and taken < 3 and floats([words[start]], 1):
+                start, taken = start + 1, taken + 1
+    return rest.strip() if start == 0 else " ".join(words[start:])
+
+
+def read_mtl(text: str, textures: Textures) -> dict[str, Material]:
+    """Materials of an MTL file, by name.
+
+    Read: Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd, map_d. A black Kd with a
+    texture counts as white: many exporters write that and mean the texture alone.
+    """
+    statements: dict[str, dict[str, str]] = {}
+    current: dict[str, str] = {}
+    for line in text.splitlines():
+        words = line.strip().split(None, 1)
+        if not words or words[0].startswith("#"):
+            continue
+        rest = words[1].strip() if len(words) > 1 else ""
+        if words[0].lower() == "newmtl":
+            current = statements.setdefault(rest, {})
+        else:
+            current[words[0].lower()] = rest
+    result = {}
+    for name, lines in statements.items():
+        texture = textures.get(_map_name(lines["map_kd"])) if lines.get("map_kd") else None
+        alpha_map = textures.get(_map_name(lines["map_d"])) if lines.get("map_d") else None
+        if alpha_map is not None:
+            texture = with_alpha_map(texture, alpha_map)
+        diffuse = _colour(lines.get("kd", "").split())
+        if diffuse is None or ("map_kd" in lines and max(diffuse) < 0.02):
+            diffuse = (1.0, 1.0, 1.0) if texture is not None else GREY
+        opacity = floats(lines.get("d", "").replace("-halo", "").split(), 1)
+        if opacity is None:
+            clear = floats(lines.get("tr", "").split(), 1)
+            opacity = [1.0] if clear is None else [1 - clear[0]]
+        specular = _colour(lines.get("ks", "").split()) or (0.0, 0.0, 0.0)
+        if lines.get("illum", "2").strip() in ("0", "1"):
+            specular = (0.0, 0.0, 0.0)
+        shininess = (floats(lines.get("ns", "").split(), 1) or [20.0])[0]
+        result[name] = Material(
+            diffuse=diffuse,
+            specular=specular,
+            shininess=min(max(shininess, 1.0), 1000.0),
+            opacity=min(max(opacity[0], 0.0), 1.0),
+            texture=texture,
+            name=name,
+        )
+    return result

@@ -1,0 +1,132 @@
+"""Pictures of models' surfaces, decoded within limits."""
+
+import dataclasses
+import io
+import struct
+import warnings as python_warnings
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from data_gen.mesh import Material
+from data_gen.readers.files import Files
+from data_gen.readers.notes import Notes
+
+MAX_DECODED_PIXELS = 40_000_000
+"""Pictures with more pixels are not decoded (JPEG: after its reduction while decoding)."""
+
+TEXTURE_SIDE = 1024
+"""Textures are reduced to this many pixels on the longer side."""
+
+_MAX_TEXELS = 1 << 24  # of all textures of one model, 64 MB
+
+_PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "DDS", "SGI")
+
+
+def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.ndarray:
+    """A picture as uint8 [H, W, 4] RGBA, reduced to `side` pixels on its longer side.
+
+    The size is read from the header before anything is decoded; a JPEG is reduced by up to 8
+    while it is decoded.
+
+    Raises:
+      ValueError: it is no picture, damaged, or has more than `MAX_DECODED_PIXELS` pixels.
+    """
+    with python_warnings.catch_warnings():
+        # Pillow warns at a size that is checked below, and of odd palettes and metadata.
+        python_warnings.simplefilter("ignore")
+        try:
+            # A picture above twice this is refused by Pillow itself, before a JPEG can be reduced.
+            before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+            try:
+                picture = (
+                    data
+                    if isinstance(data, Image.Image)
+                    else Image.open(io.BytesIO(data), formats=_PICTURE_FORMATS)
+                )
+            finally:
+                Image.MAX_IMAGE_PIXELS = before
+            full = picture.size
+            reduce_to = side / max(full)
+            picture.draft(None, (round(full[0] * reduce_to) or 1, round(full[1] * reduce_to) or 1))
+            if picture.width * picture.height > MAX_DECODED_PIXELS:
+                raise ValueError(
+                    f"{full[0]} x {full[1]} pixels are more than the limit of {MAX_DECODED_PIXELS}"
+                )
+            if max(picture.size) > side:
+                picture = _small(picture, side)
+            if picture.mode in ("I;16", "I", "F"):
+                values = np.asarray(picture, np.float64)
+                top = 65535 if picture.mode != "F" else max(values.max(), 1e-30)
+                picture = Image.fromarray((255 * np.clip(values / top, 0, 1)).astype(np.uint8))
+            return np.asarray(picture.convert("RGBA"))
+        except (UnidentifiedImageError, OSError, SyntaxError, struct.error, EOFError) as error:
+            raise ValueError(f"not readable as a picture ({error})"[:200]) from error
+
+
+def _small(picture: Image.Image, side: int) -> Image.Image:
+    """The picture with `side` pixels on its longer side; no copy at full size but its own."""
+    if picture.mode in ("P", "1"):
+        # A palette cannot be averaged; its pixels are one byte, so the copy is bounded.
+        picture = picture.convert("RGBA" if "transparency" in picture.info else "RGB")
+    factor = side / max(picture.size)
+    size = tuple(max(1, round(factor * n)) for n in picture.size)
+    if picture.mode.startswith("I;16"):
+        return picture.resize((size[0], size[1]), Image.Resampling.NEAREST)
+    return picture.resize((size[0], size[1]), Image.Resampling.BOX)
+
+
+def with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.ndarray:
+    """The texture (None = white) with an alpha map's brightness, or its own alpha, as alpha."""
+    if (alpha_map[..., 3] < 255).any():
+        alpha = alpha_map[..., 3]
+    else:
+        alpha = alpha_map[..., :3].mean(axis=2).round().astype(np.uint8)
+    if texture is None:
+        texture = np.full((*alpha.shape, 4), 255, np.uint8)
+    if alpha.shape != texture.shape[:2]:
+        height, width = texture.shape[:2]
+        alpha = np.asarray(Image.fromarray(alpha).resize((width, height)))
+    return np.concatenate([texture[..., :3], alpha[..., None]], axis=2)
+
+
+def bounded(materials: Sequence[Material], notes: Notes) -> tuple[Material, ...]:
+    """The materials with the largest textures halved until all together fit."""
+    result = list(materials)
+    # Materials may share a texture, which then counts once and is halved for all of them.
+    distinct = {id(m.texture): m.texture for m in result if m.texture is not None}
+
+    def size(key: int) -> int:
+        return distinct[key].shape[0] * distinct[key].shape[1]
+
+    while sum(map(size, distinct)) > _MAX_TEXELS:
+        notes.add(f"textures reduced: together they have more than {_MAX_TEXELS} pixels")
+        largest = max(distinct, key=size)
+        half = np.asarray(Image.fromarray(distinct[largest]).reduce(2))
+        distinct[largest] = half
+    result = [
+        m if m.texture is None else dataclasses.replace(m, texture=distinct[id(m.texture)])
+        for m in result
+    ]
+    return tuple(result)
+
+
+class Textures:
+    """Pictures of one model, each decoded once."""
+
+    def __init__(self, files: Files, base: str, side: int, notes: Notes) -> None:
+        self._files, self._base, self._side, self._notes = files, base, side, notes
+        self._cache: dict[str, np.ndarray | None] = {}
+
+    def get(self, name: str) -> np.ndarray | None:
+        """The texture, or None with a warning."""
+        if name not in self._cache:
+            self._cache[name] = None
+            try:
+                self._cache[name] = decode_texture(self._files.open(self._base, name), self._side)
+            except FileNotFoundError:
+                self._notes.add(f"texture {name!r} is missing; the plain colour stands in")
+            except (ValueError, OSError) as error:
+                self._notes.add(f"texture {name!r}: {error}; the plain colour stands in")
+        return self._cache[name]

@@ -1,0 +1,55 @@
+"""What rendering a model has come to, as bytes and as a file."""
+
+import hashlib
+import json
+import pathlib
+from collections.abc import Mapping
+from typing import Any
+
+import msgpack
+
+from data_gen.catalogues.entry import Entry
+from psgn_jax.files import write_atomic
+
+
+def work_path(folder: pathlib.Path, model_id: str) -> pathlib.Path:
+    """Where a model's samples lie until its shard is written."""
+    name = hashlib.sha256(model_id.encode("utf-8", "surrogatepass")).hexdigest()[:24]
+    return folder / f"{name}.model"
+
+
+def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
+    """The line of a model that no samples came of."""
+    return {
+        "model_id": entry.model_id,
+        "category": entry.category,
+        "split": entry.split,
+        "status": status,
+        "reason": reason,
+        "samples": 0,
+    }
+
+
+def pack_result(line: Mapping[str, Any], data: list[bytes]) -> bytes:
+    """A model's line and records as one block of bytes."""
+    packed: bytes = msgpack.packb({"line": json.dumps(line), "records": data})
+    return packed
+
+
+def write_result(folder: pathlib.Path, model_id: str, content: bytes) -> None:
+    """Leaves what `pack_result` made in a file that appears whole or not at all."""
+    write_atomic(work_path(folder, model_id), content, sync=False)
+
+
+def read_result(path: pathlib.Path) -> tuple[dict[str, Any], list[bytes]]:
+    """What `write_result` left.
+
+    Raises:
+      ValueError: the file is damaged.
+    """
+    try:
+        content = msgpack.unpackb(path.read_bytes())
+        return json.loads(content["line"]), list(content["records"])
+    except Exception as error:
+        # msgpack has many ways to fail.
+        raise ValueError(f"{path}: damaged ({error})") from error

@@ -1,0 +1,278 @@
+"""Points of a model's surface, uniform by area, with normals that point outward."""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
+from jaxtyping import Bool, Float, Int
+
+from data_gen.mesh import (
+    EXISTS,
+    Model,
+    UnusableModelError,
+    face_areas,
+    face_normals,
+    faces_with_alpha,
+    opacity_at,
+    row_dots,
+    unit_vectors,
+    weld,
+)
+from data_gen.voxelise import POINTS_AT_ONCE, mark_surface, outside_cells, repeat_numbers
+
+
+class SurfaceSample(NamedTuple):
+    """Points of a surface: positions, unit normals, and the faces they lie on."""
+
+    points: Float[np.ndarray, "n 3"]
+    normals: Float[np.ndarray, "n 3"]
+    face: Int[np.ndarray, " n"]
+
+
+# Cells along the extent in which the air around a model is looked for.
+_AIR_CELLS = 96
+
+# Surfaces nearer than this part of the extent, and parallel, are one.
+_COINCIDENT = 1e-4
+
+_PARALLEL = float(np.cos(np.radians(2.0)))
+
+# Cells along an edge of the grid in which faces around a point are looked up, and entries in it.
+_BINS = 32
+
+# Faces are looked up by the direction of their plane as well, in steps of this.
+_DIRECTIONS = 10
+
+_MAX_BINNED = 3_000_000
+
+
+class _Twins:
+    """Which of the faces that lie on one another at a point stands for all of them."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._has_alpha = len(faces_with_alpha(model)) > 0
+        corners = model.corners()
+        # Affine functions of a point for each face: its distance from the face's plane, and its
+        # second and third barycentric coordinates there.
+        origin, one, two = np.moveaxis(corners, 1, 0)
+        one, two = one - origin, two - origin
+        cross = np.cross(one, two)
+        square = np.maximum(row_dots(cross, cross), 1e-300)[:, None]
+        normal = cross / np.sqrt(square)
+        self._forms = np.stack(
+            [normal, np.cross(two, cross) / square, np.cross(cross, one) / square], axis=1
+        )
+        self._offsets = -np.einsum("nij,nj->ni", self._forms, origin)
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        self._low = low.min(axis=0)
+        extent = float((high.max(axis=0) - self._low).max())
+        self._tolerance = _COINCIDENT * extent
+        for bins in (_BINS, 16, 8, 4, 2, 1):
+            self._bins, self._scale = bins, bins / (extent * (1 + 1e-9))
+            first = self._cell(low - self._tolerance)
+            size = self._cell(high + self._tolerance) - first + 1
+            count = size.prod(axis=1)
+            if count.sum() <= _MAX_BINNED:
+                break
+        # Directions of planes. Steps and signs change where no model has planes in number.
+        turned = np.where(normal @ [0.3713, 0.6137, 0.6969] < 0, -1, 1)[:, None] * normal
+        step = np.floor((turned + 1) * (_DIRECTIONS / 2) + 0.371).astype(np.int64)
+        self._direction = step @ ((_DIRECTIONS + 1) ** np.arange(3))
+        # The faces of each cell and direction, one after another.
+        owner, number = repeat_numbers(count)
+        x, rest = np.divmod(number, (size[:, 1] * size[:, 2])[owner])
+        y, z = np.divmod(rest, size[owner, 2])
+        key = self._key(first[owner] + np.stack([x, y, z], axis=1), owner)
+        order = np.argsort(key, kind="stable")
+        self._faces, key = owner[order], key[order]
+        begin = np.flatnonzero(np.diff(key, prepend=-1))
+        # A face alone in its place has no twin there.
+        size_ = np.diff(begin, append=len(key))
+        self._keys, self._start, self._count = (a[size_ > 1] for a in (key[begin], begin, size_))
+
+    def _cell(self, points: np.ndarray) -> np.ndarray:
+        scaled = np.floor((points - self._low) * self._scale).astype(np.int64)
+        return scaled.clip(0, self._bins - 1)
+
+    def _key(self, cell: np.ndarray, face: np.ndarray) -> np.ndarray:
+        x, y, z = cell.T
+        result: np.ndarray = ((x * self._bins + y) * self._bins + z) * (
+            (_DIRECTIONS + 1) ** 3
+        ) + self._direction[face]
+        return result
+
+    def first(
+        self, points: Float[np.ndarray, "n 3"], face: Int[np.ndarray, " n"]
+    ) -> tuple[Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+        """For points of faces: the first existing face there, and whether another has its back."""
+        result, both = face.copy(), np.zeros(len(face), bool)
+        if not len(self._keys):
+            return result, both
+        key = self._key(self._cell(points), face)
+        place = np.searchsorted(self._keys, key).clip(0, len(self._keys) - 1)
+        count = np.where(self._keys[place] == key, self._count[place], 0)
+        start = self._start[place]
+        group = np.floor(np.cumsum(count) / POINTS_AT_ONCE).astype(np.int64)
+        for part in np.split(np.arange(len(points)), np.flatnonzero(np.diff(group)) + 1):
+            owner, number = repeat_numbers(count[part])
+            owner = part[owner]
+            other = self._faces[start[owner] + number]
+            kept = other != face[owner]
+            owner, other = owner[kept], other[kept]
+            away, s, t = (
+                np.einsum("nij,nj->in", self._forms[other], points[owner], optimize=False)
+                + self._offsets[other].T
+            )
+            here = np.flatnonzero(
+                (np.abs(away) <= self._tolerance) & (s >= 0) & (t >= 0) & (s + t <= 1)
+            )
+            owner, other, s, t = owner[here], other[here], s[here], t[here]
+            cosine = row_dots(self._forms[other, 0], self._forms[face[owner], 0])
+            here = np.abs(cosine) > _PARALLEL
+            if self._has_alpha:
+                weights = np.stack([1 - s - t, s, t], axis=1)
+                here &= opacity_at(self._model, other, weights) >= EXISTS
+            owner, other, cosine = owner[here], other[here], cosine[here]
+            np.minimum.at(result, owner, other)
+            both[owner[cosine < 0]] = True
+        return result, both
+
+
+def _toward_air(
+    model: Model, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+) -> Int[np.ndarray, " n"]:
+    """1 where air is in front of a surface and matter behind it, -1 the other way round, else 0.
+
+    Air is found as in `solid_occupancy`. The first cell along the normal counts that the surface
+    does not pass through, up to three cells away.
+    """
+    size = _AIR_CELLS
+    low = model.vertices.min(axis=0)
+    # As large as fits into the grid, with some air around.
+    scale = (size - 4) / float(np.ptp(model.vertices, axis=0).max())
+    corners = (model.vertices - low) * scale + [2, 2, 0]
+    marked, _ = mark_surface(corners, model.faces, model.edges, size)
+    outside = np.pad(outside_cells(marked), 4, constant_values=True)
+    marked = np.pad(marked, 4)
+    sides = []
+    for sign in (1, -1):
+        side = np.zeros(len(points), np.int64)
+        for distance in (1.0, 1.75, 2.5, 3.25):
+            place = (points - low) * scale + [2, 2, 0] + sign * distance * normals
+            cell = tuple((np.floor(place).astype(np.int64) + 4).clip(0, size + 7).T)
+            side = np.where((side == 0) & ~marked[cell], np.where(outside[cell], 1, -1), side)
+        sides.append(side)
+    return np.sign(sides[0] - sides[1]) * (sides[0] * sides[1] == -1)
+
+
+def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
+    """`n` points uniform by area on the surfaces that exist, with interpolated normals.
+
+    Points that fall where the opacity is under `EXISTS`, such as the holes of an alpha map, are
+    drawn again elsewhere. The draw is stratified by cumulated area, which covers the faces more
+    evenly than independent points. The same seed gives the same points.
+
+    Surfaces that lie on one another count once: a point is drawn again unless its face is the
+    first of those there. Where these face both ways, the normal points to the air around the
+    object, if there is any on one side alone. The normals of a connected part all turn over if
+    it can be told of half of them, and nine tenths of these point inward.
+
+    Args:
+      model: any; the points are in its frame.
+      n: number of points, at least 1.
+      seed: of the draw.
+
+    Returns:
+      float32 points and normals [n, 3], and the faces [n].
+
+    Raises:
+      UnusableModelError: hardly any surface exists.
+    """
+    if n < 1:
+        raise ValueError(f"number of points: got {n}, expected at least 1")
+    rng = np.random.default_rng(seed)
+    cumulated = np.cumsum(face_areas(model.vertices, model.faces))
+    has_alpha = len(faces_with_alpha(model)) > 0
+    twins = _Twins(model)
+    faces, weights, two_sided, count = [], [], [], 0
+    for _ in range(200):
+        missing = n - count
+        at = (np.arange(missing) + rng.random(missing)) / missing * cumulated[-1]
+        face = np.minimum(np.searchsorted(cumulated, at, side="right"), len(cumulated) - 1)
+        # The square root makes the points uniform over the triangle.
+        root, other = np.sqrt(rng.random(missing)), rng.random(missing)
+        weight = np.stack([1 - root, root * (1 - other), root * other], axis=1)
+        if has_alpha:
+            exists = opacity_at(model, face, weight) >= EXISTS
+            face, weight = face[exists], weight[exists]
+        points = np.einsum("nk,nkd->nd", weight, model.vertices[model.faces[face]])
+        first, both = twins.first(points, face)
+        kept = first == face
+        faces.append(face[kept])
+        weights.append(weight[kept])
+        two_sided.append(both[kept])
+        count += int(kept.sum())
+        if count == n:
+            break
+    else:
+        raise UnusableModelError("hardly any of the surface exists: its textures are transparent")
+    face, weight = np.concatenate(faces), np.concatenate(weights)
+    points = np.einsum("nk,nkd->nd", weight, model.vertices[model.faces[face]])
+    normals = unit_vectors(np.einsum("nk,nkd->nd", weight, model.normals[face].astype(np.float64)))
+    lost = (normals == 0).all(axis=1)
+    flat = face_normals(model.vertices, model.faces[face])
+    normals[lost] = flat[lost]
+    normals[_inward(model, points, flat, face, np.concatenate(two_sided))] *= -1
+    return SurfaceSample(points.astype(np.float32), normals.astype(np.float32), face)
+
+
+def _inward(
+    model: Model,
+    points: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    face: Int[np.ndarray, " n"],
+    two_sided: Bool[np.ndarray, " n"],
+) -> Bool[np.ndarray, " n"]:
+    """Which points' normals point into the object, see `sample_surface`."""
+    parts, open_ = _parts(model)
+    a, b, c = np.moveaxis(model.vertices[model.faces] - model.vertices.mean(axis=0), 1, 0)
+    volume = np.bincount(parts, row_dots(a, np.cross(b, c)))
+    # Closed parts with the right volume need no look.
+    asked = two_sided | (open_ | (volume < 0))[parts[face]]
+    result = np.zeros(len(face), bool)
+    if not asked.any():
+        return result
+    index = np.flatnonzero(asked)
+    side = _toward_air(model, points[index], normals[index])
+    part, both = parts[face[index]], two_sided[index]
+    inward = np.bincount(part[~both], side[~both] == -1, len(open_))
+    told = np.bincount(part[~both], side[~both] != 0, len(open_))
+    whole = np.bincount(part[~both], minlength=len(open_))
+    over = (inward >= 0.9 * told) & (told >= 0.5 * whole) & (told > 0)
+    result[index] = np.where(both, side == -1, over[part])
+    return result
+
+
+def _parts(model: Model) -> tuple[Int[np.ndarray, " f"], Bool[np.ndarray, " p"]]:
+    """A number for each face, equal where faces are connected by edges walked in both directions.
+
+    A part has one orientation. And which parts are open: an edge of theirs is walked but once.
+    """
+    corner = weld(model.vertices)[model.faces].astype(np.int64)
+    start, end = corner.ravel(), np.roll(corner, -1, axis=1).ravel()
+    span = int(corner.max()) + 1
+    forward, back = start * span + end, end * span + start
+    order = np.argsort(forward, kind="stable")
+    place = np.searchsorted(forward[order], back)
+    place = place.clip(0, len(order) - 1)
+    met = forward[order[place]] == back
+    count = len(model.faces)
+    owner = np.repeat(np.arange(count), 3)
+    graph = scipy.sparse.coo_array(
+        (np.ones(int(met.sum()), np.int8), (owner[met], order[place][met] // 3)),
+        shape=(count, count),
+    )
+    number, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    return label, np.bincount(label[owner], ~met, number) > 0

@@ -1,0 +1,278 @@
+"""Occupancy of a model on a grid: which cells are matter."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import scipy.ndimage
+import scipy.sparse
+from jaxtyping import Bool, Float, Int
+
+from data_gen.mesh import Model, UnusableModelError, row_dots
+from psgn_jax.data import schema
+
+# Small cells along the edge of a cell of the grid. Odd: of two or four centres across a cell, the
+# half that decides would be inside already where the surface is a quarter or an eighth short of
+# the cell's middle, and flat objects would come out too thick.
+_FINE = 3
+
+# How far beside a triangle a line still counts as meeting it, in small cells. It is far above the
+# rounding of coordinates, so that no line slips between two triangles that share an edge.
+_TOLERANCE = 1e-6
+
+# Meeting points with the lines of one axis, from above: seconds. Only a hostile model has more.
+_MAX_POINTS = 10_000_000
+
+POINTS_AT_ONCE = 1_000_000
+
+# Distance of the points that stand for an edge, in small cells.
+_SPACING = 0.7
+
+
+def repeat_numbers(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For `counts[i]` items of each i: the owners i, and the items' numbers from 0."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def _centres_between(low: np.ndarray, high: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """The first cell whose centre lies in [low, high], and how many do; within the grid."""
+    first = np.maximum(np.ceil(low - (0.5 + _TOLERANCE)), 0)
+    last = np.minimum(np.floor(high + (_TOLERANCE - 0.5)), size - 1)
+    return first, np.maximum(last - first + 1, 0).astype(np.int64)
+
+
+def _bounds(values: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the largest of each face's three values; faster than reductions."""
+    a, b, c = (values[column] for column in faces.T)
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+def _line_hits(
+    corners: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], axis: int, size: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Where triangles meet the lines along an axis through the centres of a grid's cells.
+
+    Each triangle is cut into rows of lines and each row into lines. A triangle's border counts, so
+    a line through a common edge meets at least one of the triangles there.
+
+    Args:
+      corners: positions, unit = the edge of a cell.
+      faces: indices into `corners`.
+      axis: along which the lines run.
+      size: cells along an edge of the grid.
+
+    Yields:
+      Cells of the lines along the next two axes (in cyclic order), and the place on the line.
+
+    Raises:
+      UnusableModelError: that would be more than `_MAX_POINTS`.
+    """
+    u, v, w = (np.ascontiguousarray(corners[:, (axis + k) % 3]) for k in (1, 2, 0))
+    first, rows = _centres_between(*_bounds(v, faces), size)
+    rows *= _centres_between(*_bounds(u, faces), size)[1] > 0
+    kept = np.flatnonzero(rows)
+    faces, first, rows = faces[kept], first[kept], rows[kept]
+    if not len(faces):
+        return
+    faces = np.take_along_axis(faces, v[faces].argsort(axis=1, kind="stable"), axis=1)
+    low, middle, high = faces.T
+    width = _centres_between(*_bounds(u, faces), size)[1]
+    # The rows of a triangle are half as long as its width on average.
+    bound = rows * (width / 2 + 1)
+    if bound.sum() > _MAX_POINTS:
+        raise UnusableModelError(
+            f"the surface crosses {bound.sum():.2g} lines of cells, more than {_MAX_POINTS:.2g}: "
+            "it is too much to voxelise"
+        )
+    group = np.floor(np.cumsum(bound) / POINTS_AT_ONCE).astype(np.int64)
+    for part in np.split(np.arange(len(faces)), np.flatnonzero(np.diff(group)) + 1):
+        owner, number = repeat_numbers(rows[part])
+        owner = part[owner]
+        row = first[owner] + number
+        # Both ends of the row: on the edge from the lowest corner to the highest, and on the other.
+        at = row + 0.5
+        lower = at <= v[middle[owner]]
+        begin = np.where(lower, low[owner], middle[owner])
+        end = np.where(lower, middle[owner], high[owner])
+        span = v[end] - v[begin]
+        along = np.where(
+            span > 0, np.clip((at - v[begin]) / np.where(span > 0, span, 1), 0, 1), lower
+        )
+        one_u, one_w = (c[begin] + along * (c[end] - c[begin]) for c in (u, w))
+        begin, end = low[owner], high[owner]
+        along = np.clip((at - v[begin]) / np.maximum(v[end] - v[begin], 1e-300), 0, 1)
+        two_u, two_w = (c[begin] + along * (c[end] - c[begin]) for c in (u, w))
+        over = one_u > two_u
+        one_u, two_u = np.where(over, two_u, one_u), np.where(over, one_u, two_u)
+        one_w, two_w = np.where(over, two_w, one_w), np.where(over, one_w, two_w)
+        start, columns = _centres_between(one_u, two_u, size)
+        slope = (two_w - one_w) / np.maximum(two_u - one_u, 1e-300)
+        owner, number = repeat_numbers(columns)
+        column = start[owner] + number
+        place = np.clip(
+            one_w[owner] + (column + 0.5 - one_u[owner]) * slope[owner],
+            np.minimum(one_w, two_w)[owner],
+            np.maximum(one_w, two_w)[owner],
+        )
+        yield column.astype(np.int64), row[owner].astype(np.int64), place
+
+
+def _edge_points(corners: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Points [n, 3] on edges [E, 2], at most `_SPACING` apart, and all corners."""
+    along = corners[edges[:, 1]] - corners[edges[:, 0]]
+    steps = np.ceil(np.sqrt(row_dots(along, along)) / _SPACING).astype(np.int64)
+    inner = np.flatnonzero(steps > 1)
+    owner, number = repeat_numbers(steps[inner] - 1)
+    owner = inner[owner]
+    part = (number + 1) / steps[owner]
+    return np.concatenate([corners, corners[edges[owner, 0]] + part[:, None] * along[owner]])
+
+
+def mark_surface(
+    corners: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    edges: Int[np.ndarray, "e 2"],
+    size: int,
+) -> tuple[Bool[np.ndarray, "n n n"], list[Bool[np.ndarray, "n n n"]]]:
+    """Cells that a surface passes through, so that no air gets across it from cell to cell.
+
+    Marked are the cells that contain
+      - a point where the surface meets a line along an axis through the cells' centres, and
+      - a point of an edge or a corner of a triangle, which keeps parts thinner than a cell.
+
+    No leak: let the surface meet the segment between the centres of two cells with a common face.
+    The segment lies on one of the lines, and in these two cells; so does the meeting point, and
+    one of the two is marked. Air that steps from the centre of an unmarked cell to that of an
+    unmarked neighbour has not crossed the surface, whatever the shape of the triangles. (A segment
+    that lies in a triangle's plane is of no concern: where it leads inside of a closed surface, a
+    segment beside it does so, too, through a triangle that is not parallel to it, and whose border
+    the first segment touches at least.) Rounding moves a meeting point by far less than half a
+    cell, which is what it would take to mark neither.
+
+    Args:
+      corners: positions, unit = the edge of a cell; the grid spans [0, size] on each axis. What
+        sticks out is not marked.
+      faces: indices into `corners`.
+      edges: of the faces, indices into `corners`.
+      size: cells along an edge of the grid.
+
+    Returns:
+      The marked cells, and for each axis whether the surface lies between the centre of a cell and
+      that of the next.
+
+    Raises:
+      UnusableModelError: it would take minutes.
+    """
+    marked = np.zeros((size, size, size), bool)
+    crossed = []
+    strides = size ** np.arange(2, -1, -1)
+    for axis in range(3):
+        between = np.zeros((size, size, size), bool)
+        step = strides[axis]
+        for column, row, place in _line_hits(corners, faces, axis, size):
+            line = column * strides[(axis + 1) % 3] + row * strides[(axis + 2) % 3]
+            # A point on the grid's border belongs to the cell inside.
+            cell = np.floor(place).astype(np.int64)
+            cell[(place > -_TOLERANCE) & (place < 0)] = 0
+            cell[(place >= size) & (place < size + _TOLERANCE)] = size - 1
+            here = (cell >= 0) & (cell < size)
+            marked.reshape(-1)[line[here] + cell[here] * step] = True
+            cell = np.floor(place - 0.5).astype(np.int64)
+            here = (cell >= 0) & (cell < size - 1)
+            between.reshape(-1)[line[here] + cell[here] * step] = True
+        crossed.append(between)
+    cell = np.floor(_edge_points(corners, edges)).astype(np.int64)
+    cell -= cell == size
+    cell = cell[((cell >= 0) & (cell < size)).all(axis=1)]
+    marked.reshape(-1)[cell @ strides] = True
+    return marked, crossed
+
+
+def outside_cells(blocked: np.ndarray) -> np.ndarray:
+    """Cells that air reaches from the border; it passes through faces, and never from below."""
+    padded = np.pad(~blocked, ((1, 1), (1, 1), (0, 1)), constant_values=True)
+    label, _ = scipy.ndimage.label(padded)
+    return (label == label[0, 0, -1])[1:-1, 1:-1, :-1]
+
+
+def _with_border(
+    outside: np.ndarray, marked: np.ndarray, crossed: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Outside cells, and those marked cells whose centre is outside.
+
+    That is so if a neighbour's centre is, and the surface does not lie between the two. Two steps:
+    beyond lie marked cells with none but marked ones around.
+    """
+    for _ in range(2):
+        reached = np.zeros_like(outside)
+        for axis, between in enumerate(crossed):
+            first = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
+            second = tuple(slice(1, None) if k == axis else slice(None) for k in range(3))
+            free = ~between[first]
+            reached[first] |= outside[second] & free
+            reached[second] |= outside[first] & free
+        outside = outside | (marked & reached)
+    return outside
+
+
+def _in_cells(fine: np.ndarray) -> np.ndarray:
+    """How many of the small cells of each large cell [x, y, z] are true."""
+    counts = fine.view(np.uint8)
+    # Sums of slices, axis after axis: one reduction over three axes takes fifty times as long.
+    for axis in range(3):
+        first, *others = (counts[*[slice(None)] * axis, start::_FINE] for start in range(_FINE))
+        counts = first.copy()
+        for part in others:
+            counts += part
+    return counts
+
+
+def solid_occupancy(
+    model: Model, rotation: Float[np.ndarray, "3 3"], size: int = schema.OCCUPANCY_SIZE
+) -> Bool[np.ndarray, "size size size"]:
+    """Solid voxels of a model, which need not be watertight.
+
+    The grid is the schema's: indexed [x, y, z], it covers [-1, 1] x [-1, 1] x [0, 2] of the frame
+    that `rotation` turns the model into; cell (i, j, k) spans [-1 + 2 i / size, -1 + 2 (i+1) /
+    size] in x, the same in y, and [2 k / size, 2 (k+1) / size] in z.
+
+    The rule:
+      1. The surface is marked in small cells of a third of the edge, without gaps
+         (`mark_surface`).
+      2. Outside is what air reaches from the border without crossing it; it does not come through
+         the ground, so an object without a bottom is solid. All else is inside. A marked small
+         cell is inside or outside as its centre is.
+      3. The same is done with the large cells: what is closed at their size (cracks and gaps under
+         a cell) is solid, too.
+      4. A cell is occupied if at least half of its small cells are inside.
+      5. Thin parts are kept: a cell with small cells that are marked or inside is occupied as well
+         if neither it nor any of its 26 neighbours is by 4. So is, of thin sheets and bars,
+         everything that is a cell or more away from thicker parts.
+
+    Args:
+      model: in the project's frame, normalised. What sticks out of the grid is not counted.
+      rotation: to the frame of the grid, such as the one that turns the model to its view.
+      size: cells along an edge.
+
+    Raises:
+      UnusableModelError: the area is so large that marking it would take minutes.
+    """
+    fine = size * _FINE
+    corners = (model.vertices @ np.asarray(rotation, np.float64).T + [1, 1, 0]) * (fine / 2)
+    marked, crossed = mark_surface(corners, model.faces, model.edges, fine)
+    touched = _in_cells(marked) > 0
+    # The flood runs in the part of the grid that the object fills, with air around it.
+    if not touched.any():
+        return touched
+    large = [slice(int(i.min()), int(i.max()) + 1) for i in np.nonzero(touched)]
+    large[2] = slice(0, large[2].stop)
+    x, y, z = (slice(s.start * _FINE, s.stop * _FINE) for s in large)
+    marked = marked[x, y, z]
+    outside = outside_cells(marked)
+    inside = ~_with_border(outside, marked, [c[x, y, z] for c in crossed])
+    thick = ~outside_cells(touched) & ~touched
+    thick[*large] |= _in_cells(inside) >= _FINE**3 // 2 + 1
+    thin = np.zeros_like(touched)
+    thin[*large] = _in_cells(~outside) > 0
+    near = scipy.ndimage.maximum_filter(thick, size=3)
+    return thick | (thin & ~near)

@@ -1,0 +1,264 @@
+"""The OBJ reader; its arrays against a plain reading, line by line."""
+
+import numpy as np
+import pytest
+from helpers.obj_text import CUBE, FACES, QUADS, png
+
+from data_gen.mesh import UnusableModelError, face_areas, face_normals
+from data_gen.readers import obj
+from data_gen.readers.files import FolderFiles
+from data_gen.readers.load import load_model
+from data_gen.readers.notes import Notes
+from data_gen.readers.obj import _blocks, read_obj
+from data_gen.surface import sample_surface
+
+
+def test_a_plain_cube(write):
+    model = load_model(write("cube.obj", CUBE + FACES))
+    assert len(model.faces) == 12
+    assert model.warnings == ()
+    assert model.model_id == "cube.obj"
+    outward = model.corners().mean(1) - model.vertices.mean(0)
+    assert ((outward * face_normals(model.vertices, model.faces)).sum(1) > 0).all()
+    np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
+
+
+def test_y_is_up_and_z_the_front(write):
+    text = "v 0 0 0\nv 1 0 0\nv 0 5 0\nv 0 0 2\nf 1 2 3\nf 1 3 4\nf 1 2 4\nf 2 3 4\n"
+    extent = np.ptp(load_model(write("a.obj", text)).vertices, axis=0)
+    np.testing.assert_allclose(extent / extent[1], [2, 1, 5])
+    extent = np.ptp(load_model(write("a.obj", text), up="+z", front="+x").vertices, axis=0)
+    np.testing.assert_allclose(extent / extent[0], [1, 5, 2])
+
+
+@pytest.mark.parametrize(
+    "face",
+    ["f 1 2 3", "f 1/1 2/2 3/3", "f 1//1 2//1 3//1", "f 1/1/1 2/2/1 3/3/1",
+     "f -3/-3/-1 -2/-2/-1 -1/-1/-1", "f 1/ 2/2 3//1", "f  1 \\\n 2 3 # a comment"],
+)  # fmt: skip
+def test_every_form_of_a_corner(write, face):
+    head = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nvt 0 0\nvt 1 0 0\nvt 0 1\nvn 0 0 1\n"
+    model = load_model(write("a.obj", head + face + "\n"))
+    assert len(model.faces) == 1
+    np.testing.assert_allclose(model.normals, [[[1, 0, 0]] * 3], atol=1e-6)
+
+
+def test_negative_indices_count_from_where_they_stand(write):
+    one = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n"
+    two = "v 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n"
+    model = load_model(write("a.obj", one + two))
+    assert len(model.vertices) == 6
+
+
+def test_a_concave_polygon_is_not_filled(write):
+    # An L of area 3 in a square of area 4, started at every corner.
+    outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+    for start in range(6):
+        turned = outline[start:] + outline[:start]
+        text = "".join(f"v {x} {y} 0\n" for x, y in turned) + "f 1 2 3 4 5 6\n"
+        model = load_model(write("l.obj", text))
+        extent = np.ptp(model.vertices, axis=0).max()
+        area = face_areas(model.vertices, model.faces).sum() * 4 / extent**2
+        assert area == pytest.approx(3)
+
+
+def test_materials(write):
+    mtl = """\
+newmtl red paint
+Kd 1 0 0
+Ks .5 .5 .5
+Ns 80
+illum 2
+newmtl glass
+Kd 0 0 1
+d 0.3
+newmtl clear
+Tr 0.6
+newmtl picture
+Kd 0 0 0
+map_Kd -s 1 1 1 -o 0.5 some folder\\my picture.png
+newmtl leaf
+map_Kd my picture.png
+map_d holes.png
+"""
+    names = ["red paint", "glass", "clear", "picture", "leaf", "nothing"]
+    body = "".join(f"usemtl {n}\nf {q}\n" for n, q in zip(names, QUADS, strict=True))
+    write("my picture.png", png((10, 20, 30)))
+    write("holes.png", png(0, mode="L"))
+    write("things.mtl", mtl)
+    model = load_model(write("a.obj", "mtllib things.mtl\n" + CUBE + body))
+    by_name = {m.name: m for m in model.materials}
+    assert by_name["red paint"].diffuse == (1, 0, 0)
+    assert by_name["red paint"].specular == (0.5, 0.5, 0.5)
+    assert by_name["red paint"].shininess == 80
+    assert by_name["glass"].opacity == pytest.approx(0.3)
+    assert by_name["clear"].opacity == pytest.approx(0.4)
+    assert by_name["picture"].diffuse == (1, 1, 1)
+    assert by_name["picture"].texture[0, 0].tolist() == [10, 20, 30, 255]
+    assert by_name["leaf"].texture[0, 0].tolist() == [10, 20, 30, 0]
+    assert list(model.warnings) == ["material 'nothing' is missing; grey stands in"]
+    sample = sample_surface(model, 500, 0)
+    names_of_points = {model.materials[i].name for i in model.face_material[sample.face]}
+    assert names_of_points == set(names) - {"leaf"}
+
+
+def test_missing_files_are_replaced_with_a_warning(write):
+    mtl = "newmtl a\nKd 0 0 0\nmap_Kd ../../../../etc/passwd\n"
+    mtl += "newmtl b\nKd .1 .2 .3\nmap_Kd gone.jpg\n"
+    write("m.mtl", mtl)
+    text = f"mtllib m.mtl\nmtllib gone.mtl\n{CUBE}usemtl a\n{FACES}usemtl b\n{FACES}"
+    model = load_model(write("a.obj", text))
+    assert model.materials[0].texture is None
+    assert model.materials[0].diffuse == (0.6, 0.6, 0.6)
+    assert model.materials[1].diffuse == (0.1, 0.2, 0.3)
+    assert len(model.warnings) == 3
+    assert all("missing" in w for w in model.warnings)
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("", "empty"),
+        ("v 0 0 0\n", "empty"),
+        (CUBE, "empty"),
+        (CUBE + "f 1 2 99\n", "empty"),
+        (CUBE.replace("v 1 1 1", "v nan 1 1") + FACES, "not finite"),
+        (CUBE.replace("v 1 1 1", "v 1 inf 1") + FACES, "not finite"),
+        (CUBE + "f 1 2 x\n", "not readable"),
+        ("v 1 2 abc\n" + CUBE + FACES, "not readable"),
+        (CUBE + "f 1 2 99999999999999999999999\n", "not readable"),
+        ("v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n", "empty"),
+    ],
+)
+def test_obj_files_that_are_refused(write, text, match):
+    with pytest.raises(UnusableModelError, match=match):
+        load_model(write("a.obj", text))
+
+
+def test_a_truncated_obj_keeps_what_is_whole(write):
+    text = CUBE + FACES
+    for cut in range(len(CUBE) + 20, len(text), 7):
+        try:
+            model = load_model(write("a.obj", text[:cut]))
+        except UnusableModelError:
+            continue
+        assert 2 <= len(model.faces) <= 12
+
+
+def test_too_many_faces_are_refused_before_they_are_built(write):
+    text = CUBE + FACES * 5000
+    with pytest.raises(UnusableModelError, match="limit of 1000 faces"):
+        load_model(write("a.obj", text), max_faces=1000)
+
+
+def test_a_name_that_is_not_ascii(write):
+    write("Stühle/größe.mtl", "newmtl Öl\nKd 1 0 0\n")
+    path = write("Stühle/стул 椅子.obj", f"mtllib größe.mtl\n{CUBE}usemtl Öl\n{FACES}")
+    model = load_model(path)
+    assert model.materials[0].diffuse == (1, 0, 0)
+    assert model.model_id == "стул 椅子.obj"
+
+
+def plain_obj(text):
+    """Positions of the triangles' corners [n, 3, 3] and their texture coordinates, convex faces."""
+    rows = {"v": [], "vt": [], "vn": []}
+    corners = []
+    for line in text.replace("\r\n", "\n").replace("\\\n", " ").split("\n"):
+        key, *words = line.split("#")[0].split() or [""]
+        if key in rows:
+            rows[key].append([float(w) for w in words])
+        elif key == "f" and len(words) >= 3:
+            parts = [[int(p or 0) for p in w.split("/")] + [0, 0] for w in words]
+            parts = [
+                [i - 1 if i > 0 else len(rows[k]) + i if i else None
+                 for i, k in zip(p[:3], rows, strict=True)]
+                for p in parts
+            ]  # fmt: skip
+            corners += [(parts[0], parts[k], parts[k + 1]) for k in range(1, len(parts) - 1)]
+
+    def of(face, column, key, count):
+        return [
+            rows[key][c[column]][:count] if c[column] is not None else [0] * count for c in face
+        ]
+
+    return (
+        np.array([of(f, 0, "v", 3) for f in corners]),
+        np.array([of(f, 1, "vt", 2) for f in corners]),
+        np.array([of(f, 2, "vn", 3) for f in corners]),
+    )
+
+
+def random_obj(seed, forms, end="\n"):
+    """An OBJ file of random convex fans, statements in any order, corners in the given forms."""
+    rng = np.random.default_rng(seed)
+    lines = ["# made up", "o thing", ""]
+    count = [0, 0, 0]
+    for _ in range(40):
+        for _ in range(int(rng.integers(4, 9))):
+            # Points on an arc: every polygon of them in order is convex.
+            angle = count[0] * 0.11
+            lines.append(f"v {np.cos(angle):.6f}  {np.sin(angle):.6g} {rng.random():.3e}")
+            lines.append(f"\tvt {rng.random():.4f} -{rng.random():.4f} 0.0")
+            lines.append(f"vn 0 {rng.random()} 1")
+            count = [c + 1 for c in count]
+        lines.append(str(rng.choice(["s off", "g part", "usemtl a", "usemtl b c", "", "#f 1 2 3"])))
+        for _ in range(int(rng.integers(1, 4))):
+            start = int(rng.integers(0, count[0] - 4))
+            index = range(start + 1, start + 1 + int(rng.integers(3, 5)))
+            form = str(rng.choice(forms))
+            words = [form.format(i, n=i - count[0] - 1) for i in index]
+            lines.append("f " + " ".join(words) + str(rng.choice(["", " ", "\t"])))
+    return end.join([*lines, ""])
+
+
+@pytest.mark.parametrize(
+    "forms",
+    [["{0}"], ["{0}/{0}"], ["{0}//{0}"], ["{0}/{0}/{0}"], ["{n}/{n}/{n}"], ["{n}"], ["{0}/{0}/"],
+     ["{0}/{0}/{0}", "{0}//{0}"], ["{0}", "{0}/{0}/{0}", "{n}//{n}", "{0}/{n}"]],
+)  # fmt: skip
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_arrays_are_those_of_a_reading_line_by_line(write, monkeypatch, forms, end):
+    monkeypatch.setattr(obj, "triangles", fans)
+    for seed, size in enumerate([1 << 22, 900, 64]):  # blocks end anywhere between lines
+        monkeypatch.setattr(_blocks, "__defaults__", (size,))
+        text = random_obj(seed, forms, end)
+        positions, uv, normals = plain_obj(text)
+        path = write("a.obj", text)
+        files = FolderFiles(path.parent)
+        arrays = read_obj(text.encode(), files, "", 64, 9999, Notes())
+        np.testing.assert_array_equal(arrays["vertices"][arrays["faces"]], positions)
+        for name, expected in (("uv", uv), ("normals", normals)):
+            found = arrays[name] if arrays[name] is not None else np.zeros_like(expected)
+            np.testing.assert_array_equal(found, expected)
+
+
+def fans(counts, corners, vertices):
+    """As `polygons.triangles`, every polygon as a fan."""
+    start = np.cumsum(counts) - counts
+    pairs = [(s, k) for s, n in zip(start, counts, strict=True) for k in range(1, n - 1)]
+    polygon = np.repeat(np.arange(len(counts)), counts - 2)
+    return np.array([(s, s + k, s + k + 1) for s, k in pairs]), polygon
+
+
+def test_unusual_lines(write):
+    text = """\
+v 0 0 0 0.1 0.2 0.3 # with a colour
+v 1 0 0
+v 1 1 0 1.0
+v 0 1
+vertex 9 9 9
+v
+vt
+f
+f 1 2
+usemtl
+usemtl  two words\x20
+f 1 2 3 4 # f 1 2 3
+fo 1 2 3
+f 4 3 \\
+ 2 1"""
+    model = load_model(write("a.obj", text))
+    assert len(model.faces) == 4
+    assert [m.name for m in model.materials] == ["two words"]
+    assert "2 faces with less" not in " ".join(model.warnings)
+    assert any("1 faces with less than three corners" in w for w in model.warnings)

@@ -1,0 +1,89 @@
+import io
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from helpers.obj_text import CUBE, FACES, QUADS, png
+from PIL import Image
+
+from data_gen.mesh import Material
+from data_gen.readers import textures
+from data_gen.readers.load import load_model
+from data_gen.readers.notes import Notes
+from data_gen.readers.textures import bounded, decode_texture
+
+
+def test_textures_are_reduced():
+    stream = io.BytesIO()
+    Image.new("RGB", (3000, 100), (9, 8, 7)).save(stream, "PNG")
+    texture = decode_texture(stream.getvalue(), 1000)
+    assert texture.shape == (33, 1000, 4)
+    assert texture[5, 5].tolist() == [9, 8, 7, 255]
+
+
+def huge_png(side):
+    """A PNG that says it has side x side pixels, of some kilobytes."""
+
+    def chunk(kind, body):
+        return (
+            struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        )
+
+    packer = zlib.compressobj(9)
+    row = b"\0" * (1 + side // 8 + 1)
+    body = packer.compress(row * 200) + packer.flush()
+    head = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
+
+
+def test_a_texture_of_30000_pixels_is_not_decoded(write):
+    write("big.png", huge_png(30_000))
+    write("m.mtl", "newmtl a\nKd .2 .4 .6\nmap_Kd big.png\n")
+    model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}"))
+    assert model.materials[0].texture is None
+    assert model.materials[0].diffuse == (0.2, 0.4, 0.6)
+    assert "30000 x 30000 pixels" in model.warnings[0]
+
+
+def test_a_large_jpeg_is_reduced_while_it_is_decoded(monkeypatch):
+    stream = io.BytesIO()
+    Image.new("RGB", (4000, 2000), (200, 100, 50)).save(stream, "JPEG")
+    monkeypatch.setattr(textures, "MAX_DECODED_PIXELS", 1_000_000)
+    texture = decode_texture(stream.getvalue(), 512)
+    assert texture.shape == (256, 512, 4)
+    np.testing.assert_allclose(texture[0, 0], [200, 100, 50, 255], atol=4)
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "I;16", "CMYK"])
+def test_modes_of_pictures(mode):
+    stream = io.BytesIO()
+    Image.new("L", (300, 200), 255).convert(mode).save(stream, "TIFF")
+    texture = decode_texture(stream.getvalue(), 100)
+    assert texture.shape == (67, 100, 4)
+    assert texture.dtype == np.uint8
+
+
+def test_many_textures_share_a_budget(write, monkeypatch):
+    monkeypatch.setattr(textures, "_MAX_TEXELS", 5000)
+    names = [f"t{k}" for k in range(6)]
+    for name in names:
+        write(f"{name}.png", png((1, 2, 3), (64, 64)))
+    write("m.mtl", "".join(f"newmtl {n}\nmap_Kd {n}.png\n" for n in names))
+    body = "".join(f"usemtl {n}\nf {q}\n" for n, q in zip(names, QUADS, strict=True))
+    model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{body}"))
+    assert sum(m.texture.shape[0] * m.texture.shape[1] for m in model.materials) <= 5000
+    assert any("textures reduced" in w for w in model.warnings)
+
+
+def test_materials_that_share_a_texture_are_counted_once(monkeypatch):
+    texture = np.zeros((64, 64, 4), np.uint8)
+    monkeypatch.setattr(textures, "_MAX_TEXELS", 64 * 64)
+    notes = Notes()
+    shared = [Material(texture=texture) for _ in range(5)]
+    assert bounded(shared, notes)[3].texture is texture
+    assert not notes.lines
+    other = Material(texture=np.zeros((128, 64, 4), np.uint8))
+    result = bounded([*shared, other, Material()], notes)
+    assert len({id(m.texture) for m in result[:5]}) == 1
+    assert sum(t.size // 4 for t in {id(m.texture): m.texture for m in result[:6]}.values()) <= 4096

@@ -1,0 +1,136 @@
+import dataclasses
+
+import free_meshes
+import numpy as np
+import pytest
+from helpers.solid_models import cube, joined, model_of
+
+from data_gen.catalogues import solids
+from data_gen.frame import axis_vector, normalize, orient
+from data_gen.mesh import Material, UnusableModelError, build_model
+from data_gen.surface import sample_surface
+
+
+def with_sheet(texture, corners, model):
+    """The model and, as its last two faces, a rectangle under a texture."""
+    count = len(model.vertices)
+    faces = np.concatenate([model.faces, count + np.array([[0, 1, 2], [0, 2, 3]])])
+    uv = np.zeros((len(faces), 3, 2))
+    uv[-2:] = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])[[[0, 1, 2], [0, 2, 3]]]
+    owner = np.zeros(len(faces), int)
+    owner[-2:] = 1
+    return build_model(
+        np.concatenate([model.vertices, corners]), faces, uv=uv, face_material=owner,
+        materials=[Material(), Material(texture=texture)],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("up", "front"), [("+y", "+z"), ("+z", "-y"), ("-x", "+y"), ("+y", "-z")])
+def test_orient_turns_up_to_z_and_front_to_x(up, front):
+    model = model_of(cube())
+    marked = dataclasses.replace(
+        model, vertices=np.stack([axis_vector(up), axis_vector(front)] * 4)
+    )
+    turned = orient(marked, up, front).vertices
+    np.testing.assert_allclose(turned[:2], [[0, 0, 1], [1, 0, 0]], atol=1e-12)
+    volume = np.linalg.det(np.stack([turned[1], np.cross(turned[0], turned[1]), turned[0]]))
+    assert volume == pytest.approx(1)
+
+
+def test_orient_names_a_wrong_axis():
+    with pytest.raises(ValueError, match="axis 'y'"):
+        orient(model_of(cube()), up="y")
+    with pytest.raises(ValueError, match="right angles"):
+        orient(model_of(cube()), up="+y", front="-y")
+
+
+def test_normalize(rng):
+    shift = rng.normal(size=3) * 100
+    model = normalize(model_of(solids.box(3, 2, 1).at(*shift)))
+    np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
+    assert model.vertices[:, 2].min() == 0
+    np.testing.assert_allclose(model.vertices[:, :2].min(0), -model.vertices[:, :2].max(0))
+    np.testing.assert_allclose(
+        np.ptp(model.vertices, axis=0)[0] / np.ptp(model.vertices, axis=0)[2], 3
+    )
+
+
+@pytest.mark.parametrize("size", [(64, 64), (50, 333)])
+def test_normalize_counts_only_what_is_drawn(size):
+    # A leaf of radius 0.7 on a sheet that reaches under the ground and far out.
+    v, u = ((np.arange(n) + 0.5) / n * 2 - 1 for n in size)
+    texture = np.full((*size, 4), 255, np.uint8)
+    texture[..., 3] = 255 * (u**2 + v[:, None] ** 2 < 0.49)
+    texture[: size[0] // 2, : size[1] // 2, 3] = 0  # v > 1/2, u < 1/2
+    corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
+    model = with_sheet(texture, corners, model_of(cube(0.5)))
+    exists = texture[..., 3] > 0
+    sample = sample_surface(model, 200_000, 0).points
+    low, high = sample.min(axis=0), sample.max(axis=0)
+    origin = np.array([*(low + high)[:2] / 2, low[2]])
+    radius = np.linalg.norm(sample - origin, axis=1).max()
+    got = normalize(model)
+    want = (model.vertices - origin) / radius
+    np.testing.assert_allclose(got.vertices, want, atol=0.006)
+    # And the texels' borders exactly: the lowest row that exists, seen from the sheet's corner.
+    row = np.flatnonzero(exists.any(axis=1)).max() + 1
+    ground = 3 - 4 * row / size[0]
+    np.testing.assert_allclose(
+        got.vertices[-4, 2] * radius, corners[0, 2] - min(ground, -0.25), atol=0.01
+    )
+
+
+def test_normalize_of_a_model_without_alpha_keeps_its_bits():
+    texture = np.full((8, 8, 4), 255, np.uint8)
+    corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
+    model = with_sheet(texture, corners, model_of(cube(0.5)))
+    low, high = model.vertices.min(axis=0), model.vertices.max(axis=0)
+    moved = model.vertices - [*(low + high)[:2] / 2, low[2]]
+    np.testing.assert_array_equal(
+        normalize(model).vertices, moved / np.linalg.norm(moved, axis=1).max()
+    )
+
+
+def test_normalize_of_sheets_that_exist_nowhere_or_repeat():
+    corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
+    texture = np.zeros((16, 16, 4), np.uint8)
+    model = with_sheet(texture, corners, model_of(cube(0.5)))
+    want = normalize(model_of(cube(0.5))).vertices
+    np.testing.assert_allclose(normalize(model).vertices[:-4], want)
+    alone = dataclasses.replace(
+        model, faces=model.faces[-2:], uv=model.uv[-2:], normals=model.normals[-2:],
+        face_material=model.face_material[-2:],
+    )  # fmt: skip
+    with pytest.raises(UnusableModelError, match="nothing of the surface exists"):
+        normalize(alone)
+    # Stripes, three times repeated and shifted: v from -1.4 to 1.6.
+    texture[8:] = 255
+    striped = dataclasses.replace(alone, materials=(Material(), Material(texture=texture)),
+                                  uv=(alone.uv * 3 - [0, 1.4]).astype(np.float32))  # fmt: skip
+    got = normalize(striped).vertices
+    # It exists for v in [-1, -.5], [0, .5] and [1, 1.5]; one of v is a third of the height of 4.
+    scale = np.ptp(got[:, 0]) / 4
+    assert got[:, 2].min() == pytest.approx(-0.4 / 3 * 4 * scale, abs=0.005)
+
+
+def test_normalize_refuses_what_overflows():
+    with pytest.raises(UnusableModelError):
+        normalize(dataclasses.replace(model_of(cube()), vertices=cube().vertices * 1e200))
+
+
+def test_normalize_refuses_strays_by_name():
+    far = solids.ball(0.1, 0.1, 0.1, 8).at(0, 20, 0.5)
+    vertices, faces = joined(cube(), far)
+    owner = (np.arange(len(faces)) >= 12).astype(int)
+    materials = [Material(name="paint"), Material(name="marker")]
+    model = build_model(vertices, faces, face_material=owner, materials=materials)
+    with pytest.raises(UnusableModelError, match=r"stray part .*marker.*\(.*20, 0\.5.*empty"):
+        normalize(model)
+    # A pair of things half an extent apart is one object.
+    pair = joined(cube(), cube().at(2.5, 0, 0))
+    assert len(normalize(build_model(*pair)).faces) == 24
+
+
+def test_a_railway_car_with_a_stray_sphere_is_refused():
+    with pytest.raises(UnusableModelError, match="stray part"):
+        free_meshes.model("ac3d", "Transport/ICE3firstcar.ac")

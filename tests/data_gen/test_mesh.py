@@ -1,0 +1,113 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers.solid_models import cube, model_of, sphere
+
+from data_gen.frame import normalize
+from data_gen.mesh import Material, UnusableModelError, build_model, face_normals
+
+
+def test_build_drops_what_is_no_surface():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [9, 9, 9]], float)
+    faces = np.array([[0, 1, 2], [0, 1, 3], [0, 0, 1], [0, 1, 7], [0, 2, -1]])
+    model = build_model(vertices, faces)
+    assert len(model.faces) == 1
+    assert len(model.vertices) == 3
+    assert any("2 degenerate" in w for w in model.warnings)
+    assert any("do not exist" in w for w in model.warnings)
+
+
+def test_build_drops_faces_nobody_can_see():
+    clear = Material(opacity=0.0)
+    faces = cube().faces
+    owner = np.arange(len(faces)) % 2
+    model = build_model(cube().vertices, faces, materials=[Material(), clear], face_material=owner)
+    assert len(model.faces) == len(faces) // 2
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_build_refuses_vertices_that_are_not_finite(bad):
+    vertices = cube().vertices.copy()
+    vertices[0, 0] = bad
+    with pytest.raises(UnusableModelError, match="not finite"):
+        build_model(vertices, cube().faces)
+
+
+def test_a_bad_vertex_that_no_face_uses_is_harmless():
+    vertices = np.concatenate([cube().vertices, [[np.nan] * 3]])
+    assert len(build_model(vertices, cube().faces).faces) == 12
+
+
+def test_build_refuses_empty_and_too_large():
+    with pytest.raises(UnusableModelError, match="empty"):
+        build_model(np.zeros((0, 3)), np.zeros((0, 3)))
+    with pytest.raises(UnusableModelError, match="empty"):
+        build_model(np.zeros((3, 3)), [[0, 1, 2]])
+    with pytest.raises(UnusableModelError, match="limit of 11"):
+        model_of(cube(), max_faces=11)
+
+
+def test_model_checks_its_arrays():
+    model = model_of(cube())
+    with pytest.raises(ValueError, match="model faces"):
+        dataclasses.replace(model, faces=model.faces + 100)
+    with pytest.raises(ValueError, match="model uv"):
+        dataclasses.replace(model, uv=model.uv[:3])
+
+
+def test_crease_normals_of_a_cube_are_flat_and_of_a_sphere_round():
+    flat = model_of(cube())
+    np.testing.assert_allclose(
+        flat.normals, np.repeat(face_normals(flat.vertices, flat.faces)[:, None], 3, 1),
+        atol=1e-6,
+    )  # fmt: skip
+    round_ = model_of(sphere())
+    # Apart from the poles, where few faces meet, the normal is the direction from the centre.
+    np.testing.assert_allclose(round_.normals, round_.corners(), atol=0.02)
+
+
+def test_crease_normals_do_not_need_shared_vertices():
+    soup = sphere().vertices[sphere().faces].reshape(-1, 3)
+    model = build_model(soup, np.arange(len(soup)).reshape(-1, 3))
+    np.testing.assert_allclose(model.normals, model.corners(), atol=0.02)
+
+
+def test_crease_normals_with_many_faces_on_one_edge():
+    # A book of 200 pages: linear cost, unit normals.
+    angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    tips = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    vertices = np.concatenate([[[0, 0, -1.0], [0, 0, 1.0]], tips])
+    faces = np.stack([np.zeros(200, int), np.ones(200, int), np.arange(2, 202)], axis=1)
+    model = build_model(vertices, faces)
+    np.testing.assert_allclose(np.linalg.norm(model.normals, axis=2), 1, atol=1e-5)
+
+
+def test_missing_normals_are_made_and_given_ones_kept():
+    solid = cube()
+    given = np.repeat(face_normals(solid.vertices, solid.faces)[:, None], 3, 1)
+    given[0] = 0
+    given[1, 1] = np.nan
+    given[2] *= 7
+    model = model_of(solid, normals=given)
+    want = np.repeat(face_normals(model.vertices, model.faces)[:, None], 3, 1)
+    np.testing.assert_allclose(model.normals, want, atol=1e-6)
+    assert any("4 corner normals" in w for w in model.warnings)
+
+
+def test_a_face_is_turned_over_to_agree_with_its_normals():
+    solid = cube()
+    given = np.repeat(face_normals(solid.vertices, solid.faces)[:, None], 3, 1)
+    faces = solid.faces.copy()
+    faces[3] = faces[3][::-1]
+    model = build_model(solid.vertices, faces, normals=given)
+    facing = face_normals(model.vertices, model.faces)
+    assert ((facing[:, None] * model.normals).sum(axis=2) > 0.99).all()
+
+
+def test_a_mirroring_keeps_the_outside_outside():
+    model = normalize(model_of(sphere()))
+    mirrored = model.transformed(np.array([[-1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]))
+    facing = face_normals(mirrored.vertices, mirrored.faces)
+    assert ((facing[:, None] * mirrored.normals).sum(axis=2) > 0.9).all()
+    assert (facing * (mirrored.corners().mean(axis=1) - [0, 0, 0.5])).sum(axis=1).min() > 0

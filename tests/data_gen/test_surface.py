@@ -1,0 +1,157 @@
+import free_meshes
+import numpy as np
+import pytest
+from helpers.solid_models import joined, model_of, sphere
+
+from data_gen.catalogues import solids
+from data_gen.frame import normalize
+from data_gen.mesh import Material, UnusableModelError, build_model, face_areas
+from data_gen.surface import sample_surface
+
+
+def test_samples_are_uniform_by_area():
+    model = normalize(model_of(solids.box(4, 2, 1)))
+    sample = sample_surface(model, 7000, 3)
+    area = face_areas(model.vertices, model.faces)
+    got = np.bincount(sample.face, minlength=len(area)) / 7000
+    np.testing.assert_allclose(got, area / area.sum(), atol=2e-3)
+    # Inside the faces, too: the centroid of a face's points is the face's.
+    for face in range(len(area)):
+        points = sample.points[sample.face == face]
+        np.testing.assert_allclose(points.mean(0), model.corners()[face].mean(0), atol=0.08)
+    np.testing.assert_allclose(np.linalg.norm(sample.normals, axis=1), 1, atol=1e-5)
+    assert sample.points.dtype == sample.normals.dtype == np.float32
+
+
+def test_samples_are_the_seeds():
+    model = model_of(sphere())
+    one, two, other = (sample_surface(model, 500, s) for s in (1, 1, 2))
+    np.testing.assert_array_equal(one.points, two.points)
+    assert not np.array_equal(one.points, other.points)
+    with pytest.raises(ValueError, match="number of points: got 0"):
+        sample_surface(model, 0, 1)
+
+
+def square(texture, opacity=1.0):
+    """A unit square in the plane z = 0 whose texture covers it once."""
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    return build_model(
+        np.column_stack([corners, np.zeros(4)]), faces, uv=corners[faces],
+        materials=[Material(texture=texture, opacity=opacity)],
+    )  # fmt: skip
+
+
+def test_no_points_in_the_holes_of_an_alpha_map():
+    texture = np.full((8, 8, 4), 255, np.uint8)
+    texture[:4, :, 3] = 0  # the upper half: v > 1/2
+    texture[6:, :4, 3] = 10  # nearly clear: lower left
+    sample = sample_surface(square(texture), 4000, 0)
+    assert len(sample.points) == 4000
+    assert sample.points[:, 1].max() <= 0.5
+    left = sample.points[:, 0] < 0.5
+    assert sample.points[left, 1].min() >= 0.25
+    assert left.mean() == pytest.approx(1 / 3, abs=0.03)
+
+
+def test_glass_has_points_and_a_clear_texture_has_none():
+    texture = np.full((4, 4, 4), 255, np.uint8)
+    assert len(sample_surface(square(texture, 0.3), 100, 0).points) == 100
+    texture[..., 3] = 0
+    with pytest.raises(UnusableModelError, match="hardly any"):
+        sample_surface(square(texture), 100, 0)
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_doubled_faces_have_one_density(back):
+    # A box and, beside it, one with every face twice.
+    here, there = solids.box(1, 1, 1), solids.box(1, 1, 1).at(1.5, 0, 0)
+    vertices, faces = joined(here, there)
+    again = faces[12:, ::-1] if back else faces[12:]
+    model = normalize(build_model(vertices, np.concatenate([faces, again])))
+    sample = sample_surface(model, 20_000, 0)
+    right = (sample.points[:, 0] > 0).mean()
+    assert right / (1 - right) == pytest.approx(1, abs=0.05)
+    same = sample_surface(model, 20_000, 0)
+    np.testing.assert_array_equal(same.points, sample.points)
+
+
+def test_surfaces_that_lie_on_one_another_have_one_density():
+    # The same square by two triangles, and turned over by a grid of many.
+    grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 8)] * 2, [0.0], indexing="ij"), -1)
+    index = np.arange(64).reshape(8, 8)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    many = np.concatenate([np.stack([a, c, b], -1), np.stack([a, d, c], -1)]).reshape(-1, 3)
+    square_ = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
+    model = build_model(
+        np.concatenate([square_, grid.reshape(-1, 3)]), np.concatenate([faces, many + 6])
+    )
+    sample = sample_surface(model, 20_000, 0)
+    left = (sample.points[:, 0] < 1).mean()
+    assert left / (1 - left) == pytest.approx(1, abs=0.05)
+
+
+def test_a_hole_in_one_of_two_layers_shows_the_other():
+    texture = np.full((4, 4, 4), 255, np.uint8)
+    texture[:, :2, 3] = 0  # u < 1/2
+    under = square(None)
+    over = square(texture)
+    model = build_model(
+        np.concatenate([over.vertices, under.vertices]),
+        np.concatenate([over.faces, under.faces + 4]),
+        uv=np.concatenate([over.uv, under.uv]), face_material=np.array([0, 0, 1, 1]),
+        materials=[*over.materials, *under.materials],
+    )  # fmt: skip
+    sample = sample_surface(model, 20_000, 0)
+    left = (sample.points[:, 0] < 0.5).mean()
+    assert left / (1 - left) == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.parametrize("case", ["doubled", "back first", "inside out", "open below"])
+def test_normals_point_outward_where_the_mesh_can_tell(case):
+    ball = solids.ball(2, 2, 2, 24)
+    faces = ball.faces
+    if case == "doubled":
+        faces = np.concatenate([faces, faces[:, ::-1]])
+    elif case == "back first":
+        faces = np.concatenate([faces[:, ::-1], faces])
+    elif case == "inside out":
+        faces = faces[:, ::-1]
+    else:
+        faces = faces[ball.vertices[faces][..., 2].max(axis=1) > -0.8][:, ::-1]
+    model = normalize(build_model(ball.vertices, faces))
+    sample = sample_surface(model, 4000, 0)
+    outward = sample.points - [0, 0, sample.points[:, 2].max() / 2]
+    assert ((outward * sample.normals).sum(axis=1) > 0).mean() > 0.99
+
+
+def test_an_inner_wall_keeps_its_normals():
+    inner, outer = solids.ball(1.4, 1.4, 1.4, 24), solids.ball(2, 2, 2, 24)
+    vertices, faces = joined(outer, inner)
+    faces[len(outer.faces) :] = faces[len(outer.faces) :, ::-1]
+    model = build_model(vertices, faces)
+    sample = sample_surface(model, 4000, 0)
+    toward = np.where(np.linalg.norm(sample.points, axis=1) > 0.85, 1, -1)
+    assert ((sample.points * sample.normals).sum(axis=1) * toward > 0).all()
+
+
+@pytest.mark.parametrize(
+    "name", ["Reallusion/Reallusion#female01", "Scopia/Scopia#maceta", "Scopia/Scopia#little_lamp2"]
+)
+def test_furniture_with_doubled_faces_has_one_density(name):
+    model = free_meshes.model("sh3f", name)
+    sample = sample_surface(model, 16_384, 0)
+    # Doubled or not, by exact geometry: the same corners again.
+    key = np.sort(np.round(model.corners(), 5).view("f8,f8,f8").reshape(-1, 3), axis=1)
+    _, number, count = np.unique(
+        key.view(np.uint8).reshape(len(key), -1), axis=0, return_inverse=True, return_counts=True
+    )
+    twice = count[number.ravel()] > 1
+    area = face_areas(model.vertices, model.faces)
+    got = twice[sample.face].mean()
+    once = area[~twice].sum()
+    double = (area / count[number.ravel()])[twice].sum()
+    assert double / (once + double) > 0.2
+    ratio = (got / double) / ((1 - got) / once) if once > 0.05 * double else 1
+    assert ratio == pytest.approx(1, abs=0.05)
