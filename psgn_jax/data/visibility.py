@@ -43,7 +43,7 @@ def visible_points(
 ) -> np.ndarray:
     """Returns whether each point is visible, by the rule of the module.
 
-    It is one long function because each step removes points that the next step need not check.
+    One function: each step removes points that the next step need not check.
 
     Args:
       points: [n, 3] in the project's frame.

@@ -106,7 +106,7 @@ def _kernel(  # type: ignore[no-untyped-def]
 ) -> None:
     """The program for one pair, described in the module docstring.
 
-    It is one long function because a kernel is traced as a whole and its parts use the same
+    One function: a kernel is traced as a whole and its parts use the same
     references.
     """
     # object_ref, list_ref and slack_ref are working memory; for Triton, Pallas has no other working
