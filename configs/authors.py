@@ -2,7 +2,7 @@
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors.py --workdir=runs/authors
-Hardware: a GPU; on two CPU cores a step takes some seconds (see BUILD.md).
+Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: not measured to its end.
 Expect: less than `configs/authors_small.py` gives; not measured to its end.
 

@@ -2,7 +2,7 @@ r"""The full two-branch network on the authors' batches, trained under the EMD.
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_emd.py --workdir=runs/authors_emd
-Hardware: a GPU; on two CPU cores a step takes some seconds (see BUILD.md).
+Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: not measured to its end.
 Expect: a lower EMD and a higher Chamfer distance than `authors.py`; not measured to its end.
 

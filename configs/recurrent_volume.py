@@ -3,7 +3,7 @@
 Command: python -m psgn_jax.main --config=configs/recurrent_volume.py --config.data.path=RECORDS
 Hardware: a GPU; on two CPU cores with --config.voxels.width_multiplier=0.125.
 Time: not measured.
-Expect: not measured at full size; small runs: `python -m psgn_jax.experiments.comparison`.
+Expect: not measured at full size; small runs: `psgn study comparison`.
 
 The records have to hold solid volumes and at least five views of every model (with fewer set
 `voxels.max_views` and `voxels.eval_views`). Batches of 36 and 60,000 steps of Adam at 1e-4 are

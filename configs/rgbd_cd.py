@@ -2,14 +2,15 @@
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/rgbd_cd.py --workdir=runs/rgbd_cd
-Hardware: a GPU; on two CPU cores a step takes some seconds (see BUILD.md).
+Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: not measured.
 Expect: a lower cd_sq_radius2 than `authors.py` gives, most of it on visible points. Not measured at
-this size; a smaller network after 1,000 steps had .0107 with depth and .0123 without (README).
+this size; a smaller network after 1,000 steps had .0107 with depth and .0123 without
+(docs/experiments.md).
 
 The recipe is that of `authors.py`; any records with depth will do (`--config.data.path=RECORDS`).
 What the network sees of the depth: `models.inputs.stack_channels`. A smaller comparison of RGB and
-RGB-D that two CPU cores finish is `python -m psgn_jax.experiments.completion`.
+RGB-D that two CPU cores finish is `psgn study completion`.
 
 Source: paper, section "3D Shape Completion from RGBD Images", which names no recipe of its own.
 """

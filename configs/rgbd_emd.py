@@ -2,7 +2,7 @@
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/rgbd_emd.py --workdir=runs/rgbd_emd
-Hardware: a GPU; on two CPU cores a step takes some seconds (see BUILD.md).
+Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: not measured.
 Expect: a lower emd_radius than `authors_emd.py` gives and than `rgbd_cd.py`; not measured.
 

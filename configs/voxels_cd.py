@@ -5,7 +5,7 @@ Command: python -m psgn_jax.main --config=configs/voxels_cd.py --config.data.pat
 Hardware: a GPU; two CPU cores with --config.voxels.widths='(8,8,8,8,8)' and a small network in
     `from_cd`, whose `data.image_size` and `data.inputs` have to be repeated here.
 Time: not measured.
-Expect: not measured at full size; small runs: `python -m psgn_jax.experiments.comparison`.
+Expect: not measured at full size; small runs: `psgn study comparison`.
 
 The records have to hold solid volumes. To add the volume channel, train
 `configs/voxels_volume.py` and give --config.voxels.from_volume=runs/voxels_volume.

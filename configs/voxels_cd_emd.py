@@ -5,7 +5,7 @@ Command: python -m psgn_jax.main --config=configs/voxels_cd_emd.py --config.data
              --config.voxels.from_volume=runs/voxels_volume
 Hardware: a GPU.
 Time: not measured.
-Expect: not measured at full size; small runs: `python -m psgn_jax.experiments.comparison`.
+Expect: not measured at full size; small runs: `psgn study comparison`.
 
 Without the volume channel: --config.voxels.from_volume="".
 """

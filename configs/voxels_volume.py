@@ -3,7 +3,7 @@
 Command: python -m psgn_jax.main --config=configs/voxels_volume.py --config.data.path=RECORDS
 Hardware: a GPU.
 Time: not measured.
-Expect: not measured at full size; small runs: `python -m psgn_jax.experiments.comparison`.
+Expect: not measured at full size; small runs: `psgn study comparison`.
 """
 
 import ml_collections

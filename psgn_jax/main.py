@@ -1,4 +1,7 @@
-"""Trains: `python -m psgn_jax.main --config=configs/base.py --workdir=runs/base`.
+"""Trains: `psgn train --config=base --workdir=runs/base`.
+
+`python -m psgn_jax.main` is the same command. `--config` takes the path of a file or the name of a
+configuration that comes with the package (`psgn_jax.config_files`).
 
 Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same
 command goes on with a run that was stopped. Exit codes: 0 done; 2 a wrong configuration (one line
@@ -21,9 +24,10 @@ from psgn_jax.command_line import (
     parse_flags,
 )
 from psgn_jax.config import ConfigError, check_paths, parse
+from psgn_jax.config_files import with_paths
 
 _CONFIG = config_flags.DEFINE_config_file(
-    "config", None, "Path of a configuration, such as configs/base.py.", lock_config=True
+    "config", None, "A configuration: its path, or a name such as quickstart.", lock_config=True
 )
 _WORKDIR = flags.DEFINE_string(
     "workdir", None, "Folder of the run; default: runs/<name of the configuration file>."
@@ -60,5 +64,11 @@ def _config() -> Any:
     return _CONFIG.value
 
 
+def _parse_flags(argv: list[str]) -> list[str]:
+    with exit_on_user_error():
+        argv = with_paths(argv)
+    return parse_flags(argv)
+
+
 if __name__ == "__main__":
-    app.run(main, flags_parser=parse_flags)
+    app.run(main, flags_parser=_parse_flags)

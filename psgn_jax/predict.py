@@ -22,7 +22,7 @@ from psgn_jax.config import ConfigError
 from psgn_jax.data import masks
 from psgn_jax.prediction import export
 from psgn_jax.prediction.files import predict_files
-from psgn_jax.prediction.predictor import Predictor
+from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
 from psgn_jax.weights.opening import open_network
 
 
@@ -36,6 +36,8 @@ def _main(argv: Sequence[str]) -> None:
             raise ConfigError(
                 f"--formats={','.join(formats)}: accepted: any of {', '.join(export.FORMATS)}"
             )
+        if values.invert_mask and not values.mask:
+            raise ConfigError("--invert_mask: accepted with --mask=FILE|FOLDER")
         if not argv[1:]:
             raise ConfigError("no image: name files or folders")
         keep_compiled()
@@ -52,6 +54,8 @@ def _main(argv: Sequence[str]) -> None:
             seed=values.seed,
             frame=values.frame,
             mask_from=values.mask_from,
+            invert_mask=values.invert_mask,
+            normal_form=values.normal_form,
         )
         for path, result in results:
             if isinstance(result, Exception):
@@ -60,6 +64,8 @@ def _main(argv: Sequence[str]) -> None:
                 sys.stderr.write(f"failed: {path}: {line}\n")
                 continue
             done += 1
+            for warning in result.warnings:
+                sys.stderr.write(f"warning: {path}: {warning}\n")
             milliseconds = 1000 * sum(result.seconds.values())
             sys.stdout.write(
                 f"{path}: {len(result.points)} x {result.points.shape[1]} points, mask "
@@ -78,6 +84,10 @@ if __name__ == "__main__":
     flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
     flags.DEFINE_string("mask", None, "File of the mask, or folder with one for each image.")
     flags.DEFINE_enum("mask_from", "auto", list(masks.METHODS), "How to find a mask.")
+    flags.DEFINE_bool("invert_mask", False, "The given masks are white outside the object.")
+    flags.DEFINE_enum(
+        "normal_form", "auto", list(NORMAL_FORMS), "Put the points on the ground, with radius 1."
+    )
     flags.DEFINE_enum("frame", "auto", ["auto", "place", "keep"], "Crop the object, or keep.")
     flags.DEFINE_integer("samples", 1, "Clouds for each image.")
     flags.DEFINE_integer("seed", 0, "Seed of the random input.")

@@ -15,9 +15,10 @@ DATA_GEN = ROOT / "data_gen"
 # in this list, never from one below. The longest matching prefix decides.
 LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax", "psgn_jax.types", "psgn_jax.structured", "psgn_jax.files"),
-    ("psgn_jax.config", "psgn_jax.data.schema", "psgn_jax.data.codec", "psgn_jax.data.manifest",
-     "psgn_jax.data.dataset", "psgn_jax.data.records", "psgn_jax.data.camera"),
-    ("psgn_jax.command_line", "psgn_jax.default_data"),
+    ("psgn_jax.config", "psgn_jax.data_config", "psgn_jax.data.schema", "psgn_jax.data.codec",
+     "psgn_jax.data.manifest", "psgn_jax.data.dataset", "psgn_jax.data.records",
+     "psgn_jax.data.camera"),
+    ("psgn_jax.command_line", "psgn_jax.config_files", "psgn_jax.default_data"),
     ("psgn_jax.losses", "psgn_jax.models", "psgn_jax.data"),
     ("psgn_jax.metrics",),
     ("psgn_jax.viewing",),
@@ -27,7 +28,7 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax.training.loop",),
     ("psgn_jax.experiments",),
     ("psgn_jax.main", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.demo",
-     "psgn_jax.inspect", "psgn_jax.convert", "psgn_jax.weights.__main__"),
+     "psgn_jax.inspect", "psgn_jax.convert", "psgn_jax.weights.__main__", "psgn_jax.cli"),
 ]  # fmt: skip
 
 # Packages that are heavy or optional, and the only modules that may import them.

@@ -115,6 +115,10 @@ def depth_codes_of(depth: np.ndarray) -> DepthCodes:
 # --- Bytes of one field -----------------------------------------------------------------------
 
 
+# Half a percent more bytes than level 9, for a third of the time.
+_DEFLATE_LEVEL = 5
+
+
 def _deflate(data: np.ndarray) -> bytes:
     return zlib.compress(np.ascontiguousarray(data).tobytes(), _DEFLATE_LEVEL)
 

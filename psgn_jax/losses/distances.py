@@ -78,6 +78,13 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
     Returns:
       (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. Further
       arrays, if the function takes them, have that axis too.
+
+    Examples:
+      >>> import jax.numpy as jnp
+      >>> from psgn_jax import losses
+      >>> preds, gts = jnp.zeros((2, 1, 3)), jnp.ones((2, 5, 3))
+      >>> losses.map_pairs(losses.chamfer_sq_mean)(preds, gts).tolist()
+      [6.0, 6.0]
     """
 
     # Made once, so that JAX knows it again and compiles it once, also without `jit` around.

@@ -58,6 +58,13 @@ def farthest_points(
     """The points of `farthest_point_indices`; all NaN if a coordinate is not finite inside `jit`.
 
     Differentiable: each chosen point passes its gradient on to where it was taken from.
+
+    Examples:
+      >>> import jax.numpy as jnp
+      >>> from psgn_jax import losses
+      >>> points = jnp.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [9.0, 0.0, 0.0]])
+      >>> losses.farthest_points(points, 2).tolist()
+      [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]]
     """
     index = farthest_point_indices(points, num_samples, start=start)
     return jnp.asarray(points).at[index].get(mode="fill", fill_value=jnp.nan)

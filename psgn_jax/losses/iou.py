@@ -52,6 +52,13 @@ def iou(
 
     Raises:
       ValueError: the shapes differ.
+
+    Examples:
+      >>> import jax.numpy as jnp
+      >>> from psgn_jax import losses
+      >>> pred, gt = jnp.array([0.9, 0.8, 0.1, 0.2]), jnp.array([True, False, True, False])
+      >>> round(float(losses.iou(pred, gt)), 3)  # 1 cell in both, 3 in either
+      0.333
     """
     return iou_sweep(pred, gt, jnp.asarray(threshold)[None])[0]
 

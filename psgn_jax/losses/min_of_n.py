@@ -56,6 +56,14 @@ def min_of_n(
       (preds [draws, n, 3], gt [m, 3]) -> `MinOfN`; any draws >= 1; for `jit`, and for `vmap` or
       `map_pairs` over samples. It raises ValueError for another shape of `preds`, and what
       `distance` raises.
+
+    Examples:
+      >>> import jax.numpy as jnp
+      >>> from psgn_jax import losses
+      >>> preds = jnp.array([[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]])  # two draws of one point
+      >>> result = losses.min_of_n(losses.chamfer_sq)(preds, jnp.array([[0.0, 0.0, 3.0]]))
+      >>> float(result.value), int(result.winner), result.distances.tolist()
+      (2.0, 1, [18.0, 2.0])
     """
 
     def over_draws(preds: Array, gt: Array) -> MinOfN:

@@ -18,6 +18,7 @@ from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.distances import map_pairs
 from psgn_jax.metrics import clouds as metrics_lib
 from psgn_jax.metrics import samples as sample_metrics
+from psgn_jax.metrics.aligned import aligned_metrics
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.models import point_out_net
 from psgn_jax.prediction import sampling
@@ -106,13 +107,21 @@ def make_eval_step(config: Config, model: Any) -> Callable[..., Any]:
     def pair(pred: Any, gt: Any, visible: Any = None) -> Any:
         # A bijection wants at least as many true points; without them there is no EMD.
         emd_tolerance = config.eval.emd_tolerance if len(pred) <= len(gt) else 0
-        return metrics_lib.evaluate_pair(
+        metrics = metrics_lib.evaluate_pair(
             pred,
             gt,
             visible,
             threshold=config.eval.fscore_threshold,
             emd_tolerance=emd_tolerance or None,
         )
+        if config.eval.aligned:
+            metrics |= aligned_metrics(
+                pred,
+                gt,
+                emd_tolerance=emd_tolerance or None,
+                known_emd=metrics.get("emd_radius"),
+            )
+        return metrics
 
     return evaluation.over_devices(
         config,

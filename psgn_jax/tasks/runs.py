@@ -27,6 +27,8 @@ from psgn_jax.training.run_folder import load_config
 from psgn_jax.viewing import report as report_lib
 from psgn_jax.weights.opening import open_network, weights_path
 
+FRAMES = ("keep", "place")
+
 
 def evaluate_run(
     workdir: str | pathlib.Path | None = None,
@@ -37,6 +39,7 @@ def evaluate_run(
     data: str | None = None,
     out: str | pathlib.Path | None = None,
     draws: int = 0,
+    frame: str = "keep",
     on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
 ) -> Evaluation:
     """Evaluates a checkpoint of a run, or weights, and writes the tables.
@@ -48,9 +51,11 @@ def evaluate_run(
       split: default the configuration's `data.eval_split`.
       data: folder of records in place of the configuration's `data.path`.
       out: folder for the files, default `workdir/eval_<split>_<checkpoint>`, or of weights
-        `eval_<weights>_<split>`.
+        `eval_<weights>_<split>`; with `_placed` after it for `frame="place"`.
       draws: add the metrics of so many draws of each image, see `tasks.points.with_draws`;
         0 = none.
+      frame: "place" has every image cropped and placed as a photo is, and its points moved along
+        (`data.framing`); "keep" = as framed.
       on_batch: as for `training.evaluation.evaluate_split`.
 
     Raises:
@@ -68,16 +73,24 @@ def evaluate_run(
     split = split or config.data.eval_split
     if draws:
         require_points_task(config, "--draws")
+    if frame not in FRAMES:
+        raise ConfigError(f"--frame={frame}: accepted: {', '.join(FRAMES)}")
+    if frame == "place":
+        require_points_task(config, "--frame=place")
+        config = dataclasses.replace(
+            config, data=dataclasses.replace(config.data, eval_frame=frame)
+        )
+    config = dataclasses.replace(config, eval=dataclasses.replace(config.eval, aligned=True))
     logging.info("evaluating %s, step %d, split %s", run.source, run.step, split)
     task = tasks.create(config, workdir or "")
     options = {"draws": draws} if draws else {}
     result = task.evaluate(run.params, split=split, on_batch=on_batch, chosen=run.scores, **options)
-    own = f"{workdir}/eval_{split}_{checkpoint}" if workdir else f"eval_{run.source}_{split}"
-    folder = pathlib.Path(out or own)
+    name = f"{workdir}/eval_{split}_{checkpoint}" if workdir else f"eval_{run.source}_{split}"
+    folder = pathlib.Path(out or name + ("_placed" if frame == "place" else ""))
     write_atomic(folder / "table.txt", table.text(result))
     write_atomic(folder / "table.csv", table.csv_text(result))
     write_atomic(folder / "samples.csv", table.samples_csv(result))
-    origin = {run.source_kind: run.source, "step": run.step}
+    origin = {run.source_kind: run.source, "step": run.step, "frame": frame}
     if workdir:
         origin["checkpoint"] = checkpoint
     document = table.json_text(result, **origin)
