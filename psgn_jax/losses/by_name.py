@@ -130,7 +130,8 @@ class WeightedSum:
     def with_terms(self, pred: Array, gt: Array) -> tuple[Array, dict[str, Array]]:
         """The sum and, by name, the values d_k without weights, which carry no gradient."""
         values = {term.name: loss(pred, gt) for term, loss in self.terms}
-        total = sum(term.weight * values[term.name] for term, _ in self.terms)
+        weighted = [term.weight * values[term.name] for term, _ in self.terms]
+        total = sum(weighted[1:], start=weighted[0])
         return total, jax.lax.stop_gradient(values)
 
 

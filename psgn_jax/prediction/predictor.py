@@ -140,8 +140,13 @@ class Predictor:
     @classmethod
     def from_run(cls, run: Run) -> "Predictor":
         """An opened network, see `weights.opening.open_network`."""
-        origin = {"source": run.source, "source_kind": run.source_kind}
-        return cls(run.config, run.params, step=run.step, **origin)
+        return cls(
+            run.config,
+            run.params,
+            step=run.step,
+            source=run.source,
+            source_kind=run.source_kind,
+        )
 
     def __call__(
         self,
