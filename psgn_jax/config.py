@@ -13,11 +13,12 @@ import dataclasses
 import json
 import os
 import pathlib
-import re
 import types
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
+from psgn_jax.data_config import DERIVED
+from psgn_jax.data_config import DataConfig as DataConfig
 from psgn_jax.structured import (
     Bounds,
     ConfigError,
@@ -34,88 +35,12 @@ from psgn_jax.structured import UserError as UserError
 from psgn_jax.structured import flatten as flatten
 from psgn_jax.structured import suggestion as suggestion
 
-_DERIVED = {"derived": "data.image_size, data.inputs, task and voxels"}
-
 # Adam's decay rates and the averaging rate: at 1 nothing would ever be forgotten (or learned).
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
-Channel = Literal["rgb", "mask", "depth"]
 Task = Literal["points", "refine", "volume", "views"]
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
 """Channels of each input, see `models.inputs.stack_channels`; one of depth says where it is."""
-
-
-@dataclasses.dataclass(frozen=True)
-class DataConfig:
-    """Where samples come from and how they become batches.
-
-    Attributes:
-      path: folder of records, or several with commas between them, whose splits are joined;
-        empty = the default data set (procedural models, rendered on first use). `FOLDER*N` counts
-        the folder's training samples N times.
-      eval_path: folders that the run is evaluated on, in the same form; empty = those of `path`.
-      train_split: name of the split that is trained on.
-      eval_split: name of the split that is evaluated during training.
-      image_size: (height, width) the network sees; images are resized to it. The network pads
-        sides that are no multiples of 2 ** (levels of `model.widths` - 1).
-      inputs: what the network sees, of "rgb", "mask" and "depth".
-      num_points: ground-truth points drawn per sample and training step.
-      num_eval_points: ground-truth points per sample in an evaluation.
-      flip: mirror half of the training samples (y to -y).
-      stretch: largest relative change of width, s uniform in [1 - stretch, 1 + stretch]; samples of
-        rolled cameras stay as they are.
-      zoom: largest relative change of scale, another crop of the image, in [1 - zoom, 1 + zoom].
-      shift: largest move of that crop over the image's height and width.
-      colour_jitter: strength of the change of brightness, contrast and channel gains; 0 = off.
-      num_workers: decoding processes; 0 = threads in this process.
-      cache: keep decoded samples in memory.
-      occupancy: batches hold the solid volume too; filled in from `task`.
-      train_views: images of the same model in each row of a batch, 0 = the record's own, without
-        an axis of views; filled in from `task` and `voxels`.
-      eval_views: likewise, in an evaluation.
-      default_folder: of the default data set, filled in by `default_data.with_default_data`.
-    """
-
-    path: str = ""
-    eval_path: str = ""
-    train_split: str = "train"
-    eval_split: str = "validation"
-    image_size: tuple[PositiveInt, PositiveInt] = (192, 256)
-    inputs: tuple[Channel, ...] = ("rgb", "mask")
-    num_points: PositiveInt = 4096
-    num_eval_points: PositiveInt = 4096
-    flip: bool = False
-    stretch: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
-    zoom: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
-    shift: Annotated[float, Bounds(low=0, high=0.5)] = 0.0
-    colour_jitter: Fraction = 0.0
-    num_workers: Count = 0
-    cache: bool = False
-    occupancy: bool = dataclasses.field(default=False, metadata=_DERIVED)
-    train_views: int = dataclasses.field(default=0, metadata=_DERIVED)
-    eval_views: int = dataclasses.field(default=0, metadata=_DERIVED)
-    default_folder: str = dataclasses.field(default="", metadata={"derived": "data.path"})
-
-    @property
-    def folders(self) -> tuple[str, ...]:
-        """The folders that `path` names, or that of the default data set; none if it is unknown.
-
-        A folder with a factor N stands N times.
-        """
-        return _folders(self.path or self.default_folder)
-
-    @property
-    def eval_folders(self) -> tuple[str, ...]:
-        """The folders of the evaluation, each once."""
-        return tuple(dict.fromkeys(_folders(self.eval_path) or self.folders))
-
-
-def _folders(path: str) -> tuple[str, ...]:
-    folders: list[str] = []
-    for part in filter(None, (part.strip() for part in path.split(","))):
-        match = re.fullmatch(r"(.+)\*([1-9][0-9]{0,3})", part)
-        folders += [match[1].strip()] * int(match[2]) if match else [part]
-    return tuple(folders)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -157,8 +82,8 @@ class ModelConfig:
     posterior_widths: tuple[PositiveInt, ...] = (32, 64, 128)
     posterior_hidden: PositiveInt = 128
     compute_dtype: Literal["float32", "bfloat16"] = "float32"
-    image_size: tuple[int, int] = dataclasses.field(default=(192, 256), metadata=_DERIVED)
-    in_channels: int = dataclasses.field(default=4, metadata=_DERIVED)
+    image_size: tuple[int, int] = dataclasses.field(default=(192, 256), metadata=DERIVED)
+    in_channels: int = dataclasses.field(default=4, metadata=DERIVED)
 
     @property
     def divisor(self) -> int:
@@ -171,7 +96,8 @@ class LossConfig:
     """What is minimised.
 
     Attributes:
-      name: an entry of `losses.by_name.LOSSES`.
+      name: an entry of `losses.by_name.LOSSES`, or a weighted sum of some, each with its own number
+        of true points, such as "emd_mean@1024 + 5*chamfer_sq_mean".
       l2: "authors" adds `l2_scale` times the L2 terms of `training.step.l2_authors`.
       l2_scale: their 0.1.
       emd_tolerance: of the losses that are an EMD: accepted relative error of the assignment.
@@ -237,6 +163,11 @@ class TrainConfig:
       images_every: steps between pictures of predictions in tensorboard (and at the end).
       num_images: samples in such a picture.
       keep_checkpoints: newest checkpoints kept, besides the best one.
+      init: what the parameters begin with, in place of random ones: a file of weights, the name of
+        weights that come with the package, or the folder of a trained run (its best checkpoint).
+        Read before the first step alone; the optimiser begins anew.
+      init_skip: patterns (`*` stands for any text) of layers that begin with random parameters
+        nevertheless.
     """
 
     batch_size: PositiveInt = 32
@@ -247,6 +178,8 @@ class TrainConfig:
     images_every: Count = 5_000
     num_images: PositiveInt = 6
     keep_checkpoints: PositiveInt = 2
+    init: str = ""
+    init_skip: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -262,6 +195,8 @@ class EvalConfig:
       visible_tolerance: distance in units from a pixel of the records' depth up to which a true
         point counts as visible, see `data.visibility`; 0 = no metrics of visible and hidden points.
         Records without depth have none whatever it is.
+      aligned: during training, also measure the distances after the best scale and shift of each
+        prediction (`metrics.aligned`; some 50 ms of a CPU core a sample). `evaluate` always does.
     """
 
     batch_size: PositiveInt = 32
@@ -269,6 +204,7 @@ class EvalConfig:
     fscore_threshold: Positive = 0.01
     emd_tolerance: NonNegative = 0.01
     visible_tolerance: Annotated[float, Bounds(low=0, high=0.1)] = 0.025
+    aligned: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -436,6 +372,8 @@ def _check_together(config: Config) -> None:
             )
         if not 1 <= len(model.posterior_widths) <= 5:
             raise wrong("model.posterior_widths", model.posterior_widths, "1 to 5 widths")
+    if train.init_skip and not train.init:
+        raise wrong("train.init_skip", train.init_skip, "() without train.init")
     if optim.warmup_steps >= train.steps:
         raise wrong(
             "optim.warmup_steps", optim.warmup_steps, f"fewer than train.steps={train.steps}"
@@ -447,8 +385,9 @@ def _check_together(config: Config) -> None:
 def _check_voxels(config: Config) -> None:
     """Checks of the tasks on volumes."""
     data, voxels = config.data, config.voxels
-    if data.stretch:
-        raise wrong("data.stretch", data.stretch, f"0 with task={config.task!r} (volumes stay)")
+    for field in ("stretch", "place", "reframe_scale", "reframe_shift"):
+        if value := getattr(data, field):
+            raise wrong(f"data.{field}", value, f"0 with task={config.task!r} (volumes stay)")
     if config.loss.l2 != "none":
         raise wrong("loss.l2", config.loss.l2, f"'none' with task={config.task!r}")
     if config.task == "refine" and not (voxels.from_cd or voxels.from_emd):

@@ -1,4 +1,7 @@
-"""A page to try a network on photos: `python -m psgn_jax.demo --workdir W`.
+"""A page to try a network on photos: `python -m psgn_jax.demo`.
+
+The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either the one that
+comes with the package.
 
 Drop a photo, correct the mask that was found with brush and eraser, choose samples and seed, turn
 the result, take its files along: those of `psgn_jax.predict`. The page is served to this machine
@@ -19,6 +22,7 @@ from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_term
 from psgn_jax.config import ConfigError
 from psgn_jax.prediction.demo_page import Demo, import_gradio, launch
 from psgn_jax.prediction.predictor import Predictor
+from psgn_jax.weights.opening import open_network
 
 
 def _main(argv: Sequence[str]) -> None:
@@ -38,7 +42,8 @@ def _main(argv: Sequence[str]) -> None:
         os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"
         import_gradio()
         keep_compiled()
-        predictor = Predictor.from_workdir(values.workdir, values.checkpoint)
+        network = open_network(values.workdir, values.weights, values.checkpoint)
+        predictor = Predictor.from_run(network)
         predictor.warm_up()
         if values.host not in ("127.0.0.1", "localhost"):
             logging.warning("--host=%s: other machines can reach the page", values.host)
@@ -46,7 +51,8 @@ def _main(argv: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of the run.", required=True)
+    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
+    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
     flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
     flags.DEFINE_string("host", "127.0.0.1", "Address to listen at.")
     flags.DEFINE_integer("port", 7860, "Port to listen at, 0 for a free one.")

@@ -1,7 +1,8 @@
-"""Evaluates a run: `python -m psgn_jax.evaluate --workdir W`.
+"""Evaluates a run, `python -m psgn_jax.evaluate --workdir W`, or weights, `--weights NAME|FILE`.
 
-Prints the table and writes it into the run's folder; `--report=DIR` also writes a gallery of all
-cases. What is measured is described in `psgn_jax.tasks.runs`.
+Without either it evaluates the weights that come with the package. Prints the table and writes it
+into the run's folder (of weights: into `eval_<weights>_<split>`, here); `--report=DIR` also writes
+a gallery of all cases. What is measured is described in `psgn_jax.tasks.runs`.
 """
 
 import sys
@@ -13,7 +14,7 @@ from absl import app, flags
 from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
 from psgn_jax.config import ConfigError
 from psgn_jax.metrics import table
-from psgn_jax.tasks.runs import evaluate_run, report_runs
+from psgn_jax.tasks.runs import FRAMES, evaluate_run, report_runs
 
 
 def _main(argv: Sequence[str]) -> None:
@@ -25,7 +26,7 @@ def _main(argv: Sequence[str]) -> None:
             raise ConfigError(f"unexpected argument {argv[1]!r}")
         if values.compare and not values.report:
             raise ConfigError(f"--compare={values.compare}: accepted with --report=DIR")
-        names = ("checkpoint", "split", "data", "out", "draws")
+        names = ("weights", "checkpoint", "split", "data", "out", "draws", "frame")
         options: dict[str, Any] = {name: values[name].value for name in names}
         if values.report:
             workdirs = [values.workdir, *([values.compare] if values.compare else [])]
@@ -36,12 +37,14 @@ def _main(argv: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of the run.", required=True)
+    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
+    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
     flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
     flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
     flags.DEFINE_string("data", None, "Folder of records in place of the run's data.path.")
-    flags.DEFINE_string("out", None, "Folder for the tables; default: inside the workdir.")
+    flags.DEFINE_string("out", None, "Folder for the tables; default: in the workdir.")
     flags.DEFINE_integer("draws", 0, "Also measure so many draws of each image.", lower_bound=0)
+    flags.DEFINE_enum("frame", "keep", list(FRAMES), "Images as framed, or placed as photos are.")
     flags.DEFINE_string("report", None, "Folder for a gallery of all cases as pages.")
     flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")
     app.run(_main, flags_parser=parse_flags)

@@ -1,11 +1,15 @@
-"""Points from photos: `python -m psgn_jax.predict IMAGE... --workdir W --out DIR`.
+"""Points from photos: `python -m psgn_jax.predict IMAGE... --out DIR`.
+
+The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either the one that
+comes with the package (`python -m psgn_jax.weights list`).
 
 Images are files of any usual format, or folders of them. How the object is found and framed is
 described in `psgn_jax.prediction.predictor`, what is written in `psgn_jax.prediction.files`. One
 bad image does not stop the others. Exit code: 0 all came out, 1 some failed, 2 none did or a wrong
 argument.
 
-In a notebook: `psgn_jax.prediction.predictor.Predictor.from_workdir(workdir)(image)`, with arrays.
+In a notebook: `psgn_jax.prediction.predictor.Predictor.from_weights()(image)`, with arrays;
+`from_workdir(workdir)` is the network of a run.
 """
 
 import sys
@@ -18,7 +22,8 @@ from psgn_jax.config import ConfigError
 from psgn_jax.data import masks
 from psgn_jax.prediction import export
 from psgn_jax.prediction.files import predict_files
-from psgn_jax.prediction.predictor import Predictor
+from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
+from psgn_jax.weights.opening import open_network
 
 
 def _main(argv: Sequence[str]) -> None:
@@ -31,10 +36,13 @@ def _main(argv: Sequence[str]) -> None:
             raise ConfigError(
                 f"--formats={','.join(formats)}: accepted: any of {', '.join(export.FORMATS)}"
             )
+        if values.invert_mask and not values.mask:
+            raise ConfigError("--invert_mask: accepted with --mask=FILE|FOLDER")
         if not argv[1:]:
             raise ConfigError("no image: name files or folders")
         keep_compiled()
-        predictor = Predictor.from_workdir(values.workdir, values.checkpoint)
+        network = open_network(values.workdir, values.weights, values.checkpoint)
+        predictor = Predictor.from_run(network)
         predictor.warm_up(values.samples)
         results = predict_files(
             predictor,
@@ -46,6 +54,8 @@ def _main(argv: Sequence[str]) -> None:
             seed=values.seed,
             frame=values.frame,
             mask_from=values.mask_from,
+            invert_mask=values.invert_mask,
+            normal_form=values.normal_form,
         )
         for path, result in results:
             if isinstance(result, Exception):
@@ -54,6 +64,8 @@ def _main(argv: Sequence[str]) -> None:
                 sys.stderr.write(f"failed: {path}: {line}\n")
                 continue
             done += 1
+            for warning in result.warnings:
+                sys.stderr.write(f"warning: {path}: {warning}\n")
             milliseconds = 1000 * sum(result.seconds.values())
             sys.stdout.write(
                 f"{path}: {len(result.points)} x {result.points.shape[1]} points, mask "
@@ -66,11 +78,16 @@ def _main(argv: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of the run.", required=True)
+    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
+    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
     flags.DEFINE_string("out", None, "Folder for the results.", required=True)
     flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
     flags.DEFINE_string("mask", None, "File of the mask, or folder with one for each image.")
     flags.DEFINE_enum("mask_from", "auto", list(masks.METHODS), "How to find a mask.")
+    flags.DEFINE_bool("invert_mask", False, "The given masks are white outside the object.")
+    flags.DEFINE_enum(
+        "normal_form", "auto", list(NORMAL_FORMS), "Put the points on the ground, with radius 1."
+    )
     flags.DEFINE_enum("frame", "auto", ["auto", "place", "keep"], "Crop the object, or keep.")
     flags.DEFINE_integer("samples", 1, "Clouds for each image.")
     flags.DEFINE_integer("seed", 0, "Seed of the random input.")

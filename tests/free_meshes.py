@@ -6,10 +6,12 @@ are looked for where they are installed, below /usr.
 
 import os
 import pathlib
+import re
 
 import pytest
 
 from data_gen import catalogues
+from data_gen.sets import free
 
 _FOLDERS = {
     "sh3f": ("sweethome3d-furniture", "share/sweethome3d/furniture"),
@@ -17,14 +19,27 @@ _FOLDERS = {
 }
 
 
+def _place(package, path):
+    """A path of a package on this disk; the test that asks for it may be skipped."""
+    packages = os.environ.get("PSGN_FREE_MESHES")
+    place = (pathlib.Path(packages) / package if packages else pathlib.Path("/")) / path
+    if not place.exists():
+        pytest.skip(f"{package} is not on disk (PSGN_FREE_MESHES)")
+    return place
+
+
 def entries(catalogue):
     """The entries of a catalogue, by its name; the test that asks for them may be skipped."""
-    package, place = _FOLDERS[catalogue]
-    packages = os.environ.get("PSGN_FREE_MESHES")
-    root = pathlib.Path(packages) / package / "usr" if packages else pathlib.Path("/usr")
-    if not (root / place).is_dir():
-        pytest.skip(f"{package} is not on disk (PSGN_FREE_MESHES)")
-    return list(catalogues.open(catalogue, root / place).entries())
+    package, path = _FOLDERS[catalogue]
+    return list(catalogues.open(catalogue, _place(package, f"usr/{path}")).entries())
+
+
+def entries_of_source(name):
+    """The entries of a source of the free set, as `entries` of a catalogue."""
+    source = next(s for s in free.SOURCES if s.name == name)
+    place = _place(source.package, source.place) if source.package else source.place
+    found = catalogues.open(source.catalogue, place, **source.options).entries()
+    return [e for e in found if not source.exclude or not re.search(source.exclude, e.model_id)]
 
 
 def model(catalogue, name):

@@ -15,19 +15,20 @@ DATA_GEN = ROOT / "data_gen"
 # in this list, never from one below. The longest matching prefix decides.
 LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax", "psgn_jax.types", "psgn_jax.structured", "psgn_jax.files"),
-    ("psgn_jax.config", "psgn_jax.data.schema", "psgn_jax.data.codec", "psgn_jax.data.manifest",
-     "psgn_jax.data.dataset", "psgn_jax.data.records", "psgn_jax.data.camera"),
+    ("psgn_jax.config", "psgn_jax.data_config", "psgn_jax.data.schema", "psgn_jax.data.codec",
+     "psgn_jax.data.manifest", "psgn_jax.data.dataset", "psgn_jax.data.records",
+     "psgn_jax.data.camera"),
     ("psgn_jax.command_line", "psgn_jax.config_files", "psgn_jax.default_data"),
     ("psgn_jax.losses", "psgn_jax.models", "psgn_jax.data"),
     ("psgn_jax.metrics",),
     ("psgn_jax.viewing",),
-    ("psgn_jax.training",),
+    ("psgn_jax.training", "psgn_jax.weights"),
     ("psgn_jax.prediction",),
     ("psgn_jax.tasks",),
     ("psgn_jax.training.loop",),
     ("psgn_jax.experiments",),
     ("psgn_jax.main", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.demo",
-     "psgn_jax.inspect", "psgn_jax.convert", "psgn_jax.cli"),
+     "psgn_jax.inspect", "psgn_jax.convert", "psgn_jax.weights.__main__", "psgn_jax.cli"),
 ]  # fmt: skip
 
 # Packages that are heavy or optional, and the only modules that may import them.
@@ -44,6 +45,7 @@ DOORS = {
     "rembg": {"psgn_jax.data.masks"},
     "av": {"psgn_jax.viewing.spheres"},
     "gradio": {"psgn_jax.prediction.demo_page"},
+    "safetensors": {"psgn_jax.weights.file"},
 }
 
 # What the data stage may import of the package, and the only places where it is imported: the one

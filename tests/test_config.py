@@ -19,6 +19,7 @@ from psgn_jax.config import (
     to_dict,
     to_json,
 )
+from psgn_jax.losses.by_name import parse_terms
 from psgn_jax.models import point_out_net
 
 
@@ -167,11 +168,21 @@ def test_every_configuration_file_is_valid_and_says_what_to_expect(path):
         assert word in text, word
 
 
-def test_size_of_the_small_network():
-    """`authors_small.py` promises at most 10 M parameters."""
-    (path,) = [p for p in FILES if p.stem == "authors_small"]
+@pytest.mark.parametrize("name", ["authors_small", "pretrained"])
+def test_size_of_the_small_networks(name):
+    """They promise 5.2 M parameters."""
+    (path,) = [p for p in FILES if p.stem == name]
     config = parse(runpy.run_path(str(path))["get_config"]())
     model = point_out_net.build(config.model)
     image = jax.ShapeDtypeStruct((1, *config.model.image_size, 4), "float32")
     params = jax.eval_shape(lambda x: model.init(jax.random.key(0), x, None), image)["params"]
-    assert sum(leaf.size for leaf in jax.tree.leaves(params)) < 10e6
+    assert 5e6 < sum(leaf.size for leaf in jax.tree.leaves(params)) < 5.25e6
+
+
+def test_what_ships_sees_a_million_and_a_half_samples():
+    (path,) = [p for p in FILES if p.stem == "pretrained"]
+    config = parse(runpy.run_path(str(path))["get_config"]())
+    assert config.train.steps * config.train.batch_size >= 1.5e6
+    assert config.data.eval_folders == ("records/authors",)
+    assert len(set(config.data.folders)) > 1
+    assert [term.num_points for term in parse_terms(config.loss.name)] == [1024, 0]

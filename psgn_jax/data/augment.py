@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from psgn_jax.data import schema
+from psgn_jax.data import framing, schema
 
 # How far the image's x axis may be from the frame's y axis for a stretch to be exact.
 _ALIGNED = 1e-4
@@ -229,6 +229,88 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
         extrinsics=view.extrinsics,
         occupancy=view.occupancy,
     )
+
+
+def follow(view: View, move: framing.Move) -> View:
+    """Moves image, mask, depth and points together; the camera stays (`data.framing`).
+
+    The background becomes grey. A view without object stays as it is.
+
+    Raises:
+      ValueError: there is an occupancy, whose grid does not follow.
+    """
+    if view.occupancy is not None:
+        raise ValueError("follow: there is an occupancy, whose grid does not follow")
+    if not view.mask.any():
+        return view
+    size = view.mask.shape[0], view.mask.shape[1]
+    image, mask = framing.move_image(view.image, view.mask, move.matrix(), size)
+    depth = view.depth
+    if depth is not None:
+        depth = framing.move_depth(depth, view.points, move, view.extrinsics)
+        depth = np.where(mask, depth, np.float32(0))
+    return dataclasses.replace(
+        view,
+        image=image,
+        mask=mask,
+        depth=depth,
+        points=framing.move_points(view.points, move, view.intrinsics, view.extrinsics),
+    )
+
+
+def place(view: View) -> View:
+    """Moves image and points to where the rule of `data.framing` has the object's box.
+
+    A view with too little of an object (`framing.SMALLEST_BOX`) stays as it is.
+    """
+    move = framing.rule_move_within(view.mask)
+    return view if move is None else follow(view, move)
+
+
+def reframe(
+    view: View,
+    rng: np.random.Generator,
+    *,
+    place_share: float = 0.0,
+    scale_deviation: float = 0.0,
+    shift_deviation: float = 0.0,
+) -> View:
+    """Places image and points by the rule or not, then scales and shifts both at random.
+
+    Where the object would leave the image, the random move is made smaller.
+
+    Args:
+      view: the sample.
+      rng: source of the draws; the same draws are made whatever is switched on.
+      place_share: probability of the rule.
+      scale_deviation: standard deviation of the logarithm of the scale, about the object's middle.
+      shift_deviation: of the shifts along rows and columns, over the image's height (192 of 192x256
+        pixels). All three are normal, cut off at two standard deviations.
+    """
+    placed = rng.random() < place_share
+    size, down, right = np.clip(rng.standard_normal(3), -2, 2).tolist()
+    move = framing.rule_move_within(view.mask) if placed else None
+    if scale_deviation or shift_deviation:
+        if not view.mask.any():
+            return view
+        first = move or framing.Move(1.0, 0.0, 0.0)
+        height, width = view.mask.shape
+        top, bottom, left, right_edge = framing.box_of(view.mask)
+        scale = float(np.exp(scale_deviation * size))
+        # The middle of the box after the first move stays where it is, but for the shift.
+        column = first.scale * (left + right_edge) / 2 + first.right
+        row = first.scale * (top + bottom) / 2 + first.down
+        # A pixel of the array is so many of 192x256.
+        across = framing.VIEW_SIZE[0] / framing.VIEW_SIZE[1] * width
+        move = first.then(
+            framing.Move(
+                scale,
+                (1 - scale) * column + shift_deviation * right * across,
+                (1 - scale) * row + shift_deviation * down * height,
+            )
+        )
+        move = framing.keep_inside(move, view.mask)
+    return view if move is None else follow(view, move)
 
 
 def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from psgn_jax.config import DataConfig
-from psgn_jax.data import augment, camera, resize, schema, visibility
+from psgn_jax.data import augment, camera, photo_effects, resize, schema, visibility
 from psgn_jax.data.codec import DepthCodes, PointLattice
 from psgn_jax.data.dataset import JoinedReader, RecordReader
 from psgn_jax.data.schema import RecordError
@@ -21,7 +21,7 @@ from psgn_jax.data.schema import RecordError
 Batch = dict[str, Any]
 
 # Streams of random numbers that must not meet.
-ORDER, _TRAIN, _EVAL, _VIEWS = 0, 1, 2, 3
+ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
 
 CACHE_BYTES = 4 << 30
 """What `DataConfig.cache` may hold, over all workers of one process. Samples decoded and resized,
@@ -205,6 +205,29 @@ def _further_view(item: Item) -> augment.View:
     )
 
 
+def _as_a_photo(cfg: DataConfig, view: augment.View, seeds: Sequence[int]) -> augment.View:
+    """A training sample with the disturbances and the framing of photos that are configured."""
+    framed = cfg.place or cfg.reframe_scale or cfg.reframe_shift
+    if not framed and not cfg.photo.any():
+        return view
+    rng = np.random.default_rng(seeds)
+    framing_rng, effects_rng = rng.spawn(2)
+    if cfg.photo.any():
+        image, mask = photo_effects.disturb(view.image, view.mask, effects_rng, cfg.photo)
+        depth = None if view.depth is None else np.where(mask, view.depth, np.float32(0))
+        view = dataclasses.replace(view, image=image, mask=mask, depth=depth)
+    if framed:
+        # The rule reads the disturbed mask, as it does in a prediction.
+        view = augment.reframe(
+            view,
+            framing_rng,
+            place_share=cfg.place,
+            scale_deviation=cfg.reframe_scale,
+            shift_deviation=cfg.reframe_shift,
+        )
+    return view
+
+
 def _fill(batch: Batch, row: int, view: augment.View, further: list[augment.View]) -> None:
     for key in ("image", "mask", "depth", "points", "intrinsics", "extrinsics", "occupancy"):
         if key not in batch:
@@ -262,6 +285,10 @@ class TrainBatch:
                 )
                 for view in views
             )
+            # Numbers of their own: what is set of these changes nothing of the above.
+            seeds = [self._seed, _PHOTO, step, row]
+            first = _as_a_photo(cfg, first, seeds)
+            further = [_as_a_photo(cfg, view, seeds) for view in further]
             _fill(batch, local, first, further)
         return batch
 
@@ -297,16 +324,20 @@ class EvalBatch:
             item = self._items[start + row]
             others = self._models.others(start + row) if self._models else []
             further = [_further_view(self._items[i]) for i in others[: cfg.eval_views - 1]]
-            _fill(batch, row, _view(item, rng, cfg.num_eval_points), further)
+            view = _view(item, rng, cfg.num_eval_points)
             if item.measured:
+                # Which points the depth shows does not depend on a later move.
                 codes, intrinsics = item.measured
                 batch["visible"][row] = visibility.visible_points(
-                    batch["points"][row],
+                    view.points,
                     codes.depth(),
                     intrinsics,
                     item.extrinsics,
                     self._visible_tolerance,
                 )
+            if cfg.eval_frame == "place":
+                view = augment.place(view)
+            _fill(batch, row, view, further)
             items.append(item)
         for values in batch.values():
             values[filled:] = values[filled - 1]

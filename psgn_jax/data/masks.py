@@ -84,6 +84,17 @@ def find_mask(
     raise PhotoError(f"no object found ({method}); {remedy}")
 
 
+def looks_inverted(mask: np.ndarray) -> bool:
+    """Whether a mask bool [h, w] covers the border and not the middle, as an inverted one does.
+
+    At least 90 % of the border's pixels are on it, and less than half of the middle ninth.
+    """
+    border = np.concatenate([mask[0], mask[-1], mask[1:-1, 0], mask[1:-1, -1]])
+    height, width = mask.shape
+    middle = mask[height // 3 : -(height // 3) or None, width // 3 : -(width // 3) or None]
+    return bool(border.mean() >= 0.9 and middle.mean() < 0.5)
+
+
 def plain(image: np.ndarray) -> np.ndarray | None:
     """What stands out from a background of one colour, or None if there is no such background."""
     border = np.concatenate([image[0], image[-1], image[1:-1, 0], image[1:-1, -1]]).astype(int)

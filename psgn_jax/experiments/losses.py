@@ -31,6 +31,7 @@ from psgn_jax.data import camera
 from psgn_jax.default_data import with_default_data
 from psgn_jax.experiments import common
 from psgn_jax.experiments.common import Difference
+from psgn_jax.losses.by_name import parse_terms
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.training.run_folder import load_config
 from psgn_jax.viewing import spheres
@@ -317,7 +318,8 @@ def _configs_of(folders: Mapping[str, pathlib.Path], data: str | None) -> dict[s
     """The configurations of finished runs, which are measured alike."""
     configs = {name: load_config(folder) for name, folder in folders.items()}
     for name, config in configs.items():
-        if not config.loss.name.startswith({"cd": "chamfer", "emd": "emd"}[name]):
+        kind = {"cd": "chamfer", "emd": "emd"}[name]
+        if not all(term.name.startswith(kind) for term in parse_terms(config.loss.name)):
             raise ConfigError(
                 f"--{name}={folders[name]}: loss.name={config.loss.name!r}: accepted: a run "
                 f"{TITLES[name]}"

@@ -1,12 +1,27 @@
-"""The losses that a configuration can name."""
+"""The losses that a configuration can name, alone or as a weighted sum.
 
+The text of a loss is a name, `chamfer_sq_mean`, or a sum of terms,
+
+    emd_mean@1024 + 5*chamfer_sq_mean
+
+Each term is `WEIGHT*NAME@POINTS`: a number (default 1), an entry of `LOSSES`, and of how many of
+the true points it is taken (default all `data.num_points`).
+"""
+
+import dataclasses
 import functools
 import inspect
+import math
+import re
 from collections.abc import Callable
 from typing import Any
 
+import jax
+import numpy as np
+
 from psgn_jax.config import ConfigError, LossConfig, suggestion
 from psgn_jax.losses import chamfer, emd
+from psgn_jax.types import Array
 
 LOSSES: dict[str, Callable[..., Any]] = {
     "chamfer_sq": chamfer.chamfer_sq,
@@ -18,21 +33,136 @@ LOSSES: dict[str, Callable[..., Any]] = {
 }
 """Losses of one pair `(pred [n,3], gt [m,3]) -> scalar`; callers vmap."""
 
+_TERM = re.compile(
+    r"(?:(?P<weight>(?:\d+\.?\d*|\.\d+)(?:[eE]-?\d+)?)\s*\*\s*)?(?P<name>\w+)(?:\s*@\s*(?P<points>\d+))?"
+)
 
-def configured_loss(config: LossConfig) -> Callable[..., Any]:
-    """The loss of one pair of clouds that `loss.name` names, with the options of its kind.
+
+@dataclasses.dataclass(frozen=True)
+class LossTerm:
+    """One term of a loss.
+
+    Attributes:
+      name: an entry of `LOSSES`.
+      weight: its factor in the sum.
+      num_points: of how many of the true points it is taken; 0 = of all.
+      text: as written.
+    """
+
+    name: str
+    weight: float = 1.0
+    num_points: int = 0
+    text: str = ""
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is the loss of that name and nothing else."""
+        return self.weight == 1 and not self.num_points
+
+
+def parse_terms(text: str) -> tuple[LossTerm, ...]:
+    """The terms of a loss, in their order.
 
     Raises:
-      ConfigError: there is no loss of that name.
+      ConfigError: a term that is not of the form `WEIGHT*NAME@POINTS`, an unknown name, or one
+        that occurs twice; one line with the term.
     """
-    if config.name not in LOSSES:
-        raise ConfigError(
-            f"loss.name={config.name!r} is unknown; {suggestion(config.name, LOSSES)}"
-            f"accepted: {', '.join(LOSSES)}"
-        )
-    function = LOSSES[config.name]
+    parts = [part.strip() for part in text.split("+")]
+    terms: list[LossTerm] = []
+    for part in parts:
+        where = f"loss.name={text!r}" + (f": the term {part!r}" if len(parts) > 1 else "")
+        match = _TERM.fullmatch(part)
+        if match is None:
+            raise ConfigError(
+                f"{where} is not understood; accepted: a loss, or a sum such as "
+                "'emd_mean@1024 + 5*chamfer_sq_mean' (WEIGHT*NAME@POINTS)"
+            )
+        name = match["name"]
+        weight, num_points = float(match["weight"] or 1), int(match["points"] or 0)
+        if name not in LOSSES:
+            raise ConfigError(
+                f"{where} is unknown; {suggestion(name, LOSSES)}accepted: {', '.join(LOSSES)}"
+            )
+        if not (weight > 0 and math.isfinite(weight)) or (match["points"] and not num_points):
+            raise ConfigError(f"{where}: accepted: a weight above 0 and at least one point")
+        if name in (term.name for term in terms):
+            raise ConfigError(f"{where}: {name} occurs twice; accepted: each loss once")
+        terms.append(LossTerm(name, weight, num_points, part))
+    return tuple(terms)
+
+
+def configured_terms(config: LossConfig) -> list[tuple[LossTerm, Callable[..., Any]]]:
+    """The terms of `loss.name`, each with its loss of one pair, without its weight.
+
+    A loss raises ValueError for clouds that it does not take.
+
+    Raises:
+      ConfigError: as `parse_terms`.
+    """
+    return [(term, _loss_of(term, config)) for term in parse_terms(config.name)]
+
+
+def configured_loss(config: LossConfig) -> Callable[..., Any]:
+    """The loss of one pair of clouds that `loss.name` describes, with the options of its kind.
+
+    Raises:
+      ConfigError: as `parse_terms`.
+    """
+    terms = configured_terms(config)
+    if len(terms) == 1 and terms[0][0].is_plain:
+        return terms[0][1]
+    return WeightedSum(tuple(terms))
+
+
+@dataclasses.dataclass(frozen=True)
+class WeightedSum:
+    """The sum over k of w_k d_k(pred, gt_k): a loss of one pair (pred [n, 3], gt [m, 3]).
+
+    gt_k are the true points that `chosen_points` takes for the term.
+    """
+
+    terms: tuple[tuple[LossTerm, Callable[..., Any]], ...]
+
+    def __call__(self, pred: Array, gt: Array) -> Array:
+        """The sum, a scalar."""
+        return self.with_terms(pred, gt)[0]
+
+    def with_terms(self, pred: Array, gt: Array) -> tuple[Array, dict[str, Array]]:
+        """The sum and, by name, the values d_k without weights, which carry no gradient."""
+        values = {term.name: loss(pred, gt) for term, loss in self.terms}
+        total = sum(term.weight * values[term.name] for term, _ in self.terms)
+        return total, jax.lax.stop_gradient(values)
+
+
+def with_terms(loss: Callable[..., Any]) -> Callable[..., tuple[Array, dict[str, Array]]]:
+    """(pred, gt) -> the loss and the values of its terms by name; none if it is no sum."""
+    if isinstance(loss, WeightedSum):
+        return loss.with_terms
+    return lambda pred, gt: (loss(pred, gt), {})
+
+
+def chosen_points(gt: Array, num_points: int) -> Array:
+    """So many of the true points, always at the same places of the cloud.
+
+    The places are a fixed random choice: the points of a batch are in no order as long as they are
+    some of those of the record, but all of them come as they are stored, sorted.
+
+    Raises:
+      ValueError: there are not so many.
+    """
+    if num_points > len(gt):
+        raise ValueError(f"gt: got {len(gt)} points, expected at least {num_points}")
+    if num_points == len(gt):
+        return gt
+    return gt[np.random.default_rng(0).permutation(len(gt))[:num_points]]
+
+
+def _loss_of(term: LossTerm, config: LossConfig) -> Callable[..., Any]:
+    function = LOSSES[term.name]
     if "schedule" in inspect.signature(function).parameters:
-        return functools.partial(
+        function = functools.partial(
             function, tolerance=config.emd_tolerance, schedule=config.emd_schedule
         )
-    return function
+    if not term.num_points:
+        return function
+    return lambda pred, gt: function(pred, chosen_points(gt, term.num_points))

@@ -23,14 +23,18 @@ class MinOfN(NamedTuple):
     """The least of n distances, which draw has it, and all n of them.
 
     `value` and `distances` are in the unit of the distance. Only `value` carries a gradient.
+    `aux` is what the distance of the winner said besides, see `min_of_n`.
     """
 
     value: Float[Array, ""]
     winner: Int[Array, ""]
     distances: Float[Array, " n"]
+    aux: Any = ()
 
 
-def min_of_n(distance: Callable[..., Any]) -> Callable[[Array, Array], MinOfN]:
+def min_of_n(
+    distance: Callable[..., Any], *, has_aux: bool = False
+) -> Callable[[Array, Array], MinOfN]:
     """Turns a distance d of one pair into the MoN of n predictions and one truth (see the module).
 
     Its gradient is that of d for the winner, the first of equally near draws, and zero for every
@@ -46,6 +50,7 @@ def min_of_n(distance: Callable[..., Any]) -> Callable[[Array, Array], MinOfN]:
     Args:
       distance: (pred [n, 3], gt [m, 3]) -> scalar, such as `chamfer_sq` or `emd_sum`; it may close
         over traced values.
+      has_aux: whether it returns (scalar, pytree) instead; the winner's pytree becomes `aux`.
 
     Returns:
       (preds [draws, n, 3], gt [m, 3]) -> `MinOfN`; any draws >= 1; for `jit`, and for `vmap` or
@@ -67,8 +72,10 @@ def min_of_n(distance: Callable[..., Any]) -> Callable[[Array, Array], MinOfN]:
                 f"preds: got shape {tuple(preds.shape)}, expected [draws, n, 3] with draws >= 1"
             )
         gts = jnp.broadcast_to(gt[None], (len(preds), *gt.shape))
-        distances = map_pairs(distance)(preds, gts)
+        found = map_pairs(distance)(preds, gts)
+        distances, aux = found if has_aux else (found, ())
         winner = jnp.argmin(distances)
-        return MinOfN(distances[winner], winner, jax.lax.stop_gradient(distances))
+        aux = jax.tree.map(lambda leaf: jax.lax.stop_gradient(leaf[winner]), aux)
+        return MinOfN(distances[winner], winner, jax.lax.stop_gradient(distances), aux)
 
     return over_draws

@@ -42,6 +42,8 @@ class Evaluation:
       num_points: points of a prediction, points of a truth; most metrics depend on both.
       visible_tolerance: what "visible" means, see `data.visibility`; unit.
       note: below the table, in place of what is said there of points; "" = metrics of points.
+      frame: "place" where images were placed by the rule of `data.framing` and the true points
+        moved along; "keep" as framed.
       chosen: numbers that were chosen on a split to evaluate with, such as thresholds.
     """
 
@@ -52,6 +54,7 @@ class Evaluation:
     num_points: tuple[int, int]
     visible_tolerance: float = 0.0
     note: str = ""
+    frame: str = "keep"
     chosen: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from psgn_jax.files import finite_or_none
+from psgn_jax.metrics.aligned import ITERATIONS, LARGEST_SCALE, LEAST_SCALE
 from psgn_jax.metrics.evaluation import OVER_CATEGORIES, OVER_SAMPLES, Evaluation, SampleName
 
 _COLUMNS = (
@@ -20,6 +21,8 @@ _COLUMNS = (
     "cd_sq_gt_to_pred_visible_radius2",
     "cd_sq_gt_to_pred_hidden_radius2",
     "visible_share",
+    "aligned_cd_sq_radius2",
+    "aligned_emd_radius",
 )
 
 
@@ -40,6 +43,9 @@ def header(evaluation: Evaluation, metric: str) -> str:
         "cd_l1_gt_to_pred_visible_radius": "visible truth to pred [radius]",
         "cd_l1_gt_to_pred_hidden_radius": "hidden truth to pred [radius]",
         "visible_share": "visible [%]",
+        "aligned_cd_sq_radius2": "aligned CD squared [radius^2]",
+        "aligned_emd_radius": "aligned EMD [radius]",
+        "aligned_scale": "scale of the alignment [factor]",
         "log_volume_abs_error": "|log predicted - log true volume|",
         "log_volume_spread": "the same of the split's mean",
     }.get(metric, f"{metric} [fraction]")
@@ -104,7 +110,7 @@ def json_text(evaluation: Evaluation, **others: Any) -> str:
 
 
 def _note_on_points(evaluation: Evaluation) -> str:
-    emd = visibility = ""
+    emd = visibility = aligned = frame = ""
     if "emd_gap" in evaluation.metrics:
         gap = 100 * float(np.max(evaluation.metrics["emd_gap"]))
         emd = f""" EMD: mean distance of matched points,
@@ -115,13 +121,21 @@ each used once, of the prediction and as many true points; at most {gap:.2f} % a
 Visible: true points within {tolerance:g} radius of what the depth image measured;
 hidden: the others. Their columns: mean over such points of the squared distance to the nearest
 predicted one."""
+    if "aligned_cd_sq_radius2" in evaluation.metrics:
+        aligned = f"""
+Aligned: the same after a scale in [{LEAST_SCALE:g}, {LARGEST_SCALE:g}] and a shift of each
+prediction that bring it nearest to its truth, by {ITERATIONS} rounds of nearest neighbours."""
+    if evaluation.frame == "place":
+        frame = """
+Images were cropped and placed as photos are, and the true points moved along: the unit is that of
+the frame, in which an object's radius is 1 as framed and some 0.8 to 1.2 once placed."""
     num_pred, num_gt = evaluation.num_points
     return f"""
 Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones.
 radius = that of an object's bounding hemisphere, the unit of all coordinates.
 CD squared: mean over predicted points of the squared distance to the nearest true point, plus the
 mean over true points of that to the nearest predicted one. CD-L1: half the sum of both means of the
-distances themselves.{emd}{visibility}
+distances themselves.{emd}{visibility}{aligned}{frame}
 """
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from psgn_jax.data import camera
-from psgn_jax.data.photo import View
+from psgn_jax.data.framing import View
 from psgn_jax.files import write_atomic
 
 UNSEEN = (150, 150, 150)

@@ -162,6 +162,14 @@ def _record(
         "unit": "radius of the object's bounding hemisphere",
         "mask_from": result.mask_from,
         "placed": view.placed,
+        "warnings": list(result.warnings),
+        "normal_form": {
+            "applied": result.normalised,
+            "meaning": "lowest point at z = 0, farthest at distance 1 from the origin; the "
+            "network's points are scale * points + shift",
+            "scale": result.scale,
+            "shift": result.shift.tolist(),
+        },
         "num_samples": len(result.points),
         "num_points": result.points.shape[1],
         "num_fc_points": int((result.branch == FC).sum()),
@@ -177,7 +185,7 @@ def _record(
             ).tolist(),
         },
         "checkpoint": {
-            "workdir": predictor.source,
+            predictor.source_kind: predictor.source,
             "step": predictor.step,
             "sha256": predictor.checksum,
         },

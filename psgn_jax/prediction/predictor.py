@@ -1,14 +1,13 @@
-"""A trained network, called with images: `Predictor.from_workdir(workdir)(image)`.
+"""A trained network, called with images: `Predictor.from_weights()(image)`.
 
 The object's mask is given, or comes from the image's transparency, or is found (`data.masks`); then
-the object is cropped and scaled to where training objects sit (`data.photo`), unless the image
+the object is cropped and scaled to where training objects sit (`data.framing`), unless the image
 already is framed so: 4:3 on the grey of the training renderings.
 """
 
 import dataclasses
 import hashlib
 import os
-import pathlib
 import time
 from typing import Any
 
@@ -16,16 +15,24 @@ import jax
 import numpy as np
 
 from psgn_jax.config import Config, ConfigError, require_points_task
-from psgn_jax.data import masks, photo, resize
+from psgn_jax.data import framing, masks, photo, resize
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.metrics import samples as sample_metrics
 from psgn_jax.models import point_layout, point_out_net
 from psgn_jax.prediction import export, sampling
 from psgn_jax.training import step as step_lib
-from psgn_jax.training.run_folder import open_run
+from psgn_jax.training.run_folder import Run
 from psgn_jax.training.state import named_leaves
+from psgn_jax.weights.opening import open_network
 
 FC, DECONV = 0, 1
+
+NORMAL_FORMS = ("auto", "yes", "no")
+
+INVERTED = (
+    "the mask covers the image's border and not its middle: it is probably inverted (white outside "
+    "the object); --invert_mask exchanges object and background"
+)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -34,11 +41,15 @@ class Prediction:
 
     Attributes:
       points: float32 [k, n, 3] in the project's frame (+z up, +y image right, +x to the camera).
+      scale, shift: the network's points are `scale * points + shift`: what the normal form removed
+        (`data.framing.normal_form`, one for all clouds); 1 and 0 where there is none.
+      normalised: whether the clouds have normal form.
       colours: uint8 [k, n, 3] from the image, `prediction.export.UNSEEN` for points it does not
         show.
       seen: bool [k, n].
       branch: uint8 [n], which branch predicts a point, `FC` or `DECONV`.
-      view: what the network saw, with the camera (`data.photo.View`).
+      view: what the network saw, with the camera that projects `points` onto it
+        (`data.framing.View`).
       photo_intrinsics: float64 [3, 3], for the image as given (with the view's extrinsics).
       r: float32 [k, random_size], the random inputs, or None for a network without.
       spread: float32 [n, 3], standard deviation over the clouds of each point along x, y, z (point
@@ -46,19 +57,24 @@ class Prediction:
       mutual: float32 [k, k], squared Chamfer distance of every two clouds, both directions' means
         added (unit^2).
       mask_from: how the mask was found.
+      warnings: what is probably wrong, a line each.
       seconds: time of each part.
     """
 
     points: np.ndarray
+    scale: float
+    shift: np.ndarray
+    normalised: bool
     colours: np.ndarray
     seen: np.ndarray
     branch: np.ndarray
-    view: photo.View
+    view: framing.View
     photo_intrinsics: np.ndarray
     r: np.ndarray | None
     spread: np.ndarray
     mutual: np.ndarray
     mask_from: str
+    warnings: tuple[str, ...]
     seconds: dict[str, float]
 
 
@@ -70,16 +86,26 @@ class Predictor:
       params: its parameters.
       step: of the checkpoint, for the record.
       source: where it comes from, for the record.
+      source_kind: "workdir" or "weights".
     """
 
-    def __init__(self, config: Config, params: Any, *, step: int = 0, source: str = ""):
+    def __init__(
+        self,
+        config: Config,
+        params: Any,
+        *,
+        step: int = 0,
+        source: str = "",
+        source_kind: str = "workdir",
+    ):
         require_points_task(config, "a prediction from photos")
         if "depth" in config.data.inputs:
             raise ConfigError(
                 f"data.inputs={config.data.inputs!r}: the network reads depth, photos lack it; "
                 "accepted: a network of 'rgb' and 'mask'"
             )
-        self.config, self.step, self.source = config, step, source
+        self.config, self.step = config, step
+        self.source, self.source_kind = source, source_kind
         self.checksum = _checksum(params)
         self._params = jax.device_put(params)
         model = point_out_net.build(config.model)
@@ -100,8 +126,22 @@ class Predictor:
         Raises:
           ConfigError, CheckpointError: no run or no checkpoint there.
         """
-        run = open_run(pathlib.Path(workdir), checkpoint)
-        return cls(run.config, run.params, step=run.step, source=str(workdir))
+        return cls.from_run(open_network(workdir, checkpoint=checkpoint))
+
+    @classmethod
+    def from_weights(cls, name_or_file: str = "") -> "Predictor":
+        """Weights that come with the package, by name ("" = the default), or of a file.
+
+        Raises:
+          ConfigError, WeightsError: there are none, or the file cannot be read.
+        """
+        return cls.from_run(open_network(weights=name_or_file))
+
+    @classmethod
+    def from_run(cls, run: Run) -> "Predictor":
+        """An opened network, see `weights.opening.open_network`."""
+        origin = {"source": run.source, "source_kind": run.source_kind}
+        return cls(run.config, run.params, step=run.step, **origin)
 
     def __call__(
         self,
@@ -112,6 +152,8 @@ class Predictor:
         seed: int = 0,
         frame: str = "auto",
         mask_from: str = "auto",
+        invert_mask: bool = False,
+        normal_form: str = "auto",
     ) -> Prediction:
         """Predicts the points of the object in an image.
 
@@ -120,9 +162,14 @@ class Predictor:
           mask: bool [h, w], True on the object; None to find it.
           samples: clouds to draw; more than one wants a network with a random input.
           seed: of the random input. The draws are the same for every image.
-          frame: "place" crops and scales the object (`photo.place`), "keep" takes the image as
+          frame: "place" crops and scales the object (`framing.place`), "keep" takes the image as
             framed (4:3), "auto" keeps only what looks like a training rendering.
           mask_from: one of `masks.METHODS`; without effect if a mask is given.
+          invert_mask: the given mask is True off the object.
+          normal_form: "yes" moves and scales the clouds until the lowest point lies on the ground,
+            z = 0, and the farthest at distance 1 from the origin (`framing.normal_form`): a photo
+            does not show how large its object is. "no" leaves them as the network gives them;
+            "auto" normalises what was placed, and leaves what was kept as framed.
 
         Raises:
           ValueError: what does not fit; `photo.PhotoError` if no object is found.
@@ -131,13 +178,20 @@ class Predictor:
         clock = Clock()
         rgb, alpha = photo.as_rgb_and_alpha(image)
         found = "given"
+        if invert_mask:
+            if mask is None:
+                raise ConfigError("invert_mask: accepted with a mask that is given")
+            mask = ~np.asarray(mask, np.bool_)
+        warnings = [INVERTED] if mask is not None and masks.looks_inverted(mask) else []
         if mask is None:
             mask, found = masks.find_mask(rgb, alpha, mask_from)
         clock.lap("mask")
         if frame not in ("auto", "place", "keep"):
             raise ConfigError(f"frame={frame!r}: accepted: auto, place, keep")
-        move = frame == "place" or (frame == "auto" and not photo.is_framed(rgb))
-        view = photo.place(rgb, mask, move=move)
+        if normal_form not in NORMAL_FORMS:
+            raise ConfigError(f"normal_form={normal_form!r}: accepted: {', '.join(NORMAL_FORMS)}")
+        move = frame == "place" or (frame == "auto" and not framing.is_framed(rgb))
+        view = framing.place(rgb, mask, move=move)
         clock.lap("place")
         size = self.config.data.image_size
         small = resize.resize_image(view.image, size)[None]
@@ -150,11 +204,22 @@ class Predictor:
         if not np.isfinite(points).all():
             raise ConfigError("the network's points are not finite: a damaged or diverged training")
         coloured = [export.colours_from_view(cloud, view) for cloud in points]
+        scale, shift = 1.0, np.zeros(3)
+        normalised = normal_form == "yes" or (normal_form == "auto" and view.placed)
+        if normalised:
+            scale, shift = framing.normal_form(points)
+            points = ((points - shift) / scale).astype(np.float32)
+            extrinsics = framing.normalised_extrinsics(view.extrinsics, scale, shift)
+            view = dataclasses.replace(view, extrinsics=extrinsics)
+            mutual = mutual / np.float32(scale**2)
         clock.lap("colours")
         branch = np.full(points.shape[1], FC, np.uint8)
         branch[list(point_layout.branch_of_point(self.config.model).deconv)] = DECONV
         return Prediction(
             points=points,
+            scale=scale,
+            shift=shift,
+            normalised=normalised,
             colours=np.stack([colours for colours, _ in coloured]),
             seen=np.stack([seen for _, seen in coloured]),
             branch=branch,
@@ -164,6 +229,7 @@ class Predictor:
             spread=points.std(axis=0),
             mutual=np.asarray(mutual),
             mask_from=found,
+            warnings=tuple(warnings),
             seconds=clock.laps,
         )
 

@@ -13,11 +13,12 @@ from jax.sharding import Mesh
 
 from psgn_jax.config import Config, ConfigError
 from psgn_jax.data import loader
-from psgn_jax.losses.by_name import configured_loss
+from psgn_jax.losses.by_name import configured_loss, configured_terms
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.distances import map_pairs
 from psgn_jax.metrics import clouds as metrics_lib
 from psgn_jax.metrics import samples as sample_metrics
+from psgn_jax.metrics.aligned import aligned_metrics
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.models import point_out_net
 from psgn_jax.prediction import sampling
@@ -43,7 +44,7 @@ class Points:
 
     def check(self) -> None:
         """Raises `ConfigError` if the loss does not take the network's points and the truth's."""
-        _check_loss(self._config, self._model, configured_loss(self._config.loss))
+        _check_loss(self._config, self._model)
 
     def keep_sources(self) -> None:
         """There are none."""
@@ -106,13 +107,16 @@ def make_eval_step(config: Config, model: Any) -> Callable[..., Any]:
     def pair(pred: Any, gt: Any, visible: Any = None) -> Any:
         # A bijection wants at least as many true points; without them there is no EMD.
         emd_tolerance = config.eval.emd_tolerance if len(pred) <= len(gt) else 0
-        return metrics_lib.evaluate_pair(
+        metrics = metrics_lib.evaluate_pair(
             pred,
             gt,
             visible,
             threshold=config.eval.fscore_threshold,
             emd_tolerance=emd_tolerance or None,
         )
+        if config.eval.aligned:
+            metrics |= aligned_metrics(pred, gt, emd_tolerance=emd_tolerance or None)
+        return metrics
 
     return evaluation.over_devices(
         config,
@@ -160,7 +164,7 @@ def with_draws(
     return run
 
 
-def _check_loss(config: Config, model: nn.Module, loss: step_lib.PairFunction) -> None:
+def _check_loss(config: Config, model: nn.Module) -> None:
     """Raises `ConfigError` if the loss does not take the network's points and the ground truth's.
 
     An EMD wants as many of one as of the other.
@@ -171,10 +175,13 @@ def _check_loss(config: Config, model: nn.Module, loss: step_lib.PairFunction) -
     r = jax.ShapeDtypeStruct((1, size), np.float32) if size else None
     pred, _ = jax.eval_shape(lambda x, r: model.init_with_output(jax.random.key(0), x, r), image, r)
     gt = jax.ShapeDtypeStruct((config.data.num_points, 3), np.float32)
-    try:
-        jax.eval_shape(loss, jax.ShapeDtypeStruct(pred.shape[1:], pred.dtype), gt)
-    except ValueError as error:
-        raise ConfigError(
-            f"loss.name={config.loss.name!r} with data.num_points={config.data.num_points} and a "
-            f"network of {pred.shape[1]} points: {error}"
-        ) from error
+    terms = configured_terms(config.loss)
+    for term, loss in terms:
+        try:
+            jax.eval_shape(loss, jax.ShapeDtypeStruct(pred.shape[1:], pred.dtype), gt)
+        except ValueError as error:
+            which = f", the term {term.text!r}," if len(terms) > 1 else ""
+            raise ConfigError(
+                f"loss.name={config.loss.name!r}{which} with data.num_points="
+                f"{config.data.num_points} and a network of {pred.shape[1]} points: {error}"
+            ) from error

@@ -63,7 +63,9 @@ def evaluate_split(
             break
     if not names:
         raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
-    merged = {k: np.concatenate([part[k] for part in parts]) for k in parts[0]}
+    # JAX sorts the names; what is measured after an alignment comes last.
+    ordered = sorted(parts[0], key=lambda name: name.startswith("aligned_"))
+    merged = {k: np.concatenate([part[k] for part in parts]) for k in ordered}
     num_points = num_pred, config.data.num_eval_points
     return Evaluation(
         split,
@@ -72,6 +74,7 @@ def evaluate_split(
         config.eval.fscore_threshold,
         num_points,
         config.eval.visible_tolerance,
+        frame=config.data.eval_frame,
     )
 
 

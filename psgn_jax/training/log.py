@@ -114,11 +114,14 @@ class TrainingLog:
         kl = ""
         if "kl" in values:
             kl = f", KL {values['kl']:.3g} nats in {values['active_dims']:.0f} dimensions"
+        terms = [k for k in values if k.startswith("loss_") and k != "loss_of_draws"]
+        of_terms = "".join(f", {k.removeprefix('loss_')} {values[k]:.4g}" for k in terms)
         logging.info(
-            "step %d/%d: loss %.5g%s, gradient norm %.3g%s",
+            "step %d/%d: loss %.5g%s%s, gradient norm %.3g%s",
             step,
             total,
             values["loss"],
+            of_terms,
             kl,
             values["grad_norm"],
             speed,

@@ -34,8 +34,9 @@ from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
 from psgn_jax.training.checkpoint import Checkpoint, Checkpoints
 from psgn_jax.training.log import MetricsWriter, TrainingLog
-from psgn_jax.training.run_folder import locked
+from psgn_jax.training.run_folder import Run, locked
 from psgn_jax.training.signals import Stopped, StopSignal
+from psgn_jax.weights import initial
 
 MAY_CHANGE = frozenset(
     {
@@ -92,8 +93,9 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     task = tasks.create(config, workdir)
     task.check()
     sizes = _check_data(config)
+    init = _open_initial(config, workdir, task)
     with locked(workdir) if _is_first() else contextlib.nullcontext():
-        return _Training(config, workdir, mesh, sizes, task).run()
+        return _Training(config, workdir, mesh, sizes, task, init).run()
 
 
 class _Training:
@@ -106,8 +108,10 @@ class _Training:
         mesh: Mesh,
         sizes: Mapping[str, int],
         task: Task,
+        init: Run | None = None,
     ) -> None:
         self._config, self._workdir, self._task, self._mesh = config, workdir, task, mesh
+        self._init = init
         self._checkpoints = Checkpoints(workdir / "checkpoints", config.train.keep_checkpoints)
         self._optimizer = state_lib.optimizer(config.optim, config.train.steps)
         self._state = self._initial_state()
@@ -130,14 +134,15 @@ class _Training:
             process_index=jax.process_index(),
             process_count=jax.process_count(),
         )
-        evaluated = start in self._checkpoints.scores or not _due(
-            config.train.eval_every, start, config
-        )
+        due = _due(config.train.eval_every, start, config)
+        # What a training begins with is worth a line if it is a trained network.
+        due |= bool(config.train.eval_every and self._init)
+        evaluated = start in self._checkpoints.scores or not due
         writer = MetricsWriter(self._workdir, start, evaluated=evaluated) if _is_first() else None
         self._writer, self._log = writer, TrainingLog(config, writer, start)
         try:
             with self._stop:
-                if not evaluated and start:
+                if not evaluated:
                     self._evaluate()
                 while self._step < config.train.steps and not self._stop.signal:
                     batch = step_lib.put_batch(next(batches), self._mesh, self._task.keys)
@@ -170,7 +175,10 @@ class _Training:
         # Drawing each parameter is code of its own, run once: on a CPU, compiling it with full
         # optimisation takes three times as long (23 s against 7) and gains nothing.
         quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
-        return jax.jit(create, out_shardings=replicated, compiler_options=quick)()
+        state = jax.jit(create, out_shardings=replicated, compiler_options=quick)()
+        if self._init is None:
+            return state
+        return jax.device_put(_begun_with(self._config, state, self._init.params), replicated)
 
     def _after_step(self) -> None:
         """Checkpoint, evaluation and pictures, where they are due."""
@@ -204,7 +212,7 @@ class _Training:
                 return
             scores = {**result.means, **result.chosen}
             self._log.evaluation(self._step, scores)
-            if _is_first():
+            if _is_first() and self._step:
                 self._checkpoints.score(self._step, scores)
 
     def _write_picture(self) -> None:
@@ -240,6 +248,30 @@ def _local(params: Any) -> Any:
     if jax.process_count() == 1:
         return params
     return jax.tree.map(lambda leaf: np.asarray(leaf.addressable_data(0)), params)
+
+
+def _open_initial(config: Config, workdir: pathlib.Path, task: Task) -> Run | None:
+    """What a new run begins with, if `train.init` names something; None for a run that goes on.
+
+    Raises:
+      ConfigError, CheckpointError, WeightsError: it is missing, damaged or does not fit.
+    """
+    checkpoints = Checkpoints(workdir / "checkpoints", read_only=True)
+    if not config.train.init or checkpoints.steps():
+        return None
+    run = initial.open_initial(config)
+    optimizer = state_lib.optimizer(config.optim, config.train.steps)
+    shapes = jax.eval_shape(lambda: task.create(optimizer)).params
+    initial.initial_params(config, shapes, run.params)
+    logging.info("beginning with the parameters of %s, step %d", run.source, run.step)
+    return run
+
+
+def _begun_with(config: Config, state: state_lib.TrainState, trained: Any) -> state_lib.TrainState:
+    """A fresh state with trained parameters; every leaf has memory of its own, to be donated."""
+    params = initial.initial_params(config, jax.tree.map(np.asarray, state.params), trained)
+    ema = jax.tree.map(np.array, params) if jax.tree.leaves(state.ema) else ()
+    return state._replace(params=jax.tree.map(np.array, params), ema=ema)
 
 
 def _check_data(config: Config) -> dict[str, int]:

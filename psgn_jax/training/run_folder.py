@@ -6,6 +6,7 @@ changes nothing in the folder: a training may be running there.
 
 import contextlib
 import fcntl
+import os
 import pathlib
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -26,21 +27,28 @@ class Run(NamedTuple):
       params: to evaluate with, averaged ones where the run has some.
       scores: metrics, and numbers chosen such as thresholds, that an evaluation during training
         recorded of the checkpoint; empty if there was none.
+      source: where it comes from: the folder, or the name of weights.
+      source_kind: which of these, "workdir" or "weights".
     """
 
     config: Config
     step: int
     params: Any
     scores: dict[str, float]
+    source: str = ""
+    source_kind: str = "workdir"
 
 
-def open_run(workdir: str | pathlib.Path, checkpoint: str = "best") -> Run:
+def open_run(
+    workdir: str | os.PathLike[str], checkpoint: str = "best", *, averaged: bool = True
+) -> Run:
     """Opens a run at its best or last checkpoint.
 
     Args:
       workdir: folder of the run.
       checkpoint: "best" (on the validation metric; the last one, with a warning, where none was
         evaluated or the best is damaged) or "last".
+      averaged: whether to take the averaged parameters where the run has some.
 
     Raises:
       ConfigError: there is no run.
@@ -54,11 +62,12 @@ def open_run(workdir: str | pathlib.Path, checkpoint: str = "best") -> Run:
         checkpoints.close()
     if found is None:
         raise CheckpointError(f"--workdir={workdir}: no checkpoint there")
-    params = params_from_named_leaves(found.leaves)
-    return Run(config, found.step, params, checkpoints.scores.get(found.step, {}))
+    params = params_from_named_leaves(found.leaves, averaged=averaged)
+    scores = checkpoints.scores.get(found.step, {})
+    return Run(config, found.step, params, scores, str(workdir))
 
 
-def load_config(workdir: str | pathlib.Path) -> Config:
+def load_config(workdir: str | os.PathLike[str]) -> Config:
     """The configuration of a run; raises `ConfigError` if there is none."""
     path = pathlib.Path(workdir) / "config.json"
     try:

@@ -139,9 +139,13 @@ def from_named_leaves(template: Any, leaves: dict[str, np.ndarray]) -> Any:
     return jax.tree.unflatten(jax.tree.structure(template), [leaves[name] for name in wanted])
 
 
-def params_from_named_leaves(leaves: dict[str, np.ndarray]) -> Any:
-    """The parameters to evaluate with, as a nested dict, from a checkpoint's leaves."""
-    section = "ema." if any(name.startswith("ema.") for name in leaves) else "params."
+def params_from_named_leaves(leaves: dict[str, np.ndarray], *, averaged: bool = True) -> Any:
+    """The parameters to evaluate with, as a nested dict, from a checkpoint's leaves.
+
+    With `averaged` those are the averaged ones where there are any.
+    """
+    averaged = averaged and any(name.startswith("ema.") for name in leaves)
+    section = "ema." if averaged else "params."
     tree: dict[str, Any] = {}
     for name, leaf in leaves.items():
         if not name.startswith(section):

@@ -17,6 +17,7 @@ from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from psgn_jax.config import Config, ConfigError
+from psgn_jax.losses.by_name import with_terms
 from psgn_jax.losses.distances import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import posterior
@@ -96,7 +97,7 @@ def min_of_n_loss(
     preds = predict(config, model, frozen, batch, r)
 
     def total(preds: Array) -> tuple[Array, MinOfN]:
-        best = map_pairs(min_of_n(loss))(preds, batch["points"])
+        best = map_pairs(min_of_n(with_terms(loss), has_aux=True))(preds, batch["points"])
         return jnp.sum(best.value), best
 
     (value, best), by_points = jax.value_and_grad(total, has_aux=True)(preds)
@@ -118,9 +119,11 @@ def make_train_step(
     """Compiled `(state, batch) -> (state, metrics)`; the state is donated.
 
     Metrics are scalars: `loss` (mean over the steps since the last multiple of `train.log_every`),
-    `loss_step`, `loss_of_draws` (if `loss.min_of_n` > 1: the mean, not the least, over the draws;
-    its distance from `loss` says how much they differ), `l2` (if on), `grad_norm` (before
-    clipping), `learning_rate`, `bad_step` and `bad_metric` (see `TrainState`). With
+    `loss_step`, `loss_<name>` of each term where the loss is a sum (without its weight, at this
+    step; of the winners if `loss.min_of_n` > 1), `loss_of_draws` (if `loss.min_of_n` > 1: the mean,
+    not the least, over the draws; its distance from `loss` says how much they differ), `l2` (if
+    on), `grad_norm` (before clipping), `learning_rate`, `bad_step` and `bad_metric` (see
+    `TrainState`). With
     `model.posterior` (`loss` is then the distance alone) also `kl`, the divergence in nats summed
     over the dimensions of z and averaged over samples, `kl_weight`, `kl_dim_min`, `kl_dim_mean`,
     `kl_dim_max` over the dimensions, `active_dims` (those over `posterior.ACTIVE`), and the vector
@@ -147,9 +150,12 @@ def make_train_step(
         if config.loss.min_of_n > 1 and r is not None:
             value, best = min_of_n_loss(config, model, loss, params, batch, r)
             metrics["loss_of_draws"] = jnp.mean(best.distances)
+            terms = best.aux
         else:
             pred = predict(config, model, params, batch, r)
-            value = jnp.mean(map_pairs(loss)(pred, batch["points"]))
+            values, terms = map_pairs(with_terms(loss))(pred, batch["points"])
+            value = jnp.mean(values)
+        metrics |= {f"loss_{name}": jnp.mean(values) for name, values in terms.items()}
         metrics["loss_step"] = value
         if config.loss.l2 != "none":
             metrics["l2"] = config.loss.l2_scale * l2_authors(params)

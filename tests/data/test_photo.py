@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from psgn_jax.data import camera, masks, photo
+from psgn_jax.data import camera, framing, masks, photo
 
 GREY = 191
 
@@ -93,7 +93,7 @@ def test_large_images_are_reduced_as_they_are_read(tmp_path):
     mask, how = masks.find_mask(read.image)
     assert how == "plain"
     assert mask.mean() == pytest.approx(1 / 6, rel=0.01)
-    view = photo.place(read.image, mask)
+    view = framing.place(read.image, mask)
     assert view.image[view.mask].mean(axis=0) == pytest.approx([200, 60, 20], abs=3)
 
 
@@ -211,7 +211,7 @@ def test_no_object_and_no_way_to_find_one(monkeypatch, rng):
 def test_the_box_is_where_training_objects_are(size):
     high, wide = size
     image, mask = scene(400, 500, (7, 7 + high, 300, 300 + wide))
-    view = photo.place(image, mask)
+    view = framing.place(image, mask)
     rows, columns = np.flatnonzero(view.mask.any(1)), np.flatnonzero(view.mask.any(0))
     h, w = rows[-1] + 1 - rows[0], columns[-1] + 1 - columns[0]
     assert (w / 223) ** 4 + (h / 124) ** 4 == pytest.approx(1, abs=0.08)
@@ -224,7 +224,7 @@ def test_the_box_is_where_training_objects_are(size):
 
 def test_the_map_to_the_view_takes_pixels_along():
     image, mask = scene(400, 500, (100, 180, 220, 330))
-    view = photo.place(image, mask)
+    view = framing.place(image, mask)
     corner = view.to_view @ [220, 100, 1]
     rows, columns = np.flatnonzero(view.mask.any(1)), np.flatnonzero(view.mask.any(0))
     assert corner[0] == pytest.approx(columns[0], abs=0.6)
@@ -239,32 +239,32 @@ def test_the_map_to_the_view_takes_pixels_along():
 
 def test_training_renderings_keep_their_frame():
     image, mask = scene(192, 256, (60, 150, 60, 200))
-    assert photo.is_framed(image)
-    view = photo.place(image, mask, move=False)
+    assert framing.is_framed(image)
+    view = framing.place(image, mask, move=False)
     np.testing.assert_array_equal(view.image, image)
     np.testing.assert_array_equal(view.mask, mask)
-    assert not photo.is_framed(image[:, :200])
-    assert not photo.is_framed(np.where(mask[..., None], image, np.uint8(180)))
+    assert not framing.is_framed(image[:, :200])
+    assert not framing.is_framed(np.where(mask[..., None], image, np.uint8(180)))
     with pytest.raises(photo.PhotoError, match="accepted as framed: 4:3"):
-        photo.place(image[:, :200], mask[:, :200], move=False)
+        framing.place(image[:, :200], mask[:, :200], move=False)
 
 
 def test_behind_the_object_nothing_bleeds_into_it():
     image, mask = scene(600, 800, (100, 500, 200, 600), colour=(0, 0, 0), back=(255, 255, 255))
-    view = photo.place(image, mask)
+    view = framing.place(image, mask)
     assert view.image[view.mask].max() <= 2
 
 
 def test_placing_refuses():
     image, mask = scene()
     with pytest.raises(photo.PhotoError, match="mask is empty"):
-        photo.place(image, np.zeros_like(mask))
+        framing.place(image, np.zeros_like(mask))
     dot = np.zeros_like(mask)
     dot[5, 5] = True
     with pytest.raises(photo.PhotoError, match="object is 1x1 pixels: accepted: 8 or more"):
-        photo.place(image, dot)
+        framing.place(image, dot)
     with pytest.raises(ValueError, match=r"mask is bool \[60, 160\]: accepted: bool \[120, 160\]"):
-        photo.place(image, mask[:60])
+        framing.place(image, mask[:60])
     with pytest.raises(ValueError, match=r"image is float64"):
         photo.as_rgb_and_alpha(np.zeros((50, 50)))
 
@@ -276,12 +276,12 @@ def test_the_rule_fits_the_authors_images(authors_batches):
     logs, rows = [], []
     for entry in authors.read_batch(path):
         sample = entry.sample
-        top, bottom, left, right = photo._box(sample.mask)
+        top, bottom, left, right = framing.box_of(sample.mask)
         if min(bottom - top, right - left) < 20:
             continue
-        view = photo.place(sample.image, sample.mask)
+        view = framing.place(sample.image, sample.mask)
         logs.append(np.log(view.to_view[0, 0]))
-        placed_top, placed_bottom, *_ = photo._box(view.mask)
+        placed_top, placed_bottom, *_ = framing.box_of(view.mask)
         rows.append((placed_top + placed_bottom - top - bottom) / 2)
     assert abs(np.median(logs)) < 0.06
     assert np.std(logs) < 0.2

@@ -3,6 +3,7 @@
 import free_meshes
 import numpy as np
 import pytest
+import watertight
 import winding
 
 from data_gen import cameras, catalogues, meshes
@@ -86,57 +87,27 @@ def test_a_body_of_slivers_is_solid(angle):
     assert (got & want).sum() / (got | want).sum() > 0.95
 
 
-def compare(model, angles=(20.0, 63.0), least=100):
-    """IoU with the winding numbers in two views, least volume over largest, and that of winding.
+def compare(model):
+    """IoU with the winding numbers, and least volume over largest of two views: ours, and theirs.
 
-    Thick parts alone count, see `winding.thick_parts`, and no air behind narrow gaps, see
-    `winding.sheltered_cells`; None if thick parts have less than `least` cells.
+    The IoU is the lesser of the two views. Thick parts alone count, see `winding.thick_parts`, and
+    no air behind narrow gaps, see `winding.sheltered`; both are the same part of space in both
+    views.
     """
-    turns = [cameras.turn_about_vertical(-a) for a in angles]
-    points = winding.inside(model, turns[0])
-    thick = winding.thick_parts(points)
-    if winding.cells_of(thick, np.eye(3)).sum() < least:
-        return None
-    views = [points, winding.inside(model, turns[1])]
-    want = [winding.occupancy(view) for view in views]
-    got = [meshes.solid_occupancy(model, turn) for turn in turns]
-    parts = [
-        winding.cells_of(thick, turn @ turns[0].T) & ~winding.sheltered_cells(view)
-        for turn, view in zip(turns, views, strict=True)
-    ]
-    iou = [
-        (g & w & p).sum() / ((g | w) & p).sum() for g, w, p in zip(got, want, parts, strict=True)
-    ]
-    volumes = [[(v & p).sum() for v, p in zip(pair, parts, strict=True)] for pair in (got, want)]
-    return (*iou, *(min(v) / max(v) for v in volumes))
-
-
-def check(found, count):
-    """Compares the first `count` watertight models with thick parts; prints a table."""
-    done, bad = 0, []
-    for entry in found:
-        try:
-            model = entry.load()
-        except meshes.UnusableModelError:
-            continue
-        if len(model.faces) > 20_000 or not winding.is_watertight(model):
-            continue
-        figures = compare(model)
-        if figures is None:
-            continue
-        done += 1
-        iou, volumes = min(figures[:2]), figures[2]
-        print(
-            f"{entry.model_id}: IoU {iou:.3f}, volumes of two views {volumes:.3f} "
-            f"(winding numbers {figures[3]:.3f})",
-            flush=True,
-        )
-        if min(iou, volumes) < 0.95:
-            bad.append(entry.model_id)
-        if done == count:
-            break
-    assert not bad
-    assert done == count
+    turns = [watertight.turn(view) for view in range(2)]
+    views = [winding.fields(model, turn) for turn in turns]
+    thick = winding.thick_parts(views[0][0])
+    behind = [winding.sheltered(*view) for view in views]
+    iou, ours, theirs = [], [], []
+    for turn, view in zip(turns, views, strict=True):
+        part = winding.cells_of(thick, turn @ turns[0].T)
+        for other, air in zip(turns, behind, strict=True):
+            part &= ~winding.cells_of(air, turn @ other.T)
+        got, want = meshes.solid_occupancy(model, turn) & part, winding.occupancy(view[0]) & part
+        iou.append((got & want).sum() / (got | want).sum())
+        ours.append(got.sum())
+        theirs.append(want.sum())
+    return min(iou), min(ours) / max(ours), min(theirs) / max(theirs)
 
 
 def test_a_car_agrees_with_winding_numbers():
@@ -147,15 +118,42 @@ def test_a_car_agrees_with_winding_numbers():
     assert (got & want).sum() / (got | want).sum() > 0.95
 
 
+def test_walls_thinner_than_the_points_close_a_room():
+    # Panes of glass: winding numbers at points alone would let air in through them.
+    outer, inner = solids.box(1.0, 1.0, 0.8), solids.box(0.996, 0.996, 0.796)
+    vertices = np.concatenate([outer.vertices, inner.vertices])
+    vertices[:, 2] -= vertices[:, 2].min()
+    faces = np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)])
+    model = meshes.build(vertices, faces)
+    assert winding.is_watertight(model)
+    for view in range(2):
+        turn = watertight.turn(view)
+        want = winding.occupancy(winding.inside(model, turn))
+        got = meshes.solid_occupancy(model, turn)
+        assert (got & want).sum() / (got | want).sum() > 0.95
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("catalogue", "count"), [("procedural", 20), ("sh3f", 20), ("ac3d", 20)])
-def test_models_agree_with_winding_numbers(catalogue, count):
+@pytest.mark.parametrize("source", watertight.MODELS)
+def test_models_agree_with_winding_numbers(source):
     """Run with `-m slow -s` for the table."""
-    if catalogue == "procedural":
-        found = list(catalogues.open("procedural", "8").entries())
-    else:
-        found = free_meshes.entries(catalogue)
-    check(found, count)
+    entries = {e.model_id: e for e in free_meshes.entries_of_source(source)}
+    for name in watertight.MODELS[source]:
+        model = entries[name].load()
+        assert winding.is_watertight(model), name
+        iou, volumes, theirs = compare(model)
+        missed = watertight.MISSES.get(name, ("",))[0]
+        print(
+            f"{source}: {name}: IoU {iou:.3f}, volumes of two views {volumes:.3f} (winding numbers "
+            f"{theirs:.3f}){', falls short: ' + missed if missed else ''}",
+            flush=True,
+        )
+        for figure, value in (("IoU", iou), ("volumes", volumes)):
+            if missed == figure:
+                # No worse than stated, and no longer stated once it holds.
+                assert watertight.MISSES[name][1] - 0.005 < value < 0.95, name
+            else:
+                assert value >= 0.95, (name, figure)
 
 
 def test_a_mattress_of_slivers_holds_no_air():

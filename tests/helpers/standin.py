@@ -85,7 +85,7 @@ def eval_batches(cfg, *, split, batch_size, seed=0, visible_tolerance=0.0):
         }
 
 
-def num_samples(cfg, split):
+def num_samples(cfg, split, *, evaluation=False):
     return SIZES.get(split, 0)
 
 

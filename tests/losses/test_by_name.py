@@ -1,10 +1,19 @@
 """Names lead to losses; an unknown one lists the choices."""
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
+from psgn_jax import losses
 from psgn_jax.config import ConfigError, LossConfig
-from psgn_jax.losses.by_name import LOSSES, configured_loss
+from psgn_jax.losses.by_name import (
+    LOSSES,
+    chosen_points,
+    configured_loss,
+    parse_terms,
+    with_terms,
+)
 
 
 @pytest.mark.parametrize("name", list(LOSSES))
@@ -24,3 +33,71 @@ def test_options_reach_the_loss():
 def test_an_unknown_name_lists_the_choices():
     with pytest.raises(ConfigError, match=r"loss.name='hausdorff' is unknown; accepted: chamf"):
         configured_loss(LossConfig(name="hausdorff"))
+
+
+SUM = "emd_mean@8 + 5*chamfer_sq_mean + .5 * chamfer_l1_mean@12"
+
+
+def by_hand(pred, gt):
+    return (
+        losses.emd_mean(pred, chosen_points(gt, 8), tolerance=0.01)
+        + 5 * losses.chamfer_sq_mean(pred, gt)
+        + 0.5 * losses.chamfer_l1_mean(pred, chosen_points(gt, 12))
+    )
+
+
+def test_a_sum_and_its_gradient_are_those_written_by_hand(rng):
+    pred, gt = rng.normal(size=(8, 3)).astype("f4"), rng.normal(size=(20, 3)).astype("f4")
+    loss = configured_loss(LossConfig(name=SUM))
+    quick = {"xla_backend_optimization_level": 0}
+    have = jax.jit(jax.value_and_grad(loss), compiler_options=quick)(pred, gt)
+    want = jax.jit(jax.value_and_grad(by_hand), compiler_options=quick)(pred, gt)
+    np.testing.assert_allclose(have[0], want[0], rtol=1e-6)
+    np.testing.assert_allclose(have[1], want[1], rtol=1e-5, atol=1e-7)
+    value, terms = jax.jit(with_terms(loss), compiler_options=quick)(pred, gt)
+    assert list(terms) == ["chamfer_l1_mean", "chamfer_sq_mean", "emd_mean"]
+    np.testing.assert_allclose(terms["chamfer_sq_mean"], losses.chamfer_sq_mean(pred, gt), 1e-6)
+    np.testing.assert_allclose(
+        value,
+        terms["emd_mean"] + 5 * terms["chamfer_sq_mean"] + 0.5 * terms["chamfer_l1_mean"],
+        rtol=1e-6,
+    )
+
+
+def test_chosen_points_are_spread_over_a_sorted_cloud():
+    gt = jnp.arange(300.0).reshape(100, 3)
+    chosen = np.asarray(chosen_points(gt, 50))
+    assert len(np.unique(chosen[:, 0])) == 50
+    assert 20 <= int((chosen[:, 0] < 150).sum()) <= 30
+    np.testing.assert_array_equal(chosen_points(gt, 100), gt)
+
+
+def test_a_weight_alone_and_points_alone(rng):
+    pred, gt = rng.normal(size=(4, 3)).astype("f4"), rng.normal(size=(9, 3)).astype("f4")
+    twice = configured_loss(LossConfig(name="2*chamfer_sq"))(pred, gt)
+    np.testing.assert_allclose(twice, 2 * losses.chamfer_sq(pred, gt), rtol=1e-6)
+    few = configured_loss(LossConfig(name="chamfer_sq@3"))(pred, gt)
+    np.testing.assert_allclose(few, losses.chamfer_sq(pred, chosen_points(gt, 3)), rtol=1e-6)
+    assert configured_loss(LossConfig(name="chamfer_sq")) is losses.chamfer_sq
+    assert parse_terms("1e-2*emd_mean@7")[0].weight == 0.01
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("emd_mean + 5*chamfer", "the term '5*chamfer' is unknown; did you mean 'chamfer_"),
+        ("emd_mean + ", "the term '' is not understood"),
+        ("emd_mean*5", "loss.name='emd_mean*5' is not understood; accepted: a loss, or a sum"),
+        ("-1*emd_mean", "is not understood"),
+        ("emd_mean@0 + chamfer_sq", "the term 'emd_mean@0': accepted: a weight above 0"),
+        ("0*emd_mean", "accepted: a weight above 0"),
+        ("9e999*emd_mean", "accepted: a weight above 0"),
+        ("", "is not understood"),
+        ("emd_mean@4 + emd_mean@8", "the term 'emd_mean@8': emd_mean occurs twice"),
+    ],
+)
+def test_a_wrong_term_is_named_in_one_line(text, message):
+    with pytest.raises(ConfigError) as caught:
+        configured_loss(LossConfig(name=text))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)

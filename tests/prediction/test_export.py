@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from psgn_jax.data import camera, photo
+from psgn_jax.data import camera, framing
 from psgn_jax.prediction import export
 
 # A cloud whose every axis is told from the others and from its mirror: an origin, one unit along
@@ -76,7 +76,7 @@ def view():
     image = np.zeros((192, 256, 3), np.uint8)
     image[:, :128], image[:, 128:] = (200, 0, 0), (0, 0, 200)
     mask = np.ones((192, 256), bool)
-    return photo.View(image, mask, *camera.default_camera(), np.eye(3), True)
+    return framing.View(image, mask, *camera.default_camera(), np.eye(3), True)
 
 
 def test_seen_points_take_the_images_colours_and_hidden_ones_do_not():

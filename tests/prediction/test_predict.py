@@ -110,6 +110,53 @@ def test_known_cloud_lies_where_the_image_shows_it(predictor, monkeypatch):
     np.testing.assert_allclose(mapped[:, :2], pixels, atol=1e-4)
 
 
+def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
+    image = photo_of_a_box()
+    raw = predictor(image, frame="place", samples=2, normal_form="no")
+    result = predictor(image, frame="place", samples=2)
+    assert (raw.normalised, raw.scale, raw.shift.tolist()) == (False, 1.0, [0, 0, 0])
+    assert result.normalised
+    flat = result.points.reshape(-1, 3)
+    assert flat[:, 2].min() == pytest.approx(0, abs=1e-6)
+    assert np.linalg.norm(flat, axis=1).max() == pytest.approx(1, abs=1e-5)
+    np.testing.assert_allclose(result.scale * result.points + result.shift, raw.points, atol=1e-5)
+    for one, other in zip(result.points, raw.points, strict=True):
+        seen, _ = camera.project(one, result.view.intrinsics, result.view.extrinsics)
+        before, _ = camera.project(other, raw.view.intrinsics, raw.view.extrinsics)
+        np.testing.assert_allclose(seen, before, atol=1e-2)
+    np.testing.assert_array_equal(result.colours, raw.colours)
+    np.testing.assert_allclose(result.spread * result.scale, raw.spread, rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(result.mutual * result.scale**2, raw.mutual, rtol=1e-4)
+    assert not predictor(image, frame="keep").normalised
+    assert predictor(image, frame="keep", normal_form="yes").normalised
+    with pytest.raises(ConfigError, match="normal_form='x': accepted: auto, yes, no"):
+        predictor(image, normal_form="x")
+
+
+def test_an_inverted_mask_is_noticed_and_turned(predictor, tmp_path):
+    image = photo_of_a_box()
+    mask = (image != 191).any(axis=2)
+    assert predictor(image, mask).warnings == ()
+    Image.fromarray(image).save(tmp_path / "a.png")
+    Image.fromarray(~mask).save(tmp_path / "mask.png")
+    options = {"mask": str(tmp_path / "mask.png")}
+    ((_, wrong),) = predict_files(predictor, [tmp_path / "a.png"], tmp_path, **options)
+    assert "probably inverted" in wrong.warnings[0]
+    assert "--invert_mask" in wrong.warnings[0]
+    ((_, right),) = predict_files(
+        predictor, [tmp_path / "a.png"], tmp_path, invert_mask=True, frame="place", **options
+    )
+    assert right.warnings == ()
+    np.testing.assert_array_equal(right.points, predictor(image, mask, frame="place").points)
+    document = json.loads((tmp_path / "a.json").read_text())
+    assert document["warnings"] == []
+    assert document["normal_form"]["applied"]
+    assert document["normal_form"]["scale"] == pytest.approx(right.scale)
+    np.testing.assert_allclose(document["normal_form"]["shift"], right.shift)
+    with pytest.raises(ConfigError, match="accepted with a mask"):
+        predictor(image, invert_mask=True)
+
+
 def test_wrong_arguments(predictor, config, params):
     with pytest.raises(ConfigError, match="samples=0: accepted: 1 or more"):
         predictor(photo_of_a_box(), samples=0)
@@ -249,6 +296,7 @@ def test_the_command(config, params, tmp_path):
         ((), "no image: name files or folders"),
         (("a.png", "--formats=stl"), "--formats=stl: accepted: any of ply, xyz, obj, npz"),
         (("a.png", "--workdir=/no/such"), "no run there"),
+        (("a.png", "--workdir=", "--weights=none"), "--weights=none: accepted: a file of weights"),
     ],
 )
 def test_wrong_commands_end_in_one_line(arguments, message, tmp_path):

@@ -128,6 +128,12 @@ def test_emd_wants_equal_sizes_and_trains(config, tmp_path, unchecked_annotation
     wrong = standin.config(loss__name="emd_mean", data__num_points=33)
     with pytest.raises(ConfigError, match=r"loss.name='emd_mean' with data.num_points=33 and a"):
         train(wrong, tmp_path / "wrong")
+    wrong = standin.config(loss__name="chamfer_sq_mean + emd_mean@33", data__num_points=40)
+    with pytest.raises(ConfigError, match=r"the term 'emd_mean@33', with data.num_points=40"):
+        train(wrong, tmp_path / "wrong")
+    wrong = standin.config(loss__name="chamfer_sq_mean@99", data__num_points=40)
+    with pytest.raises(ConfigError, match="got 40 points, expected at least 99"):
+        train(wrong, tmp_path / "wrong")
     assert not (tmp_path / "wrong").exists()
     changes = {"train": dataclasses.replace(config.train, steps=4, eval_every=0, images_every=0)}
     changes["loss"] = dataclasses.replace(config.loss, name="emd_mean", emd_tolerance=0.05)

@@ -119,6 +119,18 @@ def test_random_input_depends_on_seed_step_and_purpose(tiny):
     )
 
 
+@pytest.mark.parametrize("draws", [1, 2])
+def test_training_on_a_sum_logs_its_terms(draws):
+    name = "chamfer_l1_mean@20 + 5*chamfer_sq_mean"
+    sizes = {"model__name": "vanilla", "model__widths": (4, 6, 8), "loss__l2": "none"}
+    config = standin.config(loss__name=name, loss__min_of_n=draws, **sizes)
+    _, history = run(config, 2)
+    for entry in history:
+        total = entry["loss_chamfer_l1_mean"] + 5 * entry["loss_chamfer_sq_mean"]
+        assert entry["loss_step"] == pytest.approx(total, rel=1e-5)
+    assert ("loss_of_draws" in history[0]) == (draws > 1)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "data_points"),
@@ -140,7 +152,12 @@ def test_training_on_the_better_of_two_draws(name, data_points):
 
 @pytest.mark.parametrize(
     ("version", "loss"),
-    [pytest.param("two_branch", "emd_mean", marks=pytest.mark.slow), ("hourglass", "chamfer_sq")],
+    [
+        pytest.param("two_branch", "emd_mean", marks=pytest.mark.slow),
+        pytest.param("two_branch", "emd_mean@136 + 5*chamfer_sq_mean", marks=pytest.mark.slow),
+        ("hourglass", "chamfer_sq"),
+        ("vanilla", "chamfer_sq + 5*chamfer_l1_mean@40"),
+    ],
 )
 def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(version, loss):
     config = standin.config(

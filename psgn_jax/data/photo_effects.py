@@ -1,0 +1,221 @@
+"""What photos and their masks suffer, done to training images: `disturb`.
+
+Settings and their units: `psgn_jax.data_config.PhotoEffects`; lengths are in pixels of an image 192
+pixels high. The steps, in the order in which they happen to a photo:
+
+1. Another object stands in front, at an edge of this one's box.
+2. A background of colours that run into each other, where the image's is the plain grey: beyond the
+   object's edge a photo shows something.
+3. Light: exposure and white balance as factors in linear light, v -> 255 (g (v/255)^2.2)^(1/2.2).
+4. Lens and sensor: Gaussian blur, Gaussian noise.
+5. JPEG.
+6. The mask: shrunk or grown, its edge ragged, a corner cut off, holes.
+
+Points stay: they are the truth about the whole object. Outside of the mask the image is grey again.
+"""
+
+import io
+
+import numpy as np
+from PIL import Image, ImageFilter
+
+from psgn_jax.data import schema
+from psgn_jax.data.framing import VIEW_SIZE, box_of
+from psgn_jax.data_config import PhotoEffects
+
+LEAST_LEFT = 0.4
+"""A mask that would keep less than this share of its area stays as it was before that step."""
+
+_GAMMA = 2.2
+_GRAIN = 8  # pixels of 192 between the nodes of the ragged edge's random field
+
+
+def disturb(
+    image: np.ndarray, mask: np.ndarray, rng: np.random.Generator, effects: PhotoEffects
+) -> tuple[np.ndarray, np.ndarray]:
+    """A sample's image and mask with the effects that are set, each drawn from its own numbers.
+
+    An effect's draws depend on the generator alone: switching another on or off changes none.
+
+    Args:
+      image: uint8 [h, w, 3].
+      mask: bool [h, w].
+      rng: source of the draws.
+      effects: the settings.
+
+    Returns:
+      uint8 [h, w, 3], grey 191 outside the mask, and bool [h, w], as new arrays; the arguments
+      themselves where nothing is set or there is no object.
+    """
+    if not effects.any() or not mask.any():
+        return image, mask
+    occlusion, scene, light, sensor, jpeg, edge, corner, holes = rng.spawn(8)
+    pixel = mask.shape[0] / VIEW_SIZE[0]
+    image = image.copy()
+    if occlusion.random() < effects.occluders:
+        image, mask = _occlude(image, mask, occlusion)
+    if _has_grey_surroundings(image, mask):
+        backdrop = _smooth_colours(mask.shape, scene)
+        np.copyto(image, backdrop, where=~mask[..., None])
+    if effects.exposure or effects.white_balance:
+        image = _light(image, light, effects.exposure, effects.white_balance)
+    image = _lens(image, sensor, effects.blur * pixel, effects.noise)
+    if effects.jpeg:
+        image = _jpeg(image, 100 - 90 * effects.jpeg * jpeg.random())
+    if effects.erode or effects.dilate or effects.ragged:
+        length = edge.uniform(-effects.erode, effects.dilate)
+        changed = _move_edge(mask, length * pixel, effects.ragged * pixel, edge)
+        mask = _enough(changed, mask)
+    if corner.random() < effects.corners:
+        mask = _enough(_cut_corner(mask, corner), mask)
+    if holes.random() < effects.holes:
+        mask = _enough(_pierce(mask, holes), mask)
+    image[~mask] = schema.BACKGROUND_GREY
+    return image, mask
+
+
+def _enough(changed: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    return changed if changed.sum() >= LEAST_LEFT * mask.sum() else mask
+
+
+def _has_grey_surroundings(image: np.ndarray, mask: np.ndarray) -> bool:
+    """Whether nearly all of the background is the plain grey."""
+    outside = image[~mask]
+    return bool(len(outside)) and bool((outside == schema.BACKGROUND_GREY).all(axis=1).mean() > 0.9)
+
+
+def _smooth_colours(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    """uint8 [h, w, 3]: a few random colours, interpolated."""
+    nodes = rng.integers(1, 7, 2)
+    base = rng.integers(0, 256, 3)
+    spread = rng.integers(8, 128)
+    colours = base + rng.integers(-spread, spread + 1, (*nodes, 3))
+    picture = Image.fromarray(np.clip(colours, 0, 255).astype(np.uint8))
+    return np.asarray(picture.resize((shape[1], shape[0]), Image.Resampling.BILINEAR))
+
+
+def _ellipse(
+    shape: tuple[int, ...], centre: tuple[float, float], axes: tuple[float, float]
+) -> np.ndarray:
+    rows = (np.arange(shape[0]) + 0.5 - centre[0]) / max(axes[0], 0.5)
+    columns = (np.arange(shape[1]) + 0.5 - centre[1]) / max(axes[1], 0.5)
+    return np.asarray((rows**2)[:, None] + columns**2 <= 1)
+
+
+def _occlude(
+    image: np.ndarray, mask: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """An ellipse or a box of another colour over an edge of the object's box."""
+    top, bottom, left, right = box_of(mask)
+    high, wide = bottom - top, right - left
+    side, along = rng.integers(4), rng.random()
+    centre = (
+        (top + along * high, float(left if side == 0 else right))
+        if side < 2
+        else (float(top if side == 2 else bottom), left + along * wide)
+    )
+    axes = rng.uniform(0.1, 0.3, 2) * (high, wide)
+    colour = rng.integers(0, 256, 3)
+    if rng.random() < 0.5:
+        patch = _ellipse(mask.shape, centre, (axes[0], axes[1]))
+    else:
+        rows = np.abs(np.arange(mask.shape[0]) + 0.5 - centre[0]) <= axes[0]
+        columns = np.abs(np.arange(mask.shape[1]) + 0.5 - centre[1]) <= axes[1]
+        patch = rows[:, None] & columns
+    without = mask & ~patch
+    if without.sum() < LEAST_LEFT * mask.sum():
+        return image, mask
+    image[patch] = np.clip(colour + rng.normal(0, 6, (int(patch.sum()), 1)), 0, 255)
+    return image, without if rng.random() < 0.5 else mask
+
+
+def _light(
+    image: np.ndarray, rng: np.random.Generator, exposure: float, white_balance: float
+) -> np.ndarray:
+    gain = 2 ** (exposure * rng.uniform(-1, 1))
+    red, blue = 1 + white_balance * rng.uniform(-1, 1, 2)
+    levels = np.arange(256) / 255
+    table = [
+        np.rint(255 * np.minimum(1, factor ** (1 / _GAMMA) * levels)).astype(np.uint8)
+        for factor in (gain * red, gain, gain * blue)
+    ]
+    return np.dstack([table[i].take(image[..., i]) for i in range(3)])
+
+
+def _lens(image: np.ndarray, rng: np.random.Generator, blur: float, noise: float) -> np.ndarray:
+    radius, deviation = rng.random(2) * (blur, noise)
+    if radius:
+        picture = Image.fromarray(image).filter(ImageFilter.GaussianBlur(float(radius)))
+        image = np.array(picture)
+    if deviation:
+        grain = rng.standard_normal(image.shape, np.float32) * np.float32(255 * deviation)
+        image = np.clip(np.rint(image + grain), 0, 255).astype(np.uint8)
+    return image
+
+
+def _jpeg(image: np.ndarray, quality: float) -> np.ndarray:
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "jpeg", quality=max(1, round(quality)))
+    return np.array(Image.open(buffer))
+
+
+def _step(mask: np.ndarray, *, diagonal: bool) -> np.ndarray:
+    """The mask and what lies next to it: four neighbours, or eight."""
+    grown = mask.copy()
+    grown[1:] |= mask[:-1]
+    grown[:-1] |= mask[1:]
+    wide = grown if diagonal else mask
+    result = grown.copy()
+    result[:, 1:] |= wide[:, :-1]
+    result[:, :-1] |= wide[:, 1:]
+    return result
+
+
+def _move_edge(
+    mask: np.ndarray, length: float, ragged: float, rng: np.random.Generator
+) -> np.ndarray:
+    """The mask with its edge moved out by `length` pixels plus a random field within +-`ragged`.
+
+    The field is smooth over `_GRAIN` pixels. The array's border is no edge.
+    """
+    height, width = mask.shape
+    grain = max(2, round(_GRAIN * height / VIEW_SIZE[0]))
+    nodes = rng.random((height // grain + 2, width // grain + 2), np.float32)
+    field = Image.fromarray(nodes).resize((width, height), Image.Resampling.BICUBIC)
+    distance = length + ragged * np.clip(2 * np.asarray(field) - 1, -1, 1)
+    result = mask.copy()
+    for sign in (1, -1):
+        grown = mask if sign > 0 else ~mask
+        for step in range(1, int(np.ceil(max(0.0, float((sign * distance).max())) + 0.5)) + 1):
+            # Four and eight neighbours in turn: nearly round.
+            grown = _step(grown, diagonal=step % 2 == 0)
+            reached = sign * distance >= step - 0.5
+            if sign > 0:
+                result |= grown & reached
+            else:
+                result &= ~(grown & reached)
+    return result
+
+
+def _cut_corner(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Cuts a triangle off a corner of the mask's box."""
+    top, bottom, left, right = box_of(mask)
+    down, across = rng.uniform(0.1, 0.35, 2)
+    rows = (np.arange(mask.shape[0]) + 0.5 - top) / (bottom - top)
+    columns = (np.arange(mask.shape[1]) + 0.5 - left) / (right - left)
+    which = int(rng.integers(4))
+    rows = rows if which & 1 else 1 - rows
+    columns = columns if which & 2 else 1 - columns
+    return mask & (rows[:, None] / down + columns / across > 1)
+
+
+def _pierce(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """One to three elliptic holes whose centres are on the mask."""
+    top, bottom, left, right = box_of(mask)
+    inside = np.flatnonzero(mask)
+    result = mask.copy()
+    for _ in range(int(rng.integers(1, 4))):
+        row, column = divmod(int(inside[rng.integers(len(inside))]), mask.shape[1])
+        axes = rng.uniform(0.03, 0.1, 2) * (bottom - top, right - left)
+        result &= ~_ellipse(mask.shape, (row + 0.5, column + 0.5), (axes[0], axes[1]))
+    return result

@@ -1,0 +1,68 @@
+"""From a trained run to a file of weights."""
+
+import os
+import pathlib
+from collections.abc import Sequence
+from typing import Any
+
+from psgn_jax.config import Config
+from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.schema import RecordError
+from psgn_jax.training.run_folder import open_run
+from psgn_jax.weights.file import Weights, figures_of, read_sources, write_weights
+
+
+def export_run(
+    workdir: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    checkpoint: str = "best",
+    averaged: bool = True,
+    dtype: str = "float16",
+    sources: Sequence[str | os.PathLike[str]] = (),
+) -> Weights:
+    """Writes a checkpoint of a run as a file of weights.
+
+    Args:
+      workdir: folder of the run.
+      out: the file.
+      checkpoint: "best" or "last", see `training.run_folder.open_run`.
+      averaged: whether to take the averaged parameters where the run has some.
+      dtype: "float16" or "float32".
+      sources: files with rows on data and licences (`weights.file.read_sources`).
+
+    Raises:
+      ConfigError, CheckpointError, WeightsError: one line on what is wrong.
+    """
+    rows = [row for path in sources for row in read_sources(path)]
+    run = open_run(workdir, checkpoint, averaged=averaged)
+    # Scores are of the averaged parameters, which evaluation uses where there are some.
+    is_averaged = averaged and run.config.optim.ema_decay > 0
+    measured = is_averaged or not run.config.optim.ema_decay
+    figures = figures_of(
+        run.config,
+        run.params,
+        step=run.step,
+        averaged=is_averaged,
+        metrics=run.scores if measured else {},
+        data=_data_of(run.config),
+    )
+    weights = Weights(run.config, run.params, figures, rows, dtype)
+    write_weights(out, weights)
+    return weights
+
+
+def _data_of(config: Config) -> list[dict[str, Any]]:
+    """Name, source and number of training samples of each data set, as far as it is there."""
+    if not config.data.path:
+        return [{"name": "default data set"}]
+    rows: list[dict[str, Any]] = []
+    for folder in map(pathlib.Path, dict.fromkeys(config.data.folders)):
+        rows.append({"name": folder.name})
+        try:
+            manifest = load_manifest(folder)
+        except (RecordError, OSError):
+            continue
+        shards = manifest.splits().get(config.data.train_split, ())
+        rows[-1] |= {"source": manifest.source, "samples": sum(shard.count for shard in shards)}
+    return rows

@@ -1,0 +1,92 @@
+"""Opens a trained network wherever it is: a run's folder, a file of weights, a name.
+
+Names are those of the files in `psgn_jax/weights/`, which come with the package.
+"""
+
+import os
+import pathlib
+import re
+
+from psgn_jax.config import ConfigError, suggestion
+from psgn_jax.training.run_folder import Run, open_run
+from psgn_jax.weights.file import SUFFIX, Weights, read_weights
+
+FOLDER = pathlib.Path(__file__).resolve().parent
+"""Of the files that come with the package."""
+
+
+def shipped() -> dict[str, pathlib.Path]:
+    """Files that come with the package, by name; the last one is the default.
+
+    Numbers in names count as numbers: `small-2` comes before `small-10`.
+    """
+    paths = {path.stem: path for path in FOLDER.glob(f"*{SUFFIX}")}
+    return {name: paths[name] for name in sorted(paths, key=_natural)}
+
+
+def weights_path(name_or_file: str = "") -> pathlib.Path:
+    """The file of weights that a name or a path means; "" is the default of the package.
+
+    Raises:
+      ConfigError: there is none; one line with what is accepted.
+    """
+    known = shipped()
+    if not name_or_file:
+        if not known:
+            raise ConfigError(
+                "no weights come with this version of the package; name a trained run "
+                "(--workdir=RUN) or a file of weights (--weights=FILE)"
+            )
+        return list(known.values())[-1]
+    path = pathlib.Path(name_or_file)
+    if name_or_file in known and not path.is_file():
+        return known[name_or_file]
+    if path.suffix == SUFFIX or path.is_file():
+        return path
+    raise ConfigError(
+        f"--weights={name_or_file}: {suggestion(name_or_file, known)}accepted: a file of weights, "
+        + (f"or one of {', '.join(known)}" if known else "as none come with this version")
+    )
+
+
+def open_weights(name_or_file: str = "") -> Run:
+    """The network in a file of weights, see `weights_path`.
+
+    Raises:
+      ConfigError: there is no such file.
+      WeightsError: it cannot be read.
+    """
+    path = weights_path(name_or_file)
+    return as_run(read_weights(path), path.stem)
+
+
+def open_network(
+    workdir: str | os.PathLike[str] | None = None,
+    weights: str | None = None,
+    checkpoint: str = "best",
+) -> Run:
+    """A trained network, of a run's folder or of weights; of neither: the package's default.
+
+    Args:
+      workdir: folder of a run.
+      weights: name or file of weights.
+      checkpoint: of the run, see `training.run_folder.open_run`.
+
+    Raises:
+      ConfigError: both are given, or there is nothing there.
+      CheckpointError, WeightsError: it cannot be read.
+    """
+    if workdir and weights:
+        raise ConfigError(f"--weights={weights}: accepted without --workdir (one network)")
+    return open_run(workdir, checkpoint) if workdir else open_weights(weights or "")
+
+
+def as_run(weights: Weights, name: str) -> Run:
+    """Weights as an opened run; `scores` are the metrics that they were written with."""
+    scores = {k: float(v) for k, v in weights.figures["metrics"].items() if v is not None}
+    step = weights.figures["step"]
+    return Run(weights.config, step, weights.params, scores, name, "weights")
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]

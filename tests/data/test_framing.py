@@ -1,0 +1,178 @@
+"""Images and points that move together, under a camera that stays."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers import drawn_solids as solids
+
+from psgn_jax.data import augment, camera, framing, photo
+
+
+def view_of(category, size=(192, 256), seed=0):
+    rng = np.random.default_rng(seed)
+    s = solids.draw(solids.random_solid(category, rng), rng, image_size=size)
+    return augment.View(s.image, s.mask, s.depth, s.points, s.intrinsics, s.extrinsics)
+
+
+def about_the_middle(size, scale, right, down):
+    """A move in pixels of 192x256 that scales about the image's middle."""
+    pixel = size[0] / 192
+    return framing.Move(
+        scale,
+        (1 - scale) * size[1] / 2 + right * pixel,
+        (1 - scale) * size[0] / 2 + down * pixel,
+    )
+
+
+MOVES = [(0.88, 0, 0), (1.12, 0, 0), (1, 14, 0), (1, 0, -14), (0.9, -11, 14), (1.1, 8, 5)]
+
+
+@pytest.mark.parametrize("size", [(192, 256), (96, 128)])
+@pytest.mark.parametrize("numbers", MOVES)
+@pytest.mark.parametrize("category", ["box", "cone"])
+def test_points_stay_on_the_object(category, numbers, size):
+    view = view_of(category, size)
+    move = about_the_middle(size, *numbers)
+    moved = augment.follow(view, framing.keep_inside(move, view.mask))
+    np.testing.assert_array_equal(moved.intrinsics, view.intrinsics)
+    np.testing.assert_array_equal(moved.extrinsics, view.extrinsics)
+    pixels, _ = camera.project(moved.points, moved.intrinsics, moved.extrinsics)
+    assert camera.inside_mask(pixels, moved.mask, 1).mean() > 0.9
+    assert camera.inside_mask(pixels, moved.mask, 3).all()
+    assert moved.mask.sum() == pytest.approx(numbers[0] ** 2 * view.mask.sum(), rel=0.05)
+    # The depth moves along: its surface lies among the moved points.
+    surface = camera.back_project(moved.depth, moved.intrinsics, moved.extrinsics)[::97]
+    nearest = np.linalg.norm(surface[:, None] - moved.points, axis=2).min(axis=1)
+    assert np.median(nearest) < 0.03
+
+
+@pytest.mark.parametrize("numbers", MOVES)
+def test_the_error_of_the_projection_is_the_one_stated(numbers, rng):
+    intrinsics, extrinsics = camera.default_camera()
+    points = rng.uniform([-0.5, -0.6, 0], [0.5, 0.6, 0.7], (500, 3)).astype(np.float32)
+    move = about_the_middle((192, 256), *numbers)
+    before, depth = camera.project(points, intrinsics, extrinsics)
+    after, _ = camera.project(
+        framing.move_points(points, move, intrinsics, extrinsics), intrinsics, extrinsics
+    )
+    error = after - (move.scale * before + [move.right, move.down])
+    z0 = depth.mean()
+    rays = (before - intrinsics[:2, 2]) / 400
+    u = np.array([numbers[1], numbers[2]]) / 400  # about the principal point
+    d = (depth - z0)[:, None]
+    stated = 400 * move.scale * d / (z0 + move.scale * d) * ((1 - move.scale) * rays - u)
+    np.testing.assert_allclose(error, stated, atol=2e-3)
+    assert np.sqrt((error**2).sum(1).mean()) < 1.5
+    # At the centre's depth there is none.
+    at_centre = np.abs(depth - z0) < 0.02
+    assert np.abs(error[at_centre]).max() < 0.1
+
+
+def test_moved_points_are_similar_and_upright(rng):
+    intrinsics, extrinsics = camera.default_camera()
+    points = rng.uniform(-0.5, 0.5, (50, 3)).astype(np.float32)
+    move = about_the_middle((192, 256), 0.8, 9, -7)
+    moved = framing.move_points(points, move, intrinsics, extrinsics)
+    np.testing.assert_allclose(moved - moved.mean(0), 0.8 * (points - points.mean(0)), atol=1e-6)
+    _, depth = camera.project(points, intrinsics, extrinsics)
+    _, depth_after = camera.project(moved, intrinsics, extrinsics)
+    assert depth_after.mean() == pytest.approx(depth.mean(), abs=1e-5)
+    none = np.zeros((0, 3), np.float32)
+    assert framing.move_points(none, move, intrinsics, extrinsics).shape == (0, 3)
+
+
+def test_moves_follow_each_other():
+    first, second = framing.Move(0.5, 3, -2), framing.Move(1.5, 7, 1)
+    np.testing.assert_allclose(first.then(second).matrix(), second.matrix() @ first.matrix())
+
+
+@pytest.mark.parametrize("size", [(192, 256), (96, 128), (48, 64)])
+@pytest.mark.parametrize("category", solids.CATEGORIES)
+def test_a_sample_is_placed_as_a_photo_is(category, size):
+    """The rule within a sample of any size is the rule of a prediction from the same image."""
+    view = view_of(category, size)
+    placed = augment.place(view)
+    want = framing.place(view.image, view.mask)
+    np.testing.assert_allclose(
+        np.array(framing.box_of(placed.mask)) * 192 / size[0],
+        framing.box_of(want.mask),
+        atol=1.01 * 192 / size[0],
+    )
+    if size == (192, 256):
+        np.testing.assert_array_equal(placed.image, want.image)
+        np.testing.assert_array_equal(placed.mask, want.mask)
+    again = framing.rule_move_within(placed.mask)
+    assert again.scale == pytest.approx(1, abs=4 / size[0])
+
+
+def test_keep_inside_moves_less():
+    mask = np.zeros((96, 128), bool)
+    mask[20:60, 30:90] = True
+    stays = framing.Move(1.0, 5.0, -3.0)
+    assert framing.keep_inside(stays, mask) == stays
+    for move in (framing.Move(1, 90, 0), framing.Move(3, 0, 0), framing.Move(0.7, -50, 60)):
+        kept = framing.keep_inside(move, mask)
+        assert kept.scale <= move.scale
+        corners = kept.matrix() @ [[30, 90], [20, 60], [1, 1]]
+        assert corners[:2].min() >= -1e-9
+        assert (corners[0] <= 128 + 1e-9).all()
+        assert (corners[1] <= 96 + 1e-9).all()
+
+
+def test_reframe_scatters_as_configured():
+    view = view_of("box", (96, 128))
+    view = augment.place(dataclasses.replace(view, depth=None))
+    scales, rows = [], []
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        moved = augment.reframe(view, rng, scale_deviation=0.1, shift_deviation=0.03)
+        spread = np.ptp(moved.points, axis=0) / np.ptp(view.points, axis=0)
+        scales.append(np.log(spread[0]))
+        top, bottom, *_ = framing.box_of(moved.mask)
+        rows.append((top + bottom) / 2)
+    assert np.std(scales) == pytest.approx(0.088, abs=0.02)  # 0.88 of 0.1: cut off at two
+    assert np.std(rows) == pytest.approx(0.88 * 0.03 * 96, abs=0.6)
+    assert np.abs(scales).max() < 0.201
+
+
+def test_reframe_is_a_function_of_its_generator_and_places_a_share():
+    view = view_of("cone", (96, 128))
+    options = {"place_share": 0.5, "scale_deviation": 0.1, "shift_deviation": 0.05}
+    one, two = (augment.reframe(view, np.random.default_rng(4), **options) for _ in range(2))
+    np.testing.assert_array_equal(one.image, two.image)
+    np.testing.assert_array_equal(one.points, two.points)
+    results = [augment.reframe(view, np.random.default_rng(s), place_share=0.3) for s in range(60)]
+    share = np.mean([result is not view for result in results])
+    assert 0.15 < share < 0.45
+    empty = dataclasses.replace(view, mask=np.zeros_like(view.mask))
+    assert augment.reframe(empty, np.random.default_rng(0), **options) is empty
+    solid = dataclasses.replace(view, occupancy=np.zeros((32, 32, 32), bool))
+    with pytest.raises(ValueError, match="occupancy, whose grid does not follow"):
+        augment.place(solid)
+
+
+def test_normal_form_and_its_camera(rng):
+    points = rng.normal(size=(3, 60, 3)).astype(np.float32) * 0.2 + [0.1, -0.3, 0.5]
+    scale, shift = framing.normal_form(points)
+    normal = (points - shift) / scale
+    flat = normal.reshape(-1, 3)
+    assert flat[:, 2].min() == pytest.approx(0, abs=1e-9)
+    assert np.linalg.norm(flat, axis=1).max() == pytest.approx(1)
+    np.testing.assert_allclose(flat.min(0)[:2], -flat.max(0)[:2], atol=1e-9)
+    intrinsics, extrinsics = camera.default_camera()
+    seen, depth = camera.project(points[0], intrinsics, extrinsics)
+    own = framing.normalised_extrinsics(extrinsics, scale, shift)
+    again, own_depth = camera.project(normal[0], intrinsics, own)
+    np.testing.assert_allclose(again, seen, atol=1e-3)
+    np.testing.assert_allclose(own_depth, depth / scale, rtol=1e-5)
+    assert framing.normal_form(np.ones((1, 4, 3)))[0] == 1
+
+
+def test_no_object_no_box():
+    with pytest.raises(photo.PhotoError, match="mask is empty"):
+        framing.box_of(np.zeros((8, 8), bool))
+    small = np.zeros((96, 128), bool)
+    assert framing.rule_move_within(small) is None
+    small[3:6, 3:6] = True
+    assert framing.rule_move_within(small) is None

@@ -1,0 +1,172 @@
+"""Disturbances of photos: what is set happens, what is not set changes nothing."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers import drawn_solids as solids
+
+from psgn_jax.data import augment, batches, framing, loader, photo_effects
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data_config import DataConfig, PhotoEffects
+
+EFFECTS = {
+    "erode": 3.0,
+    "dilate": 3.0,
+    "ragged": 2.5,
+    "holes": 1.0,
+    "corners": 1.0,
+    "occluders": 1.0,
+    "blur": 2.0,
+    "noise": 0.1,
+    "jpeg": 1.0,
+    "white_balance": 0.3,
+    "exposure": 1.0,
+}
+OF_MASK = ("erode", "dilate", "ragged", "holes", "corners")
+
+
+@pytest.fixture(scope="module")
+def sample():
+    rng = np.random.default_rng(1)
+    return solids.draw(solids.random_solid("box", rng), rng, image_size=(96, 128))
+
+
+def disturbed(sample, seed=0, **effects):
+    rng = np.random.default_rng(seed)
+    return photo_effects.disturb(sample.image, sample.mask, rng, PhotoEffects(**effects))
+
+
+def test_every_setting_has_a_test_and_is_off():
+    assert {field.name for field in dataclasses.fields(PhotoEffects)} == set(EFFECTS)
+    assert not PhotoEffects().any()
+
+
+def test_nothing_set_nothing_changed(sample):
+    image, mask = disturbed(sample)
+    assert image is sample.image
+    assert mask is sample.mask
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_each_effect_happens_and_repeats(sample, name):
+    before = sample.image.copy(), sample.mask.copy()
+    changed = 0
+    for seed in range(8):
+        image, mask = disturbed(sample, seed, **{name: EFFECTS[name]})
+        again = disturbed(sample, seed, **{name: EFFECTS[name]})
+        np.testing.assert_array_equal(image, again[0])
+        np.testing.assert_array_equal(mask, again[1])
+        assert (image[~mask] == 191).all()
+        assert mask.sum() >= photo_effects.LEAST_LEFT * sample.mask.sum()
+        both = mask & sample.mask
+        if name in OF_MASK:
+            changed += (mask != sample.mask).any()
+            np.testing.assert_array_equal(image[both], sample.image[both])
+        else:
+            changed += (image[both] != sample.image[both]).any() or (mask != sample.mask).any()
+            if name != "occluders":
+                np.testing.assert_array_equal(mask, sample.mask)
+    assert changed >= 4
+    np.testing.assert_array_equal(sample.image, before[0])
+    np.testing.assert_array_equal(sample.mask, before[1])
+
+
+def test_the_edge_moves_by_so_many_pixels():
+    mask = np.zeros((192, 256), bool)
+    mask[60:120, 80:180] = True
+    rng = np.random.default_rng(0)
+    for length in (-3, -1, 2, 4):
+        moved = photo_effects._move_edge(mask, length, 0.0, rng)
+        assert framing.box_of(moved) == (60 - length, 120 + length, 80 - length, 180 + length)
+    ragged = photo_effects._move_edge(mask, 0.0, 3.0, rng)
+    assert ragged[64:116, 84:176].all()
+    assert not (ragged & ~photo_effects._move_edge(mask, 3.0, 0.0, rng)).any()
+    assert len(np.unique(ragged.argmax(axis=0)[90:170])) > 2
+    # An object cut off by the image's border does not shrink there.
+    mask[:, 0:90] = True
+    assert photo_effects._move_edge(mask, -3, 0.0, rng)[:, :80].all()
+
+
+def test_switching_one_effect_on_changes_no_draw_of_another(sample):
+    _, alone = disturbed(sample, 3, corners=1.0)
+    _, together = disturbed(sample, 3, corners=1.0, blur=2.0, exposure=1.0)
+    np.testing.assert_array_equal(alone, together)
+
+
+def test_a_grown_mask_shows_a_background(sample):
+    shown = 0
+    for seed in range(6):
+        image, mask = disturbed(sample, seed, dilate=4.0)
+        ring = mask & ~sample.mask
+        shown += bool(ring.any()) and (image[ring] != 191).any()
+    assert shown >= 4
+
+
+def a_batch(cfg):
+    generator = loader.train_batches(cfg, batch_size=4, seed=7, start_step=2)
+    try:
+        return next(generator)
+    finally:
+        generator.close()
+
+
+@pytest.fixture
+def cfg(dataset):
+    return DataConfig(
+        path=str(dataset), image_size=(48, 64), num_points=100, flip=True, stretch=0.1,
+        zoom=0.05, shift=0.05, colour_jitter=0.2,
+    )  # fmt: skip
+
+
+def test_with_defaults_a_batch_is_what_the_older_augmentations_make(cfg, dataset):
+    """Row by row from the generator (seed, stream, step, row), with no draw more or less."""
+    batch = a_batch(cfg)
+    items = batches.Items(cfg, RecordReader(dataset, "train"))
+    everything = [items[i] for i in range(37)]
+    for row in range(4):
+        expected = []
+        for item in everything:
+            rng = np.random.default_rng([7, 1, 2, row])
+            view = batches._view(item, rng, 100)
+            expected.append(
+                augment.augment(
+                    view, rng, flip_half=True, stretch_range=0.1, jitter=0.2, zoom_range=0.05,
+                    shift_range=0.05,
+                )
+            )  # fmt: skip
+        same = [v for v in expected if np.array_equal(v.points, batch["points"][row])]
+        assert len(same) == 1
+        np.testing.assert_array_equal(same[0].image, batch["image"][row])
+        np.testing.assert_array_equal(same[0].mask, batch["mask"][row])
+        np.testing.assert_array_equal(same[0].intrinsics, batch["intrinsics"][row])
+
+
+def test_settings_reach_the_batches(cfg):
+    plain = a_batch(cfg)
+    framed = a_batch(dataclasses.replace(cfg, place=1.0))
+    for row in range(4):
+        before, after = (framing.rule_move_within(b["mask"][row]) for b in (plain, framed))
+        assert abs(np.log(after.scale)) < 0.12
+        spread = np.ptp(framed["points"][row], axis=0) / np.ptp(plain["points"][row], axis=0)
+        np.testing.assert_allclose(spread, before.scale, rtol=1e-4)
+    np.testing.assert_array_equal(framed["intrinsics"], plain["intrinsics"])
+    noisy = a_batch(dataclasses.replace(cfg, photo=PhotoEffects(noise=0.1)))
+    np.testing.assert_array_equal(noisy["points"], plain["points"])
+    np.testing.assert_array_equal(noisy["mask"], plain["mask"])
+    assert (noisy["image"] != plain["image"]).any()
+    assert (noisy["image"][~noisy["mask"]] == 191).all()
+
+
+def test_an_evaluation_places_every_sample_and_its_points(dataset):
+    cfg = DataConfig(path=str(dataset), image_size=(48, 64), num_eval_points=150)
+    options = {"split": "validation", "batch_size": 11, "visible_tolerance": 0.03}
+    (kept,) = loader.eval_batches(cfg, **options)
+    (placed,) = loader.eval_batches(dataclasses.replace(cfg, eval_frame="place"), **options)
+    np.testing.assert_array_equal(placed["visible"], kept["visible"])
+    np.testing.assert_array_equal(placed["extrinsics"], kept["extrinsics"])
+    for row in range(11):
+        move = framing.rule_move_within(kept["mask"][row])
+        spread = np.ptp(placed["points"][row], axis=0) / np.ptp(kept["points"][row], axis=0)
+        np.testing.assert_allclose(spread, move.scale, rtol=1e-4)
+        assert abs(np.log(framing.rule_move_within(placed["mask"][row]).scale)) < 0.1

@@ -1,0 +1,38 @@
+"""Weights of a tiny network, made without compiling anything."""
+
+import jax
+import numpy as np
+import optax
+
+from helpers import standin
+from psgn_jax.models import point_out_net
+from psgn_jax.training import state as state_lib
+from psgn_jax.weights.file import Weights, figures_of
+
+SOURCES = [
+    {"source": "chairs", "licences": {"CC-BY-3.0": {"models": 7, "holders": ["Ada", "Bo"]}}},
+    {"source": "cars", "licences": {"CC0-1.0": {}}},
+]
+
+
+def config(**changes):
+    """Of the tiny network; changes as for `standin.config`."""
+    tiny = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
+    return standin.config(**{"loss__l2": "none", **tiny, **changes})
+
+
+def random_params(config, seed=0):
+    """Random parameters of a configuration's network."""
+    model = point_out_net.build(config.model)
+    shapes = jax.eval_shape(lambda: state_lib.create(config, model, optax.identity()).params)
+    rng = np.random.default_rng(seed)
+    return jax.tree.map(lambda s: rng.normal(0, 0.1, s.shape).astype("f4"), shapes)
+
+
+def weights(config, dtype="float16"):
+    """Weights with figures and sources."""
+    params = random_params(config)
+    scores = {"cd_sq_radius2": 0.0123, "emd_radius": float("nan")}
+    data = [{"name": "chairs", "source": "meshes", "samples": 84}]
+    figures = figures_of(config, params, step=50, averaged=True, metrics=scores, data=data)
+    return Weights(config, params, figures, SOURCES, dtype)

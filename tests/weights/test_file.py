@@ -1,0 +1,165 @@
+"""A file of weights gives back what was written; a damaged or foreign one is refused in a line."""
+
+import dataclasses
+import json
+
+import jax
+import numpy as np
+import pytest
+from helpers import standin
+from safetensors.numpy import save
+
+from psgn_jax.config import ConfigError, to_json
+from psgn_jax.training.state import named_leaves
+from psgn_jax.weights import file as file_lib
+from psgn_jax.weights.file import WeightsError, read_sources, read_weights, write_weights
+
+
+@pytest.mark.parametrize("dtype", ["float16", "float32"])
+def test_round_trip(weights, tmp_path, dtype):
+    path = tmp_path / "w.safetensors"
+    write_weights(path, dataclasses.replace(weights, dtype=dtype))
+    read = read_weights(path)
+    want, have = named_leaves(weights.params), named_leaves(read.params)
+    assert have.keys() == want.keys()
+    for name, leaf in want.items():
+        assert have[name].dtype == np.float32
+        np.testing.assert_array_equal(have[name], leaf.astype(dtype), err_msg=name)
+    assert read.dtype == dtype
+    assert read.config.model == weights.config.model
+    assert read.figures["samples_seen"] == 400
+    assert read.figures["metrics"] == {"cd_sq_radius2": 0.0123, "emd_radius": None}
+    assert list(read.sources) == list(weights.sources)
+
+
+def test_paths_of_the_machine_stay_behind(weights, tmp_path):
+    fields = {"init": "/home/me/runs/old", "init_skip": ("fc*",)}
+    train = dataclasses.replace(weights.config.train, **fields)
+    config = dataclasses.replace(weights.config, train=train)
+    path = tmp_path / "w.safetensors"
+    write_weights(path, dataclasses.replace(weights, config=config))
+    assert b"private" not in path.read_bytes()
+    assert b"/home/me" not in path.read_bytes()
+    assert read_weights(path).config.train.init == "old"
+
+
+def refused(path, message):
+    with pytest.raises(WeightsError) as caught:
+        read_weights(path)
+    assert message in str(caught.value), caught.value
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500
+
+
+def test_truncated_files_are_refused(file, tmp_path):
+    content = file.read_bytes()
+    cut = tmp_path / "cut.safetensors"
+    for length in (0, 7, 8, 100, len(content) // 2, len(content) - 1):
+        cut.write_bytes(content[:length])
+        with pytest.raises(WeightsError):
+            read_weights(cut)
+    cut.write_bytes(content + b"\0")
+    with pytest.raises(WeightsError):
+        read_weights(cut)
+    refused(tmp_path / "none.safetensors", "No such file")
+    refused(tmp_path, "Is a directory")
+
+
+def test_every_flipped_bit_is_noticed(file, tmp_path):
+    content = file.read_bytes()
+    flipped = tmp_path / "flipped.safetensors"
+    rng = np.random.default_rng(0)
+    header = 8 + int.from_bytes(content[:8], "little")
+    # The header may end in spaces, of which a different one means the same.
+    used = len(content[:header].rstrip())
+    places = [*rng.integers(0, used, 150), *rng.integers(header, len(content), 50)]
+    for place in places:
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << rng.integers(8)
+        flipped.write_bytes(damaged)
+        with pytest.raises(WeightsError):
+            read_weights(flipped)
+
+
+def test_a_huge_header_is_refused_unread(tmp_path):
+    path = tmp_path / "huge.safetensors"
+    path.write_bytes((1 << 62).to_bytes(8, "little") + b"{}")
+    refused(path, "the header claims 4611686018427387904")
+    length = file_lib.MAX_HEADER_BYTES + 1
+    path.write_bytes(length.to_bytes(8, "little") + b" " * length)
+    refused(path, f"at most {file_lib.MAX_HEADER_BYTES}")
+
+
+def test_foreign_files_are_refused(tmp_path):
+    path = tmp_path / "foreign.safetensors"
+    path.write_bytes(save({"a": np.zeros(3, np.float32)}))
+    refused(path, "a file of another program or version")
+    path.write_bytes(b"\x80\x04\x95" + b"pickle" * 20)
+    refused(path, "no file of weights")
+    path.write_bytes((12).to_bytes(8, "little") + b"not json at all")
+    refused(path, "no intact file of weights")
+
+
+def forged(weights, path, *, leaves=None, config=None, figures=None):
+    """A file whose checksum is right, whatever it holds."""
+    stored = {f"params.{k}": v for k, v in named_leaves(weights.params).items()}
+    stored = {k: np.asarray(v) for k, v in (stored | (leaves or {})).items() if v is not None}
+    metadata = {
+        "format": file_lib.FORMAT,
+        "config": to_json(config or weights.config),
+        "figures": json.dumps(dict(weights.figures)) if figures is None else figures,
+        "sources": "[]",
+    }
+    metadata["sha256"] = file_lib._digest(metadata, stored)
+    path.write_bytes(save(stored, metadata))
+
+
+def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
+    path = tmp_path / "forged.safetensors"
+    name = f"params.{next(iter(named_leaves(weights.params)))}"
+    forged(weights, path)
+    read_weights(path)
+    forged(weights, path, leaves={name: np.zeros((2, 3), np.float32)})
+    refused(path, f"leaf {name} is float32[2, 3], not float32")
+    forged(weights, path, leaves={name: None})
+    refused(path, f"leaf {name} is missing")
+    forged(weights, path, leaves={"params.more": np.zeros(3, np.float32)})
+    refused(path, "leaf params.more is not expected")
+    forged(weights, path, leaves={"params.more": np.zeros(3, np.int8)})
+    refused(path, "parameters of F32, I8; accepted")
+    bad = np.array(named_leaves(weights.params)[name.removeprefix("params.")])
+    bad.flat[0] = np.nan
+    forged(weights, path, leaves={name: bad})
+    refused(path, f"{name} is not finite")
+    for figures in ("[1]", "{}", json.dumps({**weights.figures, "step": "9"})):
+        forged(weights, path, figures=figures)
+        refused(path, "figures or sources are not as expected")
+    forged(weights, path, figures="{")
+    refused(path, "its metadata")
+
+
+def test_what_cannot_be_written_is_refused(weights, tmp_path):
+    path = tmp_path / "w.safetensors"
+    params = jax.tree.map(np.array, weights.params)
+    leaf = next(iter(jax.tree.leaves(params)))
+    leaf.flat[0] = 1e6
+    changed = dataclasses.replace(weights, params=params)
+    with pytest.raises(WeightsError, match="too large for float16; use float32"):
+        write_weights(path, changed)
+    write_weights(path, dataclasses.replace(changed, dtype="float32"))
+    leaf.flat[0] = np.inf
+    with pytest.raises(WeightsError, match="is not finite"):
+        write_weights(tmp_path / "inf.safetensors", changed)
+    with pytest.raises(WeightsError, match=r"ends in .safetensors"):
+        write_weights(tmp_path / "w.pkl", weights)
+    volume = standin.config(task="volume", loss__l2="none")
+    with pytest.raises(ConfigError, match="task"):
+        write_weights(path, dataclasses.replace(weights, config=volume))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["w.safetensors"]
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '[{"source": 3}]', '[{"source": "x"}]'])
+def test_wrong_tables_of_sources_are_refused(text, tmp_path):
+    (tmp_path / "s.json").write_text(text)
+    with pytest.raises(ConfigError, match="--sources="):
+        read_sources(tmp_path / "s.json")

@@ -1,0 +1,111 @@
+"""`train.init`: a training begins where another one ended."""
+
+import dataclasses
+import json
+import pathlib
+
+import jax
+import numpy as np
+import pytest
+from helpers import standin
+from helpers import weights as tiny
+
+from psgn_jax.config import ConfigError, from_json
+from psgn_jax.tasks.points import Points
+from psgn_jax.training.loop import train
+from psgn_jax.training.state import named_leaves
+from psgn_jax.weights.file import write_weights
+from psgn_jax.weights.initial import initial_params, open_initial
+
+
+def with_init(config, init, **fields):
+    fields = {"init": str(init), **fields}
+    return dataclasses.replace(config, train=dataclasses.replace(config.train, **fields))
+
+
+def test_a_training_begins_with_the_trained_network(tmp_path, monkeypatch):
+    standin.install(monkeypatch)
+    base = tiny.config(train__steps=2, train__eval_every=2, optim__learning_rate=1e-9)
+    path = tmp_path / "w.safetensors"
+    weights = tiny.weights(base, "float32")
+    write_weights(path, weights)
+    want = Points(base, pathlib.Path()).evaluate(weights.params).means
+    config = with_init(base, path)
+    outcome = train(config, tmp_path / "run")
+    lines = [json.loads(x) for x in (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()]
+    first = next(line for line in lines if line["kind"] == "eval")
+    assert first["step"] == 0
+    for name, value in want.items():
+        assert first[name] == pytest.approx(value, rel=1e-5), name
+    # Nearly nothing was learned, so that it still is that network, averaged and not.
+    trained = named_leaves(weights.params)
+    for tree in (outcome.state.params, outcome.state.ema):
+        for name, leaf in named_leaves(tree).items():
+            np.testing.assert_allclose(leaf, trained[name], atol=1e-7, err_msg=name)
+    assert from_json((tmp_path / "run" / "config.json").read_text()).train.init == str(path)
+    # It goes on with its own checkpoint, whatever became of the file.
+    path.unlink()
+    again = train(config, tmp_path / "run")
+    assert int(again.state.step) == 2
+    with pytest.raises(ConfigError, match=r"holds a run with train\.init="):
+        train(base, tmp_path / "run")
+    with pytest.raises(ConfigError, match="nothing there; accepted: the folder of a trained run"):
+        train(config, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_layers_that_do_not_fit_are_named_and_left_out_only_when_asked():
+    config = with_init(tiny.config(), "w")
+    other = tiny.config(model__fc_widths=(20,))
+    trained, drawn = tiny.random_params(config, 0), tiny.random_params(other, 1)
+    with pytest.raises(ConfigError) as caught:
+        initial_params(config, drawn, trained)
+    message = str(caught.value)
+    layers = sorted(
+        {n.rpartition(".")[0] for n in named_leaves(drawn)}
+        & {
+            name.rpartition(".")[0]
+            for name, leaf in named_leaves(drawn).items()
+            if leaf.shape != named_leaves(trained)[name].shape
+        }
+    )
+    assert len(layers) == 2
+    assert "2 layers do not fit" in message
+    assert "\n" not in message
+    flag = '"(' + "".join(f"'{layer}'," for layer in layers) + ')"'
+    assert message.endswith(f"--config.train.init_skip={flag}")
+    partial = dataclasses.replace(
+        config, train=dataclasses.replace(config.train, init_skip=tuple(layers))
+    )
+    taken = named_leaves(initial_params(partial, drawn, trained))
+    for name, leaf in taken.items():
+        source = drawn if name.rpartition(".")[0] in layers else trained
+        np.testing.assert_array_equal(leaf, named_leaves(source)[name], err_msg=name)
+    pattern = dataclasses.replace(
+        config, train=dataclasses.replace(config.train, init_skip=("x*",))
+    )
+    with pytest.raises(ConfigError, match=r"train.init_skip: 'x\*' fits no layer; layers: "):
+        initial_params(pattern, drawn, trained)
+
+
+def test_a_layer_of_one_network_alone_is_named():
+    config = with_init(tiny.config(), "w")
+    params = tiny.random_params(config)
+    more = {**params, "extra": {"kernel": np.zeros(3, np.float32)}}
+    with pytest.raises(ConfigError, match=r"extra\.kernel is not in the new network"):
+        initial_params(config, params, more)
+    with pytest.raises(ConfigError, match=r"extra\.kernel is not in the trained network"):
+        initial_params(config, more, params)
+    skip = with_init(config, "w", init_skip=("ext*",))
+    assert jax.tree.structure(initial_params(skip, params, more)) == jax.tree.structure(params)
+    assert "extra" in initial_params(skip, more, params)
+
+
+def test_a_network_of_another_task_is_refused(tmp_path):
+    config = tiny.config()
+    write_weights(tmp_path / "w.safetensors", tiny.weights(config))
+    volume = with_init(tiny.config(task="volume"), tmp_path / "w.safetensors")
+    with pytest.raises(ConfigError, match="is of the task 'points'; accepted: 'volume'"):
+        open_initial(volume)
+    with pytest.raises(ConfigError, match=r"init_skip=\('a',\): accepted: \(\) without train.init"):
+        tiny.config(train__init_skip=("a",))

@@ -1,0 +1,112 @@
+"""Names, files and folders lead to networks; the commands list and export them."""
+
+import json
+import shutil
+
+import jax
+import numpy as np
+import pytest
+
+from psgn_jax.config import ConfigError, to_dict, to_json
+from psgn_jax.prediction.predictor import Predictor
+from psgn_jax.training import state as state_lib
+from psgn_jax.training.checkpoint import Checkpoints
+from psgn_jax.weights import __main__ as command
+from psgn_jax.weights.file import read_weights
+from psgn_jax.weights.opening import open_network, weights_path
+from psgn_jax.weights.opening import shipped as shipped_files
+
+
+@pytest.fixture
+def run(config, weights, tmp_path):
+    """A folder of a run with averaged parameters that differ from the others."""
+    folder = tmp_path / "run"
+    checkpoints = Checkpoints(folder / "checkpoints")
+    doubled = jax.tree.map(lambda leaf: 2 * leaf, weights.params)
+    leaves = state_lib.named_leaves({"params": doubled, "ema": weights.params})
+    checkpoints.save(12, leaves, {"config": to_dict(config), "seed": 3})
+    checkpoints.close()
+    checkpoints.score(12, {"cd_sq_radius2": 0.5, "emd_radius": 0.25})
+    (folder / "config.json").write_text(to_json(config))
+    return folder
+
+
+def test_without_shipped_weights_one_line_says_what_to_do(shipped):
+    with pytest.raises(ConfigError, match=r"--workdir=RUN\) or a file of weights \(--weights=FILE"):
+        open_network()
+    with pytest.raises(ConfigError, match="--weights=small: accepted: a file of weights"):
+        open_network(weights="small")
+
+
+def test_names_of_shipped_weights(shipped, file):
+    for name in ("small-1", "small-10", "small-2"):
+        shutil.copy(file, shipped / f"{name}.safetensors")
+    assert list(shipped_files()) == ["small-1", "small-2", "small-10"]
+    assert open_network().source == "small-10"
+    network = open_network(weights="small-2")
+    assert (network.source, network.source_kind, network.step) == ("small-2", "weights", 50)
+    assert network.scores == {"cd_sq_radius2": 0.0123}
+    assert weights_path(str(file)) == file
+    with pytest.raises(ConfigError, match="did you mean 'small-1'"):
+        open_network(weights="smal-1")
+    with pytest.raises(ConfigError, match="accepted without --workdir"):
+        open_network("runs/x", "small-1")
+
+
+def test_a_predictor_of_weights_is_that_of_the_run(run, shipped, tmp_path, capsys):
+    out = tmp_path / "w.safetensors"
+    assert command.main(["export", f"--workdir={run}", f"--out={out}", "--dtype=float32"]) == 0
+    of_run, of_file = Predictor.from_workdir(run), Predictor.from_weights(str(out))
+    assert of_file.checksum == of_run.checksum
+    assert (of_file.source_kind, of_file.source, of_file.step) == ("weights", "w", 12)
+    assert of_run.source_kind == "workdir"
+
+
+def test_export_takes_the_checkpoint_as_asked(run, weights, tmp_path, capsys):
+    sources = tmp_path / "sources.json"
+    sources.write_text(json.dumps(weights.sources))
+    out = tmp_path / "w.safetensors"
+    arguments = ["export", f"--workdir={run}", f"--out={out}", f"--sources={sources},{sources}"]
+    assert command.main(arguments) == 0
+    read = read_weights(out)
+    assert read.figures["averaged"] is True
+    assert read.figures["metrics"] == {"cd_sq_radius2": 0.5, "emd_radius": 0.25}
+    assert read.figures["data"] == [{"name": "records"}]
+    assert len(read.sources) == 4
+    want, have = jax.tree.leaves(weights.params)[0], jax.tree.leaves(read.params)[0]
+    np.testing.assert_allclose(have, want, rtol=1e-3)
+    assert command.main([*arguments, "--no-ema", "--checkpoint=last"]) == 0
+    read = read_weights(out)
+    assert (read.figures["averaged"], read.figures["metrics"]) == (False, {})
+    np.testing.assert_allclose(jax.tree.leaves(read.params)[0], 2 * want, rtol=1e-3)
+
+
+def test_list_shows_figures_data_and_licences(file, shipped, capsys):
+    assert command.main(["list"]) == 0
+    assert "no weights come with this version" in capsys.readouterr().out
+    shutil.copy(file, shipped / "small-1.safetensors")
+    assert command.main(["list"]) == 0
+    text = capsys.readouterr().out
+    for part in (
+        "small-1 (default)",
+        "vanilla",
+        "rgb+mask of 16x32 pixels to 8 points",
+        "step 50, 400 samples seen, averaged",
+        "cd_sq_radius2 0.01230",
+        "chairs (84 samples)",
+        "CC-BY-3.0 (7 models: Ada, Bo)",
+        "cars: CC0-1.0",
+    ):
+        assert part in text
+
+
+def test_errors_of_the_command_are_one_line(tmp_path, capsys):
+    wrong = tmp_path / "wrong.safetensors"
+    wrong.write_bytes(b"abc")
+    for arguments in (["list", str(wrong)], ["export", "--workdir=none", f"--out={wrong}"]):
+        with pytest.raises(SystemExit) as caught:
+            command.main(arguments)
+        assert caught.value.code == 2
+        lines = capsys.readouterr().err.strip().splitlines()
+        assert len(lines) == 1
+        assert lines[0].startswith("error: ")
