@@ -26,7 +26,7 @@ def run(*arguments, cwd=ROOT, **environment):
         text=True,
         cwd=cwd,
         env={**os.environ, **environment},
-        timeout=120,
+        timeout=400,
     )
 
 
