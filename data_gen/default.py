@@ -12,7 +12,7 @@ from psgn_jax.data.manifest import load_manifest
 NUM_PER_CATEGORY = 40
 """Models of each of the 13 categories, one view each: 520 images."""
 
-NAME = f"procedural-1-{NUM_PER_CATEGORY}"
+NAME = f"procedural-2-{NUM_PER_CATEGORY}"
 """Folder of the data set. The first number is its version: it goes up with every change of what a
 model or a picture looks like, so that nobody trains on a mixture."""
 
