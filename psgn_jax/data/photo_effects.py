@@ -87,9 +87,9 @@ def _has_grey_surroundings(image: np.ndarray, mask: np.ndarray) -> bool:
 def _smooth_colours(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
     """uint8 [h, w, 3]: a few random colours, interpolated."""
     nodes = rng.integers(1, 7, 2)
-    base = rng.integers(0, 256, 3)
-    spread = rng.integers(8, 128)
-    colours = base + rng.integers(-spread, spread + 1, (*nodes, 3))
+    base = rng.integers(0, 256) + rng.integers(-40, 41, 3)  # most backgrounds are dull
+    spread = rng.integers(8, 96)
+    colours = base + rng.integers(-spread, spread + 1, (*nodes, 1)) + rng.integers(-16, 17, 3)
     picture = Image.fromarray(np.clip(colours, 0, 255).astype(np.uint8))
     return np.asarray(picture.resize((shape[1], shape[0]), Image.Resampling.BILINEAR))
 
