@@ -67,7 +67,9 @@ def align(
         sides = ((pred, gt[to_gt.index]), (pred[to_pred.index], gt))
         mean_p = (sides[0][0].mean(axis=0) + sides[1][0].mean(axis=0)) / 2
         mean_g = (sides[0][1].mean(axis=0) + sides[1][1].mean(axis=0)) / 2
-        products = sum(((p - mean_p[None]) * (g - mean_g[None])).sum(axis=1).mean() for p, g in sides)
+        products = sum(
+            ((p - mean_p[None]) * (g - mean_g[None])).sum(axis=1).mean() for p, g in sides
+        )
         squares = sum(jnp.square(p - mean_p[None]).sum(axis=1).mean() for p, _ in sides)
         ratio = products / jnp.where(squares > 0, squares, 1)
         scale = jnp.clip(jnp.where(squares > 0, ratio, 1), LEAST_SCALE, LARGEST_SCALE)
