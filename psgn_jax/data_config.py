@@ -59,7 +59,8 @@ class DataConfig:
         empty = the default data set (procedural models, rendered on first use). `FOLDER*N` counts
         the folder's training samples N times.
       eval_path: folders that the run is evaluated on, in the same form; empty = those of `path`.
-      train_split, eval_split: names of the splits.
+      train_split: name of the split that is trained on.
+      eval_split: name of the split that is evaluated during training.
       image_size: (height, width) the network sees; images are resized to it. The network pads
         sides that are no multiples of 2 ** (levels of `model.widths` - 1).
       inputs: what the network sees, of "rgb", "mask" and "depth".
@@ -81,8 +82,9 @@ class DataConfig:
       num_workers: decoding processes; 0 = threads in this process.
       cache: keep decoded samples in memory.
       occupancy: batches hold the solid volume too; filled in from `task`.
-      train_views, eval_views: images of the same model in each row of a batch, 0 = the record's
-        own, without an axis of views; filled in from `task` and `voxels`.
+      train_views: images of the same model in each row of a batch, 0 = the record's own, without
+        an axis of views; filled in from `task` and `voxels`.
+      eval_views: likewise, in an evaluation.
       eval_frame: "place" has evaluations place every sample as `place` does; "keep" = as framed.
       default_folder: of the default data set, filled in by `default_data.with_default_data`.
     """
