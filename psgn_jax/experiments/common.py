@@ -118,7 +118,9 @@ class Study:
                 if len(argv) > 1:
                     raise ConfigError(f"unexpected argument {argv[1]!r}; expected flags alone")
                 keep_compiled()
-                values = {name: flags.FLAGS[name].value for name in ("workdir", *self.options)}
+                values: dict[str, Any] = {
+                    name: flags.FLAGS[name].value for name in ("workdir", *self.options)
+                }
                 text = self.run(**values)
             sys.stdout.write(text)
 

@@ -58,7 +58,11 @@ def configuration(loss: str, path: str, *, full: bool, steps: int = 0) -> Config
     """`common.recipe` for a loss of `losses.by_name.LOSSES`."""
     # 1,100 steps: both trainings in 40 minutes on two CPU cores. An EMD requires as many true
     # points as predicted ones.
-    changes = {"data": {"num_points": 1024}, "loss": {"name": loss}, "train": {"eval_every": 0}}
+    changes: dict[str, dict[str, Any]] = {
+        "data": {"num_points": 1024},
+        "loss": {"name": loss},
+        "train": {"eval_every": 0},
+    }
     return common.recipe(path, full=full, steps=steps, usual_steps=1_100, changes=changes)
 
 
@@ -193,8 +197,9 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 def panels(case: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """Image; both predictions and the truth from the camera, then turned."""
     truth = case["points"][:: max(1, len(case["points"]) // len(case["cd"]))]
-    painted = {TITLES[name]: (case[name], COLOURS[name]) for name in LOSSES}
-    return figures.clouds(case, {**painted, "truth": (truth, COLOURS["truth"])})
+    painted: dict[str, Any] = {TITLES[name]: (case[name], COLOURS[name]) for name in LOSSES}
+    painted["truth"] = (truth, COLOURS["truth"])
+    return figures.clouds(case, painted)
 
 
 def figure(_: Mapping[str, Any], cases: list[dict[str, Any]]) -> dict[str, Any]:

@@ -24,6 +24,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.ndimage
 
+from psgn_jax.data.dataset import open_split
+
 DETAIL_THRESHOLD = 15.0
 LEAST_SATURATION, LEAST_VALUE = 0.2, 0.15
 HUES = ("red", "orange", "yellow", "lime", "green", "spring", "cyan", "azure", "blue", "violet",
