@@ -21,7 +21,7 @@ import jax
 import numpy as np
 from absl import app, flags, logging
 
-from psgn_jax import tasks
+from psgn_jax import config_files, tasks
 from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
 from psgn_jax.config import Config, ConfigError, UserError, check_paths, parse, to_dict
 from psgn_jax.data import loader
@@ -36,8 +36,6 @@ from psgn_jax.training.run_folder import load_config, open_run
 
 USUAL_DATA = "records/authors"
 """Where README.md puts the authors' records; used if no data are named and this folder exists."""
-
-_PACKAGE = pathlib.Path(__file__).resolve().parents[1]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -186,9 +184,7 @@ def recipe(
       usual_steps: unless `full`, instead of those of the file; 0 = those of the file.
       changes: section -> field -> value.
     """
-    shipped = _PACKAGE / "configs"  # in a wheel
-    folder = shipped if shipped.is_dir() else _PACKAGE.parent / "configs"
-    file = folder / ("authors.py" if full else "authors_small.py")
+    file = config_files.folder() / ("authors.py" if full else "authors_small.py")
     tree = runpy.run_path(str(file))["get_config"]().to_dict()
     steps = steps or (0 if full else usual_steps) or tree["train"]["steps"]
     tree["data"]["path"] = path
