@@ -39,7 +39,9 @@ def test_points_stay_on_the_object(category, numbers, size):
     np.testing.assert_array_equal(moved.extrinsics, view.extrinsics)
     pixels, _ = camera.project(moved.points, moved.intrinsics, moved.extrinsics)
     assert camera.inside_mask(pixels, moved.mask, 1).mean() > 0.9
-    assert camera.inside_mask(pixels, moved.mask, 3).all()
+    # The stated error of the move (below) is at most 3.6 pixels for these objects.
+    assert camera.inside_mask(pixels, moved.mask, 3).mean() > 0.999
+    assert camera.inside_mask(pixels, moved.mask, 4).all()
     assert moved.mask.sum() == pytest.approx(numbers[0] ** 2 * view.mask.sum(), rel=0.05)
     # The depth moves along: its surface lies among the moved points.
     surface = camera.back_project(moved.depth, moved.intrinsics, moved.extrinsics)[::97]

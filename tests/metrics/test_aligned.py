@@ -50,7 +50,7 @@ def test_no_round_makes_it_worse(rng):
     values = []
     for rounds in (0, 1, 3, 10):
         found = aligned.align(pred, gt, iterations=rounds)
-        values.append(float(chamfer_sq_mean(found.scale * pred + found.shift, gt)))
+        values.append(float(chamfer_sq_mean(found.scale * pred + found.shift[None], gt)))
     assert values == sorted(values, reverse=True)
 
 

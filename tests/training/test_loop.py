@@ -65,6 +65,9 @@ def test_evaluating_the_workdir_repeats_the_evaluation_of_training(run):
     result = evaluate_run(workdir, checkpoint="last", out=workdir / "again")
     scores = json.loads((workdir / "checkpoints" / "scores.json").read_text())["12"]
     first = {name: float(np.mean(values[:6])) for name, values in result.metrics.items()}
+    # The command measures aligned predictions too.
+    own = {name: first.pop(name) for name in list(first) if name.startswith("aligned_")}
+    assert set(own) >= {"aligned_cd_sq_radius2", "aligned_scale"}
     assert first == pytest.approx(scores, rel=1e-6)
     assert len(result.names) == standin.SIZES["validation"]
 
