@@ -350,11 +350,15 @@ def open_split(
     """
     if isinstance(folders, str | os.PathLike):
         raise TypeError(f"folders: got {folders!r}, expected a list of folders")
-    having = [f for f in folders if len(folders) == 1 or split in load_manifest(f).splits()]
+    # A folder may stand several times: it is opened once.
+    alone = len(folders) == 1
+    held = {f for f in dict.fromkeys(folders) if alone or split in load_manifest(f).splits()}
+    having = [f for f in folders if f in held]
     if not having:
         names = [str(folder) for folder in folders]
         raise RecordError(f"none of the data sets {names} has a split {split!r}")
-    readers = [RecordReader(folder, split) for folder in having]
+    opened = {folder: RecordReader(folder, split) for folder in dict.fromkeys(having)}
+    readers = [opened[folder] for folder in having]
     return readers[0] if len(readers) == 1 else JoinedReader(readers)
 
 
