@@ -105,7 +105,7 @@ class Study:
                 counts.append(f"{numbers['num_gt_points']} true points")
             counts += [f"{name}: {n:,} steps" for name, n in numbers.get("steps", {}).items()]
             parts.insert(0, ", ".join(counts) + ".")
-        return "\n".join(parts) + "\n"
+        return "".join(f"{part}\n" for part in parts)
 
     def main(self) -> None:
         """The command of the study: defines the flags, parses them, runs, prints the tables."""

@@ -276,6 +276,7 @@ STUDY = common.Study(
     table,
     figure,
     options={"points": 256, "steps": 400, "seed": 0},
+    note="Unit of lengths: the shapes lie in a square of side 1.2.",
 )
 
 if __name__ == "__main__":
