@@ -83,8 +83,8 @@ def _existing_share(
         )  # fmt: skip
 
     along, down = count * [1, 0], count * [0, 1]
-    found = before(first + count) - before(first + along) - before(first + down) + before(first)
-    return found / count.prod(axis=1)
+    existing = before(first + count) - before(first + along) - before(first + down) + before(first)
+    return existing / count.prod(axis=1)
 
 
 def _existing_extremes(

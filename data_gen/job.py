@@ -225,7 +225,7 @@ def render_catalogue(
         variant.name,
     )  # fmt: skip
     rendered = refused = 0
-    told = time.monotonic()
+    reported = time.monotonic()
     results = render([(i, entries[i]) for i in todo], context) if todo else ()
     for done, (index, line, content) in enumerate(results, 1):
         write_result(folder, entries[index].model_id, content)
@@ -235,8 +235,8 @@ def render_catalogue(
             refused += 1
             logging.warning("%s: %s: %s", line["status"], line["model_id"], line["reason"])
         now = time.monotonic()
-        if now - told > 10 or done == len(todo):
-            told = now
+        if now - reported > 10 or done == len(todo):
+            reported = now
             seconds = (now - started) / done * (len(todo) - done)
             logging.info(
                 "%d of %d models, %d images, %.2f images/s, %d refused, %d:%02d:%02d left",

@@ -55,7 +55,7 @@ def has_mitsuba() -> bool:
 def llvm_candidates() -> list[str]:
     """LLVM libraries of this machine that may serve, best first."""
     named = os.environ.get("DRJIT_LIBLLVM_PATH", "")
-    found: dict[int, str] = {}
+    libraries: dict[int, str] = {}
     for folder in _LLVM_FOLDERS:
         root = pathlib.Path("/")
         for path in sorted(root.glob(f"{folder[1:]}/libLLVM*")):
@@ -64,8 +64,8 @@ def llvm_candidates() -> list[str]:
             )
             version = int((match and (match[1] or match[2])) or 0)
             if version in _LLVM_VERSIONS:
-                found.setdefault(version, str(path))
-    rest = [found[v] for v in _LLVM_VERSIONS if v in found]
+                libraries.setdefault(version, str(path))
+    rest = [libraries[v] for v in _LLVM_VERSIONS if v in libraries]
     return [named, *rest] if named else rest
 
 

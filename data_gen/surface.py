@@ -248,9 +248,9 @@ def _inward(
     side = _toward_air(model, points[index], normals[index])
     part, both = parts[face[index]], two_sided[index]
     inward = np.bincount(part[~both], side[~both] == -1, len(open_))
-    told = np.bincount(part[~both], side[~both] != 0, len(open_))
+    decided = np.bincount(part[~both], side[~both] != 0, len(open_))
     whole = np.bincount(part[~both], minlength=len(open_))
-    over = (inward >= 0.9 * told) & (told >= 0.5 * whole) & (told > 0)
+    over = (inward >= 0.9 * decided) & (decided >= 0.5 * whole) & (decided > 0)
     result[index] = np.where(both, side == -1, over[part])
     return result
 

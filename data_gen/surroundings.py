@@ -287,22 +287,22 @@ def draw(
     skies = () if maps is None else maps[: lights.NUM_SUNSKY]
     measured = () if maps is None else maps[lights.NUM_SUNSKY :]
     if len(measured) and what < 0.4:
-        found = Surroundings(np.asarray(measured[int(rng.integers(len(measured)))], np.float32))
+        chosen = Surroundings(np.asarray(measured[int(rng.integers(len(measured)))], np.float32))
     else:
         what = float(rng.random())
         if what < 0.45:
-            found = room(rng)
+            chosen = room(rng)
         elif what < 0.65:
-            found = studio(rng)
+            chosen = studio(rng)
         else:
             clear = len(skies) and rng.random() < 0.5
-            found = outdoors(rng, skies[int(rng.integers(len(skies)))] if clear else None)
-    radiance = found.radiance
-    if found.room is None:
+            chosen = outdoors(rng, skies[int(rng.integers(len(skies)))] if clear else None)
+    radiance = chosen.radiance
+    if chosen.room is None:
         radiance = lights.turned(radiance, float(rng.random()))
     tint = 1 + rng.uniform(-0.05, 0.05, 3)
-    found = dataclasses.replace(found, radiance=(radiance * tint).astype(np.float32))
+    chosen = dataclasses.replace(chosen, radiance=(radiance * tint).astype(np.float32))
     ambient = float(rng.uniform(*settings.ambient))
     exposure = float(rng.uniform(*settings.exposure))
-    small = lights.shrink(found.radiance)
-    return lights.reduce(small, settings, ambient=ambient, exposure=exposure), found
+    small = lights.shrink(chosen.radiance)
+    return lights.reduce(small, settings, ambient=ambient, exposure=exposure), chosen

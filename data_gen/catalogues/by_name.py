@@ -49,8 +49,8 @@ def class_of(name: str) -> Callable[..., Any]:
     if name not in CATALOGUES:
         raise ValueError(f"catalogue {name!r}: expected one of {sorted(CATALOGUES)}")
     module, _, kind = CATALOGUES[name].partition(":")
-    found: Callable[..., Any] = getattr(importlib.import_module(module), kind)
-    return found
+    catalogue_class: Callable[..., Any] = getattr(importlib.import_module(module), kind)
+    return catalogue_class
 
 
 _TRUTH = {"true": True, "1": True, "false": False, "0": False}

@@ -84,10 +84,10 @@ def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
     """
     try:
         files = archives.ZipFiles(path)
-        found = files.find(PROPERTIES)
-        if found is None:
+        stored = files.find(PROPERTIES)
+        if stored is None:
             raise ValueError(f"it has no {PROPERTIES}")
-        table = parse_properties(files.read(found, _MAX_PROPERTIES_BYTES).decode("latin-1"))
+        table = parse_properties(files.read(stored, _MAX_PROPERTIES_BYTES).decode("latin-1"))
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         raise ValueError(f"library {str(path)!r} cannot be read: {error}") from error
     numbers = sorted(

@@ -37,13 +37,13 @@ class _Shade:
         pixel = np.float32(camera.distance / camera.intrinsics[0, 0])
         self._near = 3 * pixel
         at = np.nonzero(mask)
-        found = np.zeros(shape, np.float32)
-        found[at] = light.gather(place[at], normal[at], at[0] % 4 * 4 + at[1] % 4)
+        light_at = np.zeros(shape, np.float32)
+        light_at[at] = light.gather(place[at], normal[at], at[0] % 4 * 4 + at[1] % 4)
         off = np.full((*self._size, 1), 1.5 * pixel, np.float32)
         guides = np.concatenate([normal, place, off], axis=-1)
         for step in (1, 2):
-            found = smooth(found, mask, guides, step=step)
-        self._mask, self._found = mask.ravel(), found.reshape(-1, 3)
+            light_at = smooth(light_at, mask, guides, step=step)
+        self._mask, self._light_at = mask.ravel(), light_at.reshape(-1, 3)
         self._normal, self._place = normal.reshape(-1, 3), place.reshape(-1, 3)
         self.pixels: Int[np.ndarray, " n"] = np.zeros(0, np.int64)
         """The rays' pixels, as indices of the window grown by a pixel."""
@@ -69,14 +69,16 @@ class _Shade:
         for offset in (0, 1, -1, self._size[1], -self._size[1]):
             if not len(open_still):
                 break
-            of = pixel[open_still] + offset
-            off = np.einsum("nd,nd->n", normal[open_still], self._place[of] - place[open_still])
+            neighbour = pixel[open_still] + offset
+            off = np.einsum(
+                "nd,nd->n", normal[open_still], self._place[neighbour] - place[open_still]
+            )
             alike = (
-                self._mask[of]
-                & (np.einsum("nd,nd->n", normal[open_still], self._normal[of]) > 0.85)
+                self._mask[neighbour]
+                & (np.einsum("nd,nd->n", normal[open_still], self._normal[neighbour]) > 0.85)
                 & (np.abs(off) < self._near)
             )
-            light[open_still[alike]] = self._found[of[alike]]
+            light[open_still[alike]] = self._light_at[neighbour[alike]]
             open_still = open_still[~alike]
         rest = np.ones(len(at), np.bool_)
         rest[fresh] = False

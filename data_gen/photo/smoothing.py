@@ -29,16 +29,16 @@ def smooth(
             move = offset * step
             here[axis] = slice(max(0, -move), min(size, size - move))
             there[axis] = slice(max(0, move), min(size, size + move))
-            at, of = tuple(here), tuple(there)
-            part = share * (valid[at] & valid[of]).astype(np.float32)
+            at, source = tuple(here), tuple(there)
+            part = share * (valid[at] & valid[source]).astype(np.float32)
             if guides is not None and offset:
-                mine, its = guides[at], guides[of]
+                mine, its = guides[at], guides[source]
                 same = np.einsum("hwd,hwd->hw", mine[..., :3], its[..., :3])
                 off = np.abs(
                     np.einsum("hwd,hwd->hw", mine[..., :3], mine[..., 3:6] - its[..., 3:6])
                 )
                 part = part * np.clip(10 * same - 8.5, 0, 1) * (off < mine[..., 6] * step)
-            total[at] += part[..., None] * result[of]
+            total[at] += part[..., None] * result[source]
             weight[at] += part[..., None]
         result = total / np.maximum(weight, 1e-6)
     return result

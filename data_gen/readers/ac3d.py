@@ -73,7 +73,7 @@ class Object:
     crease: float = CREASE_DEGREES
     kids: int | None = None
     surfaces: int = 0
-    found: int = 0
+    surfaces_read: int = 0
 
 
 def _count(words: bytes, what: str, limit: int) -> int:
@@ -155,7 +155,7 @@ def read_outline(
         elif key == b"numsurf":
             here.surfaces = _count(rest, "numsurf", size // 8)
         elif key == b"SURF":
-            here.found += 1
+            here.surfaces_read += 1
         elif key == b"refs":
             count = _count(rest, "refs", size // 4)
             faces += max(count - 2, 0)
@@ -173,7 +173,7 @@ def read_outline(
         raise UnusableModelError("not readable as AC3D: it is torn: objects are missing")
     if missing and notes is not None:
         notes.add(f"{missing} objects that the file announces are missing")
-    if any(o.found != o.surfaces for o in objects):
+    if any(o.surfaces_read != o.surfaces for o in objects):
         raise UnusableModelError("not readable as AC3D: it is torn: surfaces are missing")
     return objects
 

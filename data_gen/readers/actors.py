@@ -96,9 +96,9 @@ class Game:
         for candidate in (stem, f"{stem}.cached.dds", f"{stem}.cached.pmd", f"{stem}.cached.psa"):
             if candidate.startswith(("/", "../")):
                 continue
-            found = self._files.find(candidate)
-            if found is not None:
-                return self._files.read(found, limit)
+            stored = self._files.find(candidate)
+            if stored is not None:
+                return self._files.read(stored, limit)
         raise UnusableModelError(f"file {name!r} is missing")
 
     def xml(self, name: str) -> ElementTree.Element:

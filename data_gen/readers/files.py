@@ -38,9 +38,9 @@ class Files(abc.ABC):
         for path in (joined, alone):
             if path.startswith(("/", "../")) or path in ("", ".", "..") or ":" in path:
                 continue
-            found = self.find(path)
-            if found is not None:
-                return self.read(found)
+            stored = self.find(path)
+            if stored is not None:
+                return self.read(stored)
         raise FileNotFoundError(name)
 
 

@@ -61,11 +61,11 @@ def load_model(
     notes = Notes()
     base = posixpath.dirname(name)
     kind = posixpath.splitext(name)[1].lstrip(".").lower()
-    found = files.find(name)
-    if found is None:
+    stored = files.find(name)
+    if stored is None:
         raise UnusableModelError(f"file {name!r} is missing")
     try:
-        data = files.read(found)
+        data = files.read(stored)
     except OSError as error:
         raise UnusableModelError(f"file {name!r} is not readable: {error}"[:200]) from error
     reader = reader or (read_obj if kind == "obj" else None)

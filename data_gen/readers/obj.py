@@ -290,5 +290,5 @@ def read_obj(
 
 
 def _exists(files: Files, base: str, name: str) -> bool:
-    found = posixpath.normpath(posixpath.join(base, name.strip()))
-    return not found.startswith(("/", "..")) and files.find(found) is not None
+    path = posixpath.normpath(posixpath.join(base, name.strip()))
+    return not path.startswith(("/", "..")) and files.find(path) is not None
