@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-Range = tuple[float, float]
+from data_gen.field_checks import Range, check_ranges
 
 # Rows and columns at the image's edge that stay free of the object.
 _MARGIN_PIXELS = 1.0
@@ -58,7 +58,7 @@ class CameraSettings:
         size = self.image_size
         if len(size) != 2 or not all(isinstance(s, int) and 8 <= s <= 4096 for s in size):
             raise ValueError(f"camera.image_size: got {size}, expected two integers, 8 to 4096")
-        limits = {
+        limits: dict[str, Range] = {
             "azimuth": (-720.0, 720.0),
             "elevation": (-89.0, 89.0),
             "distance": (1.05, 1000.0),
@@ -66,13 +66,7 @@ class CameraSettings:
             "roll": (-360.0, 360.0),
             "aim": (-10.0, 10.0),
         }
-        for name, (low, high) in limits.items():
-            value = getattr(self, name)
-            good = len(value) == 2 and np.isfinite(value).all()
-            if not good or not low <= value[0] <= value[1] <= high:
-                raise ValueError(
-                    f"camera.{name}: got {value}, expected (low, high) from {low:g} to {high:g}"
-                )
+        check_ranges("camera", self, limits)
         if not 0 <= self.off_centre <= 1:
             raise ValueError(f"camera.off_centre: got {self.off_centre}, expected 0 to 1")
 

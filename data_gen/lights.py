@@ -12,6 +12,8 @@ import pathlib
 import numpy as np
 from jaxtyping import Float
 
+from data_gen.field_checks import check_between, check_one_of, check_ranges
+
 MAP_SIZE = (32, 64)
 """Size that maps are reduced to before anything is computed of them."""
 
@@ -55,8 +57,7 @@ class LightSettings:
 
     def __post_init__(self) -> None:
         """Checks the fields."""
-        if self.source not in SOURCES:
-            raise ValueError(f"light.source: got {self.source!r}, expected one of {list(SOURCES)}")
+        check_one_of("light.source", self.source, SOURCES)
         if self.source == "folder" and not self.folder:
             raise ValueError("light.folder: got '', expected a folder of .hdr and .exr files")
         if self.source in ("procedural", "sunsky") and self.folder:
@@ -64,17 +65,10 @@ class LightSettings:
                 f"light.folder: got {self.folder!r}, which has no effect without "
                 f"light.source=folder (it is {self.source!r})"
             )
-        if not 1 <= self.count <= 32:
-            raise ValueError(f"light.count: got {self.count}, expected 1 to 32")
-        for name, low, high in (("ambient", 0.0, 1.0), ("exposure", 0.01, 10.0)):
-            value = getattr(self, name)
-            if len(value) != 2 or not low <= value[0] <= value[1] <= high:
-                raise ValueError(
-                    f"light.{name}: got {value}, expected (low, high) from {low:g} to {high:g}"
-                )
+        check_between("light.count", self.count, 1, 32)
+        check_ranges("light", self, {"ambient": (0.0, 1.0), "exposure": (0.01, 10.0)})
         for name, high in (("saturation", 1.0), ("specular", 10.0), ("darkest", 1.0)):
-            if not 0 <= getattr(self, name) <= high:
-                raise ValueError(f"light.{name}: got {getattr(self, name)}, expected 0 to {high:g}")
+            check_between(f"light.{name}", getattr(self, name), 0, high)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

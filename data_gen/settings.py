@@ -6,6 +6,7 @@ from typing import Any
 
 from data_gen import cameras, grounds
 from data_gen.cameras import CameraSettings
+from data_gen.field_checks import check_between, check_one_of
 from data_gen.lights import LightSettings
 from data_gen.photo.film import FilmSettings
 from psgn_jax import structured
@@ -14,16 +15,6 @@ SHADINGS = ("local", "path", "photo")
 BACKGROUNDS = ("grey", "random", "folder", "surroundings")
 GROUNDS = ("none", "random", *grounds.KINDS)
 VARIANTS = ("auto", "llvm", "scalar")
-
-
-def _between(name: str, value: Any, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise ValueError(f"{name}: got {value}, expected {low:g} to {high:g}")
-
-
-def _one_of(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ValueError(f"{name}: got {value!r}, expected one of {list(choices)}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,10 +48,10 @@ class ImageSettings:
 
     def __post_init__(self) -> None:
         """Checks the fields."""
-        _one_of("image.shading", self.shading, SHADINGS)
-        _between("image.samples", self.samples, 0, 16)
-        _between("image.path_samples", self.path_samples, 1, 65536)
-        _one_of("image.background", self.background, BACKGROUNDS)
+        check_one_of("image.shading", self.shading, SHADINGS)
+        check_between("image.samples", self.samples, 0, 16)
+        check_between("image.path_samples", self.path_samples, 1, 65536)
+        check_one_of("image.background", self.background, BACKGROUNDS)
         if self.soft_edges and not self.samples and self.shading == "local":
             raise ValueError("image.soft_edges: got True, which has no effect with image.samples=0")
         if self.background == "folder" and not self.background_folder:
@@ -70,8 +61,8 @@ class ImageSettings:
                 f"image.background_folder: got {self.background_folder!r}, which has no effect "
                 f"without image.background=folder (it is {self.background!r})"
             )
-        _one_of("image.ground", self.ground, GROUNDS)
-        _between("image.rays", self.rays, 4, 1024)
+        check_one_of("image.ground", self.ground, GROUNDS)
+        check_between("image.rays", self.rays, 4, 1024)
         if self.shading != "photo":
             for name, value, without in (
                 ("background", self.background == "surroundings", "grey"),
@@ -105,7 +96,7 @@ class CheckSettings:
     def __post_init__(self) -> None:
         """Checks the fields."""
         for name, high in (("coverage", 1), ("inside", 1), ("depth", 100), ("luminance", 255)):
-            _between(f"checks.{name}", getattr(self, name), 0, high)
+            check_between(f"checks.{name}", getattr(self, name), 0, high)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,11 +119,11 @@ class JobSettings:
 
     def __post_init__(self) -> None:
         """Checks the fields."""
-        _between("job.workers", self.workers, 0, 4096)
-        _between("job.models_per_worker", self.models_per_worker, 1, 1_000_000)
-        _between("job.seconds_per_model", self.seconds_per_model, 1, 1e6)
-        _between("job.megabytes_per_worker", self.megabytes_per_worker, 300, 1_000_000)
-        _one_of("job.variant", self.variant, VARIANTS)
+        check_between("job.workers", self.workers, 0, 4096)
+        check_between("job.models_per_worker", self.models_per_worker, 1, 1_000_000)
+        check_between("job.seconds_per_model", self.seconds_per_model, 1, 1e6)
+        check_between("job.megabytes_per_worker", self.megabytes_per_worker, 300, 1_000_000)
+        check_one_of("job.variant", self.variant, VARIANTS)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,11 +153,11 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Checks the fields."""
-        _between("seed", self.seed, 0, 2**63)
-        _between("views", self.views, 1, 10_000)
-        _between("num_points", self.num_points, 1, 1 << 20)
-        _between("point_bits", self.point_bits, 1, 16)
-        _between("models_per_shard", self.models_per_shard, 1, 100_000)
+        check_between("seed", self.seed, 0, 2**63)
+        check_between("views", self.views, 1, 10_000)
+        check_between("num_points", self.num_points, 1, 1 << 20)
+        check_between("point_bits", self.point_bits, 1, 16)
+        check_between("models_per_shard", self.models_per_shard, 1, 100_000)
 
 
 PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {

@@ -17,7 +17,7 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax", "psgn_jax.types", "psgn_jax.structured", "psgn_jax.files"),
     ("psgn_jax.config", "psgn_jax.data_config", "psgn_jax.data.schema", "psgn_jax.data.codec",
      "psgn_jax.data.manifest", "psgn_jax.data.dataset",
-     "psgn_jax.data.camera"),
+     "psgn_jax.data.camera", "psgn_jax.data.synsets"),
     ("psgn_jax.command_line", "psgn_jax.config_files", "psgn_jax.default_data"),
     ("psgn_jax.losses", "psgn_jax.models", "psgn_jax.data"),
     ("psgn_jax.metrics",),
@@ -60,6 +60,7 @@ DATA_GEN_MAY_IMPORT = {
     "psgn_jax.data.codec",
     "psgn_jax.data.manifest",
     "psgn_jax.data.dataset",
+    "psgn_jax.data.synsets",
 }
 # A study renders its own data.
 DATA_GEN_IMPORTERS = {

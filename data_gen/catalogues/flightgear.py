@@ -12,7 +12,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 
-from data_gen.catalogues import ac3d, folder
+from data_gen.catalogues import ac3d, folder, non_objects
 from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
 from data_gen.mesh import MAX_FACES, Model
 from data_gen.readers.ac3d import read_ac3d
@@ -20,13 +20,6 @@ from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
 
 _MAX_XML_BYTES = 1 << 20
-
-# Lights and pieces of aircraft.
-_NO_OBJECTS = re.compile(
-    r"light|flare|flash|toggle|beacon|strobe|/nav[a-z]+\.|/taxi\.|exhaust|droptank|bomb-|refueling/"
-    r"|banner|wheels\.|tank\.|ssme|omspods",
-    re.IGNORECASE,
-)
 
 
 class LiveryFiles(FolderFiles):
@@ -115,7 +108,8 @@ class FlightGearCatalogue:
             raise ValueError(f"liveries: got {liveries}, expected 1 or more")
         self.root = pathlib.Path(source)
         self._fractions, self._max_faces = fractions, max_faces
-        files = [n for n in folder.find_meshes(source, {".ac"}) if not _NO_OBJECTS.search(n)]
+        names = folder.find_meshes(source, {".ac"})
+        files = [n for n in names if not re.search(non_objects.AIRCRAFT, n, re.IGNORECASE)]
         if not ac3d.find_assimp():
             raise ValueError(f"catalogue 'flightgear': {ac3d.NO_ASSIMP}")
         folded = {name.casefold(): name for name in files}

@@ -1,4 +1,8 @@
-"""Files of FlightGear's scenery that are no objects: billboards, lights, smoke."""
+"""Files of game data that do not contain an object on its own: billboards, lights, smoke, pieces.
+
+`SCENERY`, `AIRCRAFT` and `ACTORS` are regular expressions of file names, one for each collection of
+data. `objection` decides by the shape and the name of a model.
+"""
 
 import re
 
@@ -7,7 +11,36 @@ import numpy as np
 from data_gen.mesh import Model
 
 FOLDERS = ("Weather", "Astro", "Effects")
-"""Folders that hold nothing but clouds, the sky, and effects such as lights, smoke and wakes."""
+"""Folders that contain only clouds, the sky, and effects such as lights, smoke and wakes."""
+
+_LIGHTS = "light|flare|strobe"
+
+SCENERY = (
+    rf"(?i)^({'|'.join(FOLDERS)}|Autopush|Volcanoes)/|{_LIGHTS}|beacon\.ac|Crater|contrail"
+    r"|null\.|puff|square\.|thermalcap|tracer|glide-path|Sillage|/cut\.|/datum\.|wave-off|flols|flash"
+    r"|propeller\.|parks-and-objects|groundtile|towropes|banlieue|zone_?maisons|ZoneImmeubles"
+    r"|ICE3firstcar|Buildings/(cow|horse)-stable|Geometry/(container_carrier|Ensign)"
+    r"|AutoGate|DockingGate|jetway-movable|testpilot|Foxtrot\.|hull\.ac|superstructure|saratoga-"
+)
+"""FlightGear's scenery: lights, clouds, markings, water, pieces, whole towns and copies.
+
+`ICE3firstcar` is a train with a stray sphere."""
+
+AIRCRAFT = (
+    rf"{_LIGHTS}|flash|toggle|beacon|/nav[a-z]+\.|/taxi\.|exhaust|droptank|bomb-|refueling/"
+    r"|banner|wheels\.|tank\.|ssme|omspods"
+)
+"""FlightGear's aircraft: lights and pieces of aircraft, in upper or lower case."""
+
+ACTORS = (
+    r"decal|fndn|foundation|rubble|scaf|aura|marker|label|water|particle|smoke|fire|blood|fog"
+    r"|delimitator|dirt|road|ground|path_|_top|_leaves|_leaf|crown|foliage|_props|_nature|_shields"
+    r"|_tiles|_trees|_roof|_packed_|wings|temp/|/old/|sample|test|preloader|birds|butterfl|circle"
+    r"|impact|shadow|field|helmets/props/|shields/props/|weapons/props/|_ammo|_r[0-9]?\.xml$"
+    r"|destruct_|structures/plot|rice_paddy|wall_gate_door|_dest|hero_star|projectile|_pivot|oar"
+    r"|rein|rope"
+)
+"""Actors of Pyrogenesis: pieces, markings on the ground, water, construction sites."""
 
 # A plane that the program turns toward the viewer, or lays on the ground or a wall. The thinnest
 # solid objects of `flightgear-data-models`, landing stages, are 4 % as thick as long.

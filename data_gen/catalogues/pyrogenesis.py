@@ -15,6 +15,7 @@ import zipfile
 from collections.abc import Iterator
 from typing import Any
 
+from data_gen.catalogues import non_objects
 from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
 from data_gen.frame import normalize, orient
 from data_gen.mesh import MAX_FACES, UnusableModelError, build_model
@@ -46,14 +47,6 @@ _CATEGORIES = (
     (r"geology/|props/geology/", "rock"),
 )
 
-# Names of actors that are no objects: pieces, marks on the ground, water, building sites.
-_NO_OBJECTS = re.compile(
-    r"decal|fndn|foundation|rubble|scaf|aura|marker|label|water|particle|smoke|fire|blood|fog"
-    r"|delimitator|dirt|road|ground|path_|_top|_leaves|_leaf|crown|foliage|_props|_nature|_shields"
-    r"|_tiles|_trees|_roof|_packed_|wings|temp/|/old/|sample|test|preloader|birds|butterfl|circle"
-    r"|impact|shadow|field|helmets/props/|shields/props/|weapons/props/|_ammo|_r[0-9]?\.xml$|destruct_|structures/plot|rice_paddy|wall_gate_door|_dest|hero_star|projectile|_pivot|oar|rein|rope"
-)
-
 
 @functools.lru_cache(maxsize=2)
 def _game(files: archives.ZipFiles) -> Game:
@@ -81,7 +74,7 @@ def _load(path: str, name: str, variant: int, category: str, model_id: str, max_
 
 def category_of(name: str) -> str:
     """Category of an actor by its file's name; "" where it is no object on its own."""
-    if _NO_OBJECTS.search(name):
+    if re.search(non_objects.ACTORS, name):
         return ""
     return next((c for pattern, c in _CATEGORIES if re.match(pattern, name)), "")
 

@@ -13,25 +13,7 @@ from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
 from data_gen.mesh import MAX_FACES, Model
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
-
-SYNSETS = {
-    "02691156": "plane", "02747177": "trash bin", "02773838": "bag", "02801938": "basket",
-    "02808440": "bathtub", "02818832": "bed", "02828884": "bench", "02843684": "birdhouse",
-    "02871439": "bookshelf", "02876657": "bottle", "02880940": "bowl", "02924116": "bus",
-    "02933112": "cabinet", "02942699": "camera", "02946921": "can", "02954340": "cap",
-    "02958343": "car", "02992529": "cellular telephone", "03001627": "chair", "03046257": "clock",
-    "03085013": "keyboard", "03207941": "dishwasher", "03211117": "monitor",
-    "03261776": "earphone", "03325088": "faucet", "03337140": "file cabinet",
-    "03467517": "guitar", "03513137": "helmet", "03593526": "jar", "03624134": "knife",
-    "03636649": "lamp", "03642806": "laptop", "03691459": "speaker", "03710193": "mailbox",
-    "03759954": "microphone", "03761084": "microwave", "03790512": "motorbike", "03797390": "mug",
-    "03928116": "piano", "03938244": "pillow", "03948459": "pistol", "03991062": "flowerpot",
-    "04004475": "printer", "04074963": "remote", "04090263": "firearm", "04099429": "rocket",
-    "04225987": "skateboard", "04256520": "couch", "04330267": "stove", "04379243": "table",
-    "04401088": "cellphone", "04460130": "tower", "04468005": "train", "04530566": "watercraft",
-    "04554684": "washer",
-}  # fmt: skip
-"""Names of the synsets: those of the paper's table for the 13 categories of 3D-R2N2."""
+from psgn_jax.data import synsets
 
 _LAYOUTS = (("models/model_normalized.obj", "-z"), ("model.obj", "+x"))
 
@@ -96,7 +78,7 @@ class ShapeNetCatalogue:
             raise ValueError(
                 f"fractions: got {list(fractions)}, which has no effect with split 'r2n2'"
             )
-        names = {name: synset for synset, name in SYNSETS.items()}
+        names = {name: synset for synset, name in synsets.SHAPENET.items()}
         wanted = {names.get(c, c) for c in categories}
         self._split, self._validation, self._fractions = split, validation, fractions
         self._max_faces = max_faces
@@ -111,7 +93,7 @@ class ShapeNetCatalogue:
         if unknown:
             raise ValueError(
                 f"categories {sorted(unknown)}: expected some of "
-                f"{[SYNSETS.get(s, s) for s in there]}, which are in {str(source)!r}"
+                f"{[synsets.SHAPENET.get(s, s) for s in there]}, which are in {str(source)!r}"
             )
         for synset in there:
             if wanted and synset not in wanted:
@@ -137,7 +119,7 @@ class ShapeNetCatalogue:
         place: dict[str, int] = {}
         for synset, model, file, front in self._models:
             index = place[synset] = place.get(synset, -1) + 1
-            model_id, category = f"{synset}/{model}", SYNSETS.get(synset, synset)
+            model_id, category = f"{synset}/{model}", synsets.SHAPENET.get(synset, synset)
             if self._split == "hash":
                 split = split_of(model_id, self._fractions)
             elif index >= int(_R2N2_TRAIN * self._count[synset]):

@@ -6,10 +6,10 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Float, UInt8
 
+from data_gen.field_checks import Range, check_ranges
+
 # Brighter than this times white is cut off before the lens blurs.
 _BRIGHTEST = 6.0
-
-Range = tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +36,7 @@ class FilmSettings:
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
-        limits = {
+        limits: dict[str, Range] = {
             "exposure": (-10.0, 10.0),
             "white_balance": (0.0, 1.0),
             "contrast": (0.0, 1.0),
@@ -45,12 +45,7 @@ class FilmSettings:
             "blur": (0.0, 10.0),
             "grain": (0.0, 1.0),
         }
-        for name, (low, high) in limits.items():
-            value = getattr(self, name)
-            if len(value) != 2 or not low <= value[0] <= value[1] <= high:
-                raise ValueError(
-                    f"film.{name}: got {value}, expected (low, high) from {low:g} to {high:g}"
-                )
+        check_ranges("film", self, limits)
 
 
 def develop(

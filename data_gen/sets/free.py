@@ -33,6 +33,7 @@ if __package__ in (None, ""):  # run as a file: two folders above is where `data
 from absl import app, flags, logging
 
 from data_gen import config, job, settings
+from data_gen.catalogues import non_objects
 from data_gen.catalogues.by_name import CATALOGUES
 from data_gen.sets import sources
 from data_gen.sets.sources import Licence, Selection, Source
@@ -41,15 +42,6 @@ from psgn_jax.files import write_atomic
 
 _FLIGHTGEAR = "Curtis L. Olson and the FlightGear team"
 _FREE_ART = "Jean-Christophe Durieu; ViPeR"
-
-# Lights, clouds, marks, water, pieces, whole towns, copies, and a train with a stray sphere.
-_NO_OBJECTS = (
-    r"(?i)^(Weather|Astro|Effects|Autopush|Volcanoes)/|light|flare|strobe|beacon\.ac|Crater|contrail"
-    r"|null\.|puff|square\.|thermalcap|tracer|glide-path|Sillage|/cut\.|/datum\.|wave-off|flols|flash"
-    r"|propeller\.|parks-and-objects|groundtile|towropes|banlieue|zone_?maisons|ZoneImmeubles"
-    r"|ICE3firstcar|Buildings/(cow|horse)-stable|Geometry/(container_carrier|Ensign)"
-    r"|AutoGate|DockingGate|jetway-movable|testpilot|Foxtrot\.|hull\.ac|superstructure|saratoga-"
-)
 
 SOURCES = (
     Source(
@@ -74,7 +66,7 @@ SOURCES = (
         views=10,
         package="flightgear-data-models",
         place="usr/share/games/flightgear/Models",
-        exclude=_NO_OBJECTS,
+        exclude=non_objects.SCENERY,
         licences=(Licence("GPL-2.0-or-later", holders=_FLIGHTGEAR),),
     ),
     Source(

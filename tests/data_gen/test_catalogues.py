@@ -7,13 +7,12 @@ import zipfile
 import numpy as np
 import pytest
 
-from data_gen.catalogues import procedural, sh3f, shapenet
+from data_gen.catalogues import procedural, sh3f
 from data_gen.catalogues.by_name import open_catalogue, parse_options
 from data_gen.catalogues.entry import SPLITS, Entry, printable, split_of, unique_names
 from data_gen.mesh import UnusableModelError, build_model
 from data_gen.readers import archives
 from data_gen.readers.files import Files
-from psgn_jax.data.sources.shapenet import SYNSETS as R2N2_SYNSETS
 
 BOX = """\
 v 0 0 0
@@ -143,12 +142,6 @@ def test_shapenet(tmp_path, layout, extent):
     assert 0 < count["validation"] < 8
     with pytest.raises(ValueError, match="'plane', 'chair'"):
         open_catalogue("shapenet", tmp_path, categories=["sofa"])
-
-
-def test_shapenet_names():
-    assert len(shapenet.SYNSETS) == 55
-    assert len(set(shapenet.SYNSETS.values())) == 55
-    assert R2N2_SYNSETS.items() <= shapenet.SYNSETS.items()
 
 
 PROPERTIES = """\

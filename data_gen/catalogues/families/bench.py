@@ -673,10 +673,9 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "settle": _deacon,
 }
 
-_SHARES = {"park": 3, "slab": 3}
+_WEIGHTS = {"park": 3, "slab": 3}
 
 
 def bench(kit: Kit) -> None:
     """Fourteen kinds, see `KINDS`. Hidden: a hollow seat, or supports behind a solid end."""
-    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
-    KINDS[kit.choose("subtype", *names)](kit)
+    kit.build_subtype(KINDS, _WEIGHTS)

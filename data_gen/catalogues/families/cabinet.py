@@ -129,13 +129,19 @@ def _top(kit: Kit, material: Material, depth: float, width: float, z: float) -> 
         kit.add(material, solids.prism([*arch], 0.03).turned("z", 90).at(depth / 2 - 0.03))
 
 
+def _carcass(kit: Kit, look: _Look, depth: float, width: float, height: float) -> float:
+    """Stand, body and top board; returns the height of the body above the ground."""
+    lift = _stand(kit, look, depth, width)
+    _body(kit, look.body, depth - 0.02, width, height - lift, lift, -0.01)
+    _top(kit, look.body, depth, width, height)
+    return lift
+
+
 def _wardrobe(kit: Kit) -> None:
     look = _Look(kit)
     width, height = kit.uniform("width", 0.7, 2.2), kit.uniform("height", 1.6, 2.3)
     depth = kit.uniform("depth", 0.45, 0.68)
-    lift = _stand(kit, look, depth, width)
-    _body(kit, look.body, depth - 0.02, width, height - lift, lift, -0.01)
-    _top(kit, look.body, depth, width, height)
+    lift = _carcass(kit, look, depth, width, height)
     doors = max(1, round(width / kit.uniform("door", 0.38, 0.6)))
     low = lift
     if kit.chance("drawers_below", 0.4):
@@ -226,9 +232,7 @@ def _sideboard(kit: Kit) -> None:
     look = _Look(kit)
     width, height = kit.uniform("width", 1.1, 2.4), kit.uniform("height", 0.5, 0.95)
     depth = kit.uniform("depth", 0.36, 0.55)
-    lift = _stand(kit, look, depth, width)
-    _body(kit, look.body, depth - 0.02, width, height - lift, lift, -0.01)
-    _top(kit, look.body, depth, width, height)
+    lift = _carcass(kit, look, depth, width, height)
     x, plan = (
         depth / 2 - 0.011,
         kit.choose("plan", "doors", "drawers_between", "drawers_above", "drawers"),
@@ -817,7 +821,7 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "small": _trunk,
 }
 
-_SHARES = {"wardrobe": 2, "chest": 2, "sideboard": 2, "bookcase": 2}
+_WEIGHTS = {"wardrobe": 2, "chest": 2, "sideboard": 2, "bookcase": 2}
 
 CASES = ("wardrobe", "chest", "sideboard", "filing")
 """The kinds whose back can be open."""
@@ -825,11 +829,10 @@ CASES = ("wardrobe", "chest", "sideboard", "filing")
 
 def cabinet(kit: Kit) -> None:
     """Thirteen kinds, see `KINDS`. Hidden: the hollow below."""
-    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
-    KINDS[kit.choose("subtype", *names)](kit)
+    kit.build_subtype(KINDS, _WEIGHTS)
 
 
 def open_cabinet(kit: Kit) -> None:
     """A cabinet whose back panel stands in: `CASES` of `KINDS`. Hidden: how far in."""
     kit.visible["open_back"] = True
-    KINDS[kit.choose("subtype", *CASES)](kit)
+    kit.build_subtype({name: KINDS[name] for name in CASES})

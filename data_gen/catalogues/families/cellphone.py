@@ -783,7 +783,7 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "set": _set,
 }
 
-_SHARES = {"smartphone": 2, "bar": 2, "flip": 2}
+_WEIGHTS = {"smartphone": 2, "bar": 2, "flip": 2}
 
 CASES = ("smartphone", "bar", "keyboard", "brick")
 """The kinds whose back can be open."""
@@ -791,11 +791,10 @@ CASES = ("smartphone", "bar", "keyboard", "brick")
 
 def cellphone(kit: Kit) -> None:
     """Ten kinds, see `KINDS`. Hidden: the depth of a socket, or the hollow of the foot."""
-    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
-    KINDS[kit.choose("subtype", *names)](kit)
+    kit.build_subtype(KINDS, _WEIGHTS)
 
 
 def open_cellphone(kit: Kit) -> None:
     """A telephone whose back is hollow: `CASES` of `KINDS`. Hidden: how far."""
     kit.visible["open_back"] = True
-    KINDS[kit.choose("subtype", *CASES)](kit)
+    kit.build_subtype({name: KINDS[name] for name in CASES})

@@ -1133,10 +1133,9 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "school": _school,
 }
 
-_SHARES = {"dining": 5, "office": 3, "stool": 3, "armchair": 3, "shell": 2, "cantilever": 2}
+_WEIGHTS = {"dining": 5, "office": 3, "stool": 3, "armchair": 3, "shell": 2, "cantilever": 2}
 
 
 def chair(kit: Kit) -> None:
     """Fifteen kinds, see `KINDS`. Hidden: the hollow under the seat."""
-    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
-    KINDS[kit.choose("subtype", *names)](kit)
+    kit.build_subtype(KINDS, _WEIGHTS)

@@ -764,10 +764,9 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "settee": _settee,
 }
 
-_SHARES = {"straight": 5, "corner": 2, "loveseat": 2}
+_WEIGHTS = {"straight": 5, "corner": 2, "loveseat": 2}
 
 
 def couch(kit: Kit) -> None:
     """Fourteen kinds, see `KINDS`. Hidden: the hollow below."""
-    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
-    KINDS[kit.choose("subtype", *names)](kit)
+    kit.build_subtype(KINDS, _WEIGHTS)

@@ -193,6 +193,18 @@ class Kit:
         self.visible[name] = bool(self.rng.random() < probability)
         return self.visible[name]
 
+    def build_subtype(
+        self, kinds: Mapping[str, Callable[["Kit"], None]], weights: Mapping[str, int] | None = None
+    ) -> None:
+        """Draws the visible parameter `subtype` and adds the parts of that subtype.
+
+        Args:
+          kinds: for each subtype the function that adds its parts.
+          weights: relative probabilities of some subtypes; the others have 1.
+        """
+        names = [name for name in kinds for _ in range((weights or {}).get(name, 1))]
+        kinds[self.choose("subtype", *names)](self)
+
     def hide(self, name: str, low: float, high: float) -> float:
         """Draws a hidden parameter and stores it."""
         drawn = float(self.hidden_rng.uniform(low, high))

@@ -896,10 +896,9 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "sconce": _sconce,
 }
 
-_SHARES = {"table": 2, "desk": 2}
+_WEIGHTS = {"table": 2, "desk": 2}
 
 
 def lamp(kit: Kit) -> None:
     """Fourteen kinds, see `KINDS`. Hidden: the bulb in a closed shade, the hollow of the foot."""
-    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
-    KINDS[kit.choose("subtype", *names)](kit)
+    kit.build_subtype(KINDS, _WEIGHTS)

@@ -30,6 +30,41 @@ _HUES = (
     (330, 350, 0.015),
 )
 
+# fmt: off
+_COLOURS: dict[str, tuple[tuple[float, float, float], ...]] = {
+    "wood": (
+        (0.66, 0.48, 0.30), (0.76, 0.62, 0.44), (0.80, 0.65, 0.44), (0.40, 0.26, 0.17),
+        (0.50, 0.26, 0.16), (0.22, 0.15, 0.12), (0.56, 0.38, 0.24), (0.36, 0.19, 0.10),
+        (0.50, 0.47, 0.43),
+    ),
+    "metal": (
+        (0.66, 0.66, 0.66), (0.78, 0.78, 0.78), (0.2, 0.2, 0.2), (0.12, 0.12, 0.12),
+        (0.72, 0.57, 0.27), (0.45, 0.33, 0.22), (0.36, 0.36, 0.37),
+    ),
+    "leather": (
+        (0.33, 0.19, 0.12), (0.12, 0.12, 0.12), (0.12, 0.12, 0.12), (0.55, 0.34, 0.2),
+        (0.85, 0.81, 0.74), (0.4, 0.08, 0.07),
+    ),
+    "plastic": (
+        (0.09, 0.09, 0.09), (0.2, 0.2, 0.2), (0.5, 0.5, 0.5), (0.9, 0.9, 0.9),
+        (0.78, 0.74, 0.66), (0.7, 0.7, 0.7),
+    ),
+    "stone": (
+        (0.85, 0.84, 0.82), (0.3, 0.3, 0.3), (0.55, 0.53, 0.5), (0.2, 0.22, 0.2),
+        (0.6, 0.5, 0.42),
+    ),
+    "leaves": (
+        (0.18, 0.28, 0.08), (0.25, 0.34, 0.12), (0.3, 0.36, 0.1), (0.16, 0.24, 0.12),
+        (0.42, 0.34, 0.1),
+    ),
+    "fur": (
+        (0.36, 0.24, 0.15), (0.52, 0.38, 0.24), (0.2, 0.17, 0.15), (0.65, 0.6, 0.53),
+        (0.4, 0.4, 0.4),
+    ),
+}
+# fmt: on
+"""Mean colours of materials that occur in several."""
+
 _ONCE: UVMapping = Tiled()
 
 
@@ -130,18 +165,7 @@ def _variant(rng: np.random.Generator) -> int:
 
 def wood(rng: np.random.Generator) -> Material:
     """Oak, beech, pine, walnut, cherry, ebony: solid, boards or veneer, grain along the part."""
-    colours = (
-        (0.66, 0.48, 0.30),
-        (0.76, 0.62, 0.44),
-        (0.80, 0.65, 0.44),
-        (0.40, 0.26, 0.17),
-        (0.50, 0.26, 0.16),
-        (0.22, 0.15, 0.12),
-        (0.56, 0.38, 0.24),
-        (0.36, 0.19, 0.10),
-        (0.50, 0.47, 0.43),
-    )
-    colour = shade_of(pick(rng, colours), rng, 0.15)
+    colour = shade_of(pick(rng, _COLOURS["wood"]), rng, 0.15)
     kind = pick(rng, ("straight", "straight", "cathedral", "cathedral", "planks", "veneer"))
     texture = textures.wood(kind, _variant(rng))
     return shaded(colour, texture, _tiled(rng, texture, True), 0.12, 25.0, "wood")
@@ -149,16 +173,7 @@ def wood(rng: np.random.Generator) -> Material:
 
 def metal(rng: np.random.Generator) -> Material:
     """Steel, chrome, black iron, brass, bronze: polished, brushed, cast, rusty."""
-    colours = (
-        (0.66, 0.66, 0.66),
-        (0.78, 0.78, 0.78),
-        (0.2, 0.2, 0.2),
-        (0.12, 0.12, 0.12),
-        (0.72, 0.57, 0.27),
-        (0.45, 0.33, 0.22),
-        (0.36, 0.36, 0.37),
-    )
-    colour = shade_of(pick(rng, colours), rng)
+    colour = shade_of(pick(rng, _COLOURS["metal"]), rng)
     kind = pick(rng, ("plain", "brushed", "brushed", "cast", "rusty"))
     if kind == "plain":
         return Material(colour, (0.55, 0.55, 0.55), 60.0, name="metal")
@@ -208,30 +223,14 @@ def fabric(rng: np.random.Generator) -> Material:
 
 def hide(rng: np.random.Generator) -> Material:
     """Leather, grained or buttoned."""
-    colours = (
-        (0.33, 0.19, 0.12),
-        (0.12, 0.12, 0.12),
-        (0.12, 0.12, 0.12),
-        (0.55, 0.34, 0.2),
-        (0.85, 0.81, 0.74),
-        (0.4, 0.08, 0.07),
-    )
     texture = textures.leather(pick(rng, ("grained", "grained", "tufted")), _variant(rng))
-    colour = shade_of(pick(rng, colours), rng)
+    colour = shade_of(pick(rng, _COLOURS["leather"]), rng)
     return shaded(colour, texture, _tiled(rng, texture), 0.2, 30.0, "leather")
 
 
 def plastic(rng: np.random.Generator) -> Material:
     """Housings: black, greys, white, beige; smooth or with a fine grain."""
-    colours = (
-        (0.09, 0.09, 0.09),
-        (0.2, 0.2, 0.2),
-        (0.5, 0.5, 0.5),
-        (0.9, 0.9, 0.9),
-        (0.78, 0.74, 0.66),
-        (0.7, 0.7, 0.7),
-    )
-    colour = shade_of(pick(rng, colours), rng)
+    colour = shade_of(pick(rng, _COLOURS["plastic"]), rng)
     if rng.random() < 0.4:
         return Material(colour, (0.25, 0.25, 0.25), 40.0, name="plastic")
     texture = pick(
@@ -277,15 +276,8 @@ def _of(
 def stone(rng: np.random.Generator) -> Material:
     """Marble, granite, concrete, cobbles."""
     kind = pick(rng, ("marble", "granite", "concrete", "cobbles"))
-    colours = (
-        (0.85, 0.84, 0.82),
-        (0.3, 0.3, 0.3),
-        (0.55, 0.53, 0.5),
-        (0.2, 0.22, 0.2),
-        (0.6, 0.5, 0.42),
-    )
     gloss = 0.3 if kind in ("marble", "granite") else 0.0
-    return _of(rng, textures.stone(kind, _variant(rng)), colours, "stone", gloss)
+    return _of(rng, textures.stone(kind, _variant(rng)), _COLOURS["stone"], "stone", gloss)
 
 
 def marble(rng: np.random.Generator) -> Material:
@@ -358,14 +350,7 @@ def wicker(rng: np.random.Generator) -> Material:
 
 def leaves(rng: np.random.Generator) -> Material:
     """A surface of leaves."""
-    colours = (
-        (0.18, 0.28, 0.08),
-        (0.25, 0.34, 0.12),
-        (0.3, 0.36, 0.1),
-        (0.16, 0.24, 0.12),
-        (0.42, 0.34, 0.1),
-    )
-    return _of(rng, textures.foliage("leaves", _variant(rng)), colours, "leaves")
+    return _of(rng, textures.foliage("leaves", _variant(rng)), _COLOURS["leaves"], "leaves")
 
 
 def leaf(rng: np.random.Generator) -> Material:
@@ -426,14 +411,9 @@ def fur(rng: np.random.Generator) -> Material:
         )
         texture = textures.pattern("camouflage", _variant(rng), [one, one, two, two])
         return pictured(texture, _tiled(rng, texture), name="fur")
-    colours = (
-        (0.36, 0.24, 0.15),
-        (0.52, 0.38, 0.24),
-        (0.2, 0.17, 0.15),
-        (0.65, 0.6, 0.53),
-        (0.4, 0.4, 0.4),
+    return _of(
+        rng, textures.foliage("fur", _variant(rng)), _COLOURS["fur"], "fur", along_grain=True
     )
-    return _of(rng, textures.foliage("fur", _variant(rng)), colours, "fur", along_grain=True)
 
 
 def camouflage(rng: np.random.Generator) -> Material:

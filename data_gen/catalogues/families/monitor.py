@@ -642,10 +642,9 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "small": _tablet,
 }
 
-_SHARES = {"desk": 2, "tv": 3, "tube": 2}
+_WEIGHTS = {"desk": 2, "tv": 3, "tube": 2}
 
 
 def monitor(kit: Kit) -> None:
     """Nine kinds, see `KINDS`. Hidden: the hollow of the foot."""
-    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
-    KINDS[kit.choose("subtype", *names)](kit)
+    kit.build_subtype(KINDS, _WEIGHTS)

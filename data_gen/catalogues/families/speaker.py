@@ -161,6 +161,32 @@ def _bookshelf(kit: Kit) -> None:
         _drivers(kit, cone, depth / 2, 0, lift, width, height, 1)
 
 
+def _tripod(
+    kit: Kit,
+    material: Material,
+    height: float,
+    leg: tuple[float, float, float],
+    brace: tuple[float, float, float],
+) -> None:
+    """Three legs and three braces around a column.
+
+    Args:
+      kit: the model.
+      material: of legs and braces.
+      height: of the column; the legs begin at half of it.
+      leg: reach over `height`, height of the foot, radius.
+      brace: height at the column and reach, both over `height`, and radius.
+    """
+    for angle in around(3, 60):
+        kit.add(
+            material,
+            rod((0, 0, height * 0.5), (height * leg[0], 0, leg[1]), leg[2]).turned("z", angle),
+            rod((0, 0, height * brace[0]), (height * brace[1], 0, height * 0.22), brace[2]).turned(
+                "z", angle
+            ),
+        )
+
+
 def _on_stand(kit: Kit) -> None:
     """A small box on a column, on legs or on a tripod."""
     body, cone = _materials(kit)
@@ -174,12 +200,7 @@ def _on_stand(kit: Kit) -> None:
     stand = kit.choose("stand", "column", "twin", "frame", "tripod", "disc")
     if stand == "tripod":
         kit.add(BLACK, cylinder(0.018, lift, 12).at(z=lift / 2))
-        for angle in around(3, 60):
-            kit.add(
-                BLACK,
-                rod((0, 0, lift * 0.5), (lift * 0.36, 0, 0.012), 0.012).turned("z", angle),
-                rod((0, 0, lift * 0.2), (lift * 0.2, 0, lift * 0.22), 0.008).turned("z", angle),
-            )
+        _tripod(kit, BLACK, lift, (0.36, 0.012, 0.012), (0.2, 0.2, 0.008))
     elif stand == "frame":
         for sx in (-1, 1):
             kit.both(
@@ -297,12 +318,7 @@ def _stage(kit: Kit) -> None:
     if place == "pole":
         lift = kit.uniform("pole", 0.9, 1.5)
         kit.add(CHROME, cylinder(0.02, lift, 14).at(z=lift / 2))
-        for angle in around(3, 60):
-            kit.add(
-                CHROME,
-                rod((0, 0, lift * 0.5), (lift * 0.42, 0, 0.015), 0.014).turned("z", angle),
-                rod((0, 0, lift * 0.15), (lift * 0.25, 0, lift * 0.22), 0.009).turned("z", angle),
-            )
+        _tripod(kit, CHROME, lift, (0.42, 0.015, 0.014), (0.15, 0.25, 0.009))
     elif place == "wheels":
         lift = 0.09
         for sx in (-1, 1):
@@ -799,7 +815,7 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "panel": _panel,
 }
 
-_SHARES = {"tower": 2, "bookshelf": 2}
+_WEIGHTS = {"tower": 2, "bookshelf": 2}
 
 CASES = ("tower", "bookshelf", "on_stand", "stage")
 """The kinds whose back can be open."""
@@ -807,11 +823,10 @@ CASES = ("tower", "bookshelf", "on_stand", "stage")
 
 def speaker(kit: Kit) -> None:
     """Twelve kinds, see `KINDS`. Hidden: the hollow below."""
-    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
-    KINDS[kit.choose("subtype", *names)](kit)
+    kit.build_subtype(KINDS, _WEIGHTS)
 
 
 def open_speaker(kit: Kit) -> None:
     """A speaker whose back panel stands in: `CASES` of `KINDS`. Hidden: how far in."""
     kit.visible["open_back"] = True
-    KINDS[kit.choose("subtype", *CASES)](kit)
+    kit.build_subtype({name: KINDS[name] for name in CASES})

@@ -729,10 +729,9 @@ KINDS: dict[str, Callable[[Kit], None]] = {
     "workbench": _workbench,
 }
 
-_SHARES = {"dining": 4, "coffee": 2, "desk": 2, "pedestal": 2}
+_WEIGHTS = {"dining": 4, "coffee": 2, "desk": 2, "pedestal": 2}
 
 
 def table(kit: Kit) -> None:
     """Nineteen kinds, see `KINDS`. Hidden: the hollow under the top, or what a panel covers."""
-    names = [name for name in KINDS for _ in range(_SHARES.get(name, 1))]
-    KINDS[kit.choose("subtype", *names)](kit)
+    kit.build_subtype(KINDS, _WEIGHTS)

@@ -526,6 +526,21 @@ def _spoked(kit: Kit, x: float, radius: float, tyre: float, rim: Material, spoke
         )
 
 
+def _mudguard(
+    x: float, axle: float, angles: np.ndarray, inner: float, outer: float, half_width: float
+) -> Solid:
+    """An arc over a wheel whose axle is at (x, 0, axle), between two radii."""
+    profile = (
+        (inner, -half_width), (inner, half_width), (outer, half_width), (outer, -half_width)
+    )  # fmt: skip
+    return loft(
+        [
+            np.array([[x + r * np.cos(a), y, axle + r * np.sin(a)] for r, y in profile])
+            for a in angles
+        ]
+    )
+
+
 def cycle(kit: Kit) -> None:
     """Racing, mountain, town and penny-farthing bicycles, motorcycles, scooters, tricycle."""
     kind = kit.choose(
@@ -655,22 +670,7 @@ def cycle(kit: Kit) -> None:
             )
             kit.add(seat, pillow(0.62, 0.3, 0.12, 0.05).at(-0.38, 0, 0.74))
         for x in (front, rear):
-            arc = np.linspace(0.5, 2.6, 9)
-            guard = [
-                np.array(
-                    [
-                        [x + q * np.cos(a), y, r + q * np.sin(a)]
-                        for q, y in (
-                            (1.1 * r, -0.1),
-                            (1.1 * r, 0.1),
-                            (1.16 * r, 0.1),
-                            (1.16 * r, -0.1),
-                        )
-                    ]
-                )
-                for a in arc
-            ]
-            kit.add(skin, loft(guard))
+            kit.add(skin, _mudguard(x, r, np.linspace(0.5, 2.6, 9), 1.1 * r, 1.16 * r, 0.1))
         kit.add(RED_LIGHT, box(0.06, 0.12, 0.07, 0.01).at(rear - 0.12, 0, 0.68))
         return
     r = {"mountain": 0.33, "tricycle": 0.22}.get(kind, 0.34) * kit.uniform("wheel", 0.92, 1.08)
@@ -788,26 +788,7 @@ def cycle(kit: Kit) -> None:
     )
     if kind == "town":
         for x in (front, rear):
-            arc = np.linspace(0.3, 2.8, 10)
-            kit.add(
-                skin,
-                loft(
-                    [
-                        np.array(
-                            [
-                                [x + q * np.cos(a), y, r + q * np.sin(a)]
-                                for q, y in (
-                                    (1.05 * r, -0.03),
-                                    (1.05 * r, 0.03),
-                                    (1.09 * r, 0.03),
-                                    (1.09 * r, -0.03),
-                                )
-                            ]
-                        )
-                        for a in arc
-                    ]
-                ),
-            )
+            kit.add(skin, _mudguard(x, r, np.linspace(0.3, 2.8, 10), 1.05 * r, 1.09 * r, 0.03))
         if kit.chance("basket", 0.6):
             kit.add(
                 materials.wicker(rng),

@@ -28,7 +28,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from psgn_jax.data import camera, schema
+from psgn_jax.data import camera, schema, synsets
 from psgn_jax.data.sources import binvox, shapenet
 
 SPLITS = {"train": "train", "val": "validation", "test": "test"}
@@ -54,7 +54,7 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
     messages: list[str] = []
     listed: set[tuple[str, str]] = set()
     for folder in sorted(p for p in source.iterdir() if p.is_dir()):
-        if folder.name not in shapenet.SYNSETS:
+        if folder.name not in synsets.R2N2:
             messages.append(f"{folder}: not one of the 13 categories")
             continue
         for file, split in SPLITS.items():
@@ -193,7 +193,7 @@ def read_model(
                 occupancy=shapenet.turned_occupancy(solid, placement, turn) if solid else None,
                 intrinsics=inner.astype(np.float32),
                 extrinsics=extrinsics,
-                category=shapenet.SYNSETS[synset],
+                category=synsets.R2N2[synset],
                 model_id=f"{synset}/{name}",
                 view=view,
                 source="occnet",

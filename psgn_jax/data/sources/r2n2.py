@@ -24,7 +24,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from psgn_jax.data import schema
+from psgn_jax.data import schema, synsets
 from psgn_jax.data.sources import binvox, shapenet
 
 RENDERINGS = "ShapeNetRendering"
@@ -54,7 +54,7 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
     folders = {p.name for part in (RENDERINGS, VOXELS) for p in (source / part).iterdir()}
     for synset in sorted(folders):
         places = [p for part in (RENDERINGS, VOXELS) if (p := source / part / synset).is_dir()]
-        if synset not in shapenet.SYNSETS:
+        if synset not in synsets.R2N2:
             if places:
                 messages.append(f"{places[0]}: not one of the 13 categories")
             continue
@@ -153,7 +153,7 @@ def read_model(
                 occupancy=shapenet.turned_occupancy(solid, placement, turn),
                 intrinsics=shapenet.intrinsics().astype(np.float32),
                 extrinsics=shapenet.frame_extrinsics(eye, turn, placement),
-                category=shapenet.SYNSETS[synset],
+                category=synsets.R2N2[synset],
                 model_id=f"{synset}/{name}",
                 view=view,
                 source="r2n2",

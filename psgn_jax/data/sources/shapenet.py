@@ -27,23 +27,6 @@ from PIL import Image
 from psgn_jax.data import camera, schema
 from psgn_jax.data.sources.binvox import Binvox
 
-SYNSETS = {
-    "02691156": "plane",
-    "02828884": "bench",
-    "02933112": "cabinet",
-    "02958343": "car",
-    "03001627": "chair",
-    "03211117": "monitor",
-    "03636649": "lamp",
-    "03691459": "speaker",
-    "04090263": "firearm",
-    "04256520": "couch",
-    "04379243": "table",
-    "04401088": "cellphone",
-    "04530566": "watercraft",
-}
-"""The 13 categories of 3D-R2N2, with the names in the table of the paper."""
-
 NUM_POINTS = 16384
 IMAGE_SIDE = 137
 FOCAL = 35 / 32 * IMAGE_SIDE
