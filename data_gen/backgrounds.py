@@ -1,4 +1,4 @@
-"""What is behind the object: a grey, clouds of two colours, or a picture of a folder."""
+"""Backgrounds: a grey, noise of two colours, or an image of a folder."""
 
 import pathlib
 from typing import Any
@@ -12,7 +12,7 @@ from data_gen.settings import Settings
 
 
 def draw_background(rng: np.random.Generator, settings: Settings, pictures: list[str]) -> Any:
-    """What is behind the object: a grey, or an image in [0, 1]."""
+    """A random background: a grey value, or an image in [0, 1]."""
     height, width = settings.camera.image_size
     if settings.image.background in ("grey", "surroundings"):
         return scene.BACKGROUND
@@ -25,7 +25,7 @@ def draw_background(rng: np.random.Generator, settings: Settings, pictures: list
         top = int(rng.integers(size[1] - height + 1))
         left = int(rng.integers(size[0] - width + 1))
         return array[top : top + height, left : left + width]
-    # Clouds of two colours: noise at several sizes.
+    # Two colours mixed by noise at several scales.
     low, high = rng.random((2, 3))
     noise = np.zeros((height, width))
     for cells in (2, 4, 8, 16):
@@ -37,20 +37,24 @@ def draw_background(rng: np.random.Generator, settings: Settings, pictures: list
 
 
 def list_pictures(folder: str) -> list[str]:
-    """The pictures below a folder, by name.
+    """The images below a folder, sorted by name.
 
     Raises:
-      ValueError: there is none, or a file that is none.
+      ValueError: there is no image, or a file is not an image.
     """
     found = sorted(
         str(p.resolve()) for p in pathlib.Path(folder).rglob("*")
         if p.suffix.lower() in (".png", ".jpg", ".jpeg")
     )  # fmt: skip
     if not found:
-        raise ValueError(f"image.background_folder: {folder!r} has no .png or .jpg file")
+        raise ValueError(
+            f"image.background_folder: got {folder!r}, expected a folder of .png or .jpg files"
+        )
     for path in found:
         try:
             Image.open(path).close()
         except (OSError, Image.DecompressionBombError) as error:
-            raise ValueError(f"image.background_folder: {path} is no picture: {error}") from None
+            raise ValueError(
+                f"image.background_folder: {path} is not readable as an image: {error}"
+            ) from None
     return found

@@ -1,8 +1,8 @@
-"""Cameras: drawn from ranges, fitted so that nothing is cut off; pure numpy.
+"""Random cameras, placed so that the whole object is in the image.
 
-The object stands in the project's frame (`psgn_jax.data.schema`) and is turned about the vertical
-by minus the azimuth, so that the camera looks at it from +x. What is left is the camera's own:
-elevation, distance, roll, focal length.
+The object is in the project's frame (`psgn_jax.data.schema`). It is rotated about the vertical axis
+by minus the azimuth, so that the camera looks at it from +x. The other parameters belong to the
+camera: elevation, distance, roll, focal length.
 """
 
 import dataclasses
@@ -14,32 +14,34 @@ from jaxtyping import Bool, Float
 
 from data_gen.field_checks import Range, check_ranges
 
-# Rows and columns at the image's edge that stay free of the object.
+# Width of the border of the image that the object may not touch.
 _MARGIN_PIXELS = 1.0
 
-# The camera moves back by this factor until the object fits.
+# The distance is multiplied by this factor until the object fits.
 _STEP = 1.02
 
 
 @dataclasses.dataclass(frozen=True)
 class CameraSettings:
-    """Ranges that cameras are drawn from, uniformly; a range (a, a) is a fixed value.
+    """Ranges from which cameras are drawn uniformly; a range (a, a) is a fixed value.
 
-    The defaults are the authors' camera, fitted on their silhouettes, with any azimuth.
+    The defaults are the authors' camera, fitted to their silhouettes, with any azimuth.
 
     Attributes:
       image_size: (H, W) in pixels.
       azimuth: degrees from the object's front (+x) toward +y.
       elevation: degrees of the camera above the horizon, under 90.
-      distance: of the origin from the camera along the optical axis, unit of the frame.
-      focal: in pixels of an image 192 rows high; it grows with the image. The vertical field of
-        view is 2 atan(96 / focal): 27 degrees for 400.
-      roll: degrees about the optical axis; the object turns clockwise.
-      aim: height above the origin at which the camera looks.
-      keep_size: whether the distance is that of a focal length of 400 and grows with the focal
-        length, so that the object's size in the image stays: a short one is a close look.
-      off_centre: how far the camera looks past the object, as part of the room that it leaves
-        free in the image: 0 to 1, drawn for rows and columns from -off_centre to off_centre.
+      distance: distance of the origin from the camera along the optical axis, in units of the
+        frame.
+      focal: focal length in pixels of an image with 192 rows; scaled with the image height. The
+        vertical field of view is 2 atan(96 / focal): 27 degrees for 400.
+      roll: degrees about the optical axis; positive values turn the object clockwise.
+      aim: height above the origin of the point that the camera looks at.
+      keep_size: whether `distance` holds for a focal length of 400 and is scaled with the focal
+        length. The object then keeps its size in the image; with a short focal length the camera is
+        close to it.
+      off_centre: largest shift of the object in the image, as a fraction of the free space beside
+        it: 0 to 1. The shifts along rows and columns are drawn from -off_centre to off_centre.
     """
 
     image_size: tuple[int, int] = (192, 256)
@@ -48,7 +50,7 @@ class CameraSettings:
     distance: Range = (3.6, 3.6)
     focal: Range = (400.0, 400.0)
     roll: Range = (0.0, 0.0)
-    # The authors' images have the origin 0.252 below the optical axis, at 20 degrees.
+    # In the authors' images the origin is 0.252 below the optical axis, at an elevation of 20.
     aim: Range = (0.26817, 0.26817)
     keep_size: bool = False
     off_centre: float = 0.0
@@ -82,8 +84,8 @@ PRESETS: dict[str, Mapping[str, Any]] = {
         "focal": (210.0, 210.0),
         "aim": (0.3, 0.3),
     },
-    # As people take photographs: lenses of 28 to 105 mm on small film, from any height but far
-    # below, not quite level, the object somewhere in the picture.
+    # Like photographs by hand: lenses of 28 to 105 mm on 35 mm film, most elevations, not quite
+    # level, the object anywhere in the image.
     "photo": {
         "elevation": (-5.0, 60.0),
         "distance": (3.5, 4.8),
@@ -105,7 +107,7 @@ class Camera:
       extrinsics: float64 [3, 4], from the view-aligned frame to the camera's (OpenCV).
       rotation: float64 [3, 3], from the model's frame to the view-aligned one.
       image_size: (H, W).
-      azimuth, elevation, distance, focal, roll: what they are made of, degrees and `focal` as in
+      azimuth, elevation, distance, focal, roll: the parameters of the matrices, in the units of
         `CameraSettings`.
     """
 
@@ -121,11 +123,11 @@ class Camera:
 
     @property
     def position(self) -> Float[np.ndarray, " 3"]:
-        """The camera's place in the view-aligned frame."""
+        """The camera's position in the view-aligned frame."""
         return -self.extrinsics[:, :3].T @ self.extrinsics[:, 3]
 
     def parameters(self) -> dict[str, float]:
-        """What the camera is made of, for the sample's record."""
+        """The camera's parameters, stored in the sample's record."""
         names = ("azimuth", "elevation", "distance", "focal", "roll")
         return {name: round(float(getattr(self, name)), 6) for name in names}
 
@@ -147,9 +149,9 @@ def make(
     aim: float,
     pan: tuple[float, float] = (0.0, 0.0),
 ) -> Camera:
-    """The camera of given parameters, see `CameraSettings`.
+    """The camera with the given parameters, described in `CameraSettings`.
 
-    `pan` turns it, in radians, so that the object moves right and down in the image.
+    `pan` is a rotation of the camera in radians that moves the object right and down in the image.
     """
     sine, cosine = np.sin(np.deg2rad(elevation)), np.cos(np.deg2rad(elevation))
     upright = np.array(
@@ -164,7 +166,7 @@ def make(
     pixels = focal * height / 192
     return Camera(
         intrinsics=np.array([[pixels, 0, width / 2], [0, pixels, height / 2], [0, 0, 1]]),
-        # Camera coordinates have y down, so this turn is clockwise in the image.
+        # In camera coordinates y points down, so this rotation is clockwise in the image.
         extrinsics=turn_about_vertical(roll) @ upright,
         rotation=turn_about_vertical(-azimuth),
         image_size=image_size,
@@ -179,7 +181,7 @@ def make(
 def project(
     points: Float[np.ndarray, "n 3"], camera: Camera
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
-    """Continuous (column, row) of points of the view-aligned frame, and z of the camera's."""
+    """Continuous (column, row) of points in the view-aligned frame, and their depth z."""
     inside = points @ camera.extrinsics[:, :3].T + camera.extrinsics[:, 3]
     z = inside[:, 2]
     safe = np.where(z > 0, z, np.nan)
@@ -187,7 +189,7 @@ def project(
 
 
 def in_frame(points: Float[np.ndarray, "n 3"], camera: Camera) -> Bool[np.ndarray, " n"]:
-    """Whether points are in front of the camera and inside the image, less a margin of a pixel."""
+    """Whether points are in front of the camera and at least one pixel inside the image."""
     pixels, _ = project(points, camera)
     height, width = camera.image_size
     with np.errstate(invalid="ignore"):
@@ -202,16 +204,16 @@ def in_frame(points: Float[np.ndarray, "n 3"], camera: Camera) -> Bool[np.ndarra
 def draw(
     rng: np.random.Generator, settings: CameraSettings, vertices: Float[np.ndarray, "n 3"]
 ) -> Camera:
-    """Draws a camera; it moves back where the object would not fit into the image.
+    """Draws a camera. It is moved back until the object fits into the image.
 
     Args:
-      rng: of the draw; as many numbers are taken whatever the settings are (those of settings that
-        came later are taken of a child of it).
+      rng: the random generator. The number of values taken from it does not depend on the settings;
+        settings that were added later use a child generator.
       settings: the ranges.
-      vertices: of the object, in the model's frame.
+      vertices: vertices of the object, in the model's frame.
 
     Raises:
-      ValueError: no distance up to 1000 shows the object whole.
+      ValueError: the object does not fit into the image at any distance up to 1000.
     """
     unit = rng.random(6)
 
@@ -234,7 +236,10 @@ def draw(
             return camera
         parameters["distance"] *= _STEP
         if parameters["distance"] > 1000:
-            raise ValueError("camera: the object does not fit into the image at any distance")
+            raise ValueError(
+                "camera: the object does not fit into the image, expected a distance up to 1000 "
+                "that shows all of it"
+            )
 
 
 def _moved(
@@ -244,12 +249,12 @@ def _moved(
     camera: Camera,
     parameters: Mapping[str, Any],
 ) -> Camera:
-    """The camera turned so that the object, in the view-aligned frame, is somewhere else."""
+    """The camera, rotated so that the object is at a random position in the image."""
     pixels, _ = project(turned, camera)
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     size = np.array(settings.image_size[::-1], float)
     want = rng.uniform(-settings.off_centre, settings.off_centre, 2)
-    # In pixels of the image; the camera turns before it rolls.
+    # In pixels of the image. The camera is panned before it is rolled.
     room = np.where(want > 0, size - _MARGIN_PIXELS - high, low - _MARGIN_PIXELS)
     shift = turn_about_vertical(-camera.roll)[:2, :2] @ (want * np.maximum(room, 0))
     for _ in range(12):

@@ -1,8 +1,8 @@
-"""Configuration of `data_gen/render.py`; any field is a flag, too: `--config.views=8`.
+"""Configuration of `data_gen/render.py`. Every field is also a flag: `--config.views=8`.
 
-`--config=data_gen/config.py:photo` begins with the named preset, see `settings.PRESETS`: "authors"
-(the default), "r2n2" (that camera) or "photo" (pictures that look like photographs). For own
-settings, copy this file and change what it returns.
+`--config=data_gen/config.py:photo` starts from a preset of `settings.PRESETS`: "authors" (the
+default), "r2n2" (the camera of 3D-R2N2) or "photo" (images that look like photographs). For your
+own settings, copy this file and change what it returns.
 """
 
 import ml_collections
@@ -11,7 +11,7 @@ from data_gen import settings
 
 
 def get_config(preset: str = "authors") -> ml_collections.ConfigDict:
-    """The defaults of `settings.Settings`, with a preset's changes."""
+    """The defaults of `settings.Settings` with the changes of a preset."""
     if preset not in settings.PRESETS:
         raise ValueError(f"preset {preset!r}: expected one of {sorted(settings.PRESETS)}")
     config = ml_collections.ConfigDict(settings.to_dict(settings.Settings()))

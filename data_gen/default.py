@@ -1,4 +1,4 @@
-"""The default data set: a few hundred procedural models, made on first use by the ordinary job."""
+"""The default data set: a few hundred procedural models, rendered on first use."""
 
 import os
 import pathlib
@@ -10,18 +10,18 @@ from data_gen.mitsuba_setup import has_mitsuba
 from psgn_jax.data.manifest import load_manifest
 
 NUM_PER_CATEGORY = 40
-"""Models of each of the 13 categories, one view each: 520 images."""
+"""Number of models of each of the 13 categories, with one view each: 520 images."""
 
 NAME = f"procedural-2-{NUM_PER_CATEGORY}"
-"""Folder of the data set. The first number is its version: it goes up with every change of what a
-model or a picture looks like, so that nobody trains on a mixture."""
+"""Name of the data set's folder. The first number is a version. It is increased with every change
+of models or images, so that a data set never mixes versions."""
 
 SETTINGS = settings.Settings(views=1, models_per_shard=64)
-"""The authors' camera and size, one view of each model."""
+"""The authors' camera and image size, one view of each model."""
 
 
 def can_build() -> bool:
-    """Whether what rendering needs is installed."""
+    """Whether the packages for rendering are installed."""
     return has_mitsuba()
 
 
@@ -31,28 +31,30 @@ def build(
     models_per_category: int = NUM_PER_CATEGORY,
     options: settings.Settings = SETTINGS,
 ) -> str:
-    """Makes the default data set, or completes it; a complete one is left as it is.
+    """Renders the default data set or completes it. A complete data set is not changed.
 
-    Progress goes to absl's log. Where LLVM is found it is used; the data set differs by rounding.
+    Progress is logged by absl. LLVM is used if it is available; without it, the data set differs by
+    rounding.
 
     Args:
-      folder: of the data set; one that was begun by another renderer is begun anew.
-      models_per_category: how many.
+      folder: folder of the data set. If another variant of the renderer began it and it is
+        incomplete, it is rendered again from the start.
+      models_per_category: number of models of each category.
       options: all settings.
 
     Returns:
-      the folder, a complete data set of records.
+      The folder, which contains a complete data set of records.
 
     Raises:
       RuntimeError: Mitsuba is missing or does not run, or no model could be rendered.
-      ValueError: the folder holds something else, complete.
+      ValueError: the folder contains a different, complete data set.
     """
     folder = pathlib.Path(folder)
     source = open_catalogue("procedural", str(models_per_category))
     try:
         summary = job.render_catalogue(source, folder, options)
     except job.OtherSettingsError:
-        # Begun before LLVM came or went, and not completed: nothing of worth is lost.
+        # It was begun with the other variant of the renderer and is incomplete: delete it.
         if load_manifest(folder, allow_incomplete=True).complete:
             raise
         shutil.rmtree(folder)

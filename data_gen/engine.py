@@ -1,7 +1,7 @@
-"""Mitsuba, as this process has started it: the only importer of Mitsuba.
+"""The only module that imports Mitsuba.
 
-A process calls `start` once, which fixes the variant: `llvm_ad_rgb` is the fast one, `scalar_rgb`
-needs no LLVM. `mi` and `dr` are then the packages mitsuba and drjit.
+A process calls `start` once with a variant: `llvm_ad_rgb` is fast, `scalar_rgb` works without LLVM.
+After that, `mi` and `dr` are the packages mitsuba and drjit.
 """
 
 import contextlib
@@ -16,23 +16,23 @@ dr: Any = None
 
 
 def start(variant: str, libllvm: str = "", *, shrink_threads: bool = True) -> None:
-    """Loads Mitsuba in one variant, with one thread; once in a process.
+    """Loads Mitsuba in one variant, with one thread. Further calls have no effect.
 
     Args:
       variant: one of `VARIANTS`.
-      libllvm: path of the LLVM library; "" = Mitsuba looks for one.
-      shrink_threads: one thread alone; not for `load_map`.
+      libllvm: path of the LLVM library; "" = Mitsuba searches for one.
+      shrink_threads: whether to use only one thread; False is needed for `load_map`.
 
     Raises:
       ValueError: an unknown variant.
-      RuntimeError: another variant was started before.
+      RuntimeError: this process has started another variant.
     """
     global mi, dr
     if variant not in VARIANTS:
         raise ValueError(f"variant {variant!r}: expected one of {list(VARIANTS)}")
     if mi is not None:
         if mi.variant() != variant:
-            raise RuntimeError(f"Mitsuba runs as {mi.variant()} in this process already")
+            raise RuntimeError(f"Mitsuba was started as {mi.variant()}, expected {variant}")
         return
     if libllvm:
         os.environ["DRJIT_LIBLLVM_PATH"] = libllvm
@@ -47,7 +47,7 @@ def start(variant: str, libllvm: str = "", *, shrink_threads: bool = True) -> No
 
 
 def release() -> None:
-    """Frees what earlier scenes have left behind."""
+    """Frees the memory of earlier scenes."""
     if dr is not None and not mi.variant().startswith("scalar"):
         with contextlib.suppress(Exception):
             dr.flush_malloc_cache()

@@ -1,8 +1,8 @@
-"""Environment maps: Mitsuba's skies, and files of a folder.
+"""Environment maps: Mitsuba's model of sun and sky, and files of a folder.
 
     python -m data_gen.environment_maps
 
-is the process that makes and reads them for `load_maps`.
+is the process that `load_maps` starts to compute and read them.
 """
 
 import json
@@ -21,18 +21,18 @@ from data_gen.mitsuba_setup import Variant
 def load_maps(
     settings: lights.LightSettings, variant: Variant, *, detail: bool = False
 ) -> Float[np.ndarray, "m h w 3"] | None:
-    """The environment maps of the settings; None = procedural skies, made for each view.
+    """The environment maps for the settings; None = procedural skies, made for each view.
+
+    A separate process reads them, because reading EXR files hangs with a single thread.
 
     Args:
-      settings: of the light.
-      variant: of Mitsuba.
-      detail: whether they are of the size that a picture's background takes; those of the source
+      settings: settings of the light.
+      variant: variant of Mitsuba.
+      detail: whether the maps are large enough for the background of images. Those of the source
         "mixed" always are.
 
-    A process of its own reads them: it keeps its threads, without which EXR files hang.
-
     Raises:
-      ValueError: the folder has no map, or one cannot be read.
+      ValueError: the folder has no map, or a map cannot be read.
     """
     if settings.source == "procedural":
         return None
@@ -58,7 +58,7 @@ def _write_maps() -> None:
     request = json.loads(sys.stdin.read())
     engine.start(*request["variant"], shrink_threads=False)
     size = (request["size"][0], request["size"][1])
-    # From a clear morning to a hazy noon; a quarter of the rows and columns do for a large map.
+    # From a clear morning to a hazy noon. Large maps are computed at a quarter of the resolution.
     coarse = max(1, size[0] // 64)
     rng = np.random.default_rng(0)
     maps = [
@@ -76,13 +76,13 @@ def _write_maps() -> None:
 def load_map(
     path: str | os.PathLike[str], size: tuple[int, int] = lights.MAP_SIZE
 ) -> Float[np.ndarray, "h w 3"]:
-    """An environment map from an .hdr or .exr file, reduced to a size.
+    """An environment map from an .hdr or .exr file, reduced to `size`.
 
-    Call it only in a process whose thread pool has not been shrunk: with a single thread, reading
-    an EXR never ends. `load_maps` does that.
+    Call this only in a process with the default number of threads: with a single thread, reading an
+    EXR file hangs. `load_maps` does so.
 
     Raises:
-      ValueError: the file cannot be read, or is not twice as wide as high.
+      ValueError: the file cannot be read, or its width is not twice its height.
     """
     try:
         bitmap = engine.mi.Bitmap(str(path)).convert(
@@ -92,11 +92,11 @@ def load_map(
         raise ValueError(f"environment map {str(path)!r}: {error}"[:300]) from error
     pixels = np.array(bitmap)
     height, width = pixels.shape[:2]
-    # Folders of maps often hold pictures of lit balls, too, which would pass for odd surroundings.
+    # Folders of maps often contain images of lit spheres as well. Their aspect ratio differs.
     if not 1.8 < width / height < 2.2:
         raise ValueError(
-            f"environment map {str(path)!r}: {width} x {height} pixels, expected it twice as wide "
-            "as high (latitude and longitude)"
+            f"environment map {str(path)!r}: {width} x {height} pixels, expected a width of twice "
+            "the height (latitude and longitude)"
         )
     return lights.shrink(pixels, size)
 
@@ -107,13 +107,13 @@ def sunsky_map(
     albedo: float,
     size: tuple[int, int] = lights.MAP_SIZE,
 ) -> Float[np.ndarray, "h w 3"]:
-    """Mitsuba's model of sun and sky as a map of a size, on grey ground.
+    """A map of Mitsuba's model of sun and sky, above grey ground.
 
     Args:
       turbidity: 1 (clear) to 10 (hazy).
-      sun_elevation_degrees: of the sun above the horizon.
-      albedo: of the ground.
-      size: of the map.
+      sun_elevation_degrees: elevation of the sun above the horizon.
+      albedo: albedo of the ground.
+      size: size of the map.
     """
     elevation = np.deg2rad(sun_elevation_degrees)
     emitter = {
@@ -142,8 +142,8 @@ def sunsky_map(
         values[above] = evaluate([engine.mi.Float(np.ascontiguousarray(c)) for c in columns]).T
     grid = values.reshape(*size, 3)
     angles = lights.solid_angles(size)[..., None]
-    # The sun is half a degree wide: no map this small holds it. It is added with the energy that
-    # makes direct light about four times the sky's on a clear day, less in haze.
+    # The sun has a diameter of half a degree, less than a pixel of the map. It is added with an
+    # irradiance of about four times that of the sky on a clear day, less in haze.
     energy = (grid * angles).sum(axis=(0, 1))
     row = int((90 - sun_elevation_degrees) / 180 * size[0])
     warm = np.array([1.0, 0.95, 0.85])

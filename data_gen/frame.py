@@ -1,7 +1,7 @@
-"""Models in the project's frame (`psgn_jax.data.schema`), where `normalize` brings them.
+"""Moves models to the project's frame (`psgn_jax.data.schema`).
 
-+z is up, +x the front, the origin on the ground under the object; the unit is the radius of the
-bounding hemisphere.
++z is up, +x is the front, and the origin is on the ground under the object. The unit is the radius
+of the bounding hemisphere.
 """
 
 import dataclasses
@@ -21,14 +21,14 @@ from data_gen.mesh import (
 )
 
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
-"""Names of directions, for `orient`."""
+"""Names of the directions in `orient`."""
 
 
 def axis_vector(name: str) -> Float[np.ndarray, " 3"]:
     """The unit vector of a direction of `AXES`.
 
     Raises:
-      ValueError: there is no such direction.
+      ValueError: the name is not in `AXES`.
     """
     if name not in AXES:
         raise ValueError(f"axis {name!r}: expected one of {list(AXES)}")
@@ -38,26 +38,26 @@ def axis_vector(name: str) -> Float[np.ndarray, " 3"]:
 
 
 def orient(model: Model, up: str = "+y", front: str = "+z") -> Model:
-    """Turns a model so that its `up` is +z and its `front` +x.
+    """Rotates a model so that its `up` becomes +z and its `front` becomes +x.
 
     Args:
-      model: in its file's axes.
-      up: one of `AXES`; +y is what OBJ and glTF mean.
-      front: one of `AXES`, at right angles to `up`.
+      model: the model in the axes of its file.
+      up: one of `AXES`; +y in OBJ and glTF files.
+      front: one of `AXES`, perpendicular to `up`.
     """
     upward, forward = axis_vector(up), axis_vector(front)
     if upward @ forward != 0:
-        raise ValueError(f"front {front!r}: expected a direction at right angles to up {up!r}")
+        raise ValueError(f"front {front!r}: expected a direction perpendicular to up {up!r}")
     rotation = np.stack([forward, np.cross(upward, forward), upward])
     return model.transformed(np.concatenate([rotation, np.zeros((3, 1))], axis=1))
 
 
-# Parts of faces smaller than this part of the extent are not divided further.
+# Parts of faces smaller than this fraction of the extent are not divided further.
 _SMALL = 0.001
 
 
 def _texel_sums(material: Material) -> Int[np.ndarray, "h w"]:
-    """How many texels above and left of each place exist."""
+    """Summed-area table of the texels that exist."""
     texture = np.full((1, 1, 4), 255) if material.texture is None else material.texture
     exists = texture[..., 3] * (material.opacity / 255.0) >= EXISTS
     return np.pad(exists.cumsum(axis=0, dtype=np.int32).cumsum(axis=1), ((1, 0), (1, 0)))
@@ -66,7 +66,7 @@ def _texel_sums(material: Material) -> Int[np.ndarray, "h w"]:
 def _existing_share(
     sums: Int[np.ndarray, "h w"], uv: Float[np.ndarray, "n 3 2"]
 ) -> Float[np.ndarray, " n"]:
-    """Part of the texels that exist, of those in the bounding boxes of triangles."""
+    """Fraction of the texels that exist in the bounding boxes of triangles."""
     size = np.array(sums.shape[::-1]) - 1
     places = uv * [1, -1] * size
     first = np.floor(places.min(axis=1) + 1e-4).astype(np.int64)
@@ -75,7 +75,7 @@ def _existing_share(
     first %= size
 
     def before(place: np.ndarray) -> np.ndarray:
-        # Textures repeat.
+        # The texture repeats.
         (columns, rows), (column, row) = (place // size).T, (place % size).T
         return (
             rows * columns * sums[-1, -1] + rows * sums[-1, column]
@@ -93,22 +93,22 @@ def _existing_extremes(
     measure: Callable[[np.ndarray], np.ndarray],
     best: Float[np.ndarray, " k"],
 ) -> Float[np.ndarray, "m 3"]:
-    """Existing points of faces at which measures exceed `best`: for each, the largest value.
+    """For each measure that exceeds `best` on these faces, the existing point with its maximum.
 
-    Faces are divided into four, again and again, where they exist in part and may hold a larger
-    value. A divided part that is as small as `_SMALL` of the extent counts by its corners alone.
+    Faces that exist only in part and may contain a larger value are divided into four, recursively.
+    Of parts smaller than `_SMALL` times the extent only the corners are examined.
 
     Args:
-      model: any.
-      faces: that may have holes.
+      model: the model.
+      faces: faces that may have holes.
       measure: convex functions of points: [n, 3] to [n, k].
-      best: values that are reached elsewhere.
+      best: the maxima over the other faces.
     """
     extent = float(np.ptp(model.vertices, axis=0).max())
     best, chosen = best.copy(), np.full((len(best), 3), np.nan)
     weights = np.tile(np.eye(3), (len(faces), 1, 1))
     sums: dict[tuple[int, float], np.ndarray] = {}
-    # From the corners of a triangle to those of its four parts.
+    # Maps the corners of a triangle to those of its four parts.
     halves = (
         np.array(
             [
@@ -160,15 +160,15 @@ def _existing_extremes(
 def outline(
     model: Model, measure: Callable[[np.ndarray], np.ndarray] | None = None
 ) -> Float[np.ndarray, "n 3"]:
-    """Points that stick out as far as what is drawn: all vertices, if no texture has alpha.
+    """Points with the same extent as the visible surface.
 
-    With such textures, the vertices of the faces without them, and of the others the existing
-    points with the largest measures.
+    Without alpha textures these are all vertices. With them, they are the vertices of the faces
+    without alpha, and on the faces with alpha the existing points with the largest measures.
 
     Args:
-      model: any.
+      model: the model.
       measure: convex functions of points, [n, 3] to [n, k]; None = the extent in 260 directions,
-        those of the axes among them.
+        the axes included.
     """
     faces = faces_with_alpha(model)
     if not len(faces):
@@ -189,17 +189,18 @@ def outline(
     return np.concatenate([points, _existing_extremes(model, faces, measure, best)])
 
 
-# A model is in stray parts if an empty gap takes this part of its extent, and what lies on either
-# side is smaller than that. Of FlightGear's 494 models that load, one has a gap of over 0.6 (0.93;
-# the next have 0.45 and 0.25), of 82 pieces of Sweet Home 3D none has more than 0.12.
+# A model has stray parts if an empty gap takes more than the first fraction of its extent and the
+# parts on both sides are smaller than the second. Of FlightGear's 494 models that load, one has a
+# gap above 0.6 (0.93; the next have 0.45 and 0.25); of 82 models of Sweet Home 3D none has more
+# than 0.12.
 _STRAY_GAP, _STRAY_SIZE = 0.6, 0.15
 
 
 def _check_strays(model: Model) -> None:
-    """Refuses models that consist of parts far from one another.
+    """Refuses models whose parts are far from each other.
 
     Raises:
-      UnusableModelError: names the smaller part.
+      UnusableModelError: there are such parts; the message names the smaller one.
     """
     corners = model.corners()
     low, high = corners.min(axis=1), corners.max(axis=1)
@@ -224,27 +225,27 @@ def _check_strays(model: Model) -> None:
         raise UnusableModelError(
             f"a stray part of {len(sides[0])} faces"
             + (f" (material {', '.join(names[:3])})" if names else "")
-            + f" around ({centre}): {gaps.max() / extent:.0%} of the model's extent are empty "
-            "between it and the rest"
+            + f" around ({centre}): the gap between it and the rest is {gaps.max() / extent:.0%} "
+            f"of the model's extent, expected at most {_STRAY_GAP:.0%}"
         )
 
 
 def normalize(model: Model) -> Model:
-    """Moves and scales a model to the project's frame; its axes must be right already (`orient`).
+    """Moves and scales a model to the project's frame. Its axes must be correct (`orient`).
 
-    The lowest point comes to z = 0, the centre of the bounding box to x = y = 0, the farthest
-    point to distance 1 from the origin: the radius of the bounding hemisphere is 1. Only what is
-    drawn counts: what an alpha texture hides may lie outside. With alpha textures, the bounds are
+    The lowest point is moved to z = 0 and the centre of the bounding box to x = y = 0. The model is
+    scaled so that the farthest point is at distance 1 from the origin. Only visible surface counts:
+    parts that are hidden by an alpha texture may lie outside. With alpha textures, the bounds are
     exact to 0.002 of the extent.
 
     Raises:
-      UnusableModelError: the model has no extent, or one that overflows; or it has stray parts
-        far away, beside which the object would be a dot.
+      UnusableModelError: the extent is zero or overflows, or a part is so far away that the object
+        itself would be tiny.
     """
     _check_strays(model)
     points = outline(model, lambda points: np.concatenate([points, -points], axis=1))
     if not len(points):
-        raise UnusableModelError("nothing of the surface exists: its textures are transparent")
+        raise UnusableModelError("all of its textures are transparent, expected a visible surface")
     low, high = points.min(axis=0), points.max(axis=0)
     origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
 
@@ -254,5 +255,5 @@ def normalize(model: Model) -> Model:
     with np.errstate(over="ignore"):
         radius = float(distance(outline(model, distance)).max())
     if not (np.isfinite(radius) and radius > 0):
-        raise UnusableModelError(f"the model's radius is {radius:g}")
+        raise UnusableModelError(f"the model's radius is {radius:g}, expected a positive number")
     return dataclasses.replace(model, vertices=(model.vertices - origin) / radius)

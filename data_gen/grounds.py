@@ -1,6 +1,6 @@
-"""The ground that an object stands on in a picture: procedural textures on a plane; pure numpy.
+"""The ground under an object: a plane with a procedural texture.
 
-The plane is z = 0 of the project's frame. Colours are reflectances in linear light.
+The plane is z = 0 of the project's frame. Colours are linear reflectances.
 """
 
 import dataclasses
@@ -11,11 +11,11 @@ from jaxtyping import Bool, Float
 from data_gen.surroundings import Surroundings, noise
 
 KINDS = ("paper", "wood", "planks", "tiles", "carpet", "cloth", "concrete", "asphalt", "grass")
-"""What a ground can be made of."""
+"""The kinds of ground."""
 
 _TEXELS = 512
 
-# Grounds that fit surroundings, with weights.
+# Kinds that fit each kind of surroundings, with weights.
 _FITTING = {
     "room": {"wood": 4, "planks": 3, "tiles": 2, "carpet": 2, "cloth": 2, "paper": 1,
              "concrete": 1},
@@ -32,13 +32,13 @@ class Ground:
 
     Attributes:
       kind: one of `KINDS`.
-      levels: float32 [T, T, 3] each, its texture at full, half, ... resolution; it repeats.
-      size: length of the texture's side, unit of the frame.
-      turn: degrees that texture and edges are turned by about the vertical.
-      half: half of its length and width; infinite where it has no edge in sight.
-      gloss: reflectance of its surface when looked at from above.
-      sweep: distance behind the object from which the plane bends upward to be the background, as
-        paper does in product pictures; 0 = it does not.
+      levels: float32 [T, T, 3] each, the repeating texture at full, half, ... resolution.
+      size: side length of the texture, in units of the frame.
+      turn: rotation of texture and edges about the vertical axis, degrees.
+      half: half of its length and width; infinite if it has no edge.
+      gloss: reflectance at normal incidence.
+      sweep: distance behind the object from which the plane curves upward and becomes the
+        background, like the paper of product photographs; 0 = it stays flat.
     """
 
     kind: str
@@ -51,7 +51,7 @@ class Ground:
 
     @property
     def mean(self) -> Float[np.ndarray, " 3"]:
-        """Its mean reflectance."""
+        """The mean reflectance."""
         mean: np.ndarray = self.levels[-1].reshape(3)
         return mean
 
@@ -88,7 +88,7 @@ class Ground:
 
 
 def _bilinear(level: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Values of a repeating texture at places in [0, 1)^2."""
+    """Bilinear interpolation of a repeating texture at positions in [0, 1)^2."""
     side = len(level)
     exact = place * side - 0.5
     low = np.floor(exact)
@@ -118,14 +118,14 @@ _WOODS = ((0.46, 0.28, 0.14), (0.32, 0.16, 0.07), (0.6, 0.44, 0.27), (0.16, 0.08
 
 
 def _tone(rng: np.random.Generator, low: float, high: float, saturation: float) -> np.ndarray:
-    """A random colour, more often warm than cold, as what people lay on floors and tables is."""
+    """A random colour, more often warm than cold, like floors and tables."""
     colour = 1 + saturation * rng.uniform(-1, 1, 3)
     colour *= np.array([1.1, 1.0, 0.88]) / colour.mean()
     return np.clip(colour * rng.uniform(low, high), 0.02, 0.85)
 
 
 def _grain(rng: np.random.Generator, colour: np.ndarray) -> np.ndarray:
-    """Wood whose grain runs across."""
+    """Wood with the grain along the columns."""
     size = (_TEXELS, _TEXELS)
     broad = noise(rng, size, slope=1.8, stretch=(1, 14))
     rings = np.sin(broad * rng.uniform(4, 12) + 2 * noise(rng, size, slope=1.5, stretch=(1, 30)))
@@ -137,7 +137,7 @@ def _grain(rng: np.random.Generator, colour: np.ndarray) -> np.ndarray:
 
 
 def _cells(rng: np.random.Generator, rows: int, columns: int, stagger: bool) -> tuple:
-    """A number for each texel's board or tile, and its distance from the edge, in texels."""
+    """For each texel the number of its board or tile, and the distance to its edge in texels."""
     y, x = np.mgrid[:_TEXELS, :_TEXELS].astype(np.float32) + 0.5
     high, wide = _TEXELS / rows, _TEXELS / columns
     row = (y / high).astype(int)
@@ -149,9 +149,9 @@ def _cells(rng: np.random.Generator, rows: int, columns: int, stagger: bool) -> 
 
 
 def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, float]:
-    """A texture, the length of its side, and its gloss.
+    """A texture, its side length, and its gloss.
 
-    One function: a branch for each kind of ground.
+    This is one long function: a branch for each kind of ground.
     """
     size = (_TEXELS, _TEXELS)
     white = rng.standard_normal((*size, 1)).astype(np.float32)
@@ -241,9 +241,9 @@ def draw(rng: np.random.Generator, kind: str, around: Surroundings) -> Ground:
     """Draws a ground.
 
     Args:
-      rng: of the draw.
+      rng: the random generator.
       kind: one of `KINDS`, or "random" = one that fits the surroundings.
-      around: the surroundings; a room's floor ends at its walls, and a table in it at its edges.
+      around: the surroundings; the floor of a room ends at its walls, a table at its edges.
     """
     if kind == "random":
         fitting = _FITTING[around.kind]

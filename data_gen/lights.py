@@ -1,8 +1,8 @@
-"""Light: environment maps, and directional lights that stand for one; pure numpy.
+"""Environment maps, and directional lights that approximate them.
 
-An environment map is a float array [H, W, 3] of radiance: its first row is the zenith, its last
-the nadir, its columns run around the horizon. Local shading takes a few directional lights and a
-floor of ambient light from it (`reduce`); path tracing takes the map itself.
+An environment map is a float array [H, W, 3] of radiance: its first row is the zenith, its last row
+the nadir, its columns go around the horizon. Local shading uses a few directional lights and
+ambient light computed from it (`reduce`); path tracing uses the map itself.
 """
 
 import dataclasses
@@ -15,35 +15,35 @@ from jaxtyping import Float
 from data_gen.field_checks import check_between, check_one_of, check_ranges
 
 MAP_SIZE = (32, 64)
-"""Size that maps are reduced to before anything is computed of them."""
+"""Size to which maps are reduced before lights are computed."""
 
 DETAIL = (256, 512)
-"""Size of maps that are seen in the picture as well."""
+"""Size of maps that are visible in the image."""
 
 NUM_SUNSKY = 24
-"""Skies that are made with Mitsuba's model of sun and sky."""
+"""Number of skies made with Mitsuba's model of sun and sky."""
 
 SOURCES = ("procedural", "sunsky", "folder", "mixed")
-"""Where environment maps come from."""
+"""Sources of environment maps."""
 
 
 @dataclasses.dataclass(frozen=True)
 class LightSettings:
-    """Where light comes from and how strong it is.
+    """The light: its source and its strength.
 
     Attributes:
-      source: one of `SOURCES`: skies made here, Mitsuba's model of sun and sky, a folder, or
-        "mixed": for each view an outdoor scene, a room, a studio or a map of the folder, if one is
-        given, see `data_gen.surroundings`.
-      folder: of .hdr and .exr files, for "folder" and "mixed".
-      count: directional lights that a map is reduced to.
-      ambient: range of the part of the light that comes from everywhere. Local shading has no
-        interreflection; without this floor what looks away from the lights would be black.
-      exposure: range of the brightness of a white surface that faces the light best; above 1, it
+      source: one of `SOURCES`: "procedural" skies of this module, Mitsuba's "sunsky", a "folder",
+        or "mixed": for each view an outdoor scene, a room, a studio or, if `folder` is given, one
+        of its maps (`data_gen.surroundings`).
+      folder: folder of .hdr and .exr files, for "folder" and "mixed".
+      count: number of directional lights to which a map is reduced.
+      ambient: range of the ambient fraction of the light. Local shading has no interreflection;
+        without ambient light, surfaces that face away from the lights would be black.
+      exposure: range of the brightness of a white surface that faces the light; above 1, the image
         saturates.
-      saturation: how much of the lights' colour is kept, 0 to 1. The authors' light is near white.
-      specular: factor on the materials' highlights.
-      darkest: diffuse colours are at least this: nothing is blacker than coal, and no image black.
+      saturation: saturation of the lights' colours, 0 to 1. The authors' light is nearly white.
+      specular: factor of the materials' highlights.
+      darkest: lower bound of diffuse colours, so that no object is completely black.
     """
 
     source: str = "procedural"
@@ -73,15 +73,15 @@ class LightSettings:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Lights:
-    """Directional lights and ambient light, in units in which white under 1 is white.
+    """Directional lights and ambient light; a white surface under light of strength 1 is white.
 
     Attributes:
       directions: float32 [k, 3], unit vectors toward the lights, in the view-aligned frame.
       colours: float32 [k, 3], RGB.
       sky: float32 [3], ambient light on a surface that faces up.
-      ground: float32 [3], ambient light on one that faces down.
-      specular: factor on highlights.
-      darkest: least diffuse colour.
+      ground: float32 [3], ambient light on a surface that faces down.
+      specular: factor of highlights.
+      darkest: lower bound of diffuse colours.
     """
 
     directions: Float[np.ndarray, "k 3"]
@@ -108,13 +108,16 @@ def directions_of(size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
 
 
 def solid_angles(size: tuple[int, int]) -> Float[np.ndarray, "h w"]:
-    """Solid angles of a map's pixels; their sum is 4 pi."""
+    """Solid angles of the pixels of a map; their sum is 4 pi."""
     edges = np.cos(np.linspace(0, np.pi, size[0] + 1))
     return np.repeat(-np.diff(edges)[:, None], size[1], axis=1) * 2 * np.pi / size[1]
 
 
 def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.ndarray, "h w 3"]:
-    """A map reduced by averaging; no light is lost. Values that are no light become 0."""
+    """A map reduced by averaging, which keeps the total light.
+
+    Negative values and values that are not finite become 0.
+    """
     full = np.asarray(radiance, np.float64)[..., :3]
     full = np.clip(np.nan_to_num(full, nan=0.0, posinf=1e6, neginf=0.0), 0, 1e6)
     for axis, wanted in enumerate(size):
@@ -129,7 +132,7 @@ def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.n
 
 
 def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
-    """Random surroundings: a sky that brightens toward the horizon, ground, sun, windows."""
+    """A random map: a sky that is brighter near the horizon, ground, sun and windows."""
     toward = directions_of(MAP_SIZE)
     height = toward[..., 2]
     zenith = np.array([0.75, 0.85, 1.0]) * rng.uniform(0.3, 1.0)
@@ -143,7 +146,7 @@ def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
         return np.exp(sharp * (toward @ direction - 1))[..., None]
 
     for number in range(int(rng.integers(2, 5))):
-        # The first one is the sun or a lamp overhead; the others are windows and bright walls.
+        # The first spot is the sun or a lamp overhead; the others are windows and bright walls.
         low, high = (35, 75) if number == 0 else (-5, 60)
         elevation, azimuth = np.deg2rad(rng.uniform(low, high)), rng.uniform(0, 2 * np.pi)
         direction = np.array(
@@ -163,27 +166,27 @@ def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
 
 
 def list_maps(folder: str) -> list[pathlib.Path]:
-    """The environment maps below a folder, by name.
+    """The environment maps below a folder, sorted by name.
 
     Raises:
-      ValueError: there is none.
+      ValueError: the folder contains none.
     """
     found = sorted(
         p for p in pathlib.Path(folder).rglob("*") if p.suffix.lower() in (".hdr", ".exr")
     )
     if not found:
-        raise ValueError(f"light.folder: {folder!r} has no .hdr or .exr file")
+        raise ValueError(f"light.folder: got {folder!r}, expected a folder of .hdr and .exr files")
     return found
 
 
 def turned(radiance: Float[np.ndarray, "h w 3"], turns: float) -> Float[np.ndarray, "h w 3"]:
-    """The map turned about the vertical by `turns` full turns, rounded to a column."""
+    """The map rotated about the vertical axis by `turns` full turns, rounded to a column."""
     return np.roll(radiance, round(turns * radiance.shape[1]), axis=1)
 
 
 @functools.lru_cache(maxsize=2)
 def _neighbours(size: tuple[int, int]) -> Float[np.ndarray, "n n"]:
-    """Which pixels of a map are within 35 degrees of each other, as 0 and 1."""
+    """For all pairs of pixels of a map: 1 if they are within 35 degrees of each other, else 0."""
     toward = directions_of(size).reshape(-1, 3)
     return (toward @ toward.T > np.cos(np.deg2rad(35.0))).astype(np.float32)
 
@@ -195,15 +198,15 @@ def reduce(
     ambient: float,
     exposure: float,
 ) -> Lights:
-    """Directional lights and ambient light that stand for a map.
+    """Directional lights and ambient light that approximate a map.
 
-    The map's brightest directions, found one after the other, gather what is near them (within 35
-    degrees); what is left is ambient. Then the whole is scaled so that a white surface that looks
-    where it gets the most light, seen from above or the front, has brightness `exposure`, of which
-    `ambient` is the ambient part.
+    The brightest directions are chosen one after the other; each collects the light within 35
+    degrees. The rest is ambient light. Everything is scaled so that the brightest orientation of a
+    white surface visible from above or from the front has brightness `exposure`, of which the
+    fraction `ambient` is ambient light.
 
     Args:
-      radiance: in the view-aligned frame, of the size `MAP_SIZE`.
+      radiance: the map in the view-aligned frame, of size `MAP_SIZE`.
       settings: number of lights, saturation, highlights.
       ambient: see `LightSettings`.
       exposure: see `LightSettings`.
@@ -211,7 +214,7 @@ def reduce(
     size = (radiance.shape[0], radiance.shape[1])
     toward = directions_of(size).reshape(-1, 3)
     energy = (radiance * solid_angles(size)[..., None]).reshape(-1, 3)
-    # What every direction would gather; lights from below are rare and look wrong: halved.
+    # The light that every direction would collect. Light from below is rare and is halved.
     weight = np.where(toward[:, 2] < 0, 0.3, 1.0)
     left = energy * weight[:, None]
     close = _neighbours(size)
@@ -236,12 +239,12 @@ def reduce(
         grey = value.mean(axis=-1, keepdims=True)
         return grey + settings.saturation * (value - grey)
 
-    # Surfaces that a camera sees: up, and those that look to its side of the object.
+    # Orientations that the camera sees: up, and those on its side of the object.
     seen = toward[(toward[:, 0] > -0.2) & (toward[:, 2] > -0.3)]
     strongest = (np.clip(seen @ lamp.T, 0, None) @ colour.mean(axis=1)).max()
     colour = plain(colour) * exposure * (1 - ambient) / max(strongest, 1e-9)
     sky_colour = plain(sky / sky.mean()) * exposure * ambient
-    # Light from the ground is the sky's, reflected once.
+    # Light from the ground is light of the sky, reflected once.
     ground_colour = 0.7 * plain((floor / floor.mean() + sky / sky.mean()) / 2) * exposure * ambient
     return Lights(
         directions=lamp.astype(np.float32),
@@ -258,10 +261,10 @@ def draw(
     settings: LightSettings,
     maps: Float[np.ndarray, "m h w 3"] | None,
 ) -> tuple[Lights, Float[np.ndarray, "h w 3"]]:
-    """Draws light for one view: directional lights, and the map that they stand for.
+    """Draws the light of a view: directional lights, and the map that they approximate.
 
     Args:
-      rng: of the draw.
+      rng: the random generator.
       settings: see `LightSettings`.
       maps: the environment maps to choose from; None = procedural skies.
     """

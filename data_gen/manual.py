@@ -14,7 +14,7 @@ _WIDTH = 92
 
 
 def documented(kind: Callable[..., Any]) -> dict[str, str]:
-    """What a class's docstring says of its arguments or attributes, by name."""
+    """The descriptions of arguments or attributes in the docstring of a class, by name."""
     lines = (inspect.getdoc(kind) or "").splitlines()
     heads = [i for i, line in enumerate(lines) if line in ("Args:", "Attributes:")]
     result: dict[str, str] = {}
@@ -37,14 +37,14 @@ def _entry(name: str, text: str) -> str:
 
 
 def _plain(value: Any) -> str:
-    """A default as it is written on the command line."""
+    """A default value in the form of the command line."""
     if isinstance(value, tuple):
         return "'" + str(value).replace("'", "") + "'" if value else "()"
     return str(value)
 
 
 def options_of(name: str) -> str:
-    """The options of a catalogue with their defaults and meanings."""
+    """The options of a catalogue with defaults and descriptions."""
     kind = class_of(name)
     texts = documented(kind)
     defaults = inspect.signature(kind).parameters
@@ -74,11 +74,11 @@ def _settings(kind: Any, prefix: str) -> Iterator[str]:
 
 
 def text(summary: str, flags: dict[str, str]) -> str:
-    """The whole text.
+    """The complete help text.
 
     Args:
-      summary: what the command does.
-      flags: its flags but for those of settings, each with its meaning.
+      summary: description of the command.
+      flags: descriptions of the flags, without the flags of settings.
     """
     parts = [summary.strip(), "Flags"]
     parts[-1] += "\n" + "\n".join(_entry(name, meaning) for name, meaning in flags.items())

@@ -1,9 +1,9 @@
-"""The neutral mesh: flat arrays, materials, normals.
+"""The mesh that all readers and catalogues produce: flat arrays, materials, normals.
 
-A `Model` is triangles with a material each. `build_model` makes one of raw arrays and cleans them,
-`data_gen.readers` reads one from a file, `data_gen.catalogues` says where models come from.
+A `Model` consists of triangles, each with a material. `build_model` cleans raw arrays and makes a
+model from them, `data_gen.readers` reads models from files, and `data_gen.catalogues` lists models.
 
-Colours are display values (sRGB) in [0, 1], as material files have them.
+Colours are display values (sRGB) in [0, 1], as in material files.
 """
 
 import dataclasses
@@ -17,42 +17,42 @@ import scipy.sparse.csgraph
 from jaxtyping import Float, Int, UInt8
 
 MAX_FACES = 400_000
-"""Default limit of a model's faces.
+"""Default limit of the number of faces.
 
-Reading an OBJ file takes about 1 kB of memory for each: 1 GB for a million.
+Reading an OBJ file takes about 1 kB of memory per face: 1 GB for a million faces.
 """
 
 CREASE_DEGREES = 40.0
-"""Default crease angle: faces that meet at a sharper edge do not share a normal there."""
+"""Default crease angle: faces that meet at a sharper edge have separate normals there."""
 
 EXISTS = 0.1
-"""Opacity below which a surface does not exist: it is a hole of an alpha map, or nothing at all.
+"""Surface with a lower opacity counts as absent, such as the holes of an alpha map.
 
-Window glass is far above it and part of the object."""
+Window glass has a much higher opacity and is part of the object."""
 
-# Of the squared extent: a face with less area than this is a line or a point.
+# A face whose area over the squared extent is smaller than this is a line or a point.
 _DEGENERATE = 1e-12
 
-# Vertices nearer than this part of the extent are one vertex when edges are looked for.
+# In the search for edges, vertices nearer than this fraction of the extent are one vertex.
 _WELD = 2.0**-20
 
 
 class UnusableModelError(ValueError):
-    """A model that no sample can be made of; the message says why."""
+    """A model from which no sample can be made; the message gives the reason."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Material:
-    """How a surface looks (Blinn-Phong).
+    """The appearance of a surface (Blinn-Phong).
 
     Attributes:
-      diffuse: RGB; multiplies the texture where there is one.
+      diffuse: RGB; multiplied by the texture, if there is one.
       specular: RGB of the highlight.
       shininess: exponent of the highlight.
-      opacity: 1 = opaque; multiplies the texture's alpha.
-      texture: uint8 [H, W, 4], RGBA, first row on top; repeated outside of [0, 1]^2. Its first
-        row is at v = 1, its last at v = 0.
-      name: of the material in its file.
+      opacity: 1 = opaque; multiplied by the texture's alpha.
+      texture: uint8 [H, W, 4], RGBA, repeated outside [0, 1]^2. Its first row is at v = 1, its last
+        row at v = 0.
+      name: name of the material in its file.
     """
 
     diffuse: tuple[float, float, float] = (0.6, 0.6, 0.6)
@@ -76,13 +76,13 @@ class Model:
       vertices: float64 [V, 3].
       faces: int64 [F, 3], counter-clockwise seen from outside.
       normals: float32 [F, 3, 3], a unit normal for each corner of each face.
-      uv: float32 [F, 3, 2], texture coordinates of the corners; 0 where there are none.
+      uv: float32 [F, 3, 2], texture coordinates of the corners; 0 if there are none.
       face_material: int64 [F], index into `materials`.
       materials: at least one.
-      category: of the object, "" where unknown.
+      category: category of the object, "" if unknown.
       model_id: name of the object, unique in its catalogue.
-      parameters: what is known of how the model was made; a procedural one's hidden ones, too.
-      warnings: what was missing or wrong and what stands in for it.
+      parameters: the parameters of a procedural model, the hidden ones included.
+      warnings: what was missing or wrong in the file, and what was used instead.
     """
 
     vertices: Float[np.ndarray, "v 3"]
@@ -124,7 +124,7 @@ class Model:
 
     @functools.cached_property
     def edges(self) -> Int[np.ndarray, "e 2"]:
-        """Pairs of vertices that a face has an edge between, each once."""
+        """The edges of the faces as pairs of vertices, each edge once."""
         faces = self.faces
         one = np.concatenate([faces[:, 0], faces[:, 1], faces[:, 2]])
         two = np.concatenate([faces[:, 1], faces[:, 2], faces[:, 0]])
@@ -132,14 +132,17 @@ class Model:
         return np.stack(np.divmod(key, len(self.vertices)), axis=1)
 
     def transformed(self, matrix: Float[np.ndarray, "3 4"]) -> "Model":
-        """The model under `matrix[:, :3] @ vertex + matrix[:, 3]`; a mirroring turns faces over."""
+        """The model under `matrix[:, :3] @ vertex + matrix[:, 3]`.
+
+        If the matrix mirrors, the corners of each face are reordered.
+        """
         linear = np.asarray(matrix, np.float64)[:, :3]
         determinant = np.linalg.det(linear)
         if not np.isfinite(matrix).all() or determinant == 0:
             raise ValueError(
                 f"matrix: got {np.asarray(matrix).tolist()}, expected an invertible one"
             )
-        # Normals go with the inverse transpose.
+        # Normals transform with the inverse transpose.
         normals = unit_vectors(self.normals @ np.linalg.inv(linear))
         turn = slice(None, None, -1 if determinant < 0 else 1)
         return dataclasses.replace(
@@ -166,31 +169,31 @@ def build_model(
     crease_degrees: float = CREASE_DEGREES,
     max_faces: int = MAX_FACES,
 ) -> Model:
-    """Cleans raw arrays and completes them to a `Model`.
+    """Cleans raw arrays and makes a `Model` from them.
 
-    One function: each step cleans what the next takes for granted.
+    This is one long function because each step relies on the cleaning of the steps before it.
 
-    Dropped: faces whose indices point outside, faces without area, faces of materials that are
-    fully transparent, vertices that no face uses. Corner normals that are missing, zero or not
-    finite are made by `crease_normals`; a face whose given normals point to its back is turned
-    over. Everything dropped in number is told in the warnings.
+    It removes faces with indices out of range, faces without area, faces of fully transparent
+    materials, and unused vertices. Corner normals that are missing, zero or not finite are computed
+    by `crease_normals`. A face whose given normals point to its back is turned over. The warnings
+    of the model state how many faces were removed.
 
     Args:
       vertices: [V, 3].
       faces: [F, 3].
-      materials: none = one grey material.
+      materials: empty = one grey material.
       face_material: [F], None = all 0.
       normals: [F, 3, 3] for corners, or None.
       uv: [F, 3, 2] for corners, or None.
       category: see `Model`.
       model_id: see `Model`.
       parameters: see `Model`.
-      warnings: see `Model`; more are added.
+      warnings: see `Model`; the warnings of this function are added.
       crease_degrees: see `crease_normals`.
-      max_faces: more are refused.
+      max_faces: largest accepted number of faces.
 
     Raises:
-      UnusableModelError: no face is left, too many faces, vertices that are not finite.
+      UnusableModelError: no face is left, there are too many faces, or a vertex is not finite.
     """
     notes = list(warnings)
     vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
@@ -201,7 +204,7 @@ def build_model(
 
     keep = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
     if not keep.all():
-        notes.append(f"{int((~keep).sum())} faces with vertices that do not exist dropped")
+        notes.append(f"{int((~keep).sum())} faces with missing vertices dropped")
     seen = np.array([m.opacity >= EXISTS for m in materials])[owner]
     if not seen[keep].all():
         notes.append(f"{int((keep & ~seen).sum())} fully transparent faces dropped")
@@ -211,7 +214,7 @@ def build_model(
         bad = int((~np.isfinite(used)).any(axis=2).sum())
         raise UnusableModelError(f"{bad} corners of faces have coordinates that are not finite")
     if len(used):
-        # Centred: far from the origin the products below would lose all digits.
+        # Centred, because far from the origin the products below would lose all digits.
         extent = float(np.ptp(used.reshape(-1, 3), axis=0).max())
         cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])
         flat = np.linalg.norm(cross, axis=1) <= _DEGENERATE * extent**2
@@ -219,7 +222,7 @@ def build_model(
             notes.append(f"{int(flat.sum())} degenerate faces dropped")
             keep[np.flatnonzero(keep)[flat]] = False
     if not keep.any():
-        raise UnusableModelError("the mesh is empty: it has no face with an area")
+        raise UnusableModelError("the mesh is empty: no face has an area, expected at least one")
 
     faces, owner = faces[keep], owner[keep].astype(np.int64)
     index, flat_faces = np.unique(faces, return_inverse=True)
@@ -263,17 +266,13 @@ def build_model(
 
 
 def check_face_count(count: int, max_faces: int) -> None:
-    """Refuses meshes with more than `max_faces` faces.
-
-    Raises:
-      UnusableModelError: there are more.
-    """
+    """Raises UnusableModelError if there are more than `max_faces` faces."""
     if count > max_faces:
         raise UnusableModelError(f"{count} faces are more than the limit of {max_faces}")
 
 
 def unit_vectors(v: np.ndarray) -> np.ndarray:
-    """The vectors at length 1; 0 for one without length."""
+    """The vectors scaled to length 1; zero vectors stay zero."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.where(length > 1e-12, v / np.maximum(length, 1e-30), 0)
 
@@ -303,7 +302,10 @@ def face_areas(
 
 
 def weld(vertices: np.ndarray) -> np.ndarray:
-    """A number [V] for each vertex, equal where positions are (to a 2^-20 of the extent)."""
+    """A number [V] for each vertex; vertices at the same position have the same number.
+
+    Positions are compared with a resolution of 2^-20 of the extent.
+    """
     low = vertices.min(axis=0)
     extent = max(float((vertices.max(axis=0) - low).max()), 1e-300)
     cells = np.rint((vertices - low) / (extent * _WELD)).astype(np.int64)
@@ -316,7 +318,7 @@ def crease_normals(
     faces: Int[np.ndarray, "f 3"],
     crease_degrees: float = CREASE_DEGREES,
 ) -> Float[np.ndarray, "f 3 3"]:
-    """Corner normals that are smooth over flat edges and break at sharp ones.
+    """Corner normals: smooth across flat edges, discontinuous at sharp ones.
 
     Two faces that share an edge (by position, whether or not they share vertices) and whose
     normals differ by less than `crease_degrees` share a normal at the edge's ends. A shared normal
@@ -324,7 +326,7 @@ def crease_normals(
 
     Args:
       vertices: finite.
-      faces: with an area.
+      faces: faces with an area.
       crease_degrees: 0 = flat shading, 180 = smooth everywhere.
     """
     count = len(faces)
@@ -369,7 +371,7 @@ def crease_normals(
 
 
 def faces_with_alpha(model: Model) -> Int[np.ndarray, " n"]:
-    """Faces that may have holes."""
+    """Indices of the faces whose texture has alpha."""
     alpha = np.array([m.has_alpha for m in model.materials])
     return np.flatnonzero(alpha[model.face_material])
 
@@ -377,11 +379,11 @@ def faces_with_alpha(model: Model) -> Int[np.ndarray, " n"]:
 def opacity_at(
     model: Model, face: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, " n"]:
-    """Opacity at points of faces: the material's times the alpha of the nearest texel.
+    """Opacity at points of faces: opacity of the material times alpha of the nearest texel.
 
     Args:
-      model: with textures.
-      face: indices of faces.
+      model: the model, with textures.
+      face: index of the face of each point.
       weights: barycentric coordinates of the points.
     """
     owner = model.face_material[face]
@@ -398,7 +400,7 @@ def opacity_at(
 def texels(
     texture: UInt8[np.ndarray, "h w 4"] | None, uv: Float[np.ndarray, "n 2"]
 ) -> UInt8[np.ndarray, "n 4"]:
-    """The nearest texel at each coordinate; the texture repeats, its first row is at v = 1."""
+    """The nearest texel at each coordinate. The texture repeats; its first row is at v = 1."""
     if texture is None:
         return np.full((len(uv), 4), 255, np.uint8)
     height, width = texture.shape[:2]

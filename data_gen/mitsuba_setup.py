@@ -1,12 +1,11 @@
-"""How Mitsuba can run on this machine: LLVM looked for and tried out.
+"""Finds out which variant of Mitsuba works on this machine, by searching for LLVM and testing it.
 
-Mitsuba is only imported in processes that render: LLVM may abort a process, and that process must
-not be the user's.
+Mitsuba is imported only in processes that render, because LLVM may abort the process that loads it.
 
     python -m data_gen.mitsuba_setup smoke [VARIANT [LIBRARY]]
 
-renders a triangle with an LLVM library (or without one, in scalar mode) and says so by its exit
-code.
+renders a triangle with an LLVM library, or without one in scalar mode. The exit code is 0 if that
+works.
 """
 
 import importlib.util
@@ -22,7 +21,7 @@ import numpy as np
 from data_gen import ROOT, engine
 from data_gen.ray_mesh import Mesh
 
-# Versions of LLVM, best first. 14 is refused by Dr.Jit, 15 and 16 abort the process.
+# Versions of LLVM, best first. Dr.Jit refuses 14; 15 and 16 abort the process.
 _LLVM_VERSIONS = (19, 20, 18, 17, 21, 22)
 
 _LLVM_FOLDERS = (
@@ -41,19 +40,19 @@ NO_MITSUBA = "Mitsuba is not installed: `pip install 'psgn-jax[render]'`"
 
 
 class Variant(NamedTuple):
-    """How to start Mitsuba: name of the variant, and path of the LLVM library or ""."""
+    """Name of the variant of Mitsuba, and path of the LLVM library or ""."""
 
     name: str
     libllvm: str = ""
 
 
 def has_mitsuba() -> bool:
-    """Whether Mitsuba is installed; it is not imported."""
+    """Whether Mitsuba is installed. This does not import it."""
     return importlib.util.find_spec("mitsuba") is not None
 
 
 def llvm_candidates() -> list[str]:
-    """LLVM libraries of this machine that may serve, best first."""
+    """LLVM libraries of this machine with a suitable version, best first."""
     named = os.environ.get("DRJIT_LIBLLVM_PATH", "")
     libraries: dict[int, str] = {}
     for folder in _LLVM_FOLDERS:
@@ -70,7 +69,7 @@ def llvm_candidates() -> list[str]:
 
 
 def _smoke(library: str, variant: str) -> bool:
-    """Whether a process can render with this library."""
+    """Whether a separate process can render with this library."""
     environment = {**os.environ, "DRJIT_LIBLLVM_PATH": library}
     environment["PYTHONPATH"] = os.pathsep.join(
         [str(ROOT), *filter(None, [environment.get("PYTHONPATH")])]
@@ -87,13 +86,14 @@ def _smoke(library: str, variant: str) -> bool:
 
 
 def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
-    """The variant to render with, tried out in a process of its own, and a message or "".
+    """The variant to render with, tested in a separate process, and a message or "".
 
     Args:
-      wanted: "llvm", "scalar", or "auto" = LLVM where it works.
+      wanted: "llvm", "scalar", or "auto" = LLVM if it works.
 
     Raises:
-      RuntimeError: Mitsuba is not installed or does not run, or LLVM was wanted and is not usable.
+      RuntimeError: Mitsuba is not installed or does not run, or `wanted` is "llvm" and no LLVM
+        library works.
     """
     if not has_mitsuba():
         raise RuntimeError(NO_MITSUBA)

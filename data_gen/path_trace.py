@@ -1,4 +1,4 @@
-"""Path-traced colours of a scene, by Mitsuba."""
+"""Path tracing of a scene with Mitsuba."""
 
 from typing import Any
 
@@ -12,17 +12,18 @@ from data_gen.scene import Scene
 def path_trace(
     scene: Scene, radiance: Float[np.ndarray, "h w 3"], *, samples: int, seed: int
 ) -> Float[np.ndarray, "h w 4"]:
-    """Colours with shadows and interreflection, multiplied by their opacity, and opacity.
+    """Premultiplied colours with shadows and interreflection, and opacity.
 
-    One function: Mitsuba's description of a scene, from top to bottom.
+    This is one long function: the description of a scene for Mitsuba, from top to bottom.
 
-    Each material becomes one of Mitsuba's, so scenes compile anew: some seconds a model.
+    Each material becomes a material of Mitsuba. Therefore every scene is compiled, which takes some
+    seconds per model.
 
     Args:
-      scene: what is seen; its directional lights play no part.
+      scene: the scene; its directional lights are ignored.
       radiance: the environment map, in the view-aligned frame.
-      samples: per pixel.
-      seed: of the samples.
+      samples: number of samples per pixel.
+      seed: seed of the samples.
     """
     surfaces, camera = scene.surfaces, scene.camera
     parts: dict[str, Any] = {
@@ -37,7 +38,7 @@ def path_trace(
         begin = int(surfaces.texture_start[number])
         texels = surfaces.texels[begin : begin + height * width].view(np.uint8)
         texture = texels.reshape(height, width, 4).astype(np.float32) / 255
-        # Mitsuba computes in linear light.
+        # Mitsuba computes with linear RGB.
         linear = (texture[..., :3] * surfaces.diffuse[number]) ** 2.2
         alpha = texture[..., 3:] * surfaces.opacity[number]
 
@@ -65,14 +66,14 @@ def path_trace(
         values = engine.mi.traverse(mesh)
         values["vertex_positions"] = np.ascontiguousarray(corners[own]).ravel()
         values["vertex_normals"] = np.ascontiguousarray(normals[own]).ravel()
-        # Mitsuba's v runs down from an image's first row, ours up from its last.
+        # In Mitsuba, v increases downward from the first row of an image, here upward.
         uv = surfaces.uv[own] * np.array([1, -1], np.float32) + np.array([0, 1], np.float32)
         values["vertex_texcoords"] = np.ascontiguousarray(uv, np.float32).ravel()
         values["faces"] = np.arange(3 * len(own), dtype=np.uint32)
         values.update()
         parts[f"part{number}"] = mesh
-    # Mitsuba's column u belongs to the direction with atan2(x, -z) = 2 pi u, +y up. Reversed in
-    # order, ours belong to its (-y, z, -x); this takes that back to (x, y, z).
+    # In Mitsuba, column u is the direction with atan2(x, -z) = 2 pi u, +y up. Our columns in
+    # reversed order are its directions (-y, z, -x); this rotation maps them to (x, y, z).
     turn = np.eye(4)
     turn[:3, :3] = [[0, 0, -1], [-1, 0, 0], [0, 1, 0]]
     parts["light"] = {

@@ -1,6 +1,7 @@
-"""Pictures of scenes with local shading.
+"""Images of scenes with local shading.
 
-Rays hit the mesh in Mitsuba; colours are `shading`'s, the same arithmetic for both variants.
+Mitsuba intersects the rays with the mesh; `shading` computes the colours, with the same arithmetic
+for both variants of Mitsuba.
 """
 
 from collections.abc import Callable
@@ -13,21 +14,22 @@ from data_gen import engine, shading
 from data_gen.ray_mesh import Mesh, camera_rays, window_of
 from data_gen.scene import RayHits, Scene
 
-# Surfaces that a ray passes through at most, holes and glass.
+# Largest number of surfaces that a ray passes through, holes and glass.
 _MAX_LAYERS = 8
 
-# What still shines through after this is not looked for.
+# A ray ends when the transmittance is below this.
 _OPAQUE = 0.98
 
-# How far behind a hit a ray goes on, unit of the frame.
+# Distance behind a hit at which a ray continues, in units of the frame.
 _BEHIND = 2e-4
 
-# Samples of a pixel that look further from its centre's normal than this are another surface.
+# Samples of a pixel whose normal deviates more than this from that of the centre are on another
+# surface.
 _SAME_SURFACE = float(np.cos(np.deg2rad(30.0)))
 
 
 class _Samples(NamedTuple):
-    """What rays see: colour, how much of the background shines through, the first surface."""
+    """What rays hit: colour, transmittance to the background, the first surface."""
 
     colour: Float[np.ndarray, "n 3"]
     through: Float[np.ndarray, " n"]
@@ -38,15 +40,15 @@ class _Samples(NamedTuple):
 
 
 Shade = Callable[..., tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]
-"""Colours of hits in place of local shading, see `photo.photograph`."""
+"""Computes colours of hits in place of local shading; see `photo.photograph`."""
 
 
 def follow_rays(
     mesh: Mesh, scene: Scene, rays: np.ndarray, first: RayHits, shade: Shade | None = None
 ) -> _Samples:
-    """Follows rays from the camera, given their first hits, through holes and glass.
+    """Follows rays from the camera through holes and glass, given their first hits.
 
-    Colours are those of local shading, or of `shade`.
+    The colours are computed by local shading, or by `shade` if it is given.
     """
     surfaces, camera = scene.surfaces, scene.camera
     count = len(rays)
@@ -92,7 +94,7 @@ def follow_rays(
             break
         on = np.flatnonzero(through[index] > 1 - _OPAQUE)
         index, t = index[on], t[on] + _BEHIND
-        # From behind the hit, with the face's index at hand again if it is met once more.
+        # Continue from behind the hit.
         start = origin + t[:, None] * (rays[index] @ turn)
         following = mesh.cast(start, rays[index] @ turn)
         met = np.flatnonzero(following.face >= 0)
@@ -108,11 +110,11 @@ class Picture(NamedTuple):
 
     Attributes:
       image: uint8 [H, W, 3].
-      mask: bool [H, W], pixels whose centre sees the object.
-      depth: float32 [H, W] along the optical axis at the pixels' centres, 0 = background.
-      normals: float32 [H, W, 3] in the view-aligned frame at the pixels' centres, shading normals
-        on the viewer's side, 0 = background.
-      opacity: float32 [H, W], how much of each pixel the object hides of what is behind it.
+      mask: bool [H, W], pixels whose centre shows the object.
+      depth: float32 [H, W], along the optical axis, at the centres of the pixels; 0 = background.
+      normals: float32 [H, W, 3], shading normals on the viewer's side in the view-aligned frame, at
+        the centres of the pixels; 0 = background.
+      opacity: float32 [H, W], opacity of the object in each pixel.
     """
 
     image: UInt8[np.ndarray, "h w 3"]
@@ -125,7 +127,7 @@ class Picture(NamedTuple):
 def compose(
     premultiplied: Float[np.ndarray, "h w 4"], background: Float[np.ndarray, "..."] | float
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """Colours (already multiplied by their opacity) over a background in [0, 1], as an image."""
+    """Premultiplied colours over a background in [0, 1], as an 8-bit image."""
     full = premultiplied[..., :3] + (1 - premultiplied[..., 3:]) * background
     return np.rint(255 * np.clip(full, 0, 1)).astype(np.uint8)
 
@@ -133,16 +135,16 @@ def compose(
 def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
     """Renders a view with local shading.
 
-    Mask, depth and normals are those of the pixels' centres. The colour is a mean over `side` x
-    `side` samples: with soft edges over all of the pixel; without (the authors' images) over those
-    that see the same material and orientation as the centre, which smooths textures (as mipmaps
-    do) and leaves the edges of surfaces and of the object hard.
+    Mask, depth and normals are sampled at the centres of the pixels. The colour is a mean over
+    `side` x `side` samples. With soft edges, all samples of the pixel count. Without (as in the
+    authors' images), only samples with the material and orientation of the centre count: textures
+    are smoothed, as by mipmaps, but edges stay hard.
 
     Args:
-      mesh: of `scene.surfaces.corners`.
-      scene: what is seen.
-      side: samples along a pixel's edge, 0 = its centre alone.
-      soft_edges: whether edges are smoothed, too.
+      mesh: the mesh of `scene.surfaces.corners`.
+      scene: the scene.
+      side: samples along the edge of a pixel, 0 = only its centre.
+      soft_edges: whether edges are smoothed as well.
     """
     camera = scene.camera
     height, width = camera.image_size
@@ -158,11 +160,11 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
     rays = camera_rays(camera, columns + 0.5, rows + 0.5)
     first = mesh.cast_grid(camera, window, 1) if scalar else cast(rays)
     centre = follow_rays(mesh, scene, rays, first)
-    # Colour, already multiplied by its opacity, and opacity.
+    # Premultiplied colour, and opacity.
     total = np.concatenate([centre.colour, 1 - centre.through[:, None]], axis=1)
     if side > 0 and (soft_edges or scene.surfaces.texture_start.any()):
-        # Without soft edges, a pixel off the object is background whatever else it sees, and one
-        # on a surface without a texture has one colour.
+        # Without soft edges, a pixel whose centre misses the object is background, and a pixel on
+        # an untextured surface has one colour.
         textured = scene.surfaces.texture_start[centre.owner] > 0
         chosen = np.arange(len(rows)) if soft_edges else np.flatnonzero(centre.hit & textured)
         offsets = (np.arange(side) + 0.5) / side

@@ -1,4 +1,4 @@
-"""Polygons to triangles."""
+"""Triangulation of polygons."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ import numpy as np
 def cut_ears(outline: np.ndarray) -> np.ndarray:
     """Triangulates a simple polygon [n, 2], counter-clockwise, by cutting ears: int [n - 2, 3].
 
-    A polygon that crosses itself gives some triangles, as many.
+    For a polygon that intersects itself the number of triangles is the same, but they may overlap.
     """
     rest = list(range(len(outline)))
     result = []
@@ -36,23 +36,23 @@ def cut_ears(outline: np.ndarray) -> np.ndarray:
 def triangles(
     counts: np.ndarray, corners: np.ndarray, vertices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Polygons to triangles.
+    """Triangulates polygons.
 
     Args:
-      counts: corners [P] of each polygon, 3 and above.
+      counts: number of corners [P] of each polygon, at least 3.
       corners: vertex index of each corner, polygon after polygon.
       vertices: [V, 3].
 
     Returns:
-      positions [T, 3] in `corners`, and the polygon [T] of each triangle.
+      Positions [T, 3] in `corners`, and the polygon [T] of each triangle.
     """
     start = np.cumsum(counts) - counts
     polygon = np.repeat(np.arange(len(counts)), counts - 2)
     number = np.arange(len(polygon)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
     first = start[polygon]
     result = np.stack([first, first + number + 1, first + number + 2], axis=1)
-    # A fan is right for convex polygons. Where its triangles do not all face one way, ears are
-    # cut instead; above some hundred corners that is too slow and the fan stays.
+    # A fan is correct for convex polygons. If its triangles do not all have the same orientation,
+    # ears are cut instead, except for polygons of several hundred corners: that is too slow.
     if (counts > 3).any():
         a, b, c = (vertices[corners[result[:, k]]] for k in range(3))
         normal = np.cross(b - a, c - a)
@@ -66,7 +66,7 @@ def triangles(
             span = np.arange(start[index], start[index] + counts[index])
             axis = int(np.abs(total[index]).argmax())
             flat = np.delete(vertices[corners[span]], axis, axis=1)
-            # Dropping an axis keeps or turns the orientation.
+            # Dropping an axis keeps or reverses the orientation.
             if (total[index, axis] > 0) == (axis == 1):
                 flat = flat[:, ::-1]
             result[polygon == index] = span[cut_ears(flat)]

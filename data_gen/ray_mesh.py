@@ -1,7 +1,6 @@
-"""Rays sent to a mesh in Mitsuba.
+"""Intersection of rays with a mesh in Mitsuba.
 
-A model is one merged mesh, and all that differs between models is data, so nothing is compiled
-anew from scene to scene.
+A model is one merged mesh. Models differ only in data, so that nothing is recompiled.
 """
 
 import dataclasses
@@ -15,16 +14,16 @@ from data_gen.scene import RayHits, Surfaces
 
 
 class Mesh:
-    """A mesh that rays can be sent to."""
+    """A mesh for ray intersection."""
 
     def __init__(self, corners: Float[np.ndarray, "f 3 3"]) -> None:
-        """Builds the search structure for triangles of any frame."""
+        """Builds the search structure of the triangles."""
         count = len(corners)
         mesh = engine.mi.Mesh("model", 3 * count, count, has_vertex_texcoords=True)
         values = engine.mi.traverse(mesh)
         values["vertex_positions"] = np.ascontiguousarray(corners, np.float32).ravel()
         values["faces"] = np.arange(3 * count, dtype=np.uint32)
-        # These make a hit's texture coordinates its barycentric ones.
+        # With these, the texture coordinates of a hit are its barycentric coordinates.
         values["vertex_texcoords"] = np.tile(np.array([0, 0, 1, 0, 0, 1], np.float32), count)
         values.update()
         self._corners = corners
@@ -33,7 +32,7 @@ class Mesh:
     def cast(
         self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
     ) -> RayHits:
-        """The first hit of each ray; `t` counts in lengths of its direction."""
+        """The first hit of each ray; `t` is in units of the length of its direction."""
         count = len(directions)
         if not count:
             return RayHits(np.zeros(0, np.int64), np.zeros((0, 3), np.float32), np.zeros(0))
@@ -49,7 +48,7 @@ class Mesh:
         engine.dr.eval(found.t, found.prim_index, found.prim_uv)
         t = np.array(found.t, np.float32)
         face = np.where(np.isfinite(t), np.array(found.prim_index).astype(np.int64), -1)
-        # Rays that hit nothing have any numbers here.
+        # The values of rays that hit nothing are arbitrary.
         one, two = np.where(face >= 0, np.array(found.prim_uv, np.float32).reshape(2, count), 0)
         return RayHits(face, np.stack([1 - one - two, one, two], axis=1), t)
 
@@ -61,15 +60,15 @@ class Mesh:
         for number, (origin, direction) in enumerate(
             zip(origins.tolist(), directions.tolist(), strict=True)
         ):
-            found = scene.ray_intersect_preliminary(ray_of(origin, direction), coherent=True)
-            if found.is_valid():
-                face[number] = found.prim_index
-                uv[number] = found.prim_uv
-                t[number] = found.t
+            hit = scene.ray_intersect_preliminary(ray_of(origin, direction), coherent=True)
+            if hit.is_valid():
+                face[number] = hit.prim_index
+                uv[number] = hit.prim_uv
+                t[number] = hit.t
         return RayHits(face, np.stack([1 - uv.sum(axis=1), uv[:, 0], uv[:, 1]], axis=1), t)
 
     def cast_grid(self, camera: Camera, window: "Window", side: int) -> RayHits:
-        """The first hits of all samples of a window, through the film: the fast way if scalar."""
+        """The first hits of all samples of a window; faster than `cast` in scalar mode."""
         height, width = camera.image_size
         to_model = np.eye(4)
         to_model[:3, :3] = (camera.extrinsics[:, :3] @ camera.rotation).T @ np.diag([-1, -1, 1])
@@ -111,7 +110,7 @@ class Mesh:
 
 @dataclasses.dataclass(frozen=True)
 class Window:
-    """A part of the image: all that the object can be in."""
+    """A part of the image that contains the whole object."""
 
     top: int
     left: int
@@ -120,12 +119,12 @@ class Window:
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """Of the image's rows and columns."""
+        """Slices of the rows and columns of the image."""
         return slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
 
 
 def window_of(surfaces: Surfaces, camera: Camera) -> Window:
-    """The smallest window with all vertices, and a pixel around it."""
+    """The smallest window that contains all vertices, plus a border of one pixel."""
     points = surfaces.vertices @ camera.rotation.T
     pixels, _ = cameras.project(points, camera)
     height, width = camera.image_size
@@ -137,7 +136,7 @@ def window_of(surfaces: Surfaces, camera: Camera) -> Window:
 
 
 def camera_rays(camera: Camera, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Directions in the view-aligned frame, z = 1 along the optical axis, float32 [n, 3]."""
+    """Directions of rays, float32 [n, 3], in the view-aligned frame; depth 1 along the axis."""
     k = camera.intrinsics
     y = (rows - k[1, 2]) / k[1, 1]
     x = (columns - k[0, 2] - k[0, 1] * y) / k[0, 0]

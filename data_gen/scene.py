@@ -1,7 +1,7 @@
-"""One picture's scene as plain arrays: surfaces, materials and textures of a model, laid flat.
+"""The scene of an image as plain arrays: surfaces, materials and textures of a model.
 
-Pure data, so that it can be made, tested and pickled without a renderer. A model's arrays are made
-once; each view adds a camera and light.
+It contains only data, so that it can be made, tested and pickled without a renderer. The arrays of
+a model are made once; each view adds a camera and lights.
 """
 
 import dataclasses
@@ -21,12 +21,12 @@ BACKGROUND = schema.BACKGROUND_GREY / 255
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surfaces:
-    """A model's arrays, in the model's frame.
+    """The arrays of a model, in the model's frame.
 
     Attributes:
       vertices: float32 [V, 3].
       corners: float32 [F, 3, 3], positions of the faces' corners.
-      normals: float32 [F, 3, 3], of the corners.
+      normals: float32 [F, 3, 3], normals of the corners.
       face_normals: float32 [F, 3].
       uv: float32 [F, 3, 2].
       material: int32 [F].
@@ -34,11 +34,12 @@ class Surfaces:
       specular: float32 [M, 3].
       shininess: float32 [M].
       opacity: float32 [M].
-      texels: uint32 [T], RGBA of all textures, row after row, in the machine's byte order of four
-        uint8; the first is white.
+      texels: uint32 [T], RGBA of all textures in row-major order, four uint8 viewed as one uint32;
+        the first texel is white.
       texture_start: int64 [M], index of a material's first texel.
-      texture_size: int32 [M, 2], (height, width); (1, 1) of the white texel where there is none.
-      opaque: whether nothing shines through anywhere.
+      texture_size: int32 [M, 2], (height, width); a material without a texture has the white texel,
+        of size (1, 1).
+      opaque: whether all surfaces are opaque.
     """
 
     vertices: Float[np.ndarray, "v 3"]
@@ -59,9 +60,9 @@ class Surfaces:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """What one picture shows: surfaces, a camera, light, and what is behind.
+    """The contents of an image: surfaces, camera, lights and background.
 
-    `background` is a grey, a colour [3] or an image [H, W, 3], in [0, 1].
+    `background` is a grey value, a colour [3] or an image [H, W, 3], in [0, 1].
     """
 
     surfaces: Surfaces
@@ -113,7 +114,7 @@ def flatten(model: Model) -> Surfaces:
 
 
 class RayHits(NamedTuple):
-    """Where rays meet the mesh: face (-1 = nowhere), barycentric weights, ray parameter."""
+    """Intersections of rays with the mesh: face (-1 = none), barycentric weights, parameter t."""
 
     face: Int[np.ndarray, " n"]
     weights: Float[np.ndarray, "n 3"]

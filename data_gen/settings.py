@@ -1,4 +1,4 @@
-"""The data stage's settings: frozen dataclasses with their checks, to and from plain mappings."""
+"""Settings of the data stage: frozen dataclasses that check their fields, to and from mappings."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -19,22 +19,23 @@ VARIANTS = ("auto", "llvm", "scalar")
 
 @dataclasses.dataclass(frozen=True)
 class ImageSettings:
-    """How pictures are made.
+    """How images are rendered.
 
     Attributes:
       shading: "local" as in the paper; "path" with shadows and interreflection, by Mitsuba;
         "photo" with soft shadows, light from other surfaces, reflections and ground, at a tenth of
-        the cost, see `data_gen.photo`.
-      samples: samples along the edge of a pixel, 0 = its centre alone.
-      soft_edges: whether edges are smoothed. The authors' images have hard ones.
-      path_samples: per pixel of a path-traced image.
-      background: "grey" as in the authors' images; "random" colours and gradients; a random image
-        of a "folder"; what the environment map shows: "surroundings", for "photo" shading.
-      background_folder: of .png and .jpg files.
-      ground: what the object stands on, for "photo" shading: "none", one of `grounds.KINDS`, or
-        "random" = one that fits the surroundings. It is in the image alone, never in mask or
-        depth, and left out where the camera is below it.
-      rays: that light is looked for with at each pixel, for "photo" shading.
+        the cost of "path" (described in `data_gen.photo`).
+      samples: samples along the edge of a pixel, 0 = only its centre.
+      soft_edges: whether edges are antialiased. The authors' images have hard edges.
+      path_samples: samples per pixel of a path-traced image.
+      background: "grey" as in the authors' images; "random" colours and gradients; "folder", a
+        random image of `background_folder`; "surroundings", the environment map (for "photo"
+        shading).
+      background_folder: folder of .png and .jpg files.
+      ground: the ground under the object, for "photo" shading: "none", one of `grounds.KINDS`, or
+        "random" = one that fits the surroundings. It appears only in the image, not in mask and
+        depth. It is left out if the camera is below it.
+      rays: rays per pixel that sample the light, for "photo" shading.
     """
 
     shading: str = "local"
@@ -70,22 +71,23 @@ class ImageSettings:
             ):
                 if value:
                     raise ValueError(
-                        f"image.{name}: got {getattr(self, name)!r}, which has an effect with "
-                        f"image.shading 'photo' alone; expected {without!r}"
+                        f"image.{name}: got {getattr(self, name)!r}, which has an effect only with "
+                        f"image.shading 'photo'; expected {without!r}"
                     )
 
 
 @dataclasses.dataclass(frozen=True)
 class CheckSettings:
-    """What a view must hold to; a model with a view that does not is refused.
+    """Checks of every view; a model with a view that fails one of them is refused.
 
     Attributes:
-      coverage: least part of the image that the object covers.
-      inside: least part of the points that project into the mask grown by one pixel. Parts much
-        thinner than a pixel, such as the strings of a racket, fall between the pixels' centres.
-      depth: largest median distance of back-projected pixels from the nearest surface point, unit
-        of the frame.
-      luminance: least mean brightness of the object's pixels, 0 to 255.
+      coverage: smallest fraction of the image that the object covers.
+      inside: smallest fraction of the points that project into the mask dilated by one pixel. It is
+        below 1 because parts much thinner than a pixel, such as the strings of a racket, lie
+        between the centres of the pixels.
+      depth: largest median distance of back-projected pixels from the nearest surface point, in
+        units of the frame.
+      luminance: smallest mean brightness of the object's pixels, 0 to 255.
     """
 
     coverage: float = 0.005
@@ -101,14 +103,15 @@ class CheckSettings:
 
 @dataclasses.dataclass(frozen=True)
 class JobSettings:
-    """How the work is done; none of it changes the data.
+    """How the job runs. None of these settings changes the data.
 
     Attributes:
-      workers: processes, 0 = one per processor.
-      models_per_worker: after as many models a worker process is replaced: long-lived ones grow.
-      seconds_per_model: more and the worker is ended, the model refused.
-      megabytes_per_worker: more and the worker is ended, the model refused.
-      variant: "llvm", "scalar", or the better one of those that work.
+      workers: number of processes, 0 = one per processor.
+      models_per_worker: a worker process is replaced after this many models, because its memory
+        grows.
+      seconds_per_model: a model that takes longer is refused and its worker is stopped.
+      megabytes_per_worker: a model that needs more memory is refused and its worker is stopped.
+      variant: "llvm", "scalar", or "auto" = LLVM if it works.
     """
 
     workers: int = 0
@@ -131,11 +134,11 @@ class Settings:
     """All settings.
 
     Attributes:
-      seed: of everything random; a model's own seed is made of this and its name.
-      views: images of each model.
-      num_points: surface points of each sample.
+      seed: seed of all random choices; the seed of a model is computed from it and the name.
+      views: number of images of each model.
+      num_points: number of surface points of each sample.
       point_bits: resolution of the stored points, see `psgn_jax.data.codec`.
-      models_per_shard: models in one file of records.
+      models_per_shard: number of models in a file of records.
       camera, light, image, film, checks, job: see their classes.
     """
 
@@ -174,18 +177,20 @@ PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {
         },
     },
 }
-"""Named sets of settings that differ from the defaults, section by section."""
+"""Presets: the settings that differ from the defaults, by section."""
 
 
 def to_dict(settings: Any) -> dict[str, Any]:
-    """Nested dicts of a settings object, the form that configurations have."""
+    """A settings object as nested dicts, the form of a configuration."""
     return dataclasses.asdict(settings)
 
 
 def parse(values: Mapping[str, Any]) -> Settings:
-    """Settings from nested mappings (an `ml_collections.ConfigDict`, too); what lacks is default.
+    """Settings from nested mappings, such as an `ml_collections.ConfigDict`.
+
+    Fields that are missing keep their defaults.
 
     Raises:
-      ValueError: names the field that is unknown or wrong, its value, and what is accepted.
+      ValueError: a field is unknown or invalid; the message says what was expected.
     """
     return structured.build(Settings, values)

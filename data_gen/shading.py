@@ -1,8 +1,8 @@
 """Local shading of ray hits: Blinn-Phong under directional lights, in numpy.
 
-No shadows and no interreflection, as in the paper's images: a surface's colour depends on its own
-normal alone. Colours are computed with as they are displayed, without a transfer curve, which is
-how the authors' images look. The same arithmetic serves every way of tracing rays.
+There are no shadows and no interreflection, as in the paper's images: the colour of a surface
+depends only on its own normal. The arithmetic is done on display values (sRGB) without a transfer
+curve, as in the authors' images.
 """
 
 import numpy as np
@@ -16,9 +16,9 @@ from data_gen.scene import Surfaces
 def look_up(
     surfaces: Surfaces, face: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Diffuse colour and opacity at points of faces; 0 opacity where there is no surface.
+    """Diffuse colour and opacity at points of faces; the opacity is 0 where there is no surface.
 
-    Textures repeat and are read at the nearest texel; several samples a pixel smooth them.
+    Textures repeat and are read at the nearest texel; several samples per pixel smooth them.
     """
     owner = surfaces.material[face]
     colour = surfaces.diffuse[owner]
@@ -45,19 +45,19 @@ def shading_normals(
     rotation: Float[np.ndarray, "3 3"],
     rays: Float[np.ndarray, "n 3"],
 ) -> Float[np.ndarray, "n 3"]:
-    """Unit normals on the viewer's side, in the frame that `rotation` leads to.
+    """Unit normals on the viewer's side, in the view-aligned frame.
 
     Args:
-      surfaces: of the model.
-      face: that are hit.
-      weights: barycentric coordinates.
+      surfaces: arrays of the model.
+      face: faces that the rays hit.
+      weights: barycentric coordinates of the hits.
       rotation: from the model's frame to the view-aligned one.
-      rays: directions in the view-aligned frame, away from the camera.
+      rays: directions of the rays in the view-aligned frame, away from the camera.
     """
     turn = rotation.astype(np.float32).T
     normal = np.einsum("nk,nkd->nd", weights, surfaces.normals[face]) @ turn
     flat = surfaces.face_normals[face] @ turn
-    # Both sides of a face are shaded alike: its normal is the one of the side that is seen.
+    # Both sides of a face are shaded alike, with the normal of the visible side.
     away = np.einsum("nd,nd->n", flat, rays) > 0
     normal = np.where(away[:, None], -normal, normal)
     length = np.sqrt(np.einsum("nd,nd->n", normal, normal))
@@ -76,25 +76,25 @@ def blinn_phong(
     normal: Float[np.ndarray, "n 3"],
     view: Float[np.ndarray, "n 3"],
 ) -> Float[np.ndarray, "n 3"]:
-    """Colours as they are displayed, in [0, 1].
+    """Display colours in [0, 1].
 
     `c = d (a(n) + sum_i L_i max(n l_i, 0)) + s sum_i L_i max(n h_i, 0)^e [n l_i > 0]`, with the
-    diffuse colour d, ambient light a between the ground's and the sky's, the highlight s with its
-    exponent e, and h_i halfway between the light l_i and the viewer (Blinn 1977).
+    diffuse colour d, the ambient light a interpolated between ground and sky, the specular colour
+    s with exponent e, and h_i halfway between the light l_i and the viewer (Blinn 1977).
 
     Args:
-      surfaces: of the model.
-      lights: in the view-aligned frame.
-      owner: materials.
-      colour: diffuse.
-      normal: unit, on the viewer's side.
+      surfaces: arrays of the model.
+      lights: lights in the view-aligned frame.
+      owner: index of the material of each point.
+      colour: diffuse colours.
+      normal: unit normals on the viewer's side.
       view: unit vectors toward the camera.
     """
     rise = (normal[:, 2:3] + 1) / 2
     light = lights.ground * (1 - rise) + lights.sky * rise
     facing = np.maximum(normal @ lights.directions.T, 0)
     result = np.maximum(colour, lights.darkest) * (light + facing @ lights.colours)
-    # A reduction over three numbers a row costs more than a row of a table or a product.
+    # A reduction over axes of length 3 is slower than a look-up in a table or a matrix product.
     lit = facing @ np.ones(len(lights.directions), np.float32) > 0
     glossy: np.ndarray = np.any(surfaces.specular > 1e-3, axis=1)
     shiny = np.flatnonzero(glossy[owner] & lit)

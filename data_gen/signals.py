@@ -1,11 +1,11 @@
-"""SIGTERM and Ctrl-C as an exception, for the commands."""
+"""Turns SIGTERM and Ctrl-C into an exception, for the commands."""
 
 import signal
 from typing import Any
 
 
 class StoppedError(Exception):
-    """A signal asked for the end."""
+    """A signal asked the process to stop."""
 
     def __init__(self, number: int) -> None:
         super().__init__(f"stopped by signal {number}")

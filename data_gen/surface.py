@@ -1,4 +1,4 @@
-"""Points of a model's surface, uniform by area, with normals that point outward."""
+"""Points on the surface of a model, uniform by area, with outward normals."""
 
 from typing import NamedTuple
 
@@ -23,39 +23,40 @@ from data_gen.voxelise import POINTS_AT_ONCE, mark_surface, outside_cells, repea
 
 
 class SurfaceSample(NamedTuple):
-    """Points of a surface: positions, unit normals, and the faces they lie on."""
+    """Points on a surface: positions, unit normals, and indices of their faces."""
 
     points: Float[np.ndarray, "n 3"]
     normals: Float[np.ndarray, "n 3"]
     face: Int[np.ndarray, " n"]
 
 
-# Cells along the extent in which the air around a model is looked for.
+# Cells along the extent of the model in the search for the outside.
 _AIR_CELLS = 96
 
-# Surfaces nearer than this part of the extent, and parallel, are one.
+# Parallel surfaces nearer than this fraction of the extent coincide.
 _COINCIDENT = 1e-4
 
 _PARALLEL = float(np.cos(np.radians(2.0)))
 
-# Cells along an edge of the grid in which faces around a point are looked up, and entries in it.
+# Cells along an edge of the grid for the search of faces near a point, and its largest number of
+# entries.
 _BINS = 32
 
-# Faces are looked up by the direction of their plane as well, in steps of this.
+# Step of the quantised direction of a face's plane, by which faces are looked up as well.
 _DIRECTIONS = 10
 
 _MAX_BINNED = 3_000_000
 
 
 class _Twins:
-    """Which of the faces that lie on one another at a point stands for all of them."""
+    """Finds coincident faces: of those at a point, only the first one counts."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
         self._has_alpha = len(faces_with_alpha(model)) > 0
         corners = model.corners()
-        # Affine functions of a point for each face: its distance from the face's plane, and its
-        # second and third barycentric coordinates there.
+        # For each face, affine functions of a point: distance from the plane of the face, and the
+        # second and third barycentric coordinates.
         origin, one, two = np.moveaxis(corners, 1, 0)
         one, two = one - origin, two - origin
         cross = np.cross(one, two)
@@ -76,11 +77,11 @@ class _Twins:
             count = size.prod(axis=1)
             if count.sum() <= _MAX_BINNED:
                 break
-        # Directions of planes. Steps and signs change where no model has planes in number.
+        # Directions of planes. The limits of steps and signs are at directions that are rare.
         turned = np.where(normal @ [0.3713, 0.6137, 0.6969] < 0, -1, 1)[:, None] * normal
         step = np.floor((turned + 1) * (_DIRECTIONS / 2) + 0.371).astype(np.int64)
         self._direction = step @ ((_DIRECTIONS + 1) ** np.arange(3))
-        # The faces of each cell and direction, one after another.
+        # The faces of each cell and direction, concatenated.
         owner, number = repeat_numbers(count)
         x, rest = np.divmod(number, (size[:, 1] * size[:, 2])[owner])
         y, z = np.divmod(rest, size[owner, 2])
@@ -88,7 +89,7 @@ class _Twins:
         order = np.argsort(key, kind="stable")
         self._faces, key = owner[order], key[order]
         begin = np.flatnonzero(np.diff(key, prepend=-1))
-        # A face alone in its place has no twin there.
+        # A face alone in its cell and direction has no coincident face.
         size_ = np.diff(begin, append=len(key))
         self._keys, self._start, self._count = (a[size_ > 1] for a in (key[begin], begin, size_))
 
@@ -106,7 +107,7 @@ class _Twins:
     def first(
         self, points: Float[np.ndarray, "n 3"], face: Int[np.ndarray, " n"]
     ) -> tuple[Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-        """For points of faces: the first existing face there, and whether another has its back."""
+        """For points of faces: the first visible face there, and whether an opposite one exists."""
         result, both = face.copy(), np.zeros(len(face), bool)
         if not len(self._keys):
             return result, both
@@ -143,14 +144,14 @@ class _Twins:
 def _toward_air(
     model: Model, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
 ) -> Int[np.ndarray, " n"]:
-    """1 where air is in front of a surface and matter behind it, -1 the other way round, else 0.
+    """1 if the front of a surface is outside and its back inside, -1 if reversed, else 0.
 
-    Air is found as in `solid_occupancy`. The first cell along the normal counts that the surface
-    does not pass through, up to three cells away.
+    The outside is found as in `solid_occupancy`. The first cell along the normal that the surface
+    does not pass through counts, up to a distance of three cells.
     """
     size = _AIR_CELLS
     low = model.vertices.min(axis=0)
-    # As large as fits into the grid, with some air around.
+    # Scaled to fill the grid except for a margin.
     scale = (size - 4) / float(np.ptp(model.vertices, axis=0).max())
     corners = (model.vertices - low) * scale + [2, 2, 0]
     marked, _ = mark_surface(corners, model.faces, model.edges, size)
@@ -168,27 +169,27 @@ def _toward_air(
 
 
 def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
-    """`n` points uniform by area on the surfaces that exist, with interpolated normals.
+    """Samples `n` points uniformly by area on the visible surface, with interpolated normals.
 
-    Points that fall where the opacity is under `EXISTS`, such as the holes of an alpha map, are
-    drawn again elsewhere. The draw is stratified by cumulated area, which covers the faces more
-    evenly than independent points. The same seed gives the same points.
+    Points with an opacity below `EXISTS`, such as those in the holes of an alpha map, are sampled
+    again. The sampling is stratified by cumulative area, which covers the faces more evenly than
+    independent points. The same seed gives the same points.
 
-    Surfaces that lie on one another count once: a point is drawn again unless its face is the
-    first of those there. Where these face both ways, the normal points to the air around the
-    object, if there is any on one side alone. The normals of a connected part all turn over if
-    it can be told of half of them, and nine tenths of these point inward.
+    Coincident surfaces count once: a point is sampled again unless its face is the first one there.
+    If they face in both directions, the normal points to the outside, if exactly one side is
+    outside. The normals of a connected part are reversed if the outside is known for at least half
+    of its points and at least nine tenths of these have normals that point inward.
 
     Args:
-      model: any; the points are in its frame.
+      model: the model; the points are in its frame.
       n: number of points, at least 1.
-      seed: of the draw.
+      seed: seed of the random numbers.
 
     Returns:
       float32 points and normals [n, 3], and the faces [n].
 
     Raises:
-      UnusableModelError: hardly any surface exists.
+      UnusableModelError: almost no surface is visible.
     """
     if n < 1:
         raise ValueError(f"number of points: got {n}, expected at least 1")
@@ -201,7 +202,7 @@ def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
         missing = n - count
         at = (np.arange(missing) + rng.random(missing)) / missing * cumulated[-1]
         face = np.minimum(np.searchsorted(cumulated, at, side="right"), len(cumulated) - 1)
-        # The square root makes the points uniform over the triangle.
+        # The square root makes the points uniform in the triangle.
         root, other = np.sqrt(rng.random(missing)), rng.random(missing)
         weight = np.stack([1 - root, root * (1 - other), root * other], axis=1)
         if has_alpha:
@@ -217,7 +218,9 @@ def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
         if count == n:
             break
     else:
-        raise UnusableModelError("hardly any of the surface exists: its textures are transparent")
+        raise UnusableModelError(
+            "almost all of its textures are transparent, expected a visible surface"
+        )
     face, weight = np.concatenate(faces), np.concatenate(weights)
     points = np.einsum("nk,nkd->nd", weight, model.vertices[model.faces[face]])
     normals = unit_vectors(np.einsum("nk,nkd->nd", weight, model.normals[face].astype(np.float64)))
@@ -235,11 +238,11 @@ def _inward(
     face: Int[np.ndarray, " n"],
     two_sided: Bool[np.ndarray, " n"],
 ) -> Bool[np.ndarray, " n"]:
-    """Which points' normals point into the object, see `sample_surface`."""
+    """Which points have normals that point inward, see `sample_surface`."""
     parts, open_ = _parts(model)
     a, b, c = np.moveaxis(model.vertices[model.faces] - model.vertices.mean(axis=0), 1, 0)
     volume = np.bincount(parts, row_dots(a, np.cross(b, c)))
-    # Closed parts with the right volume need no look.
+    # Closed parts with a positive volume are correct already.
     asked = two_sided | (open_ | (volume < 0))[parts[face]]
     result = np.zeros(len(face), bool)
     if not asked.any():
@@ -256,9 +259,10 @@ def _inward(
 
 
 def _parts(model: Model) -> tuple[Int[np.ndarray, " f"], Bool[np.ndarray, " p"]]:
-    """A number for each face, equal where faces are connected by edges walked in both directions.
+    """The number of the part of each face, and which parts are open.
 
-    A part has one orientation. And which parts are open: an edge of theirs is walked but once.
+    Two faces with a common edge belong to the same part if they traverse it in opposite directions,
+    so each part is consistently oriented. A part is open if an edge is traversed only once.
     """
     corner = weld(model.vertices)[model.faces].astype(np.int64)
     start, end = corner.ravel(), np.roll(corner, -1, axis=1).ravel()

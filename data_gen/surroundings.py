@@ -1,7 +1,7 @@
-"""What surrounds an object in a picture: skies, rooms, studios and measured maps; pure numpy.
+"""Random surroundings of an object: skies, rooms, studios and measured environment maps.
 
-An environment map is drawn anew for each view, at a size that serves as the picture's background,
-too. All are in the view-aligned frame, the object at the origin.
+Each view gets its own environment map, large enough to be the background of the image. Maps are in
+the view-aligned frame with the object at the origin.
 """
 
 import dataclasses
@@ -18,13 +18,13 @@ Array = np.ndarray
 
 @dataclasses.dataclass(frozen=True)
 class Room:
-    """A box with walls, by which a map's directions become places.
+    """A box-shaped room, which gives the directions of a map positions on its walls.
 
     Attributes:
-      half: half of its length and width, unit of the frame.
-      floor: height of its floor, 0 or less.
-      ceiling: height of its ceiling.
-      turn: degrees about the vertical.
+      half: half of its length and width, in units of the frame.
+      floor: height of the floor, 0 or less.
+      ceiling: height of the ceiling.
+      turn: rotation about the vertical axis, degrees.
     """
 
     half: tuple[float, float]
@@ -35,12 +35,12 @@ class Room:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surroundings:
-    """An environment map and what it shows.
+    """An environment map and its kind.
 
     Attributes:
       radiance: float [H, W, 3], in the view-aligned frame, see `data_gen.lights`.
-      kind: "outdoors", "room", "studio", or "map" where that is not known.
-      room: the room that it shows; None = all is far away.
+      kind: "outdoors", "room", "studio", or "map" if that is unknown.
+      room: the room in the map; None = everything in the map is far away.
     """
 
     radiance: Float[np.ndarray, "h w 3"]
@@ -55,13 +55,13 @@ def noise(
     slope: float = 1.5,
     stretch: tuple[float, float] = (1.0, 1.0),
 ) -> Float[np.ndarray, "h w"]:
-    """Random values of mean 0 and deviation 1 that repeat at the edges; spectrum ~ f^-slope.
+    """Periodic random values with mean 0, standard deviation 1 and spectrum ~ f^-slope.
 
     Args:
-      rng: of the draw.
+      rng: the random generator.
       size: (H, W).
-      slope: 0 = white; larger = smoother.
-      stretch: how much longer structures are, down and across.
+      slope: 0 = white noise; larger = smoother.
+      stretch: factors by which structures are stretched along rows and columns.
     """
     rows = np.fft.fftfreq(size[0])[:, None] * size[0] * stretch[0]
     columns = np.fft.rfftfreq(size[1])[None] * size[1] * stretch[1]
@@ -78,7 +78,7 @@ def _direction(azimuth_degrees: float, elevation_degrees: float) -> Array:
 
 
 def _colour(rng: np.random.Generator, low: float, high: float, saturation: float) -> Array:
-    """A random colour of a brightness between two."""
+    """A random colour with a brightness in [low, high]."""
     colour = 1 + saturation * rng.uniform(-1, 1, 3)
     return colour / colour.mean() * rng.uniform(low, high)
 
@@ -86,11 +86,11 @@ def _colour(rng: np.random.Generator, low: float, high: float, saturation: float
 def outdoors(
     rng: np.random.Generator, sky: Float[np.ndarray, "h w 3"] | None = None
 ) -> Surroundings:
-    """A sky with clouds and perhaps a sun, over a skyline of trees, hills or houses.
+    """A sky with clouds and perhaps a sun, above a skyline of trees, hills or houses.
 
     Args:
-      rng: of the draw.
-      sky: without clouds, its sun included; None = one is drawn.
+      rng: the random generator.
+      sky: a clear sky with its sun; None = a random one.
     """
     size = lights.DETAIL
     toward = lights.directions_of(size)
@@ -108,7 +108,7 @@ def outdoors(
         for width, share in ((2.0, 0.85), (14.0, 0.15)):
             sharp = 1 / (1 - np.cos(np.deg2rad(width)))
             lobe = np.exp(sharp * (cosine - 1)) * sharp / (2 * np.pi)
-            # The sky gives a surface about pi; the sun up to four times as much.
+            # The irradiance from the sky is about pi; from the sun up to four times as much.
             result = result + lobe[..., None] * warm * (16 * clear * share)
     else:
         result = scipy.ndimage.zoom(
@@ -123,7 +123,7 @@ def outdoors(
     veil = (cover * np.clip(degrees / 8, 0, 1))[..., None] * 0.9
     bright = result.mean(axis=-1, keepdims=True) > 4
     result = np.where(bright, result * (1 - 0.4 * veil), result * (1 - veil) + veil * cloud)
-    # The skyline: far hills, then trees or houses before them.
+    # The skyline: distant hills, then trees or houses in front of them.
     columns = np.arange(size[1])
     for layer in range(int(rng.integers(1, 4))):
         line = noise(rng, (8, size[1]), slope=1.2)[0]
@@ -150,7 +150,7 @@ def outdoors(
 def room(rng: np.random.Generator) -> Surroundings:
     """A room with windows, lamps, doors, pictures and furniture along its walls.
 
-    One function: the order in which random numbers are drawn is the room.
+    This is one long function because the order of the random numbers defines the room.
     """
     size = lights.DETAIL
     half = (float(rng.uniform(5, 12)), float(rng.uniform(5, 12)))
@@ -181,7 +181,7 @@ def room(rng: np.random.Generator) -> Surroundings:
     up = np.where(face == 2, place[..., 1], place[..., 2])
     paint = _colour(rng, 0.25, 0.8, 0.12)
     colours = np.stack([paint * rng.uniform(0.6, 1.1) for _ in range(4)])
-    if rng.random() < 0.4:  # one wall of another colour
+    if rng.random() < 0.4:  # one wall with a different colour
         colours[int(rng.integers(4))] = _colour(rng, 0.1, 0.6, 0.5)
     tops = np.stack([np.full(3, rng.uniform(0.6, 0.9)), _colour(rng, 0.1, 0.5, 0.3)])
     result = np.concatenate([colours, tops])[wall]
@@ -273,10 +273,10 @@ def draw(
     settings: LightSettings,
     maps: Float[np.ndarray, "m h w 3"] | None,
 ) -> tuple[Lights, Surroundings]:
-    """Draws the light of a view: directional lights, and the surroundings that they stand for.
+    """Draws the light of a view: surroundings, and directional lights that approximate them.
 
     Args:
-      rng: of the draw.
+      rng: the random generator.
       settings: see `LightSettings`.
       maps: the environment maps to choose from; None = procedural ones.
     """

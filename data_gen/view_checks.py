@@ -1,4 +1,4 @@
-"""Whether a rendered view is sound: its mask, depth and brightness against the points."""
+"""Checks of a rendered view: mask, depth and brightness, compared with the points."""
 
 from collections.abc import Mapping
 
@@ -18,19 +18,20 @@ def check_view(
     points: Float[np.ndarray, "n 3"],
     tree: scipy.spatial.cKDTree,
 ) -> dict[str, float]:
-    """Figures that tell whether a view is sound.
+    """Measurements of a view, which `objection_to` compares with the settings.
 
     Args:
       picture: the view.
       camera: its camera.
-      points: of the surface, in the view-aligned frame.
-      tree: of the points in the model's frame.
+      points: points on the surface, in the view-aligned frame.
+      tree: search tree of the points in the model's frame.
 
     Returns:
-      coverage: part of the image that the mask covers; edge: pixels of the mask at the image's
-      border; luminance: mean of the mask's pixels, 0 to 255; inside: part of the points that
-      project into the mask grown by one pixel; depth: median distance of back-projected pixels
-      from the nearest point; before: part of the points that lie in front of the visible surface.
+      coverage: fraction of the image that the mask covers; edge: number of mask pixels at the
+      border of the image; luminance: mean of the pixels in the mask, 0 to 255; inside: fraction of
+      the points that project into the mask dilated by one pixel; depth: median distance of
+      back-projected pixels from the nearest point; before: fraction of the points in front of the
+      visible surface.
     """
     mask = picture.mask
     height, width = mask.shape
@@ -40,7 +41,7 @@ def check_view(
     here = ((cells >= 0) & (cells < [width, height])).all(axis=1) & (z > 0)
     column, row = cells[here].T
     grown = scipy.ndimage.binary_dilation(mask, np.ones((3, 3)))
-    # The farthest surface within a pixel: points near a silhouette project beside it.
+    # The farthest depth within a pixel, because points near a silhouette may project beside it.
     far = np.where(mask, picture.depth, np.inf)
     near = scipy.ndimage.minimum_filter(far, size=3)
     median = float("nan")
@@ -64,7 +65,7 @@ def check_view(
 
 
 def objection_to(checks: Mapping[str, float], settings: Settings) -> str:
-    """Why a view is refused, "" if it is not."""
+    """The reason why a view is refused, "" if it is accepted."""
     limits = settings.checks
     if checks["coverage"] < limits.coverage:
         return f"the object covers {checks['coverage']:.5f} of the image, under {limits.coverage}"

@@ -1,4 +1,4 @@
-"""Occupancy of a model on a grid: which cells are matter."""
+"""Solid occupancy of a model on a grid."""
 
 from collections.abc import Iterator, Sequence
 
@@ -10,39 +10,40 @@ from jaxtyping import Bool, Float, Int
 from data_gen.mesh import Model, UnusableModelError, row_dots
 from psgn_jax.data import schema
 
-# Small cells along the edge of a cell of the grid. Odd: of two or four centres across a cell, the
-# half that decides would be inside already where the surface is a quarter or an eighth short of
-# the cell's middle, and flat objects would come out too thick.
+# Number of small cells along the edge of a cell of the grid. It is odd because with two or four, a
+# cell would count as half full when the surface is still a quarter or an eighth before its middle,
+# and flat objects would become too thick.
 _FINE = 3
 
-# How far beside a triangle a line still counts as meeting it, in small cells. It is far above the
-# rounding of coordinates, so that no line slips between two triangles that share an edge.
+# Tolerance at the border of a triangle, in small cells. It is much larger than the rounding of
+# coordinates, so that no line passes between two triangles that share an edge.
 _TOLERANCE = 1e-6
 
-# Meeting points with the lines of one axis, from above: seconds. Only a hostile model has more.
+# Upper bound of the intersections with the lines of an axis, which takes seconds. Only a
+# pathological model has more.
 _MAX_POINTS = 10_000_000
 
 POINTS_AT_ONCE = 1_000_000
 
-# Distance of the points that stand for an edge, in small cells.
+# Distance of the sample points on an edge, in small cells.
 _SPACING = 0.7
 
 
 def repeat_numbers(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For `counts[i]` items of each i: the owners i, and the items' numbers from 0."""
+    """For `counts[i]` items of each owner i: the owner and the number from 0 of every item."""
     owner = np.repeat(np.arange(len(counts)), counts)
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def _centres_between(low: np.ndarray, high: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """The first cell whose centre lies in [low, high], and how many do; within the grid."""
+    """The first cell of the grid whose centre is in [low, high], and the number of such cells."""
     first = np.maximum(np.ceil(low - (0.5 + _TOLERANCE)), 0)
     last = np.minimum(np.floor(high + (_TOLERANCE - 0.5)), size - 1)
     return first, np.maximum(last - first + 1, 0).astype(np.int64)
 
 
 def _bounds(values: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The least and the largest of each face's three values; faster than reductions."""
+    """Minimum and maximum of the three values of each face; faster than reductions over an axis."""
     a, b, c = (values[column] for column in faces.T)
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
@@ -50,22 +51,22 @@ def _bounds(values: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def _line_hits(
     corners: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], axis: int, size: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Where triangles meet the lines along an axis through the centres of a grid's cells.
+    """Intersections of triangles with the lines along an axis through the centres of cells.
 
-    Each triangle is cut into rows of lines and each row into lines. A triangle's border counts, so
-    a line through a common edge meets at least one of the triangles there.
+    Each triangle is divided into rows of lines and each row into lines. The border of a triangle
+    belongs to it, so a line through a common edge intersects at least one of its triangles.
 
     Args:
-      corners: positions, unit = the edge of a cell.
+      corners: positions, in units of the edge of a cell.
       faces: indices into `corners`.
-      axis: along which the lines run.
-      size: cells along an edge of the grid.
+      axis: direction of the lines.
+      size: number of cells along an edge of the grid.
 
     Yields:
-      Cells of the lines along the next two axes (in cyclic order), and the place on the line.
+      Cells of the lines along the next two axes (in cyclic order), and the position on the line.
 
     Raises:
-      UnusableModelError: that would be more than `_MAX_POINTS`.
+      UnusableModelError: there would be more than `_MAX_POINTS` intersections.
     """
     u, v, w = (np.ascontiguousarray(corners[:, (axis + k) % 3]) for k in (1, 2, 0))
     first, rows = _centres_between(*_bounds(v, faces), size)
@@ -77,19 +78,20 @@ def _line_hits(
     faces = np.take_along_axis(faces, v[faces].argsort(axis=1, kind="stable"), axis=1)
     low, middle, high = faces.T
     width = _centres_between(*_bounds(u, faces), size)[1]
-    # The rows of a triangle are half as long as its width on average.
+    # On average, the rows of a triangle are half as long as its width.
     bound = rows * (width / 2 + 1)
     if bound.sum() > _MAX_POINTS:
         raise UnusableModelError(
-            f"the surface crosses {bound.sum():.2g} lines of cells, more than {_MAX_POINTS:.2g}: "
-            "it is too much to voxelise"
+            f"the surface crosses {bound.sum():.2g} lines of cells, more than the limit of "
+            f"{_MAX_POINTS:.2g}"
         )
     group = np.floor(np.cumsum(bound) / POINTS_AT_ONCE).astype(np.int64)
     for part in np.split(np.arange(len(faces)), np.flatnonzero(np.diff(group)) + 1):
         owner, number = repeat_numbers(rows[part])
         owner = part[owner]
         row = first[owner] + number
-        # Both ends of the row: on the edge from the lowest corner to the highest, and on the other.
+        # Both ends of the row: one on the edge from the lowest corner to the highest, one on the
+        # other two edges.
         at = row + 0.5
         lower = at <= v[middle[owner]]
         begin = np.where(lower, low[owner], middle[owner])
@@ -134,34 +136,34 @@ def mark_surface(
     edges: Int[np.ndarray, "e 2"],
     size: int,
 ) -> tuple[Bool[np.ndarray, "n n n"], list[Bool[np.ndarray, "n n n"]]]:
-    """Cells that a surface passes through, so that no air gets across it from cell to cell.
+    """Cells that a surface passes through. A flood fill of unmarked cells does not cross it.
 
     Marked are the cells that contain
-      - a point where the surface meets a line along an axis through the cells' centres, and
-      - a point of an edge or a corner of a triangle, which keeps parts thinner than a cell.
+      - an intersection of the surface with a line along an axis through the centres of cells, or
+      - a point of an edge or a corner of a triangle, so that parts thinner than a cell are kept.
 
-    No leak: let the surface meet the segment between the centres of two cells with a common face.
-    The segment lies on one of the lines, and in these two cells; so does the meeting point, and
-    one of the two is marked. Air that steps from the centre of an unmarked cell to that of an
-    unmarked neighbour has not crossed the surface, whatever the shape of the triangles. (A segment
-    that lies in a triangle's plane is of no concern: where it leads inside of a closed surface, a
-    segment beside it does so, too, through a triangle that is not parallel to it, and whose border
-    the first segment touches at least.) Rounding moves a meeting point by far less than half a
-    cell, which is what it would take to mark neither.
+    Proof that there is no leak: suppose the surface intersects the segment between the centres of
+    two cells with a common face. The segment is on one of the lines and inside these two cells, so
+    the intersection is in one of them, and that cell is marked. A step from the centre of an
+    unmarked cell to the centre of an unmarked neighbour therefore never crosses the surface,
+    whatever the shape of the triangles. (A segment in the plane of a triangle is no exception: if
+    it enters a closed surface, it also touches the border of a triangle that is not parallel to
+    it.) Rounding moves an intersection by much less than half a cell, which would be needed to mark
+    neither cell.
 
     Args:
-      corners: positions, unit = the edge of a cell; the grid spans [0, size] on each axis. What
-        sticks out is not marked.
+      corners: positions, in units of the edge of a cell; the grid spans [0, size] on each axis.
+        Surface outside the grid is not marked.
       faces: indices into `corners`.
-      edges: of the faces, indices into `corners`.
-      size: cells along an edge of the grid.
+      edges: edges of the faces, indices into `corners`.
+      size: number of cells along an edge of the grid.
 
     Returns:
-      The marked cells, and for each axis whether the surface lies between the centre of a cell and
-      that of the next.
+      The marked cells, and for each axis whether the surface is between the centre of a cell and
+      that of the next cell.
 
     Raises:
-      UnusableModelError: it would take minutes.
+      UnusableModelError: there are too many intersections.
     """
     marked = np.zeros((size, size, size), bool)
     crossed = []
@@ -171,7 +173,7 @@ def mark_surface(
         step = strides[axis]
         for column, row, place in _line_hits(corners, faces, axis, size):
             line = column * strides[(axis + 1) % 3] + row * strides[(axis + 2) % 3]
-            # A point on the grid's border belongs to the cell inside.
+            # A point on the border of the grid belongs to the cell inside.
             cell = np.floor(place).astype(np.int64)
             cell[(place > -_TOLERANCE) & (place < 0)] = 0
             cell[(place >= size) & (place < size + _TOLERANCE)] = size - 1
@@ -189,7 +191,7 @@ def mark_surface(
 
 
 def outside_cells(blocked: np.ndarray) -> np.ndarray:
-    """Cells that air reaches from the border; it passes through faces, and never from below."""
+    """Cells that a flood fill reaches from the sides and the top of the grid, not from below."""
     padded = np.pad(~blocked, ((1, 1), (1, 1), (0, 1)), constant_values=True)
     label, _ = scipy.ndimage.label(padded)
     return (label == label[0, 0, -1])[1:-1, 1:-1, :-1]
@@ -198,10 +200,10 @@ def outside_cells(blocked: np.ndarray) -> np.ndarray:
 def _with_border(
     outside: np.ndarray, marked: np.ndarray, crossed: Sequence[np.ndarray]
 ) -> np.ndarray:
-    """Outside cells, and those marked cells whose centre is outside.
+    """The outside cells and the marked cells whose centre is outside.
 
-    That is so if a neighbour's centre is, and the surface does not lie between the two. Two steps:
-    beyond lie marked cells with none but marked ones around.
+    The centre of a marked cell is outside if that of a neighbour is outside and the surface is not
+    between the two. Two steps suffice, because further in all neighbours are marked.
     """
     for _ in range(2):
         reached = np.zeros_like(outside)
@@ -216,9 +218,9 @@ def _with_border(
 
 
 def _in_cells(fine: np.ndarray) -> np.ndarray:
-    """How many of the small cells of each large cell [x, y, z] are true."""
+    """The number of true small cells in each large cell [x, y, z]."""
     counts = fine.view(np.uint8)
-    # Sums of slices, axis after axis: one reduction over three axes takes fifty times as long.
+    # Sums of slices, axis by axis: one reduction over three axes takes fifty times as long.
     for axis in range(3):
         first, *others = (counts[*[slice(None)] * axis, start::_FINE] for start in range(_FINE))
         counts = first.copy()
@@ -232,27 +234,27 @@ def solid_occupancy(
 ) -> Bool[np.ndarray, "size size size"]:
     """Solid voxels of a model, which need not be watertight.
 
-    The grid is the schema's: indexed [x, y, z], it covers [-1, 1] x [-1, 1] x [0, 2] of the frame
-    that `rotation` turns the model into; cell (i, j, k) spans [-1 + 2 i / size, -1 + 2 (i+1) /
-    size] in x, the same in y, and [2 k / size, 2 (k+1) / size] in z.
+    The grid is that of the schema. It is indexed [x, y, z] and covers [-1, 1] x [-1, 1] x [0, 2] of
+    the rotated frame. Cell (i, j, k) spans [-1 + 2 i / size, -1 + 2 (i+1) / size] in x, the same in
+    y, and [2 k / size, 2 (k+1) / size] in z.
 
     The rule:
-      1. The surface is marked in small cells of a third of the edge, without gaps
+      1. The surface is marked without gaps in small cells, a third of a cell wide
          (`mark_surface`).
-      2. Outside is what air reaches from the border without crossing it; it does not come through
-         the ground, so an object without a bottom is solid. All else is inside. A marked small
-         cell is inside or outside as its centre is.
-      3. The same is done with the large cells: what is closed at their size (cracks and gaps under
-         a cell) is solid, too.
+      2. A flood fill from the border of the grid that does not cross the surface marks the outside.
+         It does not start at the ground, so an object without a bottom is solid. Everything else is
+         inside. A marked small cell belongs to the side of its centre.
+      3. The same is done with the cells of the grid: parts that are closed at this resolution
+         (with cracks and gaps smaller than a cell) are solid as well.
       4. A cell is occupied if at least half of its small cells are inside.
-      5. Thin parts are kept: a cell with small cells that are marked or inside is occupied as well
-         if neither it nor any of its 26 neighbours is by 4. So is, of thin sheets and bars,
-         everything that is a cell or more away from thicker parts.
+      5. Thin parts are kept: a cell with marked or inside small cells is also occupied if neither
+         it nor any of its 26 neighbours is occupied by rule 4. This keeps thin sheets and bars
+         where they are at least one cell away from thicker parts.
 
     Args:
-      model: in the project's frame, normalised. What sticks out of the grid is not counted.
-      rotation: to the frame of the grid, such as the one that turns the model to its view.
-      size: cells along an edge.
+      model: the model, normalised to the project's frame. Parts outside the grid are ignored.
+      rotation: rotation to the frame of the grid, such as the view-aligned frame.
+      size: number of cells along an edge.
 
     Raises:
       UnusableModelError: the area is so large that marking it would take minutes.
@@ -261,7 +263,7 @@ def solid_occupancy(
     corners = (model.vertices @ np.asarray(rotation, np.float64).T + [1, 1, 0]) * (fine / 2)
     marked, crossed = mark_surface(corners, model.faces, model.edges, fine)
     touched = _in_cells(marked) > 0
-    # The flood runs in the part of the grid that the object fills, with air around it.
+    # The flood fill runs in the bounding box of the object plus a margin of empty cells.
     if not touched.any():
         return touched
     large = [slice(int(i.min()), int(i.max()) + 1) for i in np.nonzero(touched)]

@@ -1,1 +1,1 @@
-"""Where models come from: catalogues, one file each, behind one small interface (`entry`)."""
+"""Catalogues of models, one per file, with a common interface (`entry.Catalogue`)."""

@@ -1,4 +1,4 @@
-"""AC3D: folders of `.ac` files, the models of flight and racing simulators."""
+"""Catalogue of folders of AC3D files (`.ac`), the models of flight and racing simulators."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -13,23 +13,26 @@ from data_gen.readers.ac3d import NO_ASSIMP, find_assimp, read_ac3d
 class AC3DCatalogue(folder.FolderCatalogue):
     """All AC3D files below a folder.
 
-    `Maritime/Civilian/ferry.ac` is the model of that name, of the category "Maritime"; files in
-    the folder itself have no category. Textures may lie anywhere in the folder, nowhere else.
+    `Maritime/Civilian/ferry.ac` is a model with this name and the category "Maritime". Files
+    directly in the folder have no category. Textures may be anywhere below the folder, but not
+    outside.
 
     Args:
       source: the folder.
       up: axis of the files that points up (`frame.AXES`).
-      front: axis of the files toward which the objects look. The default is that of FlightGear's
-        models; the cars of TORCS look to +x.
-      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
-      max_faces: models with more are refused.
-      leave_out: names of folders, wherever they are, whose files are left out. The default are
-        those of FlightGear that hold no objects: clouds, the sky, lights and smoke.
-      objects_only: whether to refuse files elsewhere that hold no object, see `non_objects`.
+      front: axis of the files toward which the fronts of the objects point. The default is that of
+        FlightGear's models; for the cars of TORCS it is +x.
+      fractions: fractions of the models for training, validation and test, see
+        `catalogues.entry.split_of`.
+      max_faces: models with more faces are refused.
+      leave_out: names of folders at any depth whose files are left out. The default are folders of
+        FlightGear without objects: clouds, the sky, lights and smoke.
+      objects_only: whether to refuse files in other folders that contain no object, see
+        `non_objects`.
 
     Raises:
-      ValueError: the folder is missing or has no such file, an axis is wrong, or assimp is not
-        installed.
+      ValueError: the folder is missing or contains no such file, an axis is unknown, or assimp is
+        not installed.
     """
 
     name = "ac3d"
@@ -48,7 +51,7 @@ class AC3DCatalogue(folder.FolderCatalogue):
         objects_only: bool = True,
     ) -> None:
         for axis in (up, front):
-            axis_vector(axis)  # "auto" is none here
+            axis_vector(axis)  # refuses "auto"
         super().__init__(
             source, up=up, front=front, fractions=fractions, max_faces=max_faces,
             leave_out=leave_out,

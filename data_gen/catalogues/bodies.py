@@ -1,4 +1,4 @@
-"""Bodies of vehicles: skins over stations, and wings."""
+"""Bodies of vehicles: lofted cross sections, and wings."""
 
 from collections.abc import Sequence
 
@@ -9,15 +9,15 @@ from data_gen.catalogues.solids import Solid, loft, superellipse
 
 
 def through(table: Sequence[Sequence[float]], places: np.ndarray) -> np.ndarray:
-    """Rows of a table between its own, smooth and without overshoot.
+    """Smooth interpolation of the rows of a table, without overshoot.
 
     Args:
-      table: [K, C + 1], in each row a place and what is there; places in ascending or descending
-        order, no two alike.
-      places: [N]; beyond the ends the nearest row stays.
+      table: [K, C + 1]; each row has a position and the values there. Positions are strictly
+        ascending or descending.
+      places: positions [N]; beyond the ends the values of the nearest row are used.
 
     Returns:
-      [N, C].
+      The values [N, C].
     """
     rows = np.asarray(table, np.float64)
     if rows[0, 0] > rows[-1, 0]:
@@ -30,7 +30,7 @@ def through(table: Sequence[Sequence[float]], places: np.ndarray) -> np.ndarray:
 
 
 def between(places: Sequence[float], steps: int) -> np.ndarray:
-    """The places with each interval between neighbours cut into `steps` equal ones."""
+    """The positions, with each interval between neighbours divided into `steps` equal parts."""
     knots = np.asarray(places, np.float64)
     return np.interp(np.arange((len(knots) - 1) * steps + 1) / steps, np.arange(len(knots)), knots)
 
@@ -38,14 +38,14 @@ def between(places: Sequence[float], steps: int) -> np.ndarray:
 def body(
     stations: Sequence[Sequence[float]], power: float = 2.0, steps: int = 3, sides: int = 24
 ) -> Solid:
-    """A skin over superellipses across the x axis, smooth from one to the next.
+    """A smooth surface through superellipses perpendicular to the x axis.
 
     Args:
-      stations: rows of x, half width, half height and z of the centre; a fifth number is the power
-        there, which goes before the argument.
-      power: of the superellipses.
-      steps: sections for each interval between stations.
-      sides: points of a section.
+      stations: rows of x, half width, half height and z of the centre; an optional fifth number is
+        the power there, in place of `power`.
+      power: power of the superellipses.
+      steps: number of sections for each interval between stations.
+      sides: number of points of a section.
     """
     places = between([s[0] for s in stations], steps)
     rows = through(stations, places)
@@ -61,20 +61,20 @@ AEROFOIL = np.array(
     [(1, 0.04), (0.8, 0.4), (0.55, 0.78), (0.3, 1), (0.12, 0.8), (0.03, 0.42), (0, 0),
      (0.03, -0.3), (0.12, -0.5), (0.3, -0.6), (0.55, -0.45), (0.8, -0.2)]
 )  # fmt: skip
-"""Distance behind the leading edge in chords, height in thicknesses."""
+"""Distance behind the leading edge over the chord, and height over the thickness."""
 
 
 def wing(
     sections: Sequence[Sequence[float]], thickness: float = 0.1, steps: int = 1, fin: bool = False
 ) -> Solid:
-    """A wing over aerofoils from the root to the tip, its nose toward +x.
+    """A wing through aerofoils from the root to the tip, with the leading edge toward +x.
 
     Args:
-      sections: rows of x, y, z of the leading edge and the chord; a fifth number is the thickness
-        there in chords, which goes before the argument.
-      thickness: in chords.
-      steps: sections for each interval; from 2 on the outline is smooth.
-      fin: thick along y (and symmetrical) in place of along z.
+      sections: rows of x, y, z of the leading edge and the chord; an optional fifth number is the
+        thickness over the chord there, in place of `thickness`.
+      thickness: thickness over the chord.
+      steps: number of sections for each interval; with 2 or more the outline is smooth.
+      fin: whether the thickness is along y (and symmetrical) instead of along z.
     """
     table = [(float(k), *row) for k, row in enumerate(sections)]
     rings = []

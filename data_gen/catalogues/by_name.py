@@ -1,6 +1,6 @@
-"""Catalogues by name, and their options from texts.
+"""Opens catalogues by name, with options from the command line.
 
-A new catalogue is a module with a class that has `entries()`, and a line in `CATALOGUES`.
+To add a catalogue, write a module with a class that has `entries()`, and a line in `CATALOGUES`.
 """
 
 import importlib
@@ -22,7 +22,7 @@ CATALOGUES = {
     "torcs": "data_gen.catalogues.torcs:TorcsCatalogue",
     "pyrogenesis": "data_gen.catalogues.pyrogenesis:PyrogenesisCatalogue",
 }
-"""Names of the catalogues and where their classes are."""
+"""The class of each catalogue, as `module:class`."""
 
 
 def open_catalogue(name: str, source: str | os.PathLike[str], **options: Any) -> Catalogue:
@@ -30,11 +30,11 @@ def open_catalogue(name: str, source: str | os.PathLike[str], **options: Any) ->
 
     Args:
       name: one of `CATALOGUES`.
-      source: what it reads: a folder, a file; see the class.
-      **options: of the class.
+      source: a folder or file, described in the class.
+      **options: keyword arguments of the class.
 
     Raises:
-      ValueError: an unknown name, or a source that the catalogue cannot be made of.
+      ValueError: the name is unknown, or the class refuses the source.
     """
     catalogue: Catalogue = class_of(name)(source, **options)
     return catalogue
@@ -44,7 +44,7 @@ def class_of(name: str) -> Callable[..., Any]:
     """The class of a catalogue.
 
     Raises:
-      ValueError: an unknown name.
+      ValueError: the name is unknown.
     """
     if name not in CATALOGUES:
         raise ValueError(f"catalogue {name!r}: expected one of {sorted(CATALOGUES)}")
@@ -57,21 +57,21 @@ _TRUTH = {"true": True, "1": True, "false": False, "0": False}
 
 
 def option_types(name: str) -> dict[str, Any]:
-    """Options of a catalogue's class and their types.
+    """The options of a catalogue and their types.
 
     Raises:
-      ValueError: an unknown catalogue.
+      ValueError: the catalogue is unknown.
     """
     hints = typing.get_type_hints(class_of(name).__init__)  # type: ignore[misc]
     return {key: hint for key, hint in hints.items() if key not in ("source", "return")}
 
 
 def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
-    """Options of a catalogue's class from texts such as "up=+z" or "categories=chair,table".
+    """Options of a catalogue from texts such as "up=+z" or "categories=chair,table".
 
     Raises:
-      ValueError: an unknown catalogue or option, one that is given twice, or a value that the
-        option does not take.
+      ValueError: the catalogue or an option is unknown, an option is given twice, or a value has
+        the wrong type.
     """
     hints = option_types(name)
     known = sorted(hints)
@@ -84,7 +84,7 @@ def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
                 f"{name!r}"
             )
         if key in result:
-            raise ValueError(f"--option={pair}: {key} is given twice")
+            raise ValueError(f"--option={pair}: {key} is given twice, expected once")
         hint = hints[key]
         several = typing.get_origin(hint) is not None
         kind = typing.get_args(hint)[0] if several else hint

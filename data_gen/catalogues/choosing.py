@@ -1,4 +1,4 @@
-"""Which models of a catalogue: by patterns of category and name, and a sample spread over it."""
+"""Chooses models of a catalogue: by patterns of category and name, and by a stratified sample."""
 
 import dataclasses
 import difflib
@@ -13,17 +13,17 @@ from data_gen.catalogues.entry import Entry
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """Models of a catalogue: first `include`, then `exclude`, then the sample.
+    """A choice of models: `include` is applied first, then `exclude`, then the sample.
 
-    A pattern of the shell (`*`, `?`, `[abc]`) stands for a model if it fits its category, its whole
-    name, the beginning of the name up to one of its slashes, or a part between two slashes: of
-    `Effects/Birds/swarm.ac`, `Effects`, `Effects/Birds`, `swarm.*` and `*swarm*` all do.
+    A shell pattern (`*`, `?`, `[abc]`) matches a model if it matches its category, its whole name,
+    the beginning of the name up to a slash, or a part between two slashes. For example,
+    `Effects`, `Effects/Birds`, `swarm.*` and `*swarm*` all match `Effects/Birds/swarm.ac`.
 
     Attributes:
-      include: patterns; models that none of them fits are left out; () = all stay.
-      exclude: patterns; models that one of them fits are left out.
-      sample: so many of the models that are left, spread over categories and folders; 0 = all.
-      seed: of the sample. A larger sample of the same seed holds a smaller one.
+      include: patterns; models that match none of them are left out. () = keep all.
+      exclude: patterns; models that match one of them are left out.
+      sample: number of models sampled from the rest, spread over categories and folders; 0 = all.
+      seed: seed of the sample. With the same seed, a larger sample contains the smaller ones.
     """
 
     include: tuple[str, ...] = ()
@@ -33,7 +33,7 @@ class Choice:
 
 
 def matches(pattern: str, entry: Entry) -> bool:
-    """Whether a pattern stands for a model, see `Choice`."""
+    """Whether a pattern matches a model, as described in `Choice`."""
     return any(fnmatch.fnmatchcase(text, pattern) for text in _texts(entry))
 
 
@@ -51,14 +51,14 @@ def _check_patterns(flag: str, patterns: Sequence[str], entries: Sequence[Entry]
     near = [difflib.get_close_matches(p, known, 1) for p in idle]
     hints = [f"{p!r}" + (f" (did you mean {n[0]!r}?)" if n else "") for p, n in
              zip(idle, near, strict=True)]  # fmt: skip
-    raise ValueError(f"--{flag}: no category and no name fits {', '.join(hints)}")
+    raise ValueError(f"--{flag}: no category and no name matches {', '.join(hints)}")
 
 
 def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
-    """The chosen models: in the given order without a sample, else in the sample's.
+    """The chosen models, in the given order, or with a sample in random order.
 
     Raises:
-      ValueError: a pattern fits no model, nothing is left, or the sample has a negative size.
+      ValueError: a pattern matches no model, no model is left, or the sample size is negative.
     """
     if choice.sample < 0:
         raise ValueError(f"--sample: got {choice.sample}, expected 1 or more")
@@ -70,18 +70,20 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
         and not any(matches(p, entry) for p in choice.exclude)
     ]  # fmt: skip
     if entries and not left:
-        raise ValueError(f"--include, --exclude: none of the {len(entries)} models is left")
+        raise ValueError(
+            f"--include, --exclude: none of the {len(entries)} models is left, expected at least 1"
+        )
     if choice.sample > len(left):
-        logging.warning("--sample=%d: all of the %d models are taken", choice.sample, len(left))
+        logging.warning("--sample=%d: there are only %d models", choice.sample, len(left))
     return _spread(left, choice.seed)[: choice.sample] if choice.sample else left
 
 
 def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:
-    """All models in an order of which any beginning is spread over categories and folders.
+    """All models in a random order of which every prefix is spread over categories and folders.
 
-    Of n models in all, a category or folder with m has k m / n of the first k, to within one. The
-    model at place r of the random order of its m gets the place (r + u) / m in the whole, where u
-    is uniform in [0, 1) and the same for the category or folder.
+    Of n models, a category or folder with m models has k m / n models among the first k, to within
+    one. The model with rank r in the random order of its m models gets the position (r + u) / m,
+    where u is uniform in [0, 1) and common to the category or folder.
     """
 
     def uniform(*words: str) -> float:

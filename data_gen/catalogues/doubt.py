@@ -1,15 +1,15 @@
-"""Cabinets whose depth cannot be told from the front: the data of the study of ambiguity.
+"""Cabinets whose depth is not visible from the front, for the study of ambiguity.
 
-A cabinet is a front panel, a body behind it of a hidden depth, and under the body a rail that is
-always as long as the deepest body. Panel and rail alone make the bounding box and the bounding
-hemisphere, so that normalisation keeps the panel where it is, whatever the depth; and the panel is
-larger than the body, so that a camera on the horizon (elevation 0) straight in front of it, looking
-at a point of the panel, sees the panel alone. From there images of one seed differ by nothing that
-depends on the depth. Two kinds, as categories:
+A cabinet consists of a front panel, a body of a hidden depth behind it, and a rail under the body
+that is always as long as the deepest body. Panel and rail determine the bounding box and the
+bounding hemisphere, so that after normalisation the position of the panel does not depend on the
+depth. The panel is larger than the body: a camera at elevation 0 straight in front of it, aimed at
+a point of the panel, sees only the panel. From there, images of one seed do not depend on the
+depth. There are two kinds, used as categories:
 
-- `front`: the panel faces +x. Seen from azimuth 0 the depth is in doubt.
-- `turned`: the same cabinets turned by `TURN` degrees about the vertical. The image shows the side
-  and with it the depth: no doubt is left.
+- `front`: the panel faces +x. From azimuth 0 the depth is ambiguous.
+- `turned`: the same cabinets rotated by `TURN` degrees about the vertical axis. The image shows the
+  side, so the depth is not ambiguous.
 """
 
 import dataclasses
@@ -25,29 +25,28 @@ from data_gen.mesh import Model
 KINDS = ("front", "turned")
 TURN = 55.0
 DEPTH = (0.15, 1.0)
-"""Range of the hidden depth of the body, uniform, as a share of the deepest one."""
+"""Range of the hidden depth of the body, as a fraction of the deepest body; uniform."""
 
 LENGTH, PANEL = 2.0, 0.06
-"""Of the rail, which is as long as everything on it; how far behind its front end the body begins.
-Lengths before normalisation."""
+"""Length of the rail, and distance of the body from its front end, before normalisation."""
 
-# Keeps these draws apart from those of other users of the same seed.
+# Makes these random numbers independent of others with the same seed.
 _VISIBLE, _HIDDEN = 0x646F7562, 0x646F7568
 
 
 def generate(kind: str, seed: int, hidden_seed: int) -> Model:
-    """A cabinet, normalised, named `<kind>-<seed>-h<hidden_seed>`.
+    """A normalised cabinet, named `<kind>-<seed>-h<hidden_seed>`.
 
-    `parameters["hidden"]["depth"]` is the hidden share of `DEPTH`; `parameters["scale"]` takes
-    lengths before normalisation to the frame's unit.
+    `parameters["hidden"]["depth"]` is the hidden depth, in `DEPTH`. `parameters["scale"]` is the
+    factor from lengths before normalisation to units of the frame.
 
     Args:
-      kind: one of `KINDS`; the same seeds give the same cabinet in both.
-      seed: of everything that the front shows.
-      hidden_seed: of the depth, together with `seed`.
+      kind: one of `KINDS`; the same seeds give the same cabinet in both kinds.
+      seed: seed of everything that is visible from the front.
+      hidden_seed: seed of the depth, together with `seed`.
 
     Raises:
-      ValueError: there is no such kind.
+      ValueError: the kind is unknown.
     """
     if kind not in KINDS:
         raise ValueError(f"kind {kind!r}: expected one of {list(KINDS)}")
@@ -70,7 +69,7 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
     for i in range(columns):
         for j in range(rows):
             y, z = (i - (columns - 1) / 2) * w, (j + 0.5) * h
-            # No farther than the rail's end: panel and rail stay the box around everything.
+            # The body ends before the rail, so that panel and rail determine the bounding box.
             kit.add(front, box(0.01, w - 0.04, h - 0.04).at(face + 0.004, y, z))
             kit.add(knob, ball(0.02, 0.05, 0.05, 8).at(end - 0.0101, y, z))
     name = f"{kind}-{seed}-h{hidden_seed}"
@@ -88,11 +87,11 @@ class DoubtCatalogue:
     """Cabinets of both kinds.
 
     Args:
-      seeds: how many seeds each split has: (train, validation); a seed is in one split alone.
-      draws: how many hidden depths of each seed each split has.
+      seeds: number of seeds in each split, (train, validation). A seed is in only one split.
+      draws: number of hidden depths per seed in each split.
 
     Raises:
-      ValueError: a number that is not positive.
+      ValueError: a number is not positive.
     """
 
     name = "doubt"
@@ -108,10 +107,10 @@ class DoubtCatalogue:
         return len(KINDS) * sum(seeds * draws for seeds, draws in numbers)
 
     def entries(self) -> Iterator[Entry]:
-        """The models: of each seed both kinds and all draws."""
+        """The models: for each seed both kinds and all hidden depths."""
         for split, first, seeds, draws in (
             ("train", 0, self._seeds[0], self._draws[0]),
-            # Far enough for any number of training seeds.
+            # An offset larger than any number of training seeds.
             ("validation", 1_000_000, self._seeds[1], self._draws[1]),
         ):
             for seed in range(first, first + seeds):

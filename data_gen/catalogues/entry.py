@@ -1,6 +1,6 @@
-"""What a catalogue is: models that are listed without being read, and loaded one by one.
+"""The interface of catalogues, which list models without reading them and load them one by one.
 
-Entries can be pickled, so worker processes take them as they are.
+Entries can be pickled and sent to worker processes.
 """
 
 import dataclasses
@@ -14,25 +14,25 @@ from data_gen.mesh import Model
 SPLITS = ("train", "validation", "test")
 
 FRACTIONS = (0.8, 0.1, 0.1)
-"""Default parts of the splits, in the order of `SPLITS`."""
+"""Default fractions of the splits, in the order of `SPLITS`."""
 
 
 def printable(text: str) -> str:
-    """One line that UTF-8 can hold: control characters and bytes that are no text are escaped."""
+    """The text with control characters and undecodable bytes escaped: one line of valid UTF-8."""
     text = text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """One model of a catalogue.
+    """A model of a catalogue.
 
     Attributes:
-      model_id: unique in the catalogue.
-      category: name, "" where unknown.
-      split: one of `SPLITS`. All views of a model are in the same.
-      loader: reads the model, normalised, in the project's frame; may be pickled. It raises
-        `mesh.UnusableModelError` where no sample can be made of it.
+      model_id: name, unique in the catalogue.
+      category: name of the category, "" if unknown.
+      split: one of `SPLITS`. All views of a model are in the same split.
+      loader: reads the model and normalises it to the project's frame; can be pickled. It raises
+        `mesh.UnusableModelError` if no sample can be made from the model.
     """
 
     model_id: str
@@ -46,12 +46,12 @@ class Entry:
         object.__setattr__(self, "category", printable(self.category))
 
     def load(self) -> Model:
-        """The model; its name and category are the entry's."""
+        """The model, with the name and category of the entry."""
         return self.loader()
 
 
 class Catalogue(Protocol):
-    """What a catalogue can do."""
+    """The interface of a catalogue."""
 
     name: str
 
@@ -60,23 +60,23 @@ class Catalogue(Protocol):
         ...
 
     def entries(self) -> Iterator[Entry]:
-        """All models, in an order that is the same every time."""
+        """All models, always in the same order."""
         ...
 
 
 def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -> str:
-    """The split of a model, by a hash of its name: it never changes when models come or go.
+    """The split of a model, by a hash of its name; it does not depend on the other models.
 
     Args:
-      model_id: of the model.
-      fractions: of the splits, in the order of `SPLITS`; not negative, sum 1.
+      model_id: name of the model.
+      fractions: fractions of the splits, in the order of `SPLITS`; not negative, with sum 1.
 
     Raises:
-      ValueError: the fractions are no such parts.
+      ValueError: a fraction is negative, or their sum is not 1.
     """
     if len(fractions) != len(SPLITS) or min(fractions) < 0 or abs(sum(fractions) - 1) > 1e-6:
         raise ValueError(
-            f"split fractions: got {list(fractions)}, expected {len(SPLITS)} parts of 0 or more "
+            f"split fractions: got {list(fractions)}, expected {len(SPLITS)} numbers of 0 or more "
             "with a sum of 1"
         )
     digest = hashlib.sha256(model_id.encode("utf-8", "surrogatepass")).digest()
@@ -85,12 +85,12 @@ def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -
         if place < fraction:
             return split
         place -= fraction
-    # Rounding may leave a crumb at the end; it belongs to the last split that is not empty.
+    # Because of rounding the hash may exceed the sum; then it is in the last non-empty split.
     return next(s for s, f in zip(SPLITS[::-1], fractions[::-1], strict=True) if f > 0)
 
 
 def unique_names(names: list[str]) -> list[str]:
-    """The names, with `-2`, `-3` ... appended to those that came before."""
+    """The names, with `-2`, `-3` ... appended to repeated names."""
     seen: dict[str, int] = {}
     taken = set(names)
     result = []
@@ -107,5 +107,5 @@ def unique_names(names: list[str]) -> list[str]:
 
 
 def loader(function: Callable[..., Model], *args: Any, **kwargs: Any) -> Callable[[], Model]:
-    """A loader for an `Entry` from a function of a module and its arguments."""
+    """A loader of an `Entry`, from a module-level function and its arguments."""
     return functools.partial(function, *args, **kwargs)

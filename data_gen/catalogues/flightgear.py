@@ -1,6 +1,6 @@
-"""FlightGear's aircraft of other pilots: AC3D files that small XML files dress in liveries.
+"""Catalogue of FlightGear's AI aircraft: AC3D files, with liveries defined in XML files.
 
-`A320/A320-AirFrance.xml` names the model `Models/A320.ac`, itself or by the file that it includes,
+`A320/A320-AirFrance.xml` names the model `Models/A320.ac`, directly or in a file that it includes,
 and the folder of the textures, `Textures/AirFrance`. Lights, flames and pieces are left out.
 """
 
@@ -23,7 +23,7 @@ _MAX_XML_BYTES = 1 << 20
 
 
 class LiveryFiles(FolderFiles):
-    """Files below a folder, pictures from a livery's folder before all others."""
+    """The files below a folder. Textures in the folder of the livery are preferred."""
 
     def __init__(self, root: str | os.PathLike[str], livery: str) -> None:
         super().__init__(root)
@@ -40,7 +40,7 @@ class LiveryFiles(FolderFiles):
 
 
 def _wrapper(path: pathlib.Path, root: pathlib.Path, depth: int = 0) -> tuple[str, str]:
-    """Model and folder of textures that a file names, relative to the root; "" = none."""
+    """The model and the texture folder named in an XML file, relative to the root; "" = none."""
     try:
         if path.stat().st_size > _MAX_XML_BYTES:
             return "", ""
@@ -79,19 +79,21 @@ def _load(root: str, name: str, livery: str, category: str, model_id: str, max_f
 
 
 class FlightGearCatalogue:
-    """Aircraft below a folder, each in some of its liveries.
+    """Aircraft below a folder, each with some of its liveries.
 
-    `A320/Models/A320.ac:AirFrance` is a model; one that has no livery is named as its file. All
-    liveries of a model share a split. Further ships and balloons in the folder are models, too.
+    An example of a name is `A320/Models/A320.ac:AirFrance`; a model without livery has the name of
+    its file. All liveries of a model are in the same split. Ships and balloons in the folder are
+    models as well.
 
     Args:
       source: the folder `AI/Aircraft` of FlightGear's data.
-      liveries: most models of one file, spread over the names of its liveries.
-      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
-      max_faces: models with more are refused.
+      liveries: largest number of liveries per file, spread over their names.
+      fractions: fractions of the models for training, validation and test, see
+        `catalogues.entry.split_of`.
+      max_faces: models with more faces are refused.
 
     Raises:
-      ValueError: the folder is missing or has no such file, or assimp is not installed.
+      ValueError: the folder is missing or contains no such file, or assimp is not installed.
     """
 
     name = "flightgear"
@@ -130,7 +132,7 @@ class FlightGearCatalogue:
         return len(self._models)
 
     def entries(self) -> Iterator[Entry]:
-        """The models, by file and livery."""
+        """The models, sorted by file and livery."""
         for name, livery in self._models:
             model_id = f"{name}:{posixpath.basename(livery)}" if livery else name
             category = next((c for p, c in _CATEGORIES if re.search(p, name)), "aircraft")

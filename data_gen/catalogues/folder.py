@@ -1,4 +1,4 @@
-"""A folder of meshes of any format that is read; a model's category is its first subfolder."""
+"""Catalogue of a folder of meshes in any readable format; subfolders are the categories."""
 
 import os
 import pathlib
@@ -12,10 +12,10 @@ from data_gen.mesh import MAX_FACES, Model, UnusableModelError
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import Reader, load_model
 
-# Formats whose programs draw with z up; the others mean y.
+# Formats in which z usually points up; in the others it is y.
 _Z_UP = (".stl", ".ply", ".off", ".3mf", ".xyz")
 
-# Formats of models that are not read, or only with further packages (3MF: lxml and networkx).
+# Formats of models that cannot be read, or only with further packages (3MF: lxml and networkx).
 _OTHERS = {
     ".3mf",
     ".3ds",
@@ -30,12 +30,12 @@ _OTHERS = {
     ".x3d",
 }
 
-# Catalogues for files that are not read here.
+# Catalogues that read the files which this catalogue cannot read.
 _CATALOGUES = {".ac": "ac3d", ".acc": "ac3d", ".sh3f": "sh3f"}
 
 
 def extensions() -> set[str]:
-    """Endings of mesh files that can be read here, lower case with the dot."""
+    """Suffixes of the mesh files that can be read, in lower case with the dot."""
     import trimesh
 
     not_meshes = {"dxf", "svg", "xyz", "binvox", "zip", "bz2", "tar.bz2", "tar.gz", "stl_ascii"}
@@ -43,10 +43,10 @@ def extensions() -> set[str]:
 
 
 def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
-    """Files below a folder with one of the endings (lower case), by name; hidden ones left out.
+    """The files below a folder with one of the suffixes (lower case), sorted, without hidden files.
 
     Raises:
-      ValueError: the folder is missing or has no such file.
+      ValueError: the folder is missing or contains no such file.
     """
     root = pathlib.Path(source)
     if not root.is_dir():
@@ -65,7 +65,7 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
     other = _other_catalogue(left)
     if not found:
         raise ValueError(
-            f"source {str(source)!r}: no mesh in it, expected files with one of the endings "
+            f"source {str(source)!r}: it contains no mesh, expected files with one of the suffixes "
             f"{sorted(endings)}{other and f'; {other}'}"
         )
     if left:
@@ -77,7 +77,7 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
 
 
 def _other_catalogue(names: list[str]) -> str:
-    """Which catalogues read files that this one does not; "" = none."""
+    """A hint at the catalogues that can read the files; "" = none."""
     found = {pathlib.PurePosixPath(name).suffix.lower() for name in names} & set(_CATALOGUES)
     return ", ".join(
         f"--catalogue={_CATALOGUES[ending]} reads {ending} files" for ending in sorted(found)
@@ -113,25 +113,27 @@ def _load(
 class FolderCatalogue:
     """All mesh files below a folder.
 
-    `chairs/red.obj` is the model "chairs/red.obj" of the category "chairs"; files in the folder
-    itself have no category. What a file refers to may lie anywhere in the folder, and nowhere else.
+    `chairs/red.obj` is the model "chairs/red.obj" with the category "chairs". Files directly in the
+    folder have no category. Files that a mesh refers to may be anywhere below the folder, but not
+    outside.
 
     Args:
       source: the folder.
       up: axis of the files that points up (`frame.AXES`), or "auto": +z for STL, PLY, OFF and
         3MF, +y for all others.
-      front: axis of the files toward which the objects look, or "auto": +z where y is up, -y
-        where z is.
-      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
-      max_faces: models with more are refused.
-      leave_out: names of folders, wherever they are, whose files are left out.
+      front: axis of the files toward which the fronts of the objects point, or "auto": +z if y is
+        up, -y if z is up.
+      fractions: fractions of the models for training, validation and test, see
+        `catalogues.entry.split_of`.
+      max_faces: models with more faces are refused.
+      leave_out: names of folders at any depth whose files are left out.
 
     Raises:
-      ValueError: the folder is missing or has no mesh in it, or an axis is wrong.
+      ValueError: the folder is missing or contains no mesh, or an axis is unknown.
     """
 
     name = "folder"
-    _reader: Reader | None = None  # by the files' endings
+    _reader: Reader | None = None  # None = chosen by the suffix
     _objection: Callable[[str, Model], str] | None = None
 
     def __init__(
@@ -153,7 +155,7 @@ class FolderCatalogue:
         if not self._names:
             raise ValueError(
                 f"source {str(source)!r}: all of its {len(names)} meshes are in folders that are "
-                f"left out (leave_out={','.join(leave_out)})"
+                f"left out (leave_out={','.join(leave_out)}), expected at least one mesh elsewhere"
             )
         if len(self._names) < len(names):
             logging.info(
@@ -169,7 +171,7 @@ class FolderCatalogue:
         return len(self._names)
 
     def entries(self) -> Iterator[Entry]:
-        """The files, by name."""
+        """The files, sorted by name."""
         for name in self._names:
             category = name.split("/")[0] if "/" in name else ""
             z_up = pathlib.PurePosixPath(name).suffix.lower() in _Z_UP

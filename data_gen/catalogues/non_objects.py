@@ -42,7 +42,7 @@ ACTORS = (
 )
 """Actors of Pyrogenesis: pieces, markings on the ground, water, construction sites."""
 
-# A plane that the program turns toward the viewer, or lays on the ground or a wall. The thinnest
+# Flat models are billboards that turn toward the viewer, or decals. For comparison: the thinnest
 # solid objects of `flightgear-data-models`, landing stages, are 4 % as thick as long.
 _FLAT = 0.01
 
@@ -51,15 +51,15 @@ _WORDS = {
     "contrail", "puff", "smoke", "tracer",
 }  # fmt: skip
 
-# Lights are a few crossed faces; a street light or a signal with more is an object.
+# Lights consist of a few crossed faces. A street lamp or a signal has more and is an object.
 _MAX_FACES = 100
 
-# The volumes of light of FlightGear's former renderer, which have more faces.
+# Light volumes of FlightGear's former renderer, which have more faces.
 _VOLUMES = "rembrandt"
 
 
 def thickness(model: Model) -> float:
-    """Least extent along the principal directions of a model's corners, over the largest."""
+    """Ratio of the smallest to the largest extent along the principal axes of the vertices."""
     corners = model.vertices[np.unique(model.faces)]
     centred = corners - corners.mean(axis=0)
     _, directions = np.linalg.eigh(centred.T @ centred)
@@ -68,11 +68,11 @@ def thickness(model: Model) -> float:
 
 
 def objection(name: str, model: Model) -> str:
-    """Why a file holds no object, by its shape and name; "" where it may.
+    """The reason why a file contains no object, by its shape and name; "" if it may contain one.
 
     Args:
-      name: of the file, with its folders.
-      model: what is in it.
+      name: name of the file, with its folders.
+      model: the model in the file.
     """
     if thickness(model) < _FLAT:
         return "no object: it is flat, a billboard or a decal"

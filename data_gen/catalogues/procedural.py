@@ -1,18 +1,18 @@
-"""Parametric families: the 13 categories of the paper's table, and more; endless, seeded, no files.
+"""Catalogue of procedural models: parametric families of the 13 categories of the paper, and more.
 
-`generate(category, seed)` makes a model of several parts and materials, its front toward +x. Each
-family has several sub-types with random proportions, parts and colours.
+`generate(category, seed)` makes a model of several parts and materials, with its front toward +x.
+Each family has several subtypes with random proportions, parts and colours.
 
-**Hidden parameters.** What an image cannot tell is drawn from a generator of its own:
-`generate(category, seed, hidden_seed=h)` for different h gives models that look the same from every
-azimuth in `parameters["hidden_azimuth"]`, pixel for pixel, and differ where the camera cannot see:
-in the hollow of a seat, below a foot, on the far side. The bounding box and hemisphere do not
-depend on them, so normalisation keeps the rest where it is. An azimuth is the direction from the
-model's origin to the camera, in degrees from +x toward +y; the ranges hold for cameras at least 15
-degrees above the horizon, at least 2.5 units away and no lower than the model's highest point.
-`hidden_azimuth` is a tuple of ranges (low, high) in [-180, 180]; `parameters["hidden"]` are the
-hidden values. `hidden_ranges` tells what they are drawn from, `redraw_hidden` makes the other
-models that look like a given one. The extra families have no hidden parameters.
+**Hidden parameters.** Parameters that are not visible in an image have a separate random generator.
+For different h, the models of `generate(category, seed, hidden_seed=h)` look the same, pixel by
+pixel, from every azimuth in `parameters["hidden_azimuth"]`. They differ where the camera cannot
+see: in the hollow of a seat, under a foot, on the far side. The bounding box and the bounding
+hemisphere do not depend on the hidden parameters, so neither does the normalisation. An azimuth is
+the direction from the origin of the model to the camera, in degrees from +x toward +y. The ranges
+hold for cameras at least 15 degrees above the horizon, at least 2.5 units away and no lower than
+the highest point of the model. `hidden_azimuth` is a tuple of ranges (low, high) in [-180, 180];
+`parameters["hidden"]` are the hidden values. `hidden_ranges` returns their ranges, `redraw_hidden`
+makes other models that look like a given one. The extra families have no hidden parameters.
 """
 
 import os
@@ -51,7 +51,7 @@ from data_gen.catalogues.families.table import table
 from data_gen.catalogues.families.watercraft import watercraft
 from data_gen.mesh import Model
 
-# Keeps these draws apart from those of other users of the same seed.
+# Makes these random numbers independent of others with the same seed.
 _VISIBLE, _HIDDEN = 0x70736776, 0x70736768
 
 FAMILIES: dict[str, Callable[[Kit], None]] = {
@@ -78,7 +78,7 @@ OPEN_BACKS: dict[str, Callable[[Kit], None]] = {
     "speaker": open_speaker,
     "cellphone": open_cellphone,
 }
-"""Families of models with a recess of a hidden depth at the back, for studies of ambiguity."""
+"""Families of models with a recess of hidden depth at the back, for studies of ambiguity."""
 
 EXTRA_FAMILIES: dict[str, Callable[[Kit], None]] = {
     "plant": plants.plant,
@@ -102,13 +102,13 @@ EXTRA_FAMILIES: dict[str, Callable[[Kit], None]] = {
     "cycle": transport.cycle,
     "scene": scenes.scene,
 }
-"""Families that the paper's table lacks and ShapeNet has many models of."""
+"""Families that are not in the paper's table but have many models in ShapeNet."""
 
 EXTRA_CATEGORIES = tuple(EXTRA_FAMILIES)
 
 _ALL = {**FAMILIES, **EXTRA_FAMILIES}
 
-# Share of extra models without colours, as many of ShapeNet's are.
+# Fraction of the extra models without colours, like many models of ShapeNet.
 _PLAIN = 0.15
 
 
@@ -120,24 +120,24 @@ def generate(
     hidden: Mapping[str, float] | None = None,
     open_back: bool = False,
 ) -> Model:
-    """A model of a category, in the project's frame, its front toward +x.
+    """A model of a category, in the project's frame, with its front toward +x.
 
     Args:
       category: one of `CATEGORIES` or `EXTRA_CATEGORIES`.
-      seed: of everything that can be seen, at least 0; the same seed gives the same model.
-      hidden_seed: of what cannot be seen; None = `seed`.
-      hidden: values of hidden parameters that are not drawn; see `hidden_ranges`.
-      open_back: whether the model has a recess of a hidden depth at its back (`OPEN_BACKS`), which
-        half of the views show and the others leave unknown. Else its back is closed.
+      seed: seed of the visible parameters, at least 0; the same seed gives the same model.
+      hidden_seed: seed of the hidden parameters; None = `seed`.
+      hidden: values of hidden parameters that are set instead of drawn; see `hidden_ranges`.
+      open_back: whether the model has a recess of hidden depth at its back (`OPEN_BACKS`), which is
+        visible in half of the views. Otherwise its back is closed.
 
     Returns:
-      A normalised model named `<category>-<seed>`, `-open` appended where its back is open,
-      `-h<hidden_seed>` where one is given, and `-set` where `hidden` is, with every parameter in
-      `parameters`: see this module's docstring for the hidden ones.
+      A normalised model named `<category>-<seed>`, followed by `-open` if its back is open,
+      `-h<hidden_seed>` if that is given, and `-set` if `hidden` is given. `parameters` contains all
+      parameters; the hidden ones are described in the docstring of this module.
 
     Raises:
-      ValueError: there is no such category, or none with an open back, a seed is negative, or a
-        hidden parameter is unknown or outside of its range.
+      ValueError: the category is unknown or has no models with an open back, a seed is negative, or
+        a hidden parameter is unknown or outside its range.
     """
     inner = seed if hidden_seed is None else hidden_seed
     kit = _built(category, seed, inner, hidden or {}, open_back)
@@ -146,7 +146,7 @@ def generate(
 
 
 def _number(category: str) -> int:
-    """Of a family, part of its seeds: it never changes when families come."""
+    """The number of a family in the seeds; it does not change when families are added."""
     if category in FAMILIES:
         return CATEGORIES.index(category)
     return 1 << 32 | zlib.crc32(category.encode())
@@ -164,7 +164,7 @@ def _built(
         raise ValueError(f"category {category!r}: expected one of {list(_ALL)}")
     if open_back and category not in OPEN_BACKS:
         raise ValueError(
-            f"category {category!r}: only {list(OPEN_BACKS)} have models with an open back"
+            f"category {category!r}: expected one of {list(OPEN_BACKS)} for an open back"
         )
     for name, value in (("seed", seed), ("hidden_seed", hidden_seed)):
         if value < 0:
@@ -187,16 +187,14 @@ def _built(
     return kit
 
 
-# --- What an image cannot tell ----------------------------------------------------------------
+# --- Hidden parameters ------------------------------------------------------------------------
 
 
 def parse_id(model: str | Entry | Model) -> tuple[str, int]:
-    """Category and seed of a procedural model by its name (or the entry's, or the model's).
-
-    Not whether its back is open.
+    """Category and seed of a procedural model, from the name, the entry or the model.
 
     Raises:
-      ValueError: it is no name of this catalogue.
+      ValueError: this is not a name of this catalogue.
     """
     return _parse(model)[:2]
 
@@ -205,23 +203,25 @@ def _parse(model: str | Entry | Model) -> tuple[str, int, bool]:
     name = model if isinstance(model, str) else model.model_id
     match = re.fullmatch(r"([a-z]+)-([0-9]+)(-open)?(?:-h[0-9]+)?(?:-set)?", name)
     if match is None or match[1] not in (OPEN_BACKS if match[3] else _ALL):
-        raise ValueError(f"model {name!r}: expected the name of a procedural model, as 'chair-12'")
+        raise ValueError(
+            f"model {name!r}: expected the name of a procedural model, such as 'chair-12'"
+        )
     return match[1], int(match[2]), bool(match[3])
 
 
 def hidden_ranges(model: str | Entry | Model) -> dict[str, HiddenRange]:
-    """The hidden parameters of a model and what they are drawn from.
+    """The hidden parameters of a model and their ranges.
 
-    Each is drawn uniformly from its range, independently of the others and of everything that can
-    be seen. So this is their distribution given the model's image, too, for images from an azimuth
-    in `parameters["hidden_azimuth"]`: the shapes that such an image leaves possible, each as
-    probable as the others, are those of `redraw_hidden` over all seeds.
+    Each is drawn uniformly from its range, independently of the others and of the visible
+    parameters. This is therefore also their distribution given an image from an azimuth in
+    `parameters["hidden_azimuth"]`: `redraw_hidden` with random seeds samples the shapes that are
+    possible for such an image.
 
     Args:
       model: a procedural model, its entry or its name.
 
     Raises:
-      ValueError: it is no name of a procedural model.
+      ValueError: this is not the name of a procedural model.
     """
     category, seed, open_back = _parse(model)
     return dict(_built(category, seed, seed, {}, open_back).ranges)
@@ -233,19 +233,19 @@ def redraw_hidden(
     *,
     values: Mapping[str, float] | None = None,
 ) -> Model:
-    """The model that looks the same and has other hidden parameters.
+    """A model that looks the same and has other hidden parameters.
 
     Args:
       model: a procedural model, its entry or its name.
-      hidden_seed: of the draw; different ones are independent.
-      values: hidden parameters that are set instead of drawn; the rest is that of `hidden_seed`.
+      hidden_seed: seed of the hidden parameters; different seeds are independent.
+      values: hidden parameters that are set instead of drawn; the others come from `hidden_seed`.
 
     Returns:
       The model `generate(category, seed, hidden_seed=hidden_seed, hidden=values)`, in the same
-      frame and scale as the one given, its hidden parameters in `parameters["hidden"]`.
+      frame and scale as the given one, with its hidden parameters in `parameters["hidden"]`.
 
     Raises:
-      ValueError: it is no name of a procedural model, or a value is outside of its range.
+      ValueError: this is not the name of a procedural model, or a value is outside its range.
     """
     category, seed, open_back = _parse(model)
     return generate(category, seed, hidden_seed=hidden_seed, hidden=values, open_back=open_back)
@@ -255,20 +255,21 @@ def redraw_hidden(
 
 
 class ProceduralCatalogue:
-    """A number of models of each family of the paper's table.
+    """Models of the families of the paper's table.
 
     Args:
-      source: models of each category, such as "100"; or categories with their numbers, such as
-        "chair=500,table=200".
-      first_seed: of each category.
-      hidden_draws: models made of each seed: 1 = one, with the hidden parameters of its own seed;
-        n > 1 = n that look the same and differ in what is hidden. They share a split.
-      open_backs: whether cabinets, speakers and cellphones have a recess at the back whose depth
-        is hidden (`OPEN_BACKS`); the source then has these categories alone.
-      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
+      source: number of models of each category, such as "100"; or categories with their numbers,
+        such as "chair=500,table=200".
+      first_seed: first seed of each category.
+      hidden_draws: number of models per seed: 1 = one model; n > 1 = n models that look the same
+        and differ in the hidden parameters. They are in the same split.
+      open_backs: whether cabinets, speakers and cellphones have a recess of hidden depth at the
+        back (`OPEN_BACKS`). There are then only these categories.
+      fractions: fractions of the models for training, validation and test, see
+        `catalogues.entry.split_of`.
 
     Raises:
-      ValueError: the source is neither, or an unknown category, or one without open backs.
+      ValueError: the source has another form, or a category is unknown or has no open backs.
     """
 
     name = "procedural"
@@ -292,7 +293,7 @@ class ProceduralCatalogue:
                 raise ValueError(f"category {category!r}: expected one of {list(known)}")
             if not count.isdecimal() or int(count) < 1:
                 raise ValueError(
-                    f"source {text!r}: expected a number of models, or category=number,..."
+                    f"source {text!r}: expected a number of models or category=number,..."
                 )
         if first_seed < 0 or hidden_draws < 1:
             raise ValueError(
@@ -308,7 +309,7 @@ class ProceduralCatalogue:
         return sum(self._counts.values()) * self._draws
 
     def entries(self) -> Iterator[Entry]:
-        """The models; categories take turns, so that every beginning holds all of them."""
+        """The models; the categories alternate, so that every prefix contains all of them."""
         for offset in range(max(self._counts.values())):
             seed = self._first + offset
             for category, count in self._counts.items():
@@ -325,11 +326,11 @@ class ProceduralCatalogue:
 
 
 class ExtraCatalogue(ProceduralCatalogue):
-    """A number of models of each of the extra families, such as "100" or "plant=50,vase=20".
+    """Models of the extra families.
 
     Args:
-      source: see `ProceduralCatalogue`.
-      first_seed: of each category.
+      source: see `ProceduralCatalogue`; for example "100" or "plant=50,vase=20".
+      first_seed: first seed of each category.
       fractions: see `catalogues.entry.split_of`.
     """
 

@@ -1,9 +1,8 @@
-"""0 A.D. and other games of the Pyrogenesis engine: a zip archive of actors, meshes and textures.
+"""Catalogue of 0 A.D. and other games of the Pyrogenesis engine: a zip archive of actors.
 
-Actors are put together by `readers.actors`. Meshes are the engine's own PMD files, which
-distributions ship in place of COLLADA; animations are PSA files, whose first idle frame gives
-people and animals a natural pose, see `readers.pmd`. The archive is read in place, see
-`archives.ZipFiles`.
+`readers.actors` assembles the actors. Meshes are PMD files, which distributions ship in place of
+COLLADA. Animations are PSA files; the first frame of an idle animation gives people and animals a
+natural pose (`readers.pmd`). The archive is read in place (`archives.ZipFiles`).
 """
 
 import functools
@@ -24,8 +23,8 @@ from data_gen.readers.actors import ACTORS, Game, assemble, cut_below
 from data_gen.readers.notes import Notes
 from data_gen.readers.textures import TEXTURE_SIDE
 
-# Folders of actors that are objects, and the category of each. The rest are pieces of others:
-# heads, manes, roofs, crowns of trees.
+# Folders of actors that are objects, and their categories. Other folders contain pieces: heads,
+# manes, roofs, crowns of trees.
 _CATEGORIES = (
     (r"fauna/", "animal"),
     (r"flora/trees/", "tree"),
@@ -60,7 +59,7 @@ def _load(path: str, name: str, variant: int, category: str, model_id: str, max_
         raise UnusableModelError(f"archive {path!r} cannot be read: {error}"[:200]) from error
     notes = Notes()
     arrays = assemble(_game(files), name, variant, TEXTURE_SIDE, max_faces, notes)
-    if category == "building":  # its foundation is in the ground
+    if category == "building":  # its foundations are below the ground
         arrays = cut_below(arrays)
     model = build_model(
         **arrays,
@@ -73,29 +72,29 @@ def _load(path: str, name: str, variant: int, category: str, model_id: str, max_
 
 
 def category_of(name: str) -> str:
-    """Category of an actor by its file's name; "" where it is no object on its own."""
+    """The category of an actor by its file name; "" if it is not an object on its own."""
     if re.search(non_objects.ACTORS, name):
         return ""
     return next((c for pattern, c in _CATEGORIES if re.match(pattern, name)), "")
 
 
 class PyrogenesisCatalogue:
-    """Actors of a game's archive that are objects on their own.
+    """Actors in the archive of a game that are objects on their own.
 
-    `units/romans/siege_ram.xml` is the model `units/romans/siege_ram`; of an actor that comes with
-    several meshes, further ones are `...-2`, `...-3`. Actors made of the same meshes that differ
-    in colours alone are taken twice, not more. Models whose main meshes have the same name but for
-    a number or letter at its end share a split.
+    `units/romans/siege_ram.xml` is the model `units/romans/siege_ram`. If an actor has several
+    meshes, the further models are named `...-2`, `...-3`. Models are in the same split if the names
+    of their main meshes differ only in a number or letter at the end.
 
     Args:
-      source: the archive, such as 0 A.D.'s `public.zip`, or a folder below which it lies.
-      shapes: most models of one actor.
-      colours: most models of the same meshes.
-      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
-      max_faces: models with more are refused.
+      source: the archive, such as 0 A.D.'s `public.zip`, or a folder that contains it.
+      shapes: largest number of models of an actor.
+      colours: largest number of models with the same meshes and different colours.
+      fractions: fractions of the models for training, validation and test, see
+        `catalogues.entry.split_of`.
+      max_faces: models with more faces are refused.
 
     Raises:
-      ValueError: there is no such archive, it cannot be read or has no actors.
+      ValueError: the archive is missing, cannot be read or contains no actors.
     """
 
     name = "pyrogenesis"
@@ -147,7 +146,7 @@ class PyrogenesisCatalogue:
                     looks.add(look)
                     yield name, variant, category_of(name), stem_of(shape[0])
             except UnusableModelError:
-                # It is a model all the same, and its loader says what is wrong.
+                # It stays in the list; its loader raises the error.
                 yield name, 0, category_of(name), name
 
     def __len__(self) -> int:
@@ -155,7 +154,7 @@ class PyrogenesisCatalogue:
         return len(self._models)
 
     def entries(self) -> Iterator[Entry]:
-        """The models, by the actors' names."""
+        """The models, sorted by the names of the actors."""
         for name, variant, category, group in self._models:
             model_id = name.removesuffix(".xml") + (f"-{variant + 1}" if variant else "")
             yield Entry(
@@ -167,6 +166,6 @@ class PyrogenesisCatalogue:
 
 
 def stem_of(mesh: str) -> str:
-    """A mesh's name without ending, and without numbers and single letters at its end."""
+    """The name of a mesh without suffix, and without numbers and single letters at its end."""
     stem = posixpath.splitext(mesh)[0].casefold()
     return re.sub(r"([_-]?[0-9]+|[_-][a-z])+$", "", stem) or stem

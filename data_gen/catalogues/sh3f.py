@@ -1,8 +1,8 @@
-"""Sweet Home 3D furniture libraries: `.sh3f` files, zip archives with a catalogue inside.
+"""Catalogue of furniture libraries of Sweet Home 3D: `.sh3f` files, which are zip archives.
 
-`PluginFurnitureCatalog.properties` names each model, its category, its size in centimetres and the
-rotation of its file. The archives are read in place: nothing is ever unpacked to disk, no name in
-an archive can lead out of it, and what is read of a member is bounded whatever its header says.
+`PluginFurnitureCatalog.properties` lists the models with category, size in centimetres and rotation
+of the file. The archives are read in place: nothing is unpacked to disk, names cannot lead out of
+the archive, and the size of the data read is bounded regardless of the headers.
 """
 
 import dataclasses
@@ -27,10 +27,10 @@ _MAX_PROPERTIES_BYTES = 16 << 20
 
 
 def parse_properties(text: str) -> dict[str, str]:
-    r"""Keys and values of a Java properties file, whose characters are read as Latin-1.
+    r"""Keys and values of a Java properties file that was decoded as Latin-1.
 
-    Comments (`#`, `!`), the separators `=`, `:` and blank, lines that go on after a backslash, and
-    the escapes `\\uXXXX`, `\\t`, `\\n` are understood.
+    Supported are comments (`#`, `!`), the separators `=`, `:` and blank, lines continued by a
+    backslash, and the escapes `\\uXXXX`, `\\t`, `\\n`.
     """
     escape = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(.))", re.DOTALL)
 
@@ -57,7 +57,7 @@ def parse_properties(text: str) -> dict[str, str]:
 
 @dataclasses.dataclass(frozen=True)
 class Furniture:
-    """One piece of a library: its identity, file, size (width, depth, height) and rotation."""
+    """A piece of a library: name, file, size (width, depth, height) and rotation."""
 
     model_id: str
     name: str
@@ -68,7 +68,7 @@ class Furniture:
 
 
 def _numbers(text: str, count: int) -> tuple[float, ...]:
-    """`count` finite numbers, or none."""
+    """`count` finite numbers, or an empty tuple."""
     try:
         values = tuple(float(w) for w in text.split())
     except ValueError:
@@ -77,16 +77,16 @@ def _numbers(text: str, count: int) -> tuple[float, ...]:
 
 
 def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
-    """The pieces of a library in its order.
+    """The pieces of a library in the order of its list.
 
     Raises:
-      ValueError: the file is no such library; names it and says why.
+      ValueError: the file is not such a library; the message gives its name and the reason.
     """
     try:
         files = archives.ZipFiles(path)
         stored = files.find(PROPERTIES)
         if stored is None:
-            raise ValueError(f"it has no {PROPERTIES}")
+            raise ValueError(f"expected a member {PROPERTIES}")
         table = parse_properties(files.read(stored, _MAX_PROPERTIES_BYTES).decode("latin-1"))
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         raise ValueError(f"library {str(path)!r} cannot be read: {error}") from error
@@ -118,7 +118,7 @@ def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
 
 
 def _place(model: Model, rotation: tuple[float, ...], size: tuple[float, float, float]) -> Model:
-    """Turns and stretches a model as the program does that the library is made for."""
+    """Rotates and scales a model as Sweet Home 3D does."""
     matrix = np.eye(3)
     if rotation:
         given = np.array(rotation).reshape(3, 3)
@@ -130,9 +130,9 @@ def _place(model: Model, rotation: tuple[float, ...], size: tuple[float, float, 
     known = (target > 0) & (extent > 1e-6 * extent.max())
     if known.any():
         scale = np.where(known, target / np.where(known, extent, 1), 0)
-        # A direction without extent or size takes part in none of the stretching.
+        # Directions with zero extent or size are not scaled.
         scale = np.where(known, scale, scale[known].mean())
-        # What would be stretched beyond recognition has a wrong size in the catalogue.
+        # If the aspect ratio would change too much, the size in the library is wrong.
         if scale.max() < 20 * scale.min():
             matrix = scale[:, None] * matrix
     return model.transformed(np.concatenate([matrix, np.zeros((3, 1))], axis=1))
@@ -157,18 +157,20 @@ def _load(path: str, piece: Furniture, max_faces: int) -> Model:
 
 
 class SweetHomeCatalogue:
-    """The pieces of one `.sh3f` library, or of all in a folder.
+    """The pieces of a `.sh3f` library, or of all libraries in a folder.
 
-    A model is named `<library>/<id of the piece>`; its category is the library's, such as
+    A model is named `<library>/<id of the piece>`. Its category is that of the library, such as
     "Living room".
 
     Args:
       source: the file or folder.
-      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
-      max_faces: models with more are refused.
+      fractions: fractions of the models for training, validation and test, see
+        `catalogues.entry.split_of`.
+      max_faces: models with more faces are refused.
 
     Raises:
-      ValueError: no library there, or none that can be read; others are left out with a warning.
+      ValueError: no library can be read. If only some cannot be read, they are left out with a
+        warning.
     """
 
     name = "sh3f"
@@ -183,7 +185,7 @@ class SweetHomeCatalogue:
         path = pathlib.Path(source)
         libraries = sorted(path.rglob("*.sh3f")) if path.is_dir() else [path]
         if not libraries or not libraries[0].is_file():
-            raise ValueError(f"source {str(source)!r}: expected a .sh3f file or a folder with some")
+            raise ValueError(f"source {str(source)!r}: expected a .sh3f file or a folder of them")
         self._fractions, self._max_faces = fractions, max_faces
         pieces, problems = [], []
         for library in libraries:
@@ -206,7 +208,7 @@ class SweetHomeCatalogue:
         return len(self._pieces)
 
     def entries(self) -> Iterator[Entry]:
-        """The pieces, library after library."""
+        """The pieces, library by library."""
         for library, piece in self._pieces:
             yield Entry(
                 piece.model_id,

@@ -1,8 +1,8 @@
-"""ShapeNetCore, versions 1 and 2, as unpacked: `<synset>/<model>/...obj`.
+"""Catalogue of ShapeNetCore, versions 1 and 2, unpacked: `<synset>/<model>/...obj`.
 
-Version 1 has `model.obj` in the model's folder and looks toward +x, version 2 has
-`models/model_normalized.obj` and looks toward -z (read-me files of the two releases); +y is up in
-both.
+In version 1 the file is `model.obj` and the front points toward +x. In version 2 it is
+`models/model_normalized.obj` and the front points toward -z (read-me files of the two releases). In
+both, +y is up.
 """
 
 import os
@@ -17,7 +17,7 @@ from psgn_jax.data import synsets
 
 _LAYOUTS = (("models/model_normalized.obj", "-z"), ("model.obj", "+x"))
 
-# Part of each category's models that 3D-R2N2 trains on, the first ones by name.
+# Fraction of each category that 3D-R2N2 trains on: the first models by name.
 _R2N2_TRAIN = 0.8
 
 
@@ -36,21 +36,21 @@ def _load(
 
 
 class ShapeNetCatalogue:
-    """An unpacked ShapeNetCore of either version, whole or in part.
+    """An unpacked ShapeNetCore of either version, complete or in part.
 
     Args:
-      source: the folder that holds the synsets' folders.
-      categories: names or synset numbers to keep; () = all that are there.
-      split: "r2n2": of each category, by name, the first 80 % are for training and the others for
-        testing, as in 3D-R2N2. It is theirs only where a category is complete. "hash": see
-        `catalogues.entry.split_of`.
-      validation: with "r2n2", the part of the training models that is kept for validation, by a
-        hash of the name. 0 = as published.
-      fractions: with "hash", of models for training, validation and test.
-      max_faces: models with more are refused.
+      source: the folder that contains the folders of the synsets.
+      categories: names or synset numbers to keep; () = all in the folder.
+      split: "r2n2": in each category, the first 80 % of the models by name are for training and the
+        others for testing, as in 3D-R2N2. It equals their split only for complete categories.
+        "hash": see `catalogues.entry.split_of`.
+      validation: with "r2n2", the fraction of the training models that becomes the validation
+        split, by a hash of the name. 0 = as published.
+      fractions: with "hash", fractions of the models for training, validation and test.
+      max_faces: models with more faces are refused.
 
     Raises:
-      ValueError: no model in the folder, an unknown category or split.
+      ValueError: the folder contains no model, or a category or the split is unknown.
     """
 
     name = "shapenet"
@@ -106,7 +106,7 @@ class ShapeNetCatalogue:
                         break
         if not self._models:
             raise ValueError(
-                f"source {str(source)!r}: no model in it, expected "
+                f"source {str(source)!r}: it contains no model, expected "
                 "<synset>/<model>/models/model_normalized.obj or <synset>/<model>/model.obj"
             )
 
@@ -115,7 +115,7 @@ class ShapeNetCatalogue:
         return len(self._models)
 
     def entries(self) -> Iterator[Entry]:
-        """The models, by synset and name; a model is named `<synset>/<model>`."""
+        """The models, sorted by synset and name; a model is named `<synset>/<model>`."""
         place: dict[str, int] = {}
         for synset, model, file, front in self._models:
             index = place[synset] = place.get(synset, -1) + 1

@@ -1,8 +1,8 @@
-"""Parts that procedural models are put together from: closed surfaces of few triangles.
+"""Parts of procedural models: closed surfaces of few triangles.
 
-A part is `(vertices [V, 3], faces [F, 3])`, its faces counter-clockwise seen from outside. Sizes
-are in whatever unit the model is built in; +z is up. Smoothness comes later, from the crease angle
-of the finished model's normals.
+A part is `(vertices [V, 3], faces [F, 3])`, with faces counter-clockwise seen from outside. Sizes
+are in the unit in which the model is built; +z is up. The finished model gets smooth normals by its
+crease angle.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,11 +20,11 @@ class Solid(NamedTuple):
     faces: np.ndarray
 
     def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
-        """Moved."""
+        """The part, translated."""
         return Solid(self.vertices + np.array([x, y, z]), self.faces)
 
     def turned(self, axis: str, degrees: float) -> "Solid":
-        """Turned about a coordinate axis, counter-clockwise seen from the axis's tip."""
+        """The part, rotated about a coordinate axis, counter-clockwise seen from its tip."""
         a, b = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
         cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
         vertices = self.vertices.copy()
@@ -33,32 +33,33 @@ class Solid(NamedTuple):
         return Solid(vertices, self.faces)
 
     def scaled(self, x: float, y: float, z: float) -> "Solid":
-        """Stretched along the axes; an odd number of negative factors mirrors."""
+        """The part, scaled along the axes; an odd number of negative factors mirrors it."""
         faces = self.faces[:, ::-1] if x * y * z < 0 else self.faces
         return Solid(self.vertices * [x, y, z], faces)
 
     def mirrored(self) -> "Solid":
-        """The other side's: y becomes -y."""
+        """The part, mirrored: y becomes -y."""
         return self.scaled(1, -1, 1)
 
     def bent(self, shape: Callable[[np.ndarray], np.ndarray]) -> "Solid":
-        """With every vertex moved by `shape`, [V, 3] to [V, 3]."""
+        """The part with its vertices mapped by `shape`, [V, 3] to [V, 3]."""
         return Solid(shape(self.vertices.copy()), self.faces)
 
 
 def _outward(vertices: np.ndarray, faces: np.ndarray) -> Solid:
-    """Turns all faces over if the surface encloses a negative volume."""
+    """Reverses all faces if the surface encloses a negative volume."""
     a, b, c = (vertices[faces[:, k]] - vertices.mean(axis=0) for k in range(3))
     volume = (np.cross(a, b) * c).sum()
     return Solid(vertices, faces[:, ::-1] if volume < 0 else faces)
 
 
 def loft(rings: np.ndarray | Sequence[np.ndarray], loop: bool = False) -> Solid:
-    """The skin over rings [K, N, 3] of as many points each, with a cap on the first and the last.
+    """The surface through rings [K, N, 3], with a cap on the first and the last ring.
 
-    With `loop`, the last ring is skinned to the first instead, and there are no caps.
+    With `loop`, the last ring is joined to the first one, and there are no caps.
 
-    The faces between ring i and i + 1 at point j are numbers 2 (i N + j) and the next.
+    The faces between the rings i and i + 1 at point j have the numbers 2 (i N + j) and
+    2 (i N + j) + 1.
     """
     points = np.asarray(rings, np.float64)
     count, size = points.shape[:2]
@@ -71,7 +72,7 @@ def loft(rings: np.ndarray | Sequence[np.ndarray], loop: bool = False) -> Solid:
     extra = count * size
     for ring, flip in () if loop else ((0, True), (count - 1, False)):
         if np.ptp(points[ring], axis=0).max() < 1e-9:
-            continue  # it ends in a point
+            continue  # the ring is a point
         cap = _cap(points[ring])
         if cap is None:
             around = np.arange(size)
@@ -86,7 +87,7 @@ def loft(rings: np.ndarray | Sequence[np.ndarray], loop: bool = False) -> Solid:
 
 
 def _cap(ring: np.ndarray) -> np.ndarray | None:
-    """Triangles of a ring that is not convex; None where a fan round its centre will do."""
+    """Triangles of a ring that is not convex; None if a fan around its centre is sufficient."""
     following = np.roll(ring, -1, axis=0)
     total = np.cross(ring, following).sum(axis=0)
     axis = int(np.abs(total).argmax())
@@ -105,7 +106,7 @@ def _cap(ring: np.ndarray) -> np.ndarray | None:
 
 
 def box(x: float, y: float, z: float, bevel: float = 0.0) -> Solid:
-    """A box of these lengths around the origin, its edges bevelled by at most a fifth of them."""
+    """A box around the origin, with edges bevelled by at most a fifth of its lengths."""
     half = np.array([x, y, z]) / 2
     cut = min(bevel, 0.4 * half.min())
     if cut <= 0:
@@ -118,12 +119,12 @@ def box(x: float, y: float, z: float, bevel: float = 0.0) -> Solid:
 
 
 def stack(levels: Sequence[tuple[np.ndarray, float]]) -> Solid:
-    """Outlines [N, 2] in the horizontal plane at heights, skinned from the first to the last."""
+    """The surface through horizontal outlines [N, 2] at the given heights."""
     return loft([np.column_stack([outline, np.full(len(outline), z)]) for outline, z in levels])
 
 
 def rounded(x: float, y: float, radius: float, steps: int = 3) -> np.ndarray:
-    """Outline [4 (steps + 1), 2] of a rectangle of these lengths with round corners."""
+    """Outline [4 (steps + 1), 2] of a rectangle with round corners."""
     radius = min(radius, x / 2, y / 2)
     angle = np.linspace(0, np.pi / 2, steps + 1)
     arc = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -136,7 +137,7 @@ def rounded(x: float, y: float, radius: float, steps: int = 3) -> np.ndarray:
 
 
 def pillow(x: float, y: float, z: float, radius: float, steps: int = 3) -> Solid:
-    """A box of these lengths around the origin with all edges round, as of upholstery."""
+    """A box around the origin with all edges round, for upholstery."""
     radius = min(radius, x / 2, y / 2, z / 2) * 0.999
     levels = []
     for a in np.linspace(0, np.pi / 2, steps + 1):
@@ -151,13 +152,13 @@ def pillow(x: float, y: float, z: float, radius: float, steps: int = 3) -> Solid
 def tray(
     outline: Callable[[float], np.ndarray], height: float, wall: float, recess: float
 ) -> Solid:
-    """A slab from z = 0 to `height` that is hollow from below.
+    """A slab from z = 0 to `height` with a recess in its underside.
 
     Args:
-      outline: the edge [N, 2], moved inward by its argument.
-      height: of the slab.
+      outline: returns the outline [N, 2], moved inward by its argument.
+      height: height of the slab.
       wall: thickness of the rim.
-      recess: how far the hollow reaches up, in [0, height).
+      recess: height of the recess, in [0, height).
     """
     edge, inner = outline(0.0), outline(wall)
     bevel = min(0.12 * height, wall / 2)
@@ -167,7 +168,7 @@ def tray(
 
 
 def lathe(profile: Sequence[tuple[float, float]], sides: int = 24, loop: bool = False) -> Solid:
-    """A profile of (radius, z) turned about the z axis; a `loop` makes a ring with a hole."""
+    """The surface of revolution of a profile of (radius, z); a `loop` makes a ring with a hole."""
     angle = np.arange(sides) / sides * 2 * np.pi
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     return loft([circle * max(r, 0.0) + np.array([0, 0, z]) for r, z in profile], loop)
@@ -190,7 +191,7 @@ def rod(start: Sequence[float], end: Sequence[float], radius: float, sides: int 
 
 
 def ball(x: float, y: float, z: float, sides: int = 16) -> Solid:
-    """An ellipsoid of these lengths around the origin."""
+    """An ellipsoid with these diameters around the origin."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, sides // 2 + 1)
     return lathe(
         [(0.0 if abs(a) > 1.57 else float(np.cos(a)), float(np.sin(a))) for a in angle], sides
@@ -200,7 +201,7 @@ def ball(x: float, y: float, z: float, sides: int = 16) -> Solid:
 def prism(
     outline: np.ndarray | Sequence[Sequence[float]], thickness: float, bevel: float = 0.0
 ) -> Solid:
-    """A profile of (x, z) from the side, extruded along y around 0."""
+    """A side profile of (x, z), extruded along y, centred at y = 0."""
     flat = np.asarray(outline, np.float64)
     half, cut = thickness / 2, min(bevel, 0.4 * thickness)
 
@@ -216,7 +217,7 @@ def prism(
 
 
 def inset(outline: np.ndarray, distance: float) -> np.ndarray:
-    """A polygon [N, 2] with its edges moved inward, for distances that are small."""
+    """A polygon [N, 2] with its edges moved inward by a small distance."""
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     area = (
         outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(outline[:, 0], -1)
@@ -229,7 +230,7 @@ def inset(outline: np.ndarray, distance: float) -> np.ndarray:
 
 
 def smooth_path(points: np.ndarray | Sequence[Sequence[float]], steps: int = 6) -> np.ndarray:
-    """A curve [M, 3] through the points (Catmull-Rom, centripetal enough for even spacing)."""
+    """A Catmull-Rom curve [M, 3] through the points, for points at similar distances."""
     p = np.asarray(points, np.float64)
     p = np.concatenate([[2 * p[0] - p[1]], p, [2 * p[-1] - p[-2]]])
     t = (np.arange(steps) / steps)[:, None]
@@ -246,11 +247,11 @@ def smooth_path(points: np.ndarray | Sequence[Sequence[float]], steps: int = 6) 
     return np.concatenate([*pieces, p[-2:-1]])
 
 
-# --- Soft and turned forms --------------------------------------------------------------------
+# --- Cushions, sweeps and tubes ---------------------------------------------------------------
 
 
 def superellipse(x: float, y: float, power: float = 2.0, sides: int = 32) -> np.ndarray:
-    """Outline [sides, 2] of lengths x, y: |2u/x|^power + |2v/y|^power = 1. 2 is an ellipse."""
+    """Outline [sides, 2] with |2u/x|^power + |2v/y|^power = 1; power 2 is an ellipse."""
     angle = np.arange(sides) / sides * 2 * np.pi
     flat = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return np.sign(flat) * np.abs(flat) ** (2 / power) * [x / 2, y / 2]
@@ -259,15 +260,15 @@ def superellipse(x: float, y: float, power: float = 2.0, sides: int = 32) -> np.
 def cushion(
     x: float, y: float, z: float, corner: float = 5.0, edge: float = 2.5, sides: int = 28
 ) -> Solid:
-    """A superellipsoid of these lengths around the origin: a filled cushion.
+    """A superellipsoid around the origin, for cushions.
 
     Args:
       x: length.
-      y: length.
-      z: length.
+      y: width.
+      z: height.
       corner: power of the outline seen from above; 2 = round, large = square.
       edge: power of the outline seen from the side; 1 = sharp seams, 2 = round, large = a slab.
-      sides: points around.
+      sides: number of points around the outline.
     """
     flat = superellipse(x, y, corner, sides)
     latitude = np.linspace(-np.pi / 2, np.pi / 2, 11)
@@ -278,7 +279,7 @@ def cushion(
 
 
 def smooth_profile(points: Sequence[Sequence[float]], steps: int = 4) -> list[tuple[float, float]]:
-    """A curve of (radius, z) through the points, for `lathe`; no radius becomes negative."""
+    """A smooth curve of (radius, z) through the points, for `lathe`; radii stay at least 0."""
     curve = smooth_path([(r, 0.0, z) for r, z in points], steps)
     return [(max(float(r), 0.0), float(z)) for r, _, z in curve]
 
@@ -290,13 +291,13 @@ def sweep(
     scale: float | np.ndarray | Sequence[float] = 1.0,
     loop: bool = False,
 ) -> Solid:
-    """A section carried along a path that lies in a plane.
+    """A section swept along a path in a plane.
 
     Args:
-      section: outline [N, 2]; its first axis is `across`, its second lies in the path's plane.
+      section: outline [N, 2]; its first axis is `across`, its second is in the plane of the path.
       path: [M, 3].
-      across: the normal of the path's plane.
-      scale: of the section; may be one for each point.
+      across: the normal of the plane of the path.
+      scale: scale of the section, one number or one for each point.
       loop: whether the path is closed.
     """
     points = np.asarray(path, np.float64)
@@ -319,7 +320,7 @@ def _grid_normals(points: np.ndarray) -> np.ndarray:
 
 
 def sheet(grid: np.ndarray, thickness: float) -> Solid:
-    """A curved panel [K, N, 3] of even thickness around the surface through the points."""
+    """A curved panel of constant thickness, centred on the surface through a grid [K, N, 3]."""
     points = np.asarray(grid, np.float64)
     normal = _grid_normals(points)
     rows, columns = points.shape[:2]
@@ -339,7 +340,7 @@ def sheet(grid: np.ndarray, thickness: float) -> Solid:
 
 
 def rise(path: Callable[[float], Sequence[float]], steps: int) -> np.ndarray:
-    """The curve [steps + 1, 3] of a function of t from 0 to 1."""
+    """The curve [steps + 1, 3] of a function of t in [0, 1]."""
     return np.array([path(float(t)) for t in np.linspace(0, 1, steps + 1)], np.float64)
 
 
@@ -348,12 +349,12 @@ def tube(
     radius: float | np.ndarray | Sequence[float],
     sides: int = 8,
 ) -> Solid:
-    """A round bar along a path [M, 3]; `radius` may be one for each point."""
+    """A round bar along a path [M, 3]; `radius` is one number or one for each point."""
     points = np.asarray(path, np.float64)
     radii = np.broadcast_to(np.asarray(radius, np.float64), (len(points),))
     step = np.gradient(points, axis=0)
     tangent = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
-    # Frames carried along the path do not twist.
+    # Parallel transport of the frame, so that it does not twist.
     normal = np.cross(tangent[0], np.eye(3)[np.abs(tangent[0]).argmin()])
     rings = []
     angle = np.arange(sides) / sides * 2 * np.pi
@@ -366,11 +367,11 @@ def tube(
 
 
 def pane(grid: np.ndarray, thickness: float) -> Solid:
-    """As `sheet`, but the surface through the points is the outer face."""
+    """Like `sheet`, but the surface through the points is the outer side of the panel."""
     points = np.asarray(grid, np.float64)
     return sheet(points - thickness / 2 * _grid_normals(points), thickness)
 
 
 def split(solid: Solid, chosen: np.ndarray) -> tuple[Solid, Solid]:
-    """The chosen faces (bool [F]) and the others, each open where the other was."""
+    """Two parts: the chosen faces (bool [F]), and the others. Both are open at the cut."""
     return Solid(solid.vertices, solid.faces[chosen]), Solid(solid.vertices, solid.faces[~chosen])

@@ -1,8 +1,8 @@
-"""TORCS: the cars of the racing simulator, on their wheels.
+"""Catalogue of the cars of the racing simulator TORCS, with their wheels.
 
-A car's folder has its body (`.acc`, AC3D with further texture layers for reflection and shadow, of
-which the first is the paint) and a file of parameters that says where its wheels are, how large,
-and in which folder of `wheels` their model is. Levels of detail are left out.
+The folder of a car contains its body (`.acc`: AC3D with several texture layers, of which the first
+is the paint) and a file of parameters with the positions and sizes of the wheels and the name of
+their model below `wheels`. Reduced levels of detail are left out.
 """
 
 import os
@@ -24,19 +24,19 @@ from data_gen.readers.notes import Notes
 from data_gen.readers.textures import bounded
 
 _MAX_XML_BYTES = 1 << 20
-_WHEELS = "trb1-3"  # for cars that the program gives plain discs
+_WHEELS = "trb1-3"  # for cars without a wheel model
 _UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "": 1.0}
 
 
 def wheel_places(parameters: bytes) -> tuple[str, list[tuple[np.ndarray, float, float]]]:
-    """Folder of a car's wheels, and place, radius and width of each; in the car's axes, metres.
+    """The folder of a car's wheel model, and position, radius and width of each wheel in metres.
 
-    The axes are those of the body: x to the front, y up, z to the right.
+    Positions are in the axes of the body: x to the front, y up, z to the right.
 
     Raises:
-      UnusableModelError: the file of parameters is damaged or does not say.
+      UnusableModelError: the file of parameters is damaged or incomplete.
     """
-    # The document type names a file that nobody has; no parser is to look for it.
+    # Remove the document type: it refers to a file that does not exist.
     text = re.sub(rb"<!DOCTYPE[^>\[]*(\[.*?\]\s*)?>|&[a-z-]+;", b"", parameters, flags=re.DOTALL)
     try:
         tree = ElementTree.fromstring(text)
@@ -53,7 +53,7 @@ def wheel_places(parameters: bytes) -> tuple[str, list[tuple[np.ndarray, float, 
                     break
                 if np.isfinite(value):
                     return value
-        raise UnusableModelError(f"parameters: no {key!r} of {section!r}")
+        raise UnusableModelError(f"parameters: {key!r} of {section!r} is missing")
 
     folder = next(
         (s.get("val", "") for s in tree.iter("attstr") if s.get("name") == "3d wheel directory"), ""
@@ -76,10 +76,10 @@ def wheel_places(parameters: bytes) -> tuple[str, list[tuple[np.ndarray, float, 
 def read_car(
     data: bytes, files: Files, base: str, side: int, max_faces: int, notes: Notes
 ) -> dict[str, Any]:
-    """Arrays of a car's body and its wheels for `mesh.build_model`; a `readers.load.Reader`.
+    """Arrays of the body and the wheels of a car for `mesh.build_model`; a `readers.load.Reader`.
 
     Raises:
-      UnusableModelError: its files are damaged, too large or empty, or assimp is missing.
+      UnusableModelError: a file is damaged, too large or empty, or assimp is not installed.
     """
     parts = [read_ac3d(data, files, base, side, max_faces, notes)]
     name = base.rpartition("/")[2]
@@ -92,7 +92,7 @@ def read_car(
         notes.add(f"no wheels: {error}")
         places = []
     for where, radius, width in places:
-        # The outer side of the model looks to -z.
+        # The outer side of the wheel model points toward -z.
         turn = np.diag([2 * radius, 2 * radius, width])
         if where[2] > 0:
             turn = turn @ np.diag([-1.0, 1.0, -1.0])
@@ -127,15 +127,16 @@ def _load(root: str, name: str, max_faces: int) -> Model:
 
 
 class TorcsCatalogue:
-    """The cars below TORCS's folder of data: `cars/<name>/<name>.acc`.
+    """The cars in the data folder of TORCS: `cars/<name>/<name>.acc`.
 
     Args:
-      source: the folder that has `cars` and `wheels` in it.
-      fractions: of models for training, validation and test, see `catalogues.entry.split_of`.
-      max_faces: models with more are refused.
+      source: the folder that contains `cars` and `wheels`.
+      fractions: fractions of the models for training, validation and test, see
+        `catalogues.entry.split_of`.
+      max_faces: models with more faces are refused.
 
     Raises:
-      ValueError: there are no such cars, or assimp is not installed.
+      ValueError: the folder contains no such car, or assimp is not installed.
     """
 
     name = "torcs"
@@ -155,7 +156,9 @@ class TorcsCatalogue:
             if p.stem == p.parent.name
         )
         if not self._names:
-            raise ValueError(f"source {str(source)!r}: expected TORCS's folder, with cars in it")
+            raise ValueError(
+                f"source {str(source)!r}: expected the data folder of TORCS, with cars/*/*.acc"
+            )
         if not ac3d.find_assimp():
             raise ValueError(f"catalogue 'torcs': {ac3d.NO_ASSIMP}")
 
@@ -164,7 +167,7 @@ class TorcsCatalogue:
         return len(self._names)
 
     def entries(self) -> Iterator[Entry]:
-        """The cars, by name."""
+        """The cars, sorted by name."""
         for name in self._names:
             yield Entry(
                 name,

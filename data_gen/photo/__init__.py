@@ -1,11 +1,12 @@
-"""Pictures that look like photographs: soft shadows, light from all around, reflections, film.
+"""Images that look like photographs: soft shadows, environment light, reflections, camera response.
 
-Pure numpy, but for the function that sends rays to the mesh, which is passed in. All colours are
-in linear light until `develop`. Light is looked for from each pixel along a few rays, of two
-kinds: toward the bright parts of the environment map, and spread as the surface reflects light;
-their results are weighted by the balance heuristic (Veach 1997). Sixteen patterns of rays take
-turns in blocks of 4 x 4 pixels, and a filter that keeps edges averages over such blocks, so that
-a pixel has the light of sixteen times as many rays; where nothing is in the way, there is no
-noise. What other surfaces send is estimated once for each face, from its colour and the light that
-it gets.
+Everything is computed with numpy, except for the intersection of rays with the mesh, which is
+passed in as a function. All colours are linear until `develop`.
+
+The irradiance of each pixel is estimated with a few rays of two kinds: toward bright parts of the
+environment map, and distributed by the cosine of the angle to the normal. They are combined by the
+balance heuristic (Veach 1997). Each pixel in a block of 4 x 4 pixels uses another of sixteen sets
+of rays, and an edge-preserving filter averages over such blocks, so that the result corresponds to
+sixteen times as many rays. Unoccluded surfaces have no noise. Light from other surfaces of the
+model is estimated once for each face, from its colour and its irradiance.
 """

@@ -1,4 +1,4 @@
-"""The picture without the object: ground, shadow and surroundings."""
+"""The image behind the object: ground, shadow and surroundings."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,18 +21,18 @@ def backdrop(
     *,
     blur: float,
 ) -> Float[np.ndarray, "h w 3"]:
-    """The picture without the object but with its shadow: ground, and surroundings.
+    """The image of ground and surroundings without the object but with its shadow.
 
-    One function: each step goes on with the pixels that the one before has left.
+    This is one long function: each step handles pixels that the steps before it have left.
 
     Args:
-      light: of the scene.
+      light: light of the scene.
       around: the surroundings.
-      ground: in them; None = there is none.
-      camera: of the view.
-      rays: through the pixels' centres, z = 1 along the optical axis.
-      hidden: pixels that the object hides; there it may be anything.
-      blur: of what is far away, in radians.
+      ground: the ground; None = there is none.
+      camera: camera of the view.
+      rays: rays through the centres of the pixels, z = 1 along the optical axis.
+      hidden: pixels that the object hides; their values are arbitrary.
+      blur: blur of distant surroundings, in radians.
     """
     height, width = camera.image_size
     origin = camera.position.astype(np.float32)
@@ -53,7 +53,7 @@ def backdrop(
     t = reach[down]
     place = origin[:2] + t[:, None] * along[down, :2]
     held = ground.holds(place)
-    # Edges are smooth: a pixel's share is that of nine places in it.
+    # Antialiased edges: the coverage of a pixel is the mean over nine points in it.
     share = np.ones(len(down), np.float32)
     focal = np.float32(camera.intrinsics[0, 0])
     grazing = np.maximum(-along[down, 2], 0.01)
@@ -84,7 +84,7 @@ def backdrop(
     value = colour * lit
     if ground.gloss > 0:
         view = -along[down]
-        # Floors are worn: what they mirror is spread, the more the further it is from them.
+        # Floors are worn: reflections are blurred, more so for objects further from the floor.
         rough = np.full(len(down), 0.25, np.float32)
         mirror = fresnel(np.full((len(down), 3), ground.gloss, np.float32), view[:, 2], rough)
         uneven = up + light.spread[rows % 4 * 4 + columns % 4] * np.float32(0.06)
@@ -94,7 +94,7 @@ def backdrop(
         seen_image = smooth(seen.reshape(height, width, 3), valid.reshape(height, width), None)
         value += seen_image.reshape(-1, 3)[down]
     if ground.sweep > 0:
-        # Paper that bends upward behind the object, as light as what looks to the camera.
+        # Paper that curves upward behind the object, lit like a surface that faces the camera.
         wall = ground.mean * light.in_the_open(np.array([[1.0, 0.0, 0.0]], np.float32))
         bend = np.clip((-place[:, 0] - ground.sweep) / (2 * ground.sweep), 0, 1)[:, None]
         value = value * (1 - bend**2 * (3 - 2 * bend)) + wall * bend**2 * (3 - 2 * bend)
@@ -110,7 +110,7 @@ def backdrop(
 
 
 def _on_walls(around: Surroundings, origin: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Directions from the object to the places on a room's walls that rays from elsewhere meet."""
+    """Directions from the object to the points where rays from another origin meet the walls."""
     room = around.room
     assert room is not None
     angle = np.deg2rad(room.turn)
@@ -130,7 +130,7 @@ def _on_walls(around: Surroundings, origin: np.ndarray, along: np.ndarray) -> np
 def draw_ground(
     rng: np.random.Generator, kind: str, around: Surroundings, camera: Camera
 ) -> Ground | None:
-    """The ground of a view; None if none is wanted or the camera is below it."""
+    """The ground of a view; None if the kind is "none" or the camera is below the ground."""
     if kind == "none" or camera.position[2] < 0.03:
         return None
     return grounds.draw(rng, kind, around)

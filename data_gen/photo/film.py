@@ -1,4 +1,4 @@
-"""How a camera turns light into a picture."""
+"""The response of a camera: from linear radiance to an image."""
 
 import dataclasses
 
@@ -8,22 +8,22 @@ from jaxtyping import Float, UInt8
 
 from data_gen.field_checks import Range, check_ranges
 
-# Brighter than this times white is cut off before the lens blurs.
+# Values above this multiple of white are clipped before the blur of the lens.
 _BRIGHTEST = 6.0
 
 
 @dataclasses.dataclass(frozen=True)
 class FilmSettings:
-    """How a camera turns light into a picture, for "photo" shading; ranges are drawn from.
+    """The response of a camera, for "photo" shading. Values are drawn uniformly from the ranges.
 
     Attributes:
-      exposure: in stops, from that of an automatic camera.
-      white_balance: how much of the light's colour is taken out, 0 to 1.
-      contrast: of the tone curve, 0 = none, 1 = that of films.
-      saturation: factor on the distance of colours from grey.
-      vignette: how much darker the corners are, 0 to 1.
-      blur: of the lens: deviation in pixels.
-      grain: of the sensor: deviation at middle grey, 1 = white.
+      exposure: deviation from automatic exposure, in stops.
+      white_balance: fraction of the light's colour that is removed, 0 to 1.
+      contrast: contrast of the tone curve, 0 = none, 1 = that of film.
+      saturation: factor of the distance of colours from grey.
+      vignette: relative darkening of the corners, 0 to 1.
+      blur: blur of the lens: standard deviation in pixels.
+      grain: noise of the sensor: standard deviation at middle grey, 1 = white.
     """
 
     exposure: Range = (-0.6, 0.5)
@@ -56,13 +56,13 @@ def develop(
     *,
     illuminant: Float[np.ndarray, " 3"],
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The picture that a camera makes of light.
+    """The image that a camera records.
 
     Args:
-      light: linear.
-      weight: what the exposure is measured on.
-      settings: of the film.
-      rng: of the draw.
+      light: linear radiance.
+      weight: weights of the pixels in the measurement of the exposure.
+      settings: the response of the camera.
+      rng: the random generator.
       illuminant: colour of the light.
     """
     height, width = weight.shape
@@ -75,7 +75,7 @@ def develop(
     grey = values.mean(axis=-1)
     middle = np.exp((np.log(grey + 1e-4 * grey.max() + 1e-9) * weight).sum() / weight.sum())
     gain = 0.2 * 2 ** draw["exposure"] / middle
-    # What is bright may be white, but not large parts of the picture.
+    # Bright parts may be white, but not a large fraction of the image.
     bright = max(float(np.quantile(grey, 0.93)), 1e-9)
     gain = min(gain, 0.75 * 2 ** max(draw["exposure"], 0) / bright)
     values = values * np.float32(gain)
@@ -87,11 +87,11 @@ def develop(
     if draw["blur"] > 0:
         values = scipy.ndimage.gaussian_filter(values, (draw["blur"], draw["blur"], 0))
     if draw["grain"] > 0:
-        # The sensor counts light: noise grows with its root, a little is always there.
+        # Shot noise grows with the square root of the light; read noise is constant.
         spread = draw["grain"] * np.sqrt(0.05 + values / 0.2).astype(np.float32) * 0.4
         values = values + spread * rng.standard_normal(values.shape, np.float32)
         values = np.maximum(values, 0)
-    # Plain values with a soft shoulder, and a film's curve (Narkowicz 2015).
+    # A linear curve with a soft shoulder, and a film curve (Narkowicz 2015).
     plain = np.where(values < 0.6, values, 1 - 0.4 * np.exp(-(values - 0.6) / 0.4))
     x = values * np.float32(0.75)
     film = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)

@@ -1,6 +1,6 @@
-"""The light of a scene, and what it does to surfaces.
+"""The light of a scene: irradiance and reflections.
 
-All colours are in linear light.
+All colours are linear.
 """
 
 import functools
@@ -16,45 +16,45 @@ from data_gen.scene import RayHits, Surfaces
 from data_gen.surroundings import Surroundings
 
 PATTERNS = 16
-"""Patterns of rays that take turns."""
+"""Number of different sets of rays; neighbouring pixels use different sets."""
 
 _LIGHT_SIZE = (64, 128)
 
 _TABLE = (17, 32)
 
-# Rays begin this far off the surface along the normal, and as far again along themselves: coarse
-# meshes with smooth normals would shade themselves otherwise.
+# Rays start at this distance from the surface along the normal, and again at this distance along
+# the ray. Otherwise coarse meshes with smooth normals would shadow themselves.
 _OFF = 0.002
 
-# Of the light that reaches a surface in the open, what reaches one that another surface sees: a
-# first guess, with which the light on all faces is found.
+# First estimate of the irradiance of the model's faces, as a fraction of the unoccluded one. The
+# irradiance of all faces is computed from it.
 _SEEN_BY_OTHERS = 0.5
 
-# Faces that share their light lie in a cell of this part of the frame's unit.
+# Faces that share their irradiance lie in a cell of edge 1 / this, in units of the frame.
 _CELLS = 10
 
-# Surfaces that light passes through at most, holes and glass.
+# Largest number of surfaces that light passes through, holes and glass.
 _LAYERS = 4
 
-# Sharpness of the reflections that maps are made for: deviation in radians.
+# Blur of the maps for reflections: standard deviation in radians.
 _BLURS = (0.0, 0.1, 0.25, 0.5)
 
 
 def linear(display: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Reflectances from colours as they are displayed; no surface is quite black or white."""
+    """Linear reflectances of display colours, bounded away from black and white."""
     value = np.float32(0.82) * np.maximum(display, 0) ** np.float32(2.2)
     return np.maximum(value, np.float32(0.015)).astype(np.float32)
 
 
 def _cell(direction: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Continuous row and column of directions on a map."""
+    """Continuous rows and columns of directions on a map."""
     row = np.arccos(np.clip(direction[..., 2], -1, 1)) * np.float32(size[0] / np.pi)
     turns = np.arctan2(direction[..., 1], direction[..., 0]) * np.float32(0.5 / np.pi)
     return row, (turns - np.floor(turns)) * np.float32(size[1])
 
 
 def _nearest(direction: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """The index of directions' pixels on a flat map."""
+    """Index of the nearest pixel of each direction, in the flattened map."""
     row, column = _cell(direction, size)
     rows = np.minimum(row.astype(np.int64), size[0] - 1)
     return rows * size[1] + np.minimum(column.astype(np.int64), size[1] - 1)
@@ -63,14 +63,14 @@ def _nearest(direction: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 def look_around(
     radiance: Float[np.ndarray, "h w 3"], direction: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "n 3"]:
-    """A map's values in given directions (unit vectors), interpolated."""
+    """Interpolated values of a map in the given directions (unit vectors)."""
     size = (radiance.shape[0], radiance.shape[1])
     row, column = _cell(direction, size)
     return _between(radiance, np.clip(row - 0.5, 0, size[0] - 1), column - 0.5)
 
 
 def _between(values: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Values at places between the rows and columns of a map; columns go round."""
+    """Bilinear interpolation of a map that is periodic along its columns."""
     height, width = values.shape[:2]
     low, left = np.floor(row).astype(np.int64), np.floor(column)
     y, x = (row - low)[:, None], (column - left)[:, None]
@@ -84,7 +84,7 @@ def _between(values: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndar
 
 
 def blurred(radiance: np.ndarray, radians: float) -> np.ndarray:
-    """A map blurred by about an angle."""
+    """A map blurred by approximately an angle."""
     pixels = radians / np.pi * len(radiance)
     result: np.ndarray = scipy.ndimage.gaussian_filter(
         radiance, (pixels, pixels, 0), mode=("nearest", "wrap", "nearest")
@@ -94,9 +94,10 @@ def blurred(radiance: np.ndarray, radians: float) -> np.ndarray:
 
 @functools.lru_cache(maxsize=1)
 def _gathering() -> np.ndarray:
-    """What surfaces gather of each pixel of a light map, over pi, by their normal.
+    """Matrix from a map to irradiance / pi, for a grid of normals.
 
-    The normals are those of the rows and columns of `_TABLE`, the first and last at the poles.
+    The normals are those of the rows and columns of `_TABLE`; the first and last rows are the
+    poles.
     """
     toward = lights.directions_of(_LIGHT_SIZE).reshape(-1, 3)
     polar = np.linspace(0, np.pi, _TABLE[0])[:, None]
@@ -111,7 +112,7 @@ def _gathering() -> np.ndarray:
 
 
 def _sides(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors at right angles to each normal and to each other (Duff et al. 2017)."""
+    """Two unit vectors orthogonal to each normal and to each other (Duff et al. 2017)."""
     sign = np.where(normal[:, 2] < 0, np.float32(-1), np.float32(1))
     a = -1 / (sign + normal[:, 2])
     b = normal[:, 0] * normal[:, 1] * a
@@ -120,7 +121,7 @@ def _sides(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Light:
-    """The light of one scene, and what it does to surfaces; in the view-aligned frame."""
+    """The light of a scene, in the view-aligned frame."""
 
     def __init__(
         self,
@@ -135,16 +136,18 @@ class Light:
     ) -> None:
         """Prepares rays and tables.
 
-        One function: each table is made of those before it, in the order of the draws.
+        This is one long function: each table is computed from those before it, and the order of
+        the random numbers is fixed.
 
         Args:
-          around: where light comes from.
-          ground: that reflects it and is in its way; None = there is none.
-          surfaces: of the model.
-          rotation: from the model's frame to the view-aligned one.
-          cast: first hits on the model of rays of the view-aligned frame, origins and directions.
-          rays: at each point.
-          rng: of the directions.
+          around: the surroundings, which emit the light.
+          ground: the ground, which reflects and blocks light; None = there is none.
+          surfaces: arrays of the model.
+          rotation: rotation from the model's frame to the view-aligned one.
+          cast: returns the first hits on the model, for origins and directions in the view-aligned
+            frame.
+          rays: number of rays at each point.
+          rng: generator of the directions.
         """
         self._surfaces, self._ground, self._cast = surfaces, ground, cast
         turn = rotation.T.astype(np.float32)
@@ -156,7 +159,7 @@ class Light:
         endless = ground is not None and not np.isfinite(ground.half).any()
         below = toward[..., 2] < 0
         open_sky = np.where((endless & below)[..., None], 0, small)
-        # Directions toward what is bright, each pattern with its share of all.
+        # Directions toward bright parts of the map, divided between the sets of rays.
         angles = lights.solid_angles(_LIGHT_SIZE)
         energy = (open_sky.mean(axis=-1) * angles).ravel() + 1e-12
         chance = energy / energy.sum()
@@ -171,7 +174,7 @@ class Light:
         flat = np.sqrt(1 - z**2)
         bright = np.stack([flat * np.cos(around_z), flat * np.sin(around_z), z], axis=1)
         self._bright = bright.reshape(-1, PATTERNS, 3).swapaxes(0, 1).astype(np.float32)
-        # Directions around a normal, as a matt surface reflects.
+        # Directions around a normal, distributed by the cosine.
         count = PATTERNS * (rays - rays // 2)
         first = (np.arange(count) + 0.5) / count
         second = (np.arange(count) * 0.6180339887 + rng.random()) % 1
@@ -179,12 +182,12 @@ class Light:
         matt = np.stack(
             [radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - first)], axis=1
         )
-        # Whatever the patterns' order is, near ones in the list must not share a pattern.
+        # Neighbouring points in the list must use different sets.
         self._matt = matt.reshape(-1, PATTERNS, 3).swapaxes(0, 1).astype(np.float32)
         self.spread = np.concatenate(
             [matt[:: len(matt) // PATTERNS][:PATTERNS, :2], np.zeros((PATTERNS, 1))], axis=1
         ).astype(np.float32)
-        # Tables: the light on surfaces in the open, by normal.
+        # Tables: irradiance of unoccluded surfaces by normal.
         gathering = _gathering()
         if ground is not None:
             up = (angles * np.maximum(toward[..., 2], 0))[..., None]
@@ -207,7 +210,7 @@ class Light:
         self._glow = np.float32(_SEEN_BY_OTHERS) * np.stack(
             [colour * self.in_the_open(normals), colour * self.in_the_open(-normals)], axis=1
         )
-        # The light on the ground, coarse, for what sees the ground.
+        # Radiance of the ground on a coarse grid, for rays that hit the ground.
         self._floor: np.ndarray | None = None
         if ground is not None:
             side = np.linspace(-1.6, 1.6, 33, dtype=np.float32)
@@ -223,7 +226,7 @@ class Light:
         self._glow = colour[:, None] * self._light_on_faces(surfaces.corners.mean(axis=1) @ turn)
 
     def _light_on_faces(self, middles: Float[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 2 3"]:
-        """The light on both sides of faces; those that are near and alike share it."""
+        """Irradiance of both sides of faces; near faces with similar normals share a value."""
         cells = np.floor((middles + 2) * np.float32(_CELLS)).astype(np.int64)
         signs = (self._normals > 0) @ np.array([1, 2, 4])
         key = ((cells[:, 0] * 1024 + cells[:, 1]) * 1024 + cells[:, 2]) * 8 + signs
@@ -236,7 +239,7 @@ class Light:
         return np.stack(sides, axis=1)
 
     def in_the_open(self, normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """The light on surfaces that nothing is in the way of, over pi."""
+        """Irradiance / pi of unoccluded surfaces."""
         row, column = _cell(normals, (_TABLE[0] - 1, _TABLE[1]))
         return _between(self._table, row, column - 0.5)
 
@@ -248,13 +251,13 @@ class Light:
         *,
         far: bool = False,
     ) -> Float[np.ndarray, "n 3"]:
-        """What rays see: the model, the ground, or what is far away.
+        """Radiance along rays: from the model, the ground, or the distant surroundings.
 
         Args:
-          origins: of the rays.
+          origins: origins of the rays.
           directions: unit vectors.
-          distant: what they see where nothing is in their way.
-          far: whether many of them miss the model's box: those are not sent.
+          distant: radiance of rays that hit nothing.
+          far: whether many rays miss the bounding box of the model. Those are not traced.
         """
         result = distant.copy()
         ground, low = self._ground, directions[:, 2] < -1e-4
@@ -295,7 +298,7 @@ class Light:
         return result
 
     def _near(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Which rays pass through the model's box."""
+        """Which rays intersect the bounding box of the model."""
         enter = np.zeros(len(origins), np.float32)
         leave = np.full(len(origins), np.inf, np.float32)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -316,12 +319,12 @@ class Light:
         *,
         far: bool = False,
     ) -> Float[np.ndarray, "n 3"]:
-        """The light that falls on points, over pi: a matt surface's colour times this is seen.
+        """Irradiance / pi at points; times the reflectance it is the radiance of a matt surface.
 
         Args:
-          places: of the points.
-          normals: unit vectors, on the side that is looked at.
-          pattern: of the rays, 0 to 15.
+          places: positions of the points.
+          normals: unit vectors on the visible side.
+          pattern: number of the set of rays of each point, 0 to 15.
           far: see `see`.
         """
         result = np.empty((len(places), 3), np.float32)
@@ -360,7 +363,7 @@ class Light:
                 [np.bincount(point, values[:, k], minlength=count) for k in range(3)], axis=1
             )
 
-        # What a point in the open gets is known exactly: the rays tell the part that is left of it.
+        # The unoccluded irradiance is known exactly; the rays estimate the fraction that remains.
         part = np.minimum(total(seen) / np.maximum(total(distant), 1e-12), 4)
         return (self.in_the_open(normals) * part).astype(np.float32)
 
@@ -371,13 +374,13 @@ class Light:
         view: Float[np.ndarray, "n 3"],
         blur: Float[np.ndarray, " n"],
     ) -> Float[np.ndarray, "n 3"]:
-        """What is seen in surfaces as in a mirror, blurred.
+        """Radiance of blurred mirror reflections.
 
         Args:
-          places: of the points.
+          places: positions of the points.
           normals: unit vectors.
           view: unit vectors toward the camera.
-          blur: of what is far away, in radians.
+          blur: blur of distant surroundings, in radians.
         """
         along = 2 * np.einsum("nd,nd->n", normals, view)[:, None] * normals - view
         along = (along / np.linalg.norm(along, axis=1, keepdims=True)).astype(np.float32)
@@ -392,10 +395,10 @@ class Light:
 def mirror_of(
     surfaces: Surfaces, owner: Int[np.ndarray, " n"], strength: float
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Reflectance of surfaces seen from straight above, and how much they blur, in radians.
+    """Reflectance of surfaces at normal incidence, and blur of the reflections in radians.
 
-    A highlight that is stronger than the colour under it is that of a metal; others are those of
-    varnish or plastic, which reflect a twenty-fifth.
+    A material whose specular colour is stronger than its diffuse colour counts as metal. Others
+    count as varnish or plastic, with a reflectance of 0.04.
     """
     specular = np.clip(strength * surfaces.specular, 0, 1)
     bright = specular.mean(axis=1, keepdims=True)
@@ -410,6 +413,6 @@ def fresnel(
     cosine: Float[np.ndarray, " n"],
     blur: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n 3"]:
-    """Reflectance by angle (Schlick 1994); rough surfaces gain less at grazing angles."""
+    """Reflectance by angle (Schlick 1994), with a smaller increase for rough surfaces."""
     most = np.where(straight > 0, np.maximum(straight, (1 - blur)[:, None] * 0.7), 0)
     return straight + (most - straight) * ((1 - np.clip(cosine, 0, 1)) ** 5)[:, None]

@@ -1,4 +1,4 @@
-"""The picture of a scene as a photograph, with the light of its surroundings."""
+"""Renders a scene as a photograph, lit by its surroundings."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -16,10 +16,13 @@ from data_gen.surroundings import Surroundings
 
 
 class _Shade:
-    """Colours of hits in linear light: that of the pixels' centres, and more where they differ."""
+    """Linear colours of hits. Irradiance is computed at the centres of pixels and reused.
+
+    Samples on another surface than the centre of their pixel get their own estimate.
+    """
 
     def __init__(self, light: Light, scene: Scene, picture: Picture, window: Window) -> None:
-        """Finds the light at the centres of the object's pixels."""
+        """Computes the irradiance at the centres of the object's pixels."""
         self._light, self._scene = light, scene
         camera = scene.camera
         self._size = (window.height + 2, window.width + 2)
@@ -46,10 +49,10 @@ class _Shade:
         self._mask, self._light_at = mask.ravel(), light_at.reshape(-1, 3)
         self._normal, self._place = normal.reshape(-1, 3), place.reshape(-1, 3)
         self.pixels: Int[np.ndarray, " n"] = np.zeros(0, np.int64)
-        """The rays' pixels, as indices of the window grown by a pixel."""
+        """The pixels of the rays, as indices of the window padded by one pixel."""
 
     def pixels_of(self, rows: np.ndarray, columns: np.ndarray) -> Int[np.ndarray, " n"]:
-        """Indices of the window's pixels."""
+        """Indices of pixels of the window."""
         return (rows + 1) * self._size[1] + columns + 1
 
     def __call__(
@@ -62,7 +65,7 @@ class _Shade:
         owner: Int[np.ndarray, " n"],
         diffuse: Float[np.ndarray, "n 3"],
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-        """What the surfaces send to the camera: by their colour, and as mirrors."""
+        """Radiance toward the camera: diffuse, and reflected."""
         light = np.zeros((len(at), 3), np.float32)
         pixel = self.pixels[at]
         open_still = np.flatnonzero(fresh)
@@ -85,7 +88,7 @@ class _Shade:
         rest[open_still] = True
         own = np.flatnonzero(rest)
         if len(own):
-            # Samples of one pixel that look the same way share their light.
+            # Samples of a pixel whose normals are in the same octant share their irradiance.
             signs = (normal[own] > 0) @ np.array([1, 2, 4])
             _, some, which = np.unique(
                 pixel[own] * 8 + signs, return_index=True, return_inverse=True
@@ -122,20 +125,20 @@ def photograph(
     show_surroundings: bool,
     rng: np.random.Generator,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The image of a view with the light of its surroundings, see `data_gen.photo`.
+    """The image of a view lit by its surroundings, see `data_gen.photo`.
 
     Args:
-      mesh: of `scene.surfaces.corners`.
-      scene: what is seen; its directional lights play no part.
-      picture: the view as `render` shows it: its mask, depth and normals are used.
+      mesh: the mesh of `scene.surfaces.corners`.
+      scene: the scene; its directional lights are ignored.
+      picture: the view as rendered by `render`: its mask, depth and normals are used.
       around: the surroundings.
-      ground: under the object; None = there is none.
-      film: how light becomes an image.
-      side: samples along a pixel's edge, 0 = its centre alone.
-      soft_edges: whether edges are smoothed.
-      rays: that light is looked for with at each pixel.
-      show_surroundings: whether they are the background; the scene's background is not needed then.
-      rng: of directions, blur and noise.
+      ground: the ground under the object; None = there is none.
+      film: the response of the camera.
+      side: samples along the edge of a pixel, 0 = only its centre.
+      soft_edges: whether edges are antialiased.
+      rays: number of rays per pixel that sample the light.
+      show_surroundings: whether the surroundings are the background, in place of the scene's.
+      rng: generator of directions, blur and noise.
     """
     camera = scene.camera
     height, width = camera.image_size
@@ -170,7 +173,7 @@ def photograph(
     if soft_edges:
         total = colour.mean(axis=1)
     else:
-        # As the mask has it: the pixel is the object's, as far as its samples are, or not at all.
+        # Hard edges: a pixel outside the mask shows only the background.
         count = np.maximum(hit.sum(axis=1), 1)[:, None]
         total = np.where(picture.mask[window.slices].reshape(-1, 1), colour.sum(axis=1) / count, 0)
     full = np.zeros((height, width, 4), np.float32)

@@ -11,13 +11,14 @@ def smooth(
     *,
     step: int = 1,
 ) -> Float[np.ndarray, "h w 3"]:
-    """Means over 4 x 4 pixels (with halves at both ends) that belong to the same surface.
+    """Weighted means over 5 x 5 pixels of the same surface (weights 1/2, 1, 1, 1, 1/2 per axis).
 
     Args:
-      values: to smooth.
-      valid: where there are any.
-      guides: normal, place, and how far off the normal's plane still counts; None = all is one.
-      step: distance of the pixels.
+      values: values to smooth.
+      valid: pixels that have a value.
+      guides: normal, position, and largest distance from the plane of the normal at which a pixel
+        belongs to the same surface; None = all pixels belong to one surface.
+      step: distance between the pixels.
     """
     result = values
     for axis in (0, 1):

@@ -1,5 +1,6 @@
-"""Reading models from files: OBJ, MTL, AC3D and the formats of Pyrogenesis here, others by trimesh.
+"""Readers of models: own ones for OBJ, MTL, AC3D and Pyrogenesis, trimesh for other formats.
 
-Nothing outside of the `files.Files` handed over is opened, and what is read is bounded: bytes of a
-file, faces (counted before they are built wherever the format permits), pixels decoded and kept.
+They open only files of the given `files.Files`. The resources are bounded: the bytes of a file, the
+number of faces (checked before they are built if the format permits), and the pixels decoded and
+kept.
 """

@@ -1,13 +1,14 @@
-"""AC3D: folders of `.ac` files, the models of flight and racing simulators.
+"""Reader of AC3D files (`.ac`), the models of flight and racing simulators.
 
-Assimp reads surfaces, materials and textures. It is called through the few functions of its C
-interface that take and give plain bytes, so that no layout of its structures is assumed: the file
-goes in from memory, assimp's own JSON comes out.
+Assimp reads surfaces, materials and textures. Only functions of its C interface that exchange plain
+bytes are called, so that no layout of its structures is assumed: the input is the file in memory,
+the output is assimp's JSON.
 
-The outline of a file (objects, their places, counts) is read here first, for two reasons. What a
-file announces is bounded and compared with what it holds before a line of C++ sees it. And assimp
-misplaces objects: it turns an object's vertices after it has moved them, lets only groups hand
-their place on to the objects in them, and drops the crease angle.
+Before that, this module reads the hierarchy of the file (objects, positions, counts), for two
+reasons. First, the counts are bounded and compared with the contents before any C++ code reads the
+file. Second, assimp places objects incorrectly: it rotates the vertices of an object after the
+translation, applies the transformation of a parent only if the parent is a group, and drops the
+crease angle.
 """
 
 import ctypes
@@ -43,7 +44,7 @@ NO_ASSIMP = (
 
 _MAX_OBJECTS = 50_000
 
-_MAX_DEPTH = 100  # assimp reads objects in objects by recursion
+_MAX_DEPTH = 100  # assimp reads nested objects by recursion
 
 _TWO_SIDED = 0x20
 
@@ -52,7 +53,7 @@ _STATEMENT = re.compile(
     re.MULTILINE,
 )
 
-# Objects that are no part of the thing: water and shade that move with it.
+# Objects that are not part of the model: water and shadows that move with it.
 _NO_PARTS = re.compile(r"wake([\W_0-9]|$)|sillage|shadow", re.IGNORECASE)
 
 _NO_PART = "a ship's wake or a painted shadow left out"
@@ -62,9 +63,9 @@ _SURFACE = re.compile(rb"^([ \t]*SURF[ \t]+0[xX])([0-9a-fA-F]{1,8})", re.MULTILI
 
 @dataclasses.dataclass
 class Object:
-    """One object of a file: its place in its parent, and its parent's number or -1.
+    """An object of a file: its transformation, and the number of its parent or -1.
 
-    A vertex v of the object is at `rotation @ v + location` in its parent.
+    A vertex v of the object is at `rotation @ v + location` in the frame of the parent.
     """
 
     parent: int
@@ -82,7 +83,7 @@ def _count(words: bytes, what: str, limit: int) -> int:
         raise UnusableModelError(f"not readable as AC3D: {what} {text[:40]!r}")
     if int(text) > limit:
         raise UnusableModelError(
-            f"not readable as AC3D: it announces {what} {int(text)}, which cannot be in it"
+            f"not readable as AC3D: {what} {int(text)}, more than its length permits"
         )
     return int(text)
 
@@ -104,21 +105,22 @@ def _numbers(words: bytes, count: int, what: str) -> np.ndarray:
 def read_outline(
     data: bytes, max_faces: int = MAX_FACES, notes: Notes | None = None
 ) -> list[Object]:
-    """The objects of a file in its order, after all that it announces has been compared with it.
+    """The objects of a file in order. All counts in the file are compared with its contents.
 
-    One function: a branch for each statement of the format.
+    This is one long function: a branch for each statement of the format.
 
-    Some exporters count objects that they leave out. With `notes`, a file that ends with a whole
-    object and has more than are missing is read all the same, and they say how many are missing.
+    Some exporters count objects that they do not write. With `notes`, a file that ends with a
+    complete object and has more objects than are missing is accepted, with a warning.
 
     Raises:
-      UnusableModelError: it is no AC3D file, torn, or has too many faces or objects.
+      UnusableModelError: this is not an AC3D file, it is truncated, or it has too many faces or
+        objects.
     """
     if not re.match(rb"AC3D[0-9a-f]", data):
         raise UnusableModelError("not readable as AC3D: it does not begin with AC3D")
     size = len(data)
     objects: list[Object] = []
-    open_: list[tuple[int, int]] = []  # objects whose kids are to come, and how many
+    open_: list[tuple[int, int]] = []  # objects with children to come, and the number of these
     faces = skip = 0
     statements = list(_STATEMENT.finditer(data))
     for number, match in enumerate(statements):
@@ -130,14 +132,14 @@ def read_outline(
             continue
         if key == b"OBJECT":
             if objects and objects[-1].kids is None:
-                raise UnusableModelError("not readable as AC3D: an object without its kids line")
+                raise UnusableModelError("not readable as AC3D: an object without a kids line")
             while open_ and open_[-1][1] == 0:
                 open_.pop()
             if open_:
                 open_[-1] = (open_[-1][0], open_[-1][1] - 1)
             if len(open_) > _MAX_DEPTH or len(objects) >= _MAX_OBJECTS:
                 raise UnusableModelError(
-                    f"more than {_MAX_OBJECTS} objects, or {_MAX_DEPTH} of them in each other"
+                    f"more than {_MAX_OBJECTS} objects or more than {_MAX_DEPTH} levels"
                 )
             objects.append(Object(open_[-1][0] if open_ else -1))
             continue
@@ -167,19 +169,21 @@ def read_outline(
         elif key == b"crease":
             here.crease = float(np.clip(_numbers(rest, 1, "crease")[0], 0, 180))
     if not objects:
-        raise UnusableModelError("the mesh is empty: the file has no objects")
+        raise UnusableModelError("the mesh is empty: no objects, expected at least one")
     missing = sum(left for _, left in open_)
     if objects[-1].kids is None or (missing and (notes is None or missing >= len(objects))):
-        raise UnusableModelError("not readable as AC3D: it is torn: objects are missing")
+        raise UnusableModelError("not readable as AC3D: the file is truncated: objects are missing")
     if missing and notes is not None:
-        notes.add(f"{missing} objects that the file announces are missing")
+        notes.add(f"{missing} of the objects that the file counts are missing")
     if any(o.surfaces_read != o.surfaces for o in objects):
-        raise UnusableModelError("not readable as AC3D: it is torn: surfaces are missing")
+        raise UnusableModelError(
+            "not readable as AC3D: the file is truncated: surfaces are missing"
+        )
     return objects
 
 
 def _places(objects: list[Object]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Rotation and location of each object in the whole."""
+    """Rotation and location of each object in the frame of the file."""
     done: list[tuple[np.ndarray, np.ndarray]] = []
     for each in objects:
         turn, move = each.rotation, each.location
@@ -191,13 +195,13 @@ def _places(objects: list[Object]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 
 
 class _Blob(ctypes.Structure):
-    """The beginning of assimp's aiExportDataBlob."""
+    """The first fields of assimp's aiExportDataBlob."""
 
     _fields_ = (("size", ctypes.c_size_t), ("data", ctypes.c_void_p))
 
 
 def find_assimp() -> str:
-    """Path or name of the assimp library, that of the package before the system's; "" = none."""
+    """Path or name of the assimp library; the Python package is preferred. "" = none."""
     package = importlib.util.find_spec("cmeel")
     for place in (package and package.submodule_search_locations) or ():
         root = pathlib.Path(place).parent / "cmeel.prefix" / "lib"
@@ -226,7 +230,7 @@ def _assimp() -> Any:
 
 
 def _read_scene(data: bytes) -> dict[str, Any]:
-    """What assimp makes of a file, as its JSON has it.
+    """The scene that assimp reads from a file, in the form of its JSON.
 
     Raises:
       UnusableModelError: assimp cannot read it.
@@ -257,7 +261,7 @@ def _read_scene(data: bytes) -> dict[str, Any]:
 
 
 def _nodes(node: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """A node and all below it, in the file's order."""
+    """A node and all nodes below it, in the order of the file."""
     stack = [node]
     while stack:
         here = stack.pop()
@@ -266,7 +270,7 @@ def _nodes(node: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _material(properties: list[dict[str, Any]], textures: Textures) -> tuple[Material, Any]:
-    """A material, and the scale and offset that are not yet in its texture coordinates."""
+    """A material, and the scale and offset still to be applied to the texture coordinates."""
     value = {p["key"]: p["value"] for p in properties}
     name = value.get("$tex.file")
 
@@ -286,7 +290,7 @@ def _material(properties: list[dict[str, Any]], textures: Textures) -> tuple[Mat
 
 
 def _is_wake(properties: list[dict[str, Any]]) -> bool:
-    """Whether a material's picture is that of a wake or a shadow."""
+    """Whether the texture of a material shows a wake or a shadow."""
     name = next((str(p["value"]) for p in properties if p["key"] == "$tex.file"), "")
     return bool(_NO_PARTS.match(re.split(r"[/\\]", name)[-1]))
 
@@ -296,24 +300,25 @@ def read_ac3d(
 ) -> dict[str, Any]:
     """Arrays of an AC3D file for `mesh.build_model`; a reader for `readers.load.load_model`.
 
-    One function: assimp's nodes and the file's objects are walked side by side.
+    This is one long function because it walks assimp's nodes and the objects of the file together.
 
     Raises:
-      UnusableModelError: it is torn, no AC3D file, too large or empty, or assimp is missing.
+      UnusableModelError: this is not an AC3D file, it is truncated, too large or empty, or assimp
+        is not installed.
     """
     objects = read_outline(data, max_faces, notes)
 
-    # Assimp would write the backs of two-sided surfaces as faces of their own.
+    # Assimp would write the back sides of two-sided surfaces as separate faces.
     def one_sided(match: re.Match[bytes]) -> bytes:
         return match[1] + b"%x" % (int(match[2], 16) & ~_TWO_SIDED)
 
     tree = _read_scene(_SURFACE.sub(one_sided, data))
     nodes = list(_nodes(tree["rootnode"]))
-    if len(nodes) == len(objects) + 1:  # a root is put above several objects
+    if len(nodes) == len(objects) + 1:  # assimp adds a root above several objects
         nodes = nodes[1:]
     if len(nodes) != len(objects):
         raise UnusableModelError(
-            f"not readable as AC3D: {len(nodes)} objects understood of {len(objects)}"
+            f"not readable as AC3D: assimp read {len(nodes)} objects, expected {len(objects)}"
         )
     textures = Textures(files, base, side, notes)
     looks = [_material(m["properties"], textures) for m in tree.get("materials", [])]
@@ -335,7 +340,7 @@ def read_ac3d(
             if mesh["materialindex"] in no_parts:
                 notes.add(_NO_PART)
                 continue
-            # Assimp has moved them already; it must come after the turning.
+            # Assimp has applied the translation already; it belongs after the rotation.
             local = np.array(mesh["vertices"], np.float64).reshape(-1, 3) - each.location
             corners = np.array([i for f in polygons for i in f])
             triangle, _ = triangles(np.array([len(f) for f in polygons]), corners, local)
@@ -359,7 +364,7 @@ def read_ac3d(
                 parts["uv"][begin:] = [u[:, ::-1] for u in parts["uv"][begin:]]
                 normals[-1] = -normals[-1][:, ::-1]
     if not parts["faces"]:
-        raise UnusableModelError("the mesh is empty: the file has no faces")
+        raise UnusableModelError("the mesh is empty: no faces, expected at least one")
     return {
         "vertices": np.concatenate(parts["vertices"]),
         "faces": np.concatenate(parts["faces"]),

@@ -1,7 +1,8 @@
-"""Actors of Pyrogenesis: a mesh, its textures, and what is attached to it.
+"""Actors of Pyrogenesis: meshes with textures and attached actors.
 
-An actor (`art/actors/*.xml`) is a mesh, its textures, and other actors at the mesh's prop points:
-a crane on a dock, a rider on a horse. Its groups each offer variants, of which the game takes one.
+An actor (`art/actors/*.xml`) consists of a mesh, its textures, and other actors attached to the
+prop points of the mesh, such as a crane on a dock or a rider on a horse. It has groups of variants;
+the game chooses one variant of each group.
 """
 
 import dataclasses
@@ -31,7 +32,7 @@ _MAX_PARTS = 1000
 
 _MAX_DEPTH = 6
 
-# Names of variants that an object at rest is not in.
+# Names of variants that do not occur for an object at rest.
 _NOT_AT_REST = re.compile(
     r"damage|destr|death|dead|rubble|garrison|carry|gather|attack|build|promot|walk|run|capture"
     r"|despair|flee|ruin|approach|dance|salut|collaps",
@@ -49,10 +50,10 @@ class Actor:
     """An actor with one variant of each group.
 
     Attributes:
-      mesh: name below `art/meshes`, "" where it has none.
-      texture: name below `art/textures/skins`, "" where it has none.
+      mesh: name below `art/meshes`, "" if there is none.
+      texture: name below `art/textures/skins`, "" if there is none.
       material: name below `art/materials`.
-      colour: of what the texture's alpha leaves open, where the material says so.
+      colour: colour of the transparent texels, if the material uses one.
       animation: name below `art/animation` of an idle pose, or "".
       props: attach points and actors.
     """
@@ -75,10 +76,10 @@ def _parse(data: bytes, name: str) -> ElementTree.Element:
 
 
 class Game:
-    """The actors, meshes and textures of a game's archive.
+    """The actors, meshes and textures in the archive of a game.
 
     Args:
-      files: of the archive.
+      files: files of the archive.
     """
 
     def __init__(self, files: archives.ZipFiles) -> None:
@@ -87,10 +88,10 @@ class Game:
         self._modes: dict[str, str] = {}
 
     def read(self, name: str, limit: int) -> bytes:
-        """A file of the archive; where it holds a converted file alone, that.
+        """A file of the archive, or its converted form if only that exists.
 
         Raises:
-          UnusableModelError: there is none, or it is too large or damaged.
+          UnusableModelError: the file is missing, too large or damaged.
         """
         stem = posixpath.normpath(name)
         for candidate in (stem, f"{stem}.cached.dds", f"{stem}.cached.pmd", f"{stem}.cached.psa"):
@@ -102,13 +103,13 @@ class Game:
         raise UnusableModelError(f"file {name!r} is missing")
 
     def xml(self, name: str) -> ElementTree.Element:
-        """A file of the archive as XML, read once."""
+        """A file of the archive as XML; it is read only once."""
         if name not in self._xml:
             self._xml[name] = _parse(self.read(name, _MAX_XML_BYTES), name)
         return self._xml[name]
 
     def _root(self, name: str) -> ElementTree.Element:
-        """The element of an actor that has its groups: the best of several qualities."""
+        """The element of an actor that contains its groups, of the best of several qualities."""
         root = self.xml(ACTORS + name)
         for _ in range(4):
             if root.tag != "qualitylevels":
@@ -125,9 +126,9 @@ class Game:
         return root
 
     def _groups(self, name: str) -> list[list[list[ElementTree.Element]]]:
-        """Groups of an actor: the variants of each that an object at rest may be in.
+        """The groups of an actor: for each, the variants that are possible for an object at rest.
 
-        A variant is its own element after those of the files that it includes.
+        A variant is a list of elements: those of the files that it includes, then its own.
         """
         result = []
         for group in self._root(name).findall("group"):
@@ -136,7 +137,7 @@ class Game:
                 words = f"{variant.get('name', '')} {variant.get('file', '')}"
                 options.append((variant, _frequency(variant), bool(_NOT_AT_REST.search(words))))
             chosen = [v for v, f, active in options if f > 0 and not active]
-            # Where all are as rare, none is preferred.
+            # If all variants have the same frequency, none is preferred.
             chosen = chosen or [v for v, _, active in options if not active][:1]
             if chosen:
                 result.append([self._with_included(v) for v in chosen])
@@ -152,7 +153,7 @@ class Game:
         return chain
 
     def shapes(self, name: str, limit: int) -> int:
-        """How many variants of an actor differ in their mesh, at most `limit`."""
+        """The number of variants of an actor with different meshes, at most `limit`."""
         numbers = [
             len({e.findtext("mesh") for chain in group for e in chain} - {None})
             for group in self._groups(name)
@@ -160,10 +161,10 @@ class Game:
         return max(1, min(limit, max(numbers, default=1)))
 
     def actor(self, name: str, variant: int) -> Actor:
-        """An actor with the variants of a number.
+        """An actor with the variants that `variant` selects.
 
         Raises:
-          UnusableModelError: its file is missing or damaged.
+          UnusableModelError: the file is missing or damaged.
         """
         mesh = texture = animation = ""
         colour = None
@@ -189,7 +190,7 @@ class Game:
                 for each in element.iterfind("props/prop"):
                     point = each.get("attachpoint", "").casefold()
                     here.setdefault(point, []).append(each.get("actor", ""))
-                props |= here  # a later group takes the place of an earlier one
+                props |= here  # a later group overrides an earlier one
         material = (self._root(name).findtext("material") or "").strip()
         pairs = tuple((point, each) for point, actors in props.items() for each in actors if each)
         return Actor(mesh, texture, material, colour, animation, pairs)
@@ -197,10 +198,10 @@ class Game:
     def parts(
         self, name: str, variant: int, depth: int = 0
     ) -> Iterator[tuple[str, str, Actor, int]]:
-        """Attach point, name, and depth of an actor and all actors that are attached to it.
+        """Attach point, name, actor and depth of an actor and of all actors attached to it.
 
-        Those that come after an actor with a greater depth are attached to it. Missing ones are
-        left out.
+        Actors that follow with a greater depth are attached to the actor before them. Missing
+        actors are left out.
         """
         stack = [("", name, depth)]
         count = 0
@@ -214,7 +215,9 @@ class Game:
                 continue
             count += 1
             if count > _MAX_PARTS or level > _MAX_DEPTH:
-                raise UnusableModelError(f"more than {_MAX_PARTS} parts, or parts in each other")
+                raise UnusableModelError(
+                    f"more than the limit of {_MAX_PARTS} parts, or an actor attached to itself"
+                )
             yield point, here, actor, level
             stack += [
                 (p, a, level + 1)
@@ -223,7 +226,7 @@ class Game:
             ]
 
     def mode(self, material: str) -> str:
-        """What a texture's alpha means: "clear", "player", "colour" or "" = nothing."""
+        """The meaning of a texture's alpha: "clear", "player", "colour" or "" = none."""
         if material not in self._modes:
             mode = ""
             try:
@@ -245,12 +248,12 @@ def _frequency(variant: ElementTree.Element) -> int:
 
 
 def _is_mark(actor: str) -> bool:
-    """Whether a prop is a mark on the ground, water or an effect, which no mesh is made of."""
+    """Whether a prop is a marking on the ground, water or an effect, which are left out."""
     return bool(re.search(r"decal|blood|aura|particle|smoke|fire|garrison_flag|water_", actor))
 
 
 def _with_colour(texture: np.ndarray, colour: Sequence[float]) -> np.ndarray:
-    """The texture opaque, a colour where its alpha is 0."""
+    """The texture blended with a colour by its alpha, as an opaque texture."""
     part = texture[..., 3:].astype(np.float64) / 255
     mixed = part * texture[..., :3] + (1 - part) * 255 * np.array(colour)
     opaque = np.full((*texture.shape[:2], 1), 255, np.uint8)
@@ -265,14 +268,15 @@ def assemble(
     max_faces: int,
     notes: Notes,
 ) -> dict[str, Any]:
-    """Arrays of an actor with all that is attached to it, for `mesh.build_model`.
+    """Arrays of an actor and all attached actors, for `mesh.build_model`.
 
-    One function: a walk over the tree of parts, which keeps what is above each.
+    This is one long function because it walks the tree of parts with the state of all parents.
 
     The axes are right-handed: x to the left, y up, z to the front.
 
     Raises:
-      UnusableModelError: it has no mesh, one is missing or damaged, or it has too many faces.
+      UnusableModelError: there is no mesh, a mesh is missing or damaged, or there are too many
+        faces.
     """
     digest = hashlib.sha256(f"{name}/{variant}".encode()).digest()
     player = _PLAYERS[digest[0] % len(_PLAYERS)]
@@ -281,7 +285,7 @@ def assemble(
     pieces: dict[str, list[np.ndarray]] = {
         k: [] for k in ("vertices", "faces", "normals", "uv", "face_material")
     }
-    # The chain of actors above the one at hand: their matrices, bones and meshes.
+    # The parents of the current actor: their matrices, bones and meshes.
     above: list[tuple[np.ndarray, np.ndarray, Mesh | None]] = []
     total = offset = 0
     skipped = len(above) + _MAX_DEPTH + 1
@@ -298,7 +302,7 @@ def assemble(
                     data = game.read(f"art/textures/skins/{actor.texture}", MAX_FILE_BYTES)
                     texture = decode_texture(data, side)
                 except ValueError as error:  # UnusableModelError is one
-                    notes.add(f"texture {actor.texture!r}: {error}; grey stands in")
+                    notes.add(f"texture {actor.texture!r}: {error}; grey is used instead")
             if texture is not None and mode != "clear":
                 texture = (
                     _with_colour(texture, colour or (1.0, 1.0, 1.0))
@@ -311,7 +315,7 @@ def assemble(
 
     for point, here, actor, level in game.parts(name, variant):
         if level > skipped:
-            continue  # below one that is not attached
+            continue  # its parent was left out
         skipped = _MAX_DEPTH + 1
         del above[level:]
         matrix = np.eye(4)
@@ -343,7 +347,7 @@ def assemble(
             try:
                 frame = read_psa(game.read(f"art/animation/{actor.animation}", _MAX_MESH_BYTES))
             except UnusableModelError as error:
-                notes.add(f"{here}: {error}; it keeps its mesh's pose")
+                notes.add(f"{here}: {error}; the pose of the mesh is used")
         positions, normals, bones = posed(mesh, frame)
         above.append((matrix, bones, mesh))
         total += len(mesh.faces)
@@ -362,9 +366,9 @@ def assemble(
 
 
 def cut_below(arrays: dict[str, Any], level: float = 0.0) -> dict[str, Any]:
-    """Arrays for `mesh.build_model` without what lies below a height (y), such as foundations.
+    """Arrays for `mesh.build_model` without the surface below a height (y), such as foundations.
 
-    Triangles that cross it are cut; one with two corners above becomes two.
+    Triangles that cross the height are cut; a triangle with two corners above it becomes two.
     """
     corners = arrays["vertices"][arrays["faces"]]
     # Per corner: position, normal, texture coordinates.
@@ -374,7 +378,7 @@ def cut_below(arrays: dict[str, Any], level: float = 0.0) -> dict[str, Any]:
     result, owners = [rows[count == 3]], [arrays["face_material"][count == 3]]
     for number in (1, 2):
         here = np.flatnonzero(count == number)
-        # The corner that is alone on its side comes first.
+        # The corner that is alone on its side is put first.
         first = (above[here] == (number == 1)).argmax(axis=1)
         turn = (first[:, None] + np.arange(3)) % 3
         a, b, c = np.moveaxis(np.take_along_axis(rows[here], turn[..., None], axis=1), 1, 0)

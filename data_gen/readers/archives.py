@@ -1,4 +1,4 @@
-"""Zip archives as `files.Files`: read in place, never unpacked, every member within limits."""
+"""Zip archives as `files.Files`: read in place without unpacking, with limits for every member."""
 
 import functools
 import os
@@ -10,15 +10,15 @@ from data_gen.readers.files import MAX_FILE_BYTES, Files
 
 _MAX_MEMBERS = 200_000
 
-# Text of meshes shrinks by 3 to 10; a member above this ratio is made to exhaust memory. Small
-# ones are let through: a picture of one colour shrinks by a thousand.
+# The text of a mesh has a compression ratio of 3 to 10. A large member above this ratio is a zip
+# bomb. Small members may exceed it: an image of one colour has a ratio of a thousand.
 _MAX_RATIO = 200
 
 _RATIO_FROM = 8 << 20
 
 
 class ZipFiles(Files):
-    """Members of a zip archive."""
+    """The members of a zip archive."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._archive = zipfile.ZipFile(path)
@@ -29,18 +29,18 @@ class ZipFiles(Files):
         self._folded = {name.casefold(): name for name in self._members}
 
     def names(self) -> list[str]:
-        """Names of all members."""
+        """The names of all members."""
         return list(self._members)
 
     def find(self, name: str) -> str | None:
-        """See `readers.files.Files`; nothing but names in the archive is ever looked up."""
+        """See `readers.files.Files`."""
         return name if name in self._members else self._folded.get(name.casefold())
 
     def read(self, name: str, limit: int = MAX_FILE_BYTES) -> bytes:
         """See `readers.files.Files`.
 
         Raises:
-          UnusableModelError: the member is too large, damaged or compressed like a bomb.
+          UnusableModelError: the member is too large, damaged or a zip bomb.
         """
         member = self._members[name]
         if member.file_size > limit:
@@ -49,7 +49,10 @@ class ZipFiles(Files):
             )
         ratio = member.file_size / max(member.compress_size, 1)
         if member.file_size > _RATIO_FROM and ratio > _MAX_RATIO:
-            raise UnusableModelError(f"{name!r} shrank by {ratio:.0f}: a zip bomb is not opened")
+            raise UnusableModelError(
+                f"{name!r} has a compression ratio of {ratio:.0f}, expected at most {_MAX_RATIO}: "
+                "it may be a zip bomb"
+            )
         try:
             with self._archive.open(member) as stream:
                 data = stream.read(limit + 1)
@@ -67,5 +70,5 @@ def _archive(path: str, _modified: int) -> ZipFiles:
 
 
 def open_files(path: str) -> ZipFiles:
-    """The archive, kept open between the models that a process loads."""
+    """The archive, kept open for the next models that this process loads."""
     return _archive(path, os.stat(path).st_mtime_ns)

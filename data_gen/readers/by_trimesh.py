@@ -1,4 +1,4 @@
-"""All formats but Wavefront OBJ, by trimesh."""
+"""Reads formats other than Wavefront OBJ with trimesh."""
 
 import io
 import json
@@ -21,7 +21,7 @@ _ARCHIVES = {"zip", "bz2", "tar.bz2", "tar.gz"}
 
 
 def _faces_in_header(data: bytes, kind: str) -> int:
-    """Number of faces that the file announces, 0 where its format does not say."""
+    """The number of faces in the header of the file, 0 if the format has none."""
     head = data[:4096]
     try:
         if kind == "stl" and not (head.lstrip().startswith(b"solid") and b"facet" in head):
@@ -56,7 +56,7 @@ def _faces_in_header(data: bytes, kind: str) -> int:
 
 
 def _resolver(files: Files, base: str, notes: Notes) -> Any:
-    """`files` in the form in which trimesh asks for the files that a model refers to."""
+    """`files` as the resolver that trimesh uses for files that a model refers to."""
     import trimesh
 
     class Resolver(trimesh.resolvers.Resolver):
@@ -87,7 +87,7 @@ def _srgb(linear: float) -> float:
 
 
 def _from_trimesh_material(material: Any, side: int, notes: Notes) -> Material:
-    """One of trimesh's materials (simple or physically based) as Blinn-Phong."""
+    """A material of trimesh (simple or physically based) as a Blinn-Phong material."""
     name = str(getattr(material, "name", "") or "")
 
     def texture_of(picture: Any) -> np.ndarray | None:
@@ -96,7 +96,7 @@ def _from_trimesh_material(material: Any, side: int, notes: Notes) -> Material:
         try:
             return decode_texture(picture, side)
         except ValueError as error:
-            notes.add(f"texture of {name!r}: {error}; the plain colour stands in")
+            notes.add(f"texture of {name!r}: {error}; the plain colour is used instead")
             return None
 
     def rgba(values: Any, fallback: tuple[float, ...]) -> list[float]:
@@ -111,7 +111,7 @@ def _from_trimesh_material(material: Any, side: int, notes: Notes) -> Material:
         plain = (1.0, 1.0, 1.0, 1.0) if texture is not None else (*GREY, 1.0)
         base = rgba(material.baseColorFactor, plain)
         if material.baseColorFactor is not None:
-            base = [*(_srgb(v) for v in base[:3]), base[3]]  # glTF's factors are linear
+            base = [*(_srgb(v) for v in base[:3]), base[3]]  # factors of glTF are linear
         mode = str(material.alphaMode or "OPAQUE").upper()
         if texture is not None and mode != "BLEND" and (texture[..., 3] < 255).any():
             cutoff = 0.5 if material.alphaCutoff is None else float(material.alphaCutoff)
@@ -121,7 +121,7 @@ def _from_trimesh_material(material: Any, side: int, notes: Notes) -> Material:
         metal = 0.0 if material.metallicFactor is None else float(material.metallicFactor)
         if material.metallicRoughnessTexture is not None:
             metal = min(metal, 0.5)
-        # The exponent whose lobe has the width of a microfacet lobe of that roughness.
+        # The exponent whose lobe is as wide as the microfacet lobe with this roughness.
         shininess = min(max(2 / max(rough, 0.05) ** 4 - 2, 1.0), 1000.0)
         strength = 1 - rough
         return Material(
@@ -150,7 +150,7 @@ def _from_trimesh_material(material: Any, side: int, notes: Notes) -> Material:
 def _palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
     """A material and uv [F, 3, 2] that give each face its own colour, uint8 [F, 4].
 
-    Colours are rounded to 5 bits; each distinct one is one texel.
+    Colours are rounded to 5 bits; each distinct colour is a texel.
     """
     key = (colours.astype(np.int64) >> 3) @ np.array([1 << 15, 1 << 10, 1 << 5, 1])
     distinct, first, index = np.unique(key, return_index=True, return_inverse=True)
@@ -168,9 +168,9 @@ def _palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
 def read_trimesh(
     data: bytes, kind: str, files: Files, base: str, side: int, max_faces: int, notes: Notes
 ) -> dict[str, Any]:
-    """Arrays of a file of any format that the installed trimesh reads, for `mesh.build_model`.
+    """Arrays of a file in any format that the installed trimesh reads, for `mesh.build_model`.
 
-    One function: one pass over the meshes of a scene, each with all of its looks.
+    This is one long function: one pass over the meshes of a scene with their materials.
     """
     import trimesh
 
@@ -180,7 +180,9 @@ def read_trimesh(
     check_face_count(_faces_in_header(data, kind), max_faces)
     if kind in ("dae", "zae", "3mf", "xaml", "3dxml"):
         if len(data) > _MAX_XML_BYTES:
-            raise UnusableModelError(f"{len(data)} bytes of {kind}: more than {_MAX_XML_BYTES}")
+            raise UnusableModelError(
+                f"{len(data)} bytes of {kind}, more than the limit of {_MAX_XML_BYTES}"
+            )
         if b"<!ENTITY" in data:
             raise UnusableModelError("XML entities are refused")
     try:
@@ -194,7 +196,7 @@ def read_trimesh(
             )
             names = [scene.graph[node] for node in scene.graph.nodes_geometry]
     except Exception as error:
-        # A damaged file surfaces as any exception at all in a third-party reader.
+        # A third-party reader may raise any exception for a damaged file.
         what = f"{type(error).__name__}: {error}".splitlines()[0]
         raise UnusableModelError(f"not readable as {kind}: {what}"[:200]) from error
     vertices: list[np.ndarray] = []
@@ -214,11 +216,11 @@ def read_trimesh(
         corner = np.asarray(mesh.faces, np.int64)
         if corner.min() < 0 or corner.max() >= len(mesh.vertices):
             raise UnusableModelError(
-                f"not readable as {kind}: faces with vertices that do not exist"
+                f"not readable as {kind}: faces with vertices that are missing"
             )
         linear = np.asarray(matrix, np.float64)[:3, :3]
         vertices.append(np.asarray(mesh.vertices, np.float64) @ linear.T + matrix[:3, 3])
-        # Normals are kept where the file had them: only then are they in the cache already.
+        # Keep only normals from the file: those are in the cache already.
         given = mesh._cache.cache.get("vertex_normals")
         if given is not None and len(given) == len(mesh.vertices) and np.linalg.det(linear):
             turned = np.asarray(given) @ np.linalg.inv(linear)
@@ -256,7 +258,7 @@ def read_trimesh(
         owners.append(np.full(len(corner), owner))
         offset += len(mesh.vertices)
     if not faces:
-        raise UnusableModelError("the mesh is empty: the file has no faces")
+        raise UnusableModelError("the mesh is empty: no faces, expected at least one")
     normal = np.concatenate(normals)
     return {
         "vertices": np.concatenate(vertices),

@@ -1,4 +1,4 @@
-"""Where the files of a model come from; nothing outside of a root is opened."""
+"""Access to the files of a model. Files outside the root are never opened."""
 
 import abc
 import os
@@ -8,29 +8,29 @@ import posixpath
 from data_gen.mesh import UnusableModelError
 
 MAX_FILE_BYTES = 256 << 20
-"""Largest file that is read, meshes and pictures alike."""
+"""Largest accepted size of a mesh or image file."""
 
 
 class Files(abc.ABC):
-    """The files that a model may refer to, by names relative to a root."""
+    """The files that a model may refer to, named relative to a root."""
 
     @abc.abstractmethod
     def find(self, name: str) -> str | None:
-        """The stored name of a file asked for by `name`, in its spelling but for case; or None."""
+        """The stored name of the file `name`, which may differ in upper and lower case; or None."""
 
     @abc.abstractmethod
     def read(self, name: str) -> bytes:
-        """Contents of a file that `find` named."""
+        """The contents of a file, by a name that `find` returned."""
 
     def open(self, base: str, name: str) -> bytes:
-        """Contents of the file that a file in the folder `base` calls `name`.
+        """The contents of the file `name`, as written in a file in the folder `base`.
 
-        Backslashes, quotes and wrong case are forgiven. Where there is no such file, one of the
-        same name in `base` itself will do: references often carry the author's own folders. A
-        path that leads out of the root is looked up by its last part alone.
+        Backslashes, quotes and wrong case are accepted. If the file does not exist, a file of the
+        same name directly in `base` is used, because references often contain folders of the
+        author's computer. Of a path that leads out of the root only the last part is used.
 
         Raises:
-          FileNotFoundError: there is none.
+          FileNotFoundError: there is no such file.
         """
         clean = name.strip().strip('"').replace("\\", "/")
         joined = posixpath.normpath(posixpath.join(base, clean))
@@ -45,7 +45,7 @@ class Files(abc.ABC):
 
 
 class FolderFiles(Files):
-    """Files below a folder."""
+    """The files below a folder."""
 
     def __init__(self, root: str | os.PathLike[str]) -> None:
         self.root = pathlib.Path(root)

@@ -1,4 +1,4 @@
-"""A model from a file, normalised: the entry to all readers."""
+"""Loads a model from a file, with the reader of its format, and normalises it."""
 
 import os
 import pathlib
@@ -15,8 +15,10 @@ from data_gen.readers.obj import read_obj
 from data_gen.readers.textures import TEXTURE_SIDE
 
 Reader = Callable[[bytes, Files, str, int, int, Notes], dict[str, Any]]
-"""Makes arrays for `mesh.build_model` of: the file's bytes, the files that it may refer to, its
-folder there, the limits of the textures' sides and of the faces, and a place for warnings."""
+"""Makes the arguments of `mesh.build_model` from the bytes of a file.
+
+The arguments are the bytes, the files that it may refer to, its folder among these, the limits of
+texture size and faces, and the warnings, which are added to."""
 
 
 def load_model(
@@ -34,24 +36,24 @@ def load_model(
     turn: Callable[[Model], Model] = lambda model: model,
     reader: Reader | None = None,
 ) -> Model:
-    """Reads a model from a file and brings it to the project's frame, normalised.
+    """Reads a model from a file and normalises it to the project's frame.
 
     Args:
-      name: path; with `files`, a name there.
-      files: where the file and what it refers to lie; None = the folder of `name`.
-      up: the file's axis that points up, see `frame.orient`.
-      front: the file's axis that the object's front points to.
-      category: of the object.
-      model_id: of the object; empty = the file's name.
-      parameters: for the model.
+      name: path of the file; with `files`, its name there.
+      files: the file and the files that it refers to; None = the folder of `name`.
+      up: the axis of the file that points up, see `frame.orient`.
+      front: the axis of the file toward which the front of the object points.
+      category: category of the object.
+      model_id: name of the object; empty = the name of the file.
+      parameters: parameters of the model.
       texture_side: see `TEXTURE_SIDE`.
-      max_faces: more are refused.
+      max_faces: largest accepted number of faces.
       crease_degrees: see `mesh.crease_normals`.
-      turn: applied in the file's axes, before `up` and `front`.
-      reader: of the file's format; None = by the ending of its name.
+      turn: applied in the axes of the file, before `up` and `front`.
+      reader: reader of the format; None = chosen by the suffix of the name.
 
     Raises:
-      UnusableModelError: the file is missing, damaged, empty or too large; the message says what.
+      UnusableModelError: the file is missing, damaged, empty or too large; the message says which.
     """
     if files is None:
         path = pathlib.Path(name)

@@ -11,7 +11,7 @@ GREY = (0.6, 0.6, 0.6)
 
 
 def floats(words: Sequence[str], count: int) -> list[float] | None:
-    """The first words as numbers; None where there are fewer or one is no finite number."""
+    """The first `count` words as numbers; None if there are fewer or one is not a finite number."""
     try:
         values = [float(w) for w in words[:count]]
     except ValueError:
@@ -27,8 +27,8 @@ def _colour(words: Sequence[str]) -> tuple[float, float, float] | None:
     return red, green, blue
 
 
-# Options of a map statement and how many words each takes, from the MTL specification; those
-# that take up to three numbers take as many as there are.
+# Options of a map statement and their number of arguments, from the MTL specification. Options
+# with up to three numbers take as many numbers as follow.
 _MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1,
                 "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2}  # fmt: skip
 
@@ -36,7 +36,7 @@ _MAP_VECTORS = ("-o", "-s", "-t")
 
 
 def _map_name(rest: str) -> str:
-    """The file name of a map statement, which may hold spaces, without the options before it."""
+    """The file name of a map statement without the options before it; it may contain spaces."""
     words = rest.split()
     start = 0
     while start < len(words) and words[start].lower() in {*_MAP_OPTIONS, *_MAP_VECTORS}:
@@ -52,10 +52,11 @@ def _map_name(rest: str) -> str:
 
 
 def read_mtl(text: str, textures: Textures) -> dict[str, Material]:
-    """Materials of an MTL file, by name.
+    """The materials of an MTL file, by name.
 
-    Read: Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd, map_d. A black Kd with a
-    texture counts as white: many exporters write that and mean the texture alone.
+    The statements read are Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd and
+    map_d. A black Kd with a texture counts as white, because many exporters write black there and
+    expect only the texture to be used.
     """
     statements: dict[str, dict[str, str]] = {}
     current: dict[str, str] = {}

@@ -1,8 +1,8 @@
-"""What was missing or wrong in a file and what stands in for it."""
+"""Warnings about missing or wrong contents of a file, and what is used instead."""
 
 
 class Notes:
-    """Warnings in order, each once."""
+    """Warnings in order, without repetition."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []

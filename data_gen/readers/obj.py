@@ -1,8 +1,9 @@
-"""Own reader for Wavefront OBJ.
+"""Reader of Wavefront OBJ files.
 
-OBJ is read here because the two large collections of training shapes are OBJ and full of what
-lenient readers lose in silence: missing and negative indices, several material files, textures
-with options in front of their name, alpha maps, missing pictures, concave polygons.
+The two large collections of training shapes are OBJ files. They contain many features that other
+readers ignore silently: missing and negative indices, several material files, options before the
+names of textures, alpha maps, missing images, concave polygons. Therefore this project has its own
+reader.
 """
 
 import posixpath
@@ -21,7 +22,7 @@ from data_gen.readers.textures import Textures, bounded
 
 
 def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
-    """A text in parts of whole lines; lines that end with a backslash are joined to the next."""
+    """Splits a text into blocks of whole lines; continued lines (backslash) are joined."""
     start = 0
     while start < len(data):
         stop = data.find(b"\n", min(start + size, len(data)))
@@ -41,10 +42,10 @@ _SPACE = 32
 
 
 class _Lines:
-    """The lines of a block of an OBJ file by their statements.
+    """The lines of a block of an OBJ file, classified by their statements.
 
-    All of it is arrays over the block's bytes, words or lines, so that no line costs a step of the
-    interpreter. What looks unusual is left to slower code of the same meaning.
+    Everything is computed with arrays over bytes, words or lines, without a Python loop over the
+    lines. Unusual lines are handled by slower code with the same result.
 
     Args:
       block: whole lines.
@@ -68,33 +69,33 @@ class _Lines:
         kind[(one == ord("v")) & (two == ord("t")) & (three <= _SPACE)] = _VT
         kind[(one == ord("v")) & (two == ord("n")) & (three <= _SPACE)] = _VN
         kind[(one == ord("f")) & (two <= _SPACE)] = _F
-        kind[(words[full] < 2) & (kind != _OTHER)] = -1  # a statement without anything
+        kind[(words[full] < 2) & (kind != _OTHER)] = -1  # a statement without arguments
         self.kind = np.full(len(ends), -1)
         self.kind[full] = kind
-        self.words = words - 1  # without the statement's own
+        self.words = words - 1  # without the keyword
         self._ends = ends
-        # The statements' own words are blanked, so that only numbers are left.
+        # The keywords are replaced by blanks, so that only numbers are left.
         numbers = kind != _OTHER
         self._bytes[first[numbers]] = _SPACE
         double = first[(kind == _VT) | (kind == _VN)] + 1
         self._bytes[double] = _SPACE
 
     def numbers(self, kind: int) -> bytes:
-        """All that stands in the lines of a kind."""
+        """The arguments of all lines of a kind."""
         return self._bytes[np.repeat(self.kind == kind, self._length)[: len(self._bytes)]].tobytes()
 
     def text(self, line: int | np.integer[Any]) -> str:
-        """A line."""
+        """The text of a line."""
         stop = self._ends[line]
         return (
             self._bytes[stop + 1 - self._length[line] : stop].tobytes().decode("utf-8", "replace")
         )
 
     def rows(self, kind: int, columns: int) -> np.ndarray:
-        """The numbers of the lines of a kind: short lines are filled with 0, long ones cut.
+        """The numbers of the lines of a kind; short lines are padded with 0, long lines cut.
 
         Raises:
-          ValueError: a word is no number.
+          ValueError: a word is not a number.
         """
         counts = self.words[self.kind == kind]
         values = _parsed(self.numbers(kind), np.float64)
@@ -111,10 +112,10 @@ class _Lines:
         return np.where(there, padded[np.where(there, place, 0)], 0.0)
 
     def corners(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners [n, 3] of the faces' lines as written, 0 = not given; and how many a line has.
+        """Corners [n, 3] of the face lines as written, 0 = not given, and their number per line.
 
         Raises:
-          ValueError: a word is no corner.
+          ValueError: a word is not a corner.
         """
         counts = self.words[self.kind == _F]
         text = self.numbers(_F)
@@ -131,7 +132,7 @@ class _Lines:
 
     @staticmethod
     def _uniform(text: bytes, total: int) -> np.ndarray | None:
-        """Corners that are all written in one way; None where they are not."""
+        """The corners, if all are written in the same form; otherwise None."""
         if not total:
             return np.zeros((0, 3), np.int64)
         text = text.replace(b"//", b"/0/")
@@ -157,9 +158,9 @@ class _Lines:
 
 
 def _parsed(text: bytes, kind: type) -> np.ndarray:
-    """Numbers with blanks between them; none or fewer where a word is no number."""
+    """Numbers separated by blanks; the result is shorter if a word is not a number."""
     with python_warnings.catch_warnings():
-        python_warnings.simplefilter("error", DeprecationWarning)  # older releases' way to say so
+        python_warnings.simplefilter("error", DeprecationWarning)  # raised by older numpy releases
         try:
             return np.fromstring(text, kind, sep=" ")
         except (ValueError, DeprecationWarning):
@@ -182,7 +183,8 @@ def read_obj(
 ) -> dict[str, Any]:
     """Arrays of an OBJ file for `mesh.build_model`.
 
-    One function: one pass over the blocks of a file, whose counts go on from block to block.
+    This is one long function: one pass over the blocks of the file, with counts that continue from
+    block to block.
     """
     columns = {_V: 3, _VT: 2, _VN: 3}
     rows: dict[int, list[np.ndarray]] = {kind: [np.zeros((0, n))] for kind, n in columns.items()}
@@ -197,7 +199,7 @@ def read_obj(
     total = broken = 0
     for block in _blocks(data):
         lines = _Lines(block)
-        # Owners of the block's faces: those before the first `usemtl` keep the last one's.
+        # Materials of the faces of the block; before its first `usemtl` the previous one.
         changes, owners_here = [-1], [owner]
         for index in np.flatnonzero(lines.kind == _OTHER):
             words = lines.text(index).split(None, 1)
@@ -209,13 +211,13 @@ def read_obj(
                 changes.append(int(index))
                 owners_here.append(owner)
             elif key == "mtllib":
-                # The name may hold spaces; else there may be several.
+                # The name may contain spaces; otherwise there may be several names.
                 for name in [rest.strip()] if _exists(files, base, rest) else rest.split():
                     try:
                         text = files.open(base, name).decode("utf-8", "replace")
                         materials.update(read_mtl(text, textures))
                     except FileNotFoundError:
-                        notes.add(f"material file {name!r} is missing; grey stands in")
+                        notes.add(f"material file {name!r} is missing; grey is used instead")
         try:
             fresh = {kind: lines.rows(kind, n) for kind, n in columns.items()}
             corner, counts = lines.corners()
@@ -230,7 +232,7 @@ def read_obj(
                 raise UnusableModelError(f"more than the limit of {max_faces} faces")
             which = np.searchsorted(changes, at, side="right") - 1
             if (corner < 0).any():
-                # Negative indices count from the rows read before the face.
+                # Negative indices count back from the rows read before the face.
                 seen = np.stack(
                     [read[kind] + np.cumsum(lines.kind == kind)[at] for kind in columns], axis=1
                 )
@@ -246,7 +248,7 @@ def read_obj(
     if broken:
         notes.add(f"{broken} faces with less than three corners dropped")
     if not total:
-        raise UnusableModelError("the mesh is empty: the file has no faces")
+        raise UnusableModelError("the mesh is empty: no faces, expected at least one")
 
     vertices, texture, normal = (np.concatenate(rows[kind]) for kind in (_V, _VT, _VN))
     corners = np.concatenate(corner_blocks)
@@ -255,11 +257,11 @@ def read_obj(
     exists = (corners[:, 0] >= 0) & (corners[:, 0] < len(vertices))
     whole = np.logical_and.reduceat(exists, np.cumsum(counts) - counts)
     if not whole.all():
-        notes.add(f"{int((~whole).sum())} faces with vertices that do not exist dropped")
+        notes.add(f"{int((~whole).sum())} faces with missing vertices dropped")
         corners = corners[np.repeat(whole, counts)]
     counts, owners = counts[whole], owners[whole]
     if not len(counts):
-        raise UnusableModelError("the mesh is empty: no face has its vertices")
+        raise UnusableModelError("the mesh is empty: all faces have missing vertices")
     if not np.isfinite(vertices[corners[:, 0]]).all():
         raise UnusableModelError("vertices have coordinates that are not finite")
     triangle, polygon = triangles(counts, corners[:, 0], vertices)
@@ -274,7 +276,7 @@ def read_obj(
     used = list(names)
     for name in used:
         if name not in materials and materials:
-            notes.add(f"material {name!r} is missing; grey stands in")
+            notes.add(f"material {name!r} is missing; grey is used instead")
     table = [materials.get(name, Material(name=name)) for name in used]
     if (owners == -1).any():
         owners = np.where(owners == -1, len(table), owners)

@@ -38,10 +38,10 @@ class Mesh:
 
 
 def read_pmd(data: bytes, max_faces: int = MAX_FACES) -> Mesh:
-    """The arrays of a PMD file; what it announces is compared with its length.
+    """The arrays of a PMD file. The counts in the file are compared with its length.
 
     Raises:
-      UnusableModelError: it is no such file, torn, or has too many faces.
+      UnusableModelError: this is not a PMD file, it is truncated, or it has too many faces.
     """
     place = 0
 
@@ -49,7 +49,7 @@ def read_pmd(data: bytes, max_faces: int = MAX_FACES) -> Mesh:
         nonlocal place
         size = count * np.dtype(kind).itemsize
         if size > len(data) - place:
-            raise UnusableModelError("not readable as PMD: it is torn")
+            raise UnusableModelError("not readable as PMD: the file is truncated")
         values = np.frombuffer(data, kind, count, place)
         place += size
         return values
@@ -72,10 +72,10 @@ def read_pmd(data: bytes, max_faces: int = MAX_FACES) -> Mesh:
     check_face_count(face_count, max_faces)
     faces = take(3 * face_count, "<u2").reshape(-1, 3).astype(np.int64)
     if face_count and faces.max() >= count:
-        raise UnusableModelError("not readable as PMD: faces with vertices that do not exist")
+        raise UnusableModelError("not readable as PMD: faces with vertices that are missing")
     bone_count = int(take(1, "<u4")[0])
     if bone_count > _MAX_BONES:
-        raise UnusableModelError(f"not readable as PMD: {bone_count} bones")
+        raise UnusableModelError(f"not readable as PMD: {bone_count} bones, more than the limit")
     rest = take(7 * bone_count, "<f4").reshape(-1, 7).astype(np.float64)
     props: dict[str, tuple[int, np.ndarray]] = {}
     for _ in range(min(int(take(1, "<u4")[0]), 10_000)):
@@ -84,7 +84,7 @@ def read_pmd(data: bytes, max_faces: int = MAX_FACES) -> Mesh:
         state = take(7, "<f4").astype(np.float64)
         props[name.casefold()] = int(take(1, "u1")[0]), state
     if not all(np.isfinite(v).all() for v in (numbers, rest, *(s for _, s in props.values()))):
-        raise UnusableModelError("the mesh has numbers that are not finite")
+        raise UnusableModelError("the mesh contains values that are not finite")
     return Mesh(
         positions=numbers[:, :3],
         normals=numbers[:, 3:6],
@@ -101,20 +101,20 @@ def read_psa(data: bytes) -> np.ndarray:
     """The first frame of a PSA file: [B, 7] as `Mesh.rest`.
 
     Raises:
-      UnusableModelError: it is no such file or torn.
+      UnusableModelError: this is not a PSA file, or it is truncated.
     """
     if data[:4] != b"PSSA" or len(data) < 16:
         raise UnusableModelError("not readable as PSA: it does not begin with PSSA")
     (length,) = struct.unpack_from("<I", data, 12)
     place = 16 + length + 4
     if place + 8 > len(data):
-        raise UnusableModelError("not readable as PSA: it is torn")
+        raise UnusableModelError("not readable as PSA: the file is truncated")
     bones, frames = struct.unpack_from("<II", data, place)
     if not frames or bones > _MAX_BONES or place + 8 + 28 * bones > len(data):
-        raise UnusableModelError("not readable as PSA: it is torn")
+        raise UnusableModelError("not readable as PSA: the file is truncated")
     result = np.frombuffer(data, "<f4", 7 * bones, place + 8).reshape(-1, 7).astype(np.float64)
     if not np.isfinite(result).all():
-        raise UnusableModelError("the animation has numbers that are not finite")
+        raise UnusableModelError("the animation contains values that are not finite")
     return result
 
 
@@ -141,14 +141,15 @@ def posed(mesh: Mesh, frame: np.ndarray | None) -> tuple[np.ndarray, np.ndarray,
     """Positions, normals, and matrices [B, 4, 4] of the bones, in the pose of an animation.
 
     Args:
-      mesh: any; one without bones stays as it is.
-      frame: [B, 7] of `read_psa`; None or of another skeleton = the mesh's own pose.
+      mesh: the mesh; without bones it is unchanged.
+      frame: result [B, 7] of `read_psa`. With None, or the frame of another skeleton, the mesh
+        keeps its own pose.
     """
     at_rest = matrices(mesh.rest)
     if frame is None or len(frame) != len(mesh.rest) or not len(frame):
         return mesh.positions, mesh.normals, at_rest
     now = matrices(frame)
-    # A bone number beyond the last means the object itself, which does not move.
+    # A bone number above the last one denotes the object itself, which does not move.
     moves = np.concatenate([now @ np.linalg.inv(at_rest), np.eye(4)[None]])
     used = mesh.bones < len(moves)
     weights = np.where(used, mesh.weights, 0)

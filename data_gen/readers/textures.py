@@ -1,4 +1,4 @@
-"""Pictures of models' surfaces, decoded within limits."""
+"""Texture images of models, decoded with limits."""
 
 import dataclasses
 import io
@@ -14,30 +14,31 @@ from data_gen.readers.files import Files
 from data_gen.readers.notes import Notes
 
 MAX_DECODED_PIXELS = 40_000_000
-"""Pictures with more pixels are not decoded (JPEG: after its reduction while decoding)."""
+"""Largest accepted number of pixels of an image (of a JPEG, after the reduction by its decoder)."""
 
 TEXTURE_SIDE = 1024
-"""Textures are reduced to this many pixels on the longer side."""
+"""Number of pixels to which the longer side of a texture is reduced."""
 
-_MAX_TEXELS = 1 << 24  # of all textures of one model, 64 MB
+_MAX_TEXELS = 1 << 24  # of all textures of a model, 64 MB
 
 _PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "DDS", "SGI")
 
 
 def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.ndarray:
-    """A picture as uint8 [H, W, 4] RGBA, reduced to `side` pixels on its longer side.
+    """An image as uint8 [H, W, 4] RGBA, reduced to `side` pixels on its longer side.
 
-    The size is read from the header before anything is decoded; a JPEG is reduced by up to 8
-    while it is decoded.
+    The size is read from the header before the image is decoded. The JPEG decoder reduces by a
+    factor of up to 8.
 
     Raises:
-      ValueError: it is no picture, damaged, or has more than `MAX_DECODED_PIXELS` pixels.
+      ValueError: this is not an image, it is damaged, or it has more than `MAX_DECODED_PIXELS`
+        pixels.
     """
     with python_warnings.catch_warnings():
-        # Pillow warns at a size that is checked below, and of odd palettes and metadata.
+        # Pillow warns about sizes, which are checked below, and about palettes and metadata.
         python_warnings.simplefilter("ignore")
         try:
-            # A picture above twice this is refused by Pillow itself, before a JPEG can be reduced.
+            # Pillow refuses images above twice this size before a JPEG can be reduced.
             before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
             try:
                 picture = (
@@ -62,13 +63,14 @@ def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.nd
                 picture = Image.fromarray((255 * np.clip(values / top, 0, 1)).astype(np.uint8))
             return np.asarray(picture.convert("RGBA"))
         except (UnidentifiedImageError, OSError, SyntaxError, struct.error, EOFError) as error:
-            raise ValueError(f"not readable as a picture ({error})"[:200]) from error
+            raise ValueError(f"not readable as an image ({error})"[:200]) from error
 
 
 def _small(picture: Image.Image, side: int) -> Image.Image:
-    """The picture with `side` pixels on its longer side; no copy at full size but its own."""
+    """The image with `side` pixels on its longer side, reduced without a full-size copy."""
     if picture.mode in ("P", "1"):
-        # A palette cannot be averaged; its pixels are one byte, so the copy is bounded.
+        # A palette image cannot be averaged and is converted. Its pixels have one byte, so the copy
+        # is bounded.
         picture = picture.convert("RGBA" if "transparency" in picture.info else "RGB")
     factor = side / max(picture.size)
     size = tuple(max(1, round(factor * n)) for n in picture.size)
@@ -78,7 +80,10 @@ def _small(picture: Image.Image, side: int) -> Image.Image:
 
 
 def with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.ndarray:
-    """The texture (None = white) with an alpha map's brightness, or its own alpha, as alpha."""
+    """The texture (None = white) with an alpha map as alpha.
+
+    The alpha map counts by its own alpha if it has one, otherwise by its brightness.
+    """
     if (alpha_map[..., 3] < 255).any():
         alpha = alpha_map[..., 3]
     else:
@@ -92,16 +97,16 @@ def with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.ndar
 
 
 def bounded(materials: Sequence[Material], notes: Notes) -> tuple[Material, ...]:
-    """The materials with the largest textures halved until all together fit."""
+    """The materials with the largest textures halved until their total size is within the limit."""
     result = list(materials)
-    # Materials may share a texture, which then counts once and is halved for all of them.
+    # Materials may share a texture. It counts once and is halved for all of them.
     distinct = {id(m.texture): m.texture for m in result if m.texture is not None}
 
     def size(key: int) -> int:
         return distinct[key].shape[0] * distinct[key].shape[1]
 
     while sum(map(size, distinct)) > _MAX_TEXELS:
-        notes.add(f"textures reduced: together they have more than {_MAX_TEXELS} pixels")
+        notes.add(f"textures reduced to a total of at most {_MAX_TEXELS} pixels")
         largest = max(distinct, key=size)
         half = np.asarray(Image.fromarray(distinct[largest]).reduce(2))
         distinct[largest] = half
@@ -113,20 +118,20 @@ def bounded(materials: Sequence[Material], notes: Notes) -> tuple[Material, ...]
 
 
 class Textures:
-    """Pictures of one model, each decoded once."""
+    """The textures of a model; each is decoded once."""
 
     def __init__(self, files: Files, base: str, side: int, notes: Notes) -> None:
         self._files, self._base, self._side, self._notes = files, base, side, notes
         self._cache: dict[str, np.ndarray | None] = {}
 
     def get(self, name: str) -> np.ndarray | None:
-        """The texture, or None with a warning."""
+        """The texture, or None and a warning."""
         if name not in self._cache:
             self._cache[name] = None
             try:
                 self._cache[name] = decode_texture(self._files.open(self._base, name), self._side)
             except FileNotFoundError:
-                self._notes.add(f"texture {name!r} is missing; the plain colour stands in")
+                self._notes.add(f"texture {name!r} is missing; the plain colour is used instead")
             except (ValueError, OSError) as error:
-                self._notes.add(f"texture {name!r}: {error}; the plain colour stands in")
+                self._notes.add(f"texture {name!r}: {error}; the plain colour is used instead")
         return self._cache[name]

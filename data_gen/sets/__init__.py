@@ -1,1 +1,1 @@
-"""Training sets made of several sources by one command."""
+"""Training sets that combine several sources, rendered by one command."""

@@ -1,23 +1,23 @@
-"""The training set of nothing but free packages, in one command.
+"""Renders a training set from free packages only.
 
     python data_gen/sets/free.py --packages FOLDER --out records/free
 
-FOLDER has Debian's packages, each unpacked in a folder of its name; what is missing is said, with
-the commands that fetch it:
+FOLDER contains Debian packages, each unpacked in a folder with its name. If packages are missing,
+the command prints the commands that fetch them:
 
     cd FOLDER && apt-get download torcs-data && dpkg-deb -x torcs-data_*.deb torcs-data
 
-Each source becomes a data set of its own, `records/free/<source>`; training reads several:
+Each source becomes a separate data set, `records/free/<source>`. Training reads several of them:
 `--config.data.path=records/free/furniture,records/free/aircraft`. `SOURCES.md` and `sources.json`
-beside them say what is in the set and under which licences, and `licences/` has the packages'
-statements of copyright.
+list the contents and the licences, and `licences/` contains the copyright statements of the
+packages.
 
-Killed and started again, the command goes on where it was. A model that cannot be used is refused
-and stops nothing. `--fraction=0.01` makes a small set in the same way. `--photo=0.25` gives a
-quarter of each model's views to the preset `photo`, in `records/free/photo/<source>`.
+If the command is stopped and started again, it continues. Unusable models are refused and
+reported. `--fraction=0.01` renders a small part of the set. `--photo=0.25` renders a quarter of the
+views of each model with the preset `photo`, in `records/free/photo/<source>`.
 
-Exit codes: 0 done; 1 done, but for sources that could not be read; 2 wrong arguments, packages are
-missing or nothing came of it; 143 and 130 stopped by SIGTERM or Ctrl-C.
+Exit codes: 0 done; 1 done, except for sources that could not be read; 2 wrong arguments, missing
+packages or no data set; 143 and 130 stopped by SIGTERM or Ctrl-C.
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-if __package__ in (None, ""):  # run as a file: two folders above is where `data_gen` is
+if __package__ in (None, ""):  # run as a file: `data_gen` is two folders above
     sys.path[0] = str(pathlib.Path(__file__).resolve().parents[2])
 
 from absl import app, flags, logging
@@ -50,7 +50,7 @@ SOURCES = (
         views=12,
         package="sweethome3d-furniture",
         place="usr/share/sweethome3d",
-        exclude="#(passage-pieton|fleche-|stationnement-)",  # paint on a road
+        exclude="#(passage-pieton|fleche-|stationnement-)",  # road markings
         licences=(
             Licence("CC-BY-3.0", "^Scopia/", "Scopia"),
             Licence("CC-BY-3.0", "^BlendSwap-CC-BY/", "Blend Swap contributors"),
@@ -99,7 +99,7 @@ SOURCES = (
         views=6,
         package="0ad-data",
         place="usr/share/games/0ad/mods/public/public.zip",
-        families="",  # the catalogue's splits go by the meshes, not the names
+        families="",  # the catalogue splits by meshes
         licences=(Licence("CC-BY-SA-3.0", holders="Wildfire Games"),),
     ),
     Source(
@@ -119,21 +119,21 @@ SOURCES = (
         licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
     ),
 )
-"""All sources; one whose catalogue does not exist here is left out."""
+"""All sources. Sources without a catalogue are left out."""
 
 PHOTO = 0.0
-"""Default share of each model's views in the preset `photo`."""
+"""Default fraction of each model's views rendered with the preset `photo`."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """A data set of the set: a source rendered with a preset.
+    """A data set of the training set: a source rendered with a preset.
 
     Attributes:
-      source: which source.
-      preset: of `data_gen/config.py`.
-      folder: of the data set, relative to the set's.
-      views: images of each model.
+      source: the source.
+      preset: a preset of `data_gen/config.py`.
+      folder: folder of the data set, relative to that of the training set.
+      views: number of images of each model.
     """
 
     source: Source
@@ -143,11 +143,11 @@ class Part:
 
 
 def plan(chosen: Sequence[Source], photo: float = PHOTO) -> list[Part]:
-    """The data sets of a set, source after source.
+    """The data sets of a training set, source by source.
 
     Args:
       chosen: the sources.
-      photo: share of the views in the preset `photo`, 0 to 1.
+      photo: fraction of the views rendered with the preset `photo`, 0 to 1.
     """
     parts = []
     for source in chosen:
@@ -162,24 +162,24 @@ def plan(chosen: Sequence[Source], photo: float = PHOTO) -> list[Part]:
 
 
 def known_sources() -> dict[str, Source]:
-    """The sources whose catalogues exist here, by name."""
+    """The sources with an existing catalogue, by name."""
     return {s.name: s for s in SOURCES if s.catalogue in CATALOGUES}
 
 
 def options_of(part: Part, workers: int, variant: str) -> settings.Settings:
-    """Settings of a data set of the set.
+    """Settings of a data set.
 
     Raises:
-      ValueError: there is no such preset.
+      ValueError: the preset is unknown.
     """
     values = config.get_config(part.preset)
     values.views = part.views
     if part.preset == "authors":
-        # Textures have few texels a pixel here; nine samples would cost a third of the whole time.
+        # These textures have few texels per pixel; nine samples would take a third of the time.
         values.image.samples = 2
     values.job.workers = workers
     values.job.variant = variant
-    # Other cameras than those of the same models in the other preset.
+    # Another seed, so that the cameras differ from those of the same models in the other preset.
     values.seed = 0 if part.preset == "authors" else 1
     return settings.parse(values)
 
@@ -187,13 +187,13 @@ def options_of(part: Part, workers: int, variant: str) -> settings.Settings:
 def write_table(
     out: pathlib.Path, parts: Sequence[Part], packages: str, lines: dict[str, list[Any]]
 ) -> str:
-    """Writes `SOURCES.md`, `sources.json` and the statements of copyright; returns the former.
+    """Writes `SOURCES.md`, `sources.json` and the copyright statements; returns `SOURCES.md`.
 
     Args:
-      out: the set's folder.
+      out: folder of the training set.
       parts: all its data sets.
-      packages: folder that the packages are unpacked in.
-      lines: reports on models by the data sets' folders; those that are missing are not counted.
+      packages: folder of the unpacked packages.
+      lines: lines of `models.jsonl` by folder of the data set; missing data sets are not counted.
     """
     rows = []
     for source in dict.fromkeys(p.source.name for p in parts):
@@ -221,18 +221,18 @@ def build(
     workers: int = 0,
     variant: str = "auto",
 ) -> tuple[str, list[str]]:
-    """Renders all data sets of a set, or goes on with them, and writes its table after each.
+    """Renders all data sets of a training set, or completes them. Writes the table after each.
 
     Args:
-      out: the set's folder, made where missing.
-      packages: folder that the packages are unpacked in.
+      out: folder of the training set; created if missing.
+      packages: folder of the unpacked packages.
       parts: the data sets.
       fraction: see `sources.Selection`.
-      workers: processes, 0 = one per processor.
+      workers: number of processes, 0 = one per processor.
       variant: see `settings.JobSettings`.
 
     Returns:
-      the table, and a line for each data set that could not be made.
+      The table, and a line for each data set that could not be rendered.
 
     Raises:
       RuntimeError: Mitsuba is missing or does not run.
@@ -266,14 +266,14 @@ def build(
 def _define_flags() -> None:
     flags.DEFINE_string("packages", None, "Folder of the unpacked packages.")
     flags.DEFINE_string("out", None, "Folder of the set.")
-    flags.DEFINE_list("sources", [], "Names of sources with commas between them; empty = all.")
-    flags.DEFINE_float("fraction", 1.0, "Part of each source's models, at least 3 of them.",
+    flags.DEFINE_list("sources", [], "Names of sources, separated by commas; empty = all.")
+    flags.DEFINE_float("fraction", 1.0, "Fraction of each source's models, at least 3 models.",
                        lower_bound=0.0, upper_bound=1.0)  # fmt: skip
-    flags.DEFINE_float("photo", PHOTO, "Share of the views in the preset photo.",
+    flags.DEFINE_float("photo", PHOTO, "Fraction of the views rendered with the preset photo.",
                        lower_bound=0.0, upper_bound=1.0)  # fmt: skip
     flags.DEFINE_integer("workers", 0, "Processes, 0 = one per processor.", lower_bound=0)
-    flags.DEFINE_enum("variant", "auto", settings.VARIANTS, "How Mitsuba runs.")
-    flags.DEFINE_bool("check", False, "Say what is missing and how many models there are; no more.")
+    flags.DEFINE_enum("variant", "auto", settings.VARIANTS, "Variant of Mitsuba.")
+    flags.DEFINE_bool("check", False, "Only report missing packages and the number of models.")
 
 
 def _parse_flags(argv: list[str]) -> list[str]:
@@ -286,15 +286,15 @@ def _parse_flags(argv: list[str]) -> list[str]:
 
 
 def main(argv: list[str]) -> None:
-    """The command; exits with the code that tells what came of it."""
+    """Runs the command and exits with one of the codes in the docstring of this module."""
     logging.set_verbosity(logging.INFO)
     stop_on_signals()
     given = flags.FLAGS
     try:
         if len(argv) > 1:
-            raise ValueError(f"unexpected argument {argv[1]!r}")
+            raise ValueError(f"unexpected argument {argv[1]!r}, expected only flags")
         if given.packages is None or (given.out is None and not given.check):
-            raise ValueError("--packages and --out are needed")
+            raise ValueError("--packages, --out: missing, expected both")
         known = known_sources()
         unknown = [name for name in given.sources if name not in known]
         if unknown:
@@ -308,7 +308,7 @@ def main(argv: list[str]) -> None:
             )
         parts = plan(chosen, given.photo)
         for part in parts:
-            options_of(part, given.workers, given.variant)  # no such preset: said before the work
+            options_of(part, given.workers, given.variant)  # reports an unknown preset early
         if given.check:
             count = 0
             for part in parts:
@@ -322,7 +322,7 @@ def main(argv: list[str]) -> None:
             workers=given.workers, variant=given.variant,
         )  # fmt: skip
     except StoppedError as error:
-        logging.warning("%s; the same command goes on with the set", error)
+        logging.warning("%s; run the same command to continue", error)
         sys.exit(128 + error.number)
     except (ValueError, RuntimeError, OSError) as error:
         sys.stderr.write(f"error: {error}\n")

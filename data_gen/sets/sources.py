@@ -1,4 +1,4 @@
-"""Sources of a training set: what is taken of each, how it is split, and under which licences."""
+"""Sources of a training set: their models, splits and licences."""
 
 import dataclasses
 import gzip
@@ -24,11 +24,11 @@ _ENDINGS = re.compile(
 
 
 def family_of(model_id: str) -> str:
-    """What the names of near-duplicates have in common.
+    """The common part of the names of near-duplicates.
 
-    Liveries (behind a colon), numbers, colours and levels of detail at the end of a name are left
-    out, and so are its folders and its ending: `Models/farmhouse2-white.ac` and `farmhouse4.ac` are
-    of the family "farmhouse", `A320/Models/A320.ac:AirFrance` is an "a320".
+    It is the name without folders, suffix and livery (after a colon), and without numbers, colours
+    and levels of detail at its end: `Models/farmhouse2-white.ac` and `farmhouse4.ac` are in the
+    family "farmhouse", `A320/Models/A320.ac:AirFrance` is in the family "a320".
     """
     name = model_id.rpartition("/")[2].rpartition("#")[2].split(":")[0].casefold()
     stem = re.sub(r"\.[a-z]{1,4}$", "", name)
@@ -41,12 +41,12 @@ def family_of(model_id: str) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Licence:
-    """Under which licence models are.
+    """The licence of some models.
 
     Attributes:
-      name: the licence, by its SPDX identifier where it has one.
-      models: pattern of the models' names, "" = all that no earlier pattern fits.
-      holders: who is to be named.
+      name: SPDX identifier of the licence if there is one, else its name.
+      models: pattern of the names of the models, "" = all that no earlier pattern matches.
+      holders: the copyright holders to be named.
     """
 
     name: str
@@ -56,19 +56,19 @@ class Licence:
 
 @dataclasses.dataclass(frozen=True)
 class Source:
-    """One source of a set.
+    """A source of a training set.
 
     Attributes:
-      name: of the source, and of its folder in the set.
+      name: name of the source and of its folder in the training set.
       catalogue: one of `by_name.CATALOGUES`.
-      views: images of each model.
-      licences: of its models; the first whose pattern fits counts.
-      package: of Debian, "" = none is needed.
-      place: the catalogue's source: a path in the unpacked package, or numbers of models.
-      options: of the catalogue.
-      exclude: pattern of names of models that are left out.
-      families: models of one family share a split. "name": `family_of` the name; "folder": of the
-        first folder; "" = as the catalogue splits.
+      views: number of images of each model.
+      licences: licences of its models; the first one with a matching pattern counts.
+      package: name of the Debian package, "" = none is needed.
+      place: source of the catalogue: a path in the unpacked package, or a number of models.
+      options: options of the catalogue.
+      exclude: pattern of the names of models that are left out.
+      families: models of a family are in the same split. "name": the family is `family_of` the
+        name; "folder": of the first folder; "": the catalogue decides the split.
     """
 
     name: str
@@ -83,17 +83,17 @@ class Source:
 
     @property
     def is_real(self) -> bool:
-        """Whether people made the models."""
+        """Whether the models were made by people, not by a procedure."""
         return bool(self.package)
 
     def path(self, packages: str | os.PathLike[str]) -> str:
-        """The catalogue's source, given the folder that the packages are unpacked in."""
+        """The source of the catalogue, given the folder of the unpacked packages."""
         return (
             str(pathlib.Path(packages) / self.package / self.place) if self.package else self.place
         )
 
     def family(self, model_id: str) -> str:
-        """What near-duplicates of a model have in common, "" if the catalogue decides."""
+        """The family of a model, "" if the catalogue decides the split."""
         if not self.families:
             return ""
         return family_of(model_id.split("/")[0] if self.families == "folder" else model_id)
@@ -104,15 +104,16 @@ class Source:
 
 
 class Selection:
-    """A catalogue of the models of a source that a set takes.
+    """A catalogue of the models of a source that are in the training set.
 
     Args:
-      source: which source.
-      packages: folder that the packages are unpacked in.
-      fraction: of the models, chosen by their names: a larger fraction holds a smaller one.
+      source: the source.
+      packages: folder of the unpacked packages.
+      fraction: fraction of the models, chosen by a hash of the name. A larger fraction contains the
+        smaller ones.
 
     Raises:
-      ValueError: the catalogue cannot be made, or no model is left.
+      ValueError: the catalogue cannot be opened, or no model is left.
     """
 
     def __init__(
@@ -125,7 +126,7 @@ class Selection:
             if not source.exclude or not re.search(source.exclude, e.model_id)
         ]  # fmt: skip
         if not entries:
-            raise ValueError(f"source {source.name!r}: no model is left")
+            raise ValueError(f"source {source.name!r}: no model is left, expected at least 1")
         if source.families:
             entries = [
                 dataclasses.replace(e, split=split_of(source.family(e.model_id))) for e in entries
@@ -142,7 +143,7 @@ class Selection:
         return len(self._entries)
 
     def entries(self) -> Iterator[Entry]:
-        """The models, in the catalogue's order."""
+        """The models, in the order of the catalogue."""
         return iter(self._entries)
 
 
@@ -150,7 +151,7 @@ class Selection:
 
 
 def missing(sources: Sequence[Source], packages: str | os.PathLike[str]) -> list[str]:
-    """Commands that fetch and unpack the packages that are not there."""
+    """Commands that fetch and unpack the missing packages."""
     lines = []
     for package in dict.fromkeys(s.package for s in sources if s.package):
         if any(not os.path.exists(s.path(packages)) for s in sources if s.package == package):
@@ -166,7 +167,7 @@ def _documents(packages: str | os.PathLike[str], package: str) -> pathlib.Path:
 
 
 def copyright_of(packages: str | os.PathLike[str], package: str) -> str:
-    """The package's own statement of copyright, "" if it is not there."""
+    """The copyright statement in the package, "" if it is missing."""
     try:
         return (_documents(packages, package) / "copyright").read_text("utf-8", "replace")
     except OSError:
@@ -174,7 +175,7 @@ def copyright_of(packages: str | os.PathLike[str], package: str) -> str:
 
 
 def version_of(packages: str | os.PathLike[str], package: str) -> str:
-    """The package's version as its changelog has it, "" if it is not there."""
+    """The version of the package in its changelog, "" if it is missing."""
     try:
         with gzip.open(_documents(packages, package) / "changelog.Debian.gz", "rb") as stream:
             line = stream.read(300).decode("utf-8", "replace").split("\n")[0]
@@ -188,7 +189,7 @@ def version_of(packages: str | os.PathLike[str], package: str) -> str:
 
 
 def reason_of(text: str) -> str:
-    """A reason for a refusal without names and numbers, so that alike ones can be counted."""
+    """The reason for a refusal without names and numbers, so that equal reasons can be counted."""
     text = re.sub(r"'[^']*'|\"[^\"]*\"", "...", text)
     return re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", "N", text)[:120]
 
@@ -199,13 +200,13 @@ def row(
     packages: str | os.PathLike[str],
     folders: Sequence[str],
 ) -> dict[str, Any]:
-    """What a source has come to, for the table.
+    """The row of a source in the table.
 
     Args:
-      source: which source.
-      lines: reports on its models of all its data sets, as `models.jsonl` has them.
-      packages: folder that the packages are unpacked in.
-      folders: its data sets.
+      source: the source.
+      lines: lines of `models.jsonl` of all its data sets.
+      packages: folder of the unpacked packages.
+      folders: folders of its data sets.
     """
     good = {line["model_id"]: line for line in lines if line["status"] == "ok"}
     refused: dict[str, int] = {}
@@ -237,7 +238,7 @@ def row(
 
 
 def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The table for people; whoever passes on the set, or weights trained on it, passes it on."""
+    """The table as Markdown. It has to accompany the data set and weights trained on it."""
     out = [
         "# Sources of this training set",
         "",

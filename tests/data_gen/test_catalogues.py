@@ -355,7 +355,9 @@ def test_options_that_are_given_twice_or_have_no_effect_are_refused(tmp_path):
 
 def test_files_of_other_catalogues_are_pointed_to(tmp_path):
     (tmp_path / "ferry.ac").write_text("AC3Db")
-    with pytest.raises(ValueError, match=r"no mesh in it.*; --catalogue=ac3d reads \.ac files"):
+    with pytest.raises(
+        ValueError, match=r"it contains no mesh.*; --catalogue=ac3d reads \.ac files"
+    ):
         open_catalogue("folder", tmp_path)
 
 

@@ -42,9 +42,11 @@ def test_include_and_exclude():
 
 
 def test_patterns_that_fit_nothing_are_named():
-    with pytest.raises(ValueError, match=r"--exclude: .* fits 'Wether' \(did you mean 'Weather'"):
+    with pytest.raises(
+        ValueError, match=r"--exclude: .* matches 'Wether' \(did you mean 'Weather'"
+    ):
         choose(listed(), Choice(exclude=("Cars", "Wether")))
-    with pytest.raises(ValueError, match=r"--include: .* fits 'xyz', 'abc'$"):
+    with pytest.raises(ValueError, match=r"--include: .* matches 'xyz', 'abc'$"):
         choose(listed(), Choice(include=("xyz", "Cars", "abc")))
     with pytest.raises(ValueError, match="none of the 182 models is left"):
         choose(listed(), Choice(include=("Cars",), exclude=("Cars",)))

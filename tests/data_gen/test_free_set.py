@@ -171,7 +171,7 @@ def test_objects_that_an_exporter_left_out_are_a_warning(tmp_path):
     (tmp_path / "a.ac").write_text(text.replace("kids 2", "kids 4"))
     arrays, notes = read(tmp_path / "a.ac")
     assert len(arrays["faces"]) == 24
-    assert notes == ["2 objects that the file announces are missing"]
+    assert notes == ["2 of the objects that the file counts are missing"]
 
 
 # --- Choice, splits, table --------------------------------------------------------------------
@@ -306,7 +306,7 @@ def command(*arguments, **options):
 @pytest.mark.parametrize(
     ("arguments", "match"),
     [
-        ([], "--packages and --out are needed"),
+        ([], "--packages, --out: missing"),
         (["--packages=/nowhere", "--out=x"], "apt-get download 0ad-data"),
         (["--packages=.", "--out=x", "--sources=cats"], "got 'cats'"),
         (["--packages=.", "--out=x", "--fraction=2"], "fraction"),

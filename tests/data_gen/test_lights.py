@@ -58,7 +58,7 @@ def test_draw_is_deterministic_and_turns(rng):
 
 
 def test_folder_without_maps(tmp_path):
-    with pytest.raises(ValueError, match=r"no \.hdr or \.exr"):
+    with pytest.raises(ValueError, match=r"expected a folder of \.hdr and \.exr"):
         lights.list_maps(str(tmp_path))
 
 

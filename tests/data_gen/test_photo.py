@@ -52,7 +52,7 @@ def test_presets_are_settings_of_the_one_path():
 @pytest.mark.parametrize(
     ("section", "values", "message"),
     [
-        ("image", {"ground": "wood"}, r"image\.ground: got 'wood', which has an effect with"),
+        ("image", {"ground": "wood"}, r"image\.ground: got 'wood', which has an effect only with"),
         ("image", {"background": "surroundings"}, r"image\.background: got 'surroundings', which"),
         ("image", {"shading": "photo", "ground": "lava"}, r"image\.ground: got 'lava'"),
         ("film", {"blur": (2.0, 1.0)}, r"film\.blur: got \(2\.0, 1\.0\)"),

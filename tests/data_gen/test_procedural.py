@@ -190,7 +190,7 @@ def test_the_catalogue_of_open_backs():
     assert all(closed[e.model_id.partition("-open")[0]] == e.split for e in entries)
     with pytest.raises(ValueError, match="category 'chair': expected one of"):
         open_catalogue("procedural", "chair=1", open_backs=True)
-    with pytest.raises(ValueError, match="models with an open back"):
+    with pytest.raises(ValueError, match="for an open back"):
         procedural.generate("chair", 0, open_back=True)
     with pytest.raises(ValueError, match="name of a procedural model"):
         procedural.redraw_hidden("chair-1-open")

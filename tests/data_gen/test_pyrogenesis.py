@@ -203,9 +203,9 @@ def test_buildings_have_no_foundations(tmp_path):
         (lambda d: b"", "PSMD"),
         (lambda d: b"XXXX" + d[4:], "PSMD"),
         (lambda d: d[:4] + struct.pack("<I", 9) + d[8:], "version 9"),
-        (lambda d: d[:12] + struct.pack("<I", 1 << 31) + d[16:], "torn"),
+        (lambda d: d[:12] + struct.pack("<I", 1 << 31) + d[16:], "truncated"),
         (lambda d: d[:16] + struct.pack("<I", 1 << 30) + d[20:], "texture coordinates"),
-        (lambda d: d[: len(d) // 2], "torn"),
+        (lambda d: d[: len(d) // 2], "truncated"),
         (lambda d: d[:20] + struct.pack("<f", float("nan")) + d[24:], "not finite"),
     ],
 )

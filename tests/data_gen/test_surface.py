@@ -58,7 +58,7 @@ def test_glass_has_points_and_a_clear_texture_has_none():
     texture = np.full((4, 4, 4), 255, np.uint8)
     assert len(sample_surface(square(texture, 0.3), 100, 0).points) == 100
     texture[..., 3] = 0
-    with pytest.raises(UnusableModelError, match="hardly any"):
+    with pytest.raises(UnusableModelError, match="almost all"):
         sample_surface(square(texture), 100, 0)
 
 

@@ -270,5 +270,5 @@ def test_occupancy_in_any_pose_holds_most_of_the_surface(rng):
 def test_occupancy_refuses_endless_surface():
     vertices = np.tile([[-0.7, -0.7, 0], [0.7, -0.7, 0], [0, 0.7, 0.6]], (20000, 1))
     model = build_model(vertices, np.arange(60000).reshape(-1, 3))
-    with pytest.raises(UnusableModelError, match="too much to voxelise"):
+    with pytest.raises(UnusableModelError, match="more than the limit"):
         solid_occupancy(model, np.eye(3))

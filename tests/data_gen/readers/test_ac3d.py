@@ -54,7 +54,7 @@ def test_materials_textures_and_their_coordinates(tmp_path):
     assert (one.diffuse, one.opacity, one.shininess, one.name) == ((1, 0, 0), 1, 64, "rouge é")
     assert (two.texture, two.diffuse, two.opacity) == (None, (0, 0, 1), 0.25)
     assert three.texture is None
-    assert notes == ["texture 'gone.png' is missing; the plain colour stands in"]
+    assert notes == ["texture 'gone.png' is missing; the plain colour is used instead"]
     place = arrays["vertices"][arrays["faces"][:2]].reshape(-1, 3)[:, :2]
     np.testing.assert_allclose(
         arrays["uv"][:2].reshape(-1, 2), place * [2, 3] + [0.5, 0.25], atol=1e-6
@@ -96,7 +96,7 @@ def test_catalogue(tmp_path):
     extent = np.ptp(model.vertices, axis=0)
     np.testing.assert_allclose(extent / extent[1], [3, 1, 2], rtol=1e-5)
     assert (second.model_id, second.category) == ("bad.ac", "")
-    with pytest.raises(UnusableModelError, match="torn"):
+    with pytest.raises(UnusableModelError, match="truncated"):
         second.load()
     with pytest.raises(ValueError, match="axis 'up'"):
         open_catalogue("ac3d", tmp_path, up="up")
@@ -113,10 +113,10 @@ def good():
     [
         (lambda t: "", "does not begin"),
         (lambda t: "AC3Db\n", "no objects"),
-        (lambda t: t.replace("numvert 8", "numvert 999999999"), "announces numvert 999999999"),
-        (lambda t: t.replace("numsurf 6", "numsurf 4294967295"), "announces numsurf"),
+        (lambda t: t.replace("numvert 8", "numvert 999999999"), "numvert 999999999, more than"),
+        (lambda t: t.replace("numsurf 6", "numsurf 4294967295"), "numsurf .*more than"),
         (lambda t: t.replace("numsurf 6", "numsurf 7"), "surfaces are missing"),
-        (lambda t: t.replace("refs 4", "refs 999999999"), "announces refs"),
+        (lambda t: t.replace("refs 4", "refs 999999999"), "refs .*more than"),
         (lambda t: t.replace("refs 4", "refs -4"), "refs b'-4'"),
         (lambda t: t.replace("numvert 8", "numvert 9"), "24 numbers, expected 27"),
         (lambda t: t.replace("kids 2", "kids 99999999999999999999"), "kids"),
@@ -125,8 +125,8 @@ def good():
         (lambda t: t.replace("1 1 1\n", "1 1e999 1\n"), "not finite"),
         (lambda t: t.replace("1 1 1\n", "1 one 1\n"), "numvert"),
         (lambda t: t.replace('name "été"', "loc 1 2", 1), "loc"),
-        (lambda t: t[: len(t) // 2], "torn|without its kids|missing|numbers"),
-        (lambda t: "AC3Db\n" + "OBJECT group\nkids 1\n" * 5000 + t[6:], "in each other"),
+        (lambda t: t[: len(t) // 2], "truncated|without a kids|missing|numbers"),
+        (lambda t: "AC3Db\n" + "OBJECT group\nkids 1\n" * 5000 + t[6:], "levels"),
     ],
 )
 def test_bad_files_are_refused_before_assimp_sees_them(change, match):

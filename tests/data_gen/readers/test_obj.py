@@ -96,7 +96,7 @@ map_d holes.png
     assert by_name["picture"].diffuse == (1, 1, 1)
     assert by_name["picture"].texture[0, 0].tolist() == [10, 20, 30, 255]
     assert by_name["leaf"].texture[0, 0].tolist() == [10, 20, 30, 0]
-    assert list(model.warnings) == ["material 'nothing' is missing; grey stands in"]
+    assert list(model.warnings) == ["material 'nothing' is missing; grey is used instead"]
     sample = sample_surface(model, 500, 0)
     names_of_points = {model.materials[i].name for i in model.face_material[sample.face]}
     assert names_of_points == set(names) - {"leaf"}
