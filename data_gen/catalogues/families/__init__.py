@@ -1,1 +1,1 @@
-"""Parametric families of objects; `data_gen.catalogues.procedural` says what they promise."""
+"""Parametric families of objects, described in `data_gen.catalogues.procedural`."""

@@ -1,4 +1,4 @@
-"""Benches: of the park, the church, the hall, the gym."""
+"""Benches: park benches, pews, benches for halls and gyms."""
 
 import itertools
 from collections.abc import Callable
@@ -26,7 +26,7 @@ STONE = Material((0.66, 0.64, 0.6), name="stone")
 
 
 def _materials(kit: Kit) -> tuple[Material, Material]:
-    """Of the boards and of what carries them."""
+    """Materials of the boards and of the supports."""
     main = pick(kit.rng, (wood, wood, wood, lacquer))(kit.rng)
     return main, BLACK if kit.rng.random() < 0.2 else pick(kit.rng, (metal, lacquer))(kit.rng)
 
@@ -174,10 +174,10 @@ def _slab(kit: Kit) -> None:
 
 
 def _panel_ends(kit: Kit) -> None:
-    """Solid ends as wide as the seat. Hidden: what stands between them."""
+    """Solid ends as wide as the seat. Hidden: the supports between them."""
     main, iron = _materials(kit)
     length, depth, seat = _size(kit)
-    # One board: through gaps the sight would run along the slats to what stands below.
+    # One board, because the supports would be visible through gaps between slats.
     kit.add(main, box(depth, length, 0.035, 0.008).at(z=seat - 0.0175))
     count = kit.choose("slats", 3, 4, 5)
     for x in (np.arange(1, count) - count / 2) * depth / count:
@@ -233,7 +233,7 @@ def _storage(kit: Kit) -> None:
 
 
 def _pew(kit: Kit) -> None:
-    """Of the church: shaped ends, a closed back, a book rest."""
+    """A pew: shaped ends, a closed back, a book rest."""
     main = pick(kit.rng, (wood, wood, lacquer))(kit.rng)
     length, depth, seat = _size(kit)
     length *= kit.uniform("stretch", 0.8, 1.5)
@@ -366,7 +366,7 @@ def _curved(kit: Kit) -> None:
 
 
 def _picnic(kit: Kit) -> None:
-    """Two benches and their table."""
+    """A table with two benches."""
     main, iron = _materials(kit)
     length, depth, seat = _size(kit)
     gap = kit.uniform("gap", 0.45, 0.7)
@@ -438,7 +438,7 @@ def _stone(kit: Kit) -> None:
 
 
 def _gym(kit: Kit) -> None:
-    """A weight bench or a work-out bench."""
+    """A weight bench or an exercise bench."""
     iron, cover = metal(kit.rng), fabric(kit.rng)
     seat, length = kit.uniform("seat_height", 0.4, 0.5), kit.uniform("length", 1.0, 1.4)
     kit.add(iron, hollows.slab(kit, "beam_recess", rect(length, 0.1), 0.08).at(z=seat - 0.14))
@@ -555,7 +555,7 @@ def _locker_room(kit: Kit) -> None:
 
 
 def _tete(kit: Kit) -> None:
-    """Two seats back to back or facing across."""
+    """Two seats, back to back or facing each other."""
     main, iron = _materials(kit)
     length, depth, seat = _size(kit)
     share = kit.hide("seat_recess", *hollows.RANGE)
@@ -596,7 +596,7 @@ def _tete(kit: Kit) -> None:
 
 
 def _drum(share: float, radius: float, height: float) -> Solid:
-    """A drum from the ground to a seat, hollow from below by a share of its height."""
+    """A drum from the ground to the seat, with a recess in its underside."""
     flat = solids.superellipse(2 * radius, 2 * radius, 2.0, 36)
     return solids.stack(
         [

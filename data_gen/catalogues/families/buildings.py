@@ -18,7 +18,7 @@ def _wall(
 def _windows(
     kit: Kit, x: float, y: float, low: float, high: float, count: int, frame: Material
 ) -> None:
-    """Windows on the four sides of a block around the origin."""
+    """Adds windows on the four sides of a block around the origin."""
     tall = 0.5 * (high - low)
     z = (low + high) / 2
     for s in (-1, 1):

@@ -1,4 +1,4 @@
-"""Cabinets: what stands against a wall and holds things."""
+"""Cabinets, shelves, wardrobes and chests."""
 
 import itertools
 from collections.abc import Callable
@@ -27,7 +27,7 @@ from data_gen.mesh import Material
 
 
 class _Look:
-    """Materials and the style of fronts that the parts of one cabinet have in common."""
+    """Materials and style of the fronts, common to all parts of a cabinet."""
 
     def __init__(self, kit: Kit) -> None:
         self.body = pick(kit.rng, (wood, wood, lacquer))(kit.rng)
@@ -42,7 +42,7 @@ def _body(
     kit: Kit, material: Material, depth: float, width: float, height: float, lift: float,
     x: float = 0.0, y: float = 0.0,
 ) -> None:  # fmt: skip
-    """A closed case whose underside is hollow, or one that is open at the back (`cabinet`)."""
+    """A case with a recess in its underside, or one with an open back (`open_cabinet`)."""
     if kit.visible.get("open_back"):
         back = kit.hide("back_recess", 0.0, 0.8) * depth
         kit.add(material, case(depth, width, height, 0.02, back).at(x, y, lift))
@@ -60,7 +60,7 @@ def _front(
     kit: Kit, look: _Look, x: float, y: float, z: float, w: float, h: float,
     drawer: bool = False, side: int = 1,
 ) -> None:  # fmt: skip
-    """A door or drawer of size w, h, its middle at (y, z), on the plane at x."""
+    """A door or drawer of size (w, h), centred at (y, z), in the plane at x."""
     kit.add(look.front, box(0.022, w - 0.008, h - 0.008, 0.004).at(x, y, z))
     if min(w, h) > 0.16 and look.panel != "flat":
         thick = 0.026 if look.panel == "inset" else 0.036
@@ -95,7 +95,7 @@ def _grid(
 
 
 def _stand(kit: Kit, look: _Look, depth: float, width: float) -> float:
-    """Feet, a plinth or legs; returns the height of the body above the ground."""
+    """Adds feet, a plinth or legs; returns the height of the body above the ground."""
     style = kit.choose("stand", "plinth", "feet", "legs", "none")
     if style == "plinth":
         kit.add(BLACK, box(depth - 0.06, width - 0.03, 0.07).at(z=0.035))
@@ -112,7 +112,7 @@ def _stand(kit: Kit, look: _Look, depth: float, width: float) -> float:
 
 
 def _top(kit: Kit, material: Material, depth: float, width: float, z: float) -> None:
-    """A plate or a cornice on top."""
+    """Adds a plate or a cornice on top."""
     style = kit.choose("top", "none", "plate", "cornice", "pediment")
     if style in ("plate", "pediment"):
         kit.add(material, box(depth + 0.04, width + 0.05, 0.03, 0.006).at(0.01, 0, z + 0.014))
@@ -130,7 +130,7 @@ def _top(kit: Kit, material: Material, depth: float, width: float, z: float) -> 
 
 
 def _carcass(kit: Kit, look: _Look, depth: float, width: float, height: float) -> float:
-    """Stand, body and top board; returns the height of the body above the ground."""
+    """Adds stand, body and top; returns the height of the body above the ground."""
     lift = _stand(kit, look, depth, width)
     _body(kit, look.body, depth - 0.02, width, height - lift, lift, -0.01)
     _top(kit, look.body, depth, width, height)
@@ -284,7 +284,7 @@ def _shelves(
     kit: Kit, body: Material, depth: float, width: float, low: float, high: float, rows: int,
     back: bool, y0: float = 0.0,
 ) -> np.ndarray:  # fmt: skip
-    """Side boards and shelves; returns the heights of the boards."""
+    """Adds side boards and shelves; returns the heights of the shelves."""
     wall = 0.024
     for s in (-1, 1):
         kit.add(
@@ -305,7 +305,7 @@ def _shelves(
 
 
 def _books(kit: Kit, depth: float, y0: float, y1: float, z: float, room: float) -> None:
-    """A row of books from y0 on, perhaps not as far as y1."""
+    """A row of books from y0 to at most y1."""
     covers = [paint(kit.rng) for _ in range(3)]
     y, end = y0, y0 + (y1 - y0) * kit.rng.uniform(0.3, 1.0)
     tall, deep = room * kit.rng.uniform(0.6, 0.8), depth * kit.rng.uniform(0.45, 0.75)
@@ -399,7 +399,7 @@ def _ladder_shelf(kit: Kit) -> None:
 
 
 def _display(kit: Kit) -> None:
-    """Glass on all sides, with things on glass shelves."""
+    """Glass on all sides, with small objects on glass shelves."""
     look = _Look(kit)
     width, depth = kit.uniform("width", 0.45, 1.3), kit.uniform("depth", 0.35, 0.5)
     height, base = kit.uniform("height", 1.2, 2.1), kit.uniform("base", 0.1, 0.7)
@@ -539,7 +539,7 @@ def _kitchen(kit: Kit) -> None:
 
 
 def _corner_unit(kit: Kit) -> None:
-    """For a corner of the room: three or five sides."""
+    """A cabinet for a corner, with three or five sides."""
     look = _Look(kit)
     size, height = kit.uniform("size", 0.45, 0.8), kit.uniform("height", 0.8, 2.1)
     cut = size * kit.uniform("cut", 0.25, 0.6)
@@ -613,7 +613,7 @@ def _cubes(kit: Kit) -> None:
 
 
 def _media(kit: Kit) -> None:
-    """A low unit for the television, with it or with a tower at its side."""
+    """A low unit for a television, with the television or with a tower beside it."""
     look = _Look(kit)
     width, height, depth = (
         kit.uniform("width", 1.0, 2.4),
@@ -824,15 +824,15 @@ KINDS: dict[str, Callable[[Kit], None]] = {
 _WEIGHTS = {"wardrobe": 2, "chest": 2, "sideboard": 2, "bookcase": 2}
 
 CASES = ("wardrobe", "chest", "sideboard", "filing")
-"""The kinds whose back can be open."""
+"""The subtypes that can have an open back."""
 
 
 def cabinet(kit: Kit) -> None:
-    """Thirteen kinds, see `KINDS`. Hidden: the hollow below."""
+    """Thirteen subtypes, see `KINDS`. Hidden: the depth of the recess in the underside."""
     kit.build_subtype(KINDS, _WEIGHTS)
 
 
 def open_cabinet(kit: Kit) -> None:
-    """A cabinet whose back panel stands in: `CASES` of `KINDS`. Hidden: how far in."""
+    """A cabinet with a recessed back panel: `CASES` of `KINDS`. Hidden: the depth of the recess."""
     kit.visible["open_back"] = True
     kit.build_subtype({name: KINDS[name] for name in CASES})

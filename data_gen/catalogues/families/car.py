@@ -37,13 +37,13 @@ from data_gen.catalogues.solids import (
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 Span = tuple[float, float]
 
 
 class Form(NamedTuple):
-    """What a car with a pressed body is drawn from; shares are those of what stands behind `/`."""
+    """Ranges of the parameters of a car body. `a / b` in a comment means a as a fraction of b."""
 
     length: Span
     width: Span
@@ -52,11 +52,11 @@ class Form(NamedTuple):
     clearance: Span
     hood: Span  # from the nose to the foot of the windscreen / length
     boot: Span  # from the tail to the foot of the rear window / length
-    rake: Span  # of the windscreen, lengthwise
-    back: Span  # of the rear window, lengthwise
+    rake: Span  # of the windscreen: horizontal over vertical
+    back: Span  # of the rear window: horizontal over vertical
     belt: Span  # height of the window sill / height
     nose: Span  # height of the nose / belt
-    round: Span  # how far the corners lie behind the nose / width
+    round: Span  # setback of the corners behind the nose / width
     panes: int  # on each side
 
 
@@ -99,7 +99,7 @@ FORMS = {
 
 
 class Shell(NamedTuple):
-    """A finished body: what the details are placed by."""
+    """Dimensions of the finished body, used to place the details."""
 
     front: float
     rear: float
@@ -107,21 +107,21 @@ class Shell(NamedTuple):
     belt: float
     height: float
     low: float  # the sill
-    screen: float  # x of the windscreen's foot
-    back: float  # x of the rear window's foot
-    shift: float  # how far the corners lie behind the middle of the nose
+    screen: float  # x of the lower edge of the windscreen
+    back: float  # x of the lower edge of the rear window
+    shift: float  # setback of the corners behind the middle of the nose
 
 
 def _at(table: Sequence[Span], places: np.ndarray) -> np.ndarray:
-    """One column of `through`, its places in any order."""
+    """One column of `through`, with positions in any order."""
     return np.asarray(through(sorted(table), places)[:, 0])
 
 
 def _shell(kit: Kit, form: Form, kind: str, skin: Material) -> Shell:
-    """The body with wheel arches, windows, doors; adds the wheels, too.
+    """Adds the body with wheel arches, windows and doors, and the wheels.
 
-    Sections across x run from the middle of the floor round the sill, the arch, the side, the
-    window and the roof; what is glass and what is a gap is chosen among the faces between them.
+    Sections perpendicular to x go from the middle of the floor around the sill, the arch, the side,
+    the window and the roof. Faces between them are selected as glass or as gaps.
     """
     draw = {name: kit.uniform(name, *span) for name, span in form._asdict().items()
             if name != "panes"}
@@ -232,7 +232,7 @@ def _shell(kit: Kit, form: Form, kind: str, skin: Material) -> Shell:
         rings.append(np.column_stack([x, ring]))
     hull = loft(np.array(rings))
 
-    # Which faces are glass, which are gaps between doors: numbered by section and point.
+    # Which faces are glass and which are gaps between doors, by section and point.
     size, middle = len(rings[0]), (places[1:] + places[:-1]) / 2
     masks = np.zeros((2, len(places) - 1, size), bool)
 
@@ -281,7 +281,7 @@ def _shell(kit: Kit, form: Form, kind: str, skin: Material) -> Shell:
 
 
 def _fittings(kit: Kit, form: Shell, kind: str, skin: Material, trim: Material) -> None:
-    """Lamps, grille, plates, mirrors, spoiler, rails, and what stands in an open body."""
+    """Adds lamps, grille, plates, mirrors, spoiler, rails, and the interior of an open body."""
     front, rear, half, belt = form.front, form.rear, form.half, form.belt
     nose = kit.visible["nose"] * belt
     lamp_z, y = (nose + form.low) * 0.56, half * 0.66
@@ -359,7 +359,7 @@ def _fittings(kit: Kit, form: Shell, kind: str, skin: Material, trim: Material) 
 
 
 def _bus_windows(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
-    """The upper deck's windows, the destination sign, what stands on the roof."""
+    """Adds the windows of the upper deck, the destination sign, and equipment on the roof."""
     length = form.front - form.rear
     if kind == "double_decker":
         z, high = form.height * 0.76, form.height * 0.15
@@ -376,7 +376,7 @@ def _bus_windows(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
 
 
 def _cockpit(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
-    """Seats, wheel, a windscreen that stands alone, a roll bar, a spare wheel."""
+    """Adds seats, steering wheel, a free-standing windscreen, a roll bar and a spare wheel."""
     half, belt, floor = form.half, form.belt, form.low + 0.28
     leather = fabric(kit.rng)
     x = form.screen - 1.0
@@ -428,7 +428,7 @@ def _cockpit(kit: Kit, form: Shell, kind: str, skin: Material) -> None:
 
 
 def car(kit: Kit) -> None:
-    """Cars of 17 kinds. Hidden: how deep the underside is hollow."""
+    """Cars of 17 subtypes. Hidden: the depth of the recess in the underside."""
     kind = kit.choose("subtype", *FORMS, "lorry", "lorry", "formula", "vintage", "buggy")
     skin, accent = paint(kit.rng), paint(kit.rng)
     if kind == "lorry":

@@ -1,4 +1,4 @@
-"""Lorries, single-seaters, cars of the twenties, buggies. Lengths in metres, front toward +x."""
+"""Lorries, single-seaters, cars of the 1920s, buggies. Lengths in metres, front toward +x."""
 
 import numpy as np
 
@@ -34,11 +34,11 @@ from data_gen.catalogues.solids import (
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 def _underside(kit: Kit, long: float, wide: float, low: float, high: float, material: Material,
                x: float = 0.0) -> None:
-    """A chassis between two heights that is hollow from below. Hidden: how deep."""
+    """A chassis with a recess in its underside. Hidden: the depth of the recess."""
     share = kit.hide("chassis_recess", 0.02, 0.6)
     tray = solids.tray(rect(long, wide, 0.02), high - low, 0.06, share * (high - low))
     kit.add(material, tray.at(x, 0, low))
@@ -160,7 +160,7 @@ def formula(kit: Kit, skin: Material, accent: Material) -> None:
     """A single-seater: slim body, wings, free wheels."""
     length, half = kit.uniform("length", 4.2, 5.6), kit.uniform("width", 1.6, 2.0) / 2
     front, rear = length / 2, -length / 2
-    old = kit.chance("old", 0.35)  # a cigar without wings
+    old = kit.chance("old", 0.35)  # a cigar-shaped body without wings
     radius = kit.uniform("wheel", 0.3, 0.36)
     wide, high = kit.uniform("body", 0.3, 0.42), kit.uniform("height", 0.26, 0.36)
     z = high + 0.1
@@ -217,7 +217,7 @@ def formula(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def vintage(kit: Kit, skin: Material, accent: Material) -> None:
-    """A car of the twenties: long hood, upright cabin or open seats, mudguards, running boards."""
+    """A car of the 1920s: long hood, upright cabin or open seats, mudguards, running boards."""
     length, half = kit.uniform("length", 3.3, 5.0), kit.uniform("width", 1.35, 1.75) / 2
     front, rear = length / 2, -length / 2
     radius = kit.uniform("wheel", 0.34, 0.46)
@@ -226,7 +226,7 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
     narrow = half * 0.62
     cabin = front - length * kit.uniform("hood", 0.36, 0.5)
     _underside(kit, length * 0.92, narrow * 1.5, frame * 0.75, frame + 0.05, BLACK)
-    # The hood grows toward the cabin.
+    # The hood becomes higher toward the cabin.
     hood = [(axle + 0.25, narrow * 0.52, (belt - frame) * 0.46, (belt + frame) / 2),
             (axle + 0.1, narrow * 0.58, (belt - frame) * 0.5, (belt + frame) / 2),
             (cabin, narrow, (belt - frame) * 0.52, (belt + frame) / 2)]
@@ -268,7 +268,7 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
         if kind == "half" and kit.chance("dickey_seat", 0.5):
             kit.add(fabric(kit.rng), pillow(0.2, wide * 1.4, 0.45, 0.08, 2).at(tail + 0.35, 0,
                                                                                belt + 0.15))
-    # Mudguards: sheets round the wheels, joined by the running board.
+    # Mudguards: sheets around the wheels, joined by the running board.
     for x, reach in ((axle, (150, -5)), (back_axle, (185, 30))):
         angles = np.radians(np.linspace(*reach, 10))
         arc = np.stack([x + radius * 1.2 * np.cos(angles), 0 * angles,

@@ -1,4 +1,4 @@
-"""Telephones: of the pocket, the desk and the wall."""
+"""Telephones: mobile phones, desk phones and wall phones."""
 
 from collections.abc import Callable
 
@@ -31,10 +31,10 @@ _ANY = ("standing", "standing", "standing", "lying", "leaning", "sideways")
 
 
 class _Look:
-    """Materials and measures that the parts of one phone have in common. Lengths in metres."""
+    """Materials and dimensions common to all parts of a phone. Lengths in metres."""
 
     def __init__(self, kit: Kit, low: float, high: float, *poses: str) -> None:
-        """Draws them, the width from `low` to `high`, and how the phone stands or lies."""
+        """Draws the materials, the width in [low, high], and the pose of the phone."""
         self.pose = kit.choose("pose", *(poses if not kit.visible.get("open_back") else _STANDING))
         self.body = pick(kit.rng, (plastic, plastic, lacquer, paint))(kit.rng)
         self.second = self.body if kit.rng.random() < 0.5 else plastic(kit.rng)
@@ -47,10 +47,10 @@ class _Look:
 
 
 def _slab(kit: Kit, look: _Look, tall: float, deep: float, name: str = "socket_depth") -> Solid:
-    """An upright slab on z = 0, its front at x = deep / 2; a socket in its lower end.
+    """An upright slab on z = 0 with its front at x = deep / 2 and a socket in its lower end.
 
-    The depth of the socket is hidden, of the first slab of a phone. With an open back
-    (`open_cellphone`) the slab is a tray instead, and the depth of its hollow is hidden.
+    In the first slab of a phone, the depth of the socket is hidden. With an open back
+    (`open_cellphone`) the slab is a tray instead, and the depth of its recess is hidden.
     """
     w, r = look.width, min(look.corner, 0.4 * tall)
     angle = np.linspace(0, np.pi / 2, 5)
@@ -71,7 +71,7 @@ def _slab(kit: Kit, look: _Look, tall: float, deep: float, name: str = "socket_d
 
 
 def _hollow_slab(kit: Kit, look: _Look, tall: float, deep: float) -> Solid:
-    """A slab whose back is hollowed by a hidden share of its depth; only the first one is."""
+    """A slab. The first one of a phone has a recess of hidden depth in its back."""
     w = look.width
 
     def outline(inward: float) -> np.ndarray:
@@ -112,7 +112,7 @@ def _show(look: _Look, x: float, low: float, high: float, wide: float = 0.86) ->
 
 
 def _pose(kit: Kit, look: _Look, parts: list[Part]) -> None:
-    """Adds a phone's parts standing, lying on its back or its side, or leaning in a holder."""
+    """Adds the parts of a phone, standing, lying on its back or side, or leaning in a holder."""
     low = min(float(part.vertices[:, 0].min()) for _, part in parts)
     wide = max(float(np.abs(part.vertices[:, 1]).max()) for _, part in parts)
     lean = kit.uniform("lean", 15, 35)
@@ -125,7 +125,7 @@ def _pose(kit: Kit, look: _Look, parts: list[Part]) -> None:
         elif look.pose == "sideways":
             posed = part.turned("x", 90).at(z=wide)
         kit.add(material, posed)
-    # The socket is in the end that lies at -x, at +y.
+    # The socket is in the end at -x, or at +y.
     if look.pose == "lying":
         kit.azimuth = ((-75.0, 75.0),)
     elif look.pose == "sideways":
@@ -263,7 +263,7 @@ def _bar(kit: Kit) -> None:
 
 
 def _flip(kit: Kit) -> None:
-    """A clamshell, open more or less, or closed."""
+    """A clamshell phone, open at a random angle or closed."""
     look = _Look(kit, 0.042, 0.058, "standing", "lying", "lying")
     half, deep = look.width * kit.uniform("aspect", 1.5, 2.1), kit.uniform("thickness", 0.01, 0.016)
     parts: list[Part] = [(look.body, _slab(kit, look, half, deep))]
@@ -350,7 +350,7 @@ def _slider(kit: Kit) -> None:
 
 
 def _keyboard(kit: Kit) -> None:
-    """A screen above the letters of a typewriter."""
+    """A screen above a keyboard with letters."""
     look = _Look(kit, 0.058, 0.08, *_ANY)
     tall, deep = (
         look.width * kit.uniform("aspect", 1.45, 1.9),
@@ -378,7 +378,7 @@ def _keyboard(kit: Kit) -> None:
 
 
 def _brick(kit: Kit) -> None:
-    """The first ones: a brick with an aerial, a satellite phone, a walkie-talkie."""
+    """Early phones: a brick phone with an aerial, a satellite phone, a walkie-talkie."""
     look = _Look(kit, 0.045, 0.065, "standing", "standing", "lying")
     tall, deep = (
         look.width * kit.uniform("aspect", 2.3, 4.0),
@@ -414,7 +414,7 @@ def _brick(kit: Kit) -> None:
 
 
 def _folded(kit: Kit) -> None:
-    """A communicator open like a book, a folding screen, a swivelling half."""
+    """A communicator open like a book, a folding screen, a phone that swivels."""
     look = _Look(kit, 0.06, 0.08, *_STANDING)
     style = kit.choose("style", "communicator", "book", "swivel")
     long, deep = (
@@ -522,7 +522,7 @@ def _cordless(kit: Kit) -> None:
 
 
 def _desk(kit: Kit) -> None:
-    """A telephone of the desk with keys or a dial, its receiver across or at its side."""
+    """A desk telephone with keys or a dial; the receiver lies on it or beside it."""
     look = _Look(kit, 0.05, 0.06, *_STANDING)
     width, depth = kit.uniform("base_width", 0.14, 0.24), kit.uniform("base_depth", 0.14, 0.24)
     high, low = kit.uniform("rear_height", 0.04, 0.1), kit.uniform("front_height", 0.015, 0.04)
@@ -786,15 +786,15 @@ KINDS: dict[str, Callable[[Kit], None]] = {
 _WEIGHTS = {"smartphone": 2, "bar": 2, "flip": 2}
 
 CASES = ("smartphone", "bar", "keyboard", "brick")
-"""The kinds whose back can be open."""
+"""The subtypes that can have an open back."""
 
 
 def cellphone(kit: Kit) -> None:
-    """Ten kinds, see `KINDS`. Hidden: the depth of a socket, or the hollow of the foot."""
+    """Ten subtypes, see `KINDS`. Hidden: the depth of a socket or of the recess in the foot."""
     kit.build_subtype(KINDS, _WEIGHTS)
 
 
 def open_cellphone(kit: Kit) -> None:
-    """A telephone whose back is hollow: `CASES` of `KINDS`. Hidden: how far."""
+    """A telephone with a recess in its back: `CASES` of `KINDS`. Hidden: its depth."""
     kit.visible["open_back"] = True
     kit.build_subtype({name: KINDS[name] for name in CASES})

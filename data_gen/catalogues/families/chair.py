@@ -1,4 +1,4 @@
-"""Chairs: for the table, the office, the bar, the garden, the fireside."""
+"""Chairs: dining chairs, office chairs, stools, armchairs, garden chairs."""
 
 import itertools
 from collections.abc import Callable
@@ -44,7 +44,7 @@ BACKS = ("solid", "padded", "slats", "ladder", "spindles", "open", "splat", "cro
 def back(
     kit: Kit, style: str, width: float, high: float, frame: Material, cover: Material
 ) -> list[tuple[Material, Solid]]:
-    """The back of a chair, upright over y = 0, from z = 0 at the seat's rear edge to `high`."""
+    """The upright back of a chair, centred at y = 0, from z = 0 at the seat to `high`."""
     half = width / 2 - 0.02
     parts: list[tuple[Material, Solid]] = []
 
@@ -188,7 +188,7 @@ def _arms(
 
 
 def _seat(kit: Kit, cover: Material, depth: float, width: float, level: float) -> float:
-    """Adds a seat whose upper face is at `level`, and returns where its lower face is."""
+    """Adds a seat whose upper face is at `level`; returns the height of its lower face."""
     thick = kit.uniform("seat_thickness", 0.05, 0.09)
     shape = kit.choose("seat", "square", "round", "trapeze")
     outline = rect(depth, width, kit.uniform("seat_round", 0.01, 0.1))
@@ -237,7 +237,7 @@ def _dining(kit: Kit) -> None:
 
 
 def _high_back(kit: Kit) -> None:
-    """Tall and narrow, of the dining room."""
+    """A dining chair with a tall, narrow back."""
     frame, cover = _frame(kit)
     depth, width, seat = kit.uniform("depth", 0.38, 0.5), kit.uniform("width", 0.36, 0.46), 0.46
     under = _seat(kit, cover, depth, width, seat)
@@ -352,7 +352,7 @@ def _office(kit: Kit) -> None:
 
 
 def _cantilever(kit: Kit) -> None:
-    """Two runners that turn up in front, carrying seat and back."""
+    """A cantilever chair on two runners."""
     frame = pick(kit.rng, (CHROME, CHROME, metal(kit.rng), paint(kit.rng)))
     cover = fabric(kit.rng)
     depth, width, seat = _size(kit)
@@ -421,7 +421,7 @@ def _cantilever(kit: Kit) -> None:
 
 
 def _stool(kit: Kit) -> None:
-    """Low or of the bar; round or square; on legs or a column."""
+    """A stool or bar stool, round or square, on legs or a column."""
     frame, cover = _frame(kit)
     tall = kit.chance("bar", 0.6)
     seat = kit.uniform("bar_height", 0.62, 0.82) if tall else kit.uniform("stool_height", 0.38, 0.5)
@@ -488,7 +488,7 @@ def _stool(kit: Kit) -> None:
 
 
 def _armchair(kit: Kit) -> None:
-    """Upholstered all around."""
+    """An armchair."""
     cover = fabric(kit.rng)
     soft = cover if kit.rng.random() < 0.6 else fabric(kit.rng)
     foot = pick(kit.rng, (wood, metal))(kit.rng)
@@ -608,7 +608,7 @@ def _rocking(kit: Kit) -> None:
 
 
 def _folding(kit: Kit) -> None:
-    """Crossed legs: a garden chair or a director's chair."""
+    """A folding garden chair or director's chair."""
     frame, cover = pick(kit.rng, (wood, metal, lacquer))(kit.rng), fabric(kit.rng)
     depth, width, seat = _size(kit)
     y = width / 2
@@ -725,7 +725,7 @@ def _lounger(kit: Kit) -> None:
 
 
 def _shell(kit: Kit) -> None:
-    """A moulded seat on rods, dowels, a tulip or a star."""
+    """A moulded seat on rods, dowels, a tulip foot or a star foot."""
     cover, frame = pick(kit.rng, (plastic, lacquer, paint, wood))(kit.rng), metal(kit.rng)
     width, depth = kit.uniform("width", 0.44, 0.7), kit.uniform("depth", 0.42, 0.55)
     seat, high = kit.uniform("seat_height", 0.36, 0.46), kit.uniform("back_height", 0.3, 0.75)
@@ -820,7 +820,7 @@ def _shell(kit: Kit) -> None:
 
 
 def _bean_bag(kit: Kit) -> None:
-    """A bag, a pouf, or an egg to sit in."""
+    """A bean bag, a pouf, or an egg chair."""
     cover = fabric(kit.rng)
     style = kit.choose("style", "bag", "pouf", "egg")
     wide = kit.uniform("width", 0.6, 1.0)
@@ -888,7 +888,7 @@ def _bean_bag(kit: Kit) -> None:
 
 
 def _throne(kit: Kit) -> None:
-    """Carved, high, with finials."""
+    """A high carved chair with finials."""
     frame = pick(kit.rng, (wood, GOLD))
     frame = frame if isinstance(frame, Material) else frame(kit.rng)
     cover = fabric(kit.rng)
@@ -993,7 +993,7 @@ def _wheelchair(kit: Kit) -> None:
 
 
 def _swing(kit: Kit) -> None:
-    """Woven: a round basket on a pin, or a wire chair."""
+    """A hanging or standing basket chair, or a wire chair."""
     cover = pick(kit.rng, (wood, metal, lacquer))(kit.rng)
     soft = fabric(kit.rng)
     wide, lean = kit.uniform("width", 0.75, 1.05), kit.uniform("lean", 20, 50)
@@ -1047,7 +1047,7 @@ def _swing(kit: Kit) -> None:
 
 
 def _school(kit: Kit) -> None:
-    """With a writing board, or two joined in a row."""
+    """A chair with a writing board, or chairs joined in a row."""
     frame, cover = metal(kit.rng), pick(kit.rng, (plastic, wood, lacquer))(kit.rng)
     depth, width, seat = _size(kit)
     count = kit.choose("row", 1, 1, 2, 3, 4)
@@ -1137,5 +1137,5 @@ _WEIGHTS = {"dining": 5, "office": 3, "stool": 3, "armchair": 3, "shell": 2, "ca
 
 
 def chair(kit: Kit) -> None:
-    """Fifteen kinds, see `KINDS`. Hidden: the hollow under the seat."""
+    """Fifteen subtypes, see `KINDS`. Hidden: the depth of the recess under the seat."""
     kit.build_subtype(KINDS, _WEIGHTS)

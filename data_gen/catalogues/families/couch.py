@@ -1,4 +1,4 @@
-"""Couches: from the loveseat to the corner group, from the chesterfield to the futon."""
+"""Couches: loveseats, corner couches, chesterfields, futons and others."""
 
 from collections.abc import Callable
 
@@ -22,7 +22,7 @@ from data_gen.mesh import Material
 
 
 class _Seat:
-    """Dimensions and materials that the parts of one couch have in common."""
+    """Dimensions and materials common to all parts of a couch."""
 
     def __init__(self, kit: Kit) -> None:
         self.cover = fabric(kit.rng)
@@ -40,7 +40,7 @@ class _Seat:
 
 
 def _base(kit: Kit, s: _Seat, depth: float, width: float, x: float = 0.0, y: float = 0.0) -> None:
-    """The body below the seats, on its feet; the feet are drawn for the first body alone."""
+    """The body below the seats. Only the first body of a couch has feet."""
     outline = rect(depth, width, 0.04)
     tall = s.floor - s.lift
     if "base_recess" not in kit.hidden:
@@ -62,7 +62,7 @@ def _cushions(
     kit: Kit, s: _Seat, count: int, y0: float, front: float, rear: float, backs: bool = True,
     width: float | None = None,
 ) -> None:  # fmt: skip
-    """Seat cushions in a row along y, centred on y0, and loose ones leaning on the back."""
+    """A row of seat cushions along y, centred at y0, and loose cushions against the back."""
     one = s.one if width is None else width / count
     puff = kit.visible.setdefault("puff", float(kit.rng.uniform(3, 9)))
     for k in range(count):
@@ -78,7 +78,7 @@ def _cushions(
 
 
 def _arm(kit: Kit, s: _Seat, style: str, depth: float) -> list[tuple[Material, Solid]]:
-    """An arm whose middle is at y = 0, its rear end at x = -depth / 2."""
+    """An arm centred at y = 0, with its rear end at x = -depth / 2."""
     low, high, wide = s.floor - 0.06, s.arm_top, s.arm
     if style == "box":
         return [(s.cover, pillow(depth, wide, high - low, 0.03).at(0, 0, (high + low) / 2))]
@@ -157,7 +157,7 @@ def _straight(kit: Kit) -> None:
 
 
 def _throws(kit: Kit, s: _Seat, y: float, x: float) -> None:
-    """Throw cushions at the ends."""
+    """Adds throw cushions at the ends."""
     if not kit.chance("throw_cushions", 0.45):
         return
     loose = fabric(kit.rng)
@@ -169,7 +169,7 @@ def _throws(kit: Kit, s: _Seat, y: float, x: float) -> None:
 
 
 def _chesterfield(kit: Kit) -> None:
-    """Back and arms of one height, rolled and buttoned."""
+    """Back and arms of the same height, rolled and buttoned."""
     s = _Seat(kit)
     seats = kit.choose("seats", 1, 2, 3)
     width, high = seats * s.one + 0.3, s.seat + kit.uniform("high", 0.2, 0.32)
@@ -283,7 +283,7 @@ def _chaise_end(kit: Kit) -> None:
 
 
 def _longue(kit: Kit) -> None:
-    """A chaise longue: a body that swings up to one end."""
+    """A chaise longue: a body that curves up at one end."""
     s = _Seat(kit)
     length, wide = kit.uniform("length", 1.5, 2.0), kit.uniform("width", 0.55, 0.85)
     low, high = kit.uniform("low", 0.3, 0.42), kit.uniform("high", 0.7, 1.05)
@@ -345,7 +345,7 @@ def _longue(kit: Kit) -> None:
 
 
 def _sofa_bed(kit: Kit) -> None:
-    """Pulled out to a bed: a long flat mattress before a back."""
+    """A sofa bed, pulled out: a long flat mattress in front of a back."""
     s = _Seat(kit)
     seats = kit.choose("seats", 2, 3)
     width, long = seats * s.one, kit.uniform("bed", 1.5, 2.0)
@@ -452,7 +452,7 @@ def _futon(kit: Kit) -> None:
 
 
 def _modular(kit: Kit) -> None:
-    """Blocks put together, some with backs, one perhaps drawn away as a stool."""
+    """Modules in a row, some with backs; one of them may stand apart as a stool."""
     s = _Seat(kit)
     one, tall = kit.uniform("block", 0.7, 0.95), s.top - s.seat
     rows = kit.choose(
@@ -495,7 +495,7 @@ def _modular(kit: Kit) -> None:
 
 
 def _curved(kit: Kit) -> None:
-    """Bent around the one who stands before it."""
+    """A curved couch."""
     s = _Seat(kit)
     radius, sweep = kit.uniform("radius", 0.9, 2.0), np.radians(kit.uniform("sweep", 60, 190))
     depth = kit.uniform("seat_depth", 0.6, 0.85)
@@ -532,7 +532,7 @@ def _curved(kit: Kit) -> None:
 
 
 def _bench_like(kit: Kit) -> None:
-    """Slim seats on a metal frame, as in a waiting room or of the fifties."""
+    """Slim seats on a metal frame, for waiting rooms or in the style of the 1950s."""
     s = _Seat(kit)
     seats = kit.choose("seats", 2, 3, 4, 5)
     width, depth = seats * s.one, kit.uniform("seat_depth", 0.55, 0.75)
@@ -768,5 +768,5 @@ _WEIGHTS = {"straight": 5, "corner": 2, "loveseat": 2}
 
 
 def couch(kit: Kit) -> None:
-    """Fourteen kinds, see `KINDS`. Hidden: the hollow below."""
+    """Fourteen subtypes, see `KINDS`. Hidden: the depth of the recess in the underside."""
     kit.build_subtype(KINDS, _WEIGHTS)

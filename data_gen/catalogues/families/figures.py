@@ -29,7 +29,7 @@ def _cloth(kit: Kit) -> Material:
 
 
 def figure(kit: Kit) -> None:
-    """A person who stands, walks, runs, sits, waves or aims; a robot; a statue."""
+    """A person who stands, walks, runs, sits, waves or aims; a robot or a statue."""
     kind = kit.choose(
         "subtype",
         "standing",

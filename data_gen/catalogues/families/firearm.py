@@ -17,7 +17,7 @@ from data_gen.catalogues.families.kit import Kit, pick, wood
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 Builder = Callable[[Kit, Material, Material], None]
 
@@ -28,11 +28,11 @@ KINDS: dict[str, Builder] = {
 }
 
 WOODEN = {"flintlock": 1.0, "rifle": 0.75, "shotgun": 0.7, "revolver": 0.7, "submachine_gun": 0.4}
-"""How often a kind has furniture of wood; the others a third of the time."""
+"""Probability of wooden furniture by kind; 0.33 for the others."""
 
 
 def firearm(kit: Kit) -> None:
-    """Firearms of 10 kinds. Hidden: a cut on the far side."""
+    """Firearms of 10 subtypes. Hidden: the depth of a cut-out on the far side."""
     kind = kit.choose("subtype", "pistol", "assault", *KINDS)
     steel = pick(kit.rng, STEELS)
     wooden = kit.rng.random() < WOODEN.get(kind, 0.33)

@@ -19,10 +19,10 @@ from data_gen.catalogues.solids import ball, box, cylinder, prism, smooth_path, 
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 def pistol(kit: Kit, steel: Material, grip: Material) -> None:
-    """Self-loading pistols: modern, classic, with a bare barrel, for bursts, for targets."""
+    """Pistols: modern, classic, with a bare barrel, machine pistols, target pistols."""
     form = kit.choose("form", "modern", "modern", "classic", "tapered", "machine", "target")
     w, long = kit.uniform("width", 0.011, 0.016), kit.uniform("length", 0.13, 0.22)
     rear, front, tall = -0.08, -0.08 + long, kit.uniform("slide", 0.011, 0.018)
@@ -77,7 +77,7 @@ def pistol(kit: Kit, steel: Material, grip: Material) -> None:
 
 
 def revolver(kit: Kit, steel: Material, grip: Material) -> None:
-    """Revolvers, from snub to long, with grips old and new."""
+    """Revolvers with short to long barrels, old and modern grips."""
     w, long = kit.uniform("width", 0.009, 0.013), kit.uniform("barrel", 0.04, 0.22)
     drum, western = kit.uniform("drum", 0.017, 0.023), kit.chance("western", 0.4)
     add_receiver(kit, steel, [(-0.055, -0.05, 0.012, w), (-0.03, -0.05, 0.02, w),

@@ -22,10 +22,10 @@ from data_gen.catalogues.solids import ball, box, cylinder, lathe, prism, rod, s
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 def rifle(kit: Kit, steel: Material, grip: Material) -> None:
-    """Bolt action, lever action, semi-automatic; for hunters, soldiers and marksmen."""
+    """Rifles: bolt action, lever action, semi-automatic."""
     form = kit.choose("form", "bolt", "bolt", "lever", "marksman", "carbine")
     long, w = kit.uniform("barrel", 0.36, 0.72) * (0.8 if form in ("lever", "carbine")
                                                    else 1), kit.uniform("width", 0.016, 0.021)
@@ -68,7 +68,7 @@ def rifle(kit: Kit, steel: Material, grip: Material) -> None:
 
 
 def assault(kit: Kit, steel: Material, grip: Material) -> None:
-    """Self-loading rifles: magazine before the grip, or behind it (bullpup)."""
+    """Assault rifles: magazine in front of the grip or behind it (bullpup)."""
     form = kit.choose("form", "block", "curved", "bullpup", "bullpup", "carry_handle", "modular")
     w, long = kit.uniform("width", 0.018, 0.026), kit.uniform("barrel", 0.16, 0.46)
     bull = form == "bullpup"
@@ -144,7 +144,7 @@ def assault(kit: Kit, steel: Material, grip: Material) -> None:
 
 
 def submachine_gun(kit: Kit, steel: Material, grip: Material) -> None:
-    """Of a tube or a box, the magazine before the grip, in it, above or beside."""
+    """Submachine guns, with the magazine in front of the grip, in it, above or beside."""
     form = kit.choose("form", "tube", "box", "wood", "compact", "drum")
     long, w = kit.uniform("barrel", 0.06, 0.24), kit.uniform("width", 0.016, 0.022)
     back = -kit.uniform("body", 0.12, 0.24)
@@ -196,7 +196,7 @@ def submachine_gun(kit: Kit, steel: Material, grip: Material) -> None:
 
 
 def shotgun(kit: Kit, steel: Material, grip: Material) -> None:
-    """Pump guns, two barrels side by side or one above the other, sawn off."""
+    """Shotguns: pump action, two barrels side by side or one above the other, sawn-off."""
     form = kit.choose("form", "pump", "pump", "double", "over_under", "tactical", "sawn_off")
     long = kit.uniform("barrel", 0.45, 0.75) * {"sawn_off": 0.45, "tactical": 0.8}.get(form, 1.0)
     w, r = kit.uniform("width", 0.018, 0.024), 0.011
@@ -243,7 +243,7 @@ def shotgun(kit: Kit, steel: Material, grip: Material) -> None:
 
 
 def machine_gun(kit: Kit, steel: Material, grip: Material) -> None:
-    """On a bipod or a tripod, fed by belt, pan or magazine; or with turning barrels."""
+    """Machine guns on a bipod or tripod, with belt, pan or magazine; or with rotating barrels."""
     form = kit.choose("form", "belt", "belt", "pan", "top", "heavy", "rotary")
     long, w = kit.uniform("barrel", 0.45, 0.7), kit.uniform("width", 0.025, 0.034)
     back, tall = -kit.uniform("body", 0.18, 0.28), kit.uniform("height", 0.03, 0.042)
@@ -302,7 +302,7 @@ def machine_gun(kit: Kit, steel: Material, grip: Material) -> None:
 
 
 def sniper(kit: Kit, steel: Material, grip: Material) -> None:
-    """Long, heavy, on a bipod; a chassis of plates, or a bullpup."""
+    """Sniper rifles: long, heavy, on a bipod; with a chassis, or a bullpup."""
     long, w = kit.uniform("barrel", 0.55, 0.9), kit.uniform("width", 0.02, 0.028)
     back = -kit.uniform("body", 0.16, 0.3)
     add_receiver(kit, steel, [(back, -0.035, 0.024, w), (0.1, -0.035, 0.024, w),
@@ -330,7 +330,7 @@ def sniper(kit: Kit, steel: Material, grip: Material) -> None:
 
 
 def launcher(kit: Kit, steel: Material, grip: Material) -> None:
-    """Grenade launchers with a drum or one barrel; rockets from a tube on the shoulder."""
+    """Grenade launchers with a drum or one barrel; shoulder-fired rocket launchers."""
     form = kit.choose("form", "drum", "single", "rocket", "tube", "box")
     w = 0.024
     if form in ("drum", "single"):

@@ -1,4 +1,4 @@
-"""What firearms are put together from. Lengths in metres, muzzle toward +x, bore on z = 0."""
+"""Parts of firearms. Lengths in metres, the muzzle toward +x, the bore at z = 0."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ from data_gen.catalogues.solids import (
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 STEELS = (
     Material((0.16, 0.16, 0.17), (0.4,) * 3, 40.0, name="gunmetal"),
@@ -46,13 +46,13 @@ def bar(start: float, end: float, radius: float, z: float = 0.0, y: float = 0.0,
 
 def add_receiver(kit: Kit, steel: Material, rows: Sequence[tuple[float, float, float, float]],
                  bevel: float = 0.004) -> None:
-    """The body of the action. Hidden: how deep it is cut out on its far side.
+    """The receiver. Hidden: the depth of a cut-out on its far side.
 
     Args:
-      kit: what it is added to.
-      steel: its material.
-      rows: x, lowest z, highest z, half width, from the back to the front.
-      bevel: of its edges.
+      kit: the model.
+      steel: material.
+      rows: x, lowest z, highest z and half width, from the back to the front.
+      bevel: bevel of the edges.
     """
     side = kit.choose("far_side", -1, 1)
     depth = kit.hide("far_cut_depth", 0.1, 1.6)
@@ -77,7 +77,7 @@ def add_receiver(kit: Kit, steel: Material, rows: Sequence[tuple[float, float, f
 
 def add_grip(kit: Kit, material: Material, x: float, z: float, long: float, deep: float,
              wide: float, slant: float, flare: float = 1.0) -> None:
-    """A pistol grip down from (x, z), leaning backward by `slant` degrees."""
+    """A pistol grip below (x, z), tilted backward by `slant` degrees."""
     stations = [(-0.012, wide * 0.9, deep * 0.9, 0), (0.25 * long, wide, deep * 0.85, 0.1 * deep),
                 (0.65 * long, wide * 1.05, deep * 0.95, 0), (long, wide, deep * flare, 0)]
     kit.add(material, body(stations, 2.8, 2, 16).turned("y", 90 + slant).at(x, 0, z))
@@ -85,7 +85,7 @@ def add_grip(kit: Kit, material: Material, x: float, z: float, long: float, deep
 
 def add_guard(kit: Kit, steel: Material, x: float, z: float, long: float, drop: float,
               radius: float = 0.003) -> None:
-    """Trigger and the bow around it, behind x."""
+    """Trigger and trigger guard behind x."""
     bow = [(x, 0, z), (x + 0.002, 0, z - drop * 0.8), (x - 0.3 * long, 0, z - drop),
            (x - 0.8 * long, 0, z - drop * 0.95), (x - long, 0, z)]
     kit.add(steel, tube(smooth_path(bow, 4), radius, 6))
@@ -95,17 +95,17 @@ def add_guard(kit: Kit, steel: Material, x: float, z: float, long: float, drop: 
 
 def add_stock(kit: Kit, material: Material, steel: Material, kind: str, x: float, z: float,
               long: float, drop: float, wide: float) -> None:
-    """A butt from (x, z) backward.
+    """A stock from (x, z) backward.
 
     Args:
-      kit: what it is added to.
-      material: of the butt.
-      steel: of bars and tubes.
+      kit: the model.
+      material: material of the stock.
+      steel: material of bars and tubes.
       kind: `classic`, `straight`, `thumbhole`, `skeleton`, `wire`, `tube`, `folded`.
-      x: where it begins.
-      z: the height of the bore's line there.
-      long: its length.
-      drop: how far its heel lies below z.
+      x: x of its front end.
+      z: z of the bore.
+      long: length.
+      drop: distance of the heel below z.
       wide: half width.
     """
     end, tall = x - long, 0.062
@@ -218,7 +218,7 @@ def add_barrel(kit: Kit, steel: Material, start: float, end: float, radius: floa
 
 
 def add_scope(kit: Kit, x: float, z: float, long: float, radius: float) -> None:
-    """A telescope on two mounts above z, or a box with a lens where it is short."""
+    """A telescopic sight on two mounts above z; a short one is a box with a lens."""
     up = z + radius * 1.6 + 0.014
     if long < 0.1:
         kit.add(BLACK, box(long, radius * 2.2, radius * 2.4, 0.004).at(x, 0, up),
@@ -254,7 +254,7 @@ def add_bipod(kit: Kit, steel: Material, x: float, z: float, long: float, folded
 
 def add_handguard(kit: Kit, material: Material, start: float, end: float, half: float, tall: float,
                   z: float, power: float, holes: int) -> None:
-    """What the left hand holds, with `holes` slots on each side."""
+    """A handguard, with `holes` slots on each side."""
     kit.add(material, body([(start, half, tall, z),
                             (start + 0.5 * (end - start), half * 1.04, tall * 1.04, z),
                             (end, half * 0.86, tall * 0.86, z)], power, 2, 20))

@@ -1,4 +1,4 @@
-"""Bodies whose underside is hollowed by a hidden depth: no view from above shows it."""
+"""Bodies with a recess of hidden depth in the underside, which is not visible from above."""
 
 from collections.abc import Callable, Sequence
 
@@ -9,7 +9,7 @@ from data_gen.catalogues.families.kit import Kit
 from data_gen.catalogues.solids import Solid
 
 RANGE = (0.02, 0.92)
-"""Of the hidden depth, as a share of the deepest one."""
+"""Range of the hidden depth, as a fraction of the largest depth."""
 
 
 def slab(
@@ -19,13 +19,13 @@ def slab(
     height: float,
     wall: float = 0.03,
 ) -> Solid:
-    """A slab from z = 0 to `height`, hollow from below by the hidden share `name` of its height.
+    """A slab from z = 0 to `height` with a recess in its underside.
 
     Args:
-      kit: the model in the making.
-      name: of the hidden parameter.
+      kit: the model.
+      name: hidden parameter, the depth of the recess as a fraction of the height.
       outline: see `solids.tray`.
-      height: of the slab.
+      height: height of the slab.
       wall: thickness of the rim.
     """
     return solids.tray(outline, height, wall, kit.hide(name, *RANGE) * height)
@@ -38,14 +38,14 @@ def body(
     name: str = "base_recess",
     share: float = 0.85,
 ) -> Solid:
-    """A body of outlines at heights (see `solids.stack`), its lowest face hollowed.
+    """A body through outlines at heights (see `solids.stack`), with a recess in its lowest face.
 
     Args:
-      kit: the model in the making.
-      levels: from the lowest to the highest; the lowest must be seen from its centre.
-      deepest: depth of the hollow at most; less than the body's height.
-      name: of the hidden parameter, the share of `deepest`.
-      share: size of the hollow's outline over that of the lowest one.
+      kit: the model.
+      levels: outlines from the lowest to the highest; the lowest must be star-shaped.
+      deepest: largest depth of the recess; less than the height of the body.
+      name: hidden parameter, the depth of the recess as a fraction of `deepest`.
+      share: size of the outline of the recess over that of the lowest outline.
     """
     lowest, low = levels[0]
     centre = lowest.mean(axis=0)
@@ -61,7 +61,7 @@ def turned(
     deepest: float = 0.02,
     name: str = "base_recess",
 ) -> Solid:
-    """A profile (see `solids.lathe`) whose lowest face is hollowed; the first point is lowest."""
+    """A body of revolution (see `solids.lathe`) with a recess; its first point is the lowest."""
     radius, low = profile[0]
     top = low + kit.hide(name, *RANGE) * deepest
     return solids.lathe([(0.85 * radius, top), (0.85 * radius, low), *profile], sides)

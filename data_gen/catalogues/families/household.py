@@ -232,7 +232,7 @@ def clock(kit: Kit) -> None:
 
 
 def one_book(kit: Kit, x: float, y: float, z: float) -> list[tuple[Material, Solid]]:
-    """A closed book lying down, its spine toward -y, on z = 0."""
+    """A closed book lying on z = 0, with its spine toward -y."""
     cover = materials.label(kit.rng, "book") if kit.rng.random() < 0.7 else materials.hide(kit.rng)
     pages = materials.shaded(
         (0.88, 0.84, 0.74), materials.textures.wood("veneer", 0), materials.Tiled(0.9, True)

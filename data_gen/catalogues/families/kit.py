@@ -1,6 +1,6 @@
-"""What the families are built with: the model in the making, and common shapes.
+"""The builder of procedural models, and common shapes.
 
-Materials come from `families.materials`; the usual ones can be had from here, too.
+The usual materials of `families.materials` can be imported from here as well.
 """
 
 import dataclasses
@@ -68,7 +68,7 @@ EVERYWHERE = ((-180.0, 180.0),)
 
 
 class HiddenRange(NamedTuple):
-    """What a hidden parameter is drawn from, uniformly: [low, high), or whole numbers of it."""
+    """The range [low, high) of a hidden parameter; uniform, or uniform over its whole numbers."""
 
     low: float
     high: float
@@ -76,7 +76,7 @@ class HiddenRange(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A part, the number of its material, and how a texture lies on it if not as usual."""
+    """A part, the number of its material, and its texture mapping; None = that of the material."""
 
     solid: Solid
     material: int
@@ -84,20 +84,20 @@ class _Part(NamedTuple):
 
 
 class Kit:
-    """A model in the making: parts with materials, and the two random generators.
+    """The builder of a model: its parts and materials, and two random generators.
 
     Attributes:
-      rng: of what can be seen.
-      hidden_rng: of what cannot.
-      visible: parameters to be stored.
-      hidden: hidden parameters to be stored.
-      ranges: what they are drawn from, each on its own.
-      azimuth: where from they are hidden.
+      rng: generator of the visible parameters.
+      hidden_rng: generator of the hidden parameters.
+      visible: visible parameters, which are stored.
+      hidden: hidden parameters, which are stored.
+      ranges: ranges of the hidden parameters.
+      azimuth: azimuths from which they are hidden.
 
     Args:
-      rng: of what can be seen.
-      hidden_rng: of what cannot.
-      given: hidden parameters that are not drawn.
+      rng: generator of the visible parameters.
+      hidden_rng: generator of the hidden parameters.
+      given: hidden parameters that are set instead of drawn.
     """
 
     def __init__(
@@ -120,9 +120,9 @@ class Kit:
         """Adds parts of one material.
 
         Args:
-          material: of all of them; a texture lies on them as the material says.
+          material: material of the parts.
           *parts: closed surfaces.
-          uv: how the texture lies on these parts instead.
+          uv: texture mapping; None = that of the material.
         """
         index = next((i for i, m in enumerate(self._materials) if m is material), None)
         if index is None:
@@ -135,11 +135,11 @@ class Kit:
         self._parts[start:] = [p._replace(solid=p.solid.at(y=y)) for p in self._parts[start:]]
 
     def turn_all(self, axis: str, degrees: float) -> None:
-        """Turns the whole model so far; see `Solid.turned`."""
+        """Rotates all parts so far; see `Solid.turned`."""
         self._parts = [p._replace(solid=p.solid.turned(axis, degrees)) for p in self._parts]
 
     def take(self, other: "Kit", place: Callable[[Solid], Solid]) -> None:
-        """Adds the parts of another model, each moved by `place`."""
+        """Adds the parts of another model, each mapped by `place`."""
         for part in other._parts:
             self.add(other._materials[part.material], place(part.solid), uv=part.uv)
 
@@ -148,34 +148,34 @@ class Kit:
         return tuple(part.solid for part in self._parts)
 
     def paint_all(self, material: Material) -> None:
-        """Gives all parts so far one material."""
+        """Replaces the materials of all parts so far."""
         self._materials = [material]
         self._parts = [part._replace(material=0) for part in self._parts]
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """The least and the greatest coordinates so far."""
+        """The smallest and the largest coordinates so far."""
         corners = [f(p.solid.vertices, axis=0) for f in (np.min, np.max) for p in self._parts]
         half = len(self._parts)
         return np.min(corners[:half], axis=0), np.max(corners[half:], axis=0)
 
     def once(self, name: str, make: Callable[[np.random.Generator], Material]) -> Material:
-        """A material drawn at the first call and the same at all later ones with this name."""
+        """A material that is drawn at the first call with this name and reused at later calls."""
         if name not in self._named:
             self._named[name] = make(self.rng)
         return self._named[name]
 
     @property
     def num_faces(self) -> int:
-        """Triangles so far."""
+        """Number of triangles so far."""
         return sum(len(part.solid.faces) for part in self._parts)
 
     @property
     def num_parts(self) -> int:
-        """Parts so far."""
+        """Number of parts so far."""
         return len(self._parts)
 
     def both(self, material: Material, *parts: Solid, uv: UVMapping | None = None) -> None:
-        """Adds parts and their mirror images on the other side."""
+        """Adds parts and their mirror images (y to -y)."""
         self.add(material, *parts, *(part.mirrored() for part in parts), uv=uv)
 
     def uniform(self, name: str, low: float, high: float) -> float:
@@ -184,12 +184,12 @@ class Kit:
         return self.visible[name]
 
     def choose(self, name: str, *choices: Any) -> Any:
-        """Draws a visible parameter among choices and stores it."""
+        """Draws a visible parameter from choices and stores it."""
         self.visible[name] = pick(self.rng, choices)
         return self.visible[name]
 
     def chance(self, name: str, probability: float) -> bool:
-        """Draws a visible yes or no and stores it."""
+        """Draws a visible boolean parameter and stores it."""
         self.visible[name] = bool(self.rng.random() < probability)
         return self.visible[name]
 
@@ -221,7 +221,7 @@ class Kit:
             span.whole and not (value == int(value) < span.high)
         ):
             kind = "a whole number" if span.whole else "a number"
-            below = " (itself left out)" if span.whole else ""
+            below = " (exclusive)" if span.whole else ""
             raise ValueError(
                 f"hidden {name}: got {value}, expected {kind} from {span.low:g} to "
                 f"{span.high:g}{below}"
@@ -254,13 +254,13 @@ class Kit:
                 "hidden_azimuth": self.azimuth,
             },
         )
-        # A cap with points in a line has triangles without area: no news to anybody.
+        # Caps with collinear points have triangles without area; no warning is needed.
         return dataclasses.replace(normalize(model), warnings=())
 
     def _texture_coordinates(
         self, vertices: np.ndarray, faces: np.ndarray, starts: np.ndarray, part_of: np.ndarray
     ) -> np.ndarray | None:
-        """Of all corners [F, 3, 2]; None where no material has a texture."""
+        """Texture coordinates [F, 3, 2] of all corners; None if no material has a texture."""
         if all(m.texture is None for m in self._materials):
             return None
         low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -299,19 +299,19 @@ def disc(radius: float, sides: int = 32) -> Callable[[float], np.ndarray]:
 
 
 def around(count: int, start: float = 0.0) -> np.ndarray:
-    """Directions in degrees, evenly around."""
+    """`count` directions around the circle, in degrees."""
     return start + np.arange(count) / count * 360
 
 
 def case(depth: float, width: float, height: float, wall: float, back: float) -> Solid:
-    """A case on z = 0, solid from the front.
+    """A case on z = 0 with a recess in its back.
 
     Args:
-      depth: along x, around 0.
-      width: along y.
-      height: along z.
-      wall: thickness of the walls that stand around the hollow at the back.
-      back: how far the back panel stands in from behind.
+      depth: length along x, centred at 0.
+      width: length along y.
+      height: length along z.
+      wall: thickness of the walls around the recess.
+      back: depth of the recess.
     """
     outline = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * 0.5
 

@@ -1,4 +1,4 @@
-"""Lamps: on the table, on the floor, hanging, out of doors."""
+"""Lamps: table lamps, floor lamps, hanging lamps, street lamps."""
 
 from collections.abc import Callable
 
@@ -29,7 +29,7 @@ SHADES = ("cone", "drum", "bell", "dome", "empire", "square", "pleated", "hexago
 
 
 def _materials(kit: Kit) -> tuple[Material, Material]:
-    """Of the body and of the shade."""
+    """Materials of the body and of the shade."""
     body = pick(kit.rng, (metal, metal, wood, lacquer, paint))(kit.rng)
     if kit.rng.random() < 0.4:
         return body, Material((0.93, 0.89, 0.78), name="shade")
@@ -37,7 +37,7 @@ def _materials(kit: Kit) -> tuple[Material, Material]:
 
 
 def _shade(kit: Kit, radius: float, tall: float, *styles: str) -> Solid:
-    """A shade from z = 0 down to -tall, closed on top and open below."""
+    """A shade from z = 0 down to -tall, closed at the top and open at the bottom."""
     style = kit.choose("shade", *(styles or SHADES))
     top, t = kit.uniform("shade_top", 0.3, 0.6), np.linspace(0, 1, 8)
     if style == "drum":
@@ -65,14 +65,14 @@ def _shade(kit: Kit, radius: float, tall: float, *styles: str) -> Solid:
 
 
 def _bulb(kit: Kit, radius: float, tall: float) -> Solid:
-    """What a shade closed on top hides: a bulb of hidden size and height below its top."""
+    """Adds a bulb of hidden size and height in a shade that is closed at the top."""
     size = kit.hide("bulb_radius", 0.05, 0.26) * radius
     drop = kit.hide("bulb_drop", 0.3, 0.6) * tall
     return ball(2 * size, 2 * size, min(2.4 * size, 0.5 * tall), 14).at(z=-drop)
 
 
 def _foot(kit: Kit, material: Material, radius: float, *styles: str) -> float:
-    """A foot on the ground, hollow from below; returns the height where a stem begins."""
+    """Adds a foot with a recess in its underside; returns the height of its upper end."""
     style = kit.choose("foot", *(styles or ("disc", "bell", "square", "dome", "steps")))
     if style == "square":
         flat = solids.rounded(1.7 * radius, 1.7 * radius, 0.1 * radius)
@@ -99,7 +99,7 @@ def _foot(kit: Kit, material: Material, radius: float, *styles: str) -> float:
 
 
 def _table(kit: Kit) -> None:
-    """A vase, a ball, a column, a figure below a shade."""
+    """A table lamp: a vase, a ball, a column or a figure below a shade."""
     body, shade = _materials(kit)
     radius, tall = kit.uniform("shade_radius", 0.11, 0.26), kit.uniform("shade_height", 0.12, 0.34)
     stem = kit.uniform("stem", 0.15, 0.45)
@@ -210,7 +210,7 @@ def _floor(kit: Kit) -> None:
 
 
 def _torchiere(kit: Kit) -> None:
-    """Its bowl opens upward."""
+    """A floor lamp with a bowl that opens upward."""
     body, shade = _materials(kit)
     high = kit.uniform("height", 1.5, 1.95)
     low = _foot(kit, body, kit.uniform("foot_radius", 0.1, 0.18))
@@ -280,7 +280,7 @@ def _tripod(kit: Kit) -> None:
 
 
 def _desk(kit: Kit) -> None:
-    """Jointed arms, a goose neck, or the banker's."""
+    """A desk lamp: jointed arms, a goose neck, or a banker's lamp."""
     body, shade = _materials(kit)
     style = kit.choose("arm", "jointed", "jointed", "goose", "banker", "rigid")
     low = _foot(kit, body, kit.uniform("foot_radius", 0.07, 0.13))
@@ -348,7 +348,7 @@ def _desk(kit: Kit) -> None:
 
 
 def _arc(kit: Kit) -> None:
-    """A bow that carries its light far from its foot, or several bows."""
+    """An arc lamp with one or several arcs."""
     body, shade = _materials(kit)
     high, reach = kit.uniform("height", 1.4, 2.1), kit.uniform("reach", 0.6, 1.5)
     base = kit.uniform("base", 0.14, 0.25)
@@ -388,7 +388,7 @@ def _arc(kit: Kit) -> None:
 
 
 def _pendant(kit: Kit) -> None:
-    """On cords from a rose or a beam; the ground is at the lowest shade's edge."""
+    """Hanging lamps on cords; the ground is at the edge of the lowest shade."""
     body, shade = _materials(kit)
     cord, lights = kit.uniform("cord", 0.25, 1.3), kit.choose("lights", 1, 1, 1, 2, 3, 5)
     radius, tall = kit.uniform("shade_radius", 0.12, 0.36), kit.uniform("shade_height", 0.1, 0.4)
@@ -409,7 +409,7 @@ def _pendant(kit: Kit) -> None:
 
 
 def _globe(kit: Kit) -> None:
-    """A closed body of light: a ball, a paper lantern, a drop, a stack of rings."""
+    """A luminous body: a ball, a paper lantern, a drop, a stack of rings."""
     body, shade = _materials(kit)
     size = kit.uniform("size", 0.18, 0.5)
     profile = {
@@ -528,7 +528,7 @@ def _chandelier(kit: Kit) -> None:
 
 
 def _lantern(kit: Kit) -> None:
-    """A cage with a roof, standing, hanging or on a wall arm."""
+    """A lantern, standing, hanging or on a wall bracket."""
     body = pick(kit.rng, (BLACK, metal(kit.rng), GOLD))
     sides = kit.choose("sides", 4, 4, 6, 8)
     wide, tall = kit.uniform("width", 0.09, 0.18), kit.uniform("height", 0.2, 0.45)
@@ -599,7 +599,7 @@ def _lantern(kit: Kit) -> None:
 
 
 def _street(kit: Kit) -> None:
-    """A post with one or more heads."""
+    """A street lamp with one or more heads."""
     body = pick(kit.rng, (BLACK, metal(kit.rng), lacquer(kit.rng)))
     high = kit.uniform("height", 2.2, 5.0)
     r = high * kit.uniform("post", 0.012, 0.024)
@@ -747,7 +747,7 @@ def _wide(part: Solid) -> Solid:
 
 
 def _tiffany(kit: Kit) -> None:
-    """An oil lamp, a mushroom, a coloured dome: bodies turned in one piece with their shade."""
+    """An oil lamp, a mushroom lamp, or a lamp with a coloured dome."""
     body, shade = pick(kit.rng, (GOLD, metal(kit.rng), BLACK)), paint(kit.rng)
     style = kit.choose("style", "mushroom", "oil", "lava", "dome")
     high = kit.uniform("height", 0.3, 0.7)
@@ -821,7 +821,7 @@ def _tiffany(kit: Kit) -> None:
 
 
 def _sconce(kit: Kit) -> None:
-    """A plate on the wall with arms, or a lamp close to the ceiling."""
+    """A wall lamp with arms, or a ceiling lamp."""
     body, shade = _materials(kit)
     if kit.chance("ceiling", 0.4):
         r, deep = kit.uniform("radius", 0.15, 0.3), kit.uniform("depth", 0.05, 0.16)
@@ -900,5 +900,5 @@ _WEIGHTS = {"table": 2, "desk": 2}
 
 
 def lamp(kit: Kit) -> None:
-    """Fourteen kinds, see `KINDS`. Hidden: the bulb in a closed shade, the hollow of the foot."""
+    """Fourteen subtypes, see `KINDS`. Hidden: the bulb in a closed shade, a recess."""
     kit.build_subtype(KINDS, _WEIGHTS)

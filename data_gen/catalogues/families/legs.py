@@ -60,7 +60,7 @@ TURNED = (
         (0.7, 1.0),
     ),
 )
-"""Profiles of turned legs: (radius over thickness, height)."""
+"""Profiles of turned legs: (radius over thickness, height over that of the leg)."""
 
 STYLES = ("square", "round", "tapered", "turned", "cabriole", "sabre", "hairpin", "wedge")
 
@@ -68,14 +68,14 @@ STYLES = ("square", "round", "tapered", "turned", "cabriole", "sabre", "hairpin"
 def leg(
     style: str, height: float, thick: float, outward: tuple[float, float], number: int = 0
 ) -> list[Solid]:
-    """A leg whose foot stands at the origin.
+    """A leg with its foot at the origin.
 
     Args:
       style: one of `STYLES`.
-      height: of the leg.
-      thick: thickness where it is thickest, more or less.
-      outward: horizontal direction away from the furniture's middle.
-      number: of the profile of turned legs, or of the slant of others.
+      height: height of the leg.
+      thick: approximate thickness at the thickest point.
+      outward: horizontal direction away from the middle of the furniture.
+      number: number of the profile of turned legs, or of the slant of other legs.
     """
     a, b = np.asarray(outward, float) / max(float(np.hypot(*outward)), 1e-9)
     lean = height * (0.0, 0.06, 0.12, 0.2)[number]
@@ -112,7 +112,7 @@ def leg(
             rod((0, 0, r), (-b * s * wide - a * lean, a * s * wide - b * lean, height), r, 8)
             for s in (-1, 1)
         ] + [ball(2 * r, 2 * r, 2 * r, 8).at(z=r)]
-    # "wedge": a board that grows upward
+    # "wedge": a board that widens upward
     small, large = (
         solids.rounded(0.5 * thick, 0.5 * thick, 0.004, 1),
         solids.rounded(1.2 * thick, 1.2 * thick, 0.004, 1),
@@ -131,7 +131,7 @@ def four(
     thick: float | None = None,
     prefix: str = "leg",
 ) -> None:
-    """Four legs whose feet stand at (+-x, +-y); the style is drawn among those given, or all."""
+    """Adds four legs with feet at (+-x, +-y), in one of the given styles, or of all."""
     style = kit.choose(f"{prefix}s", *(styles or STYLES))
     thick = kit.uniform(f"{prefix}_thickness", 0.03, 0.07) if thick is None else thick
     number = kit.choose(f"{prefix}_number", 0, 1, 2, 3)
@@ -156,7 +156,7 @@ def star_base(kit: Kit, radius: float, height: float, material: Material) -> Non
 
 
 def trumpet(radius: float, stem: float, height: float, sides: int = 28) -> Solid:
-    """A round foot that narrows to a stem and widens a little below what it carries."""
+    """A round foot that narrows to a stem and widens again at the top."""
     return lathe(
         solids.smooth_profile(
             [
@@ -174,7 +174,7 @@ def trumpet(radius: float, stem: float, height: float, sides: int = 28) -> Solid
 
 
 def feet(kit: Kit, x: float, y: float, height: float, material: Material) -> None:
-    """Low feet below a case, standing at most at (+-x, +-y)."""
+    """Low feet below a case, within (+-x, +-y)."""
     make: dict[str, Callable[[], Solid]] = {
         "bun": lambda: lathe(
             solids.smooth_profile(
@@ -195,5 +195,5 @@ def feet(kit: Kit, x: float, y: float, height: float, material: Material) -> Non
 def metal_or(
     kit: Kit, other: Material, *makers: Callable[[np.random.Generator], Material]
 ) -> Material:
-    """The other material half of the time, else one of the makers'."""
+    """The other material with probability 1/2, else a new one from one of the functions."""
     return other if kit.rng.random() < 0.5 else pick(kit.rng, makers)(kit.rng)

@@ -1,9 +1,9 @@
-"""Texture coordinates: how a texture lies on the parts of a model.
+"""Texture mappings of the parts of a model.
 
-A mapping takes faces of parts, in units of the model's radius with the origin on the ground under
-it, and the bounding boxes of the parts they belong to. It uses nothing else of a part, so what is
-hidden in one changes nothing on the rest of it. Pictures stand upright and are not mirrored for a
-viewer in front of the face; of a face that looks up, the picture's bottom is on the side of +x.
+The input of a mapping are faces of parts, in units of the model's radius with the origin on the
+ground, and the bounding boxes of the parts. It uses nothing else of a part, so a hidden parameter
+of a part does not change the texture on the rest of it. Images are upright and not mirrored for a
+viewer in front of the face; on a face that points up, the bottom of the image is toward +x.
 """
 
 import dataclasses
@@ -17,9 +17,9 @@ class UVMapping(Protocol):
     """Texture coordinates [F, 3, 2] of the corners of faces.
 
     Args:
-      corners: of the faces, in units of the model's radius.
-      normals: of the faces.
-      low, high: bounding box of each face's part.
+      corners: corners of the faces, in units of the model's radius.
+      normals: normals of the faces.
+      low, high: bounding box of the part of each face.
     """
 
     def __call__(
@@ -40,14 +40,14 @@ _SIGN = np.array([1.0, -1.0, 1.0])
 
 
 def _dominant(normals: np.ndarray) -> np.ndarray:
-    """The axis along which a normal is longest; in doubt the later one."""
+    """The axis of the largest component of each normal; of equal ones the later axis."""
     return np.argmax(np.abs(normals) * [1, 1.001, 1.002], axis=1)
 
 
 def _planar(
     corners: np.ndarray, normals: np.ndarray, axis: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates to the right and upward for who looks at the faces along their axis."""
+    """Coordinates to the right and upward, seen along the axis of each face."""
     rows = np.arange(len(axis))
     facing = np.sign(normals[rows, axis])
     upright = axis < 2
@@ -58,11 +58,11 @@ def _planar(
 
 @dataclasses.dataclass(frozen=True)
 class Tiled:
-    """Repeats the texture in the plane that a face is nearest to (box projection).
+    """Repeats the texture by box projection: in the coordinate plane nearest to each face.
 
     Attributes:
-      tile: length of one repeat, unit: the model's radius.
-      along_grain: whether u runs along the longest side of a part; else it is horizontal.
+      tile: length of one repeat, in units of the model's radius.
+      along_grain: whether u is along the longest side of the part; otherwise it is horizontal.
     """
 
     tile: float = 1.0
@@ -75,7 +75,7 @@ class Tiled:
         axis = _dominant(normals)
         u, v = _planar(corners, normals, axis)
         if self.along_grain:
-            # In doubt the horizontal one: the grain of a square front is a matter of taste.
+            # For a square front, the horizontal direction.
             grain = np.argmax((high - low).round(6) * [1, 1, 0.999], axis=1)
             turned = (_V[axis] == grain)[:, None]
             u, v = np.where(turned, v, u), np.where(turned, u, v)
@@ -84,11 +84,11 @@ class Tiled:
 
 @dataclasses.dataclass(frozen=True)
 class Fitted:
-    """Stretches the texture over the part, as seen along the axis that a face is nearest to.
+    """Stretches the texture over the part, projected along the axis nearest to each normal.
 
     Attributes:
-      repeats: how often the texture lies side by side and above itself.
-      only: an axis, "x", "y" or "z", from which all faces are seen; "" = each from its own.
+      repeats: number of repeats in u and v.
+      only: an axis, "x", "y" or "z", along which all faces are projected; "" = each along its own.
     """
 
     repeats: tuple[float, float] = (1.0, 1.0)
@@ -106,18 +106,18 @@ class Fitted:
         extent = np.maximum(high - low, 1e-9)
         inside = (corners - (low + high)[:, None] / 2) / extent[:, None]
         u, v = _planar(inside, seen, axis)
-        # A border of half a texel or so: rounding must not fetch the opposite edge.
+        # A margin of about half a texel, so that rounding does not reach the opposite edge.
         return np.stack([0.5 + 0.99 * u, 0.5 + 0.99 * v], axis=2) * self.repeats
 
 
 @dataclasses.dataclass(frozen=True)
 class Wrapped:
-    """Wraps the texture round the part's vertical middle line, its centre toward +x.
+    """Wraps the texture around the vertical axis of the part, with its centre toward +x.
 
     Attributes:
-      repeats: how often around and upward.
-      low: height where the texture begins, as a part of the part's height.
-      high: where it ends.
+      repeats: number of repeats around and upward.
+      low: lower end of the texture, as a fraction of the height of the part.
+      high: upper end of the texture, likewise.
     """
 
     repeats: tuple[int, float] = (1, 1.0)
@@ -131,7 +131,7 @@ class Wrapped:
         away = corners[..., :2] - (low + high)[:, None, :2] / 2
         middle = away.mean(axis=1)
         centre = np.arctan2(middle[:, 1], middle[:, 0])[:, None]
-        # Each corner by its angle from the face's centre, so that no face spans the seam.
+        # Angles relative to the centre of each face, so that no face spans the seam.
         angle = np.arctan2(away[..., 1], away[..., 0]) - centre
         angle = (angle + np.pi) % (2 * np.pi) - np.pi
         angle[np.hypot(away[..., 0], away[..., 1]) < 1e-9] = 0

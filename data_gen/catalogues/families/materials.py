@@ -1,8 +1,8 @@
-"""Materials of procedural models, with textures and colours as they are found in nature and shops.
+"""Materials of procedural models, with natural textures and colours.
 
-Each function draws a material: its sort, its colour and a version of its texture. Hues follow those
-of the authors' images: six pixels in ten are grey, most of the others red to yellow, hardly any
-purple (`tests/bench/appearance.py` compares).
+Each function draws a material: its kind, its colour and a variant of its texture. The distribution
+of hues is that of the authors' images: 60 % of the pixels are grey, most others are red to yellow,
+almost none are purple (`tests/bench/appearance.py` compares them).
 """
 
 import colorsys
@@ -17,7 +17,7 @@ from data_gen.catalogues.families.mapping import Fitted, Tiled, UVMapping, Wrapp
 from data_gen.mesh import Material
 
 _HUES = (
-    # Degrees from and to, weight.
+    # Range in degrees, and weight.
     (-10, 15, 0.30),
     (15, 45, 0.27),
     (45, 65, 0.09),
@@ -63,26 +63,26 @@ _COLOURS: dict[str, tuple[tuple[float, float, float], ...]] = {
     ),
 }
 # fmt: on
-"""Mean colours of materials that occur in several."""
+"""Mean colours of the materials that have several."""
 
 _ONCE: UVMapping = Tiled()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TexturedMaterial(Material):
-    """A material that knows how its texture lies on a part, unless the part says otherwise."""
+    """A material with a texture mapping, which parts can override."""
 
     mapping: UVMapping = _ONCE
 
 
 def shade_of(rgb: Sequence[float], rng: np.random.Generator, spread: float = 0.08) -> Any:
-    """A colour a little lighter or darker than given."""
+    """A slightly lighter or darker colour."""
     factor = 1 + rng.uniform(-spread, spread)
     return tuple(float(np.clip(v * factor, 0, 1)) for v in rgb)
 
 
 def pick(rng: np.random.Generator, choices: Sequence[Any]) -> Any:
-    """One of the choices."""
+    """A uniformly drawn choice."""
     return choices[int(rng.integers(len(choices)))]
 
 
@@ -99,20 +99,20 @@ def lively(rng: np.random.Generator) -> tuple[float, float, float]:
 
 
 def muted(rng: np.random.Generator) -> tuple[float, float, float]:
-    """A colour of cloth and walls: little saturation, more often warm than cold."""
+    """A colour with low saturation, as of cloth and walls; more often warm than cold."""
     hue, saturation, value = colorsys.rgb_to_hsv(*lively(rng))
     return colorsys.hsv_to_rgb(hue, saturation * rng.uniform(0.25, 0.7), value)
 
 
 def grey(rng: np.random.Generator) -> tuple[float, float, float]:
-    """White, greys, black."""
+    """White, grey or black."""
     tone = float(pick(rng, (0.95, 0.9, 0.8, 0.7, 0.6, 0.5, 0.38, 0.26, 0.16, 0.09)))
     colour: tuple[float, float, float] = shade_of((tone, tone, tone), rng, 0.06)
     return colour
 
 
 def _colours(rng: np.random.Generator) -> list[Sequence[float]]:
-    """Four colours of a pattern that go together."""
+    """Four matching colours of a pattern."""
     ground = pick(rng, (grey, muted, muted, lively))(rng)
     figure = pick(rng, (lively, muted, grey))(rng)
     if abs(np.mean(ground) - np.mean(figure)) < 0.15:
@@ -120,11 +120,11 @@ def _colours(rng: np.random.Generator) -> list[Sequence[float]]:
     return [ground, figure, pick(rng, (muted, grey))(rng), lively(rng)]
 
 
-# --- Putting together -----------------------------------------------------------------------------
+# --- Textured materials -------------------------------------------------------------------------
 
 
 def _tiled(rng: np.random.Generator, texture: np.ndarray, along_grain: bool = False) -> Tiled:
-    """A mapping at one to 1.7 times the finest density."""
+    """A mapping with tiles of 1 to 1.7 times the smallest size."""
     finest = texture.shape[1] / textures.TEXELS_PER_RADIUS
     return Tiled(finest * rng.uniform(1.0, 1.7), along_grain)
 
@@ -137,7 +137,7 @@ def shaded(
     shininess: float = 20.0,
     name: str = "",
 ) -> TexturedMaterial:
-    """A material of a mean colour whose texture shades it."""
+    """A material with a given mean colour, modulated by a texture."""
     full = np.asarray(colour) / np.maximum(textures.mean_colour(texture), 0.05)
     diffuse = tuple(float(v) for v in np.clip(full, 0, 1))
     return TexturedMaterial(diffuse, (specular,) * 3, shininess, 1.0, texture, name, mapping)  # type: ignore[arg-type]
@@ -150,7 +150,7 @@ def pictured(
     shininess: float = 20.0,
     name: str = "",
 ) -> TexturedMaterial:
-    """A material with the texture's own colours."""
+    """A material with the colours of its texture."""
     return TexturedMaterial(
         (1.0, 1.0, 1.0), (specular,) * 3, shininess, 1.0, texture, name, mapping
     )
@@ -183,7 +183,7 @@ def metal(rng: np.random.Generator) -> Material:
 
 
 def paint(rng: np.random.Generator) -> Material:
-    """Vehicles' paint, grey or lively, with the seams of panels, dirt, or as new."""
+    """Paint of vehicles, grey or saturated, with panel seams, dirt, or clean."""
     colour = grey(rng) if rng.random() < 0.5 else lively(rng)
     kind = pick(rng, ("clean", "panels", "panels", "panels", "worn", "worn"))
     texture = textures.painted(kind, _variant(rng))
@@ -192,7 +192,7 @@ def paint(rng: np.random.Generator) -> Material:
 
 
 def lacquer(rng: np.random.Generator) -> Material:
-    """Painted furniture: white, greys, black, muted colours, now and then a lively one."""
+    """Painted furniture: white, greys, black, muted colours, sometimes saturated ones."""
     kind = rng.random()
     colour = grey(rng) if kind < 0.6 else muted(rng) if kind < 0.85 else lively(rng)
     sort = pick(rng, ("plain", "brush", "grain", "chipped"))
@@ -245,7 +245,7 @@ def plastic(rng: np.random.Generator) -> Material:
 
 
 def screen(rng: np.random.Generator) -> Material:
-    """A display, off or with a picture that fills the part."""
+    """A display, switched off or with an image that fills the part."""
     if rng.random() < 0.2:
         return Material((0.05, 0.05, 0.06), (0.5, 0.5, 0.5), 120.0, name="screen")
     texture = textures.screen(pick(rng, textures.SCREENS), _variant(rng))
@@ -258,7 +258,7 @@ def plain(rng: np.random.Generator) -> Material:
     return Material((tone,) * 3, (float(rng.uniform(0, 0.3)),) * 3, 30.0, name="plain")  # type: ignore[arg-type]
 
 
-# --- More of them ---------------------------------------------------------------------------------
+# --- Further materials ----------------------------------------------------------------------------
 
 
 def _of(
@@ -324,7 +324,7 @@ def tiles(rng: np.random.Generator) -> Material:
 
 
 def ceramic(rng: np.random.Generator) -> Material:
-    """Glazed or raw: of one colour, marbled, or with a pattern."""
+    """Ceramic: of one colour, marbled, or with a pattern."""
     kind = rng.random()
     if kind < 0.35:
         return Material(pick(rng, (grey, muted, lively))(rng), (0.5,) * 3, 70.0, name="ceramic")  # type: ignore[arg-type]
@@ -337,7 +337,7 @@ def ceramic(rng: np.random.Generator) -> Material:
 
 
 def terracotta(rng: np.random.Generator) -> Material:
-    """Raw clay."""
+    """Unglazed clay."""
     colours = ((0.62, 0.34, 0.2), (0.55, 0.3, 0.2), (0.7, 0.45, 0.3))
     return _of(rng, textures.stone("plaster", _variant(rng)), colours, "terracotta")
 
@@ -349,7 +349,7 @@ def wicker(rng: np.random.Generator) -> Material:
 
 
 def leaves(rng: np.random.Generator) -> Material:
-    """A surface of leaves."""
+    """Foliage."""
     return _of(rng, textures.foliage("leaves", _variant(rng)), _COLOURS["leaves"], "leaves")
 
 
@@ -361,7 +361,7 @@ def leaf(rng: np.random.Generator) -> Material:
 
 
 def bark(rng: np.random.Generator) -> Material:
-    """A trunk."""
+    """The bark of a trunk."""
     colours = ((0.33, 0.23, 0.15), (0.42, 0.34, 0.26), (0.25, 0.18, 0.13))
     return _of(rng, textures.foliage("bark", _variant(rng)), colours, "bark", along_grain=True)
 
@@ -379,7 +379,7 @@ def grass(rng: np.random.Generator) -> Material:
 
 
 def ground(rng: np.random.Generator, indoors: bool = False) -> Material:
-    """What an object stands on: lawn, earth, paving; indoors tiles, boards, a rug."""
+    """Ground: lawn, earth, paving; indoors tiles, boards or a rug."""
     kind = pick(
         rng, ("tiles", "wood", "carpet") if indoors else ("grass", "stone", "tiles", "soil")
     )
@@ -399,7 +399,7 @@ def carpet(rng: np.random.Generator) -> Material:
 
 
 def fur(rng: np.random.Generator) -> Material:
-    """An animal's coat: of one colour, or spotted."""
+    """The coat of an animal, of one colour or spotted."""
     if rng.random() < 0.3:
         one, two = pick(
             rng,
@@ -417,7 +417,7 @@ def fur(rng: np.random.Generator) -> Material:
 
 
 def camouflage(rng: np.random.Generator) -> Material:
-    """Green, sand, grey."""
+    """Camouflage in green, sand or grey."""
     colours = pick(
         rng,
         (
@@ -431,7 +431,7 @@ def camouflage(rng: np.random.Generator) -> Material:
 
 
 def plating(rng: np.random.Generator) -> Material:
-    """Machines: riveted plates, tread plate, panels with vents."""
+    """Metal of machines: riveted plates, tread plate, panels with vents."""
     texture = pick(
         rng,
         (
@@ -446,7 +446,7 @@ def plating(rng: np.random.Generator) -> Material:
 
 
 def mesh(rng: np.random.Generator) -> Material:
-    """A sheet with rows of holes, as of grilles."""
+    """Perforated sheet metal, as of grilles."""
     texture = textures.metal("mesh", 0)
     return _of(rng, texture, ((0.3, 0.3, 0.3), (0.14, 0.14, 0.14), (0.7, 0.7, 0.7)), "mesh", 0.3)
 
@@ -455,15 +455,15 @@ def facade(rng: np.random.Generator, kind: str, repeats: tuple[float, float]) ->
     """A wall with windows.
 
     Args:
-      rng: of what can be seen.
+      rng: the random generator.
       kind: see `textures.facade`.
-      repeats: how often its four by four windows fit on a part, across and upward.
+      repeats: number of repeats of its 4 x 4 windows on a part, across and upward.
     """
     return pictured(textures.facade(kind, _variant(rng)), Fitted(repeats), 0.15, 50.0, "facade")
 
 
 def label(rng: np.random.Generator, kind: str, mapping: UVMapping | None = None) -> Material:
-    """Print; `kind` as in `textures.label`."""
+    """A printed label; `kind` is described in `textures.label`."""
     return pictured(textures.label(kind, _variant(rng)), mapping or Fitted(), 0.2, 40.0, "label")
 
 

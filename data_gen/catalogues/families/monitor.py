@@ -1,4 +1,4 @@
-"""Screens: of the desk, the living room, the shop; flat, curved and with a tube."""
+"""Monitors, televisions, laptops and signs; flat, curved and with cathode-ray tubes."""
 
 from collections.abc import Callable
 
@@ -26,7 +26,7 @@ from data_gen.mesh import Material
 
 
 def _materials(kit: Kit) -> tuple[Material, Material]:
-    """Of the housing and of the screen."""
+    """Materials of the housing and of the screen."""
     return plastic(kit.rng), screen(kit.rng)
 
 
@@ -47,7 +47,7 @@ def _panel(
 
 
 def _stand(kit: Kit, body: Material, width: float, lift: float, reach: float, rise: float) -> None:
-    """A foot on the ground and a neck up to z = lift + rise, just behind x = 0."""
+    """A foot on the ground, and a neck behind x = 0 that ends at z = lift + rise."""
     style = kit.choose("stand", "plate", "disc", "vee", "ring", "bow", "block")
     thick = 0.012 * max(1.0, 1.5 * width)
     if style == "plate":
@@ -95,7 +95,7 @@ def _stand(kit: Kit, body: Material, width: float, lift: float, reach: float, ri
 
 
 def _desk(kit: Kit) -> None:
-    """Of a computer: any format, upright too, tilted, raised."""
+    """A computer monitor of any format, also in portrait orientation, tilted and raised."""
     body, glass = _materials(kit)
     width, aspect = kit.uniform("width", 0.35, 0.8), kit.uniform("aspect", 1.2, 1.95)
     if kit.chance("upright", 0.15):
@@ -207,7 +207,7 @@ def _tv(kit: Kit) -> None:
 
 
 def _tube(kit: Kit) -> None:
-    """A cathode-ray tube: of the computer, or a television, on a foot, on legs, in a cabinet."""
+    """A monitor or television with a cathode-ray tube, on a foot, on legs or in a cabinet."""
     body, glass = _materials(kit)
     width, aspect = kit.uniform("width", 0.34, 0.75), kit.uniform("aspect", 1.1, 1.4)
     height, deep = width / aspect, width * kit.uniform("tube_depth", 0.55, 1.1)
@@ -336,7 +336,7 @@ def _curved(kit: Kit) -> None:
 
     centre = lift + height / 2
     kit.add(body, face(1.0, height, 0.0, 0.03).at(z=centre))
-    # Far enough in front of the housing where it is most oblique.
+    # Far enough in front of the housing at its most oblique point.
     ahead = 0.016 * float(np.hypot(1, 2 * bend))
     kit.add(glass, face(0.97, height * 0.93, ahead - 0.004, 0.012).at(z=centre))
     kit.add(body, box(0.06, width * 0.3, height * 0.5, 0.02).at(-0.035, 0, centre))
@@ -408,7 +408,7 @@ def _dual(kit: Kit) -> None:
 
 
 def _all_in_one(kit: Kit) -> None:
-    """A computer in the foot or in the screen, an egg, with keyboard and mouse before it."""
+    """A computer in the foot, the screen or an egg-shaped case, with keyboard and mouse."""
     body, glass = _materials(kit)
     width = kit.uniform("width", 0.36, 0.65)
     height = width / kit.uniform("aspect", 1.2, 1.8)
@@ -646,5 +646,5 @@ _WEIGHTS = {"desk": 2, "tv": 3, "tube": 2}
 
 
 def monitor(kit: Kit) -> None:
-    """Nine kinds, see `KINDS`. Hidden: the hollow of the foot."""
+    """Nine subtypes, see `KINDS`. Hidden: the depth of the recess in the foot."""
     kit.build_subtype(KINDS, _WEIGHTS)

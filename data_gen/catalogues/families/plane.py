@@ -21,7 +21,7 @@ from data_gen.catalogues.families.plane_propellers import (
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 KINDS = {
     "airliner": airliner, "business": business, "turboprop": turboprop, "light": light,
@@ -32,11 +32,11 @@ KINDS = {
 
 GREYS = ((0.42, 0.45, 0.36), (0.36, 0.38, 0.3), (0.5, 0.52, 0.55), (0.62, 0.64, 0.68),
          (0.3, 0.32, 0.34), (0.55, 0.5, 0.4))
-"""Service paints."""
+"""Military colours."""
 
 
 def plane(kit: Kit) -> None:
-    """Planes of 13 kinds. Hidden: the depth of a bay in the belly."""
+    """Planes of 13 subtypes. Hidden: the depth of a bay in the belly."""
     kind = kit.choose("subtype", "airliner", "airliner", "fighter", "fighter", "light", "warbird",
                       *KINDS)
     grey = Material(pick(kit.rng, GREYS), (0.15,) * 3, 20.0, name="service paint")

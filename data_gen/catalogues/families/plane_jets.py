@@ -20,10 +20,10 @@ from data_gen.catalogues.solids import ball, box, lathe, rod
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 def airliner(kit: Kit, skin: Material, accent: Material) -> None:
-    """Two to four engines, under the wings or at the tail; single- and double-deckers."""
+    """Airliners with two to four engines, under the wings or at the tail; one or two decks."""
     layout = kit.choose("layout", "twin", "twin", "four", "rear", "three", "jumbo")
     wide = 3.0 if layout == "jumbo" else kit.uniform("radius", 1.5, 2.8)
     high = wide * (1.25 if layout == "jumbo" else kit.uniform("oval", 1.0, 1.1))
@@ -107,7 +107,7 @@ def business(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def fighter(kit: Kit, skin: Material, accent: Material) -> None:
-    """Jets: delta, swept, trapezoid, forward-swept wings; one or two fins and engines."""
+    """Fighter jets: delta, swept, trapezoid or forward-swept wings; one or two fins and engines."""
     form = kit.choose("planform", "delta", "swept", "trapezoid", "cropped_delta", "forward",
                       "straight")
     long, wide = kit.uniform("length", 12, 20), kit.uniform("radius", 0.06, 0.085)
@@ -186,7 +186,7 @@ def fighter(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def flying_wing(kit: Kit, skin: Material, accent: Material) -> None:
-    """All wing: bombers, drones; a hang glider's sail with its pilot."""
+    """Flying wings: bombers, drones; a hang glider with its pilot."""
     span, sweep = kit.uniform("span", 9, 24), kit.uniform("sweep", 22, 42)
     root = span * kit.uniform("root", 0.42, 0.62)
     z = 2.0
@@ -215,7 +215,7 @@ def flying_wing(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def supersonic(kit: Kit, skin: Material, accent: Material) -> None:
-    """Needle with an ogee delta, or a stubby space glider."""
+    """A supersonic airliner with an ogee delta wing, or a space glider."""
     if kit.chance("shuttle", 0.35):
         long, wide, z = 30.0, kit.uniform("radius", 2.4, 3.2), 4.2
         stations: list[Station] = [(15, 0.1, 0.1, z - 1), (14.3, wide * 0.5, wide * 0.5, z - 0.8),

@@ -1,4 +1,4 @@
-"""What planes are put together from. Lengths in metres, the nose toward +x."""
+"""Parts of planes. Lengths in metres, the nose toward +x."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from data_gen.catalogues.solids import box, lathe, loft, pane, rod
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 Station = tuple[float, float, float, float]
 """x, half width, half height, z of the centre."""
@@ -21,13 +21,13 @@ Station = tuple[float, float, float, float]
 def add_fuselage(
     kit: Kit, skin: Material, stations: Sequence[Station], power: float = 2.0, steps: int = 4
 ) -> None:
-    """A body of smooth sections. Hidden: how deep the bay in its belly is."""
+    """A smooth body. Hidden: the depth of the bay in its belly."""
     depth = kit.hide("bay_depth", 0.05, 0.9)
     sides, places = 24, bodies.between([s[0] for s in stations], steps)
     rows = through(stations, places)
     middle = stations[0][0] + 0.5 * (stations[-1][0] - stations[0][0])
     reach = 0.16 * abs(stations[0][0] - stations[-1][0])
-    # Where the belly rises, a camera before or behind the plane would look into the bay.
+    # Where the belly rises, a camera in front of or behind the plane would see into the bay.
     rise = np.abs(np.diff(rows[:, 2] - rows[:, 1]) / np.diff(places))
     rise = np.maximum(np.append(rise, np.inf), np.append(np.inf, rise))
     inside = (np.abs(places - middle) < reach) & (rise < 0.12)
@@ -36,7 +36,7 @@ def add_fuselage(
     rings = []
     for x, (w, h, z), here in zip(places, rows, inside, strict=True):
         outline = solids.superellipse(2 * w, 2 * h, power, sides)
-        # Doubled corners beside the keel are the bay's walls.
+        # Duplicated corners beside the keel are the walls of the bay.
         bay = np.repeat(outline, [2 if k in (17, 19) else 1 for k in range(sides)], axis=0)
         bay[18:21, 1] += depth * h * here
         rings.append(np.column_stack([np.full(len(bay), x), bay[:, 0], bay[:, 1] + z]))
@@ -48,14 +48,14 @@ def cigar_stations(long: float, wide: float, high: float, z: float, nose: float,
     """Stations of a fuselage: a round nose, a straight middle, a tail that rises.
 
     Args:
-      long: of the whole, around x = 0.
+      long: total length, centred at x = 0.
       wide: half width.
       high: half height.
       z: height of the axis.
       nose: length of the nose.
       tail: length of the tail.
-      lift: how far the tail's end is raised, in half heights.
-      end: size of the tail's end.
+      lift: rise of the end of the tail, in half heights.
+      end: size of the end of the tail, as a fraction.
     """
     front, rear = long / 2, -long / 2
     tip = [(1.0, 0.02, -0.25), (0.97, 0.28, -0.24), (0.85, 0.57, -0.18), (0.6, 0.82, -0.08),
@@ -73,20 +73,20 @@ def cigar_stations(long: float, wide: float, high: float, z: float, nose: float,
 def add_wings(kit: Kit, skin: Material, at: Sequence[float], half_span: float, chord: float, *,
               taper: float = 0.5, sweep: float = 0.0, dihedral: float = 0.0, thick: float = 0.11,
               kink: float = 0.0, elliptic: bool = False) -> np.ndarray:
-    """A pair of wings; returns the leading edge [N, 4] with the chords, root to tip, on +y.
+    """Adds a pair of wings; returns leading edge and chords [N, 4], from root to tip, on +y.
 
     Args:
-      kit: what they are added to.
-      skin: their material.
-      at: leading edge of the root: x, y, z.
-      half_span: from y = 0 to the tip.
-      chord: at the root.
+      kit: the model.
+      skin: material.
+      at: x, y, z of the leading edge at the root.
+      half_span: distance from y = 0 to the tip.
+      chord: chord at the root.
       taper: chord of the tip / of the root.
-      sweep: of the leading edge, degrees.
-      dihedral: degrees.
+      sweep: sweep of the leading edge, degrees.
+      dihedral: dihedral angle, degrees.
       thick: thickness / chord.
-      kink: how much deeper the chord is at the root than the straight line from 35 % outward.
-      elliptic: a round outline.
+      kink: relative increase of the chord at the root over the straight line from 35 % outward.
+      elliptic: whether the outline is elliptic.
     """
     share = np.array([0, 0.2, 0.35, 0.55, 0.75, 0.9, 0.97, 1.0] if elliptic
                      else [0, 0.35, 0.97, 1.0])
@@ -109,7 +109,7 @@ def add_wings(kit: Kit, skin: Material, at: Sequence[float], half_span: float, c
 
 def add_fin(kit: Kit, skin: Material, x: float, z: float, high: float, chord: float, *,
             taper: float = 0.5, sweep: float = 35.0, y: float = 0.0, cant: float = 0.0) -> None:
-    """An upright fin, or two (y > 0), canted outward by degrees."""
+    """A vertical fin, or two (y > 0) canted outward."""
     lean, back = high * np.tan(np.radians(cant)), high * np.tan(np.radians(sweep))
     rows = [(x, y, z, chord), (x - 0.95 * back, y + 0.95 * lean, z + 0.95 * high, chord * taper),
             (x - back - 0.15 * chord * taper, y + lean, z + high, chord * taper * 0.75)]
@@ -122,7 +122,7 @@ def add_fin(kit: Kit, skin: Material, x: float, z: float, high: float, chord: fl
 
 def add_nacelle(kit: Kit, skin: Material, x: float, y: float, z: float, radius: float,
                 long: float) -> None:
-    """A jet engine whose intake is at x; one on each side if y > 0."""
+    """A jet engine with its intake at x; one on each side if y > 0."""
     profile = [(0.92, 0), (1.0, -0.04), (1.05, -0.25), (0.95, -0.7), (0.72, -1.0), (0.6, -1.0),
                (0.5, -0.8), (0.2, -0.12), (0.78, -0.1), (0.84, -0.04)]
     shell = lathe([(r * radius, p * long) for r, p in profile], 20, loop=True)
@@ -150,7 +150,7 @@ def add_propeller(kit: Kit, accent: Material, x: float, y: float, z: float, radi
 
 def add_gear(kit: Kit, spots: Sequence[tuple[float, float, float]], radius: float,
              twin: bool = False) -> None:
-    """Legs down to wheels on z = 0 from (x, y, z); those with y > 0 on both sides."""
+    """Landing gear from (x, y, z) down to wheels on z = 0; on both sides if y > 0."""
     strut = CHROME
     for x, y, z in spots:
         parts = [(strut, rod((x, y, radius), (x, y, z), 0.28 * radius, 6))]
@@ -165,7 +165,7 @@ def add_gear(kit: Kit, spots: Sequence[tuple[float, float, float]], radius: floa
 
 
 def add_canopy(kit: Kit, x: float, long: float, wide: float, high: float, z: float) -> None:
-    """A bubble of glass, steeper in front, sunk into the body at z."""
+    """A bubble canopy, steeper in front, partly inside the body, at height z."""
     stations = [(x + 0.5 * long, 0.02, 0.02, z), (x + 0.42 * long, wide * 0.5, high * 0.42, z),
                 (x + 0.2 * long, wide * 0.92, high * 0.93, z), (x, wide, high, z),
                 (x - 0.3 * long, wide * 0.75, high * 0.72, z),
@@ -174,7 +174,7 @@ def add_canopy(kit: Kit, x: float, long: float, wide: float, high: float, z: flo
 
 
 def add_cockpit_band(kit: Kit, stations: Sequence[Station], start: float, end: float) -> None:
-    """Panes around the upper half of the nose, from 20 to 160 degrees."""
+    """Cockpit windows around the upper half of the nose, from 20 to 160 degrees."""
     angle = np.radians(np.linspace(20, 160, 11))
     rows = through(stations, np.linspace(start, end, 3))
     grid = [np.column_stack([np.full(11, x), 1.02 * w * np.cos(angle),
@@ -185,6 +185,6 @@ def add_cockpit_band(kit: Kit, stations: Sequence[Station], start: float, end: f
 
 def add_windows(kit: Kit, start: float, end: float, pitch: float, y: float, z: float,
                 size: float) -> None:
-    """A row of panes on each side."""
+    """A row of windows on each side."""
     for x in np.arange(min(start, end), max(start, end), pitch):
         kit.both(DARK_GLASS, box(size, 0.05 * y, size * 1.3).at(x, y * 0.965, z))

@@ -30,10 +30,10 @@ from data_gen.catalogues.solids import ball, box, pane, rod, tube
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 def turboprop(kit: Kit, skin: Material, accent: Material) -> None:
-    """High-winged transports and commuters, two or four engines."""
+    """High-wing transports and commuters, two or four engines."""
     long, wide = kit.uniform("length", 14, 34), kit.uniform("radius", 0.055, 0.075)
     wide *= long
     z = wide * 1.35
@@ -75,7 +75,7 @@ def turboprop(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def light(kit: Kit, skin: Material, accent: Material) -> None:
-    """Propeller planes for two to six: wing high, low or parasol; on wheels or floats."""
+    """Light propeller planes with a high, low or parasol wing, on wheels or floats."""
     place = kit.choose("wing", "high", "low", "high", "low", "parasol")
     floats = kit.chance("floats", 0.3 if place == "high" else 0.08)
     long, wide = kit.uniform("length", 6.0, 9.5), kit.uniform("radius", 0.5, 0.65)
@@ -148,7 +148,7 @@ def light(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def biplane(kit: Kit, skin: Material, accent: Material) -> None:
-    """Two wings or three, open cockpit, struts and wires; now and then on one long float."""
+    """Biplanes and triplanes with open cockpit, struts and wires; some on a float."""
     decks = kit.choose("decks", 2, 2, 2, 3)
     long, wide = kit.uniform("length", 5.6, 8.0), kit.uniform("radius", 0.4, 0.52)
     z, front = 1.45, 0.36 * long
@@ -203,7 +203,7 @@ def biplane(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def glider(kit: Kit, skin: Material, accent: Material) -> None:
-    """Sailplane, now and then with a propeller behind; very long wings."""
+    """Sailplanes with very long wings; some with a pusher propeller."""
     long, z = kit.uniform("length", 6.2, 8.2), 0.75
     front = 0.42 * long
     rear = front - long
@@ -307,7 +307,7 @@ def warbird(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def flying_boat(kit: Kit, skin: Material, accent: Material) -> None:
-    """A hull with a step, a high wing, engines on it or above it."""
+    """Flying boats: a hull with a step, a high wing, engines on it or above it."""
     long, wide = kit.uniform("length", 9, 28), kit.uniform("radius", 0.06, 0.085)
     wide *= long
     z = wide * 1.25
@@ -355,7 +355,7 @@ def flying_boat(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def helicopter(kit: Kit, skin: Material, accent: Material) -> None:
-    """A cabin under a rotor, or between two."""
+    """Helicopters with one or two rotors."""
     form = kit.choose("layout", "single", "single", "bubble", "tandem", "attack")
     long, z = kit.uniform("cabin", 3.0, 5.0), kit.uniform("height", 1.5, 1.9)
     wide = {"attack": 0.55, "bubble": 0.75}.get(form, kit.uniform("width", 0.85, 1.1))
@@ -435,7 +435,7 @@ def helicopter(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def ultralight(kit: Kit, skin: Material, accent: Material) -> None:
-    """A fabric sail on tubes: a trike with a propeller behind."""
+    """Ultralight trikes: a fabric wing on tubes, with a pusher propeller."""
     span, z = kit.uniform("span", 4.2, 5.4), kit.uniform("mast", 2.4, 3.0)
     nose, sweep = 1.5, kit.uniform("sweep", 22, 34)
     back = span * np.tan(np.radians(sweep))

@@ -9,7 +9,7 @@ from data_gen.catalogues.solids import ball, box, cylinder, lathe, rounded, stac
 
 
 def pot(kit: Kit, radius: float, height: float) -> float:
-    """A pot with soil around the origin; returns the soil's height."""
+    """Adds a pot with soil at the origin; returns the height of the soil."""
     skin = pick(
         kit.rng,
         (materials.terracotta, materials.ceramic, materials.stone, wood, materials.wicker, metal),
@@ -42,7 +42,7 @@ def pot(kit: Kit, radius: float, height: float) -> float:
 def _branches(
     kit: Kit, wooden: Material, base: float, height: float, radius: float, spread: float, count: int
 ) -> list[np.ndarray]:
-    """A trunk that forks; returns the tips."""
+    """Adds a branching trunk; returns the tips."""
     lean = kit.rng.normal(0, 0.05 * height, 2)
     fork = np.array([*lean, base + height * kit.rng.uniform(0.45, 0.65)])
     kit.add(
@@ -257,6 +257,6 @@ def plant(kit: Kit) -> None:
 
 
 def box_stand(kit: Kit) -> Material:
-    """What a pot may stand on."""
+    """Adds an optional support of the pot."""
     material: Material = pick(kit.rng, (wood, materials.tiles, materials.marble))(kit.rng)
     return material

@@ -16,7 +16,7 @@ from data_gen.catalogues.families import (
 from data_gen.catalogues.families.kit import Kit, fabric, lacquer, metal, pick, wood
 from data_gen.catalogues.solids import Solid, box, cylinder, lathe, pillow
 
-# Objects that would make more are left out.
+# Objects that would exceed this number of faces are left out.
 _MAX_FACES = 16_000
 
 Family = Callable[[Kit], None]
@@ -25,7 +25,7 @@ Family = Callable[[Kit], None]
 def _put(
     kit: Kit, family: Family, size: float, x: float, y: float, z: float, turn: float = 0.0
 ) -> None:
-    """An object of a family, its largest side `size` long, standing at a place."""
+    """Adds an object of a family at a position, scaled to a largest side of `size`."""
     inner = Kit(kit.rng, kit.rng)
     family(inner)
     low, high = inner.bounds()
@@ -65,7 +65,7 @@ def _table(kit: Kit, x: float, y: float, height: float) -> None:
 
 
 def _seat(kit: Kit, x: float, y: float, turn: float) -> None:
-    """A plain chair that looks toward +x before it is turned."""
+    """A plain chair, facing +x before its rotation."""
     frame, cover = kit.once("chair_frame", wood), kit.once("chair_cover", fabric)
     parts = [box(0.04, 0.04, 0.45).at(sx * 0.19, s * 0.19, 0.22) for sx in (-1, 1) for s in (-1, 1)]
     parts += [
@@ -178,7 +178,7 @@ def scene(kit: Kit) -> None:
         if kit.chance("rug", 0.6):
             kit.add(materials.carpet(rng), box(0.8, 1.2, 0.02).at(0.6, 0.3, 0.01))
     elif kind == "boxes":
-        # A rack of pallets, so that what stands above does not depend on what is below.
+        # A rack of pallets, so that the upper objects do not depend on the lower ones.
         board, post = wood(rng), metal(rng)
         rows, wide, gap = kit.choose("rows", 1, 2, 3), kit.choose("columns", 2, 3), 1.05
         for row in range(rows):

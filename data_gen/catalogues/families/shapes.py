@@ -1,4 +1,4 @@
-"""Shapes that several of the extra families are made of."""
+"""Shapes that several of the extra families use."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from data_gen.catalogues.solids import Solid, lathe, smooth_path, stack, tube
 
 
 def oval(x: float, y: float, sides: int = 20) -> np.ndarray:
-    """Outline [sides, 2] of an ellipse of these lengths."""
+    """Outline [sides, 2] of an ellipse with these diameters."""
     angle = np.arange(sides) / sides * 2 * np.pi
     return np.stack([x / 2 * np.cos(angle), y / 2 * np.sin(angle)], axis=1)
 
@@ -24,13 +24,13 @@ def curve(points: Sequence[tuple[float, float]], steps: int = 5) -> list[tuple[f
 def vessel(
     outside: Sequence[tuple[float, float]], wall: float, floor: float, sides: int = 28
 ) -> Solid:
-    """A round vessel, open on top.
+    """A round vessel, open at the top.
 
     Args:
-      outside: (radius, z) from the foot to the rim.
-      wall: its thickness.
-      floor: height of the bottom inside.
-      sides: of the circle.
+      outside: profile (radius, z) from the foot to the rim.
+      wall: thickness of the wall.
+      floor: height of the inner bottom.
+      sides: number of sides of the circle.
     """
     inside = [(max(r - wall, 0.002), z) for r, z in outside if z > floor][::-1]
     last = inside[-1][0] if inside else 0.002
@@ -38,21 +38,21 @@ def vessel(
 
 
 def swept(points: Sequence[Any], radii: Sequence[float], sides: int = 10, steps: int = 4) -> Solid:
-    """A limb: a round bar along a smooth curve through points whose radius changes, too."""
+    """A limb: a round bar of varying radius along a smooth curve through points."""
     path = smooth_path(points, steps)
     place = np.linspace(0, len(radii) - 1, len(path))
     return tube(path, np.interp(place, np.arange(len(radii)), radii).tolist(), sides)
 
 
 def bar(start: Any, end: Any, radius: float, sides: int = 8) -> Solid:
-    """`solids.rod` between points of any kind."""
+    """`solids.rod` between points given as any sequence."""
     return tube(np.asarray([start, end], float), radius, sides)
 
 
 def trunk(
     sections: Sequence[tuple[float, float, float, float]], sides: int = 16, steps: int = 3
 ) -> Solid:
-    """A body along x: sections of (x, z of the middle, width along y, height along z)."""
+    """A body along x through sections of (x, z of the centre, width along y, height along z)."""
     path = smooth_path([s[:3] for s in sections], steps)
     high = np.interp(
         np.linspace(0, 1, len(path)), np.linspace(0, 1, len(sections)), [s[3] for s in sections]
@@ -75,13 +75,13 @@ def trunk(
 def upright(
     sections: Sequence[tuple[float, float, float]], sides: int = 18, steps: int = 3
 ) -> Solid:
-    """A body along z: sections of (z, length along x, width along y), oval."""
+    """A body along z through oval sections of (z, length along x, width along y)."""
     path = smooth_path(sections, steps)
     return stack([(oval(max(x, 0.002), max(y, 0.002), sides), z) for z, x, y in path])
 
 
 def gable(x: float, y: float, height: float, overhang: float, thick: float) -> tuple[Solid, Solid]:
-    """The two sides of a roof with its ridge along x over a house of these lengths, eaves at 0."""
+    """The two sides of a gable roof with its ridge along x and its eaves at z = 0."""
     slope = height / (y / 2)
     edge = y / 2 + overhang
     outline = [
@@ -100,11 +100,11 @@ def heap(
     """Leaves that arch outward from the origin, each a closed thin strip.
 
     Args:
-      rng: of their directions and sizes.
-      count: of leaves.
-      length: of the longest.
+      rng: generator of directions and sizes.
+      count: number of leaves.
+      length: length of the longest leaf.
       wide: width of a leaf at its middle.
-      curl: how far they bend down, 0 = straight.
+      curl: downward bend, 0 = straight.
     """
     result = []
     t = np.linspace(0, 1, 8)
@@ -126,7 +126,7 @@ def heap(
 def blob(
     rng: np.random.Generator, x: float, y: float, z: float, rough: float = 0.18, sides: int = 14
 ) -> Solid:
-    """An ellipsoid of these lengths with dents and bumps, as of a crown of leaves."""
+    """An irregular ellipsoid, for the crown of a tree."""
     ball = solids.ball(1, 1, 1, sides)
     waves = rng.normal(0, 3.2, (5, 3))
     phase = rng.uniform(0, 2 * np.pi, 5)

@@ -1,4 +1,4 @@
-"""Loudspeakers: boxes, columns, horns, balls, alone and in sets."""
+"""Loudspeakers: boxes, columns, horns and spheres, alone and in sets."""
 
 from collections.abc import Callable
 
@@ -35,12 +35,12 @@ CONES = (
 
 
 def _materials(kit: Kit) -> tuple[Material, Material]:
-    """Of the cabinet and of the cones."""
+    """Materials of the cabinet and of the cones."""
     return pick(kit.rng, (wood, wood, plastic, lacquer, paint))(kit.rng), pick(kit.rng, CONES)
 
 
 def driver(cone: Material, radius: float) -> list[tuple[Material, Solid]]:
-    """A chassis that faces +x, its plane at x = 0."""
+    """A driver that faces +x, with its plane at x = 0."""
     d = 0.1 * radius + 0.003
     outer, soft = 0.9 * radius, 0.8 * radius
     ring = [(outer, 0), (radius, 0), (radius, d), (0.93 * radius, 1.3 * d), (outer, d)]
@@ -60,7 +60,7 @@ def _drivers(
     kit: Kit, cone: Material, x: float, y: float, low: float, width: float, height: float,
     count: int,
 ) -> None:  # fmt: skip
-    """Woofers from below upward and a tweeter above them, on a front of this width and height."""
+    """Adds woofers and a tweeter above them to a front of this width and height."""
     r = min(width * 0.42, 0.42 * height * 0.72 / max(count, 1))
     pitch = min(2.2 * r, height * 0.72 / max(count, 1))
     for k in range(count):
@@ -75,7 +75,7 @@ def _drivers(
 def _cabinet(
     kit: Kit, body: Material, depth: float, width: float, height: float, lift: float = 0.0
 ) -> None:
-    """A closed box, its underside hollow; or one open at the back (`open_speaker`)."""
+    """A closed box with a recess in its underside, or a box with an open back (`open_speaker`)."""
     if kit.visible.get("open_back"):
         back = kit.hide("back_recess", 0.0, 0.75) * depth
         kit.add(body, case(depth, width, height, 0.015, back).at(z=lift))
@@ -85,7 +85,7 @@ def _cabinet(
     taper = kit.choose("taper", 0.0, 0.0, 0.0, 0.25)
     flat = solids.rounded(depth, width, corner, 3)
     if taper:
-        # Narrower toward the rear.
+        # Tapered toward the rear.
         flat = flat * np.stack([np.ones(len(flat)), 1 - taper * (0.5 - flat[:, 0] / depth)], axis=1)
     levels = [(flat, 0.0), (flat, height - 0.006), (flat * 0.985, height)]
     kit.add(body, hollows.body(kit, levels, min(0.06, 0.3 * height)).at(z=lift))
@@ -100,7 +100,7 @@ def _cabinet(
 
 
 def _grille(kit: Kit, depth: float, width: float, height: float, lift: float) -> bool:
-    """Cloth over the front, perhaps; whether it hides the chassis."""
+    """Adds cloth over the front with some probability; returns whether it hides the drivers."""
     if kit.chance("covered", 0.2):
         kit.add(
             GRILLE,
@@ -172,8 +172,8 @@ def _tripod(
 
     Args:
       kit: the model.
-      material: of legs and braces.
-      height: of the column; the legs begin at half of it.
+      material: material of legs and braces.
+      height: height of the column; the legs begin at half of it.
       leg: reach over `height`, height of the foot, radius.
       brace: height at the column and reach, both over `height`, and radius.
     """
@@ -224,7 +224,7 @@ def _on_stand(kit: Kit) -> None:
 
 
 def _subwoofer(kit: Kit) -> None:
-    """A cube or a drum with one large chassis, in front or below."""
+    """A subwoofer: a cube or a drum with one large driver, in front or below."""
     body, cone = _materials(kit)
     size = kit.uniform("size", 0.28, 0.5)
     lift = kit.uniform("lift", 0.02, 0.1)
@@ -306,7 +306,7 @@ def _bar(kit: Kit) -> None:
 
 
 def _stage(kit: Kit) -> None:
-    """Of the stage: a horn above a woofer; on a pole, on wheels, stacked, or a wedge."""
+    """A stage speaker: a horn above a woofer; on a pole, on wheels, or stacked."""
     body = BLACK if kit.chance("black", 0.6) else _materials(kit)[0]
     cone = pick(kit.rng, CONES[:2])
     width, height, depth = (
@@ -347,7 +347,7 @@ def _stage(kit: Kit) -> None:
 
 
 def _wedge(kit: Kit) -> None:
-    """A floor monitor: its front leans back."""
+    """A floor monitor, with a front that leans back."""
     body = BLACK if kit.chance("black", 0.6) else _materials(kit)[0]
     cone = pick(kit.rng, CONES)
     width, depth = kit.uniform("width", 0.4, 0.75), kit.uniform("depth", 0.35, 0.6)
@@ -783,7 +783,7 @@ def _panel(kit: Kit) -> None:
             box(0.06, 0.1, 0.04).at(0, r * 0.8, deep * 0.6),
         )
         return
-    # A body rolled up like a snail's shell.
+    # A spiral body.
     a = np.linspace(0.6, 3.2 * np.pi, 44)
     spiral = 0.05 + 0.035 * a
     path = np.stack([0 * a, spiral * np.cos(a), spiral * np.sin(a)], axis=1)
@@ -818,15 +818,15 @@ KINDS: dict[str, Callable[[Kit], None]] = {
 _WEIGHTS = {"tower": 2, "bookshelf": 2}
 
 CASES = ("tower", "bookshelf", "on_stand", "stage")
-"""The kinds whose back can be open."""
+"""The subtypes that can have an open back."""
 
 
 def speaker(kit: Kit) -> None:
-    """Twelve kinds, see `KINDS`. Hidden: the hollow below."""
+    """Twelve subtypes, see `KINDS`. Hidden: the depth of the recess in the underside."""
     kit.build_subtype(KINDS, _WEIGHTS)
 
 
 def open_speaker(kit: Kit) -> None:
-    """A speaker whose back panel stands in: `CASES` of `KINDS`. Hidden: how far in."""
+    """A speaker with a recessed back panel: `CASES` of `KINDS`. Hidden: the depth of the recess."""
     kit.visible["open_back"] = True
     kit.build_subtype({name: KINDS[name] for name in CASES})

@@ -1,4 +1,4 @@
-"""Tables: what they stand on, how their tops are cut, and what they are for."""
+"""Tables of many kinds, with random supports and tops."""
 
 from collections.abc import Callable
 
@@ -30,7 +30,7 @@ Outline = Callable[[float], np.ndarray]
 
 
 def _materials(kit: Kit) -> tuple[Material, Material]:
-    """Of the top and of what carries it."""
+    """Materials of the top and of its supports."""
     main = pick(kit.rng, (wood, wood, lacquer))(kit.rng)
     return main, main if kit.rng.random() < 0.5 else metal(kit.rng)
 
@@ -40,7 +40,7 @@ def _oval(x: float, y: float, power: float = 2.0) -> Outline:
 
 
 def _kidney(x: float, y: float, bite: float) -> Outline:
-    """An oval of these lengths with a bite taken out of its side at -x."""
+    """A kidney-shaped outline: an oval with an indentation at -x."""
     oval = solids.superellipse(x, y, 2.3, 48)
     dent = np.exp(-((oval[:, 1] / (0.25 * y)) ** 2)) * (oval[:, 0] < 0)
     shape = oval + np.stack([dent * bite * x, 0 * dent], axis=1)
@@ -48,7 +48,7 @@ def _kidney(x: float, y: float, bite: float) -> Outline:
 
 
 def _top(kit: Kit, material: Material, outline: Outline, thick: float, height: float) -> float:
-    """Adds a top whose upper face is at `height`, and returns where its lower face is."""
+    """Adds a top whose upper face is at `height`; returns the height of its lower face."""
     if kit.chance("glass_top", 0.2):
         pane = 0.016
         kit.add(GLASS, solids.stack([(outline(0.0), height - pane), (outline(0.0), height)]))
@@ -56,7 +56,7 @@ def _top(kit: Kit, material: Material, outline: Outline, thick: float, height: f
         inner = outline(0.1 * float(np.ptp(outline(0.0)[:, 0])))
         centre = inner.mean(axis=0)
         inside = centre + 0.9 * (inner - centre)
-        # An open ring of rails, and a plate in it whose underside is hollow.
+        # An open frame of rails, and a plate in it with a recess in its underside.
         low = height - pane - rail
         ring = [
             np.column_stack([ring_, np.full(len(ring_), z)])
@@ -71,7 +71,7 @@ def _top(kit: Kit, material: Material, outline: Outline, thick: float, height: f
 
 
 def _size(kit: Kit) -> tuple[float, float, float, float]:
-    """Depth, length, height and thickness of a table to sit at."""
+    """Depth, length, height and thickness of a dining table."""
     return (
         kit.uniform("depth", 0.6, 1.1),
         kit.uniform("length", 0.8, 2.4),
@@ -94,7 +94,7 @@ def _dining(kit: Kit) -> None:
 
 
 def _stretcher(kit: Kit) -> None:
-    """A heavy table with turned or square legs and rails near the floor."""
+    """A heavy table with turned or square legs and stretchers near the floor."""
     main = wood(kit.rng)
     depth, length, height, thick = _size(kit)
     under = _top(kit, main, rect(depth, length, 0.01), max(thick, 0.06), height)
@@ -210,7 +210,7 @@ def _double_pedestal(kit: Kit) -> None:
 
 
 def _freeform(kit: Kit) -> None:
-    """A kidney or an oval on legs of its own outline, or on crossing boards."""
+    """A kidney-shaped or oval table on legs along its outline, or on crossing boards."""
     main, frame = _materials(kit)
     length = kit.uniform("length", 0.9, 1.9)
     depth = length * kit.uniform("ratio", 0.45, 0.75)
@@ -276,7 +276,7 @@ def _coffee(kit: Kit) -> None:
 
 
 def _side(kit: Kit) -> None:
-    """A small high table: for a telephone, a plant, beside a bed."""
+    """A small high table, such as a plant stand or a bedside table."""
     main, frame = _materials(kit)
     wide, height = kit.uniform("width", 0.3, 0.55), kit.uniform("height", 0.45, 0.95)
     outline = disc(wide / 2, 32) if kit.chance("round", 0.4) else rect(wide, wide, 0.02)
@@ -301,7 +301,7 @@ def _drawers(
     size: tuple[float, float, tuple[float, float]],
     count: int,
 ) -> None:
-    """A stack of drawers whose box is centred on (x, y) and hangs from size[2][1] to [0]."""
+    """A stack of drawers centred at (x, y), from z = size[2][0] to size[2][1]."""
     deep, wide, (low, high) = size[0], size[1], size[2]
     kit.add(main, box(deep, wide, high - low, 0.004).at(x, y, (low + high) / 2))
     pitch = (high - low) / count
@@ -361,7 +361,7 @@ def _desk(kit: Kit) -> None:
 
 
 def _panel_desk(kit: Kit) -> None:
-    """A counter-like desk with a front panel. Hidden: what stands behind it."""
+    """A desk with a front panel. Hidden: the drawers behind it."""
     main, frame = _materials(kit)
     depth, length, height, _ = _size(kit)
     thick = 0.06
@@ -370,8 +370,8 @@ def _panel_desk(kit: Kit) -> None:
     )
     under = height - thick + 0.002
     kit.both(frame, box(depth * 0.94, 0.03, under, 0.004).at(0, length / 2 - 0.03, under / 2))
-    # Under the front panel the sight goes down to the floor: what hangs behind it, no lower than
-    # its edge, cannot be seen.
+    # Seen from the front, parts behind the panel are invisible if they do not reach below its
+    # edge, because cameras are above the horizon.
     edge = under * kit.uniform("panel_edge", 0.25, 0.5)
     kit.add(main, box(0.025, length - 0.06, under - edge).at(depth * 0.36, 0, (under + edge) / 2))
     count = kit.hide_count("pedestals", 3)
@@ -420,7 +420,7 @@ def _corner_desk(kit: Kit) -> None:
 
 
 def _nest(kit: Kit) -> None:
-    """Tables of three sizes, pulled out from under each other."""
+    """Nested tables of three sizes, pulled apart."""
     main, frame = _materials(kit)
     depth, length = kit.uniform("depth", 0.35, 0.5), kit.uniform("length", 0.5, 0.75)
     height, step = kit.uniform("height", 0.45, 0.6), kit.uniform("step", 0.2, 0.8)
@@ -443,7 +443,7 @@ def _nest(kit: Kit) -> None:
 
 
 def _picnic(kit: Kit) -> None:
-    """A table with two benches on one frame."""
+    """A picnic table with two benches on a common frame."""
     main = pick(kit.rng, (wood, wood, lacquer))(kit.rng)
     frame = legs.metal_or(kit, main, metal)
     length, height = kit.uniform("length", 1.2, 2.2), kit.uniform("height", 0.7, 0.78)
@@ -464,7 +464,7 @@ def _picnic(kit: Kit) -> None:
 
 
 def _console(kit: Kit) -> None:
-    """Long, narrow, high, for a wall."""
+    """A console table: long, narrow and high."""
     main, frame = _materials(kit)
     length, depth = kit.uniform("length", 0.9, 1.7), kit.uniform("depth", 0.26, 0.42)
     height = kit.uniform("height", 0.72, 1.0)
@@ -509,7 +509,7 @@ def _console(kit: Kit) -> None:
 
 
 def _games(kit: Kit) -> None:
-    """Billiards on stout legs, or ping-pong with its net."""
+    """A billiard table, or a table-tennis table with its net."""
     if kit.chance("billiard", 0.6):
         main, cloth = wood(kit.rng), fabric(kit.rng)
         length = kit.uniform("length", 2.0, 2.8)
@@ -570,7 +570,7 @@ def _games(kit: Kit) -> None:
 
 
 def _drafting(kit: Kit) -> None:
-    """A board that tilts on a stand."""
+    """A drafting table with a tilted board."""
     main, frame = pick(kit.rng, (wood, lacquer))(kit.rng), metal(kit.rng)
     depth, length = kit.uniform("depth", 0.6, 0.85), kit.uniform("length", 0.9, 1.4)
     height, tip = kit.uniform("height", 0.8, 1.0), kit.uniform("tip", 15, 50)
@@ -589,7 +589,7 @@ def _drafting(kit: Kit) -> None:
 
 
 def _folding(kit: Kit) -> None:
-    """Crossed legs below a light top."""
+    """A folding table with crossed legs."""
     main, frame = _materials(kit)
     depth, length = kit.uniform("depth", 0.4, 0.8), kit.uniform("length", 0.6, 1.8)
     height = kit.uniform("height", 0.5, 0.76)
@@ -603,7 +603,7 @@ def _folding(kit: Kit) -> None:
     under = height - thick
     r = kit.uniform("rod", 0.01, 0.02)
     if kit.chance("across", 0.5):
-        # The legs cross at the ends, seen from the side.
+        # The legs cross at both ends of the table.
         for y, flip in ((length * 0.42, 1), (length * 0.38, -1)):
             kit.both(frame, rod((-flip * depth * 0.45, y, r), (flip * depth * 0.45, y, under), r))
             kit.add(frame, rod((-flip * depth * 0.45, -y, r), (-flip * depth * 0.45, y, r), r))
@@ -679,7 +679,7 @@ def _with_chairs(kit: Kit) -> None:
 
 
 def _workbench(kit: Kit) -> None:
-    """Thick top, shelf, vice, or a trolley on wheels."""
+    """A workbench with thick top, shelf and vice, or a trolley on wheels."""
     main = wood(kit.rng)
     frame = legs.metal_or(kit, main, metal, paint)
     depth, length = kit.uniform("depth", 0.5, 0.8), kit.uniform("length", 0.8, 1.8)
@@ -733,5 +733,5 @@ _WEIGHTS = {"dining": 4, "coffee": 2, "desk": 2, "pedestal": 2}
 
 
 def table(kit: Kit) -> None:
-    """Nineteen kinds, see `KINDS`. Hidden: the hollow under the top, or what a panel covers."""
+    """Nineteen subtypes, see `KINDS`. Hidden: the recess under the top, or parts behind a panel."""
     kit.build_subtype(KINDS, _WEIGHTS)

@@ -1,12 +1,12 @@
-"""Textures made by arithmetic: uint8 RGBA that tiles, small, the same for the same arguments.
+"""Procedural textures: small periodic uint8 RGBA arrays, determined by their arguments.
 
-Two sorts. A *shade* has the reflectance of a surface relative to its brightest part; a material's
-diffuse colour multiplies it (wood, weave, leather, metal, stone). A *picture* has colours of its
-own (screens, labels, carpets). Both are cached: `variant` counts the random versions of a kind, and
-the few that there are serve all models of a process.
+There are two sorts. A *shade* is the reflectance of a surface relative to its brightest part and is
+multiplied by the diffuse colour of the material (wood, weave, leather, metal, stone). A *picture*
+has its own colours (screens, labels, carpets). Both are cached: `variant` is the number of a random
+version, and all models of a process share the few versions.
 
-A texture repeats over `size / TEXELS_PER_RADIUS` radii of the model at the finest. Seen by the
-default camera, that is 1.3 texels a pixel, which the samples of a pixel smooth without moiré.
+The smallest period of a texture is `size / TEXELS_PER_RADIUS` radii of the model. With the default
+camera this is 1.3 texels per pixel, which the samples of a pixel smooth without moiré.
 """
 
 import functools
@@ -17,10 +17,10 @@ from collections.abc import Sequence
 import numpy as np
 
 VARIANTS = 8
-"""Random versions of each kind of texture."""
+"""Number of random versions of each kind of texture."""
 
 TEXELS_PER_RADIUS = 145.0
-"""Finest density at which a texture is used."""
+"""Highest density at which a texture is used."""
 
 Colour = Sequence[float] | np.ndarray
 
@@ -34,7 +34,7 @@ def _rng(kind: str, variant: int) -> np.random.Generator:
 def _noise(
     rng: np.random.Generator, rows: float, columns: float, size: int | tuple[int, int] = _SIZE
 ) -> np.ndarray:
-    """Noise that tiles, mean 0, deviation 1, blurred by so many texels along each axis."""
+    """Periodic noise with mean 0 and standard deviation 1, blurred along each axis."""
     height, width = (size, size) if isinstance(size, int) else size
     spectrum = np.fft.rfft2(rng.standard_normal((height, width)))
     fy, fx = np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width)
@@ -45,7 +45,7 @@ def _noise(
 
 
 def _fractal(rng: np.random.Generator, coarse: float = 16.0, size: int = _SIZE) -> np.ndarray:
-    """Noise of many scales, mean 0, deviation about 1."""
+    """Noise of many scales, with mean 0 and standard deviation about 1."""
     total = sum(0.6**k * _noise(rng, coarse / 2**k, coarse / 2**k, size) for k in range(4))
     return np.asarray(total / np.std(total))
 
@@ -57,7 +57,7 @@ def _grid(size: int = _SIZE) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _texture(colour: np.ndarray, alpha: np.ndarray | None = None) -> np.ndarray:
-    """Values [H, W] or [H, W, 3] in [0, 1] as a texture that cannot be written to."""
+    """Values [H, W] or [H, W, 3] in [0, 1] as a read-only texture."""
     rgb = colour if colour.ndim == 3 else np.repeat(colour[..., None], 3, axis=2)
     result = np.full((*rgb.shape[:2], 4), 255, np.uint8)
     result[..., :3] = np.rint(255 * np.clip(rgb, 0, 1))
@@ -82,7 +82,7 @@ def wood(kind: str, variant: int) -> np.ndarray:
     Args:
       kind: "straight", "cathedral" (wide, bent rings), "planks" (boards with seams), or "veneer"
         (fine and even).
-      variant: see the module.
+      variant: number of the random version.
     """
     rng = _rng("wood " + kind, variant)
     row, _ = _grid()
@@ -104,7 +104,7 @@ def wood(kind: str, variant: int) -> np.ndarray:
             board[:, int(rng.integers(_SIZE))] += 0.4
             dark[low:high] = board
     dark = dark - np.percentile(dark, 3)
-    # Where wood is darker, it is redder.
+    # Darker parts of wood are redder.
     return _texture(1 - dark[..., None] * [0.85, 1.0, 1.15])
 
 
@@ -186,7 +186,7 @@ def painted(kind: str, variant: int) -> np.ndarray:
     Args:
       kind: "clean", "panels" (seams, small hatches and vents), "worn" (scratches, dirt that runs
         down), "chipped" (bare spots), or "brush" (brush marks along the columns).
-      variant: see the module.
+      variant: number of the random version.
     """
     rng = _rng("painted " + kind, variant)
     shade = 0.96 + 0.015 * _noise(rng, 14, 14)
@@ -248,7 +248,7 @@ def stone(kind: str, variant: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=64)
 def masonry(kind: str, variant: int) -> np.ndarray:
-    """Courses: "brick", "blocks", "tiles" (square), "roof" (rows of tiles) or "shingles".
+    """Masonry: "brick", "blocks", "tiles" (square), "roof" (rows of tiles) or "shingles".
 
     Rows run along the columns of the texture. The joints of bricks are lighter than the bricks.
     """
@@ -277,7 +277,7 @@ def masonry(kind: str, variant: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=32)
 def foliage(kind: str, variant: int) -> np.ndarray:
-    """What grows: "leaves", "grass", "soil"; along the columns "bark", "fur", "straw"."""
+    """Plants, soil and fur: "leaves", "grass", "soil"; along the columns "bark", "fur", "straw"."""
     rng = _rng("foliage " + kind, variant)
     if kind == "leaves":
         top = np.full((_SIZE, _SIZE), 0.25)
@@ -304,7 +304,7 @@ def foliage(kind: str, variant: int) -> np.ndarray:
     return _texture(0.8 + 0.1 * _noise(rng, 0.7, 4) + 0.1 * _fractal(rng, 20))
 
 
-# --- Patterns: a number of the palette for each texel ---------------------------------------------
+# --- Patterns: an index of the palette for each texel ---------------------------------------------
 
 PATTERNS = ("stripes", "pinstripes", "tartan", "gingham", "dots", "flowers", "leaves", "diamonds",
             "zigzag", "damask", "camouflage")  # fmt: skip
@@ -312,7 +312,7 @@ PATTERNS = ("stripes", "pinstripes", "tartan", "gingham", "dots", "flowers", "le
 
 @functools.lru_cache(maxsize=96)
 def _pattern(kind: str, variant: int) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the palette's colours [H, W], 0 to 3, and a shade [H, W]."""
+    """Indices of the palette [H, W], 0 to 3, and a shade [H, W]."""
     rng = _rng("pattern " + kind, variant)
     row, column = _grid()
     i, j = np.mgrid[:_SIZE, :_SIZE]
@@ -380,8 +380,8 @@ def pattern(kind: str, variant: int, colours: Sequence[Colour]) -> np.ndarray:
 
     Args:
       kind: one of `PATTERNS`.
-      variant: see the module.
-      colours: four: ground, figure, second figure, accent.
+      variant: number of the random version.
+      colours: the palette of four: ground, figure, second figure, accent.
     """
     number, shade = _pattern(kind, variant)
     return _texture(np.asarray(colours, float)[number] * shade[..., None])
@@ -399,7 +399,7 @@ def _lines(
     wide: int,
     ink: Colour,
 ) -> None:
-    """Fills a part of a picture with lines of words."""
+    """Fills a part of an image with lines of text."""
     for line in range(top, top + high - 2, 4):
         place, end = left, left + int(wide * rng.uniform(0.55, 1.0))
         while place < end - 2:
@@ -409,7 +409,7 @@ def _lines(
 
 
 def _landscape(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
-    """Sky, hills and a foreground."""
+    """A landscape: sky, hills and a foreground."""
     row = np.linspace(0, 1, height)[:, None, None]
     sky = rng.choice(3)
     high = np.array([(0.25, 0.45, 0.8), (0.75, 0.45, 0.3), (0.55, 0.6, 0.68)])[sky]
@@ -437,7 +437,7 @@ SCREENS = ("desktop", "document", "landscape", "sheet", "code", "icons", "film",
 
 @functools.lru_cache(maxsize=96)
 def screen(kind: str, variant: int) -> np.ndarray:
-    """What a display shows: one of `SCREENS`."""
+    """The image on a display: one of `SCREENS`."""
     rng = _rng("screen " + kind, variant)
     height, width = 112, 160
     bar = np.array([(0.2, 0.35, 0.65), (0.75, 0.75, 0.77), (0.15, 0.15, 0.17)])[rng.choice(3)]
@@ -567,7 +567,7 @@ def label(kind: str, variant: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=32)
 def carpet(variant: int) -> np.ndarray:
-    """A rug with borders and a figure in its middle."""
+    """A rug with borders and a figure in the middle."""
     rng = _rng("carpet", variant)
     palette = np.array(
         [(0.45, 0.1, 0.09), (0.13, 0.16, 0.32), (0.76, 0.66, 0.48), (0.3, 0.22, 0.14),
@@ -628,7 +628,7 @@ def facade(kind: str, variant: int) -> np.ndarray:
 
 
 def livery(variant: int, ground: Colour, accent: Colour) -> np.ndarray:
-    """Bands along the columns and a number in a field, for the sides of a vehicle; to be fitted."""
+    """Bands along the columns and a number in a field, for the sides of a vehicle (mapped once)."""
     rng = _rng("livery", variant)
     page = np.zeros((96, 192, 3)) + np.asarray(ground)
     kind = rng.choice(4)

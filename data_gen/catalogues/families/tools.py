@@ -31,7 +31,7 @@ from data_gen.catalogues.solids import (
 
 
 def _grip(kit: Kit, length: float, thick: float) -> Solid:
-    """A handle along y that begins at 0 and goes to -length."""
+    """A handle along y, from 0 to -length."""
     belly = kit.uniform("grip_belly", 1.0, 1.35)
     path = [(0, 0, 0), (0, -0.35 * length, 0), (0, -0.7 * length, 0), (0, -length, 0)]
     return shapes.swept(path, [thick * 0.85, thick * belly, thick, thick * 1.05], 12)
@@ -316,7 +316,7 @@ def tool(kit: Kit) -> None:
         kit.add(materials.label(rng, "box"), box(0.236, 0.2, 0.08).at(0, -0.06, 0.32))
     if kind == "drill" or kit.chance("flat", 0.7):
         return
-    # Leaning: the tools above lie on their narrow side.
+    # Leaning pose: the tools above lie on their narrow side.
     kit.turn_all("x", kit.uniform("lean", 15, 75))
 
 

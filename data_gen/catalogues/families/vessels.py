@@ -33,7 +33,7 @@ def _coloured_glass(kit: Kit) -> Material:
 
 
 def _sleeve(profile: list[tuple[float, float]], low: float, high: float, sides: int = 28) -> Solid:
-    """A thin label round a profile between two heights."""
+    """A thin label around a profile, between two heights."""
     z = np.linspace(low, high, 7)
     r = np.interp(z, [b for _, b in profile], [a for a, _ in profile])
     return lathe([(a * 1.012, b) for a, b in zip(r, z, strict=True)], sides)

@@ -23,7 +23,7 @@ from data_gen.catalogues.families.watercraft_ships import (
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 Builder = Callable[[Kit, Material, Material], None]
 
@@ -36,7 +36,7 @@ KINDS: dict[str, Builder] = {
 
 
 def watercraft(kit: Kit) -> None:
-    """Boats and ships of 13 kinds. Hidden: how far the bottom is hollow."""
+    """Boats and ships of 13 subtypes. Hidden: the depth of the recess in the bottom."""
     kind = kit.choose("subtype", "sailing_yacht", "warship", "cargo_ship", "rowing", "liner",
                       *KINDS)
     hulls = (lambda _: WHITE, lambda _: WHITE, lambda _: WHITE, wood, paint, paint, paint)

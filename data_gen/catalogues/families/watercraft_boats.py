@@ -1,4 +1,4 @@
-"""Boats under sail, oar and engine. Lengths in metres, the bow toward +x."""
+"""Boats with sails, oars and engines. Lengths in metres, the bow toward +x."""
 
 import itertools
 
@@ -30,7 +30,7 @@ from data_gen.catalogues.solids import ball, box, cylinder, pane, pillow, rod, s
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 def _outboard(kit: Kit, x: float, y: float, z: float) -> None:
     size = max(0.12 * z, 0.3)
@@ -41,7 +41,7 @@ def _outboard(kit: Kit, x: float, y: float, z: float) -> None:
 
 
 def sailing_yacht(kit: Kit, skin: Material, trim: Material) -> None:
-    """One or two masts, sails up or furled, now and then on a fin keel."""
+    """Sailing yachts with one or two masts, sails set or furled; some with a fin keel."""
     rig = kit.choose("rig", "sloop", "sloop", "ketch", "cutter", "catboat", "gaff", "schooner")
     long = kit.uniform("half_length", 3.5, 9.0)
     beam, depth = long * kit.uniform("beam", 0.24, 0.38), long * kit.uniform("freeboard", 0.2, 0.3)
@@ -281,7 +281,7 @@ def rowing(kit: Kit, skin: Material, trim: Material) -> None:
 
 
 def speedboat(kit: Kit, skin: Material, trim: Material) -> None:
-    """Open boats with a windscreen, small cabins, consoles, racers."""
+    """Speedboats: with a windscreen, a small cabin or a console; racing boats."""
     long = kit.uniform("half_length", 2.2, 6.0)
     beam, depth = long * kit.uniform("beam", 0.24, 0.42), long * kit.uniform("freeboard", 0.2, 0.32)
     form = kit.choose("form", "open", "open", "cuddy", "console", "racer")
@@ -344,7 +344,7 @@ def speedboat(kit: Kit, skin: Material, trim: Material) -> None:
 
 
 def jet_ski(kit: Kit, skin: Material, trim: Material) -> None:
-    """A scooter on water, now and then with its rider."""
+    """Jet skis; some with a rider."""
     long = kit.uniform("half_length", 1.2, 1.7)
     beam, depth = long * kit.uniform("beam", 0.32, 0.4), long * 0.3
     make_hull(kit, skin, long, beam, depth, sheer=0.3, stern=0.85, bow=2.3, belly=1.8, rake=0.12,
@@ -374,7 +374,7 @@ def jet_ski(kit: Kit, skin: Material, trim: Material) -> None:
 
 
 def motor_yacht(kit: Kit, skin: Material, trim: Material) -> None:
-    """One to three storeys over a sharp bow."""
+    """Motor yachts with one to three decks."""
     long = kit.uniform("half_length", 5, 30)
     beam, depth = long * kit.uniform("beam", 0.19, 0.32), long * kit.uniform("freeboard", 0.16,
                                                                              0.28)
@@ -426,7 +426,7 @@ def motor_yacht(kit: Kit, skin: Material, trim: Material) -> None:
 
 
 def catamaran(kit: Kit, skin: Material, trim: Material) -> None:
-    """Two hulls or three, under sail or power."""
+    """Catamarans and trimarans, with sails or engines."""
     long = kit.uniform("half_length", 3.5, 12)
     apart, slim = long * kit.uniform("apart", 0.38, 0.55), long * kit.uniform("slim", 0.07, 0.12)
     depth = long * kit.uniform("freeboard", 0.18, 0.26)

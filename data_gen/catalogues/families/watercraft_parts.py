@@ -1,4 +1,4 @@
-"""What boats and ships are put together from. Lengths in metres, the bow toward +x."""
+"""Parts of boats and ships. Lengths in metres, the bow toward +x."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from data_gen.catalogues.solids import cylinder, loft, pane, rod, tube
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 ROPE = Material((0.3, 0.26, 0.2), name="rope")
 
@@ -23,7 +23,7 @@ HULLS = ((0.45, 0.13, 0.11), (0.12, 0.2, 0.36), (0.13, 0.14, 0.15), (0.16, 0.33,
 
 
 class Hull(NamedTuple):
-    """What stands on a hull is placed by this."""
+    """Dimensions of a hull, used to place parts on it."""
 
     rail: np.ndarray  # [N, 3], from the stern to the bow, on +y
     deck: np.ndarray  # [N], height of the deck there
@@ -32,7 +32,7 @@ class Hull(NamedTuple):
     depth: float  # amidships
 
     def half_width(self, x: float) -> float:
-        """Of the hull at its rail."""
+        """The half width of the hull at its rail."""
         return float(np.interp(x, self.rail[:, 0], self.rail[:, 1]))
 
     def deck_at(self, x: float) -> float:
@@ -46,27 +46,27 @@ def make_hull(kit: Kit, skin: Material, long: float, beam: float, depth: float, 
           rise: float = 0.5, aft_rise: float = 0.15, aft_sheer: float = 0.3, bulwark: float = 0.08,
               wall: float = 0.06, deck: Material | None = None, trim: Material | None = None,
               y: float = 0.0) -> Hull:
-    """A hull. Hidden: how far its bottom is hollow.
+    """A hull. Hidden: the depth of the recess in its bottom.
 
     Args:
-      kit: what it is added to.
-      skin: of the sides.
-      long: half length at the rail, without the bow's rake.
+      kit: the model.
+      skin: material of the sides.
+      long: half length at the rail, without the rake of the bow.
       beam: half width.
       depth: from keel to rail amidships.
-      sheer: how much higher the rail is at the bow, in depths.
+      sheer: rise of the rail at the bow, over the depth.
       stern: width of the transom / beam; 0 = pointed like the bow.
-      bow: how late the bow narrows: 1.5 slim, 5 full.
-      belly: section: 1 = V, 4 = box.
-      rake: how far the bow's top leans forward, in half lengths.
-      rise: how far the keel rises to the bow, in depths.
-      aft_rise: the same at the stern.
-      aft_sheer: `sheer` at the stern, as a share of it.
-      bulwark: how far the deck lies below the rail, in depths; open boats have .6 and more.
-      wall: thickness of the side at the rail, in beams.
+      bow: exponent of the taper of the bow: 1.5 = slim, 5 = full.
+      belly: exponent of the section: 1 = V, 4 = box.
+      rake: overhang of the top of the bow, over the half length.
+      rise: rise of the keel at the bow, over the depth.
+      aft_rise: rise of the keel at the stern, over the depth.
+      aft_sheer: rise of the rail at the stern, as a fraction of `sheer`.
+      bulwark: height of the rail above the deck, over the depth; 0.6 and more for open boats.
+      wall: thickness of the side at the rail, over the beam.
       deck: material of the deck, None = `skin`.
-      trim: of a rubbing strake along the rail, None = none.
-      y: of the middle.
+      trim: material of a rubbing strake along the rail, None = no strake.
+      y: y of the centre plane.
     """
     hollow = kit.hidden.get("keel_hollow")
     hollow = kit.hide("keel_hollow", 0.02, 0.5) if hollow is None else hollow
@@ -88,7 +88,7 @@ def make_hull(kit: Kit, skin: Material, long: float, beam: float, depth: float, 
         flat = 0.2 * width
         side = flat + (width - flat) * levels ** (1 / belly)
         z = keel + (top - keel) * levels
-        # Where the keel rises, a camera before or behind the boat would look into the hollow.
+        # Where the keel rises, a camera in front of or behind the boat would see into the recess.
         end = np.clip((1 - abs(t)) / 0.25, 0, 1) * (keel < 0.03 * depth)
         roof = keel + max(hollow * end, 0.01) * 0.6 * (depth * (1 - min(bulwark,
                                                                         0.85)) - keel * end)
@@ -121,7 +121,7 @@ def make_hull(kit: Kit, skin: Material, long: float, beam: float, depth: float, 
 
 
 def house_outline(back: float, front: float, half: float, nose: float) -> np.ndarray:
-    """A house from above [N, 2]: square behind, its front round by `nose`."""
+    """Outline [N, 2] of a deckhouse: square at the rear, rounded at the front by `nose`."""
     side = np.linspace(-1, 1, 7)
     curve = np.stack([front - nose * side**2, half * side], axis=1)
     return np.concatenate([[(back, half), (back, -half)], curve])
@@ -134,17 +134,17 @@ def add_house(kit: Kit, skin: Material, back: float, front: float, half: float, 
     """A deckhouse between two heights.
 
     Args:
-      kit: what it is added to.
-      skin: its material.
-      back: x of its back.
-      front: x of its front.
+      kit: the model.
+      skin: material.
+      back: x of the rear.
+      front: x of the front.
       half: half width.
-      low: height of its foot.
-      high: height of its roof.
-      nose: how far its front is round.
-      lean: how far front and back lean inward.
-      inset: how far the sides lean inward, in half widths.
-      glass: where a band of windows goes around, in heights; None = none.
+      low: z of the lower edge.
+      high: z of the roof.
+      nose: length of the rounded front.
+      lean: inward inclination of front and rear.
+      inset: inward inclination of the sides, over the half width.
+      glass: lower and upper edge of a band of windows, over the height; None = no windows.
     """
 
     def level(t: float, grow: float = 0.0) -> tuple[np.ndarray, float]:
@@ -160,7 +160,7 @@ def add_house(kit: Kit, skin: Material, back: float, front: float, half: float, 
 
 def add_sail(kit: Kit, cloth: Material, corners: Sequence[Sequence[float]], belly: float,
              curve: float = 0.0) -> None:
-    """Cloth between tack, clew, head (and peak), bellied toward +y, its leech round."""
+    """A sail between tack, clew and head (and peak), curved toward +y, with a round leech."""
     tack, clew, head, *rest = (np.asarray(c, float) for c in corners)
     peak = rest[0] if rest else head + 0.04 * (clew - tack)
     grid = []
@@ -175,7 +175,7 @@ def add_sail(kit: Kit, cloth: Material, corners: Sequence[Sequence[float]], bell
 
 
 def add_railing(kit: Kit, hull: Hull, start: float, high: float) -> None:
-    """A rail on posts along the edge from x = `start` to the bow."""
+    """A railing along the edge from x = `start` to the bow."""
     line = hull.rail[hull.rail[:, 0] > start][:-1] * [1, 0.94, 1]
     if len(line) < 3:
         return
@@ -203,7 +203,7 @@ def add_funnel(kit: Kit, skin: Material, band: Material, x: float, y: float, z: 
 
 def add_turret(kit: Kit, skin: Material, x: float, z: float, size: float, aim: int, barrels: int,
                reach: float) -> None:
-    """A gun house with barrels; `aim` is 1 forward, -1 aft."""
+    """A gun turret with barrels; `aim` is 1 for forward, -1 for aft."""
     kit.add(skin, cylinder(0.8 * size, 0.3 * size, 18).at(x, 0, z + 0.1 * size))
     shape = [(-0.9, 0.7, 0.3), (-0.8, 0.9, 0.6), (0.3, 0.8, 0.6), (0.9, 0.5, 0.3)]
     rings = [np.array([(a, w, 0.2), (a, 0.85 * w, h + 0.2), (a, -0.85 * w, h + 0.2), (a, -w, 0.2)])

@@ -34,11 +34,11 @@ from data_gen.catalogues.solids import ball, box, cylinder, lathe, loft, pillow,
 from data_gen.mesh import Material
 
 # fmt: off
-# Coordinates stay in rows, which the formatter would put one below the other.
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 def _bridge(kit: Kit, x: float, long: float, beam: float, z: float, tower: float,
             funnel: Material) -> None:
-    """The white tower of a merchant ship, its wings and its funnel."""
+    """The superstructure of a merchant ship: bridge with wings, and funnel."""
     add_house(kit, WHITE, x - long, x + long, beam * 0.82, z, z + tower * 0.85, inset=0.02,
               glass=None)
     for k in range(1, 5):
@@ -51,7 +51,7 @@ def _bridge(kit: Kit, x: float, long: float, beam: float, z: float, tower: float
 
 
 def submarine(kit: Kit, skin: Material, trim: Material) -> None:
-    """A round hull with a sail, or an old one with a deck and a gun."""
+    """Submarines: a round hull with a sail, or an old one with a deck and a gun."""
     long = kit.uniform("half_length", 25, 80)
     r = long * kit.uniform("radius", 0.075, 0.12)
     old = kit.chance("old", 0.4)
@@ -112,7 +112,7 @@ def submarine(kit: Kit, skin: Material, trim: Material) -> None:
 
 
 def hovercraft(kit: Kit, skin: Material, trim: Material) -> None:
-    """A skirt, a house and fans."""
+    """Hovercraft: a skirt, a cabin and fans."""
     long = kit.uniform("half_length", 3, 14)
     beam, skirt = long * kit.uniform("beam", 0.42, 0.6), long * kit.uniform("skirt", 0.12, 0.2)
     rubber = Material((0.14, 0.14, 0.15), name="skirt")
@@ -224,7 +224,7 @@ def cargo_ship(kit: Kit, skin: Material, trim: Material) -> None:
 
 
 def tug(kit: Kit, skin: Material, trim: Material) -> None:
-    """Tugs and fishing boats: short, deep, high in the bow."""
+    """Tugs and fishing boats: short and deep, with a high bow."""
     long = kit.uniform("half_length", 6, 16)
     beam, depth = long * kit.uniform("beam", 0.26, 0.4), long * kit.uniform("freeboard", 0.26, 0.4)
     paint_ = Material(pick(kit.rng, HULLS), (0.2,) * 3, 30.0,

@@ -1,16 +1,16 @@
-"""Wheels, for everything that rolls."""
+"""Wheels of vehicles."""
 
 from data_gen.catalogues.families.kit import BLACK, RUBBER, around
 from data_gen.catalogues.solids import Solid, box, cylinder, lathe
 from data_gen.mesh import Material
 
-# Sections of tyre and rim: radius in radii of the wheel, distance from the middle in half widths.
+# Sections of tyre and rim: radius over that of the wheel, y over the half width.
 _TYRE = ((0.62, -1), (0.94, -1), (1, -0.6), (1, 0.6), (0.94, 1), (0.62, 1))
 _RIM = ((0.64, 0.7), (0.64, 1), (0.54, 1), (0.54, 0.7))
 
 
 def wheel(radius: float, width: float, spokes: int, hub: Material) -> list[tuple[Material, Solid]]:
-    """A wheel around the origin with its axle along y; the outside toward +y."""
+    """A wheel at the origin with its axle along y and its outer side toward +y."""
     half = width / 2
 
     def ring(section: tuple[tuple[float, float], ...]) -> Solid:
@@ -30,6 +30,6 @@ def wheel(radius: float, width: float, spokes: int, hub: Material) -> list[tuple
 
 
 def small_wheel(radius: float, width: float, hub: Material) -> list[tuple[Material, Solid]]:
-    """A wheel of few faces around the origin, as of a plane's undercarriage."""
+    """A wheel with few faces at the origin, for the landing gear of planes."""
     tyre = cylinder(radius, width, 16, 0.25 * width).turned("x", 90)
     return [(RUBBER, tyre), (hub, cylinder(radius * 0.5, width * 1.06, 12).turned("x", 90))]
