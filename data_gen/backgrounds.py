@@ -42,19 +42,19 @@ def list_pictures(folder: str) -> list[str]:
     Raises:
       ValueError: there is no image, or a file is not an image.
     """
-    found = sorted(
+    paths = sorted(
         str(p.resolve()) for p in pathlib.Path(folder).rglob("*")
         if p.suffix.lower() in (".png", ".jpg", ".jpeg")
     )  # fmt: skip
-    if not found:
+    if not paths:
         raise ValueError(
             f"image.background_folder: got {folder!r}, expected a folder of .png or .jpg files"
         )
-    for path in found:
+    for path in paths:
         try:
             Image.open(path).close()
         except (OSError, Image.DecompressionBombError) as error:
             raise ValueError(
                 f"image.background_folder: {path} is not readable as an image: {error}"
             ) from None
-    return found
+    return paths

@@ -171,12 +171,12 @@ def list_maps(folder: str) -> list[pathlib.Path]:
     Raises:
       ValueError: the folder contains none.
     """
-    found = sorted(
+    paths = sorted(
         p for p in pathlib.Path(folder).rglob("*") if p.suffix.lower() in (".hdr", ".exr")
     )
-    if not found:
+    if not paths:
         raise ValueError(f"light.folder: got {folder!r}, expected a folder of .hdr and .exr files")
-    return found
+    return paths
 
 
 def turned(radiance: Float[np.ndarray, "h w 3"], turns: float) -> Float[np.ndarray, "h w 3"]:

@@ -44,12 +44,12 @@ class Mesh:
             engine.mi.Point3f(*(engine.mi.Float(c) for c in columns[:3])),
             engine.mi.Vector3f(*(engine.mi.Float(c) for c in columns[3:])),
         )
-        found = self._scene.ray_intersect_preliminary(ray, coherent=True)
-        engine.dr.eval(found.t, found.prim_index, found.prim_uv)
-        t = np.array(found.t, np.float32)
-        face = np.where(np.isfinite(t), np.array(found.prim_index).astype(np.int64), -1)
+        hits = self._scene.ray_intersect_preliminary(ray, coherent=True)
+        engine.dr.eval(hits.t, hits.prim_index, hits.prim_uv)
+        t = np.array(hits.t, np.float32)
+        face = np.where(np.isfinite(t), np.array(hits.prim_index).astype(np.int64), -1)
         # The values of rays that hit nothing are arbitrary.
-        one, two = np.where(face >= 0, np.array(found.prim_uv, np.float32).reshape(2, count), 0)
+        one, two = np.where(face >= 0, np.array(hits.prim_uv, np.float32).reshape(2, count), 0)
         return RayHits(face, np.stack([1 - one - two, one, two], axis=1), t)
 
     def _cast_one_by_one(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:

@@ -243,11 +243,11 @@ def _inward(
     a, b, c = np.moveaxis(model.vertices[model.faces] - model.vertices.mean(axis=0), 1, 0)
     volume = np.bincount(parts, row_dots(a, np.cross(b, c)))
     # Closed parts with a positive volume are correct already.
-    asked = two_sided | (open_ | (volume < 0))[parts[face]]
+    uncertain = two_sided | (open_ | (volume < 0))[parts[face]]
     result = np.zeros(len(face), bool)
-    if not asked.any():
+    if not uncertain.any():
         return result
-    index = np.flatnonzero(asked)
+    index = np.flatnonzero(uncertain)
     side = _toward_air(model, points[index], normals[index])
     part, both = parts[face[index]], two_sided[index]
     inward = np.bincount(part[~both], side[~both] == -1, len(open_))

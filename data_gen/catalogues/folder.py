@@ -51,7 +51,7 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
     root = pathlib.Path(source)
     if not root.is_dir():
         raise ValueError(f"source {str(source)!r}: expected a folder of meshes")
-    found: list[str] = []
+    meshes: list[str] = []
     left: list[str] = []
     for place, folders, files in os.walk(root):
         folders[:] = sorted(f for f in folders if not f.startswith("."))
@@ -61,9 +61,9 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
             ending = pathlib.Path(file).suffix.lower()
             if ending in endings | _OTHERS | set(_CATALOGUES):
                 name = (pathlib.Path(place) / file).relative_to(root).as_posix()
-                (found if ending in endings else left).append(name)
+                (meshes if ending in endings else left).append(name)
     other = _other_catalogue(left)
-    if not found:
+    if not meshes:
         raise ValueError(
             f"source {str(source)!r}: it contains no mesh, expected files with one of the suffixes "
             f"{sorted(endings)}{other and f'; {other}'}"
@@ -73,14 +73,14 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
             "%d files that look like models but cannot be read here, such as %s: left out%s",
             len(left), min(left), f" ({other})" if other else "",
         )  # fmt: skip
-    return sorted(found)
+    return sorted(meshes)
 
 
 def _other_catalogue(names: list[str]) -> str:
     """A hint at the catalogues that can read the files; "" = none."""
-    found = {pathlib.PurePosixPath(name).suffix.lower() for name in names} & set(_CATALOGUES)
+    suffixes = {pathlib.PurePosixPath(name).suffix.lower() for name in names} & set(_CATALOGUES)
     return ", ".join(
-        f"--catalogue={_CATALOGUES[ending]} reads {ending} files" for ending in sorted(found)
+        f"--catalogue={_CATALOGUES[ending]} reads {ending} files" for ending in sorted(suffixes)
     )
 
 

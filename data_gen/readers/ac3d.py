@@ -237,16 +237,16 @@ def _read_scene(data: bytes) -> dict[str, Any]:
     """
     library = _assimp()
 
-    def said() -> str:
+    def assimp_error() -> str:
         return (library.aiGetErrorString() or b"").decode("utf-8", "replace")[:150]
 
     scene = library.aiImportFileFromMemory(data, len(data), 0, b"ac")
     if not scene:
-        raise UnusableModelError(f"not readable as AC3D: {said()}")
+        raise UnusableModelError(f"not readable as AC3D: {assimp_error()}")
     try:
         blob = library.aiExportSceneToBlob(scene, b"assjson", 0)
         if not blob:
-            raise UnusableModelError(f"not readable as AC3D: {said()}")
+            raise UnusableModelError(f"not readable as AC3D: {assimp_error()}")
         try:
             text = ctypes.string_at(blob.contents.data, blob.contents.size)
         finally:

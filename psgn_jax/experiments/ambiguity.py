@@ -314,14 +314,14 @@ def judge(results: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float
     alone = results["deterministic"][f"CD of one draw, {DOUBT} [radius^2]"]
     return {
         name: {
-            "best of K over deterministic": found[f"CD of the best of K, {DOUBT} [radius^2]"]
+            "best of K over deterministic": values[f"CD of the best of K, {DOUBT} [radius^2]"]
             / alone,
-            "hidden over visible spread": found[f"spread along x, {DOUBT} [radius]"]
-            / found[f"spread along y and z, {DOUBT} [radius]"],
-            "spread without doubt over with": found[f"spread, {NO_DOUBT} [radius]"]
-            / found[f"spread, {DOUBT} [radius]"],
+            "hidden over visible spread": values[f"spread along x, {DOUBT} [radius]"]
+            / values[f"spread along y and z, {DOUBT} [radius]"],
+            "spread without doubt over with": values[f"spread, {NO_DOUBT} [radius]"]
+            / values[f"spread, {DOUBT} [radius]"],
         }
-        for name, found in results.items()
+        for name, values in results.items()
         if name != "deterministic"
     }
 
@@ -369,13 +369,13 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
     """All measures, and the ratios beside their goals; a column for each network."""
     results, reached = numbers["networks"], numbers["reached"]
     measures = [["measure", *results]]
-    for name in dict.fromkeys(key for found in results.values() for key in found):
-        cells = (f"{found[name]:.4g}" if name in found else "-" for found in results.values())
+    for name in dict.fromkeys(key for values in results.values() for key in values):
+        cells = (f"{values[name]:.4g}" if name in values else "-" for values in results.values())
         measures.append([name, *cells])
     goals = [["ratio", "goal", *reached]]
     for name, goal in GOALS.items():
         sign = ">=" if "visible" in name else "<="
-        cells = (f"{found[name]:.3f}" for found in reached.values())
+        cells = (f"{values[name]:.3f}" for values in reached.values())
         goals.append([name, f"{sign} {goal:.2f}", *cells])
     return [measures, goals]
 

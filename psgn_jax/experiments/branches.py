@@ -160,9 +160,9 @@ def measure_sample(
     return measures, both, profiles
 
 
-def shares(of: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """Share of true values in `of` [m] in each fifth of the order of `by` [m], smallest first."""
-    ranked = of[np.argsort(by, kind="stable")]
+def shares(values: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Share of true `values` [m] in each fifth of the order by `by` [m], smallest first."""
+    ranked = values[np.argsort(by, kind="stable")]
     return np.array([part.mean() if len(part) else np.nan for part in _split(ranked)])
 
 

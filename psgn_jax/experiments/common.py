@@ -291,8 +291,8 @@ def measure(
                 cases[number] = case
 
     task = tasks.create(config, folder)
-    found = task.evaluate(run.params, split=split, on_batch=keep, chosen=run.scores)
-    return Measured(config, found, cases)
+    evaluated = task.evaluate(run.params, split=split, on_batch=keep, chosen=run.scores)
+    return Measured(config, evaluated, cases)
 
 
 def about(run: Measured, **steps: int) -> dict[str, Any]:
@@ -389,8 +389,8 @@ def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:
     for start in range(0, len(arrays[0]), size):
         rows = np.minimum(np.arange(start, start + size), len(arrays[0]) - 1)
         keep = min(size, len(arrays[0]) - start)
-        found = function(*(array[rows] for array in arrays))
-        parts.append(jax.tree.map(lambda leaf, n=keep: np.asarray(leaf)[:n], found))
+        result = function(*(array[rows] for array in arrays))
+        parts.append(jax.tree.map(lambda leaf, n=keep: np.asarray(leaf)[:n], result))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 

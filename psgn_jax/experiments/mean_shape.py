@@ -253,13 +253,13 @@ def figure(_: Any, points: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, 
     draws = {name: draw for name, draw, _ in DISTRIBUTIONS}
     sheet = figures.blank(300 * len(points), 930)
     axes = sheet.subplots(3, len(points), squeeze=False)
-    for column, (name, found) in enumerate(points.items()):
+    for column, (name, means) in enumerate(points.items()):
         keys = jax.random.split(jax.random.key(column), 60)
         clouds = np.asarray(jax.vmap(lambda k, draw=draws[name]: draw(k, 400))(keys))
         for cloud, grey in zip(clouds[:5], np.linspace(0.15, 0.75, 5), strict=True):
             axes[0, column].scatter(*cloud.T, s=2, color=str(grey))
         axes[0, column].set_title(name, fontsize=11)
-        for row, (label, mean) in enumerate(found.items(), start=1):
+        for row, (label, mean) in enumerate(means.items(), start=1):
             axes[row, column].scatter(*clouds[:, :120].reshape(-1, 2).T, s=2, color="0.87")
             axes[row, column].scatter(*mean.T, s=10, color="#cd1e1e")
             axes[row, column].set_title(f"mean shape, {label}", fontsize=11)

@@ -133,17 +133,17 @@ def measure(options: Any) -> tuple[dict[str, Any], None]:
     runs: dict[str, Any] = {}
     metrics: dict[str, Any] = {}
     for name in (f"{network}_{loss}" for loss in LOSSES for network in NETWORKS):
-        found = common.measure(options.workdir / name)
+        measured = common.measure(options.workdir / name)
         seconds, total = common.cost(options.workdir / name)
-        metrics[name] = found.evaluation.metrics
+        metrics[name] = measured.evaluation.metrics
         runs[name] = {
-            "parameters": num_parameters(found.config),
+            "parameters": num_parameters(measured.config),
             "seconds_per_step": seconds,
             "minutes_of_steps": total / 60,
-            "mean_over_samples": found.evaluation.means,
+            "mean_over_samples": measured.evaluation.means,
         }
     document = {
-        **common.about(found, **{"each training": found.config.train.steps}),
+        **common.about(measured, **{"each training": measured.config.train.steps}),
         "runs": runs,
         "differences": {f"{a} - {b}": compare(metrics, a, b) for a, b in PAIRS},
         "vanilla_differences": {name: compare(metrics, name, "vanilla") for name in NETWORKS},
@@ -185,24 +185,24 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 def ratios(numbers: Mapping[str, Any]) -> dict[str, list[tuple[float, float]]]:
     """Network -> for each loss its metric over that of `vanilla`, and the difference's error."""
-    found: dict[str, list[tuple[float, float]]] = {}
+    pairs: dict[str, list[tuple[float, float]]] = {}
     for loss, metric in METRICS.items():
         means = {n: numbers["runs"][f"{n}_{loss}"]["mean_over_samples"][metric] for n in NETWORKS}
         for name in NETWORKS:
             error = numbers["vanilla_differences"][name][loss]["error"]
             entry = means[name] / means["vanilla"], error / means["vanilla"]
-            found.setdefault(name, []).append(entry)
-    return found
+            pairs.setdefault(name, []).append(entry)
+    return pairs
 
 
 def figure(numbers: Mapping[str, Any], _: Any) -> dict[str, Any]:
     """Bars of `ratios`."""
-    found = ratios(numbers)
+    pairs = ratios(numbers)
     chart = figures.Bars(
         "Error divided by that of vanilla; lower is better",
         [f"{TITLES[loss]}, trained by {loss.upper()}" for loss in LOSSES],
-        {NETWORKS[name]: [value for value, _ in pair] for name, pair in found.items()},
-        {NETWORKS[name]: [error for _, error in pair] for name, pair in found.items()},
+        {NETWORKS[name]: [value for value, _ in pair] for name, pair in pairs.items()},
+        {NETWORKS[name]: [error for _, error in pair] for name, pair in pairs.items()},
     )
     return {"networks": figures.bars([chart])}
 

@@ -105,8 +105,8 @@ def measure_run(folder: pathlib.Path, split: str, samples: dict[str, list[Any]])
         for key, arrays in samples.items():
             arrays.append(case[key])
 
-    found = common.measure(folder, split=split, keys=tuple(samples), on_sample=on_sample)
-    return Run(found.evaluation, np.stack(predictions))
+    measured = common.measure(folder, split=split, keys=tuple(samples), on_sample=on_sample)
+    return Run(measured.evaluation, np.stack(predictions))
 
 
 def compare(folder: pathlib.Path, split: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -131,16 +131,16 @@ def compare(folder: pathlib.Path, split: str) -> tuple[dict[str, Any], list[dict
     for name, solids in volumes.items():
         recall = [v[t].mean() if t.any() else np.nan for v, t in zip(solids, thin, strict=True)]
         values[f"thin_recall:{name}"] = np.array(recall)
-    of = np.array([name.category or "(none)" for name in names])
+    categories = np.array([name.category or "(none)" for name in names])
     rows = {
-        category: {key: _mean(key, v[of == category]) for key, v in values.items()}
-        for category in sorted(set(of.tolist()))
+        category: {key: _mean(key, v[categories == category]) for key, v in values.items()}
+        for category in sorted(set(categories.tolist()))
     }
     models = [name.model_id for name in names]
     document = {
         "split": split,
         "samples": len(names),
-        "samples_of": {category: int((of == category).sum()) for category in rows},
+        "samples_of": {category: int((categories == category).sum()) for category in rows},
         "categories": rows,
         "mean": {key: _mean(key, np.array([row[key] for row in rows.values()])) for key in values},
         "thresholds": thresholds,
@@ -151,7 +151,7 @@ def compare(folder: pathlib.Path, split: str) -> tuple[dict[str, Any], list[dict
     }
     cases = []
     for category in [c for c in dict.fromkeys((*_CASES, *rows)) if c in rows][: len(_CASES)]:
-        i = max(np.flatnonzero(of == category).tolist(), key=lambda i: thin[i].sum())
+        i = max(np.flatnonzero(categories == category).tolist(), key=lambda i: thin[i].sum())
         shown = {"cloud": runs["cd"].predictions[i], "truth": samples["occupancy"][i]}
         shown |= {name: solids[i] for name, solids in volumes.items()}
         view = {key: samples[key][i] for key in ("image", "intrinsics", "extrinsics")}
@@ -161,12 +161,12 @@ def compare(folder: pathlib.Path, split: str) -> tuple[dict[str, Any], list[dict
 
 def ious(runs: Mapping[str, Run]) -> dict[str, np.ndarray]:
     """IoU of the heads, of the plain splats of both clouds and of 3D-R2N2, per sample."""
-    found = {f"iou:{name}": runs[name].evaluation.metrics["iou"] for name in HEADS}
+    ious = {f"iou:{name}": runs[name].evaluation.metrics["iou"] for name in HEADS}
     for name in POINTS:
-        found[f"iou:splat_{name}"] = runs[OURS].evaluation.metrics[f"iou_splat_{name}"]
+        ious[f"iou:splat_{name}"] = runs[OURS].evaluation.metrics[f"iou_splat_{name}"]
     for count in VIEWS:
-        found[f"iou:{PEER}_{count}"] = runs[PEER].evaluation.metrics[f"iou_{count}_views"]
-    return found
+        ious[f"iou:{PEER}_{count}"] = runs[PEER].evaluation.metrics[f"iou_{count}_views"]
+    return ious
 
 
 def distances(
@@ -183,9 +183,9 @@ def distances(
     values = {}
     for label, gt in (("", clouds_of(samples["occupancy"])), ("_surface", np.stack(surfaces))):
         for name, cloud in clouds.items():
-            found = common.in_parts(_distances, cloud, gt)
+            distances = common.in_parts(_distances, cloud, gt)
             for metric in ("cd_sq_radius2", "emd_radius"):
-                values[f"{metric}{label}:{name}"] = found[metric]
+                values[f"{metric}{label}:{name}"] = distances[metric]
     return values
 
 
@@ -198,7 +198,7 @@ def _mean(key: str, values: np.ndarray) -> float:
 
 def _gain(a: np.ndarray, b: np.ndarray, models: Sequence[str]) -> dict[str, float]:
     """Mean of a - b over models, and its standard error: the views of one are not independent."""
-    _, of = np.unique(models, return_inverse=True)
-    change = np.bincount(of, a - b) / np.bincount(of)
+    _, model = np.unique(models, return_inverse=True)
+    change = np.bincount(model, a - b) / np.bincount(model)
     mean, error = common.mean_and_error(change)
     return {"mean": mean, "error": error}

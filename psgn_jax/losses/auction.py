@@ -215,12 +215,12 @@ def _solve(
 
     def unfinished(s: _Phase) -> Array:
         if authors:
-            more = (s.waiting > 0) & (s.raises < 3)
+            unfinished = (s.waiting > 0) & (s.raises < 3)
         else:
             # A matching that is complete cannot improve after the smallest epsilon (marked by
             # epsilon 0) or after epsilon was raised.
-            more = (s.waiting > 0) | ((s.raises == 0) & (s.epsilon > 0))
-        return (s.gap > tolerance) & more & (s.bids < max_bids) & problem.finite
+            unfinished = (s.waiting > 0) | ((s.raises == 0) & (s.epsilon > 0))
+        return (s.gap > tolerance) & unfinished & (s.bids < max_bids) & problem.finite
 
     def end_phase(s: _Phase) -> _Phase:
         index = bijection(s.owner)

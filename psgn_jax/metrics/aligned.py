@@ -105,12 +105,12 @@ def aligned_metrics(
     Raises:
       ValueError: as `align` and `metrics.clouds.emd`.
     """
-    found = align(pred, gt, iterations=iterations)
-    moved = found.scale * pred + found.shift[None]
+    transform = align(pred, gt, iterations=iterations)
+    moved = transform.scale * pred + transform.shift[None]
     before, after = chamfer_sq_mean(pred, gt), chamfer_sq_mean(moved, gt)
     metrics = {
         "aligned_cd_sq_radius2": jnp.minimum(before, after),
-        "aligned_scale": jnp.where(after < before, found.scale, 1),
+        "aligned_scale": jnp.where(after < before, transform.scale, 1),
     }
     if emd_tolerance is not None:
         if known_emd is None:

@@ -232,6 +232,6 @@ def evaluate_pair(
     if visible is not None:
         metrics |= by_visibility(to_pred.distance_sq, visible, threshold)
     if emd_tolerance is not None:
-        found = emd(pred, gt, tolerance=emd_tolerance)
-        metrics |= {"emd_radius": found.emd, "emd_gap": found.gap}
+        result = emd(pred, gt, tolerance=emd_tolerance)
+        metrics |= {"emd_radius": result.emd, "emd_gap": result.gap}
     return metrics

@@ -67,13 +67,13 @@ class Evaluation:
         everything = range(len(self.names))
         return {name: _mean(self._counted(name, everything)) for name in self.metrics}
 
-    def _counted(self, name: str, of: Sequence[int]) -> np.ndarray:
-        """A metric of some of the samples, without those that have no such points."""
-        values, share = self.metrics[name][list(of)], self.metrics.get("visible_share")
+    def _counted(self, name: str, indices: Sequence[int]) -> np.ndarray:
+        """A metric of some samples, without those that have no such points."""
+        values, share = self.metrics[name][list(indices)], self.metrics.get("visible_share")
         if share is not None and "_visible" in name:
-            return values[share[list(of)] > 0]
+            return values[share[list(indices)] > 0]
         if share is not None and "_hidden" in name:
-            return values[share[list(of)] < 1]
+            return values[share[list(indices)] < 1]
         return values
 
     def rows(self) -> list[Row]:
@@ -86,7 +86,9 @@ class Evaluation:
             for name, indices in sorted(members.items())
         ]
         over_categories = {
-            name: _mean([_mean(v) for of in members.values() if len(v := self._counted(name, of))])
+            name: _mean(
+                [_mean(v) for indices in members.values() if len(v := self._counted(name, indices))]
+            )
             for name in self.metrics
         }
         return [

@@ -228,7 +228,7 @@ def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
     folder = pathlib.Path(mask)
     if not folder.is_dir():
         return folder
-    found = [p for p in sorted(folder.iterdir()) if p.stem in (path.stem, f"{path.stem}_mask")]
-    if not found:
+    paths = [p for p in sorted(folder.iterdir()) if p.stem in (path.stem, f"{path.stem}_mask")]
+    if not paths:
         raise photo.PhotoError(f"--mask={mask}: no file there is named {path.stem} or *_mask")
-    return found[0]
+    return paths[0]

@@ -182,14 +182,14 @@ class Predictor:
         r = self._sample_latents(samples, seed)
         clock = Clock()
         rgb, alpha = photo.as_rgb_and_alpha(image)
-        found = "given"
+        mask_source = "given"
         if invert_mask:
             if mask is None:
                 raise ConfigError("invert_mask: accepted with a mask that is given")
             mask = ~np.asarray(mask, np.bool_)
         warnings = [INVERTED] if mask is not None and masks.looks_inverted(mask) else []
         if mask is None:
-            mask, found = masks.find_mask(rgb, alpha, mask_from)
+            mask, mask_source = masks.find_mask(rgb, alpha, mask_from)
         clock.lap("mask")
         if frame not in ("auto", "place", "keep"):
             raise ConfigError(f"frame={frame!r}: accepted: auto, place, keep")
@@ -233,7 +233,7 @@ class Predictor:
             r=r,
             spread=points.std(axis=0),
             mutual=np.asarray(mutual),
-            mask_from=found,
+            mask_from=mask_source,
             warnings=tuple(warnings),
             seconds=clock.laps,
         )
