@@ -3,8 +3,8 @@
     psgn train --config=quickstart
     psgn predict photo.jpg --workdir=runs/quickstart --out=out
 
-`psgn NAME ARGUMENTS` runs the module of the command as `python -m MODULE ARGUMENTS` does. Flags,
-help and exit codes are those of the module, which is imported only then.
+`psgn NAME ARGUMENTS` is the same as `python -m MODULE ARGUMENTS`. The module is imported only when
+its command runs, and defines the flags, the help and the exit codes.
 """
 
 import difflib
@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 
 class Command(NamedTuple):
-    """A subcommand: the module that is run, and what it does in one line."""
+    """A subcommand: its module, and a description in one line."""
 
     module: str
     summary: str
@@ -52,13 +52,13 @@ STUDIES: Mapping[str, Command] = {
     "losses": Command("psgn_jax.experiments.losses", "training by CD against training by EMD"),
     "comparison": Command("psgn_jax.experiments.comparison", "volumes, beside 3D-R2N2"),
 }
-"""Name -> experiment of the paper, for `psgn study NAME`."""
+"""Name -> study, for `psgn study NAME`."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs a subcommand; `argv` are the arguments without the program's name.
+    """Runs a subcommand; `argv` are the arguments without the name of the program.
 
-    Returns the exit code where no command was run. A command exits by itself.
+    A command exits the process itself. The returned exit code is for help and wrong names.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in ("-h", "--help", "help"):
@@ -92,10 +92,10 @@ def _run(program: str, name: str, commands: Mapping[str, Command], arguments: li
     module = commands[name].module
     sys.argv = [f"{program} {name}", *arguments]
     try:
-        # As the main module, whose name worker processes read: they import it, too.
+        # Run as the main module, because worker processes import it by that name.
         runpy.run_module(module, run_name="__main__", alter_sys=True)
     except SystemExit as stopped:
-        if stopped.code == 1 and _HELP.intersection(arguments):  # absl's code after its help
+        if stopped.code == 1 and _HELP.intersection(arguments):  # absl exits with 1 after its help
             return 0
         raise
     return 0

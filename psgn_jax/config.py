@@ -1,9 +1,9 @@
-"""The configuration: frozen dataclasses, and the checks that need more than one field.
+"""The configuration: frozen dataclasses, and checks that involve several fields.
 
-`parse` turns an `ml_collections.ConfigDict` (or any nested mapping) into a `Config`. It reads the
-dataclasses below: their field names, annotations and defaults are the whole specification, so a
-new tunable is one line here. Whatever is wrong ends in a `ConfigError` whose message is one line
-naming the field, its value and what would be accepted.
+`parse` turns an `ml_collections.ConfigDict` (or any nested mapping) into a `Config`. The names,
+annotations and defaults of the dataclasses below are the complete specification; a new field is one
+line here. Every error is a `ConfigError` with a message of one line, which names the field, its
+value and what is accepted.
 
 Lengths are in the project's unit, the radius of the object's bounding hemisphere; image sizes are
 (height, width) in pixels.
@@ -35,12 +35,12 @@ from psgn_jax.structured import UserError as UserError
 from psgn_jax.structured import flatten as flatten
 from psgn_jax.structured import suggestion as suggestion
 
-# Adam's decay rates and the averaging rate: at 1 nothing would ever be forgotten (or learned).
+# Decay rates of Adam and of the parameter average. At 1 the mean would never change.
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Task = Literal["points", "refine", "volume", "views"]
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
-"""Channels of each input, see `models.inputs.stack_channels`; one of depth says where it is."""
+"""Number of channels of each input, see `models.inputs.stack_channels`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,23 +48,26 @@ class ModelConfig:
     """The network (paper, section 4.1; sizes of the authors' published network).
 
     Attributes:
-      name: of the version, see `models.point_out_net`.
-      widths: feature maps at each resolution level, full size first; each level halves the size.
-      width_multiplier: factor on every hidden width, rounded to multiples of 8, at least 8.
-      fc_points: points from the fully connected branch; all points of `vanilla`.
+      name: version of the network, see `models.point_out_net`.
+      widths: number of feature maps at each resolution level, full size first; each level halves
+        the size.
+      width_multiplier: factor of all hidden widths; the results are rounded to multiples of 8, at
+        least 8.
+      fc_points: number of points of the fully connected branch; all points of `vanilla`.
       deconv_level: level at which the deconv branch ends (3 = an eighth of the image size).
-      deconv_channels: channels of its last layer, 3 per point of a cell.
+      deconv_channels: number of channels of its last layer, 3 per point of a cell.
       fc_widths: hidden widths of the fully connected branch.
-      random_size: components of the random input r; 0 = none.
-      random_at: where r enters: "bottleneck", from where it moves the points of both branches, or
-        "fc", the fully connected branch alone, whose points are then the only ones that differ
-        between draws (cheaper; for `vanilla` these are all points).
-      posterior: train as a conditional variational autoencoder: r is drawn by a network that reads
-        the ground truth (`models.posterior`); wherever else r is drawn it is the prior's, N(0, I).
+      random_size: dimension of the random input r; 0 = none.
+      random_at: where r enters: "bottleneck" affects the points of both branches; "fc" affects only
+        the points of the fully connected branch, which is cheaper (for `vanilla` these are all
+        points).
+      posterior: train as a conditional variational autoencoder: in training, r is drawn from the
+        distribution that a network predicts from the ground truth (`models.posterior`). Elsewhere
+        it is drawn from the prior N(0, I).
       posterior_widths: feature maps of that network's 3D convolutions, each of which halves the
         32^3 grid.
       posterior_hidden: width of its dense layer.
-      compute_dtype: arithmetic inside the network; parameters are float32 always.
+      compute_dtype: dtype of the arithmetic in the network; parameters are always float32.
       image_size: filled in from `data`; not a key of a configuration file.
       in_channels: likewise.
     """
@@ -93,21 +96,22 @@ class ModelConfig:
 
 @dataclasses.dataclass(frozen=True)
 class LossConfig:
-    """What is minimised.
+    """The loss.
 
     Attributes:
-      name: an entry of `losses.by_name.LOSSES`, or a weighted sum of some, each with its own number
-        of true points, such as "emd_mean@1024 + 5*chamfer_sq_mean".
+      name: an entry of `losses.by_name.LOSSES`, or a weighted sum of entries, each with its own
+        number of true points, such as "emd_mean@1024 + 5*chamfer_sq_mean".
       l2: "authors" adds `l2_scale` times the L2 terms of `training.step.l2_authors`.
-      l2_scale: their 0.1.
-      emd_tolerance: of the losses that are an EMD: accepted relative error of the assignment.
-      emd_schedule: how their auction sets epsilon, see `losses.assign`.
-      min_of_n: draws of the random input for each sample and training step, of which the nearest to
-        the truth counts (`losses.min_of_n`); the paper's 2. Evaluation takes one draw.
+      l2_scale: weight of these terms; the authors' value is 0.1.
+      emd_tolerance: accepted relative error of the assignment, for losses with an EMD.
+      emd_schedule: schedule of epsilon in the auction, see `losses.assign`.
+      min_of_n: number of draws of the random input for each sample and training step, of which only
+        the nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one
+        draw.
       kl_weight: with `model.posterior`: weight of the Kullback-Leibler divergence from the prior,
-        in units of the loss per nat. For a loss that were -log p of the truth it would be 1; for a
-        sum of squared distances it stands for 2 sigma^2 of the points' assumed scatter.
-      kl_warmup_steps: the weight grows linearly from 0 over the first so many steps.
+        in units of the loss per nat. It is 1 if the loss is -log p of the truth. For a sum of
+        squared distances it equals 2 sigma^2, with sigma the assumed scatter of the points.
+      kl_warmup_steps: number of first steps over which the weight grows linearly from 0.
     """
 
     name: str = "chamfer_sq_mean"
@@ -125,15 +129,15 @@ class OptimConfig:
     """Adam and its schedule.
 
     Attributes:
-      learning_rate: the peak; 3e-5 is the authors'.
-      schedule: after the warm-up, constant or half a cosine down to `final_fraction` of the peak.
-      warmup_steps: linear from 0.
+      learning_rate: the peak; the authors' value is 3e-5.
+      schedule: after the warm-up, constant, or half a cosine down to `final_fraction` of the peak.
+      warmup_steps: number of steps of a linear warm-up from 0.
       final_fraction: learning rate at the last step over the peak (cosine only).
       b1: Adam's decay rate of the mean gradient.
       b2: Adam's decay rate of the mean squared gradient.
       eps: Adam's epsilon.
-      clip_norm: largest global norm of the gradient; 0 = off.
-      ema_decay: decay per step of the averaged parameters, which evaluation then uses; 0 = off.
+      clip_norm: largest global norm of the gradient; 0 = no clipping.
+      ema_decay: decay per step of the averaged parameters, which evaluation uses; 0 = no average.
         Step t (from 0) uses the smaller of this and (t + 1) / (t + 10).
     """
 
@@ -150,24 +154,23 @@ class OptimConfig:
 
 @dataclasses.dataclass(frozen=True)
 class TrainConfig:
-    """How long, and what is written when. An interval of 0 switches its action off.
+    """Length of the training and intervals of its output. An interval of 0 disables the output.
 
-    A checkpoint is also written with each evaluation, and at the end whatever the intervals say.
+    A checkpoint is also written at each evaluation and at the end.
 
     Attributes:
-      batch_size: samples a step, over all devices and processes.
-      steps: updates in total; the paper's 300,000.
+      batch_size: samples per step, over all devices and processes.
+      steps: total number of updates; 300,000 in the paper.
       log_every: steps between lines of metrics.
-      eval_every: steps between evaluations on `data.eval_split` (and one at the end).
+      eval_every: steps between evaluations on `data.eval_split`; there is one at the end as well.
       checkpoint_every: steps between checkpoints.
-      images_every: steps between pictures of predictions in tensorboard (and at the end).
-      num_images: samples in such a picture.
-      keep_checkpoints: newest checkpoints kept, besides the best one.
-      init: what the parameters begin with, in place of random ones: a file of weights, the name of
-        weights that come with the package, or the folder of a trained run (its best checkpoint).
-        Read before the first step alone; the optimiser begins anew.
-      init_skip: patterns (`*` stands for any text) of layers that begin with random parameters
-        nevertheless.
+      images_every: steps between images of predictions in TensorBoard; also at the end.
+      num_images: number of samples in such an image.
+      keep_checkpoints: number of newest checkpoints kept, besides the best one.
+      init: source of the initial parameters, instead of random ones: a file of weights, the name of
+        weights in the package, or the folder of a trained run (its best checkpoint). It is read
+        only before the first step. The state of the optimiser is not restored.
+      init_skip: patterns (`*` matches any text) of layers that keep random initial parameters.
     """
 
     batch_size: PositiveInt = 32
@@ -187,16 +190,17 @@ class EvalConfig:
     """Evaluation, during training and afterwards.
 
     Attributes:
-      batch_size: samples a step.
-      max_samples: evaluate the first so many samples during training; 0 = all.
-      fscore_threshold: distance in units below which a point counts as correct.
+      batch_size: samples per step.
+      max_samples: number of first samples that are evaluated during training; 0 = all.
+      fscore_threshold: distance in units below which a point is correct.
       emd_tolerance: proven relative error of the earth mover's distance, which compares a
-        prediction with as many of the ground-truth points; 0 = no EMD.
-      visible_tolerance: distance in units from a pixel of the records' depth up to which a true
-        point counts as visible, see `data.visibility`; 0 = no metrics of visible and hidden points.
-        Records without depth have none whatever it is.
-      aligned: during training, also measure the distances after the best scale and shift of each
-        prediction (`metrics.aligned`; some 35 ms of a CPU core a sample). `evaluate` always does.
+        prediction with equally many true points; 0 = no EMD.
+      visible_tolerance: largest distance in units of a visible true point from a pixel of the
+        depth image, see `data.visibility`; 0 = no metrics of visible and hidden points. Records
+        without depth never have these metrics.
+      aligned: whether to measure, during training as well, the distances after the best scale and
+        shift of each prediction (`metrics.aligned`, about 35 ms of a CPU core per sample). The
+        command `evaluate` always does.
     """
 
     batch_size: PositiveInt = 32
@@ -209,20 +213,21 @@ class EvalConfig:
 
 @dataclasses.dataclass(frozen=True)
 class VoxelConfig:
-    """What is trained on solid volumes, if `task` is one of those (see `Config`).
+    """Settings of the tasks on solid volumes (see `Config`).
 
     Attributes:
       from_cd: "refine": folder of a run trained by CD, whose clouds are an input. One of `from_cd`
-        and `from_emd` is needed. The best checkpoint is copied into the run's folder at its first
-        start and stays as it is.
+        and `from_emd` is required. The best checkpoint is copied into the folder of the run when it
+        starts for the first time, and does not change after that.
       from_emd: "refine": likewise, of a run trained by EMD.
-      from_volume: "refine": folder of a run of the task "volume", whose answer goes in too; "" = no
-        such channel.
-      widths: "refine": of the five hidden layers.
+      from_volume: "refine": folder of a run of the task "volume", whose prediction is an input as
+        well; "" = no such input.
+      widths: "refine": widths of the five hidden layers.
       cell: "views": the recurrent cell of 3D-R2N2.
-      width_multiplier: "views": factor on all of its widths.
-      max_views: "views": each training batch has 1 to so many views of each model, at random.
-      eval_views: "views": numbers of views to evaluate with; the best checkpoint is that of the
+      width_multiplier: "views": factor of all widths.
+      max_views: "views": largest number of views of each model in a training batch; the number is
+        drawn for each batch, at least 1.
+      eval_views: "views": numbers of views in an evaluation; the best checkpoint is chosen by the
         first of them.
     """
 
@@ -237,7 +242,7 @@ class VoxelConfig:
 
     @property
     def sources(self) -> dict[str, str]:
-        """The runs that a refiner reads, by the names of their fields: those that are given."""
+        """The runs that a refiner reads, by the names of the fields, without empty ones."""
         names = ("from_cd", "from_emd", "from_volume")
         return {name: getattr(self, name) for name in names if getattr(self, name)}
 
@@ -247,10 +252,11 @@ class Config:
     """Everything a run depends on.
 
     Attributes:
-      seed: the root of every random number.
-      task: what is trained: "points", a cloud from an image; on the records' solid volumes:
-        "refine", a volume from trained networks' clouds; "volume", the object's volume (a number)
-        from an image; "views", 3D-R2N2: a volume from one or more images.
+      seed: seed of all random numbers.
+      task: "points" predicts a cloud from an image. The others use the solid volumes of the
+        records: "refine" predicts a volume from the clouds of trained networks; "volume" predicts
+        the volume of the object (a number) from an image; "views" is 3D-R2N2, a volume from one or
+        more images.
     """
 
     seed: Count = 0
@@ -265,14 +271,14 @@ class Config:
 
 
 def parse(config: Any) -> Config:
-    """Checks a nested mapping and makes it a `Config`; keys left out take their defaults.
+    """Checks a nested mapping and converts it to a `Config`; missing keys have their defaults.
 
     Args:
-      config: an `ml_collections.ConfigDict` or a nested mapping (lists count as tuples).
+      config: an `ml_collections.ConfigDict` or a nested mapping; lists are accepted for tuples.
 
     Raises:
-      ConfigError: for an unknown key, a wrong type, a value out of range or fields that do not
-        fit together; one line naming field, value and what is accepted.
+      ConfigError: a key is unknown, a type is wrong, a value is out of range, or fields contradict
+        each other; the message names the field, its value and what is accepted.
     """
     parsed = build(Config, config, "")
     views = parsed.task == "views"
@@ -295,7 +301,7 @@ def parse(config: Any) -> Config:
 
 
 def check_paths(config: Config) -> None:
-    """Raises `ConfigError` if the data that the configuration names is not there."""
+    """Raises `ConfigError` if the data that the configuration names do not exist."""
     data = config.data
     for name, folders, empty in (
         ("path", data.folders, "the default data set"),
@@ -305,33 +311,33 @@ def check_paths(config: Config) -> None:
             if not pathlib.Path(path).is_dir():
                 what = "is not a folder" if os.path.exists(path) else "does not exist"
                 raise ConfigError(
-                    f"data.{name}={path!r} {what}; accepted: a folder of records, several with "
-                    f"commas between them, or '' for {empty}"
+                    f"data.{name}={path!r} {what}; accepted: folders of records, separated by "
+                    f"commas, or '' for {empty}"
                 )
 
 
 def to_json(config: Config) -> str:
-    """The text of a run's `config.json`."""
+    """The configuration as the text of `config.json`."""
     return json.dumps(to_dict(config), indent=2) + "\n"
 
 
 def from_json(text: str) -> Config:
-    """Reads `to_json`'s text; raises `ConfigError` for anything else."""
+    """Reads the text of `to_json`; raises `ConfigError` for other texts."""
     try:
         raw = json.loads(text)
     except json.JSONDecodeError as error:
-        raise ConfigError(f"config.json is not JSON: {error}") from None
+        raise ConfigError(f"config.json: expected JSON: {error}") from None
     return parse(raw)
 
 
 def _check_together(config: Config) -> None:
-    """Checks that need more than one field, or more of one than its annotation says."""
+    """Checks that involve several fields, or that annotations cannot express."""
     data, model, optim, train = config.data, config.model, config.optim, config.train
     if len(set(data.inputs)) < len(data.inputs) or "rgb" not in data.inputs:
         raise wrong("data.inputs", data.inputs, "'rgb' and any of 'mask', 'depth', each once")
     if len(model.widths) < 2:
         raise wrong("model.widths", model.widths, "at least two resolution levels")
-    # Smaller ones would be mostly padding (the network pads to multiples of the divisor).
+    # Smaller images would consist mostly of padding (to multiples of the divisor).
     if min(data.image_size) < max(8, model.divisor // 2):
         raise wrong(
             "data.image_size",
@@ -368,7 +374,7 @@ def _check_together(config: Config) -> None:
             raise wrong(
                 "loss.min_of_n",
                 config.loss.min_of_n,
-                "1 with model.posterior=True, whose one draw of each sample knows the truth",
+                "1 with model.posterior=True, which draws r once per sample, given the truth",
             )
         if not 1 <= len(model.posterior_widths) <= 5:
             raise wrong("model.posterior_widths", model.posterior_widths, "1 to 5 widths")
@@ -408,6 +414,6 @@ def _check_voxels(config: Config) -> None:
 
 
 def require_points_task(config: Config, what: str) -> None:
-    """Raises `ConfigError` if a run that `what` is asked for does not predict points."""
+    """Raises `ConfigError` if the run does not predict points, which `what` needs."""
     if config.task != "points":
-        raise ConfigError(f"task={config.task!r}: {what} is for runs of the task 'points'")
+        raise ConfigError(f"task={config.task!r}: {what} expects a run of the task 'points'")

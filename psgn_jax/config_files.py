@@ -1,6 +1,6 @@
-"""Names of configurations: `--config=quickstart` stands for the file `configs/quickstart.py`.
+"""Names of configurations: `--config=quickstart` is the file `configs/quickstart.py`.
 
-The files lie in `configs/` of a clone, and in `psgn_jax/configs/` of an installed wheel.
+The files are in `configs/` of a clone, and in `psgn_jax/configs/` of an installed wheel.
 """
 
 import difflib
@@ -26,10 +26,10 @@ def names() -> list[str]:
 def path_of(value: str) -> str:
     """The path of a configuration that is given as a path or as a name.
 
-    A text after a colon is handed on: `authors:small` becomes `.../authors.py:small`.
+    A text after a colon is kept: `authors:small` becomes `.../authors.py:small`.
 
     Raises:
-      ConfigError: there is no such file and no such name.
+      ConfigError: there is neither a file nor a configuration with this name.
     """
     given, colon, rest = value.partition(":")
     if pathlib.Path(given).is_file():
@@ -48,7 +48,7 @@ def with_paths(argv: Sequence[str]) -> list[str]:
     """Command-line arguments with the name after `--config` replaced by its path.
 
     Raises:
-      ConfigError: as `path_of`.
+      ConfigError: the errors of `path_of`.
     """
     arguments: list[str] = []
     for argument in argv:

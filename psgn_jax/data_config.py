@@ -1,4 +1,4 @@
-"""The part of the configuration that says where samples come from and how they become batches."""
+"""The section `data` of the configuration: the records, and how batches are made from them."""
 
 import dataclasses
 import re
@@ -14,23 +14,23 @@ Pixels = Annotated[float, Bounds(low=0, high=20)]
 
 @dataclasses.dataclass(frozen=True)
 class PhotoEffects:
-    """Disturbances of training images that photos and their masks have (`data.photo_effects`).
+    """Effects of photos and their masks, added to training images (`data.photo_effects`).
 
-    0 leaves an effect out. Lengths are in pixels of an image 192 pixels high.
+    0 disables an effect. Lengths are in pixels of an image with 192 rows.
 
     Attributes:
-      erode, dilate: the mask shrinks or grows by a length uniform in [-erode, dilate].
-      ragged: its edge moves to and fro by up to this length.
-      holes: share of the masks with one to three holes, each an ellipse with semi-axes of 3 to 10 %
-        of the object's box.
-      corners: share of the masks that lack a corner, 10 to 35 % of the box's sides.
-      occluders: share of the objects with another object in front at an edge of their box, 10 to
-        30 % of the box's sides; half of the masks leave it out, half take it for the object.
+      erode, dilate: the mask is eroded or dilated by a length uniform in [-erode, dilate].
+      ragged: largest random displacement of the edge of the mask.
+      holes: probability of one to three holes in the mask, ellipses with semi-axes of 3 to 10 % of
+        the object's bounding box.
+      corners: probability that a corner of the mask is missing, 10 to 35 % of the sides of the box.
+      occluders: probability of another object in front of an edge of the object's box, 10 to 30 %
+        of the sides of the box. Half of the masks exclude it, half include it.
       blur: largest standard deviation of a Gaussian blur, pixels.
       noise: largest standard deviation of Gaussian noise, 1 = full range.
-      jpeg: strength of JPEG's losses; its quality is uniform in [100 - 90 * jpeg, 100].
-      white_balance: largest relative change of the red and the blue light.
-      exposure: largest change of the light, stops (factors of two).
+      jpeg: strength of JPEG compression; the quality is uniform in [100 - 90 * jpeg, 100].
+      white_balance: largest relative change of the red and the blue channel.
+      exposure: largest change of exposure, in stops (factors of two).
     """
 
     erode: Pixels = 0.0
@@ -46,47 +46,49 @@ class PhotoEffects:
     exposure: Annotated[float, Bounds(low=0, high=4)] = 0.0
 
     def any(self) -> bool:
-        """Whether there is any effect."""
+        """Whether any effect is enabled."""
         return any(getattr(self, field.name) for field in dataclasses.fields(self))
 
 
 @dataclasses.dataclass(frozen=True)
 class DataConfig:
-    """Where samples come from and how they become batches.
+    """The records, and how batches are made from them.
 
     Attributes:
-      path: folder of records, or several with commas between them, whose splits are joined;
-        empty = the default data set (procedural models, rendered on first use). `FOLDER*N` counts
-        the folder's training samples N times.
-      eval_path: folders that the run is evaluated on, in the same form; empty = those of `path`.
-      train_split: name of the split that is trained on.
+      path: folders of records, separated by commas, whose splits are joined; empty = the default
+        data set (procedural models, rendered on first use). With `FOLDER*N`, the training samples
+        of the folder count N times.
+      eval_path: folders for evaluation, in the same form; empty = those of `path`.
+      train_split: name of the split for training.
       eval_split: name of the split that is evaluated during training.
-      image_size: (height, width) the network sees; images are resized to it. The network pads
-        sides that are no multiples of 2 ** (levels of `model.widths` - 1).
-      inputs: what the network sees, of "rgb", "mask" and "depth".
-      num_points: ground-truth points drawn per sample and training step.
-      num_eval_points: ground-truth points per sample in an evaluation.
-      flip: mirror half of the training samples (y to -y).
-      stretch: largest relative change of width, s uniform in [1 - stretch, 1 + stretch]; samples of
-        rolled cameras stay as they are.
-      zoom: largest relative change of scale, another crop of the image, in [1 - zoom, 1 + zoom].
-      shift: largest move of that crop over the image's height and width.
-      place: share of the training samples whose object is cropped and placed by the rule of
-        `data.framing`, as objects in photos are; image and points are moved together.
-      reframe_scale: standard deviation of the logarithm of a further change of size, reframe_shift
-        of a further shift along rows and columns, over the image's height; image and points
-        together, both normal and cut off at twice that, made smaller where the object would leave
-        the image. The authors' images lie about the rule by 0.12 and 0.07.
-      photo: disturbances that photos have, see `PhotoEffects`.
-      colour_jitter: strength of the change of brightness, contrast and channel gains; 0 = off.
-      num_workers: decoding processes; 0 = threads in this process.
-      cache: keep decoded samples in memory.
-      occupancy: batches hold the solid volume too; filled in from `task`.
-      train_views: images of the same model in each row of a batch, 0 = the record's own, without
-        an axis of views; filled in from `task` and `voxels`.
+      image_size: (height, width) of the network's input; images are resized to it. The network pads
+        sides that are not multiples of 2 ** (levels of `model.widths` - 1).
+      inputs: inputs of the network, from "rgb", "mask" and "depth".
+      num_points: number of true points drawn per sample and training step.
+      num_eval_points: number of true points per sample in an evaluation.
+      flip: whether to mirror half of the training samples (y to -y).
+      stretch: largest relative change of width; the factor is uniform in
+        [1 - stretch, 1 + stretch]. Samples with a rolled camera are not changed.
+      zoom: largest relative change of scale by cropping; the factor is uniform in
+        [1 - zoom, 1 + zoom].
+      shift: largest shift of that crop, over the height and width of the image.
+      place: probability that the object of a training sample is cropped and placed by the rule of
+        `data.framing`, like objects in photos. Image and points are moved together.
+      reframe_scale: standard deviation of the logarithm of a further random scale of image and
+        points. It is normal, truncated at two standard deviations, and reduced if the object would
+        leave the image. The deviation of the authors' images from the rule is 0.12.
+      reframe_shift: standard deviation of a further random shift along rows and columns, over the
+        height of the image, likewise. The deviation of the authors' images is 0.07.
+      photo: effects of photos, see `PhotoEffects`.
+      colour_jitter: strength of random changes of brightness, contrast and channel gains; 0 = off.
+      num_workers: number of decoding processes; 0 = threads in this process.
+      cache: whether to keep decoded samples in memory.
+      occupancy: whether batches contain the solid volume; filled in from `task`.
+      train_views: number of images of the same model in each row of a batch; 0 = one image, without
+        an axis of views. Filled in from `task` and `voxels`.
       eval_views: likewise, in an evaluation.
-      eval_frame: "place" has evaluations place every sample as `place` does; "keep" = as framed.
-      default_folder: of the default data set, filled in by `default_data.with_default_data`.
+      eval_frame: "place" = evaluations place every sample as `place` does; "keep" = unchanged.
+      default_folder: folder of the default data set, filled in by `default_data.with_default_data`.
     """
 
     path: str = ""
@@ -116,15 +118,15 @@ class DataConfig:
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """The folders that `path` names, or that of the default data set; none if it is unknown.
+        """The folders in `path`, or that of the default data set; empty if it is unknown.
 
-        A folder with a factor N stands N times.
+        A folder with a factor N is repeated N times.
         """
         return _folders(self.path or self.default_folder)
 
     @property
     def eval_folders(self) -> tuple[str, ...]:
-        """The folders of the evaluation, each once."""
+        """The folders for evaluation, without repetition."""
         return tuple(dict.fromkeys(_folders(self.eval_path) or self.folders))
 
 

@@ -46,8 +46,8 @@ def default_dataset() -> str:
         return str(folder)
     if not default.can_build():
         raise ConfigError(
-            "no data are named, and the default data set is rendered on first use, which needs "
-            "Mitsuba: pip install -e '.[render]'; or set data.path to a folder of records"
+            "data.path is empty, and rendering the default data set needs Mitsuba: "
+            "pip install -e '.[render]'; or set data.path to a folder of records"
         )
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)

@@ -1,37 +1,38 @@
-"""Where an object lies in the image: one rule for training, evaluation and prediction.
+"""The position of an object in the image: one rule for training, evaluation and prediction.
 
-**Where training objects lie.** The authors scale an object to a bounding hemisphere of radius 1 and
-look at it with one camera, so its place in the image follows from its proportions. In their 1,504
-images (192x256) the mask's box, `h` x `w` pixels, keeps near the curve
+**Training objects.** The authors scale an object to a bounding hemisphere of radius 1 and use one
+camera, so the position in the image follows from the proportions of the object. In their 1,504
+images (192x256), the bounding box of the mask, `h` x `w` pixels, is near the curve
 
     (w / 223)^4 + (h / 124)^4 = 1
 
-(standard deviation of the scale about it 12 %): wide objects are some 220 pixels wide, tall ones
-some 125 high. The box's middle lies at column 128 (sd 11) and at row 63 + 0.224 w (sd 14): a tall
-object stands on the ground, whose origin is at row 124; of a wide one some lies nearer than that.
-`rule_move` puts an object's box onto that curve and that middle. Fitted by
-`((1.8 h)^4 + w^4)^(1/4)` and least squares to the images that show at least 20 pixels of both
-sides.
+(standard deviation of the scale 12 %): wide objects are about 220 pixels wide, tall ones about 125
+pixels high. The centre of the box is at column 128 (sd 11) and row 63 + 0.224 w (sd 14): a tall
+object stands on the ground at row 124, the row of the origin; a wide object extends below it.
+`rule_move` maps the box of an object to this curve and this centre. The rule was fitted with
+`((1.8 h)^4 + w^4)^(1/4)` and least squares to the images in which both sides have at least 20
+pixels.
 
-**Images and points together.** A photo does not show how large its object is nor where it stands.
-A move of the image, column and row `p` to `s p + (right, down)`, therefore moves the points of a
-training sample too, and the camera (K, R, T) stays as it is: `move_points`. In the camera's frame,
-with rays `q = (x, y) / z`, the move is `q -> s q + (u, v)`, where (u, v) is the last column of
-`K^-1 [[s, 0, right], [0, s, down], [0, 0, 1]] K`. The object is scaled about its centre, at the
-centre's depth `z0` (mean over the points), and moved across the optical axis:
+**Images and points together.** A photo shows neither the size of its object nor its position.
+Therefore a move of the image, from column and row `p` to `s p + (right, down)`, moves the points of
+a training sample as well, and the camera (K, R, T) does not change: `move_points`. In the frame of
+the camera, with rays `q = (x, y) / z`, the move is `q -> s q + (u, v)`, where (u, v) is the last
+column of `K^-1 [[s, 0, right], [0, s, down], [0, 0, 1]] K`. The object is scaled about its centre,
+at depth `z0` (mean over the points), and moved perpendicular to the optical axis:
 
     X' = s X + z0 (u, v, 1 - s)
 
 This is a similarity without rotation: the object keeps its shape and its angle to the ground. For
-points at depth z0 the projection is exact. For a point at depth `z = z0 + d` it is off by
+points at depth z0 the projection is exact. For a point at depth `z = z0 + d` the error is
 
     q' - (s q + (u, v)) = s d / (z0 + s d) * ((1 - s) q - (u, v))
 
-times the focal length in pixels. With the authors' camera (400 pixels, z0 about 3.6), a change of
-size by 12 % misplaces a point at the image's left edge that is 0.4 in front of the centre by 1.7
-pixels of 192x256, and a shift by 14 pixels misplaces it by 1.7; a point with d = 0.2 half-way to
-the edge by 0.4 and 0.8. The root mean square over a box of 1 x 1.2 x 0.7 under a shift by 14 pixels
-is 1.2. An exact move would have to shear the object (x' = s x + u z at the same z).
+times the focal length in pixels. Examples for the authors' camera (400 pixels, z0 about 3.6) and
+192x256 pixels: for a point at the left edge of the image, 0.4 in front of the centre, the error is
+1.7 pixels under a change of size by 12 % and 1.7 pixels under a shift by 14 pixels. For a point
+with d = 0.2 half-way to the edge the errors are 0.4 and 0.8 pixels. The root mean square error over
+a box of 1 x 1.2 x 0.7 under a shift by 14 pixels is 1.2 pixels. An exact move would have to shear
+the object (x' = s x + u z at the same z).
 """
 
 import dataclasses
@@ -47,23 +48,23 @@ BOX_WIDTH, BOX_HEIGHT, BOX_POWER = 223.0, 124.0, 4
 MIDDLE_COLUMN, MIDDLE_ROW, MIDDLE_ROW_PER_WIDTH = 128.0, 63.0, 0.224
 
 SMALLEST_BOX = 8
-"""Pixels of the longer side of an object's box, below which it is not placed."""
+"""An object is not placed if the longer side of its box has fewer pixels."""
 
 LARGEST_CHANGE = 2.0
-"""A training sample is not placed if that would change its size by more than this factor.
+"""A training sample is not placed if its size would change by more than this factor.
 
-Such a mask does not show the object: of a plate seen edge-on, one of the authors' 64 validation
-images has 14 x 30 pixels of 200, and the rule would make its points seven times as large.
+In such a case the mask shows little of the object. One of the authors' 64 validation images shows a
+plate edge-on, with a box of 14 x 30 pixels; the rule would enlarge its points by a factor of seven.
 """
 
-_TRAINING_SPREAD = 1  # how far the border of a training rendering may be from its grey
+_TRAINING_SPREAD = 1  # largest deviation of the border of a training rendering from its grey
 
 
 @dataclasses.dataclass(frozen=True)
 class Move:
     """A similarity of the image plane without rotation.
 
-    It takes (column, row) to `scale * (column, row) + (right, down)`; pixels as in `schema`.
+    It maps (column, row) to `scale * (column, row) + (right, down)`; pixels as in `schema`.
     """
 
     scale: float
@@ -75,7 +76,7 @@ class Move:
         return np.array([[self.scale, 0, self.right], [0, self.scale, self.down], [0, 0, 1.0]])
 
     def then(self, other: "Move") -> "Move":
-        """This move first, `other` after it."""
+        """The composition: this move first, then `other`."""
         return Move(
             other.scale * self.scale,
             other.scale * self.right + other.right,
@@ -85,15 +86,15 @@ class Move:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class View:
-    """What a network sees of a photo, with its camera.
+    """The input of a network for a photo, with its camera.
 
     Attributes:
       image: uint8 [192, 256, 3], grey 191 outside the mask.
       mask: bool [192, 256].
       intrinsics, extrinsics: the authors' camera for this view (`schema`: conventions).
-      to_view: float64 [3, 3], homogeneous (column, row) of the array that was placed to those of
-        the view. `inv(to_view) @ intrinsics` is the camera of that array.
-      placed: False where the array was taken as framed.
+      to_view: float64 [3, 3], maps homogeneous (column, row) of the original array to those of the
+        view. `inv(to_view) @ intrinsics` is the camera of that array.
+      placed: False if the framing of the array was kept.
     """
 
     image: np.ndarray
@@ -105,7 +106,7 @@ class View:
 
 
 def is_framed(image: np.ndarray) -> bool:
-    """Whether an image is framed as those of the training: 4:3, on grey 191 all around."""
+    """Whether an image is framed like training images: 4:3, with a border of grey 191."""
     if not same_proportions(image.shape[:2], VIEW_SIZE):
         return False
     border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]]).astype(int)
@@ -114,22 +115,22 @@ def is_framed(image: np.ndarray) -> bool:
 
 
 def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
-    """(top, bottom, left, right) of what a mask shows; bottom and right are excluded.
+    """Bounding box (top, bottom, left, right) of a mask; bottom and right are exclusive.
 
     Raises:
       PhotoError: the mask is empty.
     """
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
-        raise PhotoError("the mask is empty: no pixel of it is object")
+        raise PhotoError("the mask is empty; expected pixels of an object")
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
 def rule_move(box: tuple[float, float, float, float]) -> Move:
-    """The move of an object's box, in square pixels, to its place in a view of 192x256 pixels.
+    """The move of an object's box, in square pixels, to its position in a view of 192x256 pixels.
 
     Args:
-      box: (top, bottom, left, right), as `box_of` gives it.
+      box: (top, bottom, left, right), as returned by `box_of`.
     """
     top, bottom, left, right = box
     wide, high = right - left, bottom - top
@@ -141,14 +142,14 @@ def rule_move(box: tuple[float, float, float, float]) -> Move:
 
 
 def rule_move_within(mask: np.ndarray) -> Move | None:
-    """The rule's move within an array that is a view of another size, such as a training sample.
+    """The move by the rule within a view of another size, such as a training sample.
 
     Args:
-      mask: bool [h, w]; its rows and columns stand for 192 and 256.
+      mask: bool [h, w]; its rows and columns correspond to 192 and 256.
 
     Returns:
-      the move in the array's own pixels; None for an object of fewer than `SMALLEST_BOX` pixels,
-      or one whose size would change by more than `LARGEST_CHANGE`.
+      The move in pixels of the array; None if the object has fewer than `SMALLEST_BOX` pixels or
+      its size would change by more than `LARGEST_CHANGE`.
     """
     if not mask.any():
         return None
@@ -163,14 +164,14 @@ def rule_move_within(mask: np.ndarray) -> Move | None:
 
 
 def keep_inside(move: Move, mask: np.ndarray) -> Move:
-    """The move made smaller until all of the object stays within the array [h, w].
+    """The move, reduced so that the object stays inside the array [h, w].
 
-    An object that is larger than the array after the move is scaled less; then it is shifted less.
+    The scale is reduced if the moved object would be larger than the array, then the shift.
     """
     top, bottom, left, right = box_of(mask)
     (height, width), scale = mask.shape, move.scale
     scale = min(scale, height / (bottom - top), width / (right - left))
-    # Scaled less, the middle of the box stays where the move puts it.
+    # With the reduced scale, the centre of the box keeps its new position.
     across = move.right + (move.scale - scale) * (left + right) / 2
     down = move.down + (move.scale - scale) * (top + bottom) / 2
     return Move(
@@ -183,18 +184,18 @@ def keep_inside(move: Move, mask: np.ndarray) -> Move:
 def move_image(
     image: np.ndarray, mask: np.ndarray, to_view: np.ndarray, size: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Image and mask as a view of `size` (H, W) sees them; each pixel averages what it covers.
+    """Resamples image and mask to a view of `size` (H, W), with an area-average filter.
 
     Args:
       image: uint8 [h, w, 3].
       mask: bool [h, w].
-      to_view: [3, 3], (column, row) of the array to those of the view; scales and a shift.
-      size: of the view.
+      to_view: [3, 3], maps (column, row) of the array to those of the view; scale and shift only.
+      size: size of the view.
 
     Returns:
       uint8 [H, W, 3], grey 191 outside the mask, and bool [H, W].
     """
-    # Corners of the view in the array; the region is cut out with grey where the array ends.
+    # Corners of the view in the array. Parts of the view outside the array are grey.
     factors = 1 / np.diag(to_view)[:2]
     low = -to_view[:2, 2] * factors
     high = (np.array(size[::-1]) - to_view[:2, 2]) * factors
@@ -206,7 +207,7 @@ def move_image(
     end = np.minimum(last, image.shape[1::-1])
     source = np.s_[begin[1] : end[1], begin[0] : end[0]]
     target = np.s_[begin[1] - first[1] : end[1] - first[1], begin[0] - first[0] : end[0] - first[0]]
-    # What is behind the object must not bleed into its edge: colours are weighted by the mask.
+    # Colours are weighted by the mask, so that the background does not bleed into the edge.
     rgba[target][..., :3] = image[source]
     rgba[target][..., 3] = mask[source].view(np.uint8) * np.uint8(255)
     box = (*(low - first).tolist(), *(high - first).tolist())
@@ -220,11 +221,11 @@ def move_image(
 def move_points(
     points: np.ndarray, move: Move, intrinsics: np.ndarray, extrinsics: np.ndarray
 ) -> np.ndarray:
-    """Points that follow a move of their image under the unchanged camera (the module's equation).
+    """Moves points together with their image, by the equation in the module's docstring.
 
     Args:
       points: float32 [n, 3] in the project's frame, in front of the camera; n may be 0.
-      move: of the image whose camera is given.
+      move: move of the image of this camera.
       intrinsics: [3, 3].
       extrinsics: [3, 4].
 
@@ -246,12 +247,12 @@ def move_points(
 def move_depth(
     depth: np.ndarray, points: np.ndarray, move: Move, extrinsics: np.ndarray
 ) -> np.ndarray:
-    """The depth map that follows a move of image and points: pixels moved, depths scaled about z0.
+    """Moves a depth map together with image and points; depths are scaled about z0.
 
     Args:
-      depth: float32 [h, w], 0 = none; each new pixel takes that of the nearest old one.
-      points: float32 [n, 3], those of `move_points` before the move, n > 0.
-      move: of the image.
+      depth: float32 [h, w], 0 = none; the resampling uses the nearest pixel.
+      points: float32 [n, 3], the points before `move_points`, n > 0.
+      move: move of the image.
       extrinsics: [3, 4].
     """
     height, width = depth.shape
@@ -271,16 +272,16 @@ def _centre_depth(points: np.ndarray, extrinsics: np.ndarray) -> float:
 
 
 def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> View:
-    """Crops and scales an object to where training objects lie (the module's rule).
+    """Crops and scales an object to the position of training objects, by the module's rule.
 
     Args:
       image: uint8 [h, w, 3] RGB.
       mask: bool [h, w], True on the object.
-      move: False takes the whole image as the frame; it must be 4:3.
+      move: False keeps the framing; the image must then be 4:3.
 
     Raises:
-      PhotoError: no object in the mask, too little of it, or a frame that is not 4:3.
-      ValueError: arrays of another dtype or shape.
+      PhotoError: the mask shows no object or a very small one, or the framing is not 4:3.
+      ValueError: a dtype or shape is wrong.
     """
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
         raise ValueError(f"image is {image.dtype} {list(image.shape)}: accepted: uint8 [h, w, 3]")
@@ -306,21 +307,23 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> View:
         to_view = np.diag([width / image.shape[1], height / image.shape[0], 1.0])
     colours, inside = move_image(image, mask, to_view, VIEW_SIZE)
     if not inside.any():
-        raise PhotoError("nothing of the object is left at the network's size")
+        raise PhotoError(
+            "the object vanishes at the resolution of the network; expected a larger one"
+        )
     return View(colours, inside, *camera.default_camera(VIEW_SIZE), to_view, placed=move)
 
 
 def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:
     """Scale a and shift b with `points = a * normalised + b`, where `normalised` has normal form.
 
-    The form is that of training objects (`data_gen.frame.normalize`): lowest point at z = 0,
-    middle of the bounding box at x = y = 0, farthest point at distance 1 from the origin.
+    Training objects have this form (`data_gen.frame.normalize`): the lowest point is at z = 0, the
+    centre of the bounding box at x = y = 0, and the farthest point at distance 1 from the origin.
 
     Args:
-      points: [..., 3], all clouds of one object; they get one scale and one shift.
+      points: [..., 3], all clouds of an object; they have a common scale and shift.
 
     Returns:
-      a > 0 (1 where all points are the same) and b, float64 [3].
+      a > 0 (1 if all points are equal) and b, float64 [3].
     """
     flat = points.reshape(-1, 3).astype(np.float64)
     low, high = flat.min(axis=0), flat.max(axis=0)
@@ -330,9 +333,9 @@ def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def normalised_extrinsics(extrinsics: np.ndarray, scale: float, shift: np.ndarray) -> np.ndarray:
-    """The camera that sees normalised points where `extrinsics` sees the points themselves.
+    """The camera that projects normalised points to the pixels of the original points.
 
-    `R (a X + b) + T` and `R X + (R b + T) / a` lie on the same ray; depths are divided by a.
+    `R (a X + b) + T` and `R X + (R b + T) / a` are on the same ray; depths are divided by a.
     """
     rotation = extrinsics[:, :3].astype(np.float64)
     translation = (rotation @ shift + extrinsics[:, 3]) / scale

@@ -1,17 +1,18 @@
-"""What photos and their masks suffer, done to training images: `disturb`.
+"""Augmentation of training images with the effects of photos and of their masks: `disturb`.
 
-Settings and their units: `psgn_jax.data_config.PhotoEffects`; lengths are in pixels of an image 192
-pixels high. The steps, in the order in which they happen to a photo:
+The settings and their units are described in `psgn_jax.data_config.PhotoEffects`; lengths are in
+pixels of an image with 192 rows. The effects are applied in the order in which a photo has them:
 
-1. Another object stands in front, at an edge of this one's box.
-2. A background of colours that run into each other, where the image's is the plain grey: beyond the
-   object's edge a photo shows something.
-3. Light: exposure and white balance as factors in linear light, v -> 255 (g (v/255)^2.2)^(1/2.2).
+1. An occluder in front of an edge of the object's box.
+2. A background of smooth colours instead of plain grey, because masks of photos include pixels of
+   the background at their edges.
+3. Light: exposure and white balance as factors of linear values, v -> 255 (g (v/255)^2.2)^(1/2.2).
 4. Lens and sensor: Gaussian blur, Gaussian noise.
-5. JPEG.
-6. The mask: shrunk or grown, its edge ragged, a corner cut off, holes.
+5. JPEG compression.
+6. The mask: eroded or dilated, with a ragged edge, a missing corner, holes.
 
-Points stay: they are the truth about the whole object. Outside of the mask the image is grey again.
+The points do not change: they are the truth for the whole object. At the end, pixels outside the
+mask are grey again.
 """
 
 import io
@@ -24,28 +25,28 @@ from psgn_jax.data.framing import VIEW_SIZE, box_of
 from psgn_jax.data_config import PhotoEffects
 
 LEAST_LEFT = 0.4
-"""A mask that would keep less than this share of its area stays as it was before that step."""
+"""A step that would reduce the mask to less than this share of its area is skipped."""
 
 _GAMMA = 2.2
-_GRAIN = 8  # pixels of 192 between the nodes of the ragged edge's random field
+_GRAIN = 8  # distance of the nodes of the random field of ragged edges, in pixels of 192
 
 
 def disturb(
     image: np.ndarray, mask: np.ndarray, rng: np.random.Generator, effects: PhotoEffects
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A sample's image and mask with the effects that are set, each drawn from its own numbers.
+    """Applies the enabled effects to the image and mask of a sample.
 
-    An effect's draws depend on the generator alone: switching another on or off changes none.
+    Each effect has its own random generator, so enabling one does not change the others.
 
     Args:
       image: uint8 [h, w, 3].
       mask: bool [h, w].
-      rng: source of the draws.
+      rng: random generator.
       effects: the settings.
 
     Returns:
-      uint8 [h, w, 3], grey 191 outside the mask, and bool [h, w], as new arrays; the arguments
-      themselves where nothing is set or there is no object.
+      uint8 [h, w, 3], grey 191 outside the mask, and bool [h, w], as new arrays. If no effect is
+      enabled or the mask is empty, these are the arguments themselves.
     """
     if not effects.any() or not mask.any():
         return image, mask
@@ -79,7 +80,7 @@ def _enough(changed: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def _has_grey_surroundings(image: np.ndarray, mask: np.ndarray) -> bool:
-    """Whether nearly all of the background is the plain grey."""
+    """Whether almost all of the background is plain grey."""
     outside = image[~mask]
     return bool(len(outside)) and bool((outside == schema.BACKGROUND_GREY).all(axis=1).mean() > 0.9)
 
@@ -87,7 +88,7 @@ def _has_grey_surroundings(image: np.ndarray, mask: np.ndarray) -> bool:
 def _smooth_colours(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
     """uint8 [h, w, 3]: a few random colours, interpolated."""
     nodes = rng.integers(1, 7, 2)
-    base = rng.integers(0, 256) + rng.integers(-40, 41, 3)  # most backgrounds are dull
+    base = rng.integers(0, 256) + rng.integers(-40, 41, 3)  # most backgrounds are unsaturated
     spread = rng.integers(8, 96)
     colours = base + rng.integers(-spread, spread + 1, (*nodes, 1)) + rng.integers(-16, 17, 3)
     picture = Image.fromarray(np.clip(colours, 0, 255).astype(np.uint8))
@@ -105,7 +106,7 @@ def _ellipse(
 def _occlude(
     image: np.ndarray, mask: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """An ellipse or a box of another colour over an edge of the object's box."""
+    """Adds an ellipse or a box of another colour over an edge of the object's box."""
     top, bottom, left, right = box_of(mask)
     high, wide = bottom - top, right - left
     side, along = rng.integers(4), rng.random()
@@ -160,7 +161,7 @@ def _jpeg(image: np.ndarray, quality: float) -> np.ndarray:
 
 
 def _step(mask: np.ndarray, *, diagonal: bool) -> np.ndarray:
-    """The mask and what lies next to it: four neighbours, or eight."""
+    """The mask dilated by one pixel, with four or eight neighbours."""
     grown = mask.copy()
     grown[1:] |= mask[:-1]
     grown[:-1] |= mask[1:]
@@ -176,7 +177,7 @@ def _move_edge(
 ) -> np.ndarray:
     """The mask with its edge moved out by `length` pixels plus a random field within +-`ragged`.
 
-    The field is smooth over `_GRAIN` pixels. The array's border is no edge.
+    The field is smooth over `_GRAIN` pixels. The border of the array does not count as an edge.
     """
     height, width = mask.shape
     grain = max(2, round(_GRAIN * height / VIEW_SIZE[0]))
@@ -187,7 +188,7 @@ def _move_edge(
     for sign in (1, -1):
         grown = mask if sign > 0 else ~mask
         for step in range(1, int(np.ceil(max(0.0, float((sign * distance).max())) + 0.5)) + 1):
-            # Four and eight neighbours in turn: nearly round.
+            # Alternating four and eight neighbours approximates a disc.
             grown = _step(grown, diagonal=step % 2 == 0)
             reached = sign * distance >= step - 0.5
             if sign > 0:
@@ -198,7 +199,7 @@ def _move_edge(
 
 
 def _cut_corner(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Cuts a triangle off a corner of the mask's box."""
+    """Removes a triangle at a corner of the mask's box."""
     top, bottom, left, right = box_of(mask)
     down, across = rng.uniform(0.1, 0.35, 2)
     rows = (np.arange(mask.shape[0]) + 0.5 - top) / (bottom - top)
@@ -210,7 +211,7 @@ def _cut_corner(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _pierce(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """One to three elliptic holes whose centres are on the mask."""
+    """Adds one to three elliptic holes with centres on the mask."""
     top, bottom, left, right = box_of(mask)
     inside = np.flatnonzero(mask)
     result = mask.copy()

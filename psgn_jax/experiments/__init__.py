@@ -1,1 +1,1 @@
-"""The paper's experiments, one file and one command each."""
+"""The experiments of the paper; each has a file and a command."""

@@ -1,21 +1,21 @@
 """Several plausible shapes for one image: `python -m psgn_jax.experiments.ambiguity --workdir DIR`.
 
-If an image is ambiguous, do the samples of a network cover the possible shapes, and do they agree
-on images that are not? The data are cabinets of a hidden depth (`data_gen.catalogues.doubt`): seen
-straight from the front, the depth is unknown; seen turned, it is visible. On both together are
-trained, with equal numbers of steps and one network: a deterministic one (without random input),
-Mo2 and Mo8 (the best of 2 and of 8 draws of r), and the conditional variational autoencoder. On
-cabinets of a validation split are measured
+Do the samples of a network cover the possible shapes of an ambiguous image? Do they agree on an
+unambiguous image? The data are cabinets with a hidden depth (`data_gen.catalogues.doubt`). Straight
+from the front, the depth is invisible; if the cabinet is rotated, the depth is visible. Four
+networks of the same architecture are trained on both kinds, for the same number of steps: a
+deterministic one (without random input), Mo2 and Mo8 (the best of 2 and of 8 draws of r), and the
+conditional variational autoencoder. On the cabinets of a validation split, the study measures
 
-- the Chamfer distance from the truth of one prediction, and of the best of K draws;
-- how far output points move between draws along the hidden direction (x, from the camera into the
-  depth) and along the visible ones (y, z), on ambiguous images;
-- how far they move on unambiguous images;
-- the same for the draws' marginals (`metrics.samples.marginal_spread`), which do not count points
-  that only change places or slide along the surface;
-- the depth of each drawn cloud, measured from its points (`measured_depth`), against its
-  distribution among cabinets of this image: Wasserstein-1, coverage of the range, and the spread,
-  with that of the minimiser of the objective (`spread_of_the_minimiser`);
+- the Chamfer distance of a prediction, and of the best of K draws, from the truth;
+- the spread of the output points over draws along the hidden direction (x, the depth) and along
+  the visible directions (y, z), on ambiguous images;
+- the spread on unambiguous images;
+- the spread of the marginals (`metrics.samples.marginal_spread`), which ignores points that only
+  exchange places or slide along the surface;
+- the distribution of the depth of the drawn clouds, measured from their points (`measured_depth`),
+  compared with that of the cabinets with this image: Wasserstein-1 distance, coverage of the range,
+  and spread, beside that of the minimiser of the objective (`spread_of_the_minimiser`);
 - minimum matching distance and coverage of the true shapes that share an image, and the total
   mutual difference of the draws (`psgn_jax.metrics.samples`).
 
@@ -23,7 +23,7 @@ cabinets of a validation split are measured
 side and the back, as in the paper.
 
 Source: Fan, Su, Guibas, CVPR 2017, sections "Generation of Multiple Plausible Shapes" and
-"Predicting Multiple Plausible Shapes"; they show pictures and no numbers. Data, measures and the
+"Predicting Multiple Plausible Shapes", which show images and no numbers. Data, measures and the
 goals in `GOALS` are **ours**. Unit of lengths: the radius of the bounding hemisphere.
 """
 
@@ -70,23 +70,23 @@ GOALS = {
     "hidden over visible spread": 3.0,
     "spread without doubt over with": 1 / 3,
 }
-"""At most, at least, at most."""
+"""Bounds of the ratios of `judge`: at most, at least, at most."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Size:
-    """How large the study is.
+    """The size of the study.
 
     Attributes:
-      seeds, draws: of the catalogue, for (train, validation).
-      image_size: of images and network.
+      seeds, draws: arguments of the catalogue, for (train, validation).
+      image_size: size of the images and of the network's input.
       model: fields of `config.ModelConfig`.
-      num_points: ground-truth points a training step sees.
-      steps, batch_size, learning_rate: of each training.
-      random_size: of r and z.
-      kl_weight: of the autoencoder; the loss is the squared Chamfer distance.
-      num_draws: K of best-of-K, and of all that compares draws with each other.
-      num_measured: draws of each image whose depth is measured, at least K.
+      num_points: ground-truth points per sample and training step.
+      steps, batch_size, learning_rate: hyperparameters of each training.
+      random_size: dimension of r and z.
+      kl_weight: weight of the KL divergence; the loss is the squared Chamfer distance.
+      num_draws: K, the number of draws that are compared.
+      num_measured: number of draws per image whose depth is measured, at least K.
     """
 
     seeds: tuple[int, int] = (80, 8)
@@ -123,7 +123,7 @@ FULL = Size(
     learning_rate=3e-4,
     random_size=128,
 )
-"""The full network at full image size; for a GPU. Not measured."""
+"""The full network at full image size, for a GPU. Never run."""
 
 
 # --- Data and trainings -----------------------------------------------------------------------
@@ -144,7 +144,7 @@ def config_of(network: str, data: pathlib.Path, size: Size) -> Config:
         "data": {
             "path": str(data), "image_size": size.image_size, "num_points": size.num_points,
             "num_eval_points": 2048, "cache": True,
-            "flip": False,  # all turned cabinets are turned in the same direction
+            "flip": False,  # because all turned cabinets are rotated in the same direction
         },
         "model": model,
         "loss": loss,
@@ -163,7 +163,7 @@ def config_of(network: str, data: pathlib.Path, size: Size) -> Config:
 
 
 def configs(options: Any) -> Iterable[tuple[str, Config]]:
-    """All trainings; renders the data first."""
+    """Renders the data and returns the configurations of all trainings."""
     data, size = options.workdir / "data", FULL if options.full else DEFAULT
     build_data(data, size.image_size, size.seeds, size.draws)
     return [(name, config_of(name, data, size)) for name in NETWORKS]
@@ -177,9 +177,9 @@ def _rms(values: np.ndarray) -> float:
 
 
 def predictions(folder: pathlib.Path, num_draws: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Predictions [samples, draws, n, 3] of the validation split, and arrays of its samples.
+    """Predictions [samples, draws, n, 3] on the validation split, and arrays of its samples.
 
-    The last checkpoint of the run in `folder`; one draw if the network is deterministic.
+    The last checkpoint of the run in `folder` is used. A deterministic network has one draw.
     """
     run = open_run(folder, "last")
     config, params = run.config, run.params
@@ -221,16 +221,16 @@ def _mutual(draws: Array) -> Array:
 def measure_network(
     drawn: np.ndarray, truth: np.ndarray, known: Sequence[Truth], num_draws: int
 ) -> dict[str, Any]:
-    """All measures of one network, on the whole validation split.
+    """All measures of a network on the whole validation split.
 
     Args:
-      drawn: its predictions [samples, draws, n, 3].
-      truth: points [samples, m, 3].
-      known: of each sample.
+      drawn: predictions [samples, draws, n, 3].
+      truth: true points [samples, m, 3].
+      known: parameters of each sample.
       num_draws: K.
 
     Returns:
-      numbers by name; `front` and `turned` in a name stand for ambiguous and unambiguous images.
+      Numbers by name; `front` and `turned` in a name denote ambiguous and unambiguous images.
     """
     points = drawn[:, :num_draws]
     random = points.shape[1] > 1
@@ -266,7 +266,7 @@ def measure_network(
 def _against_truths(
     points: np.ndarray, truth: np.ndarray, known: Sequence[Truth]
 ) -> dict[str, float]:
-    """Draws of one image of each group against all true shapes of the group."""
+    """Compares the draws for an image of each group with all true shapes of the group."""
     distance = jax.jit(lambda a, b: sample_metrics.cross_distances(a, b, chamfer_sq_mean))
     matrices = [distance(points[rows[0]], truth[rows]) for rows in groups(known).values()]
     return {
@@ -280,12 +280,12 @@ def _against_truths(
 
 
 def spread_of_the_minimiser(num_draws: int) -> float:
-    """Standard deviation of the draws that minimise Mo-n, over that of the truth.
+    """Standard deviation of the samples that minimise Mo-n, over that of the truth.
 
-    For one number, uniform on [-1, 1], under the squared error: the q that minimises
-    E over x, s_1 ... s_n ~ q of min (x - s_i)^2, as 32 equally likely numbers. It is a property of
-    the objective, independent of any network: 0 for n = 1 (the mean), .56 for 2, .87 for 4, 1.00
-    for 8.
+    The truth x is a number, uniform on [-1, 1], and the distance is the squared error. The function
+    computes the distribution q, represented by 32 equally likely numbers, that minimises the
+    expectation of min_i (x - s_i)^2 over x and s_1 ... s_n ~ q. The result is a property of the
+    objective, independent of any network: 0 for n = 1 (the mean), .56 for 2, .87 for 4, 1.00 for 8.
     """
     x = jnp.linspace(-1, 1, 201)
     rank = jnp.arange(33) / 32
@@ -310,7 +310,7 @@ def spread_of_the_minimiser(num_draws: int) -> float:
 
 
 def judge(results: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
-    """For each sampler the three ratios of `GOALS`."""
+    """The three ratios of `GOALS` for each network with random input."""
     alone = results["deterministic"][f"CD of one draw, {DOUBT} [radius^2]"]
     return {
         name: {
@@ -327,14 +327,14 @@ def judge(results: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float
 
 
 Shown = tuple[dict[str, np.ndarray], np.ndarray, dict[str, np.ndarray]]
-"""What the figure shows: a sample, true shapes that share its image, draws by network."""
+"""Data of the figure: a sample, true shapes with the same image, draws by network."""
 
 
 def measure(options: Any) -> tuple[dict[str, Any], Shown]:
-    """Numbers of all networks, and what the figure shows."""
+    """Measures all networks; returns the numbers and the data of the figure."""
     data, size = options.workdir / "data", FULL if options.full else DEFAULT
     known = truths(data)
-    # The first ambiguous image, and the depths that it may have.
+    # The first ambiguous image, and the depths that are possible for it.
     columns = min(6, size.num_draws)
     sharing = sorted(min(groups(known).items())[1][: columns - 1], key=lambda i: known[i].depth)
     results: dict[str, dict[str, Any]] = {}
@@ -366,7 +366,7 @@ def measure(options: Any) -> tuple[dict[str, Any], Shown]:
 
 
 def table(numbers: Mapping[str, Any]) -> list[Lines]:
-    """All measures, and the ratios beside their goals; a column for each network."""
+    """All measures, and the ratios with their goals; a column for each network."""
     results, reached = numbers["networks"], numbers["reached"]
     measures = [["measure", *results]]
     for name in dict.fromkeys(key for values in results.values() for key in values):
@@ -381,9 +381,9 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 
 def panels(shown: Shown, angle: float) -> dict[str, dict[str, np.ndarray]]:
-    """Network -> image, and its draws turned by an angle; a single draw with the true shapes."""
+    """Network -> the image, and its draws seen from an angle; if there is one draw, true shapes."""
     sample, shapes, by_network = shown
-    # Turned shapes are wider than those in the image.
+    # Rotated shapes are wider than those in the image.
     zoom = np.array([[0.85, 1, 1], [1, 0.85, 1], [1, 1, 1]])
     case = {**sample, "intrinsics": sample["intrinsics"] * zoom}
     case["extrinsics"] = _from_above(sample["extrinsics"].astype(np.float64))
@@ -401,7 +401,7 @@ def panels(shown: Shown, angle: float) -> dict[str, dict[str, np.ndarray]]:
 
 
 def _from_above(extrinsics: np.ndarray) -> np.ndarray:
-    """The camera 15 degrees higher, where a shape is easier to read than on the horizon."""
+    """The camera, moved 15 degrees higher, where shapes are easier to recognise."""
     tilt = np.deg2rad(15)
     turn = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
     middle = np.array([0, 0, 0.4])

@@ -1,26 +1,28 @@
-"""What each branch predicts: `python -m psgn_jax.experiments.branches --workdir DIR [--run RUN]`.
+"""The points of each branch: `python -m psgn_jax.experiments.branches --workdir DIR [--run RUN]`.
 
 A two-branch or hourglass network predicts some points by a fully connected (fc) branch and the
-others, as an image of coordinates, by a deconvolutional (deconv) one. The paper shows the channels
-of this image and both sets of points, and says: the deconv branch learns a surface that is wrapped
-around the object, while fc points are in no order; deconv points are the main body, fc points the
-details ("tip of gun, tail of plane, arms of a sofa"). Here both are drawn and measured:
+others, as an image of coordinates, by a deconvolutional (deconv) branch. The paper shows the
+channels of this image and both sets of points. It states that the deconv branch learns a surface
+wrapped around the object, while fc points are unordered, and that deconv points form the main body
+and fc points the details ("tip of gun, tail of plane, arms of a sofa"). This study shows both and
+measures
 
-- order: mean distance of points that are neighbours in the output (fc: the next number; deconv: the
-  next cell) divided by that of two random points of the branch; 1 = no order;
-- squared distances from each branch's points to the truth and back, and each branch's spread;
-- the share of true points whose nearest predicted point is of the fc branch, and the share that fc
-  has among the points. Also for fifths of the true points of a sample, sorted by their distance
-  from the object's centre, and by how much of the surface lies around them (within `AROUND`), which
-  is little at tips and thin parts. If fc predicted the details, its share would be larger in the
-  outermost fifth, and in the one with the least surface around.
+- order: the mean distance of points that are neighbours in the output (fc: consecutive numbers;
+  deconv: adjacent cells), divided by that of two random points of the branch; 1 = no order;
+- squared distances from the points of each branch to the truth and back, and the spread of each
+  branch;
+- the share of true points whose nearest predicted point belongs to the fc branch, compared with the
+  share of fc points. Also for fifths of the true points of a sample, sorted by their distance from
+  the centre of the object, and by the amount of surface around them (within `AROUND`), which is
+  small at tips and thin parts. If the fc branch predicted the details, its share would be larger in
+  the outermost fifth and in the fifth with the least surface.
 
-RUN is the folder of any run of `psgn_jax.main` with both branches. Without it a network is trained
+RUN is the folder of any run of `psgn_jax.main` with both branches. Without it, a network is trained
 in `DIR/two_branch_cd` with the recipe of `configs/authors_small.py`: half an hour on two CPU cores.
-The samples of `branches.png` are at even distances in the split, not chosen by result.
+The samples of `branches.png` are evenly spaced in the split, not chosen by result.
 
-Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figures on the channels and the points of
-both branches, which show pictures and no numbers; the measures are **ours**. Unit of lengths: the
+Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figures of the channels and the points of
+both branches, which show images and no numbers; the measures are **ours**. Unit of lengths: the
 radius of the bounding hemisphere.
 """
 
@@ -39,14 +41,14 @@ from psgn_jax.models.point_layout import Branches, OutputGrid, branch_of_point, 
 from psgn_jax.viewing import spheres
 
 RUN = "two_branch_cd"
-"""Folder of the study's own training."""
+"""Folder of the training of this study."""
 
 AROUND = 0.2
-"""Radius, in units, of what counts as around a true point."""
+"""Radius, in units, of the neighbourhood of a true point."""
 
 FIFTHS = 5
-_SAMPLED = 2048  # true points of a sample whose surroundings are counted
-_STEP = 0.25  # the ends of the channel maps' scale are multiples of it
+_SAMPLED = 2048  # true points of a sample whose neighbourhoods are counted
+_STEP = 0.25  # the limits of the colour scale of channels are multiples of this
 
 
 class Row(NamedTuple):
@@ -65,29 +67,29 @@ MEASURES: Mapping[str, Row] = {
     "gt_to_pred": Row("truth to the points of this branch alone [radius^2]", 5),
     "share": Row("true points to which it is nearest [%]", 1),
 }
-"""Measures of each branch, one number per sample."""
+"""Measures of each branch, with one number per sample."""
 
 PROFILES: Mapping[str, str] = {
     "by_distance": "distance from the object's centre, near to far",
     "by_surroundings": "surface around, much to little",
 }
-"""What the fifths of the true points are sorted by."""
+"""Quantities by which the true points are sorted into fifths."""
 
 _ORDINALS = ("first", "second", "third", "fourth", "last")
 
 
 def configuration(path: str, *, full: bool, steps: int = 0) -> Config:
-    """`common.recipe` with the number of steps of the file."""
+    """The configuration of `common.recipe`, with the number of steps of its file."""
     return common.recipe(path, full=full, steps=steps)
 
 
 def configs(options: Any) -> Iterable[tuple[str, Config]]:
-    """The training; none if a finished run is given, which is checked."""
+    """The configuration of the training. If a finished run is given, it is checked instead."""
     if not options.run:
         path = common.find_data(options.data)
         return [(RUN, configuration(path, full=options.full, steps=options.steps))]
     if options.full or options.steps:
-        raise ConfigError("--full and --steps are for a training: expected them without --run")
+        raise ConfigError("--full, --steps: they change the training, expected them without --run")
     model = common.finished_run(options.run, options.data).model
     branches = branch_of_point(model)
     if not (branches.fc and branches.deconv):
@@ -99,7 +101,7 @@ def configs(options: Any) -> Iterable[tuple[str, Config]]:
 
 
 def order(points: np.ndarray, neighbours: np.ndarray) -> float:
-    """Mean distance of the pairs `neighbours` [k, 2] over that of all pairs of different points."""
+    """Mean distance of the pairs `neighbours` [k, 2], over the mean of all pairs of points."""
     n = len(points)
     if n < 2 or not len(neighbours):
         return float("nan")
@@ -109,7 +111,7 @@ def order(points: np.ndarray, neighbours: np.ndarray) -> float:
 
 
 def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
-    """Pairs [k, 2] of deconv points in cells side by side or one below the other."""
+    """Pairs [k, 2] of deconv points in horizontally or vertically adjacent cells."""
     numbers = np.arange(grid.height * grid.width * grid.points_per_cell).reshape(grid)
     right = np.stack([numbers[:, :-1], numbers[:, 1:]], axis=-1).reshape(-1, 2)
     below = np.stack([numbers[:-1], numbers[1:]], axis=-1).reshape(-1, 2)
@@ -119,13 +121,13 @@ def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
 def measure_sample(
     pred: np.ndarray, gt: np.ndarray, branches: Branches, grid: OutputGrid
 ) -> tuple[dict[str, dict[str, float]], float, dict[str, np.ndarray]]:
-    """Of one sample: branch -> measure, "gt_to_pred" of all points together, profiles [5].
+    """Measures of a sample: branch -> measure, "gt_to_pred" of all points, profiles [5].
 
     Args:
-      pred: [n, 3], fc points first.
-      gt: [m, 3], uniform on the surface.
-      branches: which points are of which branch.
-      grid: of the deconv branch.
+      pred: predicted points [n, 3], fc points first.
+      gt: true points [m, 3], uniform on the surface.
+      branches: the ranges of points of the branches.
+      grid: the grid of the deconv branch.
     """
     clouds = {"fc": pred[list(branches.fc)], "deconv": pred[list(branches.deconv)]}
     chain = np.arange(len(branches.fc))
@@ -177,7 +179,7 @@ def _rms(offsets: np.ndarray) -> float:
 def gather(
     samples: Sequence[tuple[dict[str, dict[str, float]], float, dict[str, np.ndarray]]],
 ) -> dict[str, Any]:
-    """Means and errors over the samples that `measure_sample` measured, as in the document."""
+    """Means and standard errors of the results of `measure_sample`, for the document."""
 
     def entry(values: Sequence[float] | np.ndarray) -> dict[str, float]:
         mean, error = common.mean_and_error(np.asarray(values, np.float64))

@@ -1,10 +1,11 @@
-"""The frame of all studies: configurations, trainings, measures, tables and figures.
+"""The common structure of all studies: configurations, trainings, measures, tables and figures.
 
-A study is a `Study`: `configs` says which networks are trained, `measure` returns numbers, `table`
-and `figure` show them. `Study.run` does the rest. The trainings are ordinary runs in subfolders of
-the study's folder: if the command is stopped and started again, it continues where it was. The last
-checkpoints are measured: the best ones were chosen on the samples that are measured here. Each
-study writes `NAME.txt`, `NAME.md`, `NAME.json` (all numbers) and its figures as PNG.
+A study is a `Study`: `configs` returns the configurations of the trainings, `measure` returns
+numbers, `table` and `figure` present them, and `Study.run` executes all steps. The trainings are
+ordinary runs in subfolders of the study's folder. If the command is stopped and started again, it
+continues. The last checkpoints are measured, because the best ones were chosen on the samples that
+are measured here. Each study writes `NAME.txt`, `NAME.md`, `NAME.json` (all numbers) and figures as
+PNG.
 """
 
 import dataclasses
@@ -35,7 +36,7 @@ from psgn_jax.training.log import read_metrics
 from psgn_jax.training.run_folder import load_config, open_run
 
 USUAL_DATA = "records/authors"
-"""Where README.md puts the authors' records; used if no data are named and this folder exists."""
+"""Folder of the authors' records in README.md; used if no data are named and it exists."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,13 +44,14 @@ class Study:
     """An experiment.
 
     Attributes:
-      name: of the files.
-      configs: from the options to (folder, configuration) of each training, in order. It is
-        iterated while the trainings run: a later configuration may depend on an earlier run.
-      measure: from the options to the numbers, a document for JSON, and what else the figures need.
-      table: from the numbers to the tables.
-      figure: from the numbers and that rest to file names without ".png" and figures.
-      options: names and default values of the flags beside `--workdir`.
+      name: name of the result files.
+      configs: maps the options to (folder, configuration) of each training, in order. It is
+        iterated while the trainings run, so a later configuration may depend on an earlier run.
+      measure: maps the options to the numbers, which are a document for JSON, and further data for
+        the figures.
+      table: maps the numbers to the tables.
+      figure: maps the numbers and the further data to figures by file name, without ".png".
+      options: names and default values of the flags besides `--workdir`.
       note: units and definitions, written below the tables.
     """
 
@@ -68,10 +70,10 @@ class Study:
 
         Args:
           workdir: folder of the runs and the results.
-          **values: of the options; the others take their defaults.
+          **values: values of options; the others have their defaults.
 
         Raises:
-          ConfigError: an option, the data or a run in `workdir` does not fit.
+          ConfigError: an option, the data or a run in `workdir` is not suitable.
           UserError: a signal ended a training; the same call continues.
         """
         figures.check_installed()
@@ -96,7 +98,7 @@ class Study:
         return text
 
     def text_below(self, numbers: Mapping[str, Any]) -> str:
-        """What was measured on how many samples, and the study's note."""
+        """The numbers of samples, points and steps, and the note of the study."""
         parts = [self.note] if self.note else []
         if "samples" in numbers:
             counts = [f"{numbers['samples']} samples of {numbers['split']!r}"]
@@ -108,13 +110,13 @@ class Study:
         return "".join(f"{part}\n" for part in parts)
 
     def main(self) -> None:
-        """The command of the study: defines the flags, parses them, runs, prints the tables."""
+        """The command of the study: parses the flags, runs the study, prints the tables."""
 
         def command(argv: Sequence[str]) -> None:
             log_to_terminal()
             with exit_on_user_error():
                 if len(argv) > 1:
-                    raise ConfigError(f"unexpected argument {argv[1]!r}; expected flags alone")
+                    raise ConfigError(f"unexpected argument {argv[1]!r}; expected only flags")
                 keep_compiled()
                 values: dict[str, Any] = {
                     name: flags.FLAGS[name].value for name in ("workdir", *self.options)
@@ -135,7 +137,7 @@ def _define_flags(names: Sequence[str]) -> None:
     if "full" in names:
         flags.DEFINE_bool("full", False, "Full-size images and networks: for a GPU.")
     if "steps" in names:
-        flags.DEFINE_integer("steps", 0, "Steps of each training; 0 = the recipe's.", lower_bound=0)
+        flags.DEFINE_integer("steps", 0, "Steps of each training; 0 = as usual.", lower_bound=0)
     if "cases" in names:
         flags.DEFINE_integer("cases", 6, "Samples in the figure.", lower_bound=1)
 
@@ -179,9 +181,9 @@ def recipe(
 
     Args:
       path: folder of records.
-      full: take `configs/authors.py`: full-size images and network, 20,000 steps of 32 samples.
-      steps: of the training; 0 = those of the file, or `usual_steps`.
-      usual_steps: unless `full`, instead of those of the file; 0 = those of the file.
+      full: use `configs/authors.py`: full-size images and network, 20,000 steps of 32 samples.
+      steps: steps of the training; 0 = `usual_steps`, or those of the file.
+      usual_steps: default number of steps unless `full`; 0 = those of the file.
       changes: section -> field -> value.
     """
     file = config_files.folder() / ("authors.py" if full else "authors_small.py")
@@ -198,7 +200,7 @@ def recipe(
 
 
 def check_data(config: Config) -> None:
-    """Raises `ConfigError` if a configuration cannot be trained on its data."""
+    """Raises `ConfigError` if the data do not have what the configuration needs."""
     try:
         loader.train_batches(config.data, batch_size=1, seed=0, start_step=0).close()
         loader.eval_batches(config.data, split=config.data.eval_split, batch_size=1).close()
@@ -212,9 +214,9 @@ def finished_run(
     """The configuration with which a finished run is measured.
 
     Args:
-      folder: of the run.
-      data: records in place of its own.
-      like: a configuration whose data and measures are taken over.
+      folder: folder of the run.
+      data: records that replace those of the run.
+      like: a configuration whose data and evaluation settings replace those of the run.
 
     Raises:
       ConfigError: there is no run, or its data do not exist.
@@ -235,11 +237,11 @@ def finished_run(
 # --- Measures ---------------------------------------------------------------------------------
 
 Sample = Mapping[str, np.ndarray]
-"""Arrays of one sample, among them its prediction `pred`."""
+"""Arrays of a sample, including its prediction `pred`."""
 
 
 class Measured(NamedTuple):
-    """One run on a split: metrics of every sample, and some samples with predictions."""
+    """A run on a split: metrics of every sample, and some samples with predictions."""
 
     config: Config
     evaluation: Evaluation
@@ -247,7 +249,7 @@ class Measured(NamedTuple):
 
 
 CASE = ("image", "points", "intrinsics", "extrinsics")
-"""What is kept of a sample, beside `pred`, unless other keys are given."""
+"""Arrays of a sample that are kept by default, besides `pred`."""
 
 
 def measure(
@@ -262,12 +264,12 @@ def measure(
     """Measures the last checkpoint of a run.
 
     Args:
-      folder: of the run.
-      config: in place of the run's own, see `finished_run`.
-      split: default the run's evaluation split.
-      keys: what is kept of a sample, where a batch has it.
-      num_cases: number of samples at even distances that are kept.
-      on_sample: called with the number of each sample, and `keys` and `pred` of it.
+      folder: folder of the run.
+      config: replaces the configuration of the run, see `finished_run`.
+      split: name of the split; "" = the evaluation split of the run.
+      keys: arrays of a sample that are kept, if the batch contains them.
+      num_cases: number of evenly spaced samples that are kept.
+      on_sample: called with the number of each sample, and its `keys` and `pred`.
     """
     run = open_run(folder, "last")
     config = config or run.config
@@ -282,7 +284,7 @@ def measure(
             number = index * config.eval.batch_size + row
             if number not in wanted and on_sample is None:
                 continue
-            # Not views, which would keep their whole batches.
+            # Copies, because views would keep the whole batch in memory.
             case = {key: np.array(batch[key][row]) for key in keys if key in batch}
             case["pred"] = np.array(predictions[row])
             if on_sample:
@@ -296,11 +298,11 @@ def measure(
 
 
 def about(run: Measured, **steps: int) -> dict[str, Any]:
-    """What the numbers of a study are about, for its document.
+    """Data set, samples and steps of a study, for its document.
 
     Args:
       run: one of the runs; the others have the same samples.
-      **steps: of each training.
+      **steps: steps of each training.
     """
     config, evaluation = run.config, run.evaluation
     return {
@@ -326,10 +328,10 @@ def _error(values: np.ndarray) -> float:
 
 
 class Difference(NamedTuple):
-    """A metric of one network minus that of another, over the samples that have it.
+    """A metric of one network minus that of another, over the samples that have the metric.
 
     Attributes:
-      mean, error: of the difference, and the mean's standard error over samples.
+      mean, error: mean of the difference and its standard error over samples.
       better: share of the samples on which the first network is better.
     """
 
@@ -339,7 +341,7 @@ class Difference(NamedTuple):
 
 
 def difference(metric: str, values: np.ndarray, others: np.ndarray) -> Difference:
-    """`values - others` of the same samples, in order; NaN if no sample has both.
+    """Statistics of `values - others` of the same samples; NaN if no sample has both.
 
     F-score and recall are better if they are larger, all other metrics if they are smaller.
     """
@@ -353,7 +355,7 @@ def difference(metric: str, values: np.ndarray, others: np.ndarray) -> Differenc
 
 
 def differences(metrics: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, Any]:
-    """Of two runs, by name: the `difference` of the second and the first in each metric."""
+    """For two runs by name: the `difference` of the second and the first run in each metric."""
     first, second = metrics.values()
     return {key: difference(key, second[key], first[key])._asdict() for key in first}
 
@@ -366,9 +368,9 @@ def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def cost(folder: pathlib.Path) -> tuple[float, float]:
-    """Seconds of a run's steps by its log: median of one, sum of all; NaN if the log is too short.
+    """Seconds of the steps in the log of a run: median per step, and total; NaN for a short log.
 
-    Without compilation (but that of later steps of 3D-R2N2), evaluations and checkpoints.
+    Compilation before the first step, evaluations and checkpoints are not included.
     """
     batch_size = load_config(folder).train.batch_size
     last, steps, seconds = 0, [], []
@@ -384,7 +386,10 @@ def cost(folder: pathlib.Path) -> tuple[float, float]:
 
 
 def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:
-    """`function` of arrays, `size` rows at a time, padded to one shape; trees of numpy arrays."""
+    """Applies `function` to `size` rows of the arrays at a time; returns trees of numpy arrays.
+
+    The last part is padded, so that all parts have the same shape.
+    """
     parts = []
     for start in range(0, len(arrays[0]), size):
         rows = np.minimum(np.arange(start, start + size), len(arrays[0]) - 1)
@@ -398,13 +403,13 @@ def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:
 
 
 def number(title: str, value: float, *, sign: bool = False) -> str:
-    """A cell: two digits and a factor of 100 where the title says "[%]", otherwise five digits."""
+    """The text of a cell: as per cent if the title contains "[%]", otherwise with five digits."""
     percent, plus = title.endswith("[%]"), "+" if sign else ""
     return f"{100 * value:{plus}.2f}" if percent else f"{value:{plus}.5f}"
 
 
 def change(title: str, entry: Mapping[str, float]) -> tuple[str, str]:
-    """Two cells of a `difference`: mean with standard error, and share of better samples."""
+    """Two cells for a `difference`: mean with standard error, and share of better samples."""
     mean = number(title, entry["mean"], sign=True)
     return f"{mean} +- {number(title, entry['error'])}", f"{100 * entry['better']:.0f} %"
 
@@ -415,13 +420,13 @@ def table_of_two(
     titles: Mapping[str, str],
     metrics: Mapping[str, str],
 ) -> Lines:
-    """A row for each metric: both networks, their difference and on how many it is better.
+    """A row for each metric: both networks, their difference, and the share of better samples.
 
     Args:
       means: run -> metric -> mean.
       changes: metric -> fields of a `Difference`, second run minus first.
-      titles: of the two runs.
-      metrics: metric -> title of its row; those that were not measured are left out.
+      titles: titles of the two runs.
+      metrics: metric -> title of its row; metrics that were not measured are left out.
     """
     lines = [["", *titles.values(), "difference", f"{list(titles.values())[1]} better on"]]
     for metric, title in metrics.items():
@@ -432,7 +437,7 @@ def table_of_two(
 
 
 def finite(value: Any) -> Any:
-    """A document for JSON, which has no NaN: null for numbers that are not finite."""
+    """The document with None for numbers that are not finite, which JSON lacks."""
     if isinstance(value, Mapping):
         return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

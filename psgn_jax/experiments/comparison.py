@@ -1,35 +1,35 @@
-"""Volumes, beside 3D-R2N2: `python -m psgn_jax.experiments.comparison --workdir DIR`.
+"""Comparison with 3D-R2N2: `python -m psgn_jax.experiments.comparison --workdir DIR`.
 
-Trains on the same records, with the same images:
+The study trains on the same records, with the same images:
 
-- the point networks `cd` and `emd`, the network of the object's `volume`, and the voxel head in
-  four versions: on the CD-trained cloud alone, with the predicted volume, on both clouds, with all;
-- 3D-R2N2 (`r2n2`) on one to five views, for as many seconds as all networks that the last of these
-  heads needs. Its number of steps is calculated from a few timed ones and the seconds that the
-  trainer measured for the others (without compilation and evaluations), and stored in
+- the point networks `cd` and `emd`, the network that predicts the object's `volume`, and the voxel
+  head with four inputs: only the cloud of `cd`; with the predicted volume; both clouds; all;
+- 3D-R2N2 (`r2n2`) on one to five views, for as many seconds as all networks together that the last
+  of these heads needs. Its number of steps is calculated from a few timed steps and from the
+  seconds in the logs of the others (without compilation and evaluations). It is stored in
   `budget.json`.
 
-Then measures on the test split (the evaluation split if there is none), per category:
+It then measures on the test split (the evaluation split if there is none), per category:
 
-- IoU of 32^3 solid volumes: the head's, and 3D-R2N2's with 1, 3 and 5 views. Thresholds were chosen
-  on the evaluation split;
+- IoU of 32^3 solid volumes: of the head, and of 3D-R2N2 with 1, 3 and 5 views. Thresholds were
+  chosen on the evaluation split;
 - CD and EMD of 1,024 points by the paper's protocol: predicted and true volumes of 3D-R2N2 are
   converted to clouds by farthest point sampling, here from 4,096 points on the surface of the
-  occupied cells (**ours**: the paper does not say from where in a volume, and the other network
-  predicts surfaces). The truth of both systems is the cloud of the true volume. The same against
-  the records' own surface points (**ours**);
-- recall of thin parts (**ours**): the share of true cells that belong to no 2x2x2 block of occupied
-  ones and that a predicted volume has.
+  occupied cells (**ours**: the paper does not state which points of a volume are sampled). The
+  truth for both systems is the cloud of the true volume. The same is measured with the surface
+  points of the records as truth (**ours**);
+- recall of thin parts (**ours**): thin cells are true cells that belong to no 2x2x2 block of
+  occupied cells; the recall is the share of them that a predicted volume contains.
 
-`volumes` has the measures. CD is the sum of both directions' mean squared distances. Units: 1/10 of
-the edge of the grid, which is 2 here, as in the paper, and the project's, the radius of the
+The measures are in `volumes`. CD is the sum of the mean squared distances in both directions. Units
+are 1/10 of the edge of the grid, as in the paper (the edge is 2 here), and the radius of the
 bounding hemisphere.
 
-`comparison.png` has bars; `cases.png` shows, of each category, the test model with the most thin
-cells, not chosen by result.
+`comparison.png` shows bar charts. `cases.png` shows the test model with the most thin cells of each
+category; it is not chosen by result.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Comparison to state-of-the-art", table and figures;
-Choy et al., "3D-R2N2", ECCV 2016. Networks are smaller by default, and the data others than theirs.
+Choy et al., "3D-R2N2", ECCV 2016. By default the networks are smaller than theirs; the data differ.
 """
 
 import json
@@ -81,24 +81,24 @@ PAPER: Mapping[str, tuple[float, float, float, float]] = {
     "watercraft": (0.611, 0.513, 0.596, 0.610),
     "mean": (0.640, 0.560, 0.617, 0.631),
 }
-"""The paper's table of IoU: its own, and 3D-R2N2 with 1, 3 and 5 views, on ShapeNet renderings."""
+"""IoU in the paper's table: of the paper, and of 3D-R2N2 with 1, 3 and 5 views, on ShapeNet."""
 
 _TRUTHS = {"": "CD, EMD to the true volume", "_surface": "CD, EMD to the true surface"}
-"""Part of a metric's name -> what it is measured against."""
+"""Part of the name of a metric -> the truth with which it is measured."""
 
 
 class Size(NamedTuple):
-    """What depends on `--full`.
+    """Settings that depend on `--full`.
 
     Attributes:
-      models: of each category in the data set that is rendered where none is named.
+      models: models of each category in the data set that is rendered if no data are named.
       image_size: (height, width).
-      model: of the point networks, fields of `ModelConfig`.
-      num_points: true points a sample and step under the CD.
-      batch: samples a step, and learning rate, of points; the others'.
-      steps: of each run but 3D-R2N2, in the order of `runs`: cd, emd, volume, a head.
-      widths: of the heads.
-      width_multiplier: of 3D-R2N2.
+      model: fields of `ModelConfig` of the point networks.
+      num_points: true points per sample and step under the CD.
+      batch: batch size and learning rate, of the point networks and of the others.
+      steps: steps of each run except 3D-R2N2, in the order of `runs`: cd, emd, volume, a head.
+      widths: widths of the heads.
+      width_multiplier: width multiplier of 3D-R2N2.
     """
 
     models: int
@@ -140,11 +140,14 @@ FULL = Size(
 
 
 def build_data(models: int) -> str:
-    """Renders five views of so many procedural models of each category, or completes them."""
+    """Renders five views of `models` procedural models of each category; completes old data."""
     from data_gen import default, settings
 
     if not default.can_build():
-        raise ConfigError("without --data five views of models are rendered: pip '.[render]'")
+        raise ConfigError(
+            "without --data, views of procedural models are rendered, which needs Mitsuba: "
+            "pip install -e '.[render]'"
+        )
     folder = cache_folder() / f"{default.NAME.rsplit('-', 1)[0]}-{models}-views-{max(VIEWS)}"
     options = settings.Settings(views=max(VIEWS), models_per_shard=64)
     try:
@@ -156,15 +159,15 @@ def build_data(models: int) -> str:
 def configuration(
     name: str, path: str, workdir: pathlib.Path, size: Size, *, scale: float = 1.0, steps: int = 0
 ) -> Config:
-    """The configuration of one run.
+    """The configuration of a run.
 
     Args:
-      name: its folder: one of `POINTS`, "volume", one of `HEADS`, or `PEER`.
-      path: records.
-      workdir: of the study.
+      name: name of its folder: one of `POINTS`, "volume", one of `HEADS`, or `PEER`.
+      path: folder of records.
+      workdir: folder of the study.
       size: `DEFAULT` or `FULL`.
-      scale: of the numbers of steps.
-      steps: of 3D-R2N2.
+      scale: factor of the numbers of steps.
+      steps: steps of 3D-R2N2.
     """
     kind = next((i for i, n in enumerate((*POINTS, "volume")) if n == name), 3)
     steps = steps or max(1, round(scale * size.steps[kind]))
@@ -201,13 +204,13 @@ def configuration(
         tree["task"] = "refine"
         tree["voxels"] = {f"from_{source}": str(workdir / source) for source in HEADS[name]}
         tree["voxels"]["widths"] = (size.widths,) * 5
-        # Few parameters and, on a CPU, few steps.
+        # The heads have few parameters and, on a CPU, few steps.
         tree["optim"]["learning_rate"] = 5 * rate
     return parse(tree)
 
 
 def step_seconds(config: Config, workdir: pathlib.Path) -> float:
-    """Seconds of a step of 3D-R2N2, a mean over the numbers of views: linear in them."""
+    """Mean seconds of a step of 3D-R2N2 over the numbers of views, as they are linear in these."""
     task = tasks.create(config, workdir)
     mesh = step_lib.data_mesh()
     tx = state_lib.optimizer(config.optim, config.train.steps)
@@ -233,7 +236,7 @@ def step_seconds(config: Config, workdir: pathlib.Path) -> float:
 
 
 def budget(config: Config, workdir: pathlib.Path, names: Sequence[str], steps: int) -> int:
-    """Steps of 3D-R2N2: `steps`, or as many as fit into the time of other runs; stored."""
+    """Steps of 3D-R2N2: `steps`, or as many as take the time of the other runs; stored."""
     path = workdir / "budget.json"
     if path.exists():
         return int(json.loads(path.read_text())["steps"])
@@ -247,16 +250,16 @@ def budget(config: Config, workdir: pathlib.Path, names: Sequence[str], steps: i
 
 
 def configs(options: Any) -> Iterator[tuple[str, Config]]:
-    """All trainings; the last one is as long as the others took.
+    """The configurations of all trainings; the last one depends on the time of the others.
 
     Raises:
-      ConfigError: the data do not exist or lack volumes or views.
+      ConfigError: the data do not exist, or have no volumes or views.
     """
     size, folder = FULL if options.full else DEFAULT, options.workdir
     path = build_data(size.models) if options.data is None else options.data
     peer = configuration(PEER, path, folder, size, steps=options.peer_steps or 1)
     check_paths(peer)
-    common.check_data(peer)  # what only the last training needs, before the others
+    common.check_data(peer)  # before the other trainings, which need less
     for name in (*POINTS, "volume", *HEADS):
         yield name, configuration(name, path, folder, size, scale=options.scale)
     steps = budget(peer, folder, (*POINTS, "volume", OURS), options.peer_steps)
@@ -267,12 +270,12 @@ def configs(options: Any) -> Iterator[tuple[str, Config]]:
 
 
 def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Numbers per category, and the samples of the figure."""
+    """Measures per category; returns the numbers and the samples of the figure."""
     config = load_config(options.workdir / PEER)
     splits = set().union(*(load_manifest(f).splits() for f in config.data.eval_folders))
     split = "test" if "test" in splits else config.data.eval_split
     if split == config.data.eval_split:
-        logging.warning("no test split: measuring on the split on which thresholds are chosen")
+        logging.warning("no test split: measuring on the split on which thresholds were chosen")
     numbers, cases = compare(options.workdir, split)
     spent = {
         name: common.cost(options.workdir / name)[1] for name in (*POINTS, "volume", *HEADS, PEER)
@@ -285,7 +288,7 @@ def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 
 
 def table(numbers: Mapping[str, Any]) -> list[Lines]:
-    """IoU in the layout of the paper's table, CD and EMD, thin parts, heads, their gains, times."""
+    """Tables: IoU as in the paper, CD and EMD, thin parts, heads and their gains, times."""
     rows = {**numbers["categories"], "mean": numbers["mean"]}
     peers = [f"iou:{PEER}_{count}" for count in VIEWS]
     head = ["IoU", "samples", "ours, 1 view", *(f"3D-R2N2, {count}" for count in VIEWS)]
@@ -322,7 +325,7 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 
 def bars(numbers: Mapping[str, Any]) -> figures.Figure:
-    """CD, EMD and 1 - IoU per category, ours beside 3D-R2N2 with one view; lower is better."""
+    """Charts of CD, EMD and 1 - IoU per category, ours and 3D-R2N2 with one view."""
     rows = {**numbers["categories"], "mean": numbers["mean"]}
     charts = []
     for title, ours, peer, factor in (
@@ -339,9 +342,9 @@ def bars(numbers: Mapping[str, Any]) -> figures.Figure:
 
 
 def panels(case: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Image; our cloud, our volume, 3D-R2N2's, the true one; then turned.
+    """Image, our cloud, our volume, that of 3D-R2N2, the true volume; then the same, rotated.
 
-    Volumes are drawn as spheres at the centres of the occupied cells.
+    Volumes are shown as spheres at the centres of the occupied cells.
     """
     painted = {"our cloud": case["cloud"]}
     for title, key in (
@@ -355,7 +358,7 @@ def panels(case: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 
 def figure(numbers: Mapping[str, Any], cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Bars, and a row for each case."""
+    """The bar charts, and a row of panels for each case."""
     labels = [str(case["category"]) for case in cases]
     grid = figures.grid([panels(case) for case in cases], labels=labels)
     return {"comparison": bars(numbers), "cases": grid}
@@ -381,6 +384,6 @@ if __name__ == "__main__":
     flags.DEFINE_string(
         "data", None, "Records with volumes and five views; default: procedural models, rendered."
     )
-    flags.DEFINE_float("scale", 1.0, "Factor on the numbers of steps.", lower_bound=1e-3)
-    flags.DEFINE_integer("peer_steps", 0, "Steps of 3D-R2N2; 0 = as long.", lower_bound=0)
+    flags.DEFINE_float("scale", 1.0, "Factor of the numbers of steps.", lower_bound=1e-3)
+    flags.DEFINE_integer("peer_steps", 0, "Steps of 3D-R2N2; 0 = equal time.", lower_bound=0)
     STUDY.main()

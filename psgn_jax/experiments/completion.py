@@ -1,15 +1,16 @@
 """Shape completion, RGB against RGB-D: `python -m psgn_jax.experiments.completion --workdir DIR`.
 
-Trains one network twice on the same data, in the same order, with the same augmentations and number
-of steps. One sees colour and mask, the other the depth image too. Both are measured on the
-evaluation split, separately on the true points that the depth image shows (`data.visibility`) and
-on the hidden ones. The depth image contains the visible points; the hidden ones must be completed.
+The study trains a network twice on the same data, in the same order, with the same augmentations
+and number of steps. One run has colour and mask as input, the other also the depth image. Both are
+measured on the evaluation split, separately on the true points that are visible in the depth image
+(`data.visibility`) and on the hidden ones. The depth image contains the visible points; the hidden
+points have to be completed.
 
-The runs are `DIR/rgb` and `DIR/rgbd`. The samples of `completion.png` are at even distances in the
+The runs are `DIR/rgb` and `DIR/rgbd`. The samples of `completion.png` are evenly spaced in the
 split, not chosen by result.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "3D Shape Completion from RGBD Images", which shows
-pictures and no numbers; networks, sizes and measures here are **ours**.
+images and no numbers; networks, sizes and measures here are **ours**.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,7 +27,7 @@ INPUTS: Mapping[str, tuple[str, ...]] = {
     "rgb": ("rgb", "mask"),
     "rgbd": ("rgb", "mask", "depth"),
 }
-"""Folder of a training -> what its network sees."""
+"""Folder of a training -> inputs of its network."""
 
 TITLES = {"rgb": "RGB", "rgbd": "RGB-D"}
 
@@ -50,14 +51,14 @@ VISIBLE, HIDDEN = (40, 95, 190), (225, 120, 30)
 
 
 def configuration(inputs: Sequence[str], path: str, *, full: bool, steps: int = 0) -> Config:
-    """`common.recipe` for a network that sees `inputs`."""
+    """The configuration of `common.recipe` with the given inputs."""
     # 1,800 steps: both trainings in 40 minutes on two CPU cores.
     changes = {"data": {"inputs": tuple(inputs)}}
     return common.recipe(path, full=full, steps=steps, usual_steps=1_800, changes=changes)
 
 
 def configs(options: Any) -> Iterable[tuple[str, Config]]:
-    """Both trainings; the data are checked for the one that needs depth."""
+    """The configurations of both trainings; the data are checked for depth."""
     path = common.find_data(options.data)
     made = {
         name: configuration(inputs, path, full=options.full, steps=options.steps)
@@ -68,7 +69,7 @@ def configs(options: Any) -> Iterable[tuple[str, Config]]:
 
 
 def measure(options: Any) -> tuple[dict[str, Any], dict[str, dict[int, Sample]]]:
-    """Numbers, and the samples of the figure for each run."""
+    """Measures both runs; returns the numbers, and the samples of the figure for each run."""
     keys = (*common.CASE, "depth", "visible")
     runs = {
         name: common.measure(options.workdir / name, keys=keys, num_cases=options.cases)
@@ -92,9 +93,9 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 
 def panels(rgb: Sample, rgbd: Sample) -> dict[str, np.ndarray]:
-    """Image, depth; both predictions and the truth from the camera, then turned.
+    """Image and depth; both predictions and the truth seen from the camera, then rotated.
 
-    A predicted point takes the colour of the true point nearest to it.
+    A predicted point has the colour of the nearest true point.
     """
     truth, visible = rgbd["points"], rgbd["visible"]
     colours = np.where(visible[:, None], VISIBLE, HIDDEN)
@@ -102,7 +103,7 @@ def panels(rgb: Sample, rgbd: Sample) -> dict[str, np.ndarray]:
     for title, case in (("RGB", rgb), ("RGB-D", rgbd)):
         nearest = common.squared_distances(case["pred"], truth).argmin(axis=1)
         painted[title] = case["pred"], colours[nearest]
-    # As many true points as predicted ones: a denser cloud would only look better.
+    # As many true points as predicted ones, because a denser cloud looks better.
     step = max(1, len(truth) // len(rgbd["pred"]))
     painted["truth"] = truth[::step], colours[::step]
     image, *others = figures.clouds(rgbd, painted).items()

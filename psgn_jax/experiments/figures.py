@@ -1,6 +1,6 @@
-"""Figures of the studies: charts, and pictures of samples in a grid.
+"""Figures of the studies: bar charts, and grids of images.
 
-The only importer of matplotlib (extra `experiments`).
+This is the only module that imports matplotlib (extra `experiments`).
 """
 
 import importlib.util
@@ -23,7 +23,7 @@ else:
 
 COLOURS = ("#969696", "#c5b096", "#4682b4", "#e2723e")
 HEIGHT = 192
-"""Of a panel, pixels."""
+"""Size of a panel in pixels."""
 
 _DPI = 100
 
@@ -52,9 +52,9 @@ class Bars(NamedTuple):
     """A chart of grouped bars.
 
     Attributes:
-      title: of the chart.
-      groups: names along the axis.
-      series: name -> one value for each group; NaN = no bar.
+      title: title of the chart.
+      groups: names of the groups, along the axis.
+      series: name -> a value for each group; NaN = no bar.
       errors: name -> half lengths of the error bars.
     """
 
@@ -65,7 +65,7 @@ class Bars(NamedTuple):
 
 
 def bars(charts: Sequence[Bars], colours: Sequence[str] = COLOURS) -> Figure:
-    """Charts of grouped bars, one below the other, each bar with its value."""
+    """Charts of grouped bars below each other; each bar is labelled with its value."""
     most = max(len(chart.groups) * len(chart.series) for chart in charts)
     figure = blank(max(860, 40 * most), 300 * len(charts))
     for axes, chart in zip(figure.subplots(len(charts), squeeze=False)[:, 0], charts, strict=True):
@@ -90,13 +90,13 @@ def clouds(
     *,
     radius: Mapping[str, float] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Panels of a sample: its image, and clouds seen by its camera and turned.
+    """Panels of a sample: its image, and clouds seen from its camera and rotated.
 
     Args:
       case: image, intrinsics and extrinsics.
       painted: title -> points [n, 3] and colours uint8 [n, 3] or [3].
       turns: angles about the vertical axis in degrees.
-      radius: of the spheres of some clouds, if not `spheres.RADIUS`.
+      radius: title -> radius of the spheres; the default is `spheres.RADIUS`.
     """
     shape = case["image"].shape[:2]
     size = (HEIGHT, round(shape[1] * HEIGHT / shape[0]))
@@ -120,14 +120,15 @@ def grid(
     scale: tuple[float, float] | None = None,
     scale_title: str = "",
 ) -> Figure:
-    """Panels in rows; a title stands above a panel wherever it differs from that of the row above.
+    """Rows of panels. A panel has a title if the panel above has another title.
 
     Args:
-      rows: title -> panel: an image uint8 [h, w, 3], or values [h, w], which are drawn by colour,
+      rows: title -> panel: an image uint8 [h, w, 3], or values [h, w], shown with a colour map and
         NaN in white.
-      labels: of the rows, at their left.
-      scale: smallest and largest value of all panels [h, w], drawn as a scale; None = each its own.
-      scale_title: what the values are.
+      labels: labels of the rows, on the left.
+      scale: common range of the values of all panels, shown as a colour bar; None = a range for
+        each panel.
+      scale_title: title of the colour bar.
     """
     columns = max(map(len, rows))
     first = next(iter(rows[0].values()))

@@ -1,4 +1,4 @@
-"""The data of the study `ambiguity`: cabinets whose depth shows, or does not, and its measures."""
+"""Data of the study `ambiguity`, cabinets with a visible or hidden depth, and measures of it."""
 
 import json
 import pathlib
@@ -13,16 +13,16 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.metrics import samples as sample_metrics
 
 DOUBT, NO_DOUBT = "front", "turned"
-"""Kinds of images: ambiguous, since the depth is hidden; unambiguous."""
+"""Kinds of images: ambiguous (the depth is hidden), and unambiguous."""
 
-# Geometry of `data_gen.catalogues.doubt` before normalisation: where the body begins and the
-# deepest one's length, from the rail's middle.
+# Geometry of `data_gen.catalogues.doubt` before normalisation: position of the front of the body
+# and length of the deepest body, relative to the middle of the rail.
 BODY_BEGINS, DEEPEST = 0.94, 1.94
 DEPTH_RANGE = (0.15, 1.0)
 
 
 class Truth(NamedTuple):
-    """What is known of a validation sample besides its points."""
+    """Parameters of a validation sample."""
 
     kind: str
     seed: int
@@ -39,9 +39,9 @@ def build_data(
     """Renders the data set, or completes it.
 
     Raises:
-      ConfigError: rendering is not installed or not possible, or the folder holds something else.
+      ConfigError: rendering is not installed or fails, or the folder contains other data.
     """
-    # The data stage needs Mitsuba, the rest of the package does not.
+    # Imported here because only the data stage needs Mitsuba.
     from data_gen import cameras, job, settings
     from data_gen.catalogues import doubt
 
@@ -49,7 +49,7 @@ def build_data(
         views=1,
         num_points=4096,
         models_per_shard=64,
-        # On the horizon, straight in front, looking at the middle of the panel: see the catalogue.
+        # The camera is at elevation 0 in front of the panel and aims at its middle.
         camera=cameras.CameraSettings(
             image_size=image_size, azimuth=(0.0, 0.0), elevation=(0.0, 0.0), aim=(0.45, 0.45)
         ),
@@ -73,14 +73,14 @@ def truths(data: pathlib.Path, split: str = "validation") -> list[Truth]:
 
 
 def measured_depth(points: np.ndarray, scale: float) -> float:
-    """The hidden depth of a cabinet seen from the front, read off its points [n, 3].
+    """The hidden depth of a cabinet seen from the front, measured from its points [n, 3].
 
-    The far end of the body is where 5 % of the points above the rail lie farther back: its rear
-    panel has more points than that, and there are fewer strays.
+    The far end of the body is the 5 % quantile of x over the points above the rail. The rear panel
+    has more points than that, and there are fewer stray points.
 
     Args:
-      points: in the frame of a sample of the kind `front`.
-      scale: of the cabinet, `Truth.scale`; it depends on nothing hidden.
+      points: points in the frame of a sample of the kind `front`.
+      scale: scale of the cabinet, `Truth.scale`; it does not depend on the hidden depth.
     """
     above = points[points[:, 2] > 0.1, 0]
     if not len(above):
@@ -98,7 +98,7 @@ def groups(known: Sequence[Truth]) -> dict[int, list[int]]:
 
 
 def check_measure(data: pathlib.Path) -> dict[str, float]:
-    """How well `measured_depth` does on the true points: mean and largest error."""
+    """Errors of `measured_depth` on the true points: mean and maximum."""
     reader, known = RecordReader(data, "validation"), truths(data)
     errors = [
         abs(measured_depth(reader[i].points, t.scale) - t.depth)
@@ -109,12 +109,12 @@ def check_measure(data: pathlib.Path) -> dict[str, float]:
 
 
 def calibration(depths: np.ndarray, known: Sequence[Truth]) -> dict[str, float]:
-    """Drawn depths [samples, draws] of ambiguous images against the true, uniform distribution."""
+    """Compares drawn depths [samples, draws] of ambiguous images with the true distribution."""
     low, high = DEPTH_RANGE
     uniform = np.linspace(low, high, 1001)
     rows = [i for i, t in enumerate(known) if t.kind == DOUBT]
     apart = [sample_metrics.wasserstein_1(depths[i], uniform) for i in rows]
-    # Of as many draws from the true distribution.
+    # The same for as many draws from the true distribution.
     exact = np.random.default_rng(0).uniform(low, high, (200, depths.shape[1]))
     return {
         "Wasserstein-1 of the depth, one image [share]": float(np.mean(apart)),

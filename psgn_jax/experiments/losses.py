@@ -1,19 +1,19 @@
 """CD against EMD in training: `python -m psgn_jax.experiments.losses --workdir DIR`.
 
-Trains one network twice on the same data, in the same order, with the same augmentations and number
-of steps and as many true points. One training minimises the squared Chamfer distance (CD), the
-other the earth mover's distance (EMD). Both networks are measured by both distances and by what the
-paper describes: a network trained by CD "tends to scatter a few points in its uncertain area",
-counted here as stray points, farther than `FAR` from any true point; one trained by EMD is "more
-compact" but "sometimes overly shrinks local structures", counted as missed points, true ones
-farther than `FAR` from any predicted point.
+The study trains a network twice on the same data, in the same order, with the same augmentations,
+number of steps and number of true points. One training minimises the squared Chamfer distance (CD),
+the other the earth mover's distance (EMD). Both networks are measured with both distances and with
+two effects that the paper describes. A network trained by CD "tends to scatter a few points in its
+uncertain area": stray points are predicted points farther than `FAR` from any true point. A network
+trained by EMD is "more compact" but "sometimes overly shrinks local structures": missed points are
+true points farther than `FAR` from any predicted point.
 
-The runs are `DIR/cd` and `DIR/emd`; `--cd=RUN --emd=RUN` takes two finished runs of one network
-instead. `losses.png` shows the samples whose two predictions differ most (by CD squared between
-them): they are chosen to show the difference and are not typical.
+The runs are `DIR/cd` and `DIR/emd`; `--cd=RUN --emd=RUN` uses two finished runs of one network
+instead. `losses.png` shows the samples whose two predictions differ most (by the squared CD between
+them). They are chosen to show the difference and are not typical.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure of predictions of networks trained by
-CD and EMD, which shows one case and no numbers; networks, sizes and measures here are **ours**.
+CD and EMD, which shows an example and no numbers; networks, sizes and measures here are **ours**.
 """
 
 import pathlib
@@ -30,7 +30,7 @@ from psgn_jax.losses.by_name import parse_terms
 from psgn_jax.metrics.table import Lines
 
 LOSSES: Mapping[str, str] = {"cd": "chamfer_sq_mean", "emd": "emd_mean"}
-"""Folder of a training -> what it minimises."""
+"""Folder of a training -> the loss that it minimises."""
 
 TITLES = {"cd": "trained by CD", "emd": "trained by EMD"}
 
@@ -48,14 +48,14 @@ METRICS = {
     "missed": "true points farther than .1 from the prediction [%]",
     "unevenness": "unevenness: deviation over mean of the distance to the next point",
 }
-"""Rows of the table; the last three are this study's own."""
+"""Rows of the table; only this study measures the last three."""
 
 COLOURS = {"cd": (70, 130, 180), "emd": (90, 165, 90), "truth": (165, 165, 165)}
 """Blue and green as in the paper."""
 
 
 def configuration(loss: str, path: str, *, full: bool, steps: int = 0) -> Config:
-    """`common.recipe` for a loss of `losses.by_name.LOSSES`."""
+    """The configuration of `common.recipe` with a loss of `losses.by_name.LOSSES`."""
     # 1,100 steps: both trainings in 40 minutes on two CPU cores. An EMD requires as many true
     # points as predicted ones.
     changes: dict[str, dict[str, Any]] = {
@@ -67,13 +67,13 @@ def configuration(loss: str, path: str, *, full: bool, steps: int = 0) -> Config
 
 
 def configs(options: Any) -> Iterable[tuple[str, Config]]:
-    """Both trainings; none if finished runs are given, which are checked."""
+    """The configurations of both trainings. Finished runs, if given, are checked instead."""
     if bool(options.cd) != bool(options.emd):
-        raise ConfigError("--cd and --emd: expected both or none of them")
+        raise ConfigError("--cd, --emd: expected both or neither")
     if options.cd:
         if options.full or options.steps:
             raise ConfigError(
-                "--full and --steps are for trainings: expected them without --cd and --emd"
+                "--full, --steps: they change trainings, expected them without --cd and --emd"
             )
         runs(options)
         return []
@@ -87,10 +87,10 @@ def configs(options: Any) -> Iterable[tuple[str, Config]]:
 
 
 def runs(options: Any) -> dict[str, tuple[pathlib.Path, Config]]:
-    """Folder and configuration of both runs, to be measured on the same samples.
+    """Folders and configurations of both runs, for measuring on the same samples.
 
     Raises:
-      ConfigError: finished runs that are given cannot be compared.
+      ConfigError: the given finished runs cannot be compared.
     """
     folders = {name: pathlib.Path(getattr(options, name) or options.workdir / name)
                for name in LOSSES}  # fmt: skip
@@ -115,7 +115,7 @@ def runs(options: Any) -> dict[str, tuple[pathlib.Path, Config]]:
 
 
 def own_measures(pred: np.ndarray, gt: np.ndarray) -> dict[str, float]:
-    """Stray, missed and unevenness of one prediction [n, 3], n > 1, against its truth [m, 3]."""
+    """Stray points, missed points and unevenness of a prediction [n, 3], n > 1; truth [m, 3]."""
     gaps, among = common.squared_distances(pred, gt), common.squared_distances(pred, pred)
     np.fill_diagonal(among, np.inf)
     spacing = np.sqrt(among.min(axis=1))
@@ -127,13 +127,13 @@ def own_measures(pred: np.ndarray, gt: np.ndarray) -> dict[str, float]:
 
 
 def apart(a: np.ndarray, b: np.ndarray) -> float:
-    """CD squared of two predictions, the mean over each plus that over the other; unit^2."""
+    """Squared CD of two predictions: the sum of the means in both directions; unit^2."""
     gaps = common.squared_distances(a, b)
     return float(gaps.min(axis=1).mean() + gaps.min(axis=0).mean())
 
 
 def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Numbers, and the samples of the figure."""
+    """Measures both runs; returns the numbers and the samples of the figure."""
     own: dict[str, list[dict[str, float]]] = {name: [] for name in LOSSES}
     preds: list[np.ndarray] = []
     cases: dict[int, dict[str, Any]] = {}
@@ -180,7 +180,7 @@ def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 
 
 def compare(metrics: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, Any]:
-    """Means of both runs, and the network trained by EMD minus that trained by CD."""
+    """Means of both runs, and differences: trained by EMD minus trained by CD."""
     means = {
         name: {key: common.mean_and_error(values[key])[0] for key in METRICS if key in values}
         for name, values in metrics.items()
@@ -195,7 +195,7 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 
 def panels(case: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Image; both predictions and the truth from the camera, then turned."""
+    """Image; both predictions and the truth seen from the camera, then rotated."""
     truth = case["points"][:: max(1, len(case["points"]) // len(case["cd"]))]
     painted: dict[str, Any] = {TITLES[name]: (case[name], COLOURS[name]) for name in LOSSES}
     painted["truth"] = (truth, COLOURS["truth"])
@@ -203,7 +203,7 @@ def panels(case: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 
 def figure(_: Mapping[str, Any], cases: list[dict[str, Any]]) -> dict[str, Any]:
-    """A row for each sample, with its category and both networks' errors."""
+    """A row for each sample, with its category and the errors of both networks."""
     rows = [panels(case) for case in cases]
     return {"losses": figures.grid(rows, labels=[case["label"] for case in cases])}
 

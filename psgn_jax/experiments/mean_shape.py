@@ -1,11 +1,11 @@
 """Mean shapes under CD and EMD: `python -m psgn_jax.experiments.mean_shape [--out DIR]`.
 
-If an image leaves a shape S undetermined, a network trained by a distance L tends to the cloud
+If an image does not determine the shape S, a network trained with a distance L tends to the cloud
 
     x* = argmin over x of E_S[L(x, S)],
 
-the mean shape of that distance. Here x* is found by stochastic gradient descent for four
-distributions of plane shapes: a circle of random radius; a spiky arc at a random place on the
+the mean shape of that distance. This study computes x* by stochastic gradient descent for four
+distributions of plane shapes: a circle with random radius; a spiky arc at a random position on the
 diagonal; a bar with a square at one of its four corners; a bar with a disk beside it with
 probability 1/2. `mean_shape.png` shows random shapes in grey and the mean shapes in red.
 
@@ -31,10 +31,10 @@ Plane = Float[Array, "n 2"]
 
 RADII = (0.2, 0.45)
 PLACES = (-0.25, 0.25)
-BAR = (0.4, 0.06)  # half sizes
-SIDE = 0.14  # of the square
+BAR = (0.4, 0.06)  # half lengths
+SIDE = 0.14  # side of the square
 DISK, DISK_CENTRE = 0.1, (0.0, 0.26)
-# Beyond this distance from a shape a point counts as outside: half the width of the bar's end.
+# A point farther than this from a shape is outside: half the width of the end of the bar.
 NEAR = 0.03
 
 
@@ -59,14 +59,14 @@ def arc_at(angle: Array) -> Array:
 
 
 def arc(key: PRNGKey, n: int) -> Plane:
-    """The spiky arc, n points, moved along the diagonal to a place uniform in `PLACES`."""
+    """The spiky arc, n points, at a position on the diagonal that is uniform in `PLACES`."""
     of_place, of_points = jax.random.split(key)
     place = jax.random.uniform(of_place, (), minval=PLACES[0], maxval=PLACES[1])
     return arc_at(jnp.pi / 2 * jax.random.uniform(of_points, (n,))) + place
 
 
 def _attached(key: PRNGKey, n: int, part: Callable[[PRNGKey], Plane], area: float) -> Plane:
-    """Points uniform over the bar and a part of the given area."""
+    """Points uniform on the union of the bar and a part of the given area."""
     of_bar, of_part, of_choice = jax.random.split(key, 3)
     share = area / (area + 4 * BAR[0] * BAR[1])
     chosen = jax.random.uniform(of_choice, (n, 1)) < share
@@ -81,7 +81,7 @@ def corners() -> np.ndarray:
 
 
 def bar_with_square(key: PRNGKey, n: int) -> Plane:
-    """The bar and a square at one of its corners, n points uniform over both."""
+    """The bar and a square at one of its corners; n points uniform on both."""
     of_corner, of_points = jax.random.split(key)
     centre = jnp.asarray(corners())[jax.random.randint(of_corner, (), 0, 4)]
     half = (SIDE / 2, SIDE / 2)
@@ -93,7 +93,7 @@ def bar_with_square(key: PRNGKey, n: int) -> Plane:
 
 
 def bar_with_disk(key: PRNGKey, n: int) -> Plane:
-    """The bar and, with probability 1/2, a disk above it, n points uniform over all."""
+    """The bar and, with probability 1/2, a disk above it; n points uniform on both."""
     of_presence, of_points = jax.random.split(key)
 
     def disk(key: PRNGKey) -> Plane:
@@ -115,13 +115,13 @@ def _outside_box(points: np.ndarray, centre: Sequence[float], half: Sequence[flo
 
 
 def measure_circle(mean: np.ndarray) -> dict[str, float]:
-    """Radius of the points: its mean (E[r] = .325) and its spread, 0 for a circle."""
+    """Radius of the points: mean (E[r] = .325) and spread, which is 0 for a circle."""
     radius = np.linalg.norm(mean, axis=1)
     return {"mean radius": float(radius.mean()), "spread of the radius": float(radius.std())}
 
 
 def measure_arc(mean: np.ndarray) -> dict[str, float]:
-    """Distance of the points from the arc at its mean place: small where the shape is kept."""
+    """Distance of the points from the arc at its mean position; small if the shape is kept."""
     curve = np.asarray(arc_at(jnp.linspace(0, jnp.pi / 2, 2001)))
     distance = np.linalg.norm(mean[:, None] - curve[None], axis=-1).min(axis=1)
     return {
@@ -150,13 +150,13 @@ def measure_squares(mean: np.ndarray) -> dict[str, float]:
 
 
 def measure_disk(mean: np.ndarray) -> dict[str, float]:
-    """As `measure_squares`, for the disk; its points are 24.7 % of a shape that has it."""
+    """Like `measure_squares`, for the disk, which has 24.7 % of the points of a shape with it."""
     distance = np.linalg.norm(mean - np.asarray(DISK_CENTRE), axis=1)
     return _measure_parts(mean, np.maximum(distance - DISK, 0), "disk")
 
 
 class Distribution(NamedTuple):
-    """A random shape and what to measure of a mean shape."""
+    """A random shape, and the measures of its mean shape."""
 
     name: str
     draw: Callable[[PRNGKey, int], Plane]
@@ -188,13 +188,14 @@ def mean_shape(
     """The minimiser x [n, 2] of E_S[distance(x, S)], by Adam with a falling learning rate.
 
     Args:
-      distance: of two clouds [n, 3].
-      draw: (key, n) to the n points of a random shape.
-      key: of the shapes and of the start, a normal cloud of deviation .1.
-      num_points: n, of the mean shape and of each shape.
-      steps: of descent.
-      shapes: drawn for each step.
-      learning_rate: of the first step, in units; half a cosine down to a hundredth.
+      distance: distance of two clouds [n, 3].
+      draw: maps (key, n) to the n points of a random shape.
+      key: key of the shapes and of the start, a normal cloud with standard deviation .1.
+      num_points: n, for the mean shape and each shape.
+      steps: number of descent steps.
+      shapes: number of shapes drawn for each step.
+      learning_rate: learning rate of the first step, in units; it decays to a hundredth along half
+        a cosine.
     """
     rate = optax.cosine_decay_schedule(learning_rate, steps, alpha=0.01)
     tx = optax.adam(rate)
@@ -249,7 +250,7 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 
 def figure(_: Any, points: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, Any]:
-    """A column for each distribution: random shapes, the mean shape under EMD, that under CD."""
+    """A column for each distribution: random shapes, the mean shapes under EMD and CD."""
     draws = {name: draw for name, draw, _ in DISTRIBUTIONS}
     sheet = figures.blank(300 * len(points), 930)
     axes = sheet.subplots(3, len(points), squeeze=False)

@@ -1,10 +1,10 @@
-"""The paper's networks compared: `python -m psgn_jax.experiments.networks --workdir DIR`.
+"""Comparison of the paper's networks: `python -m psgn_jax.experiments.networks --workdir DIR`.
 
-Trains `vanilla` (all points by a fully connected branch), `two_branch` and `hourglass` under the
-squared Chamfer distance (CD) and under the earth mover's distance (EMD), each on the same data, in
-the same order, for the same number of steps. Layers of the same width give the networks different
-numbers of parameters. Therefore a fourth one, `fc_equal`, is `vanilla` with its hidden widths
-scaled until it has as many parameters as `two_branch`.
+The study trains `vanilla` (all points by a fully connected branch), `two_branch` and `hourglass`
+with the squared Chamfer distance (CD) and with the earth mover's distance (EMD), on the same data,
+in the same order, for the same number of steps. With layers of the same widths, the networks have
+different numbers of parameters. Therefore there is a fourth one: `fc_equal` is `vanilla` with
+hidden widths scaled so that it has as many parameters as `two_branch`.
 
 The runs are `DIR/two_branch_cd`, ...: `psgn_jax.experiments.branches --run=DIR/two_branch_cd` and
 `.losses --cd=DIR/two_branch_cd --emd=DIR/two_branch_emd` accept them. `networks.png` shows the CD
@@ -47,7 +47,7 @@ PAIRS = (
     ("hourglass", "two_branch"),
     ("hourglass", "vanilla"),
 )
-"""Which networks are compared sample by sample."""
+"""Pairs of networks that are compared sample by sample."""
 
 _SMALL: Mapping[str, Mapping[str, Any]] = {
     "data": {"image_size": (48, 64), "num_points": 1024},
@@ -57,11 +57,11 @@ _SMALL: Mapping[str, Mapping[str, Any]] = {
 
 
 def configuration(network: str, loss: str, path: str, *, full: bool, steps: int = 0) -> Config:
-    """`common.recipe` on quarter-size images with 24x32 deconv points; `full` as it is.
+    """`common.recipe` with quarter-size images and 24x32 deconv points; with `full` unchanged.
 
     Args:
-      network: of `NETWORKS`.
-      loss: of `LOSSES`.
+      network: one of `NETWORKS`.
+      loss: one of `LOSSES`.
       path: folder of records.
       full: see `common.recipe`.
       steps: see `common.recipe`.
@@ -98,7 +98,7 @@ def configuration(network: str, loss: str, path: str, *, full: bool, steps: int 
 
 
 def _fc_parameters(config: Config) -> int:
-    """Parameters of the fc branch of a `vanilla` network: dense layers and their biases."""
+    """Number of parameters of the fc branch of a `vanilla` network: kernels and biases."""
     model, divisor = config.model, config.model.divisor
     height, width = padded_size(model.image_size, len(model.widths))
     bottleneck = (height // divisor) * (width // divisor) * model.widths[-1]
@@ -107,7 +107,7 @@ def _fc_parameters(config: Config) -> int:
 
 
 def num_parameters(config: Config) -> int:
-    """Parameters of a configuration's network; nothing is computed."""
+    """Number of parameters of the network of a configuration, from shapes only."""
     model = point_out_net.build(config.model)
     tx = state_lib.optimizer(config.optim, config.train.steps)
     shapes = jax.eval_shape(lambda: state_lib.create(config, model, tx).params)
@@ -115,7 +115,7 @@ def num_parameters(config: Config) -> int:
 
 
 def configs(options: Any) -> Iterable[tuple[str, Config]]:
-    """All trainings."""
+    """The configurations of all trainings."""
     path = common.find_data(options.data)
     made = {
         f"{network}_{loss}": configuration(
@@ -129,7 +129,7 @@ def configs(options: Any) -> Iterable[tuple[str, Config]]:
 
 
 def measure(options: Any) -> tuple[dict[str, Any], None]:
-    """Numbers of all networks, and their differences."""
+    """Measures all networks and their differences."""
     runs: dict[str, Any] = {}
     metrics: dict[str, Any] = {}
     for name in (f"{network}_{loss}" for loss in LOSSES for network in NETWORKS):
@@ -184,7 +184,7 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 
 def ratios(numbers: Mapping[str, Any]) -> dict[str, list[tuple[float, float]]]:
-    """Network -> for each loss its metric over that of `vanilla`, and the difference's error."""
+    """Network -> for each loss its metric over that of `vanilla`, and the standard error."""
     pairs: dict[str, list[tuple[float, float]]] = {}
     for loss, metric in METRICS.items():
         means = {n: numbers["runs"][f"{n}_{loss}"]["mean_over_samples"][metric] for n in NETWORKS}

@@ -1,6 +1,6 @@
 """The measures of the study `comparison`: IoU, CD, EMD and thin parts of predicted volumes.
 
-That study's documentation describes them.
+They are described in the docstring of that study.
 """
 
 import pathlib
@@ -29,7 +29,7 @@ HEADS: Mapping[str, tuple[str, ...]] = {
 """Folder of a voxel head -> the runs that it reads."""
 
 OURS = "head_cd_emd_volume"
-"""The head that is compared with 3D-R2N2: the paper's best."""
+"""The head that is compared with 3D-R2N2: the best one of the paper."""
 
 PEER = "r2n2"
 VIEWS = (1, 3, 5)
@@ -40,29 +40,29 @@ GAINS: Mapping[str, tuple[str, str]] = {
     "gain_volume_one_cloud": ("head_cd_volume", "head_cd"),
     "gain_volume": ("head_cd_emd_volume", "head_cd_emd"),
 }
-"""Name of a difference of IoU -> what is compared."""
+"""Name of a difference of IoU -> the two runs that are compared."""
 
 NUM_POINTS = 1024
 CANDIDATES = 4096
-"""Points on a volume's surface of which the farthest are taken."""
+"""Number of points on the surface of a volume from which the farthest points are sampled."""
 
 _CASES = ("chair", "table", "bench", "lamp", "plane", "firearm")
 
 
 def surface_of(volume: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """`CANDIDATES` points on the surface of the occupied cells, float32 [n, 3], in the frame."""
+    """`CANDIDATES` points on the surface of the occupied cells, float32 [n, 3]."""
     solid = shapenet.Solid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
     return shapenet.surface_points(solid, CANDIDATES, rng).astype(np.float32)
 
 
 def solid_at(probability: np.ndarray, threshold: float) -> np.ndarray:
-    """Cells at or above a threshold; the likeliest ones where there is none."""
+    """Cells at or above a threshold; if there are none, the most probable cells."""
     volume = probability >= threshold
     return volume if volume.any() else probability >= probability.max()
 
 
 def thin_cells(volume: np.ndarray) -> np.ndarray:
-    """Occupied cells that are in no 2x2x2 block of occupied ones, bool as `volume`."""
+    """Occupied cells that are in no 2x2x2 block of occupied cells, bool like `volume`."""
     padded, n = np.pad(volume, 1), len(volume) + 1
     ends = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
     corners = [np.s_[i : i + n, j : j + n, k : k + n] for i, j, k in ends]
@@ -84,20 +84,20 @@ def _distances(pred: Any, gt: Any) -> dict[str, Any]:
 
 
 def clouds_of(volumes: Sequence[np.ndarray]) -> np.ndarray:
-    """Volumes to clouds [s, 1024, 3] by farthest point sampling of their surfaces."""
+    """Clouds [s, 1024, 3] of volumes, by farthest point sampling of their surfaces."""
     candidates = [surface_of(v, np.random.default_rng([0, i])) for i, v in enumerate(volumes)]
     return np.asarray(common.in_parts(_sampled, np.stack(candidates)))
 
 
 class Run(NamedTuple):
-    """A run on the split: metrics of every sample, and predictions [s, ...]."""
+    """A run on a split: metrics of every sample, and predictions [s, ...]."""
 
     evaluation: Evaluation
     predictions: np.ndarray
 
 
 def measure_run(folder: pathlib.Path, split: str, samples: dict[str, list[Any]]) -> Run:
-    """A run's last checkpoint on a split; fills the lists in `samples` with arrays of its names."""
+    """Measures the last checkpoint of a run; appends arrays to the lists in `samples` by name."""
     predictions: list[np.ndarray] = []
 
     def on_sample(_: int, case: common.Sample) -> None:
@@ -110,7 +110,7 @@ def measure_run(folder: pathlib.Path, split: str, samples: dict[str, list[Any]])
 
 
 def compare(folder: pathlib.Path, split: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """What is measured of the predictions, and the samples of the figure."""
+    """Measures the predictions; returns the numbers and the samples of the figure."""
     samples: dict[str, list[Any]] = {key: [] for key in (*common.CASE, "occupancy")}
     runs = {name: measure_run(folder / name, split, {}) for name in (*HEADS, PEER, *POINTS)
             if name != OURS}  # fmt: skip
@@ -160,7 +160,7 @@ def compare(folder: pathlib.Path, split: str) -> tuple[dict[str, Any], list[dict
 
 
 def ious(runs: Mapping[str, Run]) -> dict[str, np.ndarray]:
-    """IoU of the heads, of the plain splats of both clouds and of 3D-R2N2, per sample."""
+    """IoU per sample of the heads, of both splatted clouds and of 3D-R2N2."""
     ious = {f"iou:{name}": runs[name].evaluation.metrics["iou"] for name in HEADS}
     for name in POINTS:
         ious[f"iou:splat_{name}"] = runs[OURS].evaluation.metrics[f"iou_splat_{name}"]
@@ -172,10 +172,10 @@ def ious(runs: Mapping[str, Run]) -> dict[str, np.ndarray]:
 def distances(
     runs: Mapping[str, Run], volumes: Sequence[np.ndarray], samples: Mapping[str, list[Any]]
 ) -> dict[str, np.ndarray]:
-    """CD and EMD of the point networks and 3D-R2N2's `volumes` to both truths, per sample."""
+    """CD and EMD per sample of the point networks and the `volumes` of 3D-R2N2, to both truths."""
     surfaces = []
     for i, points in enumerate(samples["points"]):
-        # At random: the order of a record's points follows their place.
+        # A random subset, because the points of a record are ordered by position.
         order = np.random.default_rng([1, i]).permutation(len(points))
         surfaces.append(points[order[:NUM_POINTS]])
     clouds = {name: runs[name].predictions[:, :NUM_POINTS] for name in POINTS}
@@ -183,21 +183,21 @@ def distances(
     values = {}
     for label, gt in (("", clouds_of(samples["occupancy"])), ("_surface", np.stack(surfaces))):
         for name, cloud in clouds.items():
-            distances = common.in_parts(_distances, cloud, gt)
+            measured = common.in_parts(_distances, cloud, gt)
             for metric in ("cd_sq_radius2", "emd_radius"):
-                values[f"{metric}{label}:{name}"] = distances[metric]
+                values[f"{metric}{label}:{name}"] = measured[metric]
     return values
 
 
 def _mean(key: str, values: np.ndarray) -> float:
-    """Without NaN for the recall of thin parts: some objects have none."""
+    """The mean; for the recall of thin parts without NaN, since some objects have none."""
     if key.startswith("thin_recall"):
         values = values[~np.isnan(values)]
     return float(values.mean()) if len(values) else float("nan")
 
 
 def _gain(a: np.ndarray, b: np.ndarray, models: Sequence[str]) -> dict[str, float]:
-    """Mean of a - b over models, and its standard error: the views of one are not independent."""
+    """Mean of a - b over models and its standard error; views of a model are averaged first."""
     _, model = np.unique(models, return_inverse=True)
     change = np.bincount(model, a - b) / np.bincount(model)
     mean, error = common.mean_and_error(change)

@@ -1,14 +1,14 @@
 """Metrics of one pair of clouds after the best scale and shift of the prediction.
 
-One image shows neither how large its object is nor where along the line of sight it stands. These
-metrics leave both out: what remains is the shape.
+An image shows neither the size of its object nor its distance. These metrics do not depend on
+either, only on the shape.
 
     aligned CD  = min over s in [0.8, 1.25] and t of CD(s pred + t, gt)
 
 with the squared Chamfer distance of `losses.chamfer_sq_mean`, in the unit of gt; no rotation. The
-minimum is looked for by iterated nearest neighbours (`align`), from the identity; it is local, and
-never above the CD itself. The aligned EMD is that of the prediction moved by the same s and t, or
-the EMD itself where this is smaller.
+minimum is computed by iterated nearest neighbours (`align`), starting from the identity. It is
+local and never above the CD itself. The aligned EMD is that of the prediction moved by the same s
+and t, or the EMD itself if that is smaller.
 """
 
 from typing import Any, NamedTuple
@@ -25,7 +25,7 @@ LEAST_SCALE, LARGEST_SCALE = 0.8, 1.25
 
 ITERATIONS = 30
 
-_MOST_POINTS = 1024  # of gt in the iterations, where pred has fewer; all count in the result
+_MOST_POINTS = 1024  # of gt in the iterations, if pred has fewer points; the result uses all
 
 
 class Alignment(NamedTuple):
@@ -38,24 +38,24 @@ class Alignment(NamedTuple):
 def align(
     pred: Float[Array, "n 3"], gt: Float[Array, "m 3"], *, iterations: int = ITERATIONS
 ) -> Alignment:
-    """The scale in [0.8, 1.25] and the shift of pred that bring it nearest to gt.
+    """The scale in [0.8, 1.25] and the shift of pred that minimise the distance to gt.
 
     Iterated nearest neighbours (Besl, McKay, "A Method for Registration of 3-D Shapes", PAMI 1992)
-    in both directions, without rotation. Each round pairs every point of pred with its nearest of
-    gt (weight 1/n each) and every point of gt with its nearest of pred (1/m each), then takes the
-    least squares solution for these pairs, in closed form:
+    in both directions, without rotation. Each iteration pairs every point of pred with the nearest
+    point of gt (weight 1/n) and every point of gt with the nearest point of pred (weight 1/m), then
+    computes the least squares solution for these pairs in closed form:
 
         s = clip(sum w (p - mean p) . (g - mean g) / sum w |p - mean p|^2),  t = mean g - s mean p
 
-    No round increases the CD. Of gt at most max(n, 1024) points are used, always the same ones.
+    No iteration increases the CD. At most max(n, 1024) points of gt are used, always the same ones.
 
     Args:
       pred: [n, 3].
       gt: [m, 3].
-      iterations: rounds.
+      iterations: number of iterations.
 
     Raises:
-      ValueError: as `losses.nearest_both`.
+      ValueError: the errors of `losses.nearest_both`.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     most = max(len(pred), _MOST_POINTS)
@@ -73,7 +73,7 @@ def align(
         squares = sum(jnp.square(p - mean_p[None]).sum(axis=1).mean() for p, _ in sides)
         ratio = products / jnp.where(squares > 0, squares, 1)
         scale = jnp.clip(jnp.where(squares > 0, ratio, 1), LEAST_SCALE, LARGEST_SCALE)
-        # A broken point makes the distances NaN, which a choice of neighbours would hide.
+        # A non-finite point makes the distances NaN; the choice of neighbours alone would hide it.
         scale = scale + 0 * to_gt.distance_sq.sum()
         return Alignment(scale, mean_g - scale * mean_p)
 
@@ -89,21 +89,21 @@ def aligned_metrics(
     known_emd: Float[Array, ""] | None = None,
     iterations: int = ITERATIONS,
 ) -> dict[str, Float[Array, ""]]:
-    """Aligned CD and EMD of one pair (the module's definition).
+    """Aligned CD and EMD of a pair, as defined in the module's docstring.
 
     Args:
       pred: [n, 3].
       gt: [m, 3].
-      emd_tolerance: where given, the EMD is computed too, to this relative error.
-      known_emd: the EMD without alignment, if the caller has it: an auction less.
-      iterations: rounds of `align`.
+      emd_tolerance: relative error of the EMD; None = no EMD.
+      known_emd: the EMD without alignment, if known, which saves an auction.
+      iterations: iterations of `align`.
 
     Returns:
-      `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s, 1 where nothing else is nearer) and,
-      with `emd_tolerance`, `aligned_emd_radius` (unit, a mean over the points).
+      `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s; 1 if alignment does not reduce the CD)
+      and, with `emd_tolerance`, `aligned_emd_radius` (unit, a mean over the points).
 
     Raises:
-      ValueError: as `align` and `metrics.clouds.emd`.
+      ValueError: the errors of `align` and `metrics.clouds.emd`.
     """
     transform = align(pred, gt, iterations=iterations)
     moved = transform.scale * pred + transform.shift[None]

@@ -1,1 +1,1 @@
-"""From images to clouds in files."""
+"""Prediction of point clouds from images, and their files."""

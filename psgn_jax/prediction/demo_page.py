@@ -1,7 +1,8 @@
-"""A page to try a network on photos, see `psgn_jax.demo`.
+"""The page of the demo, which applies a network to photos; see `psgn_jax.demo`.
 
-The only importer of gradio (extra `demo`), inside functions: what the page does can be called and
-tested without. What it writes lies in a folder that its caller names, results for an hour.
+This is the only module that imports gradio (extra `demo`). It does so inside functions, so that
+`Demo` can be used and tested without gradio. Results are written to a given folder and kept for an
+hour.
 """
 
 import html
@@ -26,18 +27,18 @@ from psgn_jax.prediction.predictor import FC, Predictor
 from psgn_jax.viewing import page
 
 EDITOR_SIZE = (600, 800)
-"""Height and width of the canvas that the mask is painted on, whatever the photo's shape.
+"""Height and width of the canvas on which the mask is painted, for photos of all shapes.
 
-The photo is scaled to fit its middle. The prediction reads the whole photo.
+The photo is scaled to fit and centred. The prediction uses the photo at full resolution.
 """
 
 MAX_SAMPLES = 16
 KEPT_SECONDS = 3600.0
 PAINT = (226, 70, 40, 150)
-"""Colour of the mask over the photo, RGBA."""
+"""Colour of the mask on the photo, RGBA."""
 
 ADVICE = '<p style="opacity:.7">The points appear here: drop a photo, check its mask, Predict.</p>'
-"""HTML in place of a result."""
+"""HTML that is shown instead of a result."""
 
 _MARGIN_GREY = 232
 _PAGE_HEIGHT = 600
@@ -51,11 +52,11 @@ _CORRECT = "Red is object: correct it with brush and eraser, then press Predict.
 
 
 class Demo:
-    """What the page's controls do, without gradio.
+    """The actions of the page's controls, without gradio.
 
     Args:
       predictor: the network.
-      folder: for results; old ones are removed from it.
+      folder: folder for results; old results are deleted.
     """
 
     def __init__(self, predictor: Predictor, folder: str | os.PathLike[str]):
@@ -64,19 +65,19 @@ class Demo:
 
     @property
     def max_samples(self) -> int:
-        """How many clouds can be asked for: one of a network without random input."""
+        """The largest number of clouds that can be requested; 1 without random input."""
         return MAX_SAMPLES if self.predictor.config.model.random_size else 1
 
     def open_photo(self, path: str | None, method: str) -> tuple[dict[str, Any] | None, str]:
-        """The photo with the mask that is found, for the editor, and a line on how it was found.
+        """The photo with an automatic mask, for the editor, and a line about the method.
 
         Args:
-          path: of the photo; None clears the editor.
+          path: path of the photo; None clears the editor.
           method: one of `masks.METHODS`.
 
         Returns:
           `background` uint8 [*EDITOR_SIZE, 3], `layers` (the mask in `PAINT`, uint8
-          [*EDITOR_SIZE, 4]) and `composite` None; None without photo or if it cannot be read.
+          [*EDITOR_SIZE, 4]) and `composite` None; None if there is no readable photo.
         """
         if path is None:
             return None, ""
@@ -84,8 +85,8 @@ class Demo:
             read = photo.read_photo(path)
         except ValueError as error:
             return None, _failed(error, path)
-        # Both exactly as large as the canvas: the editor moves and scales what is not, each by its
-        # own rule.
+        # Both have exactly the size of the canvas, because the editor moves and scales images and
+        # layers of other sizes differently.
         rows, columns = place_in_editor(read.image.shape)
         size = (columns.stop - columns.start, rows.stop - rows.start)
         background = np.full((*EDITOR_SIZE, 3), _MARGIN_GREY, np.uint8)
@@ -109,20 +110,19 @@ class Demo:
         frame: str = "auto",
         method: str = "auto",
     ) -> tuple[str, list[str], str]:
-        """Predicts with the mask as painted.
+        """Predicts with the painted mask.
 
         Args:
-          path: of the photo.
-          edited: the editor's value, see `open_photo`; what its layers cover is object.
-          samples: clouds to draw.
-          seed: of the random input.
+          path: path of the photo.
+          edited: value of the editor, see `open_photo`; pixels covered by its layers are object.
+          samples: number of clouds.
+          seed: seed of the random input.
           frame: "auto", "place" or "keep" (`Predictor.__call__`).
-          method: one of `masks.METHODS`, if the editor shows no photo: it was cleared, or has yet
-            to draw.
+          method: one of `masks.METHODS`, used if the editor is empty or not yet drawn.
 
         Returns:
-          HTML that shows the clouds (or `ADVICE`), the files, and a line on what was done or went
-          wrong.
+          HTML that shows the clouds (or `ADVICE`), the files, and a line with the result or the
+          error.
         """
         if path is None:
             return ADVICE, [], _failed("no photo: drop one first")
@@ -132,7 +132,7 @@ class Demo:
             if shows_photo(edited):
                 mask = painted(edited, read.image.shape)
                 if not mask.any():
-                    raise photo.PhotoError("no mask: paint the object, or have it found")
+                    raise photo.PhotoError("no mask: paint the object, or choose a method")
             out = self._new_folder()
             name = pathlib.Path(path).stem or "image"
             result = predict_photo(
@@ -178,7 +178,7 @@ class Demo:
 
 
 def place_in_editor(shape: tuple[int, ...]) -> tuple[slice, slice]:
-    """Rows and columns of the editor's canvas on which a photo of this shape [h, w, ...] lies."""
+    """Rows and columns of the editor's canvas that a photo of this shape [h, w, ...] covers."""
     height, width = EDITOR_SIZE
     scale = min(height / shape[0], width / shape[1])
     rows, columns = max(1, round(scale * shape[0])), max(1, round(scale * shape[1]))
@@ -187,16 +187,16 @@ def place_in_editor(shape: tuple[int, ...]) -> tuple[slice, slice]:
 
 
 def shows_photo(edited: Any) -> bool:
-    """Whether the editor's value has a background: it is cleared whole, and fills the canvas."""
+    """Whether the value of the editor contains a photo, which fills the canvas."""
     background = (edited or {}).get("background")
     return background is not None and bool(background[..., 3:].all())
 
 
 def painted(edited: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """What the layers of the editor's value cover of a photo of this shape [h, w, ...].
+    """The pixels of a photo of this shape [h, w, ...] that the layers of the editor cover.
 
     Returns:
-      bool [h, w]; paint beside the photo is left out.
+      bool [h, w]; paint outside the photo is ignored.
     """
     mask = np.zeros(EDITOR_SIZE, np.bool_)
     for layer in edited["layers"]:
@@ -210,7 +210,7 @@ def painted(edited: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def in_frame(document: str) -> str:
-    """An HTML document as a frame within another: it can run its script and reach nothing else."""
+    """An HTML document in a sandboxed frame, in which its script can access nothing else."""
     return (
         f'<iframe title="predicted points" sandbox="allow-scripts" srcdoc="{html.escape(document)}"'
         f' style="width:100%;height:{_PAGE_HEIGHT}px;border:0;border-radius:8px"></iframe>'
@@ -218,7 +218,7 @@ def in_frame(document: str) -> str:
 
 
 def links_to(files: Sequence[str]) -> str:
-    """HTML with a link to each file, by the server's address of it; "" without files."""
+    """HTML with a link to each file on the server; "" without files."""
     links = [
         f'<a href="gradio_api/file={html.escape(urllib.parse.quote(file))}" download>'
         f"{html.escape(pathlib.Path(file).name)}</a> ({pathlib.Path(file).stat().st_size:,} bytes)"
@@ -230,10 +230,10 @@ def links_to(files: Sequence[str]) -> str:
 def build(demo: Demo) -> Any:
     """The page: `gradio.Blocks`.
 
-    One function: gradio declares controls and what they do in one context.
+    This is one long function because gradio declares controls and their actions in one context.
 
     Raises:
-      ConfigError: gradio is missing.
+      ConfigError: gradio is not installed.
     """
     gradio = import_gradio()
 
@@ -297,7 +297,7 @@ def build(demo: Demo) -> Any:
         viewer = gradio.HTML(ADVICE, elem_id="viewer")
         files = gradio.HTML("", elem_id="files")
         for changed in (source.change, method.change):
-            # Nothing can be predicted from a mask that is still being looked for.
+            # No prediction while the mask is being computed.
             locked = changed(
                 lambda: (gradio.Button(interactive=False), ADVICE, "", ""),
                 None,
@@ -329,13 +329,13 @@ def launch(
     """Serves the page; returns `gradio.Blocks` and the address.
 
     Args:
-      demo: what it does.
-      host: address to listen at; "0.0.0.0" lets other machines in.
-      port: 0 for any free one.
+      demo: the actions of the page.
+      host: address to listen at; "0.0.0.0" accepts connections from other machines.
+      port: 0 = any free port.
       block: whether to serve until the process is interrupted.
 
     Raises:
-      ConfigError: gradio is missing, or the port is taken.
+      ConfigError: gradio is not installed, or the port is in use.
     """
     gradio = import_gradio()
     blocks = build(demo)
@@ -348,7 +348,7 @@ def launch(
             prevent_thread_lock=True,
             allowed_paths=[str(demo.folder)],
             footer_links=[],
-            # The usual themes ask a server of fonts.
+            # The default themes load fonts from a server.
             theme=gradio.themes.Default(
                 font=["system-ui", "sans-serif"], font_mono=["ui-monospace", "monospace"]
             ),
@@ -367,7 +367,7 @@ def launch(
 
 
 def import_gradio() -> Any:
-    """The module gradio; raises `ConfigError` with the remedy where it is not installed."""
+    """The module gradio; raises `ConfigError` with instructions if it is not installed."""
     if importlib.util.find_spec("gradio") is None:
         raise ConfigError("the demo needs the extra 'demo': pip install 'psgn-jax[demo]'")
     os.environ.setdefault("GRADIO_ANALYTICS_ENABLED", "False")
@@ -386,7 +386,7 @@ def _whole(name: str, value: Any) -> int:
 
 
 def _failed(error: Exception | str, path: str | None = None) -> str:
-    """One line of HTML. The photo goes by its name: the folder it was dropped in says nothing."""
+    """An error as one line of HTML, with the name of the photo but not its temporary folder."""
     text = " ".join(str(error).split())
     if path is not None:
         text = text.replace(path, pathlib.Path(path).name)

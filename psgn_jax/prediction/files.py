@@ -1,8 +1,9 @@
-"""Predictions of image files, written as files.
+"""Predictions for image files, written as files.
 
-For each image: the cloud as PLY, XYZ, OBJ and NPZ (`prediction.export`: frame, colours), what the
-network saw as `NAME_view.png`, and `NAME.json` with camera, configuration, checkpoint and times.
-With several samples the NPZ also holds each point's spread and the clouds' mutual distances.
+For each image these are the cloud as PLY, XYZ, OBJ and NPZ (frame and colours are described in
+`prediction.export`), the input of the network as `NAME_view.png`, and `NAME.json` with camera,
+configuration, checkpoint and times. With several samples, the NPZ file also contains the spread of
+each point and the mutual distances of the clouds.
 """
 
 import dataclasses
@@ -34,21 +35,21 @@ def predict_files(
     formats: tuple[str, ...] = export.FORMATS,
     **options: Any,
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
-    """Predicts files and folders of images and writes the results into `out`, one after the other.
+    """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
     Args:
       predictor: the network.
-      images: files, and folders whose images are taken by name.
+      images: image files, and folders, whose images are processed in order of their names.
       out: folder for the results.
-      mask: a mask's file (for one image), or a folder with a file of each image's name.
+      mask: file of the mask (for one image), or folder with a mask for each image, named like it.
       formats: any of `prediction.export.FORMATS`.
-      **options: of `Predictor.__call__`.
+      **options: arguments of `Predictor.__call__`.
 
     Yields:
-      each image's path with its prediction or with what went wrong.
+      The path of each image, with its prediction or the error.
 
     Raises:
-      ConfigError: no image named, a mask's file for several.
+      ConfigError: there is no image, or one mask file for several images.
     """
     paths = _expand(images)
     if not paths:
@@ -58,7 +59,7 @@ def predict_files(
     for path, name in zip(paths, _names(paths), strict=True):
         try:
             result = _predict_file(predictor, path, name, pathlib.Path(out), mask, formats, options)
-        except Exception as error:  # the other images of the batch are to come out
+        except Exception as error:  # continue with the other images
             if not isinstance(error, UserError | ValueError | OSError):
                 logging.exception("%s", path)
             yield path, error
@@ -78,21 +79,21 @@ def predict_photo(
     seconds: Mapping[str, float] = types.MappingProxyType({}),
     **options: Any,
 ) -> Prediction:
-    """Predicts a photo that was read and writes the results into `out`.
+    """Predicts clouds for a photo and writes the results to `out`.
 
     Args:
       predictor: the network.
       read: the photo.
-      mask: bool [h, w] of `read.image`'s size, True on the object; None to find it.
-      path: where the photo comes from, for the record.
-      name: of the results, without suffix.
+      mask: bool [h, w] of the size of `read.image`, True on the object; None = automatic.
+      path: path of the photo, for `NAME.json`.
+      name: name of the results, without suffix.
       out: folder for the results.
       formats: any of `prediction.export.FORMATS`.
-      seconds: of what was done before, for the record.
-      **options: of `Predictor.__call__`.
+      seconds: times of earlier steps, for `NAME.json`.
+      **options: arguments of `Predictor.__call__`.
 
     Raises:
-      ValueError: as `Predictor.__call__`.
+      ValueError: the errors of `Predictor.__call__`.
     """
     image = read.image if read.alpha is None else np.dstack([read.image, read.alpha])
     result = predictor(image, mask, **options)
@@ -152,7 +153,7 @@ def _record(
     seconds: Mapping[str, float],
     seed: int,
 ) -> dict[str, Any]:
-    """What `NAME.json` says of a prediction."""
+    """The contents of `NAME.json`."""
     view = result.view
     return {
         "image": str(path),
@@ -199,7 +200,7 @@ def _scale(old: tuple[int, ...], new: tuple[int, ...]) -> np.ndarray:
 
 
 def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
-    """Files as named, folders as the images in them; each once."""
+    """The files, and the images in the folders, without repetition."""
     paths: list[pathlib.Path] = []
     for image in map(pathlib.Path, images):
         if image.is_dir():
@@ -211,7 +212,7 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
 
 
 def _names(paths: Sequence[pathlib.Path]) -> list[str]:
-    """A name for the results of each image; no two alike, whatever the case."""
+    """A name for the results of each image; unique even if case is ignored."""
     taken: set[str] = set()
     names = []
     for path in paths:
@@ -230,5 +231,7 @@ def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
         return folder
     paths = [p for p in sorted(folder.iterdir()) if p.stem in (path.stem, f"{path.stem}_mask")]
     if not paths:
-        raise photo.PhotoError(f"--mask={mask}: no file there is named {path.stem} or *_mask")
+        raise photo.PhotoError(
+            f"--mask={mask}: expected a file named {path.stem}.* or {path.stem}_mask.* there"
+        )
     return paths[0]

@@ -1,8 +1,8 @@
-"""A trained network, called with images: `Predictor.from_weights()(image)`.
+"""Prediction with a trained network: `Predictor.from_weights()(image)`.
 
-The object's mask is given, or comes from the image's transparency, or is found (`data.masks`); then
-the object is cropped and scaled to where training objects sit (`data.framing`), unless the image
-already is framed so: 4:3 on the grey of the training renderings.
+The mask of the object is given, is the image's alpha channel, or is computed (`data.masks`). The
+object is then cropped and scaled to the position of training objects (`data.framing`), unless the
+image is framed like a training rendering: 4:3 on its grey.
 """
 
 import dataclasses
@@ -37,28 +37,27 @@ INVERTED = (
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Prediction:
-    """Clouds for one image.
+    """The clouds for an image.
 
     Attributes:
       points: float32 [k, n, 3] in the project's frame (+z up, +y image right, +x to the camera).
-      scale, shift: the network's points are `scale * points + shift`: what the normal form removed
-        (`data.framing.normal_form`, one for all clouds); 1 and 0 where there is none.
+      scale, shift: the network's points are `scale * points + shift`, the transformation of the
+        normal form (`data.framing.normal_form`), common to all clouds; 1 and 0 without normal form.
       normalised: whether the clouds have normal form.
-      colours: uint8 [k, n, 3] from the image, `prediction.export.UNSEEN` for points it does not
-        show.
-      seen: bool [k, n].
-      branch: uint8 [n], which branch predicts a point, `FC` or `DECONV`.
-      view: what the network saw, with the camera that projects `points` onto it
+      colours: uint8 [k, n, 3], from the image; `prediction.export.UNSEEN` for invisible points.
+      seen: bool [k, n], whether a point is visible in the image.
+      branch: uint8 [n], the branch that predicts a point, `FC` or `DECONV`.
+      view: the input of the network, with the camera that projects `points` to it
         (`data.framing.View`).
-      photo_intrinsics: float64 [3, 3], for the image as given (with the view's extrinsics).
-      r: float32 [k, random_size], the random inputs, or None for a network without.
-      spread: float32 [n, 3], standard deviation over the clouds of each point along x, y, z (point
-        i is the same output in all; unit = radius of the bounding hemisphere).
-      mutual: float32 [k, k], squared Chamfer distance of every two clouds, both directions' means
-        added (unit^2).
-      mask_from: how the mask was found.
-      warnings: what is probably wrong, a line each.
-      seconds: time of each part.
+      photo_intrinsics: float64 [3, 3], for the original image (with the extrinsics of the view).
+      r: float32 [k, random_size], the random inputs; None for a network without random input.
+      spread: float32 [n, 3], standard deviation over the clouds of each point along x, y, z (points
+        with the same index correspond; unit = radius of the bounding hemisphere).
+      mutual: float32 [k, k], squared Chamfer distances between the clouds, the sum of the means in
+        both directions (unit^2).
+      mask_from: the method that produced the mask.
+      warnings: probable problems, a line each.
+      seconds: duration of each step.
     """
 
     points: np.ndarray
@@ -79,13 +78,13 @@ class Prediction:
 
 
 class Predictor:
-    """A trained network, ready to be called with images.
+    """A trained network that can be called with images.
 
     Args:
-      config: of its run.
+      config: configuration of its run.
       params: its parameters.
-      step: of the checkpoint, for the record.
-      source: where it comes from, for the record.
+      step: step of the checkpoint, for information.
+      source: folder of the run or name of the weights, for information.
       source_kind: "workdir" or "weights".
     """
 
@@ -101,8 +100,8 @@ class Predictor:
         require_points_task(config, "a prediction from photos")
         if "depth" in config.data.inputs:
             raise ConfigError(
-                f"data.inputs={config.data.inputs!r}: the network reads depth, photos lack it; "
-                "accepted: a network of 'rgb' and 'mask'"
+                f"data.inputs={config.data.inputs!r}: photos have no depth; accepted: a network "
+                "with the inputs 'rgb' and 'mask'"
             )
         self.config, self.step = config, step
         self.source, self.source_kind = source, source_kind
@@ -124,22 +123,22 @@ class Predictor:
         """The best (or "last") checkpoint of a run.
 
         Raises:
-          ConfigError, CheckpointError: no run or no checkpoint there.
+          ConfigError, CheckpointError: the folder contains no run or no checkpoint.
         """
         return cls.from_run(open_network(workdir, checkpoint=checkpoint))
 
     @classmethod
     def from_weights(cls, name_or_file: str = "") -> "Predictor":
-        """Weights that come with the package, by name ("" = the default), or of a file.
+        """The network of a file of weights, or of weights in the package by name ("" = default).
 
         Raises:
-          ConfigError, WeightsError: there are none, or the file cannot be read.
+          ConfigError, WeightsError: there are no such weights, or the file cannot be read.
         """
         return cls.from_run(open_network(weights=name_or_file))
 
     @classmethod
     def from_run(cls, run: Run) -> "Predictor":
-        """An opened network, see `weights.opening.open_network`."""
+        """The network of an opened run, see `weights.opening.open_network`."""
         return cls(
             run.config,
             run.params,
@@ -164,20 +163,20 @@ class Predictor:
 
         Args:
           image: uint8 [h, w, 3] RGB, [h, w, 4] RGBA or [h, w] grey, any size.
-          mask: bool [h, w], True on the object; None to find it.
-          samples: clouds to draw; more than one wants a network with a random input.
-          seed: of the random input. The draws are the same for every image.
-          frame: "place" crops and scales the object (`framing.place`), "keep" takes the image as
-            framed (4:3), "auto" keeps only what looks like a training rendering.
-          mask_from: one of `masks.METHODS`; without effect if a mask is given.
-          invert_mask: the given mask is True off the object.
-          normal_form: "yes" moves and scales the clouds until the lowest point lies on the ground,
-            z = 0, and the farthest at distance 1 from the origin (`framing.normal_form`): a photo
-            does not show how large its object is. "no" leaves them as the network gives them;
-            "auto" normalises what was placed, and leaves what was kept as framed.
+          mask: bool [h, w], True on the object; None = automatic.
+          samples: number of clouds; more than one needs a network with a random input.
+          seed: seed of the random input. The random inputs are the same for every image.
+          frame: "place" crops and scales the object (`framing.place`), "keep" keeps the framing
+            (4:3), "auto" keeps that of training renderings and places other images.
+          mask_from: one of `masks.METHODS`; ignored if a mask is given.
+          invert_mask: whether the given mask is False on the object.
+          normal_form: "yes" moves and scales the clouds so that the lowest point is at z = 0 and
+            the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
+            not show the size of its object. "no" returns the output of the network. "auto"
+            normalises if the image was placed.
 
         Raises:
-          ValueError: what does not fit; `photo.PhotoError` if no object is found.
+          ValueError: an argument is wrong; `photo.PhotoError` if there is no object.
         """
         r = self._sample_latents(samples, seed)
         clock = Clock()
@@ -185,7 +184,7 @@ class Predictor:
         mask_source = "given"
         if invert_mask:
             if mask is None:
-                raise ConfigError("invert_mask: accepted with a mask that is given")
+                raise ConfigError("invert_mask: accepted only with a given mask")
             mask = ~np.asarray(mask, np.bool_)
         warnings = [INVERTED] if mask is not None and masks.looks_inverted(mask) else []
         if mask is None:
@@ -207,7 +206,10 @@ class Predictor:
         mutual = self._mutual(points) if samples > 1 else np.zeros((1, 1), np.float32)
         clock.lap("network")
         if not np.isfinite(points).all():
-            raise ConfigError("the network's points are not finite: a damaged or diverged training")
+            raise ConfigError(
+                "the network's points are not finite: its training diverged or its weights are "
+                "damaged; expected another network"
+            )
         coloured = [export.colours_from_view(cloud, view) for cloud in points]
         scale, shift = 1.0, np.zeros(3)
         normalised = normal_form == "yes" or (normal_form == "auto" and view.placed)
@@ -239,7 +241,7 @@ class Predictor:
         )
 
     def warm_up(self, samples: int = 1) -> None:
-        """Compiles the network for so many samples, so that the first image need not wait."""
+        """Compiles the network for this number of samples before the first image."""
         r = self._sample_latents(samples, 0)
         mask = np.zeros((1, *self.config.data.image_size), np.bool_)
         image = np.zeros((*mask.shape, 3), np.uint8)
@@ -257,7 +259,7 @@ class Predictor:
             return None
         if not -(2**31) <= seed < 2**31:
             raise ConfigError(f"seed={seed}: accepted: a whole number of 32 bits")
-        # An image is the first sample of its own batch: its clouds do not depend on the others.
+        # Every image is sample 0, so that its clouds do not depend on other images.
         return np.asarray(sampling.sample_latents(self.config, 0, 1, samples, seed))[0]
 
 
@@ -269,7 +271,7 @@ class Clock:
         self._last = time.perf_counter()
 
     def lap(self, name: str) -> None:
-        """Keeps the seconds since the last lap under a name."""
+        """Stores the seconds since the last lap under a name."""
         now = time.perf_counter()
         self.laps[name], self._last = now - self._last, now
 

@@ -1,4 +1,4 @@
-"""One pass over a split: every sample is predicted and counted once."""
+"""Evaluation on a split: every sample is predicted and counted once."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -21,19 +21,19 @@ def evaluate_split(
     max_samples: int = 0,
     on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
 ) -> Evaluation:
-    """Metrics of a network on a split, every sample counted once.
+    """Metrics of a network on a split.
 
     Args:
-      config: the run's configuration.
+      config: configuration of the run.
       params: parameters of the network.
-      eval_step: (params, batch of the host, index of the batch) -> predictions and metrics with a
-        row for each sample, such as `over_devices` makes.
-      split: default `config.data.eval_split`.
-      max_samples: only the first so many; 0 = all.
+      eval_step: maps (params, batch on the host, index of the batch) to predictions and metrics
+        with a row for each sample; see `over_devices`.
+      split: name of the split; None = `config.data.eval_split`.
+      max_samples: number of first samples that are evaluated; 0 = all.
       on_batch: called with (index of the batch, batch, points [B,N,3]).
 
     Raises:
-      ConfigError: if the split has no samples.
+      ConfigError: the split has no samples.
     """
     split = split or config.data.eval_split
     names: list[SampleName] = []
@@ -63,7 +63,7 @@ def evaluate_split(
             break
     if not names:
         raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
-    # JAX sorts the names; what is measured after an alignment comes last.
+    # JAX sorts the names; aligned metrics are moved to the end.
     ordered = sorted(parts[0], key=lambda name: name.startswith("aligned_"))
     merged = {k: np.concatenate([part[k] for part in parts]) for k in ordered}
     num_points = num_pred, config.data.num_eval_points
@@ -81,9 +81,9 @@ def evaluate_split(
 def over_devices(
     config: Config, keys: Sequence[str], make: Callable[[step_lib.Mesh], Callable[..., Any]]
 ) -> Callable[..., Any]:
-    """`make(mesh)`, an evaluation step, fed with `keys` of a batch of the host.
+    """The evaluation step `make(mesh)`, applied to the arrays `keys` of a batch on the host.
 
-    The mesh is of the local devices, or of one if they do not divide the batch.
+    The mesh contains the local devices, or one device if their number does not divide the batch.
     """
     devices = jax.local_devices()
     if config.eval.batch_size % len(devices):
@@ -95,9 +95,9 @@ def over_devices(
     split = jax.sharding.NamedSharding(mesh, step_lib.P("data"))
 
     def run(params: Any, batch: Any, index: int) -> Any:
-        # The parameters may come from a training on more devices than share an evaluation.
+        # The parameters may be on more devices than the evaluation uses.
         params = jax.device_put(params, replicated)
-        # Visible points are those of records with depth; the network may not see the depth.
+        # Visible points need the depth, which may not be an input of the network.
         wanted = (*keys, "visible") if "visible" in batch else keys
         device_batch = jax.device_put({k: batch[k] for k in wanted}, split)
         return step(params, device_batch, np.int32(index))

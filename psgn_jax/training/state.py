@@ -1,7 +1,7 @@
-"""What a run carries from step to step: one pytree, and all of it goes into a checkpoint.
+"""The state of training: a pytree, which is stored completely in a checkpoint.
 
-The position in the data needs no entry of its own: the batch of a step is a function of
-(seed, step), and so is every random number.
+The position in the data is not part of it, because the batch of a step and all random numbers are
+functions of (seed, step).
 """
 
 from typing import Any, NamedTuple
@@ -16,27 +16,27 @@ from psgn_jax.config import Config, OptimConfig
 from psgn_jax.models import posterior
 from psgn_jax.types import Array, PRNGKey
 
-# Purposes of random numbers, folded into the key of the seed.
+# Purposes of random numbers, which are folded into the key of the seed.
 _INIT, _TRAIN_RANDOM, _EVAL_RANDOM, _INIT_POSTERIOR = 0, 1, 2, 3
 
 
 WATCHED = ("loss", "gradient norm")
-"""What must stay finite; `TrainState.bad_metric` is an index into it."""
+"""Metrics that must be finite; `TrainState.bad_metric` is an index into this tuple."""
 
 
 class TrainState(NamedTuple):
     """State of training.
 
     Attributes:
-      step: int32, updates done.
-      params: parameters of the network, float32; with `model.posterior` those of the posterior's
-        network as well, under the name "posterior", which the network itself passes over.
+      step: int32, number of updates.
+      params: parameters of the network, float32; with `model.posterior` also those of the posterior
+        network, under the name "posterior", which the network itself ignores.
       opt_state: state of the optimiser.
-      ema: averaged parameters, or `()` when `optim.ema_decay` is 0.
+      ema: averaged parameters, or `()` if `optim.ema_decay` is 0.
       loss_sum: float32, sum of the losses since the last multiple of `train.log_every`.
-      loss_count: int32, how many these are.
+      loss_count: int32, number of these losses.
       bad_step: int32, first step with a non-finite loss or gradient, -1 = none.
-      bad_metric: int32, index into `WATCHED` of what was not finite there.
+      bad_metric: int32, index into `WATCHED` of the non-finite metric.
     """
 
     step: Array
@@ -50,7 +50,7 @@ class TrainState(NamedTuple):
 
 
 def eval_params(state: TrainState) -> Any:
-    """The parameters that evaluation uses: the averaged ones where there are any."""
+    """The parameters for evaluation: the averaged ones if they exist."""
     return state.ema if jax.tree.leaves(state.ema) else state.params
 
 
@@ -83,7 +83,7 @@ def random_key(seed: int, step: Array | int, *, train: bool = True) -> PRNGKey:
 
 
 def create(config: Config, model: nn.Module, tx: optax.GradientTransformation) -> TrainState:
-    """Fresh state: parameters drawn from the seed. Pure, to be run inside jit."""
+    """The initial state, with random parameters from the seed. A pure function for use in jit."""
     height, width = config.model.image_size
     image = jnp.zeros((1, height, width, config.model.in_channels))
     r = jnp.zeros((1, config.model.random_size)) if config.model.random_size else None
@@ -115,16 +115,16 @@ def fresh(config: Config, params: Any, tx: optax.GradientTransformation) -> Trai
 
 
 def named_leaves(tree: Any) -> dict[str, Any]:
-    """Leaves by dotted path, `{"params.head.kernel": ...}`: the names inside a checkpoint."""
+    """Leaves by dotted path, `{"params.head.kernel": ...}`, as named in a checkpoint."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(tree)
     return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
 
 
 def from_named_leaves(template: Any, leaves: dict[str, np.ndarray]) -> Any:
-    """The tree shaped as `template` (arrays or shapes) with the leaves of `named_leaves`.
+    """The tree with the structure of `template` (arrays or shapes) and the given leaves.
 
     Raises:
-      ValueError: for a missing or superfluous leaf, or one of another shape or dtype.
+      ValueError: a leaf is missing or superfluous, or has another shape or dtype.
     """
     wanted = named_leaves(template)
     if different := sorted(wanted.keys() ^ leaves.keys()):
@@ -134,15 +134,16 @@ def from_named_leaves(template: Any, leaves: dict[str, np.ndarray]) -> Any:
         have = leaves[name]
         if (have.shape, have.dtype) != (want.shape, want.dtype):
             raise ValueError(
-                f"leaf {name} is {have.dtype}{list(have.shape)}, not {want.dtype}{list(want.shape)}"
+                f"leaf {name} is {have.dtype}{list(have.shape)}, "
+                f"expected {want.dtype}{list(want.shape)}"
             )
     return jax.tree.unflatten(jax.tree.structure(template), [leaves[name] for name in wanted])
 
 
 def params_from_named_leaves(leaves: dict[str, np.ndarray], *, averaged: bool = True) -> Any:
-    """The parameters to evaluate with, as a nested dict, from a checkpoint's leaves.
+    """The parameters for evaluation, as a nested dict, from the leaves of a checkpoint.
 
-    With `averaged` those are the averaged ones where there are any.
+    With `averaged` these are the averaged ones, if they exist.
     """
     averaged = averaged and any(name.startswith("ema.") for name in leaves)
     section = "ema." if averaged else "params."

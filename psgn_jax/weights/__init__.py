@@ -1,4 +1,4 @@
-"""Trained weights: their file format, the files that come with the package, and what opens them.
+"""Trained weights: the file format, the files in the package, and functions that open them.
 
-A file `<name>.safetensors` in this folder is part of the package and is found by its name.
+Files `<name>.safetensors` in this folder are part of the package and can be opened by name.
 """

@@ -5,10 +5,10 @@
         [--checkpoint=best|last] [--ema|--no-ema] [--dtype=float16|float32]
         [--sources=sources.json,more.json]
 
-`list` shows the weights that come with the package, or those named: network, figures, data and
-licences. `export` writes a checkpoint of a run as one file, for `--weights=FILE` of the other
-commands and for `--config.train.init=FILE`. The format is described in `psgn_jax.weights.file`.
-Exit code: 0 done, 2 an error, in one line.
+`list` shows the weights in the package, or the named ones: network, metrics, data and licences.
+`export` writes a checkpoint of a run as a file, for `--weights=FILE` of the other commands and for
+`--config.train.init=FILE`. The format is described in `psgn_jax.weights.file`. Exit code: 0 done,
+2 error.
 """
 
 import argparse

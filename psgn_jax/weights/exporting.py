@@ -1,4 +1,4 @@
-"""From a trained run to a file of weights."""
+"""Exports a trained run to a file of weights."""
 
 import os
 import pathlib
@@ -27,16 +27,16 @@ def export_run(
       workdir: folder of the run.
       out: the file.
       checkpoint: "best" or "last", see `training.run_folder.open_run`.
-      averaged: whether to take the averaged parameters where the run has some.
+      averaged: whether to export the averaged parameters, if the run has them.
       dtype: "float16" or "float32".
-      sources: files with rows on data and licences (`weights.file.read_sources`).
+      sources: files with data and licences (`weights.file.read_sources`).
 
     Raises:
-      ConfigError, CheckpointError, WeightsError: one line on what is wrong.
+      ConfigError, CheckpointError, WeightsError: the run, an argument or the weights are invalid.
     """
     rows = [row for path in sources for row in read_sources(path)]
     run = open_run(workdir, checkpoint, averaged=averaged)
-    # Scores are of the averaged parameters, which evaluation uses where there are some.
+    # The scores belong to the averaged parameters, because evaluation uses these if they exist.
     is_averaged = averaged and run.config.optim.ema_decay > 0
     measured = is_averaged or not run.config.optim.ema_decay
     figures = figures_of(
@@ -53,7 +53,7 @@ def export_run(
 
 
 def _data_of(config: Config) -> list[dict[str, Any]]:
-    """Name, source and number of training samples of each data set, as far as it is there."""
+    """Name, source and number of training samples of each data set that exists."""
     if not config.data.path:
         return [{"name": "default data set"}]
     rows: list[dict[str, Any]] = []

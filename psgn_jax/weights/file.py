@@ -1,18 +1,19 @@
-"""Weights as one file: safetensors with configuration, figures, data and licences. Never pickle.
+"""The file format of weights: safetensors with configuration, metrics, data and licences.
 
-The only importer of safetensors. A file holds the parameters of one network under the names of a
-checkpoint's leaves (`params.<layer>.kernel`), as float16 or float32, and this metadata, texts:
+This is the only module that imports safetensors. A file contains the parameters of a network under
+the names of the leaves of a checkpoint (`params.<layer>.kernel`), as float16 or float32, and these
+texts as metadata:
 
     format    "psgn_jax weights 1"
     config    the configuration of the training, as `config.json`; without paths of that machine
-    figures   JSON: step, samples_seen, parameters, averaged, metrics (name -> number), data (what
-              the training read: name, source and samples of each data set)
-    sources   JSON: the data and their licences, rows as `sources.json` of a training set has them
-    sha256    of all of the above and of every array
+    figures   JSON: step, samples_seen, parameters, averaged, metrics (name -> number), data (name,
+              source and number of samples of each training set)
+    sources   JSON: the data and their licences, rows like those of `sources.json`
+    sha256    checksum of all of the above and of every array
 
-Reading checks all of it, in this order: sizes before anything of that size is read, names, dtypes
-and shapes, the checksum, that every number is finite, and that the network of the configuration has
-exactly these parameters.
+The reader checks, in this order: the sizes before it reads so many bytes; names, dtypes and shapes;
+the checksum; that all numbers are finite; and that the network of the configuration has exactly
+these parameters.
 """
 
 import dataclasses
@@ -46,7 +47,7 @@ SUFFIX = ".safetensors"
 MAX_HEADER_BYTES = 1 << 20
 MAX_FILE_BYTES = 1 << 30
 DTYPES = {"float16": "F16", "float32": "F32"}
-"""Names of the dtypes that a file may have, and what safetensors calls them."""
+"""The accepted dtypes, and their names in safetensors."""
 
 _TEXTS = ("format", "config", "figures", "sources")
 
@@ -57,14 +58,14 @@ class WeightsError(UserError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Weights:
-    """A network's parameters with what is to be known of them.
+    """The parameters of a network with metadata.
 
     Attributes:
-      config: of the training.
+      config: configuration of the training.
       params: nested dict of float32 arrays.
       figures: `step`, `samples_seen`, `parameters`, `averaged`, `metrics`, `data`; see the module.
       sources: the data and their licences, a row for each source; () = not stated.
-      dtype: as which the parameters are stored.
+      dtype: dtype in the file.
     """
 
     config: Config
@@ -75,19 +76,19 @@ class Weights:
 
 
 def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
-    """Writes a file of weights, whole or not at all.
+    """Writes a file of weights atomically.
 
-    Paths of the configuration (`data.path`, `data.eval_path`, `train.init`) are reduced to their
-    last part or left out: the file is for other machines.
+    Paths in the configuration (`data.path`, `data.eval_path`, `train.init`) are reduced to their
+    last part or removed, because they do not exist on other machines.
 
     Raises:
-      ConfigError: the run's task is not "points", or the parameters are not those of its network.
+      ConfigError: the task is not "points", or the parameters do not belong to the network.
       WeightsError: a parameter is not finite, or too large for float16.
     """
     path = pathlib.Path(path)
     require_points_task(weights.config, "a file of weights")
     if path.suffix != SUFFIX:
-        raise WeightsError(f"{path}: accepted: a name that ends in {SUFFIX}")
+        raise WeightsError(f"{path}: accepted: a name with the suffix {SUFFIX}")
     leaves = {
         name: np.ascontiguousarray(leaf, dtype=np.float32)
         for name, leaf in state_lib.named_leaves({"params": weights.params}).items()
@@ -97,7 +98,7 @@ def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
         stored = {name: leaf.astype(weights.dtype) for name, leaf in leaves.items()}
     for name, leaf in stored.items():
         if not np.isfinite(leaves[name]).all():
-            raise WeightsError(f"{path}: {name} is not finite: a damaged or diverged training")
+            raise WeightsError(f"{path}: {name} is not finite: the training diverged")
         if not np.isfinite(leaf).all():
             raise WeightsError(f"{path}: {name} is too large for {weights.dtype}; use float32")
     metadata = {
@@ -109,7 +110,9 @@ def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
     metadata["sha256"] = _digest(metadata, stored)
     content = save(stored, metadata)
     if int.from_bytes(content[:8], "little") > MAX_HEADER_BYTES or len(content) > MAX_FILE_BYTES:
-        raise WeightsError(f"{path}: {len(content)} bytes, more than a file of weights may have")
+        raise WeightsError(
+            f"{path}: {len(content)} bytes, more than the limit of a file of weights"
+        )
     write_atomic(path, content)
 
 
@@ -117,7 +120,7 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
     """Reads and checks a file of weights.
 
     Raises:
-      WeightsError: it is missing, damaged, foreign or does not fit its own configuration; one line.
+      WeightsError: the file is missing, damaged, from another program, or inconsistent.
     """
     path = pathlib.Path(path)
     _check_sizes(path)
@@ -133,9 +136,9 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
             dtype = _common_dtype(path, {name: file.get_slice(name).get_dtype() for name in names})
             stored = {name: file.get_tensor(name) for name in names}
     except (SafetensorError, OSError, UnicodeDecodeError) as error:
-        raise WeightsError(f"{path}: no intact file of weights: {_one_line(error)}") from None
+        raise WeightsError(f"{path}: not readable as weights: {_one_line(error)}") from None
     if _digest(metadata, stored) != metadata.get("sha256"):
-        raise WeightsError(f"{path}: damaged: the checksum does not match; fetch it again")
+        raise WeightsError(f"{path}: damaged: the checksum does not match; download it again")
     leaves = {name: leaf.astype(np.float32) for name, leaf in stored.items()}
     for name, leaf in leaves.items():
         if not np.isfinite(leaf).all():
@@ -147,16 +150,16 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
     except (KeyError, ValueError) as error:
         raise WeightsError(f"{path}: its metadata: {_one_line(error)}") from None
     if not _are_figures(figures) or not _are_rows(sources):
-        raise WeightsError(f"{path}: its metadata: figures or sources are not as expected")
+        raise WeightsError(f"{path}: its metadata: the figures or sources have a wrong form")
     params = _check_fits(config, leaves, path)
     return Weights(config, params, figures, sources, dtype)
 
 
 def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
-    """Rows on data and licences: a JSON list of objects with `source` and `licences`.
+    """The data and licences in a file: a JSON list of objects with `source` and `licences`.
 
     Raises:
-      ConfigError: it is something else.
+      ConfigError: the file has another form.
     """
     try:
         rows = json.loads(pathlib.Path(path).read_text())
@@ -165,7 +168,7 @@ def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
     if not rows or not _are_rows(rows):
         raise ConfigError(
             f'--sources={path}: accepted: a list of {{"source": NAME, "licences": {{LICENCE: '
-            '{"models": N, "holders": [...]}}}, as sources.json of a training set'
+            '{"models": N, "holders": [...]}}}, like sources.json of a training set'
         )
     return list(rows)
 
@@ -179,7 +182,7 @@ def figures_of(
     metrics: Mapping[str, float],
     data: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """The figures of a training that a file of weights holds."""
+    """The figures of a training for a file of weights."""
     return {
         "step": step,
         "samples_seen": step * config.train.batch_size,
@@ -191,7 +194,7 @@ def figures_of(
 
 
 def _check_sizes(path: pathlib.Path) -> None:
-    """Of the file and of its header, before more than eight bytes are read."""
+    """Checks the sizes of the file and of its header, reading only eight bytes."""
     try:
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
@@ -199,11 +202,11 @@ def _check_sizes(path: pathlib.Path) -> None:
     except OSError as error:
         raise WeightsError(f"{path}: {error.strerror or error}") from None
     if size > MAX_FILE_BYTES:
-        raise WeightsError(f"{path}: {size} bytes, more than any file of weights has")
+        raise WeightsError(f"{path}: {size} bytes, more than the limit of a file of weights")
     if size < 8 or header > min(MAX_HEADER_BYTES, size - 8):
         raise WeightsError(
-            f"{path}: no file of weights, or a truncated one: {size} bytes, of which the header "
-            f"claims {header} (at most {MAX_HEADER_BYTES})"
+            f"{path}: not a file of weights, or truncated: {size} bytes with a header of {header} "
+            f"bytes, expected at most {MAX_HEADER_BYTES}"
         )
 
 
@@ -218,7 +221,7 @@ def _common_dtype(path: pathlib.Path, dtypes: Mapping[str, str]) -> str:
 
 
 def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.Path) -> Any:
-    """The parameters as a tree, if they are those of the configuration's network."""
+    """The parameters as a tree, after checking that the network has exactly these."""
     try:
         shapes = jax.eval_shape(
             lambda: (
@@ -228,7 +231,7 @@ def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.
         return state_lib.from_named_leaves({"params": shapes}, dict(leaves))["params"]
     except (ValueError, TypeError, ArithmeticError) as error:
         raise WeightsError(
-            f"{path}: the parameters are not those of the network of its configuration: "
+            f"{path}: the parameters do not belong to the network of its configuration: "
             f"{_one_line(error)}"
         ) from None
 

@@ -1,6 +1,6 @@
 """Initial parameters of a training from a trained network: `train.init`.
 
-A training that goes on with its own checkpoints does not read them again.
+A training that resumes from its own checkpoints does not read them again.
 """
 
 import fnmatch
@@ -18,10 +18,10 @@ from psgn_jax.weights.opening import open_weights, shipped
 
 
 def open_initial(config: Config) -> Run:
-    """The network that `train.init` means: a run's folder, a file of weights, a name.
+    """The network in `train.init`: the folder of a run, a file of weights, or a name.
 
     Raises:
-      ConfigError: there is none, or it is of another task.
+      ConfigError: there is no such network, or it has another task.
       CheckpointError, WeightsError: it cannot be read.
     """
     init = config.train.init
@@ -33,30 +33,30 @@ def open_initial(config: Config) -> Run:
     else:
         names = ", ".join(shipped()) or "none in this version"
         raise ConfigError(
-            f"train.init={init!r}: nothing there; accepted: the folder of a trained run, a file of "
-            f"weights, or the name of weights that come with the package ({names})"
+            f"train.init={init!r}: does not exist; accepted: the folder of a trained run, a file "
+            f"of weights, or the name of weights in the package ({names})"
         )
     if run.config.task != config.task:
         raise ConfigError(
-            f"train.init={init!r} is of the task {run.config.task!r}; accepted: {config.task!r}"
+            f"train.init={init!r} has the task {run.config.task!r}; accepted: {config.task!r}"
         )
     return run
 
 
 def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
-    """The trained parameters; those of layers that `train.init_skip` leaves out are the drawn ones.
+    """The trained parameters, with random ones for the layers in `train.init_skip`.
 
     Args:
-      config: of the new training.
-      drawn: parameters (or their shapes) of the new network, a nested dict.
-      trained: parameters of the trained one.
+      config: configuration of the new training.
+      drawn: random parameters (or their shapes) of the new network, a nested dict.
+      trained: parameters of the trained network.
 
     Returns:
-      a tree as `drawn`: NumPy arrays where trained, the leaves of `drawn` elsewhere.
+      A tree like `drawn`: NumPy arrays for trained layers, the leaves of `drawn` for the others.
 
     Raises:
-      ConfigError: layers that do not fit and are not left out, or a pattern that fits no layer;
-        one line with their names.
+      ConfigError: layers have other shapes and are not skipped, or a pattern matches no layer; the
+        message lists them.
     """
     wanted, have = state_lib.named_leaves(drawn), state_lib.named_leaves(trained)
     patterns = config.train.init_skip
@@ -65,7 +65,7 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
     for pattern in patterns:
         if not fnmatch.filter(layers, pattern):
             raise ConfigError(
-                f"train.init_skip: {pattern!r} fits no layer; layers: {', '.join(layers)}"
+                f"train.init_skip: {pattern!r} matches no layer; layers: {', '.join(layers)}"
             )
     misfits: dict[str, str] = {}
     for name in sorted(wanted.keys() | have.keys()):
@@ -75,8 +75,8 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
             misfits.setdefault(layer, f"{name} {why}")
     if misfits:
         raise ConfigError(
-            f"train.init={config.train.init!r}: {len(misfits)} layers do not fit: "
-            f"{'; '.join(misfits.values())}; to leave them as they are drawn: "
+            f"train.init={config.train.init!r}: {len(misfits)} layers differ: "
+            f"{'; '.join(misfits.values())}; to keep their random parameters: "
             f"--config.train.init_skip={_as_flag(misfits)}"
         )
     if left := [name for name in wanted if name.rpartition(".")[0] in skipped]:

@@ -1,4 +1,4 @@
-"""Weights as text: what they are, how good, trained on what and under which licences."""
+"""Describes weights as text: network, metrics, training data and licences."""
 
 import pathlib
 from collections.abc import Mapping
@@ -8,11 +8,11 @@ from psgn_jax.models.point_layout import branch_of_point
 from psgn_jax.weights.file import Weights
 
 FIGURES = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
-"""Metrics that are shown, those that were measured."""
+"""Metrics that are shown, if they were measured."""
 
 
 def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) -> str:
-    """A few lines on a file of weights."""
+    """A description of a file of weights in a few lines."""
     config, figures = weights.config, weights.figures
     branches = branch_of_point(config.model)
     height, width = config.data.image_size
@@ -33,7 +33,7 @@ def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) 
 
 
 def _printable(text: str) -> str:
-    """Without control characters, which a foreign file might send to the terminal."""
+    """The text without control characters, which a malicious file might contain."""
     return "".join(character for character in text if character.isprintable())
 
 

@@ -1,6 +1,6 @@
-"""Opens a trained network wherever it is: a run's folder, a file of weights, a name.
+"""Opens a trained network: from the folder of a run, from a file of weights, or by name.
 
-Names are those of the files in `psgn_jax/weights/`, which come with the package.
+Names are those of the files in `psgn_jax/weights/`, which are part of the package.
 """
 
 import os
@@ -12,29 +12,29 @@ from psgn_jax.training.run_folder import Run, open_run
 from psgn_jax.weights.file import SUFFIX, Weights, read_weights
 
 FOLDER = pathlib.Path(__file__).resolve().parent
-"""Of the files that come with the package."""
+"""Folder of the files in the package."""
 
 
 def shipped() -> dict[str, pathlib.Path]:
-    """Files that come with the package, by name; the last one is the default.
+    """The files in the package by name; the last one is the default.
 
-    Numbers in names count as numbers: `small-2` comes before `small-10`.
+    They are sorted with numbers as numbers: `small-2` comes before `small-10`.
     """
     paths = {path.stem: path for path in FOLDER.glob(f"*{SUFFIX}")}
     return {name: paths[name] for name in sorted(paths, key=_natural)}
 
 
 def weights_path(name_or_file: str = "") -> pathlib.Path:
-    """The file of weights that a name or a path means; "" is the default of the package.
+    """The file of weights for a name or a path; "" is the default of the package.
 
     Raises:
-      ConfigError: there is none; one line with what is accepted.
+      ConfigError: there is no such file; the message says what is accepted.
     """
     known = shipped()
     if not name_or_file:
         if not known:
             raise ConfigError(
-                "no weights come with this version of the package; name a trained run "
+                "this version of the package has no weights; expected a trained run "
                 "(--workdir=RUN) or a file of weights (--weights=FILE)"
             )
         return list(known.values())[-1]
@@ -45,7 +45,7 @@ def weights_path(name_or_file: str = "") -> pathlib.Path:
         return path
     raise ConfigError(
         f"--weights={name_or_file}: {suggestion(name_or_file, known)}accepted: a file of weights, "
-        + (f"or one of {', '.join(known)}" if known else "as none come with this version")
+        + (f"or one of {', '.join(known)}" if known else "as this version has no weights")
     )
 
 
@@ -65,24 +65,24 @@ def open_network(
     weights: str | None = None,
     checkpoint: str = "best",
 ) -> Run:
-    """A trained network, of a run's folder or of weights; of neither: the package's default.
+    """A trained network, from the folder of a run or from weights; by default the package's.
 
     Args:
       workdir: folder of a run.
       weights: name or file of weights.
-      checkpoint: of the run, see `training.run_folder.open_run`.
+      checkpoint: checkpoint of the run, see `training.run_folder.open_run`.
 
     Raises:
-      ConfigError: both are given, or there is nothing there.
-      CheckpointError, WeightsError: it cannot be read.
+      ConfigError: both are given, or the network does not exist.
+      CheckpointError, WeightsError: the network cannot be read.
     """
     if workdir and weights:
-        raise ConfigError(f"--weights={weights}: accepted without --workdir (one network)")
+        raise ConfigError(f"--weights={weights}: accepted only without --workdir")
     return open_run(workdir, checkpoint) if workdir else open_weights(weights or "")
 
 
 def as_run(weights: Weights, name: str) -> Run:
-    """Weights as an opened run; `scores` are the metrics that they were written with."""
+    """Weights as an opened run; `scores` are the metrics in the file."""
     scores = {k: float(v) for k, v in weights.figures["metrics"].items() if v is not None}
     step = weights.figures["step"]
     return Run(weights.config, step, weights.params, scores, name, "weights")

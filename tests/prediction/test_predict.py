@@ -153,7 +153,7 @@ def test_an_inverted_mask_is_noticed_and_turned(predictor, tmp_path):
     assert document["normal_form"]["applied"]
     assert document["normal_form"]["scale"] == pytest.approx(right.scale)
     np.testing.assert_allclose(document["normal_form"]["shift"], right.shift)
-    with pytest.raises(ConfigError, match="accepted with a mask"):
+    with pytest.raises(ConfigError, match="accepted only with a given mask"):
         predictor(image, invert_mask=True)
 
 
@@ -167,7 +167,7 @@ def test_wrong_arguments(predictor, config, params):
     with pytest.raises(ValueError, match="mask is bool"):
         predictor(photo_of_a_box(), np.ones((5, 5), bool))
     depth = standin.config(data__inputs=("rgb", "mask", "depth"))
-    with pytest.raises(ConfigError, match="network reads depth"):
+    with pytest.raises(ConfigError, match="photos have no depth"):
         Predictor(depth, params)
     fixed = standin.config(model__random_size=0)
     with pytest.raises(ConfigError, match="samples=2: accepted: 1, as this network has no random"):

@@ -251,7 +251,7 @@ def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_ru
         lambda: evaluate_run(workdir, draws=2),
         lambda: report_runs(tmp_path / "pages", [workdir]),
     ):
-        with pytest.raises(ConfigError, match="is for runs of the task 'points'"):
+        with pytest.raises(ConfigError, match="expects a run of the task 'points'"):
             wrong()
 
 

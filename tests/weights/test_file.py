@@ -84,7 +84,7 @@ def test_every_flipped_bit_is_noticed(file, tmp_path):
 def test_a_huge_header_is_refused_unread(tmp_path):
     path = tmp_path / "huge.safetensors"
     path.write_bytes((1 << 62).to_bytes(8, "little") + b"{}")
-    refused(path, "the header claims 4611686018427387904")
+    refused(path, "with a header of 4611686018427387904")
     length = file_lib.MAX_HEADER_BYTES + 1
     path.write_bytes(length.to_bytes(8, "little") + b" " * length)
     refused(path, f"at most {file_lib.MAX_HEADER_BYTES}")
@@ -95,9 +95,9 @@ def test_foreign_files_are_refused(tmp_path):
     path.write_bytes(save({"a": np.zeros(3, np.float32)}))
     refused(path, "a file of another program or version")
     path.write_bytes(b"\x80\x04\x95" + b"pickle" * 20)
-    refused(path, "no file of weights")
+    refused(path, "not a file of weights")
     path.write_bytes((12).to_bytes(8, "little") + b"not json at all")
-    refused(path, "no intact file of weights")
+    refused(path, "not readable as weights")
 
 
 def forged(weights, path, *, leaves=None, config=None, figures=None):
@@ -120,7 +120,7 @@ def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
     forged(weights, path)
     read_weights(path)
     forged(weights, path, leaves={name: np.zeros((2, 3), np.float32)})
-    refused(path, f"leaf {name} is float32[2, 3], not float32")
+    refused(path, f"leaf {name} is float32[2, 3], expected float32")
     forged(weights, path, leaves={name: None})
     refused(path, f"leaf {name} is missing")
     forged(weights, path, leaves={"params.more": np.zeros(3, np.float32)})
@@ -133,7 +133,7 @@ def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
     refused(path, f"{name} is not finite")
     for figures in ("[1]", "{}", json.dumps({**weights.figures, "step": "9"})):
         forged(weights, path, figures=figures)
-        refused(path, "figures or sources are not as expected")
+        refused(path, "the figures or sources have a wrong form")
     forged(weights, path, figures="{")
     refused(path, "its metadata")
 
@@ -150,7 +150,7 @@ def test_what_cannot_be_written_is_refused(weights, tmp_path):
     leaf.flat[0] = np.inf
     with pytest.raises(WeightsError, match="is not finite"):
         write_weights(tmp_path / "inf.safetensors", changed)
-    with pytest.raises(WeightsError, match=r"ends in .safetensors"):
+    with pytest.raises(WeightsError, match=r"with the suffix .safetensors"):
         write_weights(tmp_path / "w.pkl", weights)
     volume = standin.config(task="volume", loss__l2="none")
     with pytest.raises(ConfigError, match="task"):

@@ -49,7 +49,7 @@ def test_a_training_begins_with_the_trained_network(tmp_path, monkeypatch):
     assert int(again.state.step) == 2
     with pytest.raises(ConfigError, match=r"holds a run with train\.init="):
         train(base, tmp_path / "run")
-    with pytest.raises(ConfigError, match="nothing there; accepted: the folder of a trained run"):
+    with pytest.raises(ConfigError, match="does not exist; accepted: the folder of a trained run"):
         train(config, tmp_path / "new")
     assert not (tmp_path / "new").exists()
 
@@ -70,7 +70,7 @@ def test_layers_that_do_not_fit_are_named_and_left_out_only_when_asked():
         }
     )
     assert len(layers) == 2
-    assert "2 layers do not fit" in message
+    assert "2 layers differ" in message
     assert "\n" not in message
     flag = '"(' + "".join(f"'{layer}'," for layer in layers) + ')"'
     assert message.endswith(f"--config.train.init_skip={flag}")
@@ -84,7 +84,7 @@ def test_layers_that_do_not_fit_are_named_and_left_out_only_when_asked():
     pattern = dataclasses.replace(
         config, train=dataclasses.replace(config.train, init_skip=("x*",))
     )
-    with pytest.raises(ConfigError, match=r"train.init_skip: 'x\*' fits no layer; layers: "):
+    with pytest.raises(ConfigError, match=r"train.init_skip: 'x\*' matches no layer; layers: "):
         initial_params(pattern, drawn, trained)
 
 
@@ -105,7 +105,7 @@ def test_a_network_of_another_task_is_refused(tmp_path):
     config = tiny.config()
     write_weights(tmp_path / "w.safetensors", tiny.weights(config))
     volume = with_init(tiny.config(task="volume"), tmp_path / "w.safetensors")
-    with pytest.raises(ConfigError, match="is of the task 'points'; accepted: 'volume'"):
+    with pytest.raises(ConfigError, match="has the task 'points'; accepted: 'volume'"):
         open_initial(volume)
     with pytest.raises(ConfigError, match=r"init_skip=\('a',\): accepted: \(\) without train.init"):
         tiny.config(train__init_skip=("a",))

@@ -49,7 +49,7 @@ def test_names_of_shipped_weights(shipped, file):
     assert weights_path(str(file)) == file
     with pytest.raises(ConfigError, match="did you mean 'small-1'"):
         open_network(weights="smal-1")
-    with pytest.raises(ConfigError, match="accepted without --workdir"):
+    with pytest.raises(ConfigError, match="accepted only without --workdir"):
         open_network("runs/x", "small-1")
 
 
