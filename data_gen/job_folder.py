@@ -25,8 +25,9 @@ from data_gen.blocks import Block, Job, Name
 from data_gen.results import pack_result, read_result, work_path, write_result
 from psgn_jax.data.codec import decode, unpack
 from psgn_jax.data.dataset import ShardWriter, read_shard
-from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
+from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest, shard_of
 from psgn_jax.files import write_atomic
+from psgn_jax.untrusted import one_line, parse_json, read_json
 
 REPORT = "models.jsonl"
 
@@ -106,7 +107,7 @@ def _check_same(
 
 def _read_json(path: pathlib.Path) -> Any:
     try:
-        return json.loads(path.read_text("utf-8"))
+        return read_json(path)
     except (OSError, ValueError):
         return None
 
@@ -116,14 +117,42 @@ def _begun(out: pathlib.Path) -> tuple[Mapping[str, Any], list[Name]] | None:
     stated = _read_json(out / WORK / JOB)
     if not isinstance(stated, dict):
         return None
-    # An earlier version wrote other fields.
-    return stated, [Name(*name) for name in stated["models"]] if "job" in stated else []
+    if "job" not in stated:  # an earlier version wrote other fields
+        return stated, []
+    models = stated.get("models")
+    if not isinstance(models, list) or not all(
+        isinstance(name, list) and len(name) == 3 and all(isinstance(text, str) for text in name)
+        for name in models
+    ):
+        return None
+    return stated, [Name(*name) for name in models]
 
 
 def read_report(out: pathlib.Path) -> list[Mapping[str, Any]]:
-    """The models' lines of a complete data set."""
-    text = (out / REPORT).read_text("utf-8")
-    return [json.loads(line) for line in text.splitlines()]
+    """The models' lines of a complete data set.
+
+    Raises:
+      ValueError: the file is damaged.
+    """
+    try:
+        lines = [parse_json(line) for line in (out / REPORT).read_bytes().split(b"\n") if line]
+        if not all(map(_is_line, lines)):
+            raise ValueError("a line is not that of a model")
+    except (OSError, ValueError) as error:
+        raise ValueError(
+            f"{out / REPORT}: damaged ({one_line(error)}); render the data set again"
+        ) from None
+    return lines
+
+
+def _is_line(line: Any) -> bool:
+    """Whether a model's line has the fields that this module reads."""
+    return (
+        isinstance(line, dict)
+        and all(isinstance(line.get(k), str) for k in ("model_id", "category", "split", "status"))
+        and isinstance(line.get("samples"), int)
+        and line["samples"] >= 0
+    )
 
 
 def _names(lines: Iterable[Mapping[str, Any]]) -> list[Name]:
@@ -221,11 +250,13 @@ def _note(
 def read_block(out: pathlib.Path, block: Block) -> dict[str, Any] | None:
     """What `finish_block` has said; None if the block is not done or its shard is not whole."""
     try:
-        content: dict[str, Any] = json.loads((out / WORK / block.note).read_text("utf-8"))
+        content: dict[str, Any] = read_json(out / WORK / block.note)
         shard = content["shard"]
+        if not all(map(_is_line, content["lines"])):
+            return None
         if _names(content["lines"]) != list(block.names):
             return None
-        if shard and (out / shard["file"]).stat().st_size != shard["size"]:
+        if shard and (out / shard_of(shard).file).stat().st_size != shard["size"]:
             return None
     except (OSError, ValueError, KeyError, TypeError):
         return None
@@ -281,8 +312,12 @@ def _earlier_blocks(
         yield block.shard, [by_name[name.model_id] for name in block.names]
     for path in sorted((out / WORK).glob("*-*-*.json")):
         content = _read_json(path)
-        if isinstance(content, dict) and isinstance(content.get("lines"), list):
-            yield (content["shard"] or {"file": ""})["file"], content["lines"]
+        try:
+            shard = shard_of(content["shard"]).file if content["shard"] else ""
+            if all(map(_is_line, content["lines"])):
+                yield shard, content["lines"]
+        except (ValueError, KeyError, TypeError):
+            continue  # damaged: rendered again
 
 
 def _samples(

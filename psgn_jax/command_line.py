@@ -38,8 +38,8 @@ def log_to_terminal() -> None:
 def exit_on_user_error() -> Iterator[None]:
     """Turns errors that the user can fix into one line on stderr and an exit code.
 
-    These are the errors with an attribute `exit_code`: `UserError`, and `RecordError`, which is not
-    a `UserError` because `data.schema` imports no other module of this package.
+    These are the errors with an attribute `exit_code`: `UserError`, and `RecordError` of
+    `data.schema`, which does not need the configuration.
     """
     try:
         yield

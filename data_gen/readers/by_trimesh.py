@@ -1,7 +1,6 @@
 """All formats but Wavefront OBJ, by trimesh."""
 
 import io
-import json
 import posixpath
 import struct
 import warnings as python_warnings
@@ -14,6 +13,7 @@ from data_gen.readers.files import Files
 from data_gen.readers.mtl import GREY, floats
 from data_gen.readers.notes import Notes
 from data_gen.readers.textures import bounded, decode_texture
+from psgn_jax.untrusted import parse_json
 
 _MAX_XML_BYTES = 64 << 20
 
@@ -38,7 +38,7 @@ def _faces_in_header(data: bytes, kind: str) -> int:
             return int(words[1]) if len(words) > 1 else 0
         if kind in ("glb", "gltf"):
             length = struct.unpack("<I", data[12:16])[0]
-            tree = json.loads(data[20 : 20 + length] if kind == "glb" else data)
+            tree = parse_json(data[20 : 20 + length] if kind == "glb" else data, max_depth=64)
             uses: dict[int, int] = {}
             for node in tree.get("nodes", []):
                 if "mesh" in node:

@@ -13,7 +13,6 @@ a record additionally covers the path from the encoder to the decoder.
 import contextlib
 import os
 import pathlib
-import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -23,7 +22,14 @@ from array_record.python import array_record_module
 
 from psgn_jax.data import schema
 from psgn_jax.data.codec import DEFAULT_POINT_BITS, Stored, decode, decode_stored, encode
-from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
+from psgn_jax.data.manifest import (
+    MANIFEST,
+    SPLIT_NAME,
+    Manifest,
+    Shard,
+    load_manifest,
+    save_manifest,
+)
 from psgn_jax.data.schema import RecordError, Sample
 from psgn_jax.files import file_crc32, install
 
@@ -32,8 +38,6 @@ from psgn_jax.files import file_crc32, install
 _WRITER_OPTIONS = "group_size:1,uncompressed"
 # Read-ahead only helps sequential reads, and costs memory.
 _READER_OPTIONS = "readahead_buffer_size:0"
-
-_SPLIT_NAME = re.compile(r"[a-z0-9_]+")
 
 
 def shard_name(split: str, number: int, tag: str = "") -> str:
@@ -44,7 +48,7 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
       number: number of the shard in the split.
       tag: end of the name, to tell shards with the same number apart; "" = none.
     """
-    if not _SPLIT_NAME.fullmatch(split):
+    if not SPLIT_NAME.fullmatch(split):
         raise ValueError(f"split {split!r}: expected lower-case letters, digits and _")
     return f"{split}-{number:05d}{tag and '-'}{tag}.arrayrecord"
 

@@ -26,6 +26,7 @@ from PIL import Image
 
 from psgn_jax.data import camera, schema
 from psgn_jax.data.sources.binvox import Binvox
+from psgn_jax.untrusted import parse_json
 
 SYNSETS = {
     "02691156": "plane",
@@ -235,7 +236,7 @@ def grid_of_extra(extra: str) -> tuple[np.ndarray, np.ndarray]:
       ValueError: `extra` does not contain a volume.
     """
     try:
-        content = json.loads(extra)
+        content = parse_json(extra)
         size = content["grid_size"]
         if not 1 <= size <= 256:
             raise ValueError(f"grid_size {size}, expected 1 to 256")
