@@ -40,7 +40,7 @@ from psgn_jax.config import (
 from psgn_jax.files import finite_or_none, write_atomic
 from psgn_jax.models import point_out_net
 from psgn_jax.training import state as state_lib
-from psgn_jax.untrusted import parse_json, read_json
+from psgn_jax.untrusted import kind_of, parse_json, read_json
 
 FORMAT = "psgn_jax weights 1"
 SUFFIX = ".safetensors"
@@ -194,6 +194,9 @@ def figures_of(
 def _check_sizes(path: pathlib.Path) -> None:
     """Of the file and of its header, before more than eight bytes are read."""
     try:
+        kind = kind_of(path)
+        if kind is not None:  # opening a pipe would wait for its other end
+            raise WeightsError(f"{path}: it is {kind}, expected a file")
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
             header = int.from_bytes(file.read(8), "little")

@@ -74,6 +74,43 @@ def no_renderer(monkeypatch):
     monkeypatch.setattr(job, "choose_variant", lambda _: (Variant("none"), ""))
 
 
+def test_damaged_job_folders_are_refused_or_made_again(tmp_path):
+    job.render_catalogue(Listed(TEN), tmp_path, OPTIONS, render=Pool())
+    lines = (tmp_path / job.REPORT).read_text()
+    for text in (
+        "[" * 200_000,
+        "5\n",
+        '{"model_id": 5}\n',
+        "\xff",
+        lines.replace('"split"', '"s"'),
+    ):
+        (tmp_path / job.REPORT).write_bytes(text.encode("latin1"))
+        with pytest.raises(ValueError, match=r"models\.jsonl: damaged"):
+            job.render_catalogue(Listed(TEN), tmp_path, OPTIONS, render=Pool())
+    (tmp_path / job.REPORT).write_text(lines)
+    for text in ("[" * 200_000, "[]", "{", '{"job": 3}', '{"job": []}'):
+        (tmp_path / job_folder.JOB).write_text(text)
+        with pytest.raises(job_folder.OtherSettingsError):
+            job.render_catalogue(Listed(TEN), tmp_path, OPTIONS, render=Pool())
+
+
+def test_damaged_notes_of_a_job_under_way_are_made_again(tmp_path):
+    whole = tmp_path / "whole"
+    job.render_catalogue(Listed(TEN), whole, OPTIONS, render=Pool())
+    for number, text in enumerate(
+        ("[" * 200_000, "[]", '{"shard": {"file": 5}, "lines": []}', "5")
+    ):
+        out = tmp_path / str(number)
+        with pytest.raises(KeyboardInterrupt):
+            job.render_catalogue(Listed(TEN), out, OPTIONS, render=Pool(stop_after=8))
+        for path in (out / job_folder.WORK).glob("*-*-*.json"):
+            path.write_text(text)
+        (out / job_folder.WORK / job_folder.JOB).write_text("[" * 200_000)
+        job.render_catalogue(Listed(TEN), out, OPTIONS, render=Pool())
+        for path in whole.iterdir():
+            assert (out / path.name).read_bytes() == path.read_bytes()
+
+
 OPTIONS = settings.parse({"views": 1, "models_per_shard": 3})
 TEN = [f"m{k}" for k in range(10)]
 
