@@ -8,10 +8,11 @@
 - `r2n2`: SRC contains `ShapeNetRendering` and `ShapeNetVox32` of 3D-R2N2.
 - `occnet`: SRC is the folder `ShapeNet` of Occupancy Networks, with one folder per category.
 
-A file, a model or a view of a model that cannot be read is reported and left out, and the exit code
-is 1. With `--strict` the command stops at the first one. If the command is started again, it keeps
-the complete shards and continues after them. Shards from which something was left out are converted
-again. A complete conversion is not changed.
+A file, a model or a view of a model that cannot be read is reported and left out, and so is a
+sample without an object (its mask or its volume is empty, or all its points are in one place). The
+exit code is then 1. With `--strict` the command stops at the first one. If the command is started
+again, it keeps the complete shards and continues after them. Shards from which something was left
+out are converted again. A complete conversion is not changed.
 """
 
 import argparse

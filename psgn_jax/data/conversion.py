@@ -226,6 +226,11 @@ def _convert_group(
                         messages.append(result)
                         continue
                     split, record, sample = result
+                    try:
+                        schema.check_content(sample)
+                    except ValueError as error:
+                        messages.append(f"{sample.model_id}, view {sample.view}: {error}")
+                        continue
                     if split not in writers:
                         writer = ShardWriter(folder, split, number)
                         writers[split] = stack.enter_context(writer)

@@ -32,6 +32,7 @@ OCCUPANCY_SIZE = 32
 
 _ROTATION_TOLERANCE = 1e-3
 _LAST_VIEW = 2**31 - 1
+_SMALLEST_EXTENT = 1e-3
 
 FIELDS = (
     "image",
@@ -172,6 +173,21 @@ def _is_json_object(text: str) -> bool:
         return isinstance(parse_json(text), dict)
     except ValueError:
         return False
+
+
+def check_content(sample: Sample) -> None:
+    """Checks that a sample shows an object; converters leave out samples that do not.
+
+    Raises:
+      ValueError: the mask or the volume is empty, or all points are in one place.
+    """
+    if not sample.mask.any():
+        raise ValueError("the mask is empty: no pixel shows the object")
+    extent = float(np.ptp(sample.points, axis=0).max())
+    if extent < _SMALLEST_EXTENT:
+        raise ValueError(f"all points are in one place: they extend over {extent:g} of the unit")
+    if sample.occupancy is not None and not sample.occupancy.any():
+        raise ValueError("the volume is empty")
 
 
 def check_camera(intrinsics: np.ndarray, extrinsics: np.ndarray) -> None:

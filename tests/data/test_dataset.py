@@ -360,7 +360,7 @@ def test_a_manifest_with_a_wrong_field_is_refused_by_name(dataset, tmp_path, fie
     content = json.loads((dataset / MANIFEST).read_text())
     content["shards"][0][field] = value
     (tmp_path / MANIFEST).write_text(json.dumps(content))
-    with pytest.raises(RecordError, match="manifest.json: damaged") as error:
+    with pytest.raises(RecordError, match=r"manifest\.json: damaged") as error:
         RecordReader(tmp_path, "train")
     assert field.removesuffix("s")[:5] in str(error.value)
     assert "\n" not in str(error.value)
@@ -377,7 +377,8 @@ def test_a_manifest_with_a_wrong_field_is_refused_by_name(dataset, tmp_path, fie
         '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": 1, "shards": []}',
         '{"format": "psgn_jax records", "version": 1, "source": 5, "complete": true, "shards": []}',
         '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": true}',
-        '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": true, "shards": 5}',
+        '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": true, '
+        '"shards": 5}',
         '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": true, '
         '"shards": [5]}',
         '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": true, '
