@@ -12,6 +12,7 @@ that replaces the manifest takes readers from the old state to the new one. Shar
 as it is are kept; samples of the others are copied, not rendered again.
 """
 
+import contextlib
 import dataclasses
 import json
 import pathlib
@@ -26,7 +27,7 @@ from data_gen.results import pack_result, read_result, work_path, write_result
 from psgn_jax.data.codec import decode, unpack
 from psgn_jax.data.dataset import ShardWriter, read_shard
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest, shard_of
-from psgn_jax.files import write_atomic
+from psgn_jax.files import remove_temporaries, write_atomic
 from psgn_jax.untrusted import one_line, parse_json, read_json
 
 REPORT = "models.jsonl"
@@ -35,7 +36,7 @@ JOB = "job.json"
 
 WORK = ".work"
 
-_SHARD = re.compile(r"\.?[a-z0-9_]+-[0-9]{5}-[0-9a-f]{8}\.arrayrecord(\.[0-9]+\.tmp)?")
+_SHARD = re.compile(r"[a-z0-9_]+-[0-9]{5}-[0-9a-f]{8}\.arrayrecord")
 
 
 class OtherSettingsError(ValueError):
@@ -208,7 +209,7 @@ def check(out: pathlib.Path, job: Job) -> bool:
 def begin(out: pathlib.Path, job: Job) -> bool:
     """Makes or checks a job's folder, as `check`, and says in it what the job is."""
     if check(out, job):
-        _tidy_up(out, job)
+        tidy_up(out, job)
         return True
     begun = _begun(out)
     if begun is None or begun[1] != list(job.names):
@@ -386,23 +387,25 @@ def complete(
     manifest = Manifest(
         job.source,
         True,
-        tuple(
-            Shard(**{**s, "fields": tuple(s["fields"]), "inputs": tuple(s["inputs"])})
-            for s in shards
-        ),
+        tuple(map(shard_of, shards)),
     )
     # From here on readers see the new state.
     save_manifest(out, manifest)
-    _tidy_up(out, job)
+    tidy_up(out, job)
     return lines, True
 
 
-def _tidy_up(out: pathlib.Path, job: Job) -> None:
+def tidy_up(out: pathlib.Path, job: Job) -> None:
     """Removes what is no part of a complete data set; another part may be at the same."""
     begun = _begun(out)
-    if begun is None or begun[1] != list(job.names):
-        return  # nothing to do, or the data set is growing
+    if begun is None:
+        with contextlib.suppress(OSError):
+            (out / WORK).rmdir()  # left by a kill at the very end
+        return
+    if begun[1] != list(job.names):
+        return  # the data set is growing
     kept = {shard.file for shard in load_manifest(out).shards}
+    remove_temporaries(out)
     for path in out.iterdir():
         if _SHARD.fullmatch(path.name) and path.name not in kept:
             path.unlink(missing_ok=True)

@@ -13,7 +13,7 @@ from data_gen.readers.files import Files
 from data_gen.readers.mtl import GREY, floats
 from data_gen.readers.notes import Notes
 from data_gen.readers.textures import bounded, decode_texture
-from psgn_jax.untrusted import parse_json
+from psgn_jax.untrusted import one_line, parse_json
 
 _MAX_XML_BYTES = 64 << 20
 
@@ -170,6 +170,24 @@ def read_trimesh(
 ) -> dict[str, Any]:
     """Arrays of a file of any format that the installed trimesh reads, for `mesh.build_model`.
 
+    Raises:
+      UnusableModelError: the file is damaged, of an unknown format or too large.
+    """
+    try:
+        return _read(data, kind, files, base, side, max_faces, notes)
+    except UnusableModelError:
+        raise
+    except Exception as error:
+        # A damaged file surfaces as any exception at all in a third-party reader.
+        what = one_line(f"{type(error).__name__}: {error}")
+        raise UnusableModelError(f"not readable as {kind}: {what}"[:200]) from error
+
+
+def _read(
+    data: bytes, kind: str, files: Files, base: str, side: int, max_faces: int, notes: Notes
+) -> dict[str, Any]:
+    """`read_trimesh`, whose errors are of any kind.
+
     One function: one pass over the meshes of a scene, each with all of its looks.
     """
     import trimesh
@@ -183,20 +201,15 @@ def read_trimesh(
             raise UnusableModelError(f"{len(data)} bytes of {kind}: more than {_MAX_XML_BYTES}")
         if b"<!ENTITY" in data:
             raise UnusableModelError("XML entities are refused")
-    try:
-        with python_warnings.catch_warnings():
-            python_warnings.simplefilter("ignore")
-            scene = trimesh.load_scene(
-                io.BytesIO(data),
-                file_type=kind,
-                resolver=_resolver(files, base, notes),
-                process=False,
-            )
-            names = [scene.graph[node] for node in scene.graph.nodes_geometry]
-    except Exception as error:
-        # A damaged file surfaces as any exception at all in a third-party reader.
-        what = f"{type(error).__name__}: {error}".splitlines()[0]
-        raise UnusableModelError(f"not readable as {kind}: {what}"[:200]) from error
+    with python_warnings.catch_warnings():
+        python_warnings.simplefilter("ignore")
+        scene = trimesh.load_scene(
+            io.BytesIO(data),
+            file_type=kind,
+            resolver=_resolver(files, base, notes),
+            process=False,
+        )
+        names = [scene.graph[node] for node in scene.graph.nodes_geometry]
     vertices: list[np.ndarray] = []
     faces: list[np.ndarray] = []
     normals: list[np.ndarray] = []

@@ -31,7 +31,7 @@ from psgn_jax.data.manifest import (
     save_manifest,
 )
 from psgn_jax.data.schema import RecordError, Sample
-from psgn_jax.files import file_crc32, install
+from psgn_jax.files import file_crc32, install, remove_temporaries
 
 # With one record per group, reading a record does not decode its neighbours. The records are
 # compressed already.
@@ -133,6 +133,7 @@ def write_dataset(
                 f"data set {str(folder)!r} exists; give another folder, or overwrite=True"
             )
         (folder / MANIFEST).unlink()
+    remove_temporaries(folder)
     shards: list[Shard] = []
     for split, samples in splits.items():
         iterator = iter(samples)

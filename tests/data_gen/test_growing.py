@@ -1,6 +1,7 @@
 """Data sets that grow, and jobs that are killed on the way; models are drawn, not rendered."""
 
 import json
+import os
 import pathlib
 import shutil
 
@@ -14,6 +15,7 @@ from data_gen.catalogues.entry import Entry
 from data_gen.mitsuba_setup import Variant
 from data_gen.render_model import model_seed
 from data_gen.results import failure, pack_result
+from psgn_jax.claims import ClaimedError
 from psgn_jax.data import schema
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
@@ -205,6 +207,40 @@ def test_a_job_that_was_begun_grows(tmp_path):
     assert make(out, more)[1] == ["n1", "n2"]
     make(tmp_path / "more", more)
     assert contents(out) == contents(tmp_path / "more")
+
+
+def test_what_killed_jobs_left_goes_at_the_end(tmp_path):
+    make(tmp_path / "once", TEN)
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        make(out, TEN, stop_after=4)
+    for name in ("train-00000-0123abcd.arrayrecord", "manifest.json", "models.jsonl", "job.json"):
+        (out / f".{name}.99999.tmp").write_text("half")
+    make(out, TEN)
+    assert contents(out) == contents(tmp_path / "once")
+    # Killed as the very last step.
+    (out / job_folder.WORK).mkdir()
+    make(out, TEN)
+    assert contents(out) == contents(tmp_path / "once")
+
+
+def test_two_processes_do_not_do_the_same_part(tmp_path):
+    out, refused = tmp_path / "out", []
+
+    def again():
+        for part in ((0, 2), (0, 1), (1, 3)):
+            with pytest.raises(ClaimedError) as error:
+                make(out, TEN, part=part)
+            refused.append(str(error.value))
+        with pytest.raises(ClaimedError):
+            make(out, [*TEN, "n0"])
+
+    make(out, TEN, part=(0, 2), between=again)
+    assert f"another process (pid {os.getpid()}) does part 0/2 in" in refused[0]
+    assert "in 2 parts, not 1" in refused[1]
+    assert make(out, TEN, part=(1, 2))[0].complete
+    make(tmp_path / "once", TEN)
+    assert contents(out) == contents(tmp_path / "once")
 
 
 class Killed(BaseException):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from psgn_jax import convert
+from psgn_jax.claims import claim
 from psgn_jax.data import conversion, schema
 from psgn_jax.data.codec import PointLattice, _lattice_keys, decode_stored
 from psgn_jax.data.dataset import RecordReader
@@ -110,6 +111,18 @@ def test_conversion_leaves_out_bad_files_and_reports(make, authors_file, tmp_pat
     assert {p.name: p.read_bytes() for p in target.glob("*.arrayrecord")} == before
     assert convert.main(["authors", str(source), str(target)]) == 0  # nothing left to do
     assert {p.name: p.stat().st_mtime_ns for p in target.glob("*.arrayrecord")} == times
+
+
+def test_two_conversions_to_one_folder_do_not_meet(authors_file, tmp_path, capsys):
+    command = ["authors", str(authors_file.parent), str(tmp_path / "dst")]
+    with claim(tmp_path / "dst" / ".work", (0, 1)):
+        assert convert.main(command) == 2
+    assert "another process (pid " in capsys.readouterr().err
+    assert convert.main(command) == 0
+    assert sorted(p.name for p in (tmp_path / "dst").iterdir()) == [
+        "manifest.json",
+        "train-00000.arrayrecord",
+    ]
 
 
 def test_samples_without_an_object_are_left_out(make, tmp_path, capsys):
