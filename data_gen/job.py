@@ -30,6 +30,7 @@ from data_gen.render_model import Context
 from data_gen.results import read_result, work_path, write_result
 from data_gen.settings import Settings
 from psgn_jax.claims import claim
+from psgn_jax.untrusted import one_line
 
 __all__ = ["REPORT", "OtherSettingsError", "Summary", "job_of", "render_catalogue"]
 
@@ -99,7 +100,7 @@ class Summary:
                 out.append(f"  {line['status']}: {line['model_id']}: {line['reason']}")
         if self.models - passed > len([o for o in out if o.startswith("  ")]):
             out.append(f"  and more: see {REPORT}")
-        return "\n".join(out)
+        return "\n".join(map(one_line, out))
 
 
 def job_of(
@@ -251,7 +252,8 @@ def _render_part(
         rendered += line["samples"]
         if line["status"] != "ok":
             refused += 1
-            logging.warning("%s: %s: %s", line["status"], line["model_id"], line["reason"])
+            what = one_line(f"{line['status']}: {line['model_id']}: {line['reason']}")
+            logging.warning("%s", what)
         now = time.monotonic()
         if now - told > 10 or done == len(todo):
             told = now

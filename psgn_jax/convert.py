@@ -23,6 +23,7 @@ from absl import logging
 
 from psgn_jax.data.conversion import convert_authors, convert_models
 from psgn_jax.data.sources import shapenet
+from psgn_jax.untrusted import message_line, one_line
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -62,13 +63,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                 strict=arguments.strict,
             )
     except (ValueError, OSError) as error:
-        sys.stderr.write(f"error: {error}\n")
+        sys.stderr.write(f"error: {message_line(error)}\n")
         return 2
     for split, shards in manifest.splits().items():
         size, count = sum(s.size for s in shards), sum(s.count for s in shards)
         sys.stdout.write(f"{split}: {count} samples, {size / 1e6:.1f} MB\n")
     for message in refused:
-        sys.stderr.write(f"left out: {message}\n")
+        sys.stderr.write(f"left out: {one_line(message)}\n")
     if refused:
         sys.stderr.write(f"{len(refused)} files, models or views were left out\n")
     return 1 if refused else 0

@@ -88,5 +88,10 @@ def one_line(text: object) -> str:
     )
 
 
+def message_line(error: object) -> str:
+    """An error's message as one line: its lines joined by spaces, other characters escaped."""
+    return one_line(" ".join(str(error).split())) or type(error).__name__
+
+
 def _refuse(constant: str) -> None:
     raise ValueError(f"{constant} is not JSON")

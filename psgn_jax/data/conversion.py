@@ -23,6 +23,7 @@ from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, sav
 from psgn_jax.data.schema import RecordError
 from psgn_jax.data.sources import authors, occnet, r2n2, shapenet
 from psgn_jax.files import remove_temporaries
+from psgn_jax.untrusted import one_line
 
 FILES_PER_SHARD = 8
 MODELS_PER_SHARD = 64
@@ -118,7 +119,7 @@ def convert_models(
     reader: Any = LAYOUTS[layout]
     models, messages = reader.models(source)
     for message in messages:
-        logging.error("%s", message)
+        logging.error("%s", one_line(message))
     if strict and messages:
         raise ValueError(messages[0])
 
@@ -262,7 +263,7 @@ def _convert_group(
             if not messages:
                 inputs.append(item.tag)
             for message in messages:
-                logging.error("%s", message)
+                logging.error("%s", one_line(message))
                 if strict:
                     raise ValueError(message)
             refused += messages

@@ -32,6 +32,7 @@ from psgn_jax.data.manifest import (
 )
 from psgn_jax.data.schema import RecordError, Sample
 from psgn_jax.files import file_crc32, install, remove_temporaries
+from psgn_jax.untrusted import kind_of
 
 # With one record per group, reading a record does not decode its neighbours. The records are
 # compressed already.
@@ -198,8 +199,7 @@ class RecordReader:
 
     def _check_size(self, shard: Shard) -> None:
         path = self.folder / shard.file
-        if not path.is_file():
-            raise RecordError(f"shard {path} is missing; {self._remedy(shard)}")
+        _check_readable(path, self._remedy(shard))
         if path.stat().st_size != shard.size:
             raise RecordError(
                 f"shard {path} has {path.stat().st_size} bytes, the manifest says {shard.size}; "
@@ -215,6 +215,7 @@ class RecordReader:
                     reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
                     count = reader.num_records()
                 except (RuntimeError, OSError) as error:
+                    _check_readable(path, self._remedy(shard))
                     raise RecordError(
                         f"shard {path} cannot be opened ({_first_line(error)}); "
                         + self._remedy(shard)
@@ -248,6 +249,7 @@ class RecordReader:
         try:
             return reader.read([position])[0]
         except (RuntimeError, IndexError, OSError) as error:
+            _check_readable(path, self._remedy(self.shards[number]))
             raise self._damaged(path, position, number, _first_line(error)) from error
 
     def _damaged(self, path: pathlib.Path, position: int, number: int, why: str) -> RecordError:
@@ -284,10 +286,11 @@ class RecordReader:
         """Reads every shard and compares its checksum.
 
         Raises:
-          RecordError: a shard is damaged; the message names the first one.
+          RecordError: a shard is damaged or cannot be read; the message names the first one.
         """
         for shard in self.shards:
             path = self.folder / shard.file
+            _check_readable(path, self._remedy(shard))
             if file_crc32(path) != shard.crc32:
                 raise RecordError(
                     f"shard {path} is damaged: its checksum does not match; {self._remedy(shard)}"
@@ -300,8 +303,7 @@ def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
     Raises:
       RecordError: it is missing or damaged.
     """
-    if not os.path.exists(path):
-        raise RecordError(f"shard {path} is missing")
+    _check_readable(pathlib.Path(path), "write the data set again")
     try:
         reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
         return list(reader.read(list(range(reader.num_records()))))
@@ -365,6 +367,27 @@ def open_split(
     opened = {folder: RecordReader(folder, split) for folder in dict.fromkeys(having)}
     readers = [opened[folder] for folder in having]
     return readers[0] if len(readers) == 1 else JoinedReader(readers)
+
+
+def _check_readable(path: pathlib.Path, remedy: str) -> None:
+    """Tells a shard that is missing or may not be read from a damaged one.
+
+    Raises:
+      RecordError: it is missing, no file, or cannot be read.
+    """
+    try:
+        kind = kind_of(path)
+        if kind is not None:
+            raise RecordError(f"shard {path} is {kind}, expected a file")
+        with path.open("rb") as file:
+            file.read(1)
+    except FileNotFoundError:
+        raise RecordError(f"shard {path} is missing; {remedy}") from None
+    except OSError as error:
+        raise RecordError(
+            f"shard {path} cannot be read: {error.strerror or error}; check who may read it, and "
+            "the disk"
+        ) from None
 
 
 def _first_line(error: BaseException) -> str:

@@ -95,7 +95,7 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
     path = folder / MANIFEST
     if not folder.is_dir():
         raise RecordError(f"data set {str(folder)!r}: there is no such folder")
-    if not path.is_file():
+    if not path.exists():
         raise RecordError(
             f"data set {str(folder)!r}: not a data set of this project, it has no {MANIFEST} "
             "(`python -m psgn_jax.convert` creates one)"
@@ -103,7 +103,9 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
     try:
         content = read_json(path)
         form, version = content["format"], content["version"]
-    except (ValueError, TypeError, KeyError, OSError) as error:
+    except OSError as error:
+        raise RecordError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (ValueError, TypeError, KeyError) as error:
         raise _damaged(path, error) from None
     if form != FORMAT:
         raise RecordError(f"{path}: format {_shown(form)}, expected {FORMAT!r}")

@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from psgn_jax.config import UserError
-from psgn_jax.untrusted import kind_of
+from psgn_jax.untrusted import kind_of, one_line
 
 MAX_PIXELS = 150_000_000
 """Larger images are refused before they are decoded: a small file may hold gigabytes."""
@@ -149,12 +149,13 @@ def _opened(
     path: str | os.PathLike[str],
 ) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
     """A file whose header is read, and (H, W) in it; what goes wrong then is a `PhotoError`."""
+    shown = one_line(path)
     try:
         kind = kind_of(path)
     except (OSError, ValueError):
-        raise PhotoError(f"{path}: no such file") from None
+        raise PhotoError(f"{shown}: no such file") from None
     if kind is not None:
-        raise PhotoError(f"{path} is {kind}, expected a file")
+        raise PhotoError(f"{shown} is {kind}, expected a file")
     Image.init()
     formats = [name for name in _FORMATS if name in Image.OPEN]
     try:
@@ -165,25 +166,25 @@ def _opened(
                 width, height = file.size
                 if width * height > MAX_PIXELS:
                     raise PhotoError(
-                        f"{path} is {width}x{height}: accepted: up to {MAX_PIXELS:,} pixels"
+                        f"{shown} is {width}x{height}: accepted: up to {MAX_PIXELS:,} pixels"
                     )
                 if min(width, height) < MIN_SIDE:
                     raise PhotoError(
-                        f"{path} is {width}x{height}: accepted: at least {MIN_SIDE} pixels a side"
+                        f"{shown} is {width}x{height}: accepted: at least {MIN_SIDE} pixels a side"
                     )
                 file.draft(file.mode, (MAX_SIDE, MAX_SIDE))  # a JPEG can be decoded smaller
                 yield file, (height, width)
     except PhotoError:
         raise
     except UnidentifiedImageError:
-        raise PhotoError(f"{path} is no image of a known format") from None
+        raise PhotoError(f"{shown} is no image of a known format") from None
     except Image.DecompressionBombError:
-        raise PhotoError(f"{path} is too large: accepted: up to {MAX_PIXELS:,} pixels") from None
+        raise PhotoError(f"{shown} is too large: accepted: up to {MAX_PIXELS:,} pixels") from None
     except MemoryError:
-        raise PhotoError(f"{path}: not enough memory to decode it") from None
+        raise PhotoError(f"{shown}: not enough memory to decode it") from None
     except Exception as error:  # decoders raise anything for damaged files
         why = " ".join(str(error).split())[:160] or type(error).__name__
-        raise PhotoError(f"{path} is damaged or unreadable: {why}") from None
+        raise PhotoError(f"{shown} is damaged or unreadable: {why}") from None
 
 
 def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:

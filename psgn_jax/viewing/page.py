@@ -18,7 +18,6 @@ import io
 import json
 import pathlib
 import sys
-import zipfile
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,7 +25,9 @@ import numpy as np
 from PIL import Image
 
 from psgn_jax.files import write_atomic
+from psgn_jax.untrusted import message_line, one_line
 from psgn_jax.viewing import spheres
+from psgn_jax.viewing.predictions import read_prediction
 
 MAX_BYTES = 5_000_000
 """Maximum size of a page; further cases are on further pages, with links at the bottom."""
@@ -133,15 +134,19 @@ def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def case_of_prediction(path: str | pathlib.Path) -> Case:
-    """Reads a case from an NPZ file of `psgn_jax.predict`."""
-    with open(path, "rb") as file, np.load(file) as archive:
-        return Case(
-            name=pathlib.Path(path).stem,
-            image=archive["image"],
-            samples=archive["points"],
-            num_fc=int((archive["branch"] == 0).sum()),
-            colours=archive["colours"],
-        )
+    """Reads a case from an NPZ file of `psgn_jax.predict`.
+
+    Raises:
+      PredictionFileError: it is no such file.
+    """
+    arrays = read_prediction(path, ("points", "colours", "branch", "image"))
+    return Case(
+        name=pathlib.Path(path).stem,
+        image=arrays["image"],
+        samples=arrays["points"],
+        num_fc=int((arrays["branch"] == 0).sum()),
+        colours=arrays["colours"],
+    )
 
 
 def _numbered(path: pathlib.Path, number: int) -> pathlib.Path:
@@ -234,11 +239,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             for case, path in zip(cases, arguments.predictions, strict=True)
         ]
         pages = write_pages(arguments.out, cases, title=arguments.title)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        sys.stderr.write(f"error: {' '.join(str(error).split())}\n")
+    except (OSError, ValueError) as error:
+        sys.stderr.write(f"error: {message_line(error)}\n")
         return 2
     for page in sorted(set(pages.values())):
-        sys.stdout.write(f"{page}\n")
+        sys.stdout.write(f"{one_line(page)}\n")
     return 0
 
 

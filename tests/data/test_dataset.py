@@ -1,7 +1,11 @@
 import dataclasses
+import errno
 import json
+import os
+import pathlib
 import pickle
 import random
+import shutil
 import zlib
 
 import msgpack
@@ -9,6 +13,7 @@ import numpy as np
 import pytest
 
 from psgn_jax import files
+from psgn_jax.data import dataset as dataset_lib
 from psgn_jax.data import schema
 from psgn_jax.data.codec import DepthCodes, PointLattice, decode, decode_stored, encode, unpack
 from psgn_jax.data.dataset import RecordReader, ShardWriter, open_split, shard_name, write_dataset
@@ -445,3 +450,40 @@ def test_coordinates_and_depths_out_of_range_are_refused(sample):
     ):
         with pytest.raises(ValueError, match=expected):
             decode(crafted(content, **changes))
+
+
+def test_what_cannot_be_read_is_not_called_damaged(dataset, tmp_path, monkeypatch):
+    shutil.copytree(dataset, tmp_path, dirs_exist_ok=True)
+    reader = RecordReader(tmp_path, "train")
+    opened, refused = pathlib.Path.open, tmp_path / "train-00001.arrayrecord"
+
+    def refusing(path, *args, **kwargs):
+        if path == refused:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return opened(path, *args, **kwargs)
+
+    monkeypatch.setattr(pathlib.Path, "open", refusing)
+    message = r"train-00001\.arrayrecord cannot be read: Permission denied; check who"
+    with pytest.raises(RecordError, match=message):
+        RecordReader(tmp_path, "train")
+    with pytest.raises(RecordError, match=message):
+        reader.verify()
+    monkeypatch.setattr(
+        dataset_lib.array_record_module, "ArrayRecordReader",
+        lambda *_: (_ for _ in ()).throw(RuntimeError("Failed to open")),
+    )  # fmt: skip
+    with pytest.raises(RecordError, match=message):
+        reader[12]
+    with pytest.raises(RecordError, match=r"cannot be opened .*undamaged copy"):
+        reader[0]
+    with pytest.raises(RecordError, match=message):
+        dataset_lib.read_shard(refused)
+
+
+def test_a_named_pipe_in_a_data_set_is_called_one(dataset, tmp_path):
+    shutil.copytree(dataset, tmp_path, dirs_exist_ok=True)
+    for name in ("train-00001.arrayrecord", MANIFEST):
+        (tmp_path / name).unlink()
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(RecordError, match=f"{name}.*is a named pipe, expected a file"):
+            RecordReader(tmp_path, "train")
