@@ -357,7 +357,9 @@ def _ground_light(
     # The shadow always falls away from the upper left of the camera.
     rotation = extrinsics[:, :3]
     right, toward = rotation[0, :2], -rotation[2, :2]
-    slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward / max(np.linalg.norm(toward), 1e-9)
+    slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward / max(
+        float(np.linalg.norm(toward)), 1e-9
+    )
     high = np.maximum(points[:, 2], 0)
     place = (points[:, :2] + high[:, None] * slant + _SHADOW_HALF) / cell
     place = np.clip(np.floor(place), 0, _SHADOW_CELLS - 1).astype(int)
