@@ -26,6 +26,7 @@ from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.models.point_layout import branch_of_point
 from psgn_jax.training.run_folder import load_config
 from psgn_jax.viewing import report as report_lib
+from psgn_jax.viewing.collected import Collector
 from psgn_jax.weights.opening import open_network, weights_path
 
 FRAMES = ("keep", "place")
@@ -125,14 +126,14 @@ def report_runs(
         different samples.
     """
     runs: list[Any] = []
-    samples: list[Any] = []
+    samples: Sequence[Any] = ()
     if weights and None not in workdirs:
         raise ConfigError(f"--weights={weights}: accepted without --workdir (one network)")
     configs = [load_config(w) if w else open_network(None, weights).config for w in workdirs]
     for config in configs:
         require_points_task(config, "--report")
     for number, (workdir, config) in enumerate(zip(workdirs, configs, strict=True)):
-        collector = report_lib.Collector()
+        collector = Collector(folder)
         own = options if not number else options | {"out": None}
         given = None if workdir else weights
         result = evaluate_run(workdir, weights=given, on_batch=collector, **own)
