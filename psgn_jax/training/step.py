@@ -54,6 +54,19 @@ def put_batch(batch: Batch, mesh: Mesh, keys: tuple[str, ...]) -> dict[str, jax.
     return {k: jax.make_array_from_process_local_data(sharding, batch[k]) for k in keys}
 
 
+def put_replicated(tree: Any, sharding: NamedSharding) -> Any:
+    """Arrays of the host, the same in every process, on all devices of all processes."""
+    if jax.process_count() == 1:
+        return jax.device_put(tree, sharding)
+
+    # Without the comparison between processes that `jax.device_put` begins with.
+    def put(leaf: Any) -> jax.Array:
+        array = np.asarray(leaf)
+        return jax.make_array_from_callback(array.shape, sharding, lambda index: array[index])
+
+    return jax.tree.map(put, tree)
+
+
 def input_keys(config: Config) -> tuple[str, ...]:
     """Keys of a batch that the device needs."""
     depth = ("depth", "extrinsics") if "depth" in config.data.inputs else ()
@@ -211,7 +224,7 @@ def compile_train_step(
     """
     rate = schedule(config.optim, config.train.steps)
     replicated, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
-    frozen = jax.device_put(frozen, replicated)
+    frozen = put_replicated(frozen, replicated)
 
     def gradients(
         params: Any, frozen: Any, batch: Batch, latents: Any, replicated_inputs: Any
