@@ -13,7 +13,7 @@ lock most of the time), or by `num_workers` processes.
 import os
 import signal
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 
 import grain
 import numpy as np
@@ -63,6 +63,11 @@ def _num_cores() -> int:
     return os.cpu_count() or 1
 
 
+def num_threads() -> int:
+    """Decoding threads of one process."""
+    return min(MAX_THREADS, _num_cores())
+
+
 def _leave_interrupts_to_the_trainer(*_: int) -> None:
     """Ctrl-C goes to every process of a terminal; the trainer ends the workers when it is done."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -88,7 +93,7 @@ def _iterate(
             worker_init_fn=_leave_interrupts_to_the_trainer,
         )
     else:
-        threads = min(MAX_THREADS, _num_cores())
+        threads = num_threads()
         read = grain.ReadOptions(num_threads=threads, prefetch_buffer_size=threads + 1)
         dataset = source.to_iter_dataset(read)
     iterator = iter(dataset)
@@ -121,6 +126,17 @@ def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int
       RecordError: there is no such data set or split.
     """
     return len(_open(cfg, cfg.eval_folders if evaluation else cfg.folders, split))
+
+
+def train_order(cfg: DataConfig, seed: int) -> tuple[RecordReader | JoinedReader, Sequence[int]]:
+    """The records to train on, and which of them stands at each place: row j of step s at s B + j.
+
+    Raises:
+      RecordError: the data set is missing or damaged.
+    """
+    reader = _open(cfg, cfg.folders, cfg.train_split)
+    order_seed = int(np.random.SeedSequence([seed, ORDER]).generate_state(1)[0])
+    return reader, grain.MapDataset.range(len(reader)).seed(order_seed).shuffle().repeat()
 
 
 def train_batches(
@@ -165,12 +181,10 @@ def train_batches(
         raise ValueError(
             f"batch_size: got {batch_size}, expected a multiple of the {process_count} processes"
         )
-    reader = _open(cfg, cfg.folders, cfg.train_split)
+    reader, order = train_order(cfg, seed)
     local = batch_size // process_count
     rows = range(process_index * local, (process_index + 1) * local)
     models = _models(cfg, reader, train=True)
-    order_seed = int(np.random.SeedSequence([seed, ORDER]).generate_state(1)[0])
-    order = grain.MapDataset.range(len(reader)).seed(order_seed).shuffle().repeat()
     make = TrainBatch(cfg, Items(cfg, reader), order, batch_size, seed, rows, models)
     return _iterate(cfg, range(start_step, sys.maxsize // batch_size), make)
 

@@ -8,7 +8,7 @@ the last bit of the parameters, is what an uninterrupted run would have done on 
 import contextlib
 import pathlib
 import signal
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -27,7 +27,7 @@ from psgn_jax.config import (
     to_dict,
     to_json,
 )
-from psgn_jax.data import loader
+from psgn_jax.data import loader, on_device
 from psgn_jax.files import write_atomic
 from psgn_jax.tasks.base import Task
 from psgn_jax.training import processes
@@ -47,6 +47,7 @@ MAY_CHANGE = frozenset(
         "data.num_eval_points",
         "data.num_workers",
         "data.cache",
+        "data.on_device",
         "train.steps",
         "train.log_every",
         "train.eval_every",
@@ -137,14 +138,7 @@ class _Training:
             self._task.keep_sources()
             write_atomic(self._workdir / "config.json", to_json(config))
         train_step = self._task.train_step(self._optimizer, self._mesh)
-        batches = loader.train_batches(
-            config.data,
-            batch_size=config.train.batch_size,
-            seed=config.seed,
-            start_step=start,
-            process_index=self._group.index,
-            process_count=self._group.count,
-        )
+        batches = self._batches(start)
         due = _due(config.train.eval_every, start, config)
         # What a training begins with is worth a line if it is a trained network.
         due |= bool(config.train.eval_every and self._init)
@@ -156,8 +150,7 @@ class _Training:
                 if not evaluated:
                     self._evaluate()
                 while self._step < config.train.steps and not self._stop.signal:
-                    batch = step_lib.put_batch(next(batches), self._mesh, self._task.keys)
-                    self._state, metrics = train_step(self._state, batch)
+                    self._state, metrics = train_step(self._state, next(batches))
                     self._step += 1
                     self._log.add(self._step, metrics)
                     self._stop.after_step()
@@ -201,6 +194,22 @@ class _Training:
         if not self._group.from_first(lambda: found is not None):
             return None
         return self._group.arrays_from_first(found and found.leaves)
+
+    def _batches(self, start: int) -> Generator[step_lib.Batch, None, None]:
+        """Batches on the devices, beginning with that of step `start`."""
+        config, mesh, keys = self._config, self._mesh, self._task.keys
+        arguments: dict[str, Any] = {
+            "batch_size": config.train.batch_size,
+            "seed": config.seed,
+            "start_step": start,
+            "process_index": self._group.index,
+            "process_count": self._group.count,
+        }
+        if config.data.on_device:
+            made = on_device.train_batches(config.data, mesh, keys=keys, **arguments)
+            if made is not None:
+                return made
+        return step_lib.put_batches(loader.train_batches(config.data, **arguments), mesh, keys)
 
     def _after_step(self) -> None:
         """Checkpoint, evaluation and pictures, where they are due."""

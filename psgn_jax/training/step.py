@@ -5,7 +5,8 @@ plain single-device computation on its share (`jax.shard_map`) and the gradients
 loops inside the losses and convolutions are never partitioned by XLA.
 """
 
-from collections.abc import Callable, Mapping
+import contextlib
+from collections.abc import Callable, Generator, Mapping
 from typing import Any, cast
 
 import jax
@@ -52,6 +53,15 @@ def put_batch(batch: Batch, mesh: Mesh, keys: tuple[str, ...]) -> dict[str, jax.
     """This process's share of a batch -> arrays split over the mesh along their first axis."""
     sharding = NamedSharding(mesh, P("data"))
     return {k: jax.make_array_from_process_local_data(sharding, batch[k]) for k in keys}
+
+
+def put_batches(
+    batches: Generator[Batch, None, None], mesh: Mesh, keys: tuple[str, ...]
+) -> Generator[dict[str, jax.Array], None, None]:
+    """`put_batch` of each of them; closing it closes `batches`."""
+    with contextlib.closing(batches):
+        for batch in batches:
+            yield put_batch(batch, mesh, keys)
 
 
 def put_replicated(tree: Any, sharding: NamedSharding) -> Any:
