@@ -37,6 +37,17 @@ TEMPLATES = pathlib.Path(__file__).resolve().parent / "templates"
 JAVASCRIPT = ("framing.js", "resample.js")
 """Modules in `TEMPLATES`: what is done before and after the network, with the same results."""
 
+RULE = {
+    "box_width": framing.BOX_WIDTH,
+    "box_height": framing.BOX_HEIGHT,
+    "box_power": framing.BOX_POWER,
+    "middle_column": framing.MIDDLE_COLUMN,
+    "middle_row": framing.MIDDLE_ROW,
+    "middle_row_per_width": framing.MIDDLE_ROW_PER_WIDTH,
+    "smallest_box": framing.SMALLEST_BOX,
+}
+"""Of `data.framing`, for programs in other languages."""
+
 
 class ExportError(UserError):
     """A network that cannot be written for other programs, or comes out wrong."""
@@ -139,15 +150,7 @@ def describe(
         "image_size": list(network.config.data.image_size),
         "view_size": list(framing.VIEW_SIZE),
         "background": schema.BACKGROUND_GREY,
-        "framing": {
-            "box_width": framing.BOX_WIDTH,
-            "box_height": framing.BOX_HEIGHT,
-            "box_power": framing.BOX_POWER,
-            "middle_column": framing.MIDDLE_COLUMN,
-            "middle_row": framing.MIDDLE_ROW,
-            "middle_row_per_width": framing.MIDDLE_ROW_PER_WIDTH,
-            "smallest_box": framing.SMALLEST_BOX,
-        },
+        "framing": dict(RULE),
         "camera": {"intrinsics": intrinsics.tolist(), "extrinsics": extrinsics.tolist()},
         "random_size": model.random_size,
         "latents": latents,
