@@ -25,11 +25,14 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax.viewing",),
     ("psgn_jax.training", "psgn_jax.weights"),
     ("psgn_jax.prediction",),
+    ("psgn_jax.portable",),
+    ("psgn_jax.page",),
     ("psgn_jax.tasks",),
     ("psgn_jax.training.loop",),
     ("psgn_jax.experiments",),
     ("psgn_jax.main", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.demo",
-     "psgn_jax.inspect", "psgn_jax.convert", "psgn_jax.weights.__main__", "psgn_jax.cli"),
+     "psgn_jax.inspect", "psgn_jax.convert", "psgn_jax.export_network", "psgn_jax.page.__main__",
+     "psgn_jax.weights.__main__", "psgn_jax.cli"),
 ]  # fmt: skip
 
 # Packages that are heavy or optional, and the only modules that may import them.
@@ -47,6 +50,8 @@ DOORS = {
     "av": {"psgn_jax.viewing.spheres"},
     "gradio": {"psgn_jax.prediction.demo_page"},
     "safetensors": {"psgn_jax.weights.file"},
+    "onnx": {"psgn_jax.portable.graph"},
+    "onnxruntime": {"psgn_jax.portable.runtime"},
 }
 
 # What the data stage may import of the package, and the only places where it is imported: the one
