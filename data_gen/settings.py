@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from data_gen import cameras, grounds
+from data_gen import cameras, frame, grounds
 from data_gen.cameras import CameraSettings
 from data_gen.field_checks import check_between, check_one_of
 from data_gen.lights import LightSettings
@@ -136,6 +136,8 @@ class Settings:
     Attributes:
       seed: seed of all random choices; the seed of a model is computed from it and the name.
       views: number of images of each model.
+      centre: the point of a model that is moved to x = y = 0: "bounds" or "vertices", see
+        `frame.recentre`.
       num_points: number of surface points of each sample.
       point_bits: resolution of the stored points, see `psgn_jax.data.codec`.
       models_per_shard: number of models in a file of records.
@@ -144,6 +146,7 @@ class Settings:
 
     seed: int = 0
     views: int = 4
+    centre: str = "bounds"
     num_points: int = 16384
     point_bits: int = 12
     models_per_shard: int = 128
@@ -158,6 +161,7 @@ class Settings:
         """Checks the fields."""
         check_between("seed", self.seed, 0, 2**63)
         check_between("views", self.views, 1, 10_000)
+        check_one_of("centre", self.centre, frame.CENTRES)
         check_between("num_points", self.num_points, 1, 1 << 20)
         check_between("point_bits", self.point_bits, 1, 16)
         check_between("models_per_shard", self.models_per_shard, 1, 100_000)

@@ -34,6 +34,7 @@ from psgn_jax.structured import (
 from psgn_jax.structured import UserError as UserError
 from psgn_jax.structured import flatten as flatten
 from psgn_jax.structured import suggestion as suggestion
+from psgn_jax.untrusted import parse_json
 
 # Decay rates of Adam and of the parameter average. At 1 the mean would never change.
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
@@ -324,8 +325,8 @@ def to_json(config: Config) -> str:
 def from_json(text: str) -> Config:
     """Reads the text of `to_json`; raises `ConfigError` for other texts."""
     try:
-        raw = json.loads(text)
-    except json.JSONDecodeError as error:
+        raw = parse_json(text)
+    except ValueError as error:
         raise ConfigError(f"config.json: expected JSON: {error}") from None
     return parse(raw)
 

@@ -1,7 +1,6 @@
 """Reads formats other than Wavefront OBJ with trimesh."""
 
 import io
-import json
 import posixpath
 import struct
 import warnings as python_warnings
@@ -14,6 +13,7 @@ from data_gen.readers.files import Files
 from data_gen.readers.mtl import GREY, floats
 from data_gen.readers.notes import Notes
 from data_gen.readers.textures import bounded, decode_texture
+from psgn_jax.untrusted import one_line, parse_json
 
 _MAX_XML_BYTES = 64 << 20
 
@@ -38,7 +38,7 @@ def _faces_in_header(data: bytes, kind: str) -> int:
             return int(words[1]) if len(words) > 1 else 0
         if kind in ("glb", "gltf"):
             length = struct.unpack("<I", data[12:16])[0]
-            tree = json.loads(data[20 : 20 + length] if kind == "glb" else data)
+            tree = parse_json(data[20 : 20 + length] if kind == "glb" else data, max_depth=64)
             uses: dict[int, int] = {}
             for node in tree.get("nodes", []):
                 if "mesh" in node:
@@ -170,6 +170,24 @@ def read_trimesh(
 ) -> dict[str, Any]:
     """Arrays of a file in any format that the installed trimesh reads, for `mesh.build_model`.
 
+    Raises:
+      UnusableModelError: the file is damaged, of an unknown format or too large.
+    """
+    try:
+        return _read(data, kind, files, base, side, max_faces, notes)
+    except UnusableModelError:
+        raise
+    except Exception as error:
+        # A third-party reader may raise any exception for a damaged file.
+        what = one_line(f"{type(error).__name__}: {error}")
+        raise UnusableModelError(f"not readable as {kind}: {what}"[:200]) from error
+
+
+def _read(
+    data: bytes, kind: str, files: Files, base: str, side: int, max_faces: int, notes: Notes
+) -> dict[str, Any]:
+    """Implements `read_trimesh`; it may raise any exception.
+
     This is one long function: one pass over the meshes of a scene with their materials.
     """
     import trimesh
@@ -185,20 +203,15 @@ def read_trimesh(
             )
         if b"<!ENTITY" in data:
             raise UnusableModelError("XML entities are refused")
-    try:
-        with python_warnings.catch_warnings():
-            python_warnings.simplefilter("ignore")
-            scene = trimesh.load_scene(
-                io.BytesIO(data),
-                file_type=kind,
-                resolver=_resolver(files, base, notes),
-                process=False,
-            )
-            names = [scene.graph[node] for node in scene.graph.nodes_geometry]
-    except Exception as error:
-        # A third-party reader may raise any exception for a damaged file.
-        what = f"{type(error).__name__}: {error}".splitlines()[0]
-        raise UnusableModelError(f"not readable as {kind}: {what}"[:200]) from error
+    with python_warnings.catch_warnings():
+        python_warnings.simplefilter("ignore")
+        scene = trimesh.load_scene(
+            io.BytesIO(data),
+            file_type=kind,
+            resolver=_resolver(files, base, notes),
+            process=False,
+        )
+        names = [scene.graph[node] for node in scene.graph.nodes_geometry]
     vertices: list[np.ndarray] = []
     faces: list[np.ndarray] = []
     normals: list[np.ndarray] = []
