@@ -151,7 +151,7 @@ def _cells(rng: np.random.Generator, rows: int, columns: int, stagger: bool) -> 
 def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, float]:
     """A texture, its side length, and its gloss.
 
-    This is one long function: a branch for each kind of ground.
+    One function: a branch for each kind of ground.
     """
     size = (_TEXELS, _TEXELS)
     white = rng.standard_normal((*size, 1)).astype(np.float32)

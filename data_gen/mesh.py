@@ -171,7 +171,7 @@ def build_model(
 ) -> Model:
     """Cleans raw arrays and makes a `Model` from them.
 
-    This is one long function because each step relies on the cleaning of the steps before it.
+    One function: each step relies on the cleaning of the steps before it.
 
     It removes faces with indices out of range, faces without area, faces of fully transparent
     materials, and unused vertices. Corner normals that are missing, zero or not finite are computed

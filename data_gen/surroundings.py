@@ -150,7 +150,7 @@ def outdoors(
 def room(rng: np.random.Generator) -> Surroundings:
     """A room with windows, lamps, doors, pictures and furniture along its walls.
 
-    This is one long function because the order of the random numbers defines the room.
+    One function: the order of the random numbers defines the room.
     """
     size = lights.DETAIL
     half = (float(rng.uniform(5, 12)), float(rng.uniform(5, 12)))

@@ -83,10 +83,10 @@ class DataConfig:
       colour_jitter: strength of random changes of brightness, contrast and channel gains; 0 = off.
       num_workers: number of decoding processes; 0 = threads in this process.
       cache: whether to keep decoded samples in memory.
-      on_device: whether to keep the training split in the memory of the accelerator, where batches are
-        made (`data.on_device`): the same records, but other random points and augmentations.
-        If it does not fit, or an augmentation is not supported there (`place`, `reframe_*`,
-        `photo`), the host makes the batches and logs the reason.
+      on_device: whether to keep the training split in the memory of the accelerator, which makes
+        the batches (`data.on_device`): the same records, but other random points and
+        augmentations. If it does not fit, or an augmentation is not supported there (`place`,
+        `reframe_*`, `photo`), the host makes the batches and logs the reason.
       occupancy: whether batches contain the solid volume; filled in from `task`.
       train_views: number of images of the same model in each row of a batch; 0 = one image, without
         an axis of views. Filled in from `task` and `voxels`.

@@ -23,7 +23,7 @@ def backdrop(
 ) -> Float[np.ndarray, "h w 3"]:
     """The image of ground and surroundings without the object but with its shadow.
 
-    This is one long function: each step handles pixels that the steps before it have left.
+    One function: each step handles pixels that the steps before it have left.
 
     Args:
       light: light of the scene.

@@ -136,7 +136,7 @@ class Light:
     ) -> None:
         """Prepares rays and tables.
 
-        This is one long function: each table is computed from those before it, and the order of
+        One function: each table is computed from those before it, and the order of
         the random numbers is fixed.
 
         Args:

@@ -107,7 +107,7 @@ def read_outline(
 ) -> list[Object]:
     """The objects of a file in order. All counts in the file are compared with its contents.
 
-    This is one long function: a branch for each statement of the format.
+    One function: a branch for each statement of the format.
 
     Some exporters count objects that they do not write. With `notes`, a file that ends with a
     complete object and has more objects than are missing is accepted, with a warning.
@@ -300,7 +300,7 @@ def read_ac3d(
 ) -> dict[str, Any]:
     """Arrays of an AC3D file for `mesh.build_model`; a reader for `readers.load.load_model`.
 
-    This is one long function because it walks assimp's nodes and the objects of the file together.
+    One function: it walks assimp's nodes and the objects of the file together.
 
     Raises:
       UnusableModelError: this is not an AC3D file, it is truncated, too large or empty, or assimp

@@ -270,7 +270,7 @@ def assemble(
 ) -> dict[str, Any]:
     """Arrays of an actor and all attached actors, for `mesh.build_model`.
 
-    This is one long function because it walks the tree of parts with the state of all parents.
+    One function: it walks the tree of parts with the state of all parents.
 
     The axes are right-handed: x to the left, y up, z to the front.
 

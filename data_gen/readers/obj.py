@@ -185,7 +185,7 @@ def read_obj(
 ) -> dict[str, Any]:
     """Arrays of an OBJ file for `mesh.build_model`.
 
-    This is one long function: one pass over the blocks of the file, with counts that continue from
+    One function: one pass over the blocks of the file, with counts that continue from
     block to block.
     """
     columns = {_V: 3, _VT: 2, _VN: 3}

@@ -250,7 +250,7 @@ def links_to(files: Sequence[str]) -> str:
 def build(demo: Demo) -> Any:
     """The page: `gradio.Blocks`.
 
-    This is one long function because gradio declares controls and their actions in one context.
+    One function: gradio declares controls and their actions in one context.
 
     Raises:
       ConfigError: gradio is not installed.

@@ -206,10 +206,7 @@ class Predictor:
         mutual = self._mutual(points) if samples > 1 else np.zeros((1, 1), np.float32)
         clock.lap("network")
         if not np.isfinite(points).all():
-            raise ConfigError(
-                "the network's points are not finite: its training diverged or its weights are "
-                "damaged; expected another network"
-            )
+            raise ConfigError("the network's points are not finite; expected intact weights")
         coloured = [export.colours_from_view(cloud, view) for cloud in points]
         scale, shift = 1.0, np.zeros(3)
         normalised = normal_form == "yes" or (normal_form == "auto" and view.placed)
