@@ -1,4 +1,4 @@
-"""What a job makes: its models, in blocks of which each becomes a shard."""
+"""The models of a job, divided into blocks; each block becomes a shard."""
 
 import dataclasses
 import hashlib
@@ -10,7 +10,7 @@ from psgn_jax.data.dataset import shard_name
 
 
 class Name(NamedTuple):
-    """What a job knows of a model."""
+    """Name, category and split of a model."""
 
     model_id: str
     category: str
@@ -19,14 +19,14 @@ class Name(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """What a data set is made of, but for the models' files themselves.
+    """The specification of a data set, without the files of the models.
 
     Attributes:
-      statement: of the settings, the catalogue and the renderer: all that the samples of a model
-        depend on besides its name and category.
-      choice: how the models were chosen from the catalogue, for people and messages.
-      names: the models, in the catalogue's order.
-      models_per_shard: models of a block.
+      statement: settings, catalogue and renderer: everything that determines the samples of a
+        model, besides its name and category.
+      choice: description of the choice of models, for messages.
+      names: the models, in the order of the catalogue.
+      models_per_shard: number of models in a block.
     """
 
     statement: Mapping[str, Any]
@@ -36,11 +36,11 @@ class Job:
 
     @property
     def source(self) -> str:
-        """Name of the catalogue."""
+        """The name of the catalogue."""
         return str(self.statement["source"])
 
     def blocks(self) -> list["Block"]:
-        """All blocks, by their first model, so that a job goes through the catalogue."""
+        """All blocks, sorted by their first model."""
         result = []
         for split in dict.fromkeys(name.split for name in self.names):
             own = [i for i, name in enumerate(self.names) if name.split == split]
@@ -55,14 +55,14 @@ class Job:
 
 @dataclasses.dataclass(frozen=True)
 class Block:
-    """Models whose samples make one shard: of one split, in the catalogue's order.
+    """The models of a shard: from one split, in the order of the catalogue.
 
     Attributes:
-      split: of all of them.
-      number: of the block in its split.
-      indices: of the models in the job.
-      names: of the models.
-      digest: of the settings and the names.
+      split: their split.
+      number: number of the block in its split.
+      indices: numbers of the models in the job.
+      names: the models.
+      digest: digest of the settings and the names.
     """
 
     split: str
@@ -73,10 +73,10 @@ class Block:
 
     @property
     def shard(self) -> str:
-        """Name of the file of records."""
+        """The name of the file of records."""
         return shard_name(self.split, self.number, self.digest[:8])
 
     @property
     def note(self) -> str:
-        """Name of the file that says it is done."""
+        """The name of the file that marks the block as complete."""
         return f"{self.split}-{self.number:05d}-{self.digest}.json"

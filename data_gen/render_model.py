@@ -1,4 +1,4 @@
-"""One model to its samples."""
+"""Renders the samples of a model."""
 
 import dataclasses
 import hashlib
@@ -30,14 +30,14 @@ from psgn_jax.data.codec import encode
 
 
 def model_seed(seed: int, source: str, model_id: str) -> int:
-    """A model's own seed: it depends on nothing but these, not on order or number of models."""
+    """The seed of a model, a function of these arguments, not of the order or number of models."""
     text = f"{seed}/{source}/{model_id}".encode("utf-8", "surrogatepass")
     return int.from_bytes(hashlib.sha256(text).digest()[:8], "big") >> 1
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Context:
-    """What a worker needs besides the models."""
+    """Data of a job that workers need besides the models."""
 
     settings: Settings
     source: str
@@ -47,25 +47,25 @@ class Context:
 
 
 class _Laps:
-    """Seconds of the steps of a model's work, of all its views together."""
+    """Seconds of each step, summed over the views of a model."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
         self._clock = time.perf_counter()
 
     def end(self, name: str) -> None:
-        """Counts the time since the last step for this one."""
+        """Adds the time since the previous step to this step."""
         now = time.perf_counter()
         self.seconds[name] = round(self.seconds.get(name, 0.0) + now - self._clock, 4)
         self._clock = now
 
 
 def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str, Any]]:
-    """All samples of a model as records, and the line that reports on it.
+    """All samples of a model as records, and its line in `models.jsonl`.
 
-    One function: the steps from mesh to records in their order, each with its time in the report.
+    One function: the steps from mesh to records in order, each with its time in the report.
 
-    The line's `status` is "ok", or "refused" with a `reason`; a refused model has no samples.
+    The `status` of the line is "ok", or "refused" with a `reason`; a refused model has no samples.
     """
     settings = context.settings
     seed = model_seed(settings.seed, context.source, entry.model_id)
@@ -90,7 +90,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             "warnings": list(model.warnings),
         }
         surface = sample_surface(model, settings.num_points, seed)
-        # A few hundred searches a view: a tree that is made fast serves better than a good one.
+        # There are only a few hundred queries per view, so the tree is built fast, not balanced.
         tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
         laps.end("points")
         surfaces = scene.flatten(model)
@@ -147,10 +147,10 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
 
 
 def _extra(seed: int, camera: cameras.Camera, parameters: Any) -> str:
-    """What a record holds besides the fields of the schema, as JSON."""
+    """The field `extra` of a record, as JSON."""
     extra = {
         "seed": seed,
-        # Takes a point of the model's frame to the sample's.
+        # Rotates a point from the model's frame to that of the sample.
         "rotation": np.round(camera.rotation, 9).tolist(),
         "camera": camera.parameters(),
         "parameters": parameters,
@@ -166,7 +166,7 @@ def _picture_of(
     rng: np.random.Generator,
     seed: int,
 ) -> Picture:
-    """The picture of a view, shaded as the settings say."""
+    """The picture of a view, with the shading of the settings."""
     photographed = settings.image.shading == "photo"
     picture = render(
         mesh,
@@ -185,7 +185,7 @@ def _traced(
     picture: Picture, shown: scene.Scene, radiance: np.ndarray, settings: Settings, seed: int
 ) -> Picture:
     """The picture with path-traced colours."""
-    # As bright as local shading: a white surface in full light has the same brightness.
+    # Scaled to the brightness of local shading for a white surface in full light.
     strength = shown.lights.colours.sum() + 3 * shown.lights.sky.mean()
     radiance = lights.shrink(radiance)
     flux = (radiance * lights.solid_angles(lights.MAP_SIZE)[..., None]).sum()
@@ -196,7 +196,7 @@ def _traced(
         seed=seed % 2**31,
     )
     if not settings.image.soft_edges:
-        # Hard edges: a pixel's colour is the object's own, where its centre sees it.
+        # Hard edges: a pixel whose centre shows the object has only the object's colour.
         opacity = np.where(picture.mask, picture.opacity, 0)[..., None]
         colours = np.concatenate(
             [colours[..., :3] / np.maximum(colours[..., 3:], 1e-3) * opacity, opacity], axis=-1
@@ -230,7 +230,7 @@ def _photographed(
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON has it."""
+    """A value in the types of JSON."""
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):

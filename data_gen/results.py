@@ -1,4 +1,4 @@
-"""What rendering a model has come to, as bytes and as a file."""
+"""The result of rendering a model, as bytes and as a file."""
 
 import hashlib
 import json
@@ -14,13 +14,13 @@ from psgn_jax.untrusted import parse_json
 
 
 def work_path(folder: pathlib.Path, model_id: str) -> pathlib.Path:
-    """Where a model's samples lie until its shard is written."""
+    """The file of a model's samples until its shard is written."""
     name = hashlib.sha256(model_id.encode("utf-8", "surrogatepass")).hexdigest()[:24]
     return folder / f"{name}.model"
 
 
 def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
-    """The line of a model that no samples came of."""
+    """The line of `models.jsonl` for a model without samples."""
     return {
         "model_id": entry.model_id,
         "category": entry.category,
@@ -32,7 +32,7 @@ def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
 
 
 def pack_result(line: Mapping[str, Any], data: list[bytes]) -> bytes:
-    """A model's line and records as one block of bytes."""
+    """The line and the records of a model as bytes."""
     packed: bytes = msgpack.packb({"line": json.dumps(line), "records": data})
     return packed
 
