@@ -5,9 +5,9 @@ A part is a file of this folder with a function
     def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Finding]
 
 Parts import this module as `campaign.frame`, and the tests' helpers as `helpers`, since `tests` is
-on the path. A part tries things until `time.monotonic()` reaches `deadline`, each at least once, and writes only
-below `folder`, which is empty and its own. All of its choices come from `rng`, so that the same
-seed tries the same things in the same order.
+on the path. A part tries things until `time.monotonic()` reaches `deadline`, each at least once,
+and writes only below `folder`, which is empty and its own. All of its choices come from `rng`, so
+that the same seed tries the same things in the same order.
 """
 
 import contextlib
