@@ -7,12 +7,15 @@ name and renames when all is written, so a process killed while writing leaves n
 behind; the checksums find what was damaged later.
 """
 
+import contextlib
 import json
 import math
 import pathlib
+import re
 import shutil
+import sys
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +26,9 @@ from psgn_jax.config import UserError
 from psgn_jax.files import write_atomic
 
 FORMAT = 1
+
+_STEP = re.compile(r"0|[1-9][0-9]{0,17}")
+"""Names of the folders of checkpoints."""
 
 RANKING = ("cd_sq_radius2", "one_minus_iou", "log_volume_abs_error")
 """What says which checkpoint is the best, lower is better: the first of these that was measured."""
@@ -66,17 +72,14 @@ class Checkpoints:
         if self._directory.is_dir() and not read_only:
             for leftover in [*self._directory.glob("*.orbax-checkpoint-tmp*"), *self._deleting()]:
                 shutil.rmtree(leftover, ignore_errors=True)  # of a process that was killed
-        try:
-            raw = json.loads((self._directory / "scores.json").read_text())
-        except (FileNotFoundError, json.JSONDecodeError):
-            raw = {}
-        self.scores: dict[int, dict[str, float]] = {int(k): v for k, v in raw.items()}
+        self.scores = _read_scores(self._directory / "scores.json")
 
     def steps(self) -> list[int]:
         """Steps with a complete checkpoint, oldest first."""
         if not self._directory.is_dir():
             return []
-        return sorted(int(p.name) for p in self._directory.iterdir() if p.name.isdigit())
+        folders = [p for p in self._directory.iterdir() if _STEP.fullmatch(p.name) and p.is_dir()]
+        return sorted(int(p.name) for p in folders)
 
     def best_step(self) -> int | None:
         """The step with the lowest metric (the later one of equals), or None."""
@@ -189,7 +192,8 @@ class Checkpoints:
     def _read(self, step: int, items: ocp.args.Composite) -> Any:
         reader = ocp.Checkpointer(ocp.CompositeCheckpointHandler())
         try:
-            return reader.restore(self._directory / str(step), args=items)
+            with _quiet_reads():
+                return reader.restore(self._directory / str(step), args=items)
         finally:
             reader.close()
 
@@ -211,6 +215,41 @@ class Checkpoints:
         shutil.rmtree(target, ignore_errors=True)
         (self._directory / str(step)).rename(target)
         logging.warning("checkpoint %d is damaged (%s); moved to %s", step, why, target)
+
+
+def _read_scores(path: pathlib.Path) -> dict[int, dict[str, float]]:
+    """The metrics of each step; a file that is damaged holds none, with a warning."""
+    try:
+        raw = json.loads(path.read_text("utf-8"))
+        scores = {int(step): dict(metrics) for step, metrics in raw.items()}
+        if not all(type(m) in (int, float) for one in scores.values() for m in one.values()):
+            raise ValueError("a metric is not a number")
+    except FileNotFoundError:
+        return {}
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        logging.warning(
+            "%s is damaged (%s): which checkpoint is the best is unknown", path, _one_line(error)
+        )
+        return {}
+    return scores
+
+
+@contextlib.contextmanager
+def _quiet_reads() -> Iterator[None]:
+    """After an error of orbax: swallows what its other reads have to say.
+
+    Where one array cannot be read, orbax closes its event loop under the reads of the others. Each
+    of these ends in an exception in a thread of its own, which Python prints, possibly later.
+    """
+    before = sys.unraisablehook
+
+    def hook(unraisable: Any) -> None:
+        if str(unraisable.exc_value) != "Event loop is closed":
+            before(unraisable)
+
+    sys.unraisablehook = hook
+    yield
+    sys.unraisablehook = before
 
 
 def _one_line(error: Exception) -> str:

@@ -142,11 +142,20 @@ class TrainingLog:
 def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
     """The lines of a `metrics.jsonl`; without a file there are none.
 
-    Lines that are incomplete because the process was killed are skipped.
+    Lines that are incomplete because the process was killed are skipped, as are damaged ones, with
+    a warning.
     """
-    with contextlib.suppress(FileNotFoundError), open(path, encoding="utf-8") as file:
-        return [entry for line in file if (entry := _entry(line)) is not None]
-    return []
+    entries, damaged = [], 0
+    with contextlib.suppress(FileNotFoundError), open(path, "rb") as file:
+        for line in file:
+            entry = _entry(line)
+            if entry is not None:
+                entries.append(entry)
+            elif line.endswith(b"\n"):
+                damaged += 1
+    if damaged:
+        logging.warning("%s: %d lines are damaged and left out", path, damaged)
+    return entries
 
 
 class MetricsWriter:
@@ -239,9 +248,9 @@ def _line(entry: Mapping[str, Any]) -> str:
     return json.dumps(finite_or_none(entry), allow_nan=False) + "\n"
 
 
-def _entry(line: str) -> dict[str, Any] | None:
+def _entry(line: bytes) -> dict[str, Any] | None:
     try:
         entry = json.loads(line)
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):
         return None
-    return entry if isinstance(entry, dict) and isinstance(entry.get("step"), int) else None
+    return entry if isinstance(entry, dict) and type(entry.get("step")) is int else None

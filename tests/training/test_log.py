@@ -75,3 +75,17 @@ def test_a_killed_run_is_purged_from_tensorboard_also_before_its_first_checkpoin
         writer.scalars(step + 1, "train", {"loss": 0.5})
         writer.close()
     assert purged == [None, 1, 6]
+
+
+def test_damaged_lines_are_left_out_with_a_warning(tmp_path, caplog):
+    path = tmp_path / "metrics.jsonl"
+    good = b'{"step": 1, "kind": "train"}\n'
+    wrong = [b"[]", b"null", b'{"a": {}}', b"\xff", b"[" * 100_000, b'{"step": true}']
+    path.write_bytes(b"\n".join([*wrong, good]) + b'{"step": 2, "ki')
+    MetricsWriter(tmp_path, 5).close()
+    assert path.read_bytes() == good
+    assert f"metrics.jsonl: {len(wrong)} lines are damaged" in caplog.text
+    caplog.clear()
+    path.write_bytes(good + b'{"step": 2, "ki')  # of a kill: expected
+    assert len(read_metrics(path)) == 1
+    assert not caplog.text
