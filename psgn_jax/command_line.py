@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from absl import flags, logging
 
 from psgn_jax.config import ConfigError
-from psgn_jax.files import cache_folder
+from psgn_jax.files import DISK_FULL, cache_folder, is_disk_full
 
 
 def log_to_terminal() -> None:
@@ -34,22 +34,46 @@ def log_to_terminal() -> None:
     )
 
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, that of shells."""
+
+
 @contextlib.contextmanager
 def exit_on_user_error() -> Iterator[None]:
-    """Turns errors that the user can fix into one line on stderr and an exit code.
-
-    These are the errors with an attribute `exit_code`: `UserError`, and `RecordError`, which is not
-    a `UserError` because `data.schema` imports no other module of this package.
-    """
+    """Turns errors that the user can fix, and Ctrl-C, into one line on stderr and an exit code."""
     try:
         yield
-    except ValueError as error:
-        exit_code = getattr(error, "exit_code", None)
+    except (ValueError, OSError) as error:
+        exit_code = exit_code_of(error)
         if exit_code is None:
             raise
-        line = " ".join(str(error).split())
-        sys.stderr.write(f"error: {line}\n")
+        sys.stderr.write(f"error: {one_line(error)}\n")
         sys.exit(exit_code)
+    except KeyboardInterrupt:
+        sys.stderr.write("stopped by Ctrl-C\n")
+        sys.exit(INTERRUPTED)
+
+
+def exit_code_of(error: Exception) -> int | None:
+    """The exit code of a command that ends with `error`; None if the user cannot fix it.
+
+    The user can fix errors with an attribute `exit_code`: `UserError`, and `RecordError`, which is
+    not a `UserError` because `data.schema` imports no other module of this package. The others are
+    errors of the operating system: 2, or `DISK_FULL` where it has no room.
+    """
+    if is_disk_full(error):
+        return DISK_FULL
+    return getattr(error, "exit_code", 2 if isinstance(error, OSError) else None)
+
+
+def one_line(error: Exception) -> str:
+    """The message of an error in one line; for errors of the operating system with the file."""
+    if isinstance(error, OSError) and error.strerror:
+        named = (
+            f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, str | bytes) else ""
+        )
+        return " ".join(f"{named}{error.strerror}".split())
+    return " ".join(str(error).split())
 
 
 def parse_flags(argv: list[str]) -> list[str]:

@@ -319,8 +319,8 @@ def from_json(text: str) -> Config:
     """Reads `to_json`'s text; raises `ConfigError` for anything else."""
     try:
         raw = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise ConfigError(f"config.json is not JSON: {error}") from None
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"it is not JSON: {error}") from None
     return parse(raw)
 
 

@@ -11,7 +11,7 @@
 A file, a model or a view of a model that cannot be read is reported and left out, and the exit code
 is 1. With `--strict` the command stops at the first one. If the command is started again, it keeps
 the complete shards and continues after them. Shards from which something was left out are converted
-again. A complete conversion is not changed.
+again. A complete conversion is not changed. On a full disk the exit code is 4.
 """
 
 import argparse
@@ -20,8 +20,10 @@ from collections.abc import Sequence
 
 from absl import logging
 
+from psgn_jax.command_line import exit_code_of, one_line
 from psgn_jax.data.conversion import convert_authors, convert_models
 from psgn_jax.data.sources import shapenet
+from psgn_jax.files import check_folder
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -47,6 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     logging.use_absl_handler()
     logging.set_verbosity(logging.INFO)
     try:
+        check_folder(arguments.destination, "DST")
         if arguments.layout == "authors":
             manifest, refused = convert_authors(arguments.source, arguments.destination)
         else:
@@ -61,8 +64,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 strict=arguments.strict,
             )
     except (ValueError, OSError) as error:
-        sys.stderr.write(f"error: {error}\n")
-        return 2
+        sys.stderr.write(f"error: {one_line(error)}\n")
+        return exit_code_of(error) or 2
     for split, shards in manifest.splits().items():
         size, count = sum(s.size for s in shards), sum(s.count for s in shards)
         sys.stdout.write(f"{split}: {count} samples, {size / 1e6:.1f} MB\n")

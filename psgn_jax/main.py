@@ -5,7 +5,8 @@ configuration that comes with the package (`psgn_jax.config_files`).
 
 Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same
 command goes on with a run that was stopped. Exit codes: 0 done; 2 a wrong configuration (one line
-says what); 3 a loss that is not finite; 143 and 130 stopped by SIGTERM or Ctrl-C after saving.
+says what) or a file that cannot be written; 3 a loss that is not finite; 4 a full disk; 143 and
+130 stopped by SIGTERM or Ctrl-C after saving.
 """
 
 import os

@@ -8,8 +8,11 @@ behind; the checksums find what was damaged later.
 """
 
 import contextlib
+import errno
 import json
+import logging as python_logging
 import math
+import os
 import pathlib
 import re
 import shutil
@@ -23,7 +26,7 @@ import orbax.checkpoint as ocp
 from absl import logging
 
 from psgn_jax.config import UserError
-from psgn_jax.files import write_atomic
+from psgn_jax.files import is_disk_full, write_atomic
 
 FORMAT = 1
 
@@ -43,7 +46,7 @@ class Checkpoint(NamedTuple):
 
 
 class CheckpointError(UserError):
-    """There is no checkpoint to read."""
+    """There is no checkpoint to read, or none can be written."""
 
 
 class Checkpoints:
@@ -68,6 +71,7 @@ class Checkpoints:
         self._keep = keep
         self._metrics = tuple(metrics)
         self._read_only = read_only
+        _quiet_threads()
         self._saver: ocp.AsyncCheckpointer | None = None
         if self._directory.is_dir() and not read_only:
             for leftover in [*self._directory.glob("*.orbax-checkpoint-tmp*"), *self._deleting()]:
@@ -101,6 +105,10 @@ class Checkpoints:
         """Copies the arrays to the host and writes them in the background.
 
         Waits for the previous save. `close` (or the next save) waits for this one.
+
+        Raises:
+          OSError: the disk is full. From here, the next save or `close`.
+          CheckpointError: it cannot be written for another reason; likewise.
         """
         self.wait()
         # A copy: the caller goes on to donate these buffers while the writer reads.
@@ -119,8 +127,9 @@ class Checkpoints:
         )
         if self._saver is None:
             self._saver = ocp.AsyncCheckpointer(ocp.CompositeCheckpointHandler())
-        self._directory.mkdir(parents=True, exist_ok=True)
-        self._saver.save(self._directory / str(step), args=items)
+        with _writing(self._directory):
+            self._directory.mkdir(parents=True, exist_ok=True)
+            self._saver.save(self._directory / str(step), args=items)
 
     def restore_newest(self) -> Checkpoint | None:
         """The newest intact checkpoint, or None if there are none at all.
@@ -169,7 +178,8 @@ class Checkpoints:
         """Waits until the last save is complete, then removes what is no longer kept."""
         if self._saver is None:
             return
-        self._saver.wait_until_finished()
+        with _writing(self._directory):
+            self._saver.wait_until_finished()
         steps = self.steps()
         kept = {*steps[-self._keep :], self.best_step()}
         for step in steps:
@@ -181,10 +191,13 @@ class Checkpoints:
 
     def close(self) -> None:
         """Waits for the last save and releases the threads."""
-        self.wait()
-        if self._saver is not None:
-            self._saver.close()
-            self._saver = None
+        try:
+            self.wait()
+        finally:
+            saver, self._saver = self._saver, None
+            if saver is not None:
+                with _writing(self._directory):
+                    saver.close()
 
     def _deleting(self) -> list[pathlib.Path]:
         return list(self._directory.glob("*.deleting"))
@@ -192,8 +205,7 @@ class Checkpoints:
     def _read(self, step: int, items: ocp.args.Composite) -> Any:
         reader = ocp.Checkpointer(ocp.CompositeCheckpointHandler())
         try:
-            with _quiet_reads():
-                return reader.restore(self._directory / str(step), args=items)
+            return reader.restore(self._directory / str(step), args=items)
         finally:
             reader.close()
 
@@ -234,22 +246,41 @@ def _read_scores(path: pathlib.Path) -> dict[int, dict[str, float]]:
     return scores
 
 
-@contextlib.contextmanager
-def _quiet_reads() -> Iterator[None]:
-    """After an error of orbax: swallows what its other reads have to say.
+def _quiet_threads() -> None:
+    """Passes over what orbax's threads print of an error, which is raised here all the same.
 
-    Where one array cannot be read, orbax closes its event loop under the reads of the others. Each
-    of these ends in an exception in a thread of its own, which Python prints, possibly later.
+    They log it with their stacks. Where one array cannot be read or written, orbax also closes its
+    event loop under the operations on the others; each of these ends, sooner or later, in an
+    exception that Python prints.
     """
+    logging.get_absl_logger().addFilter(_is_no_stack_of_orbax)  # once, however often it is added
     before = sys.unraisablehook
+    if getattr(before, "__name__", "") == "_pass_over_closed_loops":
+        return
 
-    def hook(unraisable: Any) -> None:
+    def _pass_over_closed_loops(unraisable: Any) -> None:
         if str(unraisable.exc_value) != "Event loop is closed":
             before(unraisable)
 
-    sys.unraisablehook = hook
-    yield
-    sys.unraisablehook = before
+    sys.unraisablehook = _pass_over_closed_loops
+
+
+def _is_no_stack_of_orbax(record: python_logging.LogRecord) -> bool:
+    return not (record.exc_info and f"{os.sep}orbax{os.sep}" in record.pathname)
+
+
+@contextlib.contextmanager
+def _writing(folder: pathlib.Path) -> Iterator[None]:
+    """Turns orbax's errors into `OSError` for a full disk, or into `CheckpointError`."""
+    try:
+        yield
+    except Exception as error:
+        if is_disk_full(error):
+            number = errno.ENOSPC
+            raise OSError(number, os.strerror(number), str(folder)) from error
+        raise CheckpointError(
+            f"the checkpoint in {folder} could not be written: {_one_line(error)}"
+        ) from error
 
 
 def _one_line(error: Exception) -> str:

@@ -8,6 +8,7 @@ duplicated.
 
 import collections
 import contextlib
+import errno
 import json
 import math
 import os
@@ -197,7 +198,9 @@ class MetricsWriter:
         lists = {k: [_finite(float(x)) for x in v] for k, v in vectors.items()}
         # The whole line in one write in append mode: if the process is killed, the line is complete
         # or, rarely, cut off.
-        os.write(self._file, _line({"step": step, "kind": kind, **values, **lists}).encode())
+        line = _line({"step": step, "kind": kind, **values, **lists}).encode()
+        if os.write(self._file, line) < len(line):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._workdir))
         board = self._board()
         for name, value in values.items():
             board.add_scalar(f"{kind}/{name}", value, step)
@@ -229,6 +232,10 @@ class MetricsWriter:
                 # TensorBoard then hides what a killed run wrote after its checkpoint.
                 purge_step=self._step + 1 if folder.exists() else None,
             )
+            # Events are written here: in the writer's thread, an error (a full disk) would end the
+            # thread, and this one would wait forever for the queue to be emptied.
+            events = self._tensorboard.file_writer.event_writer
+            events.add_event = events._ev_writer.write_event
         return self._tensorboard
 
 

@@ -28,7 +28,7 @@ from psgn_jax.config import (
     to_json,
 )
 from psgn_jax.data import loader
-from psgn_jax.files import write_atomic
+from psgn_jax.files import check_folder, write_atomic
 from psgn_jax.tasks.base import Task
 from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
@@ -83,10 +83,13 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
       ConfigError: before anything is compiled, for a wrong configuration, or one that differs from
         that of the checkpoint in a field that is not in `MAY_CHANGE`, or while another process
         trains there.
+      UserError: no file can be written into `workdir`.
+      OSError: in the middle of the training, for instance for a full disk.
       NonFiniteError: naming metric and step, if the loss or the gradient's norm is not finite.
     """
     config = config if isinstance(config, Config) else parse(config)
     workdir = pathlib.Path(workdir)
+    check_folder(workdir, "--workdir")
     check_paths(config)
     mesh = step_lib.data_mesh()
     step_lib.check_batch_size(config, mesh)

@@ -71,9 +71,15 @@ def load_config(workdir: str | os.PathLike[str]) -> Config:
     """The configuration of a run; raises `ConfigError` if there is none."""
     path = pathlib.Path(workdir) / "config.json"
     try:
-        return from_json(path.read_text())
+        text = path.read_text("utf-8", errors="replace")
     except FileNotFoundError:
         raise ConfigError(f"--workdir={workdir}: no run there ({path} does not exist)") from None
+    except OSError as error:
+        raise ConfigError(f"--workdir={workdir}: no run there ({error.strerror})") from error
+    try:
+        return from_json(text)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
 
 
 def _best(checkpoints: Checkpoints) -> Checkpoint | None:

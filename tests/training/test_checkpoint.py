@@ -7,6 +7,7 @@ import sys
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.disk import without_room
 
 from psgn_jax.training.checkpoint import CheckpointError, Checkpoints
 
@@ -173,6 +174,24 @@ def test_saved_arrays_may_be_overwritten_at_once(tmp_path):
     array[:] = 1
     checkpoints.close()
     assert not checkpoints.restore(1).leaves["a"].any()
+
+
+def test_a_full_disk_is_one_error_and_damages_nothing(tmp_path, capfd):
+    large = {f"params.{n}": np.random.default_rng(n).normal(size=5_000) for n in range(8)}
+    checkpoints = Checkpoints(tmp_path / "c")
+    checkpoints.save(1, large, {})
+    checkpoints.wait()
+    with without_room():
+        checkpoints.save(2, large, {})
+        with pytest.raises(OSError, match="No space left") as caught:
+            checkpoints.close()
+    assert caught.value.filename == str(tmp_path / "c")
+    assert "Traceback" not in capfd.readouterr().err
+    again = Checkpoints(tmp_path / "c")
+    assert again.restore_newest().step == 1
+    again.save(2, large, {})
+    again.close()
+    assert again.restore_newest().step == 2
 
 
 def test_none_readable_is_an_error_and_moves_nothing(tmp_path):
