@@ -173,7 +173,13 @@ class _Training:
 
         if found := self._checkpoints.restore_newest():
             _check_resumable(self._config, found, self._workdir)
-            leaves = state_lib.from_named_leaves(jax.eval_shape(create), found.leaves)
+            try:
+                leaves = state_lib.from_named_leaves(jax.eval_shape(create), found.leaves)
+            except ValueError as error:
+                raise ConfigError(
+                    f"--workdir={self._workdir}: the checkpoint of step {found.step} does not fit "
+                    f"the network of this version: {error}"
+                ) from error
             return jax.device_put(leaves, replicated)
         # Drawing each parameter is code of its own, run once: on a CPU, compiling it with full
         # optimisation takes three times as long (23 s against 7) and gains nothing.
