@@ -25,6 +25,9 @@ from psgn_jax.data.conversion import convert_authors, convert_models
 from psgn_jax.data.sources import shapenet
 from psgn_jax.files import check_folder
 
+LARGEST = {"views": 1000, "points": 1_000_000}
+"""Largest values of the options."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
@@ -53,8 +56,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.layout == "authors":
             manifest, refused = convert_authors(arguments.source, arguments.destination)
         else:
-            if min(arguments.views, arguments.points) < 1:
-                raise ValueError("--views and --points: expected at least 1")
+            for name in ("views", "points"):
+                if not 1 <= (value := getattr(arguments, name)) <= LARGEST[name]:
+                    raise ValueError(f"--{name}={value}: expected 1 to {LARGEST[name]}")
             manifest, refused = convert_models(
                 arguments.layout,
                 arguments.source,

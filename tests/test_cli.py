@@ -85,7 +85,7 @@ def test_arguments_and_exit_codes_are_those_of_the_command():
     assert "--workdir" in shown.stdout
     done = run("train", "--config=quickstart", "--config.train.steps=-1")
     assert done.returncode == 2
-    assert done.stderr == "error: train.steps=-1: accepted: a number >= 1\n"
+    assert done.stderr == "error: train.steps=-1: accepted: a number >= 1 and <= 2147483647\n"
 
 
 def test_a_configuration_is_a_path_or_a_name():
@@ -120,7 +120,7 @@ def test_a_wheel_trains_by_name_without_a_clone(tmp_path):
     done = run(
         "train", "--config=quickstart", "--config.train.steps=-1", cwd=tmp_path, **environment
     )
-    assert done.stderr == "error: train.steps=-1: accepted: a number >= 1\n"
+    assert done.stderr == "error: train.steps=-1: accepted: a number >= 1 and <= 2147483647\n"
     solids = {
         split: drawn_solids.samples(8, seed=seed, image_size=(48, 64))
         for seed, split in enumerate(("train", "validation"))

@@ -34,6 +34,7 @@ from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
 from psgn_jax.training.checkpoint import Checkpoint, Checkpoints
 from psgn_jax.training.log import MetricsWriter, TrainingLog
+from psgn_jax.training.memory import check_memory
 from psgn_jax.training.run_folder import Run, locked
 from psgn_jax.training.signals import Stopped, StopSignal
 from psgn_jax.weights import initial
@@ -82,7 +83,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     Raises:
       ConfigError: before anything is compiled, for a wrong configuration, or one that differs from
         that of the checkpoint in a field that is not in `MAY_CHANGE`, or while another process
-        trains there.
+        trains there, or if it needs more memory than there is.
       UserError: no file can be written into `workdir`.
       OSError: in the middle of the training, for instance for a full disk.
       NonFiniteError: naming metric and step, if the loss or the gradient's norm is not finite.
@@ -95,6 +96,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     step_lib.check_batch_size(config, mesh)
     task = tasks.create(config, workdir)
     task.check()
+    optimizer = state_lib.optimizer(config.optim, config.train.steps)
+    check_memory(config, lambda: task.create(optimizer))
     sizes = _check_data(config)
     init = _open_initial(config, workdir, task)
     with locked(workdir) if _is_first() else contextlib.nullcontext():
