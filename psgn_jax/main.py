@@ -5,7 +5,8 @@ configuration that comes with the package (`psgn_jax.config_files`).
 
 Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same
 command goes on with a run that was stopped. Exit codes: 0 done; 2 a wrong configuration (one line
-says what); 3 a loss that is not finite; 143 and 130 stopped by SIGTERM or Ctrl-C after saving.
+says what) or a file that cannot be written; 3 a loss that is not finite; 4 a full disk; 143 and
+130 stopped by SIGTERM or Ctrl-C after saving.
 """
 
 import os
@@ -25,6 +26,7 @@ from psgn_jax.command_line import (
 )
 from psgn_jax.config import ConfigError, check_paths, parse
 from psgn_jax.config_files import with_paths
+from psgn_jax.files import check_folder
 
 _CONFIG = config_flags.DEFINE_config_file(
     "config", None, "A configuration: its path, or a name such as quickstart.", lock_config=True
@@ -43,13 +45,14 @@ def main(argv: Sequence[str]) -> None:
             raise ConfigError(f"unexpected argument {argv[1]!r}; a field is --config.NAME=VALUE")
         config = parse(_config())
         check_paths(config)
+        path = config_flags.get_config_filename(flags.FLAGS["config"])
+        workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
+        check_folder(workdir, "--workdir")
         # Only now, so that a wrong configuration is answered before JAX is even imported.
         keep_compiled()
         from psgn_jax.default_data import with_default_data
         from psgn_jax.training.loop import train
 
-        path = config_flags.get_config_filename(flags.FLAGS["config"])
-        workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
         outcome = train(with_default_data(config), workdir)
     if outcome.stopped_by:
         sys.exit(128 + outcome.stopped_by)
