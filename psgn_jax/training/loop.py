@@ -90,7 +90,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     """
     config = config if isinstance(config, Config) else parse(config)
     workdir = pathlib.Path(workdir)
-    check_folder(workdir, "--workdir")
+    if _is_first():
+        check_folder(workdir, "--workdir")
     check_paths(config)
     mesh = step_lib.data_mesh()
     step_lib.check_batch_size(config, mesh)
