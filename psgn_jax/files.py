@@ -49,20 +49,25 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
       OSError: the disk is full.
     """
     path = pathlib.Path(folder)
-    missing = []
     try:
-        missing = [p for p in (path, *path.parents) if not p.exists()]
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path, prefix="."):
-            pass
+        try:
+            _try_folder(path)
+        except FileNotFoundError:  # another process that checks has removed it in between
+            _try_folder(path)
     except OSError as error:
         if is_disk_full(error):
             raise
-        why = getattr(error, "strerror", None) or error
-        if isinstance(error, FileExistsError):
-            why = "it is a file"
+        why = "it is a file" if isinstance(error, FileExistsError) else error.strerror or error
         shown = f"{path}" if len(f"{path}") <= 80 else f"{path}"[:77] + "..."
         raise UserError(f"{name}={shown}: {why}; expected a folder for files") from error
+
+
+def _try_folder(path: pathlib.Path) -> None:
+    missing = [p for p in (path, *path.parents) if not p.exists()]
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path, prefix="."):
+            pass
     finally:
         for created in missing:
             with contextlib.suppress(OSError):

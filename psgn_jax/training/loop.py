@@ -95,7 +95,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     group = processes.current()
     with contextlib.ExitStack() as stack:
         with group.agreement():
-            check_folder(workdir, "--workdir")
+            if group.is_first:
+                check_folder(workdir, "--workdir")
             check_paths(config)
             mesh = step_lib.data_mesh()
             step_lib.check_batch_size(config, mesh)

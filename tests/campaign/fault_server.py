@@ -23,7 +23,7 @@ from psgn_jax.files import write_atomic
 from psgn_jax.training.checkpoint import Checkpoints
 from psgn_jax.training.log import MetricsWriter
 
-SECONDS = 20
+SECONDS = 60
 
 
 def leaves(step):
