@@ -1,10 +1,10 @@
-"""The rendering job: a catalogue's models to a data set, in processes that may die.
+"""The rendering job: renders the models of a catalogue to a data set, in several processes.
 
-A model's samples are made in a process of a `pool.Pool` and left in a file; when all models of a
-block are there, the block becomes a shard, and when all blocks are, the data set is complete, see
-`job_folder`. What a model becomes depends on the settings and its name alone, so the data set is
-the same, byte for byte, for any number of workers, kills and parts, on a cluster, and whether it
-was made at once or has grown.
+A process of a `pool.Pool` renders the samples of a model, which are written to a file. When all
+models of a block are rendered, the block becomes a shard; when all blocks are complete, the data
+set is complete (`job_folder`). The samples of a model depend only on the settings and its name.
+Therefore the data set is identical, byte for byte, for any number of workers, restarts and parts,
+on a cluster, and whether it was rendered at once or extended.
 """
 
 import dataclasses
@@ -47,13 +47,13 @@ class Summary:
     """What came of a job.
 
     Attributes:
-      models: of the catalogue.
-      statuses: how many models ended with each status.
-      samples: in the data set.
+      models: number of models of the catalogue.
+      statuses: number of models with each status.
+      samples: number of samples in the data set.
       complete: whether all parts are done.
-      lines: the models' lines, in the catalogue's order.
-      seconds: that this call took.
-      rendered: images that this call rendered.
+      lines: lines of the models, in the order of the catalogue.
+      seconds: duration of this call.
+      rendered: number of images that this call rendered.
     """
 
     models: int
@@ -74,7 +74,7 @@ class Summary:
         return 0 if self.statuses.get("ok", 0) == self.models else 1
 
     def text(self) -> str:
-        """For people."""
+        """The summary as text."""
         passed = self.statuses.get("ok", 0)
         out = [
             f"{self.models} models: "

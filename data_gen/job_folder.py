@@ -1,4 +1,4 @@
-"""The folder of a rendering job: what it is for, what is done, and how it becomes a data set.
+"""The folder of a rendering job: its specification, its progress, and the resulting data set.
 
     <split>-<number>-<digest>.arrayrecord   samples of a block of models
     manifest.json                           the shards that readers see
@@ -6,10 +6,10 @@
     job.json                                settings, and how the models were chosen
     .work/                                  only while the job is under way
 
-A block's digest is that of the settings and of its models' names, and a shard carries it in its
-name. So a data set that grows writes new shards beside those that readers see, and the one step
-that replaces the manifest takes readers from the old state to the new one. Shards whose block stays
-as it is are kept; samples of the others are copied, not rendered again.
+The digest of a block is computed from the settings and the names of its models, and is part of the
+name of the shard. When a data set is extended, new shards are written beside the existing ones, and
+replacing the manifest switches readers to the new state atomically. Shards of unchanged blocks are
+kept; the samples of the others are copied, not rendered again.
 """
 
 import contextlib

@@ -101,6 +101,9 @@ def _run(program: str, name: str, commands: Mapping[str, Command], arguments: li
         if stopped.code == 1 and _HELP.intersection(arguments):  # absl exits with 1 after its help
             return 0
         raise
+    except KeyboardInterrupt:  # while its modules were being imported
+        sys.stderr.write("stopped by Ctrl-C\n")
+        return 130
     return 0
 
 

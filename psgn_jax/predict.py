@@ -20,6 +20,7 @@ from absl import app, flags
 from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
 from psgn_jax.config import ConfigError
 from psgn_jax.data import masks
+from psgn_jax.files import check_folder
 from psgn_jax.prediction import export
 from psgn_jax.prediction.files import predict_files
 from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
@@ -41,6 +42,7 @@ def _main(argv: Sequence[str]) -> None:
             raise ConfigError("--invert_mask: accepted with --mask=FILE|FOLDER")
         if not argv[1:]:
             raise ConfigError("no image: name files or folders")
+        check_folder(values.out, "--out")
         keep_compiled()
         network = open_network(values.workdir, values.weights, values.checkpoint)
         predictor = Predictor.from_run(network)

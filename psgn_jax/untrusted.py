@@ -89,8 +89,15 @@ def one_line(text: object) -> str:
 
 
 def message_line(error: object) -> str:
-    """An error's message as one line: its lines joined by spaces, other characters escaped."""
-    return one_line(" ".join(str(error).split())) or type(error).__name__
+    """An error's message as one line: its lines joined by spaces, other characters escaped.
+
+    Of an error of the operating system it is the file and the reason.
+    """
+    text = str(error)
+    if isinstance(error, OSError) and error.strerror:
+        named = isinstance(error.filename, str | bytes)
+        text = (f"{one_line(os.fsdecode(error.filename))}: " if named else "") + error.strerror
+    return one_line(" ".join(text.split())) or type(error).__name__
 
 
 def _refuse(constant: str) -> None:

@@ -22,7 +22,7 @@ from psgn_jax.data.dataset import ShardWriter
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.data.sources import authors, occnet, r2n2, shapenet
-from psgn_jax.files import remove_temporaries
+from psgn_jax.files import is_disk_full, remove_temporaries
 from psgn_jax.untrusted import one_line
 
 FILES_PER_SHARD = 8
@@ -257,6 +257,8 @@ def _convert_group(
                         writers[split] = stack.enter_context(writer)
                     writers[split].write(record, sample)
             except (ValueError, OSError) as error:
+                if is_disk_full(error):
+                    raise
                 messages.append(str(error))
             # An item that was not read completely is not listed in the inputs, so that the group is
             # converted again next time.

@@ -11,6 +11,7 @@ a record additionally covers the path from the encoder to the decoder.
 """
 
 import contextlib
+import errno
 import os
 import pathlib
 import threading
@@ -31,7 +32,7 @@ from psgn_jax.data.manifest import (
     save_manifest,
 )
 from psgn_jax.data.schema import RecordError, Sample
-from psgn_jax.files import file_crc32, install, remove_temporaries
+from psgn_jax.files import file_crc32, install, is_disk_full, remove_temporaries
 from psgn_jax.untrusted import kind_of
 
 # With one record per group, reading a record does not decode its neighbours. The records are
@@ -57,7 +58,8 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
 class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
     """Context that writes one shard; the file gets its name when the block ends without error.
 
-    After the block, `shard` describes the file.
+    After the block, `shard` describes the file. Where it cannot be written, for instance on a full
+    disk, `write` or the end of the block raises `OSError`, and no file is left.
     """
 
     def __init__(
@@ -80,18 +82,35 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
 
     def write(self, record: bytes, sample: Sample) -> None:
         """Appends `record`, the encoded form of `sample`."""
-        self._writer.write(record)
+        with self._os_errors():
+            self._writer.write(record)
         self.count += 1
         self._categories[sample.category] = self._categories.get(sample.category, 0) + 1
         self._fields -= {f for f in schema.OPTIONAL_FIELDS if getattr(sample, f) is None}
 
+    @contextlib.contextmanager
+    def _os_errors(self) -> Iterator[None]:
+        """Turns ArrayRecord's errors into `OSError`."""
+        try:
+            yield
+        except RuntimeError as error:
+            number = errno.ENOSPC if is_disk_full(error) else errno.EIO
+            raise OSError(number, os.strerror(number), str(self._path)) from error
+
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         """Closes the file and renames it to its name, or removes it after an error."""
-        self._writer.close()
-        if kind is not None:
+        try:
+            with self._os_errors():
+                self._writer.close()
+            if kind is None:
+                install(self._temporary, self._path)
+        except OSError:
+            if kind is None:  # else the first error is the one to report
+                raise
+        finally:
             self._temporary.unlink(missing_ok=True)
+        if kind is not None:
             return
-        install(self._temporary, self._path)
         self.shard = Shard(
             file=self._path.name,
             split=self._split,

@@ -3,6 +3,7 @@ import zlib
 
 import numpy as np
 import pytest
+from helpers.disk import without_room
 
 from psgn_jax import convert
 from psgn_jax.claims import claim
@@ -165,6 +166,21 @@ def test_a_killed_conversion_goes_on(authors_file, tmp_path, monkeypatch):
     assert calls == ["2.gz"]
     assert not refused
     assert sum(s.count for s in manifest.shards) == 96
+
+
+def test_a_full_disk_ends_a_conversion_that_goes_on_when_there_is_room(
+    authors_file, tmp_path, capsys
+):
+    source, target = tmp_path / "source", tmp_path / "target"
+    source.mkdir()
+    (source / "0.gz").write_bytes(authors_file.read_bytes())
+    command = ["authors", str(source), str(target)]
+    with without_room(20_000):
+        assert convert.main(command) == 4
+    assert capsys.readouterr().err.splitlines()[-1].startswith(f"error: {target}")
+    assert not list(target.iterdir())
+    assert convert.main(command) == 0
+    RecordReader(target, "train").verify()
 
 
 def test_conversion_after_a_source_was_removed(authors_file, tmp_path, monkeypatch):

@@ -1,0 +1,73 @@
+"""Small trainings for the parts of the campaign, and what they leave behind."""
+
+import json
+import pathlib
+
+import numpy as np
+from helpers import drawn_solids
+
+from psgn_jax.data.dataset import write_dataset
+from psgn_jax.training.checkpoint import Checkpoint, Checkpoints
+
+STEPS = 60
+# As in the tests: the trials are of files and signals, so compile fast.
+QUICK = {"XLA_FLAGS": "--xla_backend_optimization_level=0", "TF_CPP_MIN_LOG_LEVEL": "3"}
+
+
+def make_records(folder: pathlib.Path) -> pathlib.Path:
+    """Writes a small data set; returns its folder."""
+    splits = {
+        "train": drawn_solids.samples(20, seed=0, image_size=(48, 64)),
+        "validation": drawn_solids.samples(5, seed=1, image_size=(48, 64)),
+    }
+    write_dataset(folder, splits, source="solids", records_per_shard=7)
+    return folder
+
+
+def training(records: pathlib.Path, workdir: pathlib.Path, workers: int = 0) -> list[str]:
+    """Arguments of Python for the debug configuration, with many checkpoints."""
+    fields = {
+        "data.path": records,
+        "data.num_workers": workers,
+        "data.flip": True,
+        "train.steps": STEPS,
+        "train.checkpoint_every": 4,
+        "train.eval_every": 20,
+        "train.images_every": 0,
+        "eval.max_samples": 4,
+        "eval.batch_size": 4,
+    }
+    flags = [f"--config.{name}={value}" for name, value in fields.items()]
+    return ["-m", "psgn_jax.main", "--config=configs/debug.py", f"--workdir={workdir}", *flags]
+
+
+def newest(workdir: pathlib.Path) -> int:
+    """Step of the newest complete checkpoint, 0 without one."""
+    folder = workdir / "checkpoints"
+    names = [p.name for p in folder.iterdir()] if folder.is_dir() else []
+    return max((int(name) for name in names if name.isascii() and name.isdigit()), default=0)
+
+
+def last_checkpoint(workdir: pathlib.Path) -> Checkpoint | None:
+    """The newest checkpoint that can be read."""
+    return Checkpoints(workdir / "checkpoints", read_only=True).restore_newest()
+
+
+def metric_lines(workdir: pathlib.Path) -> list[dict]:
+    """Lines of metrics without the numbers that depend on the clock."""
+    entries = [json.loads(x) for x in (workdir / "metrics.jsonl").read_text().splitlines()]
+    return [{k: v for k, v in e.items() if k != "samples_per_second"} for e in entries]
+
+
+def difference(workdir: pathlib.Path, reference: pathlib.Path) -> str:
+    """How the end of a run differs from that of another; "" = not by a bit."""
+    have, want = last_checkpoint(workdir), last_checkpoint(reference)
+    if have is None or want is None or have.step != want.step:
+        return f"the last checkpoint is {have and have.step}, expected {want and want.step}"
+    for name, leaf in want.leaves.items():
+        if not np.array_equal(have.leaves[name], leaf):
+            return f"{name} differs"
+    if metric_lines(workdir) != metric_lines(reference):
+        return "the lines of metrics differ"
+    scores = [(w / "checkpoints" / "scores.json").read_text() for w in (workdir, reference)]
+    return "" if scores[0] == scores[1] else "the scores differ"

@@ -1,0 +1,92 @@
+"""Trainings that are killed at random moments, with and without worker processes.
+
+A run that was killed ends with the same bits as one that was left alone; no process outlives it,
+and no file in /dev/shm. A signal to the whole group is answered with its exit code and one line.
+"""
+
+import contextlib
+import os
+import pathlib
+import random
+import shutil
+import signal
+import time
+
+from helpers import processes
+
+from campaign import frame, runs
+
+KILLS = {
+    "SIGKILL of the trainer": (signal.SIGKILL, os.kill, {-signal.SIGKILL}),
+    "SIGTERM to the group": (signal.SIGTERM, os.killpg, {143, -signal.SIGTERM}),
+    "SIGINT to the group": (signal.SIGINT, os.killpg, {130, -signal.SIGINT}),
+}
+
+
+def _wait(moment: str, rng: random.Random, process, workdir: pathlib.Path, before: int) -> None:
+    """Waits for a moment of a training: while it starts, or some time after a checkpoint."""
+    if moment == "starting":
+        time.sleep(rng.uniform(0, 4))
+        return
+    processes.wait_until(
+        lambda: runs.newest(workdir) > before or process.poll() is not None, seconds=300
+    )
+    time.sleep(rng.uniform(0, 0.5))
+
+
+def _kill(rng, command, workdir, log, name: str) -> tuple[str, bool]:
+    """Starts a training and kills it; returns (what did not hold, whether it was killed)."""
+    number, send, codes = KILLS[name]
+    moment = rng.choice(["starting", "working", "working"])
+    start = log.stat().st_size if log.exists() else 0
+    with frame.started(command, log, **runs.QUICK) as process:
+        _wait(moment, rng, process, workdir, runs.newest(workdir))
+        files = processes.shared_memory(process.pid)
+        with contextlib.suppress(ProcessLookupError):
+            send(process.pid, number)
+        code = process.wait(300)
+        ended = processes.wait_until(lambda: not processes.of_group(process.pid), 30)
+    if not ended:
+        return f"{name} while {moment}: processes live on", True
+    if left := [f for f in files if pathlib.Path("/dev/shm", f).exists()]:
+        return f"{name} while {moment}: {len(left)} files in /dev/shm", True
+    if code == 0:
+        return "", False
+    text = log.read_bytes()[start:].decode(errors="replace")
+    # A signal in the first second meets Python's own handlers, and their traceback.
+    if code not in codes or ("Traceback" in text and code > 0):
+        return f"{name} while {moment}: exit code {code}: {text[-500:]}", True
+    return "", True
+
+
+def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[frame.Finding]:
+    """The part of the campaign; see the module."""
+    records = runs.make_records(folder / "records")
+    log = folder / "log"
+    reference = folder / "reference"
+    ended = frame.run(runs.training(records, reference), log, 600, **runs.QUICK)
+    if ended.code:
+        return [frame.Finding("an undisturbed training", 1, 0, [ended.text[-2000:]])]
+    findings = {
+        (name, workers): frame.Finding(f"{name}, {workers} workers: no process, no memory left")
+        for name in KILLS
+        for workers in (0, 2)
+    }
+    ends = frame.Finding("a run after kills: same bits as undisturbed")
+    number = 0
+    while not number or time.monotonic() < deadline:
+        number += 1
+        workdir = folder / f"run{number}"
+        for _ in range(rng.randint(1, 4)):
+            workers, name = rng.choice([0, 2]), rng.choice(list(KILLS))
+            command = runs.training(records, workdir, workers)
+            wrong, killed = _kill(rng, command, workdir, log, name)
+            if killed:
+                findings[name, workers].add(wrong and f"run {number}: {wrong}")
+        command = runs.training(records, workdir, rng.choice([0, 2]))
+        ended = frame.run(command, log, 600, **runs.QUICK)
+        wrong = runs.difference(workdir, reference) if not ended.code else ended.text[-500:]
+        ends.add(wrong and f"run {number}: {wrong}")
+        if not wrong:
+            shutil.rmtree(workdir)
+    return [ends, *(finding for finding in findings.values() if finding.tried)]
