@@ -329,7 +329,7 @@ def from_json(text: str) -> Config:
     try:
         raw = parse_json(text)
     except ValueError as error:
-        raise ConfigError(f"expected JSON: {error}") from None
+        raise ConfigError(f"it is not JSON: {error}") from None
     return parse(raw)
 
 
