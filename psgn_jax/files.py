@@ -3,9 +3,12 @@
 import math
 import os
 import pathlib
+import re
 import zlib
 from collections.abc import Mapping
 from typing import Any
+
+_TEMPORARY = re.compile(r"\..+\.[0-9]+\.tmp", re.DOTALL)
 
 
 def cache_folder() -> pathlib.Path:
@@ -44,6 +47,13 @@ def install(temporary: pathlib.Path, path: pathlib.Path) -> None:
         os.fsync(file.fileno())
     temporary.replace(path)
     _sync_directory(path.parent)
+
+
+def remove_temporaries(folder: pathlib.Path) -> None:
+    """Removes what writers that were killed left in a folder: `.NAME.PID.tmp`."""
+    for path in folder.glob(".*.tmp"):
+        if _TEMPORARY.fullmatch(path.name):
+            path.unlink(missing_ok=True)
 
 
 def file_crc32(path: pathlib.Path) -> int:

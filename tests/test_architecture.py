@@ -14,7 +14,8 @@ DATA_GEN = ROOT / "data_gen"
 # From the bottom to the top. A module may import from its own layer and from the ones above it
 # in this list, never from one below. The longest matching prefix decides.
 LAYERS: list[tuple[str, ...]] = [
-    ("psgn_jax", "psgn_jax.types", "psgn_jax.structured", "psgn_jax.files"),
+    ("psgn_jax", "psgn_jax.types", "psgn_jax.structured", "psgn_jax.files",
+     "psgn_jax.untrusted", "psgn_jax.claims"),
     ("psgn_jax.config", "psgn_jax.data_config", "psgn_jax.data.schema", "psgn_jax.data.codec",
      "psgn_jax.data.manifest", "psgn_jax.data.dataset",
      "psgn_jax.data.camera"),
@@ -60,6 +61,8 @@ DATA_GEN_MAY_IMPORT = {
     "psgn_jax.types",
     "psgn_jax.files",
     "psgn_jax.structured",
+    "psgn_jax.untrusted",
+    "psgn_jax.claims",
     "psgn_jax.data",
     "psgn_jax.data.schema",
     "psgn_jax.data.codec",

@@ -24,8 +24,10 @@ from psgn_jax.files import write_atomic
 from psgn_jax.metrics import table
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.models.point_layout import branch_of_point
+from psgn_jax.training import processes
 from psgn_jax.training.run_folder import load_config
 from psgn_jax.viewing import report as report_lib
+from psgn_jax.viewing.collected import Collector
 from psgn_jax.weights.opening import open_network, weights_path
 
 FRAMES = ("keep", "place")
@@ -72,7 +74,7 @@ def evaluate_run(
         named = dataclasses.replace(config.data, path=data, eval_path="")
         config = dataclasses.replace(config, data=named)
     check_paths(config)
-    config = with_default_data(config)
+    config = processes.current().first_then_others(lambda: with_default_data(config))
     split = split or config.data.eval_split
     if draws:
         require_points_task(config, "--draws")
@@ -90,6 +92,8 @@ def evaluate_run(
     result = task.evaluate(run.params, split=split, on_batch=on_batch, chosen=run.scores, **options)
     name = f"{workdir}/eval_{split}_{checkpoint}" if workdir else f"eval_{run.source}_{split}"
     folder = pathlib.Path(out or name + ("_placed" if frame == "place" else ""))
+    if not processes.current().is_first:
+        return result
     write_atomic(folder / "table.txt", table.text(result))
     write_atomic(folder / "table.csv", table.csv_text(result))
     write_atomic(folder / "samples.csv", table.samples_csv(result))
@@ -125,14 +129,14 @@ def report_runs(
         different samples.
     """
     runs: list[Any] = []
-    samples: list[Any] = []
+    samples: Sequence[Any] = ()
     if weights and None not in workdirs:
         raise ConfigError(f"--weights={weights}: accepted without --workdir (one network)")
     configs = [load_config(w) if w else open_network(None, weights).config for w in workdirs]
     for config in configs:
         require_points_task(config, "--report")
     for number, (workdir, config) in enumerate(zip(workdirs, configs, strict=True)):
-        collector = report_lib.Collector()
+        collector = Collector(folder)
         own = options if not number else options | {"out": None}
         given = None if workdir else weights
         result = evaluate_run(workdir, weights=given, on_batch=collector, **own)
