@@ -14,7 +14,7 @@ const state = { name: "", clouds: [], sample: 0, about: null, request: 0 };
 
 const network = new Asked("network_worker.js"), segmenter = new Asked("segment_worker.js");
 const viewer = new Viewer($("cloud"));
-const editor = new Editor($("photo"), { onchange: maskChanged, snap });
+const editor = new Editor($("photo"), { onchange: maskChanged, snap: (photo, hints) => snap(photo, hints).catch(complain) });
 
 // --- words -------------------------------------------------------------------------------------
 
@@ -110,7 +110,7 @@ const predict = guarded(async () => {
   }
   say("Predicting", true);
   const about = await ready;
-  if (!about) return;
+  if (!about) throw state.broken;
   const view = place(photo, mask, about), inputs = networkInputs(view, about);
   const count = about.random_size ? Math.min(SAMPLES, about.latents.length) : 1;
   const { points } = await network.ask({ inputs, first: 0, count });
@@ -260,8 +260,8 @@ const ready = network.answer("loaded").then(({ about }) => {
   describe(about);
   return about;
 }).catch(error => {
+  state.broken = error;
   complain(error);
-  document.body.classList.add("broken");
   return null;
 });
 
