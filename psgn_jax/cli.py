@@ -33,6 +33,7 @@ COMMANDS: Mapping[str, Command] = {
     "export": Command(
         "psgn_jax.export_network", "a network for other programs: ONNX and StableHLO files"
     ),
+    "page": Command("psgn_jax.page.__main__", "a web page that runs a network in the browser"),
     "convert": Command("psgn_jax.convert", "published data sets to records"),
     "inspect": Command("psgn_jax.inspect", "check a folder of records and show some samples"),
     "render": Command("data_gen.render", "meshes or procedural models to records"),

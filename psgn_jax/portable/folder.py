@@ -53,7 +53,15 @@ class ExportError(UserError):
     """A network that cannot be written for other programs, or comes out wrong."""
 
 
-def write_folder(
+def write_folder(run: Run, out: str | os.PathLike[str], **options: Any) -> dict[str, Any]:
+    """`write_network`, with a README and examples; returns the content of `network.json`."""
+    write_network(run, out, **options)
+    description: dict[str, Any] = json.loads((pathlib.Path(out) / "network.json").read_text())
+    _write_texts(pathlib.Path(out), description)
+    return description
+
+
+def write_network(
     run: Run,
     out: str | os.PathLike[str],
     *,
@@ -63,8 +71,8 @@ def write_folder(
     split: str = "validation",
     images: int = 64,
     sources: Sequence[Mapping[str, Any]] = (),
-) -> dict[str, Any]:
-    """Writes a network as ONNX and StableHLO files with a description.
+) -> list[str]:
+    """Writes a network as ONNX and StableHLO files, `network.json`, and `JAVASCRIPT`.
 
     Every file is run and compared with JAX before it is written.
 
@@ -79,7 +87,7 @@ def write_folder(
       sources: data and licences of the weights (`weights.file.read_sources`).
 
     Returns:
-      the content of `network.json`.
+      names of the files.
 
     Raises:
       ConfigError: packages are missing, or an argument is wrong.
@@ -112,8 +120,10 @@ def write_folder(
         _require_agreement("float32", result)
         _write(pathlib.Path(out) / STABLEHLO_NAME, content, files, result, weights="float32")
     description["files"] = files
-    _write_texts(pathlib.Path(out), description)
-    return description
+    write_atomic(pathlib.Path(out) / "network.json", json.dumps(description, indent=1) + "\n")
+    for name in JAVASCRIPT:
+        write_atomic(pathlib.Path(out) / name, (TEMPLATES / name).read_text())
+    return [*files, "network.json", *JAVASCRIPT]
 
 
 def onnx_content(network: PortableNetwork, stored: str, texts: Mapping[str, str]) -> bytes:
@@ -208,7 +218,6 @@ def summary(result: check_lib.Check) -> str:
 
 
 def _write_texts(out: pathlib.Path, description: Mapping[str, Any]) -> None:
-    write_atomic(out / "network.json", json.dumps(description, indent=1) + "\n")
     height, width = description["image_size"]
     values = {
         "name": description["name"] or "network",
@@ -237,8 +246,6 @@ def _write_texts(out: pathlib.Path, description: Mapping[str, Any]) -> None:
     for source in sorted(TEMPLATES.glob("*.txt")):
         text = string.Template(source.read_text()).substitute(values)
         write_atomic(out / source.stem, text)
-    for name in JAVASCRIPT:
-        write_atomic(out / name, (TEMPLATES / name).read_text())
 
 
 def _check_text(row: Mapping[str, Any]) -> str:

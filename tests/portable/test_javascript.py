@@ -1,62 +1,23 @@
 """Framing, normal form and colours in JavaScript: the same pixels and points as in Python."""
 
-import base64
-import json
-import shutil
-import subprocess
-
 import numpy as np
 import pytest
-from helpers import drawn_solids
+from helpers import drawn_solids, javascript
 from PIL import Image
 
 from psgn_jax.data import camera, framing, resize
 from psgn_jax.portable import folder
 from psgn_jax.prediction import export
 
-NODE = shutil.which("node")
-pytestmark = pytest.mark.skipif(NODE is None, reason="no node")
+MODULES = {
+    "framing": folder.TEMPLATES / "framing.js",
+    "resample": folder.TEMPLATES / "resample.js",
+}
+pytestmark = pytest.mark.skipif(javascript.NODE is None, reason="no node")
 
 
-def node(body, **values):
-    """Runs the body of an async function of `input` and the modules; returns its result.
-
-    Arrays are passed as {base64, shape} and come back as flat lists.
-    """
-
-    def plain(value):
-        if isinstance(value, np.ndarray):
-            data = np.ascontiguousarray(value).astype(
-                np.float32 if value.dtype.kind == "f" else np.uint8
-            )
-            kind = "Float32Array" if value.dtype.kind == "f" else "Uint8Array"
-            return {"kind": kind, "base64": base64.b64encode(data.tobytes()).decode()}
-        if isinstance(value, list | tuple):
-            return [plain(v) for v in value]
-        return {k: plain(v) for k, v in value.items()} if isinstance(value, dict) else value
-
-    code = f"""
-import * as framing from {json.dumps((folder.TEMPLATES / "framing.js").as_uri())};
-import * as resample from {json.dumps((folder.TEMPLATES / "resample.js").as_uri())};
-import fs from "node:fs";
-const input = JSON.parse(fs.readFileSync(0), (_, v) => {{
-  if (!v || !v.kind) return v;
-  const bytes = Buffer.from(v.base64, "base64");
-  const copy = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length);
-  return v.kind === "Float32Array" ? new Float32Array(copy) : new Uint8Array(copy);
-}});
-const result = await (async () => {{ {body} }})();
-process.stdout.write(JSON.stringify(result, (_, v) => ArrayBuffer.isView(v) ? Array.from(v) : v));
-"""
-    done = subprocess.run(
-        [NODE, "--input-type=module", "-e", code],
-        input=json.dumps(plain(values)),
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+def run_node(body, **values):
+    return javascript.node(body, MODULES, **values)
 
 
 def about(image_size=(96, 128)):
@@ -93,7 +54,7 @@ def test_views_are_the_same_to_the_last_pixel():
         for image, mask in cases
     ]
     body = "return input.cases.map(c => framing.place(c.photo, c.mask, input.about));"
-    results = node(body, cases=given, about=about())
+    results = run_node(body, cases=given, about=about())
     placed = set()
     for (image, mask), result in zip(cases, results, strict=True):
         view = framing.place(image, mask, move=not framing.is_framed(image))
@@ -113,7 +74,7 @@ def test_inputs_at_the_size_of_the_network(size):
     image = rng.integers(0, 256, (192, 256, 3), dtype=np.uint8)
     mask = rng.random((192, 256)) < 0.5
     view = {"rgb": image, "mask": mask}
-    result = node(
+    result = run_node(
         "return framing.networkInputs(input.view, input.about);", view=view, about=about(size)
     )
     own = np.reshape(result["image"], (*size, 3))
@@ -130,7 +91,7 @@ def test_inputs_at_the_size_of_the_network(size):
 @pytest.mark.parametrize("factors", [(2, 2), (3, 3), (4, 2), (1, 3), (7, 5)])
 def test_blocks_are_averaged_as_by_pillow(factors):
     image = np.random.default_rng(2).integers(0, 256, (83, 61, 3), dtype=np.uint8)
-    result = node(
+    result = run_node(
         "return resample.reduce(input.image, 61, 83, 3, ...input.factors);",
         image=image,
         factors=factors,
@@ -142,7 +103,7 @@ def test_blocks_are_averaged_as_by_pillow(factors):
 
 def test_enlarged_as_by_pillow():
     levels = np.random.default_rng(3).integers(0, 2, (37, 52), dtype=np.uint8) * np.uint8(255)
-    result = node("return resample.resize(input.levels, 52, 37, 1, 150, 111);", levels=levels)
+    result = run_node("return resample.resize(input.levels, 52, 37, 1, 150, 111);", levels=levels)
     expected = np.asarray(Image.fromarray(levels).resize((150, 111), Image.Resampling.BILINEAR))
     np.testing.assert_array_equal(np.reshape(result, (111, 150)), expected)
 
@@ -156,7 +117,7 @@ const view = { rgb: input.image, mask: input.mask };
 return [framing.normalForm(input.points), framing.coloursFromView(input.points, view, input.about)];
 """
     given = {"points": points, "image": view.image, "mask": view.mask, "about": about()}
-    normal, colours = node(body, **given)
+    normal, colours = run_node(body, **given)
     scale, shift = framing.normal_form(points)
     np.testing.assert_allclose(normal["scale"], scale, rtol=1e-7)
     np.testing.assert_allclose(normal["shift"], shift, atol=1e-7)
@@ -179,7 +140,7 @@ return input.masks.map(m => {
 });
 """
     empty = np.zeros((40, 40), bool)
-    results = node(body, photo=photo, masks=[empty, small], about=about())
+    results = run_node(body, photo=photo, masks=[empty, small], about=about())
     assert results == [
         [True, "The mask is empty: paint the object first."],
         [True, "The object is 6 x 3 pixels; it has to have 8 or more."],

@@ -1,0 +1,57 @@
+"""A web page that runs a network in the browser: `python -m psgn_jax.page --out=FOLDER`.
+
+The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either the one that
+comes with the package. The folder is served by any file server, such as `python -m http.server`,
+and needs no network: photos are read, masked and predicted on the visitor's device. ONNX Runtime
+Web is fetched by npm the first time and kept in the cache folder; `--runtime=FOLDER|TGZ` takes it
+from elsewhere. Needs the extra `export`. Exit code: 0 done, 2 an error, in one line.
+"""
+
+import sys
+from collections.abc import Sequence
+
+from absl import app, flags
+
+from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
+from psgn_jax.config import ConfigError
+from psgn_jax.page.build import build_page
+from psgn_jax.portable.runtime import require_packages
+from psgn_jax.weights.opening import open_network, sources_of
+
+
+def _main(argv: Sequence[str]) -> None:
+    log_to_terminal()
+    values = flags.FLAGS
+    with exit_on_user_error():
+        if argv[1:]:
+            raise ConfigError(f"{argv[1]}: accepted: flags alone")
+        require_packages()
+        keep_compiled()
+        network = open_network(values.workdir, values.weights, values.checkpoint)
+        size = build_page(
+            network,
+            values.out,
+            weights=values.weights_as,
+            runtime=values.runtime,
+            data=values.data,
+            split=values.split,
+            sources=() if values.workdir else sources_of(values.weights or ""),
+        )
+        sys.stdout.write(
+            f"{values.out}: {size / 1e6:.1f} MB; "
+            f"look at it: python -m http.server --directory {values.out}\n"
+        )
+
+
+if __name__ == "__main__":
+    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
+    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
+    flags.DEFINE_string("out", None, "Folder for the page.", required=True)
+    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint of the run.")
+    flags.DEFINE_enum(
+        "weights_as", "float16", ["float32", "float16", "int8"], "How the page stores weights."
+    )
+    flags.DEFINE_string("runtime", "", "Folder or .tgz with onnxruntime-web; default: by npm.")
+    flags.DEFINE_string("data", "", "Folder of records to check the network's file on.")
+    flags.DEFINE_string("split", "validation", "Split of the records.")
+    app.run(_main, flags_parser=parse_flags)
