@@ -30,6 +30,9 @@ COMMANDS: Mapping[str, Command] = {
         "psgn_jax.demo", "a web page on this machine that predicts from dropped photos"
     ),
     "weights": Command("psgn_jax.weights.__main__", "list weights, or export those of a run"),
+    "export": Command(
+        "psgn_jax.export_network", "a network for other programs: ONNX and StableHLO files"
+    ),
     "convert": Command("psgn_jax.convert", "published data sets to records"),
     "inspect": Command("psgn_jax.inspect", "check a folder of records and show some samples"),
     "render": Command("data_gen.render", "meshes or procedural models to records"),

@@ -14,6 +14,7 @@ from absl import flags, logging
 
 from psgn_jax.config import ConfigError
 from psgn_jax.files import DISK_FULL, cache_folder, is_disk_full
+from psgn_jax.untrusted import message_line, one_line
 
 
 def log_to_terminal() -> None:
@@ -24,7 +25,7 @@ def log_to_terminal() -> None:
     logging.set_verbosity(logging.INFO)
     logging.set_stderrthreshold(logging.INFO)
     handler = logging.get_absl_handler()
-    handler.setFormatter(python_logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    handler.setFormatter(_OneLine("%(asctime)s %(message)s", "%H:%M:%S"))
     package = pathlib.Path(__file__).resolve().parent
     own = (f"{package}{os.sep}", f"{package.parent / 'data_gen'}{os.sep}")
     handler.addFilter(
@@ -32,6 +33,15 @@ def log_to_terminal() -> None:
             r.levelno >= python_logging.WARNING or os.path.realpath(r.pathname).startswith(own)
         )
     )
+
+
+class _OneLine(python_logging.Formatter):
+    """Escapes what names of files and models may hold; tracebacks keep their lines."""
+
+    def formatMessage(self, record: python_logging.LogRecord) -> str:  # noqa: N802
+        """The text of a record."""
+        record.message = one_line(record.message)
+        return super().formatMessage(record)
 
 
 INTERRUPTED = 130
@@ -47,18 +57,18 @@ def exit_on_user_error() -> Iterator[None]:
         exit_code = exit_code_of(error)
         if exit_code is None:
             raise
-        sys.stderr.write(f"error: {one_line(error)}\n")
+        sys.stderr.write(f"error: {error_line(error)}\n")
         sys.exit(exit_code)
     except KeyboardInterrupt:
         sys.stderr.write("stopped by Ctrl-C\n")
         sys.exit(INTERRUPTED)
 
 
-def exit_code_of(error: Exception) -> int | None:
+def exit_code_of(error: BaseException) -> int | None:
     """The exit code of a command that ends with `error`; None if the user cannot fix it.
 
     The user can fix errors with an attribute `exit_code`: `UserError`, and `RecordError`, which is
-    not a `UserError` because `data.schema` imports no other module of this package. The others are
+    not a `UserError` because `data.schema` does not need the configuration. The others are
     errors of the operating system: 2, or `DISK_FULL` where it has no room.
     """
     if is_disk_full(error):
@@ -66,14 +76,12 @@ def exit_code_of(error: Exception) -> int | None:
     return getattr(error, "exit_code", 2 if isinstance(error, OSError) else None)
 
 
-def one_line(error: Exception) -> str:
+def error_line(error: BaseException) -> str:
     """The message of an error in one line; for errors of the operating system with the file."""
     if isinstance(error, OSError) and error.strerror:
-        named = (
-            f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, str | bytes) else ""
-        )
-        return " ".join(f"{named}{error.strerror}".split())
-    return " ".join(str(error).split())
+        named = isinstance(error.filename, str | bytes)
+        return message_line((f"{os.fsdecode(error.filename)}: " if named else "") + error.strerror)
+    return message_line(error)
 
 
 def parse_flags(argv: list[str]) -> list[str]:

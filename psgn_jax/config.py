@@ -35,6 +35,7 @@ from psgn_jax.structured import (
 from psgn_jax.structured import UserError as UserError
 from psgn_jax.structured import flatten as flatten
 from psgn_jax.structured import suggestion as suggestion
+from psgn_jax.untrusted import parse_json
 
 # Adam's decay rates and the averaging rate: at 1 nothing would ever be forgotten (or learned).
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
@@ -320,8 +321,8 @@ def to_json(config: Config) -> str:
 def from_json(text: str) -> Config:
     """Reads `to_json`'s text; raises `ConfigError` for anything else."""
     try:
-        raw = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        raw = parse_json(text)
+    except ValueError as error:
         raise ConfigError(f"it is not JSON: {error}") from None
     return parse(raw)
 

@@ -83,6 +83,10 @@ class DataConfig:
       colour_jitter: strength of the change of brightness, contrast and channel gains; 0 = off.
       num_workers: decoding processes; 0 = threads in this process.
       cache: keep decoded samples in memory.
+      on_device: keep the training split in the accelerator's memory, which makes its own batches
+        (`data.on_device`): the same records in each, other draws of points and augmentations. Where
+        it does not fit, or an augmentation is not supported there (`place`, `reframe_*`, `photo`),
+        the host makes them and a line says so.
       occupancy: batches hold the solid volume too; filled in from `task`.
       train_views: images of the same model in each row of a batch, 0 = the record's own, without
         an axis of views; filled in from `task` and `voxels`.
@@ -110,6 +114,7 @@ class DataConfig:
     colour_jitter: Fraction = 0.0
     num_workers: Annotated[int, Bounds(low=0, high=256)] = 0
     cache: bool = False
+    on_device: bool = False
     occupancy: bool = dataclasses.field(default=False, metadata=DERIVED)
     train_views: int = dataclasses.field(default=0, metadata=DERIVED)
     eval_views: int = dataclasses.field(default=0, metadata=DERIVED)

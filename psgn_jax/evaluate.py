@@ -2,9 +2,11 @@
 
 Without either it evaluates the weights that come with the package. Prints the table and writes it
 into the run's folder (of weights: into `eval_<weights>_<split>`, here); `--report=DIR` also writes
-a gallery of all cases. What is measured is described in `psgn_jax.tasks.runs`.
+a gallery of all cases. Several processes (`training.launch`) share the split. What is measured is
+described in `psgn_jax.tasks.runs`.
 """
 
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -15,6 +17,8 @@ from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_term
 from psgn_jax.config import ConfigError
 from psgn_jax.metrics import table
 from psgn_jax.tasks.runs import FRAMES, evaluate_run, report_runs
+from psgn_jax.training.launch import place_of
+from psgn_jax.training.processes import joined
 
 
 def _main(argv: Sequence[str]) -> None:
@@ -26,14 +30,24 @@ def _main(argv: Sequence[str]) -> None:
             raise ConfigError(f"unexpected argument {argv[1]!r}")
         if values.compare and not values.report:
             raise ConfigError(f"--compare={values.compare}: accepted with --report=DIR")
+        place = place_of(
+            os.environ,
+            coordinator=values.coordinator,
+            num_processes=values.num_processes,
+            process_id=values.process_id,
+        )
+        if values.report and place is not None:
+            raise ConfigError(f"--report={values.report}: accepted with one process")
         names = ("weights", "checkpoint", "split", "data", "out", "draws", "frame")
         options: dict[str, Any] = {name: values[name].value for name in names}
-        if values.report:
-            workdirs = [values.workdir, *([values.compare] if values.compare else [])]
-            result = report_runs(values.report, workdirs, **options)
-        else:
-            result = evaluate_run(values.workdir, **options)
-    sys.stdout.write(table.text(result))
+        with joined(place) as group:
+            if values.report:
+                workdirs = [values.workdir, *([values.compare] if values.compare else [])]
+                result = report_runs(values.report, workdirs, **options)
+            else:
+                result = evaluate_run(values.workdir, **options)
+    if group.is_first:
+        sys.stdout.write(table.text(result))
 
 
 if __name__ == "__main__":
@@ -47,4 +61,7 @@ if __name__ == "__main__":
     flags.DEFINE_enum("frame", "keep", list(FRAMES), "Images as framed, or placed as photos are.")
     flags.DEFINE_string("report", None, "Folder for a gallery of all cases as pages.")
     flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")
+    flags.DEFINE_string("coordinator", None, "HOST:PORT of the first of several processes.")
+    flags.DEFINE_integer("num_processes", None, "Number of processes that share the split.")
+    flags.DEFINE_integer("process_id", None, "Which of them this is, from 0.")
     app.run(_main, flags_parser=parse_flags)

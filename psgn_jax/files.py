@@ -5,6 +5,7 @@ import errno
 import math
 import os
 import pathlib
+import re
 import tempfile
 import zlib
 from collections.abc import Mapping
@@ -12,10 +13,12 @@ from typing import Any
 
 from psgn_jax.structured import UserError
 
-DISK_FULL = 4
+DISK_FULL = 5
 """Exit code of commands where there was no room for what they had to write."""
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+_TEMPORARY = re.compile(r"\..+\.[0-9]+\.tmp", re.DOTALL)
 
 
 def is_disk_full(error: BaseException) -> bool:
@@ -112,6 +115,13 @@ def install(temporary: pathlib.Path, path: pathlib.Path) -> None:
         os.fsync(file.fileno())
     temporary.replace(path)
     _sync_directory(path.parent)
+
+
+def remove_temporaries(folder: pathlib.Path) -> None:
+    """Removes what writers that were killed left in a folder: `.NAME.PID.tmp`."""
+    for path in folder.glob(".*.tmp"):
+        if _TEMPORARY.fullmatch(path.name):
+            path.unlink(missing_ok=True)
 
 
 def file_crc32(path: pathlib.Path) -> int:

@@ -5,8 +5,9 @@ configuration that comes with the package (`psgn_jax.config_files`).
 
 Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same
 command goes on with a run that was stopped. Exit codes: 0 done; 2 a wrong configuration (one line
-says what) or a file that cannot be written; 3 a loss that is not finite; 4 a full disk; 143 and
-130 stopped by SIGTERM or Ctrl-C after saving.
+says what) or a file that cannot be written; 3 a loss that is not finite; 4 another process of the
+same training has ended; 5 a full disk; 143 and 130 stopped by SIGTERM or Ctrl-C after saving.
+Several processes: `training.launch`.
 """
 
 import os
@@ -27,6 +28,7 @@ from psgn_jax.command_line import (
 from psgn_jax.config import ConfigError, check_paths, parse
 from psgn_jax.config_files import with_paths
 from psgn_jax.files import check_folder
+from psgn_jax.training.launch import place_of
 
 _CONFIG = config_flags.DEFINE_config_file(
     "config", None, "A configuration: its path, or a name such as quickstart.", lock_config=True
@@ -34,6 +36,11 @@ _CONFIG = config_flags.DEFINE_config_file(
 _WORKDIR = flags.DEFINE_string(
     "workdir", None, "Folder of the run; default: runs/<name of the configuration file>."
 )
+_COORDINATOR = flags.DEFINE_string(
+    "coordinator", None, "HOST:PORT of the first of several processes that train together."
+)
+_NUM_PROCESSES = flags.DEFINE_integer("num_processes", None, "Number of these processes.")
+_PROCESS_ID = flags.DEFINE_integer("process_id", None, "Which of them this is, from 0.")
 flags.mark_flag_as_required("config")
 
 
@@ -43,17 +50,27 @@ def main(argv: Sequence[str]) -> None:
     with exit_on_user_error():
         if len(argv) > 1:
             raise ConfigError(f"unexpected argument {argv[1]!r}; a field is --config.NAME=VALUE")
-        config = parse(_config())
-        check_paths(config)
+        given = parse(_config())
+        place = place_of(
+            os.environ,
+            coordinator=_COORDINATOR.value,
+            num_processes=_NUM_PROCESSES.value,
+            process_id=_PROCESS_ID.value,
+        )
         path = config_flags.get_config_filename(flags.FLAGS["config"])
         workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
-        check_folder(workdir, "--workdir")
+        if place is None:  # several processes check it together
+            check_paths(given)
+            check_folder(workdir, "--workdir")
         # Only now, so that a wrong configuration is answered before JAX is even imported.
         keep_compiled()
         from psgn_jax.default_data import with_default_data
         from psgn_jax.training.loop import train
+        from psgn_jax.training.processes import joined
 
-        outcome = train(with_default_data(config), workdir)
+        with joined(place) as group:
+            config = group.first_then_others(lambda: with_default_data(given))
+            outcome = train(config, workdir)
     if outcome.stopped_by:
         sys.exit(128 + outcome.stopped_by)
 

@@ -14,7 +14,7 @@ import gc
 import itertools
 import os
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
 import grain
@@ -67,6 +67,11 @@ def _num_cores() -> int:
     return os.cpu_count() or 1
 
 
+def num_threads() -> int:
+    """Decoding threads of one process."""
+    return min(MAX_THREADS, _num_cores())
+
+
 def _plain(batch: Batch) -> Batch:
     return {k: np.array(v) if isinstance(v, np.ndarray) else v for k, v in batch.items()}
 
@@ -93,21 +98,21 @@ def _remove_shared_memory() -> None:
 
 
 def _iterate(
-    cfg: DataConfig, start: int, stop: int, make: Callable[[int], Batch]
+    cfg: DataConfig, numbers: range, make: Callable[[int], Batch]
 ) -> Generator[Batch, None, None]:
-    """Batches start, start + 1, ... stop - 1 in order, made ahead of their use."""
-    numbers = grain.MapDataset.range(start, stop).map(make)
+    """The batches of these numbers in order, made ahead of their use."""
+    source = grain.MapDataset.range(numbers.start, numbers.stop, numbers.step).map(make)
     if not cfg.num_workers:
-        threads = min(MAX_THREADS, _num_cores())
+        threads = num_threads()
         read = grain.ReadOptions(num_threads=threads, prefetch_buffer_size=threads + 1)
-        yield from numbers.to_iter_dataset(read)
+        yield from source.to_iter_dataset(read)
         return
     # Grain hands absl flags to its workers and fails where nobody has parsed any: in a notebook, in
     # a test, in a program without absl.
     if not flags.FLAGS.is_parsed():
         flags.FLAGS.mark_as_parsed()
     read = grain.ReadOptions(num_threads=1, prefetch_buffer_size=1)
-    dataset = numbers.to_iter_dataset(read).mp_prefetch(
+    dataset = source.to_iter_dataset(read).mp_prefetch(
         grain.MultiprocessingOptions(num_workers=cfg.num_workers, per_worker_buffer_size=2),
         worker_init_fn=workers.end_with_parent,
     )
@@ -130,6 +135,11 @@ def _check_positive(name: str, value: int) -> None:
         raise ValueError(f"{name}: got {value}, expected 1 or more")
 
 
+def _check_process(index: int, count: int) -> None:
+    if not 0 <= index < count:
+        raise ValueError(f"process_index: got {index}, expected 0 to {count - 1}")
+
+
 def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int:
     """Number of samples in a split of the training data, or of the data of the evaluation.
 
@@ -137,6 +147,17 @@ def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int
       RecordError: there is no such data set or split.
     """
     return len(_open(cfg, cfg.eval_folders if evaluation else cfg.folders, split))
+
+
+def train_order(cfg: DataConfig, seed: int) -> tuple[RecordReader | JoinedReader, Sequence[int]]:
+    """The records to train on, and which of them stands at each place: row j of step s at s B + j.
+
+    Raises:
+      RecordError: the data set is missing or damaged.
+    """
+    reader = _open(cfg, cfg.folders, cfg.train_split)
+    order_seed = int(np.random.SeedSequence([seed, ORDER]).generate_state(1)[0])
+    return reader, grain.MapDataset.range(len(reader)).seed(order_seed).shuffle().repeat()
 
 
 def train_batches(
@@ -176,20 +197,17 @@ def train_batches(
     _check_positive("batch_size", batch_size)
     if seed < 0 or start_step < 0:
         raise ValueError(f"seed {seed} and start_step {start_step}: expected 0 or more")
-    if not 0 <= process_index < process_count:
-        raise ValueError(f"process_index: got {process_index}, expected 0 to {process_count - 1}")
+    _check_process(process_index, process_count)
     if batch_size % process_count:
         raise ValueError(
             f"batch_size: got {batch_size}, expected a multiple of the {process_count} processes"
         )
-    reader = _open(cfg, cfg.folders, cfg.train_split)
+    reader, order = train_order(cfg, seed)
     local = batch_size // process_count
     rows = range(process_index * local, (process_index + 1) * local)
     models = _models(cfg, reader, train=True)
-    order_seed = int(np.random.SeedSequence([seed, ORDER]).generate_state(1)[0])
-    order = grain.MapDataset.range(len(reader)).seed(order_seed).shuffle().repeat()
     make = TrainBatch(cfg, Items(cfg, reader), order, batch_size, seed, rows, models)
-    return _iterate(cfg, start_step, sys.maxsize // batch_size, make)
+    return _iterate(cfg, range(start_step, sys.maxsize // batch_size), make)
 
 
 def eval_batches(
@@ -199,6 +217,8 @@ def eval_batches(
     batch_size: int,
     seed: int = 0,
     visible_tolerance: float = 0.0,
+    process_index: int = 0,
+    process_count: int = 1,
 ) -> Generator[Batch, None, None]:
     """Every sample of a split exactly once, in the order of the records, never augmented.
 
@@ -208,6 +228,8 @@ def eval_batches(
       batch_size: B; the last batch is padded to it with copies of the last sample.
       seed: of the choice of points.
       visible_tolerance: see `data.visibility`; 0 = visibility is not asked for.
+      process_index: yields batches number process_index, process_index + process_count, ...
+      process_count: number of processes that share the split.
 
     Yields:
       as `train_batches` with num_eval_points points, and valid bool [B] (False on padding),
@@ -221,10 +243,12 @@ def eval_batches(
       RecordError: the data set is missing or damaged, from the call or while iterating.
     """
     _check_positive("batch_size", batch_size)
+    _check_process(process_index, process_count)
     reader = _open(cfg, cfg.eval_folders, split)
     if any("depth" not in s.fields for s in reader.shards):
         visible_tolerance = 0.0
     items = Items(cfg, reader, visibility=bool(visible_tolerance))
     models = _models(cfg, reader, train=False)
     make = EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance, models)
-    return _iterate(cfg, 0, -(-len(reader) // batch_size), make)
+    num_batches = -(-len(reader) // batch_size)
+    return _iterate(cfg, range(process_index, num_batches, process_count), make)

@@ -37,15 +37,9 @@ class Assignment(NamedTuple):
     gap: Float[Array, ""]
 
 
-def _trial() -> bool:
-    from psgn_jax.losses.kernels import auction as auction_kernel
-
-    return auction_kernel.trial()
-
-
 def _for_platform(solver: Any, n: int, schedule: Schedule) -> Any:
     """The Pallas kernel where it applies (CUDA, "scaling", few enough points), else `solver`."""
-    if schedule != "scaling" or not use_kernels(_trial):
+    if schedule != "scaling" or not use_kernels():
         return solver
     # Imported here because Pallas is slow to import and not needed on a CPU.
     from psgn_jax.losses.kernels import auction as auction_kernel

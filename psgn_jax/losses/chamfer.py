@@ -89,15 +89,9 @@ def _search_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
     return from_a, index_a, from_b, index_b
 
 
-def _trial() -> bool:
-    from psgn_jax.losses.kernels import chamfer as chamfer_kernel
-
-    return chamfer_kernel.trial()
-
-
 @jax.custom_vjp
 def _nearest_both(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
-    if a.dtype == jnp.float32 and use_kernels(_trial):
+    if a.dtype == jnp.float32 and use_kernels():
         # Imported here because Pallas is slow to import and not needed on a CPU.
         from psgn_jax.losses.kernels import chamfer as chamfer_kernel
 

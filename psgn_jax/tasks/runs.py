@@ -24,8 +24,10 @@ from psgn_jax.files import check_folder, write_atomic
 from psgn_jax.metrics import table
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.models.point_layout import branch_of_point
+from psgn_jax.training import processes
 from psgn_jax.training.run_folder import load_config
 from psgn_jax.viewing import report as report_lib
+from psgn_jax.viewing.collected import Collector
 from psgn_jax.weights.opening import open_network, weights_path
 
 FRAMES = ("keep", "place")
@@ -72,7 +74,7 @@ def evaluate_run(
         named = dataclasses.replace(config.data, path=data, eval_path="")
         config = dataclasses.replace(config, data=named)
     check_paths(config)
-    config = with_default_data(config)
+    config = processes.current().first_then_others(lambda: with_default_data(config))
     split = split or config.data.eval_split
     if draws:
         require_points_task(config, "--draws")
@@ -91,6 +93,8 @@ def evaluate_run(
     task = tasks.create(config, workdir or "")
     options = {"draws": draws} if draws else {}
     result = task.evaluate(run.params, split=split, on_batch=on_batch, chosen=run.scores, **options)
+    if not processes.current().is_first:
+        return result
     write_atomic(folder / "table.txt", table.text(result))
     write_atomic(folder / "table.csv", table.csv_text(result))
     write_atomic(folder / "samples.csv", table.samples_csv(result))
@@ -126,7 +130,7 @@ def report_runs(
         different samples.
     """
     runs: list[Any] = []
-    samples: list[Any] = []
+    samples: Sequence[Any] = ()
     if weights and None not in workdirs:
         raise ConfigError(f"--weights={weights}: accepted without --workdir (one network)")
     check_folder(folder, "--report")
@@ -134,7 +138,7 @@ def report_runs(
     for config in configs:
         require_points_task(config, "--report")
     for number, (workdir, config) in enumerate(zip(workdirs, configs, strict=True)):
-        collector = report_lib.Collector()
+        collector = Collector(folder)
         own = options if not number else options | {"out": None}
         given = None if workdir else weights
         result = evaluate_run(workdir, weights=given, on_batch=collector, **own)

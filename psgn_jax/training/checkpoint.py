@@ -21,6 +21,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 import orbax.checkpoint as ocp
 from absl import logging
@@ -126,7 +127,8 @@ class Checkpoints:
             state=ocp.args.StandardSave(arrays), meta=ocp.args.JsonSave(document)
         )
         if self._saver is None:
-            self._saver = ocp.AsyncCheckpointer(ocp.CompositeCheckpointHandler())
+            alone = _alone()
+            self._saver = ocp.AsyncCheckpointer(_handler(alone), multiprocessing_options=alone)
         with _writing(self._directory):
             self._directory.mkdir(parents=True, exist_ok=True)
             self._saver.save(self._directory / str(step), args=items)
@@ -203,7 +205,8 @@ class Checkpoints:
         return list(self._directory.glob("*.deleting"))
 
     def _read(self, step: int, items: ocp.args.Composite) -> Any:
-        reader = ocp.Checkpointer(ocp.CompositeCheckpointHandler())
+        alone = _alone()
+        reader = ocp.Checkpointer(_handler(alone), multiprocessing_options=alone)
         try:
             return reader.restore(self._directory / str(step), args=items)
         finally:
@@ -281,6 +284,21 @@ def _writing(folder: pathlib.Path) -> Iterator[None]:
         raise CheckpointError(
             f"the checkpoint in {folder} could not be written: {_one_line(error)}"
         ) from error
+
+
+def _alone() -> ocp.options.MultiprocessingOptions:
+    """Options by which orbax does not wait for the other processes of a training."""
+    if jax.process_count() == 1:
+        return ocp.options.MultiprocessingOptions()
+    own = jax.process_index()
+    return ocp.options.MultiprocessingOptions(
+        primary_host=own, active_processes={own}, barrier_sync_key_prefix=f"process{own}"
+    )
+
+
+def _handler(alone: ocp.options.MultiprocessingOptions) -> ocp.CompositeCheckpointHandler:
+    options = ocp.CompositeOptions(multiprocessing_options=alone)
+    return ocp.CompositeCheckpointHandler(composite_options=options)
 
 
 def _one_line(error: Exception) -> str:

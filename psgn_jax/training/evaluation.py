@@ -1,7 +1,12 @@
-"""One pass over a split: every sample is predicted and counted once."""
+"""One pass over a split: every sample is predicted and counted once.
 
-from collections.abc import Callable, Sequence
-from typing import Any
+Several processes (`training.processes`) share the batches and all get the whole result.
+"""
+
+import contextlib
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -9,7 +14,9 @@ import numpy as np
 from psgn_jax.config import Config, ConfigError
 from psgn_jax.data import loader
 from psgn_jax.metrics.evaluation import Evaluation, SampleName
+from psgn_jax.training import processes
 from psgn_jax.training import step as step_lib
+from psgn_jax.training.signals import Stopped
 
 
 def evaluate_split(
@@ -34,48 +41,103 @@ def evaluate_split(
 
     Raises:
       ConfigError: if the split has no samples.
+      Stopped: if `on_batch` raises it in any process.
     """
     split = split or config.data.eval_split
-    names: list[SampleName] = []
-    num_pred = 0
-    parts: list[dict[str, np.ndarray]] = []
+    group = processes.current()
+    parts = [_Part([], {}, 0)]
     batches = loader.eval_batches(
         config.data,
         split=split,
         batch_size=config.eval.batch_size,
         seed=config.seed,
         visible_tolerance=config.eval.visible_tolerance,
+        process_index=group.index,
+        process_count=group.count,
     )
-    for index, batch in enumerate(batches):
-        points, values = eval_step(params, batch, index)
-        keep = np.flatnonzero(batch["valid"])
-        if max_samples:
-            keep = keep[: max_samples - len(names)]
-        num_pred, start = points.shape[1], index * config.eval.batch_size
-        names += [
-            SampleName(start + i, batch["category"][i], batch["model_id"][i], batch["view"][i])
-            for i in keep.tolist()
-        ]
-        parts.append({k: np.asarray(v, np.float64)[keep] for k, v in values.items()})
-        if on_batch:
-            on_batch(index, batch, np.asarray(points))
-        if max_samples and len(names) >= max_samples:
-            break
-    if not names:
+    with contextlib.closing(batches):
+        for index in itertools.count(group.index, group.count):
+            start = index * config.eval.batch_size
+            enough = bool(max_samples) and start >= max_samples
+            batch = None if enough else next(batches, None)
+            state = _DONE if batch is None else _MORE
+            if batch is not None:
+                points, values = eval_step(params, batch, index)
+                keep = np.flatnonzero(batch["valid"])[
+                    : max_samples - start if max_samples else None
+                ]
+                parts.append(_measured(batch, start, keep, points.shape[1], values))
+                try:
+                    if on_batch:
+                        on_batch(index, batch, np.asarray(points))
+                except Stopped:
+                    state = _STOPPED
+            states = group.exchange(state)
+            if _STOPPED in states:
+                raise Stopped
+            if _MORE not in states:
+                break
+    merged = _merged([_Part.of(entry) for entry in group.exchange(_merged(parts).entry())])
+    if not merged.names:
         raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
-    # JAX sorts the names; what is measured after an alignment comes last.
-    ordered = sorted(parts[0], key=lambda name: name.startswith("aligned_"))
-    merged = {k: np.concatenate([part[k] for part in parts]) for k in ordered}
-    num_points = num_pred, config.data.num_eval_points
+    num_points = merged.num_pred, config.data.num_eval_points
     return Evaluation(
         split,
-        names,
-        merged,
+        merged.names,
+        merged.metrics,
         config.eval.fscore_threshold,
         num_points,
         config.eval.visible_tolerance,
         frame=config.data.eval_frame,
     )
+
+
+# What a process says after each batch.
+_MORE, _DONE, _STOPPED = "more", "done", "stopped"
+
+
+class _Part(NamedTuple):
+    """What one process has measured: names, name of a metric -> a row for each sample."""
+
+    names: list[SampleName]
+    metrics: dict[str, np.ndarray]
+    num_pred: int
+
+    def entry(self) -> list[Any]:
+        """For `of`, in JSON."""
+        metrics = {name: values.tolist() for name, values in self.metrics.items()}
+        return [self.names, metrics, self.num_pred]
+
+    @classmethod
+    def of(cls, entry: Any) -> "_Part":
+        names, metrics, num_pred = entry
+        arrays = {name: np.array(values, np.float64) for name, values in metrics.items()}
+        return cls([SampleName(*name) for name in names], arrays, num_pred)
+
+
+def _measured(
+    batch: Any, start: int, keep: np.ndarray, num_pred: int, values: Mapping[str, Any]
+) -> _Part:
+    """The samples `keep` of a batch, which begins at sample `start` of the split."""
+    names = [
+        SampleName(start + i, batch["category"][i], batch["model_id"][i], batch["view"][i])
+        for i in keep.tolist()
+    ]
+    metrics = {name: np.asarray(rows, np.float64)[keep] for name, rows in values.items()}
+    return _Part(names, metrics, num_pred)
+
+
+def _merged(parts: Sequence[_Part]) -> _Part:
+    """All parts, the samples in the order of the records."""
+    filled = [part for part in parts if part.names]
+    if not filled:
+        return parts[0]
+    names = [name for part in filled for name in part.names]
+    order = sorted(range(len(names)), key=lambda i: names[i].record)
+    # JAX sorts the names; what is measured after an alignment comes last.
+    ordered = sorted(filled[0].metrics, key=lambda name: name.startswith("aligned_"))
+    metrics = {k: np.concatenate([part.metrics[k] for part in filled])[order] for k in ordered}
+    return _Part([names[i] for i in order], metrics, filled[0].num_pred)
 
 
 def over_devices(

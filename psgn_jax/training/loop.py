@@ -8,7 +8,7 @@ the last bit of the parameters, is what an uninterrupted run would have done on 
 import contextlib
 import pathlib
 import signal
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -27,9 +27,10 @@ from psgn_jax.config import (
     to_dict,
     to_json,
 )
-from psgn_jax.data import loader
+from psgn_jax.data import loader, on_device
 from psgn_jax.files import check_folder, write_atomic
 from psgn_jax.tasks.base import Task
+from psgn_jax.training import processes
 from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
 from psgn_jax.training.checkpoint import Checkpoint, Checkpoints
@@ -47,6 +48,7 @@ MAY_CHANGE = frozenset(
         "data.num_eval_points",
         "data.num_workers",
         "data.cache",
+        "data.on_device",
         "train.steps",
         "train.log_every",
         "train.eval_every",
@@ -90,18 +92,22 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     """
     config = config if isinstance(config, Config) else parse(config)
     workdir = pathlib.Path(workdir)
-    if _is_first():
-        check_folder(workdir, "--workdir")
-    check_paths(config)
-    mesh = step_lib.data_mesh()
-    step_lib.check_batch_size(config, mesh)
-    task = tasks.create(config, workdir)
-    task.check()
-    optimizer = state_lib.optimizer(config.optim, config.train.steps)
-    check_memory(config, lambda: task.create(optimizer))
-    sizes = _check_data(config)
-    init = _open_initial(config, workdir, task)
-    with locked(workdir) if _is_first() else contextlib.nullcontext():
+    group = processes.current()
+    with contextlib.ExitStack() as stack:
+        with group.agreement():
+            if group.is_first:
+                check_folder(workdir, "--workdir")
+            check_paths(config)
+            mesh = step_lib.data_mesh()
+            step_lib.check_batch_size(config, mesh)
+            task = tasks.create(config, workdir)
+            task.check()
+            optimizer = state_lib.optimizer(config.optim, config.train.steps)
+            check_memory(config, lambda: task.create(optimizer))
+            sizes = _check_data(config)
+            init = _open_initial(config, workdir, task)
+            if group.is_first:
+                stack.enter_context(locked(workdir))
         return _Training(config, workdir, mesh, sizes, task, init).run()
 
 
@@ -118,44 +124,43 @@ class _Training:
         init: Run | None = None,
     ) -> None:
         self._config, self._workdir, self._task, self._mesh = config, workdir, task, mesh
-        self._init = init
-        self._checkpoints = Checkpoints(workdir / "checkpoints", config.train.keep_checkpoints)
+        self._init, self._group = init, processes.current()
+        self._checkpoints = Checkpoints(
+            workdir / "checkpoints",
+            config.train.keep_checkpoints,
+            read_only=not self._group.is_first,
+        )
         self._optimizer = state_lib.optimizer(config.optim, config.train.steps)
         self._state = self._initial_state()
         self._step = self._saved = int(self._state.step)
         _describe(task.title, self._state, sizes, mesh.size, workdir, self._step)
-        self._stop = StopSignal()
+        several = self._group.count > 1
+        self._stop = processes.SharedStop(self._group, mesh) if several else StopSignal()
 
     def run(self) -> Outcome:
         """Trains to the last step, or until a signal."""
         config, start = self._config, self._step
-        if _is_first():
+        first = self._group.is_first
+        if first:
             self._task.keep_sources()
             write_atomic(self._workdir / "config.json", to_json(config))
         train_step = self._task.train_step(self._optimizer, self._mesh)
-        batches = loader.train_batches(
-            config.data,
-            batch_size=config.train.batch_size,
-            seed=config.seed,
-            start_step=start,
-            process_index=jax.process_index(),
-            process_count=jax.process_count(),
-        )
+        batches = self._batches(start)
         due = _due(config.train.eval_every, start, config)
         # What a training begins with is worth a line if it is a trained network.
         due |= bool(config.train.eval_every and self._init)
-        evaluated = start in self._checkpoints.scores or not due
-        writer = MetricsWriter(self._workdir, start, evaluated=evaluated) if _is_first() else None
+        evaluated = self._group.from_first(lambda: start in self._checkpoints.scores) or not due
+        writer = MetricsWriter(self._workdir, start, evaluated=evaluated) if first else None
         self._writer, self._log = writer, TrainingLog(config, writer, start)
         try:
             with self._stop:
                 if not evaluated:
                     self._evaluate()
                 while self._step < config.train.steps and not self._stop.signal:
-                    batch = step_lib.put_batch(next(batches), self._mesh, self._task.keys)
-                    self._state, metrics = train_step(self._state, batch)
+                    self._state, metrics = train_step(self._state, next(batches))
                     self._step += 1
                     self._log.add(self._step, metrics)
+                    self._stop.after_step()
                     self._after_step()
                 self._log.drain()
                 if self._saved < self._step:  # the signal came in `_after_step`
@@ -175,23 +180,49 @@ class _Training:
         def create() -> state_lib.TrainState:
             return self._task.create(self._optimizer)
 
-        if found := self._checkpoints.restore_newest():
-            _check_resumable(self._config, found, self._workdir)
+        if found := self._newest_checkpoint():
             try:
-                leaves = state_lib.from_named_leaves(jax.eval_shape(create), found.leaves)
+                leaves = state_lib.from_named_leaves(jax.eval_shape(create), found)
             except ValueError as error:
                 raise ConfigError(
-                    f"--workdir={self._workdir}: the checkpoint of step {found.step} does not fit "
-                    f"the network of this version: {error}"
+                    f"--workdir={self._workdir}: the newest checkpoint does not fit the network of "
+                    f"this version: {error}"
                 ) from error
-            return jax.device_put(leaves, replicated)
+            return step_lib.put_replicated(leaves, replicated)
         # Drawing each parameter is code of its own, run once: on a CPU, compiling it with full
         # optimisation takes three times as long (23 s against 7) and gains nothing.
         quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
         state = jax.jit(create, out_shardings=replicated, compiler_options=quick)()
         if self._init is None:
             return state
-        return jax.device_put(_begun_with(self._config, state, self._init.params), replicated)
+        begun = _begun_with(self._config, state, self._init.params)
+        return step_lib.put_replicated(begun, replicated)
+
+    def _newest_checkpoint(self) -> dict[str, np.ndarray] | None:
+        """The leaves of the newest checkpoint, which the first process reads."""
+        found = None
+        with self._group.agreement():
+            if self._group.is_first and (found := self._checkpoints.restore_newest()):
+                _check_resumable(self._config, found, self._workdir)
+        if not self._group.from_first(lambda: found is not None):
+            return None
+        return self._group.arrays_from_first(found and found.leaves)
+
+    def _batches(self, start: int) -> Generator[step_lib.Batch, None, None]:
+        """Batches on the devices, beginning with that of step `start`."""
+        config, mesh, keys = self._config, self._mesh, self._task.keys
+        arguments: dict[str, Any] = {
+            "batch_size": config.train.batch_size,
+            "seed": config.seed,
+            "start_step": start,
+            "process_index": self._group.index,
+            "process_count": self._group.count,
+        }
+        if config.data.on_device:
+            made = on_device.train_batches(config.data, mesh, keys=keys, **arguments)
+            if made is not None:
+                return made
+        return step_lib.put_batches(loader.train_batches(config.data, **arguments), mesh, keys)
 
     def _after_step(self) -> None:
         """Checkpoint, evaluation and pictures, where they are due."""
@@ -210,7 +241,8 @@ class _Training:
         self._log.drain()
         config = self._config
         meta = {"config": to_dict(config), "seed": config.seed, "data_position": self._step}
-        self._checkpoints.save(self._step, state_lib.named_leaves(self._state), meta)
+        if self._group.is_first:
+            self._checkpoints.save(self._step, state_lib.named_leaves(self._state), meta)
         self._saved = self._step
 
     def _evaluate(self) -> None:
@@ -222,10 +254,11 @@ class _Training:
                     on_batch=self._stop.check,
                 )
             except Stopped:  # the checkpoint is there; the next start begins with the evaluation
+                self._stop.settle()
                 return
             scores = {**result.means, **result.chosen}
             self._log.evaluation(self._step, scores)
-            if _is_first() and self._step:
+            if self._group.is_first and self._step:
                 self._checkpoints.score(self._step, scores)
 
     def _write_picture(self) -> None:
@@ -252,15 +285,11 @@ def _due(interval: int, step: int, config: Config) -> bool:
     return bool(interval) and step > 0 and (step % interval == 0 or step == config.train.steps)
 
 
-def _is_first() -> bool:
-    return jax.process_index() == 0
-
-
 def _local(params: Any) -> Any:
-    """Parameters on this process's devices alone: each process evaluates by itself."""
+    """Parameters on this process's devices alone: each process evaluates its own batches."""
     if jax.process_count() == 1:
         return params
-    return jax.tree.map(lambda leaf: np.asarray(leaf.addressable_data(0)), params)
+    return jax.tree.map(lambda leaf: leaf.addressable_data(0), params)
 
 
 def _open_initial(config: Config, workdir: pathlib.Path, task: Task) -> Run | None:
@@ -269,8 +298,10 @@ def _open_initial(config: Config, workdir: pathlib.Path, task: Task) -> Run | No
     Raises:
       ConfigError, CheckpointError, WeightsError: it is missing, damaged or does not fit.
     """
+    if not config.train.init:
+        return None
     checkpoints = Checkpoints(workdir / "checkpoints", read_only=True)
-    if not config.train.init or checkpoints.steps():
+    if processes.current().from_first(lambda: bool(checkpoints.steps())):
         return None
     run = initial.open_initial(config)
     optimizer = state_lib.optimizer(config.optim, config.train.steps)

@@ -27,10 +27,21 @@ class StopSignal:
     def __exit__(self, *_: object) -> None:
         self._restore()
 
+    @property
+    def arrived(self) -> bool:
+        """Whether this process has received a signal."""
+        return bool(self.signal)
+
     def check(self, *_: object) -> None:
         """Raises `Stopped` if a signal has arrived."""
-        if self.signal:
+        if self.arrived:
             raise Stopped
+
+    def after_step(self) -> None:
+        """Nothing; with several processes they agree here (`processes.SharedStop`)."""
+
+    def settle(self) -> None:
+        """Nothing, likewise."""
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self.signal = number

@@ -5,7 +5,8 @@ plain single-device computation on its share (`jax.shard_map`) and the gradients
 loops inside the losses and convolutions are never partitioned by XLA.
 """
 
-from collections.abc import Callable, Mapping
+import contextlib
+from collections.abc import Callable, Generator, Mapping
 from typing import Any, cast
 
 import jax
@@ -52,6 +53,28 @@ def put_batch(batch: Batch, mesh: Mesh, keys: tuple[str, ...]) -> dict[str, jax.
     """This process's share of a batch -> arrays split over the mesh along their first axis."""
     sharding = NamedSharding(mesh, P("data"))
     return {k: jax.make_array_from_process_local_data(sharding, batch[k]) for k in keys}
+
+
+def put_batches(
+    batches: Generator[Batch, None, None], mesh: Mesh, keys: tuple[str, ...]
+) -> Generator[dict[str, jax.Array], None, None]:
+    """`put_batch` of each of them; closing it closes `batches`."""
+    with contextlib.closing(batches):
+        for batch in batches:
+            yield put_batch(batch, mesh, keys)
+
+
+def put_replicated(tree: Any, sharding: NamedSharding) -> Any:
+    """Arrays of the host, the same in every process, on all devices of all processes."""
+    if jax.process_count() == 1:
+        return jax.device_put(tree, sharding)
+
+    # Without the comparison between processes that `jax.device_put` begins with.
+    def put(leaf: Any) -> jax.Array:
+        array = np.asarray(leaf)
+        return jax.make_array_from_callback(array.shape, sharding, lambda index: array[index])
+
+    return jax.tree.map(put, tree)
 
 
 def input_keys(config: Config) -> tuple[str, ...]:
@@ -211,7 +234,7 @@ def compile_train_step(
     """
     rate = schedule(config.optim, config.train.steps)
     replicated, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
-    frozen = jax.device_put(frozen, replicated)
+    frozen = put_replicated(frozen, replicated)
 
     def gradients(
         params: Any, frozen: Any, batch: Batch, latents: Any, replicated_inputs: Any

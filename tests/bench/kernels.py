@@ -89,7 +89,7 @@ def path(kernels, interpret):
         chamfer.select = lambda kernel, plain, *arrays: search(*arrays)
         plain = assignment._for_platform
         assignment._for_platform = lambda solver, n, schedule: (
-            solve if use_kernels(bool) else plain(solver, n, schedule)
+            solve if use_kernels() else plain(solver, n, schedule)
         )
 
 

@@ -49,7 +49,12 @@ def stack(samples):
 def train_batches(cfg, *, batch_size, seed, start_step, process_index=0, process_count=1):
     if cfg.path:
         yield from _loader("train_batches")(
-            cfg, batch_size=batch_size, seed=seed, start_step=start_step
+            cfg,
+            batch_size=batch_size,
+            seed=seed,
+            start_step=start_step,
+            process_index=process_index,
+            process_count=process_count,
         )
     step = start_step
     delay = float(os.environ.get("PSGN_STANDIN_DELAY", "0"))
@@ -57,11 +62,22 @@ def train_batches(cfg, *, batch_size, seed, start_step, process_index=0, process
         time.sleep(delay)
         rng = np.random.default_rng((seed, step))
         numbers = rng.integers(0, SIZES[cfg.train_split], batch_size)
-        yield stack([sample(cfg, n, cfg.num_points, rng) for n in numbers])
+        local = batch_size // process_count
+        rows = [sample(cfg, n, cfg.num_points, rng) for n in numbers]
+        yield stack(rows[process_index * local : (process_index + 1) * local])
         step += 1
 
 
-def eval_batches(cfg, *, split, batch_size, seed=0, visible_tolerance=0.0):
+def eval_batches(
+    cfg,
+    *,
+    split,
+    batch_size,
+    seed=0,
+    visible_tolerance=0.0,
+    process_index=0,
+    process_count=1,
+):
     if cfg.path:
         yield from _loader("eval_batches")(
             cfg,
@@ -69,10 +85,12 @@ def eval_batches(cfg, *, split, batch_size, seed=0, visible_tolerance=0.0):
             batch_size=batch_size,
             seed=seed,
             visible_tolerance=visible_tolerance,
+            process_index=process_index,
+            process_count=process_count,
         )
         return
     total = SIZES[split]
-    for start in range(0, total, batch_size):
+    for start in range(process_index * batch_size, total, process_count * batch_size):
         numbers = [min(n, total - 1) for n in range(start, start + batch_size)]
         rows = [
             sample(cfg, 1000 + n, cfg.num_eval_points, np.random.default_rng(n)) for n in numbers

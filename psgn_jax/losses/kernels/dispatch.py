@@ -2,9 +2,9 @@
 
 The environment variable `PSGN_KERNELS` decides:
 
-- `auto` (default): use the kernels if JAX's default backend is a GPU and the kernel computes a
-  small test problem correctly.
-- `on`: use the kernels in everything that is lowered for CUDA, without that test.
+- `auto` (default): do not use them, and say so once on a GPU. No GPU has shown yet that they are
+  right and faster (`tests/bench/gpu.py --parts b` measures it).
+- `on`: use the kernels in everything that is lowered for CUDA.
 - `off`: never use them.
 
 The plain XLA path works on every platform. It is also used for what is lowered for another platform
@@ -24,13 +24,10 @@ from psgn_jax.types import Array
 _VARIABLE = "PSGN_KERNELS"
 
 
-def use_kernels(trial: Callable[[], bool], force: bool | None = None) -> bool:
+def use_kernels(force: bool | None = None) -> bool:
     """Returns whether to trace a Pallas kernel for CUDA in addition to the plain path.
 
     Args:
-      trial: runs the kernel on a small problem and returns whether the result is correct. It is
-        called once per process, and only in mode `auto` on a GPU. If it raises or returns False, a
-        warning is logged and the plain path is used from then on.
       force: overrides the environment variable: True is `on`, False is `off`.
 
     Raises:
@@ -39,24 +36,14 @@ def use_kernels(trial: Callable[[], bool], force: bool | None = None) -> bool:
     mode = os.environ.get(_VARIABLE, "auto") if force is None else "on" if force else "off"
     if mode not in ("auto", "on", "off"):
         raise ValueError(f"{_VARIABLE}: got {mode!r}, accepted: auto, on, off")
-    if mode == "auto":
-        return jax.default_backend() == "gpu" and _passes(trial)
+    if mode == "auto" and jax.default_backend() == "gpu":
+        _say_plain()
     return mode == "on"
 
 
 @functools.cache
-def _passes(trial: Callable[[], bool]) -> bool:
-    name = trial.__module__
-    try:
-        # This is called while a loss is being traced, but the trial must run immediately.
-        with jax.ensure_compile_time_eval():
-            passed = trial()
-    except Exception as error:  # any error of the compiler: fall back to the plain path
-        logging.warning("%s: kernel not usable, using the plain path: %s", name, error)
-        return False
-    if not passed:
-        logging.warning("%s: kernel gave a wrong result, using the plain path", name)
-    return passed
+def _say_plain() -> None:
+    logging.info("losses take the plain XLA path; %s=on takes the Pallas kernels", _VARIABLE)
 
 
 def select(kernel: Callable, plain: Callable, *arguments: Array) -> Any:

@@ -105,34 +105,23 @@ def test_shard_map_lowers_for_cuda(monkeypatch):
 
 def test_kernels_are_chosen_by_the_environment(monkeypatch):
     monkeypatch.setenv("PSGN_KERNELS", "on")
-    assert dispatch.use_kernels(lambda: False)
-    assert not dispatch.use_kernels(lambda: True, force=False)
+    assert dispatch.use_kernels()
+    assert not dispatch.use_kernels(force=False)
     monkeypatch.setenv("PSGN_KERNELS", "off")
-    assert not dispatch.use_kernels(lambda: True)
-    monkeypatch.setenv("PSGN_KERNELS", "auto")
-    monkeypatch.setattr(jax, "default_backend", lambda: "cpu")
-    assert not dispatch.use_kernels(lambda: True)
-    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    assert dispatch.use_kernels(lambda: True)
+    assert not dispatch.use_kernels()
+    assert dispatch.use_kernels(force=True)
     monkeypatch.setenv("PSGN_KERNELS", "yes")
     with pytest.raises(ValueError, match="PSGN_KERNELS: got 'yes', accepted: auto, on, off"):
-        dispatch.use_kernels(lambda: True)
+        dispatch.use_kernels()
 
 
-def test_a_kernel_that_fails_is_not_used_and_said_once(monkeypatch):
-    warnings = []
-    monkeypatch.setenv("PSGN_KERNELS", "auto")
+def test_by_default_the_plain_path_is_taken_and_said_once_on_a_gpu(monkeypatch):
+    said = []
+    monkeypatch.delenv("PSGN_KERNELS", raising=False)
+    monkeypatch.setattr(dispatch.logging, "info", lambda *args: said.append(args))
+    dispatch._say_plain.cache_clear()
+    assert not dispatch.use_kernels()
+    assert not said
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    monkeypatch.setattr(dispatch.logging, "warning", lambda *args: warnings.append(args))
-
-    def broken():
-        raise RuntimeError("no such architecture")
-
-    def wrong():
-        return False
-
-    for trial in (broken, wrong):
-        assert not any(dispatch.use_kernels(trial) for _ in range(2))
-    assert len(warnings) == 2
-    # On this machine the kernels do not compile: what a GPU that Triton does not know would do.
-    assert not dispatch.use_kernels(chamfer_kernel.trial)
+    assert not any(dispatch.use_kernels() for _ in range(2))
+    assert len(said) == 1

@@ -1,0 +1,281 @@
+"""Several processes that train together, each on its own accelerators, on one or more machines.
+
+Every process runs the same program. Batches are split between them (`data.loader`), gradients are
+averaged by `training.step`. The first process alone reads and writes the folder of the run, so the
+others need not see it; all need the records. `current()` is the group of processes that this one
+belongs to, of one process unless `joined` says otherwise.
+"""
+
+import collections
+import contextlib
+import json
+import os
+import secrets
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from types import FrameType
+from typing import Any, TypeVar
+
+import jax
+import numpy as np
+from absl import logging
+from jax.sharding import Mesh, NamedSharding
+from jax.sharding import PartitionSpec as P
+
+from psgn_jax.command_line import error_line, exit_code_of
+from psgn_jax.config import ConfigError, UserError
+from psgn_jax.training import channel as channel_lib
+from psgn_jax.training.launch import Place
+from psgn_jax.training.signals import StopSignal
+
+T = TypeVar("T")
+
+EXIT_CODE = 4
+"""Of a process that ends because another one of its training has ended."""
+
+_INITIALIZE_SECONDS = 300
+_NEWS_SECONDS = 5.0
+
+
+class OtherProcessError(UserError):
+    """Another process has found something wrong, which it reports itself."""
+
+    def __init__(self, line: str, exit_code: int) -> None:
+        super().__init__(line)
+        self.exit_code = exit_code
+
+
+class Group:
+    """The processes of a training; this is number `index` of `count`."""
+
+    def __init__(
+        self, index: int = 0, count: int = 1, channel: channel_lib.Channel | None = None
+    ) -> None:
+        self.index, self.count, self._channel = index, count, channel
+        self.agreed_to_end = False
+
+    @property
+    def is_first(self) -> bool:
+        """Whether this process is the one that writes."""
+        return not self.index
+
+    def exchange(self, value: Any) -> list[Any]:
+        """The values (of JSON) of all processes, by process; every one has to call it.
+
+        Raises:
+          OtherProcessError: another process has left an `agreement` with an error instead.
+        """
+        return self._exchange({"value": value})
+
+    def _exchange(self, entry: Mapping[str, Any]) -> list[Any]:
+        if self._channel is None:
+            return [entry.get("value")]
+        entries = [json.loads(text) for text in self._channel.exchange(json.dumps(entry))]
+        for number, other in enumerate(entries):
+            if "error" in other:
+                self.agreed_to_end = True
+                if "error" in entry:  # the caller raises its own
+                    break
+                raise OtherProcessError(f"process {number}: {other['error']}", other["exit_code"])
+        return [other.get("value") for other in entries]
+
+    def wait(self) -> None:
+        """Waits until every process has come here."""
+        self.exchange(None)
+
+    @contextlib.contextmanager
+    def agreement(self) -> Iterator[None]:
+        """A part of the program that all processes leave without error, or none.
+
+        Raises:
+          OtherProcessError: there was an error in another process.
+        """
+        try:
+            yield
+        except OtherProcessError:
+            raise
+        except Exception as error:
+            code = exit_code_of(error) or 1
+            self._exchange({"error": _one_line(error), "exit_code": code})
+            raise
+        self.wait()
+
+    def from_first(self, make: Callable[[], T]) -> T:
+        """The value (of JSON) that `make` returns in the first process; it runs there alone."""
+        value: T = self.exchange(make() if self.is_first else None)[0]
+        return value
+
+    def first_then_others(self, make: Callable[[], T]) -> T:
+        """`make()`, in the first process before it begins in any other."""
+        value = make() if self.is_first else None
+        self.wait()
+        return value if self.is_first else make()  # type: ignore[return-value]
+
+    def arrays_from_first(self, arrays: Mapping[str, np.ndarray] | None) -> dict[str, np.ndarray]:
+        """The arrays that the first process gives, to the last bit; other processes give None."""
+        if self._channel is None:
+            return dict(arrays or {})
+        from jax.experimental import multihost_utils
+
+        given = arrays or {}
+        kinds: Any = self.from_first(
+            lambda: [[name, array.dtype.name, array.shape] for name, array in given.items()]
+        )
+        result: dict[str, np.ndarray] = {}
+        for name, dtype, shape in kinds:
+            own = given[name] if self.is_first else np.zeros(shape, dtype)
+            # As integers: a sum of floats with zeros would lose the sign of -0.
+            flat = np.ascontiguousarray(own).reshape(-1)
+            integers: Any = np.uint32 if flat.dtype.itemsize % 4 == 0 else np.uint8
+            sent = np.asarray(multihost_utils.broadcast_one_to_all(flat.view(integers)))
+            result[name] = sent.astype(integers).view(dtype).reshape(shape)
+        return result
+
+
+_ALONE = Group()
+_group = _ALONE
+
+
+def current() -> Group:
+    """The group of this process."""
+    return _group
+
+
+@contextlib.contextmanager
+def joined(place: Place | None) -> Iterator[Group]:
+    """Context in which `current` is the group of all processes of the training.
+
+    Has to be entered before JAX is used. With several processes, an error inside ends this process
+    after it is printed, and all others with one line that names it.
+
+    Args:
+      place: of this process; None = it is alone, and nothing happens.
+
+    Raises:
+      ConfigError: the processes do not find each other.
+    """
+    global _group
+    if place is None:
+        yield _ALONE
+        return
+    channel = _connected(place)
+    _group = group = Group(place.index, place.count, channel)
+    if not group.is_first:
+        logging.set_verbosity(logging.WARNING)  # the first process logs for all
+    try:
+        yield group
+        group.wait()
+    except BaseException as error:
+        _end_with(error, group, channel)
+    finally:
+        _group = _ALONE
+    jax.distributed.shutdown()
+    channel.leave()
+
+
+def _connected(place: Place) -> channel_lib.Channel:
+    from jax.experimental import multihost_utils
+
+    with contextlib.suppress(AttributeError):
+        # It would take SIGTERM from `StopSignal`.
+        jax.config.update("jax_enable_preemption_service", False)
+    try:
+        jax.distributed.initialize(
+            place.coordinator,
+            place.count,
+            place.index,
+            local_device_ids=place.devices,
+            cluster_detection_method="deactivate",
+            initialization_timeout=_INITIALIZE_SECONDS,
+        )
+    except RuntimeError as error:  # XLA's own, of the connection
+        raise ConfigError(
+            f"--coordinator={place.coordinator}: process {place.index} of {place.count} found no "
+            f"other processes there: {_one_line(error)}"
+        ) from error
+    # The port and a token, so that no stranger is taken for a process of this training.
+    listener = channel_lib.Listener() if not place.index else None
+    own = [listener.port, secrets.randbits(31)] if listener else [0, 0]
+    port, number = np.asarray(multihost_utils.broadcast_one_to_all(np.array(own, np.int32)))
+    token = f"{number:x}"
+    if listener:
+        return listener.accept(place.count, token, _end_without)
+    host = place.coordinator.rpartition(":")[0].strip("[]")
+    return channel_lib.connect((host, int(port)), place.index, token, _end_without)
+
+
+def _end_without(line: str) -> None:
+    """Ends this process because another one is lost; called from a thread."""
+    again = "; the same command goes on from the newest checkpoint"
+    os.write(2, f"error: {line}, so this process ends too{again}\n".encode())
+    os._exit(EXIT_CODE)  # the main thread may wait for ever for the lost process
+
+
+def _end_with(error: BaseException, group: Group, channel: channel_lib.Channel) -> None:
+    """Ends this process with its own error, and the others.
+
+    Not by `sys.exit`: at its end, Python would wait for the other processes.
+    """
+    code = exit_code_of(error)
+    known, code = code is not None, code or 1
+    if isinstance(error, OtherProcessError):
+        pass  # it is reported there
+    elif isinstance(error, SystemExit):
+        code = error.code if isinstance(error.code, int) else 1
+    elif isinstance(error, KeyboardInterrupt):
+        code = 128 + signal.SIGINT
+    elif known:
+        sys.stderr.write(f"error: {error_line(error)}\n")
+    else:
+        # Perhaps it only says that another process has ended: then that is reported instead.
+        channel.await_loss(_NEWS_SECONDS)
+        traceback.print_exception(error)
+    sys.stderr.flush()
+    if group.agreed_to_end:
+        channel.leave()
+    else:
+        channel.fail(_one_line(error) or type(error).__name__)
+    os._exit(code)
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:500]
+
+
+class SharedStop(StopSignal):
+    """`StopSignal` of several processes: `signal` is set in all of them after the same step.
+
+    Each process contributes its own signal to a maximum over the devices at every step, and reads
+    it two steps later, when the step is done anyway.
+    """
+
+    def __init__(self, group: Group, mesh: Mesh) -> None:
+        super().__init__()
+        self._group, self._own = group, 0
+        self._split = NamedSharding(mesh, P("data"))
+        self._local_devices = len(mesh.local_devices)
+        self._largest = jax.jit(jax.numpy.max, out_shardings=NamedSharding(mesh, P()))
+        self._pending: collections.deque[jax.Array] = collections.deque()
+
+    def after_step(self) -> None:
+        """Votes; every process has to call it at every step."""
+        own = np.full(self._local_devices, self._own, np.int32)
+        flags = jax.make_array_from_process_local_data(self._split, own)
+        self._pending.append(self._largest(flags))
+        if len(self._pending) > 2:
+            self.signal = int(self._pending.popleft()) or None
+
+    def settle(self) -> None:
+        """Votes at once."""
+        self.signal = max(self._group.exchange(self._own)) or None
+
+    @property
+    def arrived(self) -> bool:
+        """Whether this process has a signal, which the others may not know yet."""
+        return bool(self._own)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self._own = number
+        self._restore()
