@@ -64,7 +64,7 @@ def exit_on_user_error() -> Iterator[None]:
         sys.exit(INTERRUPTED)
 
 
-def exit_code_of(error: Exception) -> int | None:
+def exit_code_of(error: BaseException) -> int | None:
     """The exit code of a command that ends with `error`; None if the user cannot fix it.
 
     The user can fix errors with an attribute `exit_code`: `UserError`, and `RecordError` of

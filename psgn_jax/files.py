@@ -13,11 +13,13 @@ from typing import Any
 
 from psgn_jax.structured import UserError
 
-DISK_FULL = 4
+DISK_FULL = 5
 """Exit code of commands where there was no room for what they had to write."""
 
 _TEMPORARY = re.compile(r"\..+\.[0-9]+\.tmp", re.DOTALL)
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+_TEMPORARY = re.compile(r"\..+\.[0-9]+\.tmp", re.DOTALL)
 
 
 def is_disk_full(error: BaseException) -> bool:

@@ -40,10 +40,10 @@ def test_user_errors_end_in_one_line(capsys):
     [
         (FileNotFoundError(2, "No such file", "/no/such"), 2, "error: /no/such: No such file"),
         (OSError("two\nlines"), 2, "error: two lines"),
-        (OSError(errno.ENOSPC, "No space left", "/a/b"), 4, "error: /a/b: No space left"),
+        (OSError(errno.ENOSPC, "No space left", "/a/b"), 5, "error: /a/b: No space left"),
         (
             UserError(f"a page: {os.strerror(errno.EDQUOT)}"),
-            4,
+            5,
             "error: a page: Disk quota exceeded",
         ),
         (KeyboardInterrupt(), 130, "stopped by Ctrl-C"),

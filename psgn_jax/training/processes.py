@@ -24,6 +24,7 @@ from absl import logging
 from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
+from psgn_jax.command_line import error_line, exit_code_of
 from psgn_jax.config import ConfigError, UserError
 from psgn_jax.training import channel as channel_lib
 from psgn_jax.training.launch import Place
@@ -96,7 +97,7 @@ class Group:
         except OtherProcessError:
             raise
         except Exception as error:
-            code = getattr(error, "exit_code", 1)
+            code = exit_code_of(error) or 1
             self._exchange({"error": _one_line(error), "exit_code": code})
             raise
         self.wait()
@@ -217,15 +218,16 @@ def _end_with(error: BaseException, group: Group, channel: channel_lib.Channel) 
 
     Not by `sys.exit`: at its end, Python would wait for the other processes.
     """
-    code = getattr(error, "exit_code", 1)
+    code = exit_code_of(error)
+    known, code = code is not None, code or 1
     if isinstance(error, OtherProcessError):
         pass  # it is reported there
     elif isinstance(error, SystemExit):
         code = error.code if isinstance(error.code, int) else 1
     elif isinstance(error, KeyboardInterrupt):
         code = 128 + signal.SIGINT
-    elif hasattr(error, "exit_code"):
-        sys.stderr.write(f"error: {_one_line(error)}\n")
+    elif known:
+        sys.stderr.write(f"error: {error_line(error)}\n")
     else:
         # Perhaps it only says that another process has ended: then that is reported instead.
         channel.await_loss(_NEWS_SECONDS)

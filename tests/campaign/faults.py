@@ -108,7 +108,7 @@ def _trial(server: Server, writer: str, name: str, at: int, folder: pathlib.Path
         return f"without a fault: {code} {text[-500:]}"
     code, _, text = server.run(writer, folder, 2, kind, error, at)
     where = f"{writer}, {name} at operation {at}: "
-    expected = {"EIO": {0, 2}, "no room": {0, 4}, "short write": {0}, "kill": {-9, 0}}[name]
+    expected = {"EIO": {0, 2}, "no room": {0, 5}, "short write": {0}, "kill": {-9, 0}}[name]
     if code not in expected:
         return f"{where}exit code {code}: {text[-600:]}"
     if "Traceback" in text:

@@ -172,7 +172,7 @@ def test_a_full_disk_ends_in_one_line_and_the_run_goes_on_when_there_is_room(
     process = command(workdir)
     wait_for(lambda: newest(workdir) >= 6, process, workdir)
     resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (2000, resource.RLIM_INFINITY))
-    assert process.wait() == 4, log_of(workdir)
+    assert process.wait() == 5, log_of(workdir)
     assert "Traceback" not in log_of(workdir)
     last = log_of(workdir).splitlines()[-1]
     assert last.startswith(f"error: {workdir}")

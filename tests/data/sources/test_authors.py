@@ -176,7 +176,7 @@ def test_a_full_disk_ends_a_conversion_that_goes_on_when_there_is_room(
     (source / "0.gz").write_bytes(authors_file.read_bytes())
     command = ["authors", str(source), str(target)]
     with without_room(20_000):
-        assert convert.main(command) == 4
+        assert convert.main(command) == 5
     assert capsys.readouterr().err.splitlines()[-1].startswith(f"error: {target}")
     assert not list(target.iterdir())
     assert convert.main(command) == 0
