@@ -5,8 +5,8 @@ configuration that comes with the package (`psgn_jax.config_files`).
 
 Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same
 command goes on with a run that was stopped. Exit codes: 0 done; 2 a wrong configuration (one line
-says what) or a file that cannot be written; 3 a loss that is not finite; 4 a full disk; 5 another
-process of the same training has ended; 143 and 130 stopped by SIGTERM or Ctrl-C after saving.
+says what) or a file that cannot be written; 3 a loss that is not finite; 4 another process of the
+same training has ended; 5 a full disk; 143 and 130 stopped by SIGTERM or Ctrl-C after saving.
 Several processes: `training.launch`.
 """
 
@@ -57,11 +57,11 @@ def main(argv: Sequence[str]) -> None:
             num_processes=_NUM_PROCESSES.value,
             process_id=_PROCESS_ID.value,
         )
-        if place is None:  # several processes check it together
-            check_paths(given)
         path = config_flags.get_config_filename(flags.FLAGS["config"])
         workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
-        check_folder(workdir, "--workdir")
+        if place is None:  # several processes check it together
+            check_paths(given)
+            check_folder(workdir, "--workdir")
         # Only now, so that a wrong configuration is answered before JAX is even imported.
         keep_compiled()
         from psgn_jax.default_data import with_default_data

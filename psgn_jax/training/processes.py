@@ -32,7 +32,7 @@ from psgn_jax.training.signals import StopSignal
 
 T = TypeVar("T")
 
-EXIT_CODE = 5
+EXIT_CODE = 4
 """Of a process that ends because another one of its training has ended."""
 
 _INITIALIZE_SECONDS = 300
