@@ -229,6 +229,10 @@ def _check_strays(model: Model) -> None:
         )
 
 
+CENTRES = ("bounds", "vertices")
+"""What of a model comes to x = y = 0, for `normalize` and `recentre`."""
+
+
 def normalize(model: Model) -> Model:
     """Moves and scales a model to the project's frame; its axes must be right already (`orient`).
 
@@ -246,7 +250,35 @@ def normalize(model: Model) -> Model:
     if not len(points):
         raise UnusableModelError("nothing of the surface exists: its textures are transparent")
     low, high = points.min(axis=0), points.max(axis=0)
-    origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+    return _with_origin(model, np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]))
+
+
+def recentre(model: Model, centre: str) -> Model:
+    """A model of `normalize` with another point at x = y = 0, scaled to radius 1 again.
+
+    "bounds" is the centre of the bounding box, which changes nothing. "vertices" is the mean of the
+    vertices, each counted once. It lies where the mesh is dense: at the head of a guitar, towards
+    the back of a chair. The authors' objects stand like this. The centre of their bounding boxes is
+    more than 0.1 from the origin in 26 % of the samples and in 18 to 23 % of furniture and
+    procedural models centred on their vertices, against 1 to 6 % of those centred on their bounds.
+
+    Args:
+      model: in the project's frame.
+      centre: one of `CENTRES`.
+
+    Raises:
+      UnusableModelError: as `normalize`.
+    """
+    if centre not in CENTRES:
+        raise ValueError(f"centre {centre!r}: expected one of {list(CENTRES)}")
+    if centre == "bounds":
+        return model
+    used = np.unique(model.vertices[np.unique(model.faces)], axis=0)
+    return _with_origin(model, np.append(used[:, :2].mean(axis=0), 0.0))
+
+
+def _with_origin(model: Model, origin: Float[np.ndarray, " 3"]) -> Model:
+    """Moves `origin` to (0, 0, 0) and scales the drawn surface to radius 1."""
 
     def distance(points: np.ndarray) -> np.ndarray:
         return np.linalg.norm(points - origin, axis=1, keepdims=True)

@@ -29,6 +29,8 @@ from data_gen.mitsuba_setup import choose_variant
 from data_gen.render_model import Context
 from data_gen.results import read_result, work_path, write_result
 from data_gen.settings import Settings
+from psgn_jax.claims import claim
+from psgn_jax.untrusted import one_line
 
 __all__ = ["REPORT", "OtherSettingsError", "Summary", "job_of", "render_catalogue"]
 
@@ -98,7 +100,7 @@ class Summary:
                 out.append(f"  {line['status']}: {line['model_id']}: {line['reason']}")
         if self.models - passed > len([o for o in out if o.startswith("  ")]):
             out.append(f"  and more: see {REPORT}")
-        return "\n".join(out)
+        return "\n".join(map(one_line, out))
 
 
 def job_of(
@@ -155,8 +157,6 @@ def render_catalogue(
 ) -> Summary:
     """Renders a catalogue to a data set; goes on with one that was begun, and lets one grow.
 
-    One function: the steps of a job, in their order.
-
     A complete data set whose models are all among those of the call grows by the others; its
     readers see the old state until the new one is complete.
 
@@ -170,7 +170,8 @@ def render_catalogue(
       render: who renders; `cluster.render_on` with an address is another.
 
     Raises:
-      ValueError: `out` holds something else, other models among them, or a setting is wrong.
+      ValueError: `out` holds something else, other models among them; another process does the
+        same part of the work there; or a setting is wrong.
       RuntimeError: Mitsuba is missing or does not run, here or where it is to.
     """
     started = time.monotonic()
@@ -182,18 +183,36 @@ def render_catalogue(
     if message:
         logging.warning("%s", message)
     job = job_of(catalogue.name, entries, options, variant.name, choice, limit)
-    if not job_folder.check(out, job):
-        # Before anything is written: what is wrong with these must not mark the folder.
-        pictures = (
-            list_pictures(options.image.background_folder)
-            if options.image.background == "folder"
-            else []
-        )
-        maps = load_maps(options.light, variant, detail=options.image.shading == "photo")
-    if job_folder.begin(out, job):
+    if job_folder.check(out, job):
+        job_folder.tidy_up(out, job)
         logging.info("%s is complete", out)
         return _summary(entries, job_folder.read_report(out), True, started, 0)
+    # Before anything is written: what is wrong with these must not mark the folder.
+    pictures = (
+        list_pictures(options.image.background_folder)
+        if options.image.background == "folder"
+        else []
+    )
+    maps = load_maps(options.light, variant, detail=options.image.shading == "photo")
     context = Context(options, catalogue.name, variant, maps, pictures)
+    with claim(out / job_folder.WORK, part):
+        if job_folder.begin(out, job):  # completed by another process since
+            return _summary(entries, job_folder.read_report(out), True, started, 0)
+        rendered = _render_part(out, job, entries, context, part, render, started)
+        lines, complete = job_folder.complete(out, job, job.blocks())
+    return _summary(entries, lines, complete, started, rendered)
+
+
+def _render_part(
+    out: pathlib.Path,
+    job: Job,
+    entries: Sequence[Entry],
+    context: Context,
+    part: tuple[int, int],
+    render: pool.Pool,
+    started: float,
+) -> int:
+    """Renders what is missing of a part of the work; returns the number of images."""
     folder = out / job_folder.WORK
     blocks = job.blocks()
     own = blocks[part[0] :: part[1]]
@@ -221,8 +240,8 @@ def render_catalogue(
     for index in [i for i in block_of if i not in fresh]:
         arrived(index)
     logging.info(
-        "%d models to do of %d, %d views each, %s", len(todo), len(entries), options.views,
-        variant.name,
+        "%d models to do of %d, %d views each, %s", len(todo), len(entries),
+        context.settings.views, context.variant.name,
     )  # fmt: skip
     rendered = refused = 0
     told = time.monotonic()
@@ -233,7 +252,8 @@ def render_catalogue(
         rendered += line["samples"]
         if line["status"] != "ok":
             refused += 1
-            logging.warning("%s: %s: %s", line["status"], line["model_id"], line["reason"])
+            what = one_line(f"{line['status']}: {line['model_id']}: {line['reason']}")
+            logging.warning("%s", what)
         now = time.monotonic()
         if now - told > 10 or done == len(todo):
             told = now
@@ -243,5 +263,4 @@ def render_catalogue(
                 done, len(todo), rendered, rendered / (now - started), refused,
                 seconds // 3600, seconds % 3600 // 60, seconds % 60,
             )  # fmt: skip
-    lines, complete = job_folder.complete(out, job, blocks)
-    return _summary(entries, lines, complete, started, rendered)
+    return rendered

@@ -12,6 +12,7 @@ that replaces the manifest takes readers from the old state to the new one. Shar
 as it is are kept; samples of the others are copied, not rendered again.
 """
 
+import contextlib
 import dataclasses
 import json
 import pathlib
@@ -25,8 +26,9 @@ from data_gen.blocks import Block, Job, Name
 from data_gen.results import pack_result, read_result, work_path, write_result
 from psgn_jax.data.codec import decode, unpack
 from psgn_jax.data.dataset import ShardWriter, read_shard
-from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
-from psgn_jax.files import write_atomic
+from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest, shard_of
+from psgn_jax.files import remove_temporaries, write_atomic
+from psgn_jax.untrusted import one_line, parse_json, read_json
 
 REPORT = "models.jsonl"
 
@@ -34,7 +36,7 @@ JOB = "job.json"
 
 WORK = ".work"
 
-_SHARD = re.compile(r"\.?[a-z0-9_]+-[0-9]{5}-[0-9a-f]{8}\.arrayrecord(\.[0-9]+\.tmp)?")
+_SHARD = re.compile(r"[a-z0-9_]+-[0-9]{5}-[0-9a-f]{8}\.arrayrecord")
 
 
 class OtherSettingsError(ValueError):
@@ -106,7 +108,7 @@ def _check_same(
 
 def _read_json(path: pathlib.Path) -> Any:
     try:
-        return json.loads(path.read_text("utf-8"))
+        return read_json(path)
     except (OSError, ValueError):
         return None
 
@@ -116,14 +118,42 @@ def _begun(out: pathlib.Path) -> tuple[Mapping[str, Any], list[Name]] | None:
     stated = _read_json(out / WORK / JOB)
     if not isinstance(stated, dict):
         return None
-    # An earlier version wrote other fields.
-    return stated, [Name(*name) for name in stated["models"]] if "job" in stated else []
+    if "job" not in stated:  # an earlier version wrote other fields
+        return stated, []
+    models = stated.get("models")
+    if not isinstance(models, list) or not all(
+        isinstance(name, list) and len(name) == 3 and all(isinstance(text, str) for text in name)
+        for name in models
+    ):
+        return None
+    return stated, [Name(*name) for name in models]
 
 
 def read_report(out: pathlib.Path) -> list[Mapping[str, Any]]:
-    """The models' lines of a complete data set."""
-    text = (out / REPORT).read_text("utf-8")
-    return [json.loads(line) for line in text.splitlines()]
+    """The models' lines of a complete data set.
+
+    Raises:
+      ValueError: the file is damaged.
+    """
+    try:
+        lines = [parse_json(line) for line in (out / REPORT).read_bytes().split(b"\n") if line]
+        if not all(map(_is_line, lines)):
+            raise ValueError("a line is not that of a model")
+    except (OSError, ValueError) as error:
+        raise ValueError(
+            f"{out / REPORT}: damaged ({one_line(error)}); render the data set again"
+        ) from None
+    return lines
+
+
+def _is_line(line: Any) -> bool:
+    """Whether a model's line has the fields that this module reads."""
+    return (
+        isinstance(line, dict)
+        and all(isinstance(line.get(k), str) for k in ("model_id", "category", "split", "status"))
+        and isinstance(line.get("samples"), int)
+        and line["samples"] >= 0
+    )
 
 
 def _names(lines: Iterable[Mapping[str, Any]]) -> list[Name]:
@@ -179,7 +209,7 @@ def check(out: pathlib.Path, job: Job) -> bool:
 def begin(out: pathlib.Path, job: Job) -> bool:
     """Makes or checks a job's folder, as `check`, and says in it what the job is."""
     if check(out, job):
-        _tidy_up(out, job)
+        tidy_up(out, job)
         return True
     begun = _begun(out)
     if begun is None or begun[1] != list(job.names):
@@ -221,11 +251,13 @@ def _note(
 def read_block(out: pathlib.Path, block: Block) -> dict[str, Any] | None:
     """What `finish_block` has said; None if the block is not done or its shard is not whole."""
     try:
-        content: dict[str, Any] = json.loads((out / WORK / block.note).read_text("utf-8"))
+        content: dict[str, Any] = read_json(out / WORK / block.note)
         shard = content["shard"]
+        if not all(map(_is_line, content["lines"])):
+            return None
         if _names(content["lines"]) != list(block.names):
             return None
-        if shard and (out / shard["file"]).stat().st_size != shard["size"]:
+        if shard and (out / shard_of(shard).file).stat().st_size != shard["size"]:
             return None
     except (OSError, ValueError, KeyError, TypeError):
         return None
@@ -281,8 +313,12 @@ def _earlier_blocks(
         yield block.shard, [by_name[name.model_id] for name in block.names]
     for path in sorted((out / WORK).glob("*-*-*.json")):
         content = _read_json(path)
-        if isinstance(content, dict) and isinstance(content.get("lines"), list):
-            yield (content["shard"] or {"file": ""})["file"], content["lines"]
+        try:
+            shard = shard_of(content["shard"]).file if content["shard"] else ""
+            if all(map(_is_line, content["lines"])):
+                yield shard, content["lines"]
+        except (ValueError, KeyError, TypeError):
+            continue  # damaged: rendered again
 
 
 def _samples(
@@ -351,23 +387,25 @@ def complete(
     manifest = Manifest(
         job.source,
         True,
-        tuple(
-            Shard(**{**s, "fields": tuple(s["fields"]), "inputs": tuple(s["inputs"])})
-            for s in shards
-        ),
+        tuple(map(shard_of, shards)),
     )
     # From here on readers see the new state.
     save_manifest(out, manifest)
-    _tidy_up(out, job)
+    tidy_up(out, job)
     return lines, True
 
 
-def _tidy_up(out: pathlib.Path, job: Job) -> None:
+def tidy_up(out: pathlib.Path, job: Job) -> None:
     """Removes what is no part of a complete data set; another part may be at the same."""
     begun = _begun(out)
-    if begun is None or begun[1] != list(job.names):
-        return  # nothing to do, or the data set is growing
+    if begun is None:
+        with contextlib.suppress(OSError):
+            (out / WORK).rmdir()  # left by a kill at the very end
+        return
+    if begun[1] != list(job.names):
+        return  # the data set is growing
     kept = {shard.file for shard in load_manifest(out).shards}
+    remove_temporaries(out)
     for path in out.iterdir():
         if _SHARD.fullmatch(path.name) and path.name not in kept:
             path.unlink(missing_ok=True)

@@ -2,35 +2,79 @@
 
 import numpy as np
 
+MOST_CORNERS = 200
+"""Corners of a polygon up to which ears are cut; above it a fan stays."""
 
-def cut_ears(outline: np.ndarray) -> np.ndarray:
-    """Triangulates a simple polygon [n, 2], counter-clockwise, by cutting ears: int [n - 2, 3].
+_BLOCK = 1 << 22  # triples of corners that are compared at a time, one byte each
 
-    A polygon that crosses itself gives some triangles, as many.
+
+def cut_ears(outlines: np.ndarray) -> np.ndarray:
+    """Triangulates simple polygons by cutting ears: int [p, n - 2, 3].
+
+    Of each polygon the first ear is cut, then the first one of the rest, and so on. A polygon that
+    crosses itself gives some triangles, as many.
+
+    Args:
+      outlines: float [p, n, 2], the corners of p polygons, counter-clockwise.
     """
-    rest = list(range(len(outline)))
-    result = []
+    count, corners = outlines.shape[:2]
+    step = max(1, _BLOCK // corners**2)
+    return np.concatenate(
+        [_cut_ears(outlines[start : start + step]) for start in range(0, max(count, 1), step)]
+    )
 
-    def cross(o: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-        return float((a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]))
 
-    while len(rest) > 3:
-        best = 0
-        for k in range(len(rest)):
-            before, here, after = rest[k - 1], rest[k], rest[(k + 1) % len(rest)]
-            a, b, c = outline[before], outline[here], outline[after]
-            if cross(a, b, c) <= 0:
-                continue
-            others = [i for i in rest if i not in (before, here, after)]
-            if not any(
-                cross(a, b, p) >= 0 and cross(b, c, p) >= 0 and cross(c, a, p) >= 0
-                for p in outline[others]
-            ):
-                best = k
-                break
-        result.append((rest[best - 1], rest[best], rest[(best + 1) % len(rest)]))
-        del rest[best]
-    return np.array([*result, tuple(rest)])
+def _cut_ears(outlines: np.ndarray) -> np.ndarray:
+    """`cut_ears` of a few polygons, one step at a time for all of them.
+
+    A corner is an ear if its triangle is convex and holds no other corner. Both change at the two
+    neighbours of a corner that was cut alone; the others lose it as a corner that they may hold.
+    """
+    count, corners = outlines.shape[:2]
+    rows = np.arange(count)
+    before = np.tile(np.roll(np.arange(corners), 1), (count, 1))
+    after = np.tile(np.roll(np.arange(corners), -1), (count, 1))
+    left = np.ones((count, corners), np.bool_)
+    convex = np.zeros((count, corners), np.bool_)
+    holds = np.zeros((count, corners, corners), np.bool_)
+
+    def look_at(corner: np.ndarray) -> None:
+        own = before[rows, corner], corner, after[rows, corner]
+        a, b, c = (outlines[rows, index][:, None] for index in own)
+        convex[rows, corner] = (_cross(a, b, c) > 0)[:, 0]
+        inside = left & (_cross(a, b, outlines) >= 0)
+        inside &= _cross(b, c, outlines) >= 0
+        inside &= _cross(c, a, outlines) >= 0
+        for index in own:
+            inside[rows, index] = False
+        holds[rows, corner] = inside
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        for corner in range(corners):
+            look_at(np.full(count, corner))
+        held = holds.sum(axis=2)
+        result = np.empty((count, corners - 2, 3), np.int64)
+        for number in range(corners - 3):
+            ears = left & convex & (held == 0)
+            ear = np.where(ears.any(axis=1), ears.argmax(axis=1), left.argmax(axis=1))
+            one, two = before[rows, ear], after[rows, ear]
+            result[:, number] = np.stack([one, ear, two], axis=1)
+            left[rows, ear] = False
+            after[rows, one], before[rows, two] = two, one
+            held -= holds[rows, :, ear]
+            for corner in (one, two):
+                look_at(corner)
+                held[rows, corner] = holds[rows, corner].sum(axis=1)
+        result[:, -1] = np.nonzero(left)[1].reshape(count, 3)
+    return result
+
+
+def _cross(o: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Twice the area of the triangles o, a, b, positive counter-clockwise."""
+    result: np.ndarray = (a[..., 0] - o[..., 0]) * (b[..., 1] - o[..., 1]) - (
+        a[..., 1] - o[..., 1]
+    ) * (b[..., 0] - o[..., 0])
+    return result
 
 
 def triangles(
@@ -60,14 +104,21 @@ def triangles(
             [np.bincount(polygon, normal[:, k], len(counts)) for k in range(3)], axis=1
         )
         turned = (normal * total[polygon]).sum(axis=1) < 0
-        for index in np.unique(polygon[turned]):
-            if counts[index] > 200:
-                continue
-            span = np.arange(start[index], start[index] + counts[index])
-            axis = int(np.abs(total[index]).argmax())
-            flat = np.delete(vertices[corners[span]], axis, axis=1)
+        concave = np.unique(polygon[turned])
+        own = np.cumsum(counts - 2) - (counts - 2)
+        for size in np.unique(counts[concave]):
+            if size > MOST_CORNERS:
+                break
+            chosen = concave[counts[concave] == size]
+            span = start[chosen, None] + np.arange(size)
+            axis = np.abs(total[chosen]).argmax(axis=1)
+            kept = np.array([[1, 2], [0, 2], [0, 1]])[axis]
+            flat = np.take_along_axis(vertices[corners[span]], kept[:, None], axis=2)
             # Dropping an axis keeps or turns the orientation.
-            if (total[index, axis] > 0) == (axis == 1):
-                flat = flat[:, ::-1]
-            result[polygon == index] = span[cut_ears(flat)]
+            over = (total[chosen, axis] > 0) == (axis == 1)
+            flat[over] = flat[over][..., ::-1]
+            ears = cut_ears(flat)
+            result[own[chosen, None] + np.arange(size - 2)] = np.take_along_axis(
+                span[:, None], ears.reshape(len(chosen), 1, -1), axis=2
+            ).reshape(ears.shape)
     return result, polygon

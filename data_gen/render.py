@@ -43,6 +43,7 @@ from data_gen import cameras, cluster, job, manual, pool, settings
 from data_gen.catalogues.by_name import CATALOGUES, open_catalogue, parse_options
 from data_gen.catalogues.choosing import Choice
 from data_gen.signals import StoppedError, stop_on_signals
+from psgn_jax.untrusted import one_line
 
 _CATALOGUE = flags.DEFINE_enum("catalogue", None, sorted(CATALOGUES), "Where the models come from.")
 _SOURCE = flags.DEFINE_string(
@@ -89,7 +90,7 @@ def _one_line(error: BaseException) -> str:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     if any(line.startswith("Traceback") for line in lines):
         return lines[-1].partition(": ")[2] or lines[-1]
-    return " ".join(lines)
+    return one_line(" ".join(lines))
 
 
 def _config_first(argv: list[str]) -> list[str]:

@@ -13,7 +13,7 @@ import scipy.spatial
 from data_gen import cameras, lights, scene, surroundings
 from data_gen.backgrounds import draw_background
 from data_gen.catalogues.entry import Entry
-from data_gen.frame import outline
+from data_gen.frame import outline, recentre
 from data_gen.mesh import UnusableModelError
 from data_gen.mitsuba_setup import Variant
 from data_gen.path_trace import path_trace
@@ -82,7 +82,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
     done: list[bytes] = []
     views = []
     try:
-        model = entry.load()
+        model = recentre(entry.load(), settings.centre)
         laps.end("load")
         line |= {
             "faces": len(model.faces),

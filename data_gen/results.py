@@ -10,6 +10,7 @@ import msgpack
 
 from data_gen.catalogues.entry import Entry
 from psgn_jax.files import write_atomic
+from psgn_jax.untrusted import parse_json
 
 
 def work_path(folder: pathlib.Path, model_id: str) -> pathlib.Path:
@@ -49,7 +50,7 @@ def read_result(path: pathlib.Path) -> tuple[dict[str, Any], list[bytes]]:
     """
     try:
         content = msgpack.unpackb(path.read_bytes())
-        return json.loads(content["line"]), list(content["records"])
+        return parse_json(content["line"]), list(content["records"])
     except Exception as error:
         # msgpack has many ways to fail.
         raise ValueError(f"{path}: damaged ({error})") from error

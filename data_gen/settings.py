@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from data_gen import cameras, grounds
+from data_gen import cameras, frame, grounds
 from data_gen.cameras import CameraSettings
 from data_gen.lights import LightSettings
 from data_gen.photo.film import FilmSettings
@@ -142,6 +142,7 @@ class Settings:
     Attributes:
       seed: of everything random; a model's own seed is made of this and its name.
       views: images of each model.
+      centre: what of a model comes to x = y = 0: "bounds" or "vertices", see `frame.recentre`.
       num_points: surface points of each sample.
       point_bits: resolution of the stored points, see `psgn_jax.data.codec`.
       models_per_shard: models in one file of records.
@@ -150,6 +151,7 @@ class Settings:
 
     seed: int = 0
     views: int = 4
+    centre: str = "bounds"
     num_points: int = 16384
     point_bits: int = 12
     models_per_shard: int = 128
@@ -164,6 +166,7 @@ class Settings:
         """Checks the fields."""
         _between("seed", self.seed, 0, 2**63)
         _between("views", self.views, 1, 10_000)
+        _one_of("centre", self.centre, frame.CENTRES)
         _between("num_points", self.num_points, 1, 1 << 20)
         _between("point_bits", self.point_bits, 1, 16)
         _between("models_per_shard", self.models_per_shard, 1, 100_000)

@@ -30,6 +30,9 @@ COMMANDS: Mapping[str, Command] = {
         "psgn_jax.demo", "a web page on this machine that predicts from dropped photos"
     ),
     "weights": Command("psgn_jax.weights.__main__", "list weights, or export those of a run"),
+    "export": Command(
+        "psgn_jax.export_network", "a network for other programs: ONNX and StableHLO files"
+    ),
     "convert": Command("psgn_jax.convert", "published data sets to records"),
     "inspect": Command("psgn_jax.inspect", "check a folder of records and show some samples"),
     "render": Command("data_gen.render", "meshes or procedural models to records"),
@@ -98,6 +101,9 @@ def _run(program: str, name: str, commands: Mapping[str, Command], arguments: li
         if stopped.code == 1 and _HELP.intersection(arguments):  # absl's code after its help
             return 0
         raise
+    except KeyboardInterrupt:  # while its modules were being imported
+        sys.stderr.write("stopped by Ctrl-C\n")
+        return 130
     return 0
 
 

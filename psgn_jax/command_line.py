@@ -13,7 +13,8 @@ from collections.abc import Iterator
 from absl import flags, logging
 
 from psgn_jax.config import ConfigError
-from psgn_jax.files import cache_folder
+from psgn_jax.files import DISK_FULL, cache_folder, is_disk_full
+from psgn_jax.untrusted import message_line, one_line
 
 
 def log_to_terminal() -> None:
@@ -24,7 +25,7 @@ def log_to_terminal() -> None:
     logging.set_verbosity(logging.INFO)
     logging.set_stderrthreshold(logging.INFO)
     handler = logging.get_absl_handler()
-    handler.setFormatter(python_logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    handler.setFormatter(_OneLine("%(asctime)s %(message)s", "%H:%M:%S"))
     package = pathlib.Path(__file__).resolve().parent
     own = (f"{package}{os.sep}", f"{package.parent / 'data_gen'}{os.sep}")
     handler.addFilter(
@@ -34,22 +35,45 @@ def log_to_terminal() -> None:
     )
 
 
+class _OneLine(python_logging.Formatter):
+    """Escapes what names of files and models may hold; tracebacks keep their lines."""
+
+    def formatMessage(self, record: python_logging.LogRecord) -> str:  # noqa: N802
+        """The text of a record."""
+        record.message = one_line(record.message)
+        return super().formatMessage(record)
+
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, that of shells."""
+
+
 @contextlib.contextmanager
 def exit_on_user_error() -> Iterator[None]:
-    """Turns errors that the user can fix into one line on stderr and an exit code.
-
-    These are the errors with an attribute `exit_code`: `UserError`, and `RecordError`, which is not
-    a `UserError` because `data.schema` imports no other module of this package.
-    """
+    """Turns errors that the user can fix, and Ctrl-C, into one line on stderr and an exit code."""
     try:
         yield
-    except ValueError as error:
-        exit_code = getattr(error, "exit_code", None)
+    except (ValueError, OSError) as error:
+        exit_code = exit_code_of(error)
         if exit_code is None:
             raise
-        line = " ".join(str(error).split())
-        sys.stderr.write(f"error: {line}\n")
+        sys.stderr.write(f"error: {message_line(error)}\n")
         sys.exit(exit_code)
+    except KeyboardInterrupt:
+        sys.stderr.write("stopped by Ctrl-C\n")
+        sys.exit(INTERRUPTED)
+
+
+def exit_code_of(error: Exception) -> int | None:
+    """The exit code of a command that ends with `error`; None if the user cannot fix it.
+
+    The user can fix errors with an attribute `exit_code`: `UserError`, and `RecordError` of
+    `data.schema`, which does not need the configuration. The others are errors of the operating
+    system: 2, or `DISK_FULL` where it has no room.
+    """
+    if is_disk_full(error):
+        return DISK_FULL
+    return getattr(error, "exit_code", 2 if isinstance(error, OSError) else None)
 
 
 def parse_flags(argv: list[str]) -> list[str]:

@@ -27,6 +27,7 @@ from psgn_jax.structured import (
     NonNegative,
     Positive,
     PositiveInt,
+    Size,
     build,
     to_dict,
     wrong,
@@ -34,9 +35,11 @@ from psgn_jax.structured import (
 from psgn_jax.structured import UserError as UserError
 from psgn_jax.structured import flatten as flatten
 from psgn_jax.structured import suggestion as suggestion
+from psgn_jax.untrusted import parse_json
 
 # Adam's decay rates and the averaging rate: at 1 nothing would ever be forgotten (or learned).
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
+Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
 Task = Literal["points", "refine", "volume", "views"]
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
@@ -70,17 +73,17 @@ class ModelConfig:
     """
 
     name: Literal["vanilla", "two_branch", "hourglass"] = "two_branch"
-    widths: tuple[PositiveInt, ...] = (16, 32, 64, 128, 256, 512, 512)
-    width_multiplier: Positive = 1.0
-    fc_points: Count = 256
+    widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
+    width_multiplier: Factor = 1.0
+    fc_points: Annotated[int, Bounds(low=0, high=1_000_000)] = 256
     deconv_level: Count = 3
-    deconv_channels: PositiveInt = 3
-    fc_widths: tuple[PositiveInt, ...] = (2048, 1024)
-    random_size: Count = 0
+    deconv_channels: Size = 3
+    fc_widths: tuple[Size, ...] = (2048, 1024)
+    random_size: Annotated[int, Bounds(low=0, high=1_000_000)] = 0
     random_at: Literal["bottleneck", "fc"] = "bottleneck"
     posterior: bool = False
-    posterior_widths: tuple[PositiveInt, ...] = (32, 64, 128)
-    posterior_hidden: PositiveInt = 128
+    posterior_widths: tuple[Size, ...] = (32, 64, 128)
+    posterior_hidden: Size = 128
     compute_dtype: Literal["float32", "bfloat16"] = "float32"
     image_size: tuple[int, int] = dataclasses.field(default=(192, 256), metadata=DERIVED)
     in_channels: int = dataclasses.field(default=4, metadata=DERIVED)
@@ -115,7 +118,7 @@ class LossConfig:
     l2_scale: NonNegative = 0.1
     emd_tolerance: Positive = 0.01
     emd_schedule: Literal["scaling", "authors"] = "scaling"
-    min_of_n: PositiveInt = 1
+    min_of_n: Annotated[int, Bounds(low=1, high=1000)] = 1
     kl_weight: NonNegative = 1.0
     kl_warmup_steps: Count = 0
 
@@ -170,13 +173,13 @@ class TrainConfig:
         nevertheless.
     """
 
-    batch_size: PositiveInt = 32
+    batch_size: Size = 32
     steps: PositiveInt = 300_000
     log_every: PositiveInt = 100
     eval_every: Count = 5_000
     checkpoint_every: Count = 1_000
     images_every: Count = 5_000
-    num_images: PositiveInt = 6
+    num_images: Annotated[int, Bounds(low=1, high=1000)] = 6
     keep_checkpoints: PositiveInt = 2
     init: str = ""
     init_skip: tuple[str, ...] = ()
@@ -199,7 +202,7 @@ class EvalConfig:
         prediction (`metrics.aligned`; some 35 ms of a CPU core a sample). `evaluate` always does.
     """
 
-    batch_size: PositiveInt = 32
+    batch_size: Size = 32
     max_samples: Count = 0
     fscore_threshold: Positive = 0.01
     emd_tolerance: NonNegative = 0.01
@@ -229,10 +232,10 @@ class VoxelConfig:
     from_cd: str = ""
     from_emd: str = ""
     from_volume: str = ""
-    widths: tuple[PositiveInt, PositiveInt, PositiveInt, PositiveInt, PositiveInt] = (16,) * 5
+    widths: tuple[Size, Size, Size, Size, Size] = (16,) * 5
     cell: Literal["gru", "lstm"] = "gru"
-    width_multiplier: Positive = 1.0
-    max_views: PositiveInt = 5
+    width_multiplier: Factor = 1.0
+    max_views: Annotated[int, Bounds(low=1, high=1000)] = 5
     eval_views: tuple[PositiveInt, ...] = (1, 3, 5)
 
     @property
@@ -253,7 +256,7 @@ class Config:
         from an image; "views", 3D-R2N2: a volume from one or more images.
     """
 
-    seed: Count = 0
+    seed: Annotated[int, Bounds(low=0, high=2**63 - 1)] = 0
     data: DataConfig = dataclasses.field(default_factory=DataConfig)
     model: ModelConfig = dataclasses.field(default_factory=ModelConfig)
     loss: LossConfig = dataclasses.field(default_factory=LossConfig)
@@ -318,9 +321,9 @@ def to_json(config: Config) -> str:
 def from_json(text: str) -> Config:
     """Reads `to_json`'s text; raises `ConfigError` for anything else."""
     try:
-        raw = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise ConfigError(f"config.json is not JSON: {error}") from None
+        raw = parse_json(text)
+    except ValueError as error:
+        raise ConfigError(f"it is not JSON: {error}") from None
     return parse(raw)
 
 

@@ -6,6 +6,9 @@ The files lie in `configs/` of a clone, and in `psgn_jax/configs/` of an install
 import difflib
 import pathlib
 from collections.abc import Sequence
+from typing import Any
+
+import ml_collections
 
 from psgn_jax.config import ConfigError
 
@@ -44,19 +47,55 @@ def path_of(value: str) -> str:
     )
 
 
+_WHAT = (
+    "expected a Python file with a function get_config() that returns an "
+    "ml_collections.ConfigDict, such as configs/base.py"
+)
+_LARGEST = 1_000_000
+
+
+def check_file(value: str) -> None:
+    """Checks that a file is a configuration, by loading it.
+
+    Args:
+      value: its path, possibly with a text after a colon, which is the argument of `get_config`.
+
+    Raises:
+      ConfigError: it is none, or `get_config` fails; one line that says what a configuration is.
+    """
+    given, colon, rest = value.partition(":")
+    path = pathlib.Path(given)
+    namespace: dict[str, Any] = {"__name__": "configuration", "__file__": given}
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise ValueError(f"it has more than {_LARGEST} bytes")
+        exec(compile(path.read_bytes(), given, "exec"), namespace)
+        if not callable(namespace.get("get_config")):
+            raise ValueError("it has no function get_config")
+        config = namespace["get_config"](*([rest] if colon else []))
+        if not isinstance(config, ml_collections.ConfigDict):
+            raise TypeError(f"get_config returns {type(config).__name__}")
+    except Exception as error:  # whatever a file that is no configuration raises
+        why = f"{type(error).__name__}: {error}"
+        raise ConfigError(f"--config={value} is no configuration ({why[:200]}); {_WHAT}") from error
+
+
 def with_paths(argv: Sequence[str]) -> list[str]:
     """Command-line arguments with the name after `--config` replaced by its path.
 
     Raises:
-      ConfigError: as `path_of`.
+      ConfigError: as `path_of` and `check_file`.
     """
     arguments: list[str] = []
     for argument in argv:
         flag, equals, value = argument.partition("=")
         if arguments and arguments[-1] in ("--config", "-config"):
             arguments.append(path_of(argument))
+            check_file(arguments[-1])
         elif equals and flag in ("--config", "-config"):
-            arguments.append(f"{flag}={path_of(value)}")
+            path = path_of(value)
+            check_file(path)
+            arguments.append(f"{flag}={path}")
         else:
             arguments.append(argument)
     return arguments

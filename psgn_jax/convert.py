@@ -8,10 +8,11 @@
 - `r2n2`: SRC contains `ShapeNetRendering` and `ShapeNetVox32` of 3D-R2N2.
 - `occnet`: SRC is the folder `ShapeNet` of Occupancy Networks, with one folder per category.
 
-A file, a model or a view of a model that cannot be read is reported and left out, and the exit code
-is 1. With `--strict` the command stops at the first one. If the command is started again, it keeps
-the complete shards and continues after them. Shards from which something was left out are converted
-again. A complete conversion is not changed.
+A file, a model or a view of a model that cannot be read is reported and left out, and so is a
+sample without an object (its mask or its volume is empty, or all its points are in one place). The
+exit code is then 1. With `--strict` the command stops at the first one. If the command is started
+again, it keeps the complete shards and continues after them. Shards from which something was left
+out are converted again. A complete conversion is not changed. On a full disk the exit code is 4.
 """
 
 import argparse
@@ -20,8 +21,14 @@ from collections.abc import Sequence
 
 from absl import logging
 
+from psgn_jax.command_line import exit_code_of
 from psgn_jax.data.conversion import convert_authors, convert_models
 from psgn_jax.data.sources import shapenet
+from psgn_jax.files import check_folder
+from psgn_jax.untrusted import message_line, one_line
+
+LARGEST = {"views": 1000, "points": 1_000_000}
+"""Largest values of the options."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -47,11 +54,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     logging.use_absl_handler()
     logging.set_verbosity(logging.INFO)
     try:
+        check_folder(arguments.destination, "DST")
         if arguments.layout == "authors":
             manifest, refused = convert_authors(arguments.source, arguments.destination)
         else:
-            if min(arguments.views, arguments.points) < 1:
-                raise ValueError("--views and --points: expected at least 1")
+            for name in ("views", "points"):
+                if not 1 <= (value := getattr(arguments, name)) <= LARGEST[name]:
+                    raise ValueError(f"--{name}={value}: expected 1 to {LARGEST[name]}")
             manifest, refused = convert_models(
                 arguments.layout,
                 arguments.source,
@@ -61,13 +70,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                 strict=arguments.strict,
             )
     except (ValueError, OSError) as error:
-        sys.stderr.write(f"error: {error}\n")
-        return 2
+        sys.stderr.write(f"error: {message_line(error)}\n")
+        return exit_code_of(error) or 2
     for split, shards in manifest.splits().items():
         size, count = sum(s.size for s in shards), sum(s.count for s in shards)
         sys.stdout.write(f"{split}: {count} samples, {size / 1e6:.1f} MB\n")
     for message in refused:
-        sys.stderr.write(f"left out: {message}\n")
+        sys.stderr.write(f"left out: {one_line(message)}\n")
     if refused:
         sys.stderr.write(f"{len(refused)} files, models or views were left out\n")
     return 1 if refused else 0

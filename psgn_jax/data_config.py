@@ -4,12 +4,14 @@ import dataclasses
 import re
 from typing import Annotated, Literal
 
-from psgn_jax.structured import Bounds, Count, Fraction, PositiveInt
+from psgn_jax.structured import Bounds, Fraction
 
 DERIVED = {"derived": "data.image_size, data.inputs, task and voxels"}
 
 Channel = Literal["rgb", "mask", "depth"]
 Pixels = Annotated[float, Bounds(low=0, high=20)]
+Points = Annotated[int, Bounds(low=1, high=200_000)]
+Side = Annotated[int, Bounds(low=1, high=8192)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,10 +99,10 @@ class DataConfig:
     eval_path: str = ""
     train_split: str = "train"
     eval_split: str = "validation"
-    image_size: tuple[PositiveInt, PositiveInt] = (192, 256)
+    image_size: tuple[Side, Side] = (192, 256)
     inputs: tuple[Channel, ...] = ("rgb", "mask")
-    num_points: PositiveInt = 4096
-    num_eval_points: PositiveInt = 4096
+    num_points: Points = 4096
+    num_eval_points: Points = 4096
     flip: bool = False
     stretch: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
     zoom: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
@@ -110,7 +112,7 @@ class DataConfig:
     reframe_shift: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
     photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)
     colour_jitter: Fraction = 0.0
-    num_workers: Count = 0
+    num_workers: Annotated[int, Bounds(low=0, high=256)] = 0
     cache: bool = False
     on_device: bool = False
     occupancy: bool = dataclasses.field(default=False, metadata=DERIVED)

@@ -5,15 +5,18 @@ comes with the package.
 
 Drop a photo, correct the mask that was found with brush and eraser, choose samples and seed, turn
 the result, take its files along: those of `psgn_jax.predict`. The page is served to this machine
-alone unless `--host` says otherwise; nothing is sent anywhere. What it writes lies in a temporary
-folder that goes with the process, results after an hour.
+alone unless `--host` says otherwise; nothing is sent anywhere. Other sites that are open in the
+same browser are refused. Files may have up to 25 MB, and one large photo is read at a time. What
+the page writes lies in a temporary folder that goes with the process, results after an hour.
 """
 
 import contextlib
 import os
 import pathlib
 import signal
+import sys
 import tempfile
+import time
 from collections.abc import Sequence
 
 from absl import app, flags, logging
@@ -21,8 +24,14 @@ from absl import app, flags, logging
 from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
 from psgn_jax.config import ConfigError
 from psgn_jax.prediction.demo_page import Demo, import_gradio, launch
+from psgn_jax.prediction.demo_server import is_local, listen
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.opening import open_network
+
+
+def _ignore_signals() -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _main(argv: Sequence[str]) -> None:
@@ -34,20 +43,32 @@ def _main(argv: Sequence[str]) -> None:
         exit_on_user_error(),
         contextlib.suppress(KeyboardInterrupt),
         tempfile.TemporaryDirectory(prefix="psgn-demo-", ignore_cleanup_errors=True) as folder,
+        contextlib.ExitStack() as stack,
     ):
         if argv[1:]:
             raise ConfigError(f"{argv[1]}: photos are dropped onto the page; accepted: flags")
-        # Before gradio is imported: it reads both then.
+        # Before gradio is imported: it reads them then.
         os.environ["GRADIO_TEMP_DIR"] = os.path.join(folder, "gradio")
         os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"
+        os.environ["GRADIO_RUN_HISTORY"] = "False"
         import_gradio()
+        # Before the network is read, which takes longer.
+        listener, address = listen(values.host, values.port)
+        stack.callback(listener.close)
         keep_compiled()
         network = open_network(values.workdir, values.weights, values.checkpoint)
         predictor = Predictor.from_run(network)
         predictor.warm_up()
-        if values.host not in ("127.0.0.1", "localhost"):
+        if not is_local(values.host):
             logging.warning("--host=%s: other machines can reach the page", values.host)
-        launch(Demo(predictor, pathlib.Path(folder) / "out"), host=values.host, port=values.port)
+        demo = Demo(predictor, pathlib.Path(folder) / "out")
+        server = launch(demo, listener, values.host, values.allowed_hosts)
+        stack.callback(server.close)
+        stack.callback(_ignore_signals)  # until the folder is removed
+        sys.stdout.write(f"{address}\n")
+        sys.stdout.flush()
+        while True:
+            time.sleep(3600)
 
 
 if __name__ == "__main__":
@@ -56,4 +77,7 @@ if __name__ == "__main__":
     flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
     flags.DEFINE_string("host", "127.0.0.1", "Address to listen at.")
     flags.DEFINE_integer("port", 7860, "Port to listen at, 0 for a free one.")
+    flags.DEFINE_list(
+        "allowed_hosts", [], "Further names under which browsers reach the page, as of a proxy."
+    )
     app.run(_main, flags_parser=parse_flags)

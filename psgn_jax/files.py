@@ -1,11 +1,72 @@
-"""Atomic writing of files, and the cache folder."""
+"""Atomic writing of files, folders that cannot be written, full disks, and the cache folder."""
 
+import contextlib
+import errno
 import math
 import os
 import pathlib
+import re
+import tempfile
 import zlib
 from collections.abc import Mapping
 from typing import Any
+
+from psgn_jax.structured import UserError
+
+DISK_FULL = 4
+"""Exit code of commands where there was no room for what they had to write."""
+
+_TEMPORARY = re.compile(r"\..+\.[0-9]+\.tmp", re.DOTALL)
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+
+def is_disk_full(error: BaseException) -> bool:
+    """Whether an error, or one that it comes from, says that a file system has no more room.
+
+    Or that a quota or the largest size of a file is reached. Libraries in C++ say so in their text.
+    """
+    seen: BaseException | None = error
+    while seen is not None:
+        if isinstance(seen, OSError) and seen.errno in _FULL:
+            return True
+        if any(os.strerror(number) in str(seen) for number in _FULL):
+            return True
+        seen = seen.__cause__ or seen.__context__
+    return False
+
+
+def check_folder(folder: str | os.PathLike[str], name: str) -> None:
+    """Checks that files can be written into a folder, without leaving anything there.
+
+    Missing folders are created and removed again.
+
+    Args:
+      folder: the folder.
+      name: of the flag or the argument, for the message.
+
+    Raises:
+      UserError: no file can be written there; one line with the reason.
+      OSError: the disk is full.
+    """
+    path = pathlib.Path(folder)
+    missing = []
+    try:
+        missing = [p for p in (path, *path.parents) if not p.exists()]
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path, prefix="."):
+            pass
+    except OSError as error:
+        if is_disk_full(error):
+            raise
+        why = getattr(error, "strerror", None) or error
+        if isinstance(error, FileExistsError):
+            why = "it is a file"
+        shown = f"{path}" if len(f"{path}") <= 80 else f"{path}"[:77] + "..."
+        raise UserError(f"{name}={shown}: {why}; expected a folder for files") from error
+    finally:
+        for created in missing:
+            with contextlib.suppress(OSError):
+                created.rmdir()
 
 
 def cache_folder() -> pathlib.Path:
@@ -34,6 +95,10 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bo
             install(temporary, path)
         else:
             temporary.replace(path)
+    except OSError as error:
+        if error.errno and not error.filename:  # a failed write names no file
+            error.filename = str(path)
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -44,6 +109,13 @@ def install(temporary: pathlib.Path, path: pathlib.Path) -> None:
         os.fsync(file.fileno())
     temporary.replace(path)
     _sync_directory(path.parent)
+
+
+def remove_temporaries(folder: pathlib.Path) -> None:
+    """Removes what writers that were killed left in a folder: `.NAME.PID.tmp`."""
+    for path in folder.glob(".*.tmp"):
+        if _TEMPORARY.fullmatch(path.name):
+            path.unlink(missing_ok=True)
 
 
 def file_crc32(path: pathlib.Path) -> int:

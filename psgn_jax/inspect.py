@@ -14,6 +14,7 @@ import sys
 from collections.abc import Sequence
 
 from psgn_jax.data.schema import RecordError
+from psgn_jax.untrusted import message_line, one_line
 from psgn_jax.viewing.dataset import make_sheet, report
 
 
@@ -29,23 +30,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     try:
         lines, whole = report(arguments.path, max(1, arguments.check))
-        sys.stdout.write("\n".join(lines) + "\n")
+        sys.stdout.write("".join(f"{one_line(line)}\n" for line in lines))
     except (ValueError, OSError) as error:
-        sys.stderr.write(f"error: {error}\n")
+        sys.stderr.write(f"error: {message_line(error)}\n")
         return 2
     try:
         sheet = make_sheet(arguments.path, max(1, arguments.samples))
     except RecordError as error:
-        sys.stderr.write(f"no contact sheet: {error}\n")
+        sys.stderr.write(f"no contact sheet: {message_line(error)}\n")
         return 1
     name = pathlib.Path(arguments.path).resolve().name
     target = pathlib.Path(arguments.sheet or f"{name}.png")
     try:
         sheet.save(target)
     except (OSError, ValueError) as error:
-        sys.stderr.write(f"error: --sheet={target}: {error}\n")
+        sys.stderr.write(f"error: --sheet={one_line(target)}: {message_line(error)}\n")
         return 2
-    sys.stdout.write(f"contact sheet: {target}\n")
+    sys.stdout.write(f"contact sheet: {one_line(target)}\n")
     return 0 if whole else 1
 
 

@@ -5,8 +5,9 @@ configuration that comes with the package (`psgn_jax.config_files`).
 
 Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same
 command goes on with a run that was stopped. Exit codes: 0 done; 2 a wrong configuration (one line
-says what); 3 a loss that is not finite; 4 another process of the same training has ended; 143 and
-130 stopped by SIGTERM or Ctrl-C after saving. Several processes: `training.launch`.
+says what) or a file that cannot be written; 3 a loss that is not finite; 4 a full disk; 5 another
+process of the same training has ended; 143 and 130 stopped by SIGTERM or Ctrl-C after saving.
+Several processes: `training.launch`.
 """
 
 import os
@@ -26,6 +27,7 @@ from psgn_jax.command_line import (
 )
 from psgn_jax.config import ConfigError, check_paths, parse
 from psgn_jax.config_files import with_paths
+from psgn_jax.files import check_folder
 from psgn_jax.training.launch import place_of
 
 _CONFIG = config_flags.DEFINE_config_file(
@@ -57,14 +59,15 @@ def main(argv: Sequence[str]) -> None:
         )
         if place is None:  # several processes check it together
             check_paths(given)
+        path = config_flags.get_config_filename(flags.FLAGS["config"])
+        workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
+        check_folder(workdir, "--workdir")
         # Only now, so that a wrong configuration is answered before JAX is even imported.
         keep_compiled()
         from psgn_jax.default_data import with_default_data
         from psgn_jax.training.loop import train
         from psgn_jax.training.processes import joined
 
-        path = config_flags.get_config_filename(flags.FLAGS["config"])
-        workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
         with joined(place) as group:
             config = group.first_then_others(lambda: with_default_data(given))
             outcome = train(config, workdir)

@@ -20,9 +20,11 @@ from absl import app, flags
 from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
 from psgn_jax.config import ConfigError
 from psgn_jax.data import masks
+from psgn_jax.files import check_folder
 from psgn_jax.prediction import export
 from psgn_jax.prediction.files import predict_files
 from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
+from psgn_jax.untrusted import message_line, one_line
 from psgn_jax.weights.opening import open_network
 
 
@@ -40,6 +42,7 @@ def _main(argv: Sequence[str]) -> None:
             raise ConfigError("--invert_mask: accepted with --mask=FILE|FOLDER")
         if not argv[1:]:
             raise ConfigError("no image: name files or folders")
+        check_folder(values.out, "--out")
         keep_compiled()
         network = open_network(values.workdir, values.weights, values.checkpoint)
         predictor = Predictor.from_run(network)
@@ -60,15 +63,14 @@ def _main(argv: Sequence[str]) -> None:
         for path, result in results:
             if isinstance(result, Exception):
                 failed += 1
-                line = " ".join(str(result).split()) or type(result).__name__
-                sys.stderr.write(f"failed: {path}: {line}\n")
+                sys.stderr.write(f"failed: {one_line(path)}: {message_line(result)}\n")
                 continue
             done += 1
             for warning in result.warnings:
-                sys.stderr.write(f"warning: {path}: {warning}\n")
+                sys.stderr.write(f"warning: {one_line(path)}: {warning}\n")
             milliseconds = 1000 * sum(result.seconds.values())
             sys.stdout.write(
-                f"{path}: {len(result.points)} x {result.points.shape[1]} points, mask "
+                f"{one_line(path)}: {len(result.points)} x {result.points.shape[1]} points, mask "
                 f"{result.mask_from}, {milliseconds:.0f} ms\n"
             )
             sys.stdout.flush()

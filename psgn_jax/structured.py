@@ -47,11 +47,19 @@ class Bounds:
             (self.low, ">" if self.open_low else ">="),
             (self.high, "<" if self.open_high else "<="),
         ]
-        return " and ".join(f"{sign} {end:g}" for end, sign in ends if math.isfinite(end))
+        return " and ".join(
+            f"{sign} {end if isinstance(end, int) else format(end, 'g')}"
+            for end, sign in ends
+            if math.isfinite(end)
+        )
 
 
-Count = Annotated[int, Bounds(low=0)]
-PositiveInt = Annotated[int, Bounds(low=1)]
+LARGEST_INT = 2**31 - 1
+"""Of the integers of a configuration: they are int32 on devices."""
+
+Count = Annotated[int, Bounds(low=0, high=LARGEST_INT)]
+PositiveInt = Annotated[int, Bounds(low=1, high=LARGEST_INT)]
+Size = Annotated[int, Bounds(low=1, high=1_000_000)]
 NonNegative = Annotated[float, Bounds(low=0)]
 Positive = Annotated[float, Bounds(low=0, open_low=True)]
 Fraction = Annotated[float, Bounds(low=0, high=1)]

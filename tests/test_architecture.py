@@ -14,7 +14,8 @@ DATA_GEN = ROOT / "data_gen"
 # From the bottom to the top. A module may import from its own layer and from the ones above it
 # in this list, never from one below. The longest matching prefix decides.
 LAYERS: list[tuple[str, ...]] = [
-    ("psgn_jax", "psgn_jax.types", "psgn_jax.structured", "psgn_jax.files"),
+    ("psgn_jax", "psgn_jax.types", "psgn_jax.structured", "psgn_jax.files",
+     "psgn_jax.untrusted", "psgn_jax.claims"),
     ("psgn_jax.config", "psgn_jax.data_config", "psgn_jax.data.schema", "psgn_jax.data.codec",
      "psgn_jax.data.manifest", "psgn_jax.data.dataset",
      "psgn_jax.data.camera"),
@@ -24,11 +25,14 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax.viewing",),
     ("psgn_jax.training", "psgn_jax.weights"),
     ("psgn_jax.prediction",),
+    ("psgn_jax.portable",),
+    ("psgn_jax.page",),
     ("psgn_jax.tasks",),
     ("psgn_jax.training.loop",),
     ("psgn_jax.experiments",),
     ("psgn_jax.main", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.demo",
-     "psgn_jax.inspect", "psgn_jax.convert", "psgn_jax.weights.__main__", "psgn_jax.cli"),
+     "psgn_jax.inspect", "psgn_jax.convert", "psgn_jax.export_network", "psgn_jax.page.__main__",
+     "psgn_jax.weights.__main__", "psgn_jax.cli"),
 ]  # fmt: skip
 
 # Packages that are heavy or optional, and the only modules that may import them.
@@ -46,6 +50,8 @@ DOORS = {
     "av": {"psgn_jax.viewing.spheres"},
     "gradio": {"psgn_jax.prediction.demo_page"},
     "safetensors": {"psgn_jax.weights.file"},
+    "onnx": {"psgn_jax.portable.graph"},
+    "onnxruntime": {"psgn_jax.portable.runtime"},
 }
 
 # What the data stage may import of the package, and the only places where it is imported: the one
@@ -55,6 +61,8 @@ DATA_GEN_MAY_IMPORT = {
     "psgn_jax.types",
     "psgn_jax.files",
     "psgn_jax.structured",
+    "psgn_jax.untrusted",
+    "psgn_jax.claims",
     "psgn_jax.data",
     "psgn_jax.data.schema",
     "psgn_jax.data.codec",

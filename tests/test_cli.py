@@ -4,6 +4,7 @@ import ast
 import importlib.util
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import zipfile
@@ -84,7 +85,7 @@ def test_arguments_and_exit_codes_are_those_of_the_command():
     assert "--workdir" in shown.stdout
     done = run("train", "--config=quickstart", "--config.train.steps=-1")
     assert done.returncode == 2
-    assert done.stderr == "error: train.steps=-1: accepted: a number >= 1\n"
+    assert done.stderr == "error: train.steps=-1: accepted: a number >= 1 and <= 2147483647\n"
 
 
 def test_a_configuration_is_a_path_or_a_name():
@@ -119,7 +120,7 @@ def test_a_wheel_trains_by_name_without_a_clone(tmp_path):
     done = run(
         "train", "--config=quickstart", "--config.train.steps=-1", cwd=tmp_path, **environment
     )
-    assert done.stderr == "error: train.steps=-1: accepted: a number >= 1\n"
+    assert done.stderr == "error: train.steps=-1: accepted: a number >= 1 and <= 2147483647\n"
     solids = {
         split: drawn_solids.samples(8, seed=seed, image_size=(48, 64))
         for seed, split in enumerate(("train", "validation"))
@@ -130,3 +131,49 @@ def test_a_wheel_trains_by_name_without_a_clone(tmp_path):
     done = run("train", "--config=debug", *flags, cwd=tmp_path, **environment)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "runs" / "debug" / "config.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"root:x:0:0:root:/root:/bin/bash\n", "SyntaxError"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "null bytes"),
+        (b'{"seed": 0, "flip": false}', "name 'false' is not defined"),
+        (b"def get_config(:", "SyntaxError"),
+        (b"x = 1", "it has no function get_config"),
+        (b"import no_such_module", "No module named 'no_such_module'"),
+        (b"def get_config(): raise RuntimeError('what')", "RuntimeError: what"),
+        (b"def get_config(): return {}['a']", "KeyError"),
+        (b"def get_config(): return get_config()", "RecursionError"),
+        (b"def get_config(): return 5", "get_config returns int"),
+        (b"def get_config(text): return 5", "missing 1 required positional"),
+        (b"#" * 1_000_001, "more than 1000000 bytes"),
+    ],
+)
+def test_files_that_are_no_configurations(content, why, tmp_path):
+    path = tmp_path / "file.py"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match=re.escape(why)) as caught:
+        config_files.with_paths(["psgn", f"--config={path}"])
+    assert str(caught.value).startswith(f"--config={path} is no configuration (")
+    assert "a Python file with a function get_config()" in str(caught.value)
+
+
+def test_the_argument_of_a_configuration_is_checked_with_it(tmp_path):
+    path = tmp_path / "file.py"
+    path.write_text(
+        "import ml_collections\n"
+        "def get_config(size): return ml_collections.ConfigDict({'large': {}}[size])\n"
+    )
+    assert config_files.with_paths(["--config", f"{path}:large"])[1] == f"{path}:large"
+    with pytest.raises(ConfigError, match="KeyError: 'small'"):
+        config_files.with_paths(["--config", f"{path}:small"])
+
+
+def test_an_interrupt_while_modules_are_imported(monkeypatch, capsys):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli.runpy, "run_module", interrupted)
+    assert cli.main(["train", "--config=debug"]) == 130
+    assert capsys.readouterr().err == "stopped by Ctrl-C\n"

@@ -1,3 +1,5 @@
+import errno
+import os
 import pathlib
 import subprocess
 import sys
@@ -31,6 +33,56 @@ def test_user_errors_end_in_one_line(capsys):
         raise UserError("one\n two")
     assert caught.value.code == 2
     assert capsys.readouterr().err == "error: one two\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (FileNotFoundError(2, "No such file", "/no/such"), 2, "error: /no/such: No such file"),
+        (OSError("two\nlines"), 2, "error: two lines"),
+        (OSError(errno.ENOSPC, "No space left", "/a/b"), 4, "error: /a/b: No space left"),
+        (
+            UserError(f"a page: {os.strerror(errno.EDQUOT)}"),
+            4,
+            "error: a page: Disk quota exceeded",
+        ),
+        (KeyboardInterrupt(), 130, "stopped by Ctrl-C"),
+    ],
+)
+def test_errors_of_the_system_end_in_one_line(capsys, error, code, line):
+    with pytest.raises(SystemExit) as caught, exit_on_user_error():
+        raise error
+    assert caught.value.code == code
+    assert capsys.readouterr().err == line + "\n"
+
+
+def test_errors_of_the_program_keep_their_traceback():
+    with pytest.raises(ValueError, match="ours"), exit_on_user_error():
+        raise ValueError("ours")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["main", "--config=configs/debug.py", "--config.data.path=tests", "--workdir=FILE"],
+        ["evaluate", "--workdir=run", "--report=FILE"],
+        ["evaluate", "--workdir=FILE"],
+        ["predict", "docs/renders.png", "--workdir=run", "--out=FILE"],
+        ["convert", "authors", "docs", "FILE"],
+    ],
+    ids=["train", "report", "evaluate", "predict", "convert"],
+)
+def test_a_file_in_place_of_a_folder_ends_in_one_line(arguments, tmp_path):
+    file = tmp_path / "file"
+    file.touch()
+    module, *others = [x.replace("FILE", str(file)) for x in arguments]
+    command = [sys.executable, "-m", f"psgn_jax.{module}", *others]
+    environment = os.environ | {"JAX_PLATFORMS": "cpu"}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment)
+    assert done.returncode == 2, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ")
+    assert str(file) in line
 
 
 def test_a_second_start_reads_compiled_programs_without_a_word(tmp_path):

@@ -1,9 +1,13 @@
 """What the demo's controls do, without gradio; and the page itself in a browser, with it."""
 
+import concurrent.futures
 import html
+import io
 import pathlib
 import re
 import shutil
+import threading
+import types
 import urllib.parse
 
 import jax
@@ -16,6 +20,7 @@ from PIL import Image
 from psgn_jax.config import ConfigError
 from psgn_jax.data import photo
 from psgn_jax.models import point_out_net
+from psgn_jax.prediction import demo_editor, demo_server
 from psgn_jax.prediction import demo_page as lib
 from psgn_jax.prediction.predictor import Predictor
 
@@ -61,7 +66,7 @@ def test_from_photo_to_files(demo, box):
     assert "plain background" in line
     assert edited["background"].shape == (600, 800, 3)
     read = photo.read_photo(box)
-    mask = lib.painted(edited, read.image.shape)
+    mask = demo_editor.painted(edited, read.image.shape)
     assert mask.mean() == pytest.approx(1 / 7.2, rel=0.02)
     shown, files, line = demo.predict(str(box), edited, 2, 5, "auto")
     assert line.startswith("2 clouds of 50 points in ")
@@ -88,14 +93,14 @@ def test_the_painted_mask_counts(demo, box):
 @pytest.mark.parametrize("shape", [(900, 1200), (1100, 300), (40, 1000), (57, 61), (16, 16)])
 def test_a_mask_survives_the_editor(shape):
     """Photo -> canvas -> photo: the mask comes back, to within the canvas's pixels."""
-    rows, columns = lib.place_in_editor(shape)
+    rows, columns = demo_editor.place_in_editor(shape)
     on_canvas = (rows.stop - rows.start, columns.stop - columns.start)
     assert max(on_canvas[0] / 600, on_canvas[1] / 800) == 1  # it fills the canvas one way
     mask = np.zeros(shape, np.bool_)
     mask[shape[0] // 4 : shape[0] // 2, shape[1] // 3 :] = True
-    layer = np.zeros((*lib.EDITOR_SIZE, 4), np.uint8)
-    layer[rows, columns][photo.resize_mask(mask, on_canvas)] = lib.PAINT
-    back = lib.painted({"layers": [layer]}, shape)
+    layer = np.zeros((*demo_editor.EDITOR_SIZE, 4), np.uint8)
+    layer[rows, columns][photo.resize_mask(mask, on_canvas)] = demo_editor.PAINT
+    back = demo_editor.painted({"layers": [layer]}, shape)
     coarse = max(1, shape[0] / on_canvas[0])
     assert back.shape == shape
     assert (back != mask).sum() <= coarse * (2 * mask.any(0).sum() + mask.any(1).sum())
@@ -104,11 +109,11 @@ def test_a_mask_survives_the_editor(shape):
 
 
 def test_paint_beside_the_photo_and_thin_paint_do_not_count():
-    layers = [np.zeros((*lib.EDITOR_SIZE, 4), np.uint8) for _ in range(2)]
-    layers[0][:, :200] = lib.PAINT  # the photo lies on columns 250 to 549
+    layers = [np.zeros((*demo_editor.EDITOR_SIZE, 4), np.uint8) for _ in range(2)]
+    layers[0][:, :200] = demo_editor.PAINT  # the photo lies on columns 250 to 549
     layers[1][300:, :, 3] = 40
     layers[1][:60, 250:400, 3] = 255
-    mask = lib.painted({"layers": layers}, (200, 100))
+    mask = demo_editor.painted({"layers": layers}, (200, 100))
     want = np.zeros((200, 100), np.bool_)
     want[:20, :50] = True
     np.testing.assert_array_equal(mask, want)
@@ -167,7 +172,114 @@ def test_old_results_go(demo, box, monkeypatch):
 def test_without_gradio(demo, monkeypatch):
     monkeypatch.setattr(lib.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ConfigError, match="needs the extra 'demo': pip install"):
-        lib.launch(demo)
+        lib.launch(demo, None, "127.0.0.1")
+
+
+def test_photos_that_take_too_much_memory_are_refused_by_their_header(demo, tmp_path, monkeypatch):
+    path = tmp_path / "large.png"
+    Image.new("L", (300, 400)).save(path)
+    monkeypatch.setattr(lib, "MAX_PIXELS", 100_000)
+    monkeypatch.setattr(photo, "read_photo", None)  # not reached
+    assert "has 120,000 pixels: accepted: 100,000" in demo.open_photo(str(path), "auto")[1]
+    assert "has 120,000 pixels: accepted: 100,000" in demo.predict(str(path), None)[2]
+    # A JPEG is decoded smaller.
+    Image.new("L", (4200, 4200)).save(path := tmp_path / "large.jpg")
+    assert photo.decoded_pixels(path) == 2100**2
+
+
+def test_large_photos_leave_room_for_others(demo, box, tmp_path, monkeypatch):
+    large = tmp_path / "large.png"
+    Image.fromarray(np.asarray(Image.open(box))).resize((1400, 1050)).save(large)
+    monkeypatch.setattr(lib, "LARGE_PIXELS", 1_200_000)
+    reading, go_on = threading.Semaphore(0), threading.Semaphore(0)
+    read = photo.read_photo
+
+    def slow(path):
+        if str(path) == str(large):
+            reading.release()
+            assert go_on.acquire(timeout=60)
+        return read(path)
+
+    monkeypatch.setattr(photo, "read_photo", slow)
+    with concurrent.futures.ThreadPoolExecutor(8) as threads:
+        held = [threads.submit(demo.open_photo, str(large), "plain") for _ in range(4)]
+        assert reading.acquire(timeout=60)
+        assert not reading.acquire(timeout=0.2)  # one at a time
+        while True:  # the fifth is not to wait
+            edited, line = demo.open_photo(str(large), "plain")
+            if "large photos are being read" in line:
+                break
+        assert edited is None
+        assert demo.open_photo(str(box), "plain")[0] is not None
+        for _ in held:
+            go_on.release()
+        assert all("plain background" in future.result()[1] for future in held)
+    go_on.release()
+    assert demo.open_photo(str(large), "plain")[0] is not None
+
+
+def picture(size=demo_editor.EDITOR_SIZE):
+    stream = io.BytesIO()
+    Image.new("RGBA", size[::-1]).save(stream, "png")
+    return stream.getvalue()
+
+
+class Editor:
+    """What `bound_editor` changes of gradio's."""
+
+    def __init__(self):
+        self.decoded, self.accepted, self.blob_storage = [], [], {}
+
+    def preprocess(self, payload):
+        self.decoded.append(payload)
+        return {"background": None, "layers": [], "composite": None}
+
+    def accept_blobs(self, data):
+        self.accepted.append(data)
+
+
+def test_the_editors_value_is_checked_before_it_is_decoded(tmp_path):
+    editor = Editor()
+    demo_editor.bound_editor(editor)
+    good, large = picture(), picture((5000, 5000))
+    (tmp_path / "good.png").write_bytes(good)
+    file = types.SimpleNamespace(path=str(tmp_path / "good.png"))
+
+    def value(layers, background=None, id=None):
+        return types.SimpleNamespace(background=background, composite=None, layers=layers, id=id)
+
+    for fine in (None, value([file], file), value([None]), value([], id="gone")):
+        assert "refused" not in editor.preprocess(fine)
+    assert len(editor.decoded) == 4
+    editor.blob_storage["a"] = value([good], good)
+    assert "refused" not in editor.preprocess(value([], id="a"))
+    for bad, message in (
+        (value([large]), r"layer is [5000, 5000]: accepted: [600, 800]"),
+        (value([good] * 7), "9 parts of a mask: accepted: 4 layers"),
+        (value([b"no image"]), "is no image"),
+        (value([file], types.SimpleNamespace(path=str(tmp_path / "none"))), "is no image"),
+    ):
+        refused = editor.preprocess(bad)
+        assert message in refused["refused"]
+        with pytest.raises(photo.PhotoError):
+            demo_editor.shows_photo(refused)
+    assert len(editor.decoded) == 5
+    for number in range(100):
+        editor.blob_storage[str(number)] = number
+    assert len(editor.blob_storage) == demo_editor.KEPT_VALUES
+
+    def blob(index, content=b"x"):
+        return types.SimpleNamespace(data={"index": index}, files=[("file", content)])
+
+    assert editor.accept_blobs._is_server_fn
+    for fine in ("null", None, "0", "3"):
+        editor.accept_blobs(blob(fine))
+    for index in ("4", "1000000000", "-1", "x", "\u0663"):
+        with pytest.raises(ValueError, match="layer"):
+            editor.accept_blobs(blob(index))
+    with pytest.raises(ValueError, match="too large"):
+        editor.accept_blobs(blob("0", bytes(demo_editor.MAX_LAYER_BYTES + 1)))
+    assert len(editor.accepted) == 4
 
 
 @pytest.mark.slow
@@ -179,7 +291,8 @@ def test_in_a_browser(demo, box, tmp_path, monkeypatch):
     if CHROMIUM is None:
         pytest.skip("no Chromium")
     monkeypatch.setenv("GRADIO_TEMP_DIR", str(tmp_path / "gradio"))
-    blocks, address = lib.launch(demo, port=0, block=False)
+    listener, address = demo_server.listen("127.0.0.1", 0)
+    server = lib.launch(demo, listener, "127.0.0.1")
     requests, errors = [], []
     try:
         assert address.startswith("http://127.0.0.1:")
@@ -205,6 +318,6 @@ def test_in_a_browser(demo, box, tmp_path, monkeypatch):
                 assert archive["points"].shape == (1, 50, 3)
             browser.close()
     finally:
-        blocks.close()
+        server.close()
     assert errors == []
     assert [u for u in requests if not u.startswith((address, "data:", "blob:", "about:"))] == []

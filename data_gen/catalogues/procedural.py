@@ -108,6 +108,9 @@ EXTRA_CATEGORIES = tuple(EXTRA_FAMILIES)
 
 _ALL = {**FAMILIES, **EXTRA_FAMILIES}
 
+# Models of a catalogue, at most: a job lists them all before the first one.
+_LARGEST = 1_000_000
+
 # Share of extra models without colours, as many of ShapeNet's are.
 _PLAIN = 0.15
 
@@ -294,6 +297,8 @@ class ProceduralCatalogue:
                 raise ValueError(
                     f"source {text!r}: expected a number of models, or category=number,..."
                 )
+        if sum(map(int, counts.values())) * hidden_draws > _LARGEST:
+            raise ValueError(f"source {text!r}: expected at most {_LARGEST} models in all")
         if first_seed < 0 or hidden_draws < 1:
             raise ValueError(
                 f"first_seed, hidden_draws: got {first_seed}, {hidden_draws}, expected at least "

@@ -100,7 +100,7 @@ def _cap(ring: np.ndarray) -> np.ndarray | None:
             return None
         second = np.arange(1, len(ring) - 1)
         return np.stack([0 * second, second, second + 1], axis=1)
-    triangles = cut_ears(flat)
+    triangles = cut_ears(flat[None])[0]
     return triangles if total[axis] != 0 else None
 
 

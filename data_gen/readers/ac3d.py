@@ -251,7 +251,7 @@ def _read_scene(data: bytes) -> dict[str, Any]:
         library.aiReleaseImport(scene)
     try:
         result: dict[str, Any] = json.loads(text.decode("utf-8", "replace"), strict=False)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise UnusableModelError(f"not readable as AC3D: {error}"[:200]) from error
     return result
 

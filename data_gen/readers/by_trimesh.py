@@ -1,7 +1,6 @@
 """All formats but Wavefront OBJ, by trimesh."""
 
 import io
-import json
 import posixpath
 import struct
 import warnings as python_warnings
@@ -14,6 +13,7 @@ from data_gen.readers.files import Files
 from data_gen.readers.mtl import GREY, floats
 from data_gen.readers.notes import Notes
 from data_gen.readers.textures import bounded, decode_texture
+from psgn_jax.untrusted import one_line, parse_json
 
 _MAX_XML_BYTES = 64 << 20
 
@@ -38,7 +38,7 @@ def _faces_in_header(data: bytes, kind: str) -> int:
             return int(words[1]) if len(words) > 1 else 0
         if kind in ("glb", "gltf"):
             length = struct.unpack("<I", data[12:16])[0]
-            tree = json.loads(data[20 : 20 + length] if kind == "glb" else data)
+            tree = parse_json(data[20 : 20 + length] if kind == "glb" else data, max_depth=64)
             uses: dict[int, int] = {}
             for node in tree.get("nodes", []):
                 if "mesh" in node:
@@ -170,6 +170,24 @@ def read_trimesh(
 ) -> dict[str, Any]:
     """Arrays of a file of any format that the installed trimesh reads, for `mesh.build_model`.
 
+    Raises:
+      UnusableModelError: the file is damaged, of an unknown format or too large.
+    """
+    try:
+        return _read(data, kind, files, base, side, max_faces, notes)
+    except UnusableModelError:
+        raise
+    except Exception as error:
+        # A damaged file surfaces as any exception at all in a third-party reader.
+        what = one_line(f"{type(error).__name__}: {error}")
+        raise UnusableModelError(f"not readable as {kind}: {what}"[:200]) from error
+
+
+def _read(
+    data: bytes, kind: str, files: Files, base: str, side: int, max_faces: int, notes: Notes
+) -> dict[str, Any]:
+    """`read_trimesh`, whose errors are of any kind.
+
     One function: one pass over the meshes of a scene, each with all of its looks.
     """
     import trimesh
@@ -183,20 +201,15 @@ def read_trimesh(
             raise UnusableModelError(f"{len(data)} bytes of {kind}: more than {_MAX_XML_BYTES}")
         if b"<!ENTITY" in data:
             raise UnusableModelError("XML entities are refused")
-    try:
-        with python_warnings.catch_warnings():
-            python_warnings.simplefilter("ignore")
-            scene = trimesh.load_scene(
-                io.BytesIO(data),
-                file_type=kind,
-                resolver=_resolver(files, base, notes),
-                process=False,
-            )
-            names = [scene.graph[node] for node in scene.graph.nodes_geometry]
-    except Exception as error:
-        # A damaged file surfaces as any exception at all in a third-party reader.
-        what = f"{type(error).__name__}: {error}".splitlines()[0]
-        raise UnusableModelError(f"not readable as {kind}: {what}"[:200]) from error
+    with python_warnings.catch_warnings():
+        python_warnings.simplefilter("ignore")
+        scene = trimesh.load_scene(
+            io.BytesIO(data),
+            file_type=kind,
+            resolver=_resolver(files, base, notes),
+            process=False,
+        )
+        names = [scene.graph[node] for node in scene.graph.nodes_geometry]
     vertices: list[np.ndarray] = []
     faces: list[np.ndarray] = []
     normals: list[np.ndarray] = []

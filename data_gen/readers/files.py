@@ -6,6 +6,7 @@ import pathlib
 import posixpath
 
 from data_gen.mesh import UnusableModelError
+from psgn_jax.untrusted import kind_of
 
 MAX_FILE_BYTES = 256 << 20
 """Largest file that is read, meshes and pictures alike."""
@@ -17,6 +18,10 @@ class Files(abc.ABC):
     @abc.abstractmethod
     def find(self, name: str) -> str | None:
         """The stored name of a file asked for by `name`, in its spelling but for case; or None."""
+
+    def why_not(self, name: str) -> str:
+        """Why `find` finds nothing under a name: "is missing"."""
+        return "is missing"
 
     @abc.abstractmethod
     def read(self, name: str) -> bytes:
@@ -45,10 +50,11 @@ class Files(abc.ABC):
 
 
 class FolderFiles(Files):
-    """Files below a folder."""
+    """Files below a folder; links that lead out of it are not followed."""
 
     def __init__(self, root: str | os.PathLike[str]) -> None:
         self.root = pathlib.Path(root)
+        self._names: dict[pathlib.Path, dict[str, str]] = {}
 
     def find(self, name: str) -> str | None:
         """See `Files`."""
@@ -57,17 +63,43 @@ class FolderFiles(Files):
             if part == "..":
                 return None
             following = path / part
-            if not following.exists():
-                try:
-                    entries = sorted(os.listdir(path))
-                except OSError:
+            try:
+                there = following.exists()
+            except (OSError, ValueError):  # a name too long, with a zero byte
+                return None
+            if not there:
+                alike = self._alike(path, part)
+                if alike is None:
                     return None
-                alike = [e for e in entries if e.casefold() == part.casefold()]
-                if not alike:
-                    return None
-                following = path / alike[0]
+                following = path / alike
             path = following
-        return str(path.relative_to(self.root)) if path.is_file() else None
+        if not path.is_file() or self._leads_out(path):
+            return None
+        return str(path.relative_to(self.root))
+
+    def why_not(self, name: str) -> str:
+        """See `Files`."""
+        path = self.root / name
+        try:
+            kind = kind_of(path)
+        except (OSError, ValueError):
+            return "is missing"
+        if kind is not None:
+            return f"is {kind}, expected a file"
+        return "is a link that leads out of the folder" if self._leads_out(path) else "is missing"
+
+    def _alike(self, folder: pathlib.Path, name: str) -> str | None:
+        """The first name in a folder that differs in case alone; the folder is listed once."""
+        if folder not in self._names:
+            try:
+                entries = sorted(os.listdir(folder), reverse=True)
+            except OSError:
+                entries = []
+            self._names[folder] = {entry.casefold(): entry for entry in entries}
+        return self._names[folder].get(name.casefold())
+
+    def _leads_out(self, path: pathlib.Path) -> bool:
+        return not path.resolve().is_relative_to(self.root.resolve())
 
     def read(self, name: str) -> bytes:
         """See `Files`.

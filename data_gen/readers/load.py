@@ -55,6 +55,9 @@ def load_model(
     """
     if files is None:
         path = pathlib.Path(name)
+        model_id = model_id or path.name
+        if path.is_symlink():  # named by the caller: it may lead anywhere
+            path = path.resolve()
         files, name = FolderFiles(path.parent), path.name
     name = str(name)
     model_id = model_id or name
@@ -63,7 +66,7 @@ def load_model(
     kind = posixpath.splitext(name)[1].lstrip(".").lower()
     found = files.find(name)
     if found is None:
-        raise UnusableModelError(f"file {name!r} is missing")
+        raise UnusableModelError(f"file {name!r} {files.why_not(name)}")
     try:
         data = files.read(found)
     except OSError as error:

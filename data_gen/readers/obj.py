@@ -39,6 +39,8 @@ _V, _VT, _VN, _F, _OTHER = range(5)
 
 _SPACE = 32
 
+_MOST_LIBRARIES = 1000  # material files of one model; further ones are not looked for
+
 
 class _Lines:
     """The lines of a block of an OBJ file by their statements.
@@ -190,6 +192,7 @@ def read_obj(
     textures = Textures(files, base, side, notes)
     materials: dict[str, Material] = {}
     names: dict[str, int] = {}
+    libraries: set[str] = set()
     owner = -1
     owner_blocks: list[np.ndarray] = []
     count_blocks: list[np.ndarray] = []
@@ -208,9 +211,12 @@ def read_obj(
                 owner = names.setdefault(rest.strip(), len(names))
                 changes.append(int(index))
                 owners_here.append(owner)
-            elif key == "mtllib":
+            elif key == "mtllib" and len(libraries) < _MOST_LIBRARIES:
                 # The name may hold spaces; else there may be several.
                 for name in [rest.strip()] if _exists(files, base, rest) else rest.split():
+                    if name in libraries or len(libraries) == _MOST_LIBRARIES:
+                        continue
+                    libraries.add(name)
                     try:
                         text = files.open(base, name).decode("utf-8", "replace")
                         materials.update(read_mtl(text, textures))

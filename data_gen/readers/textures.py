@@ -20,6 +20,7 @@ TEXTURE_SIDE = 1024
 """Textures are reduced to this many pixels on the longer side."""
 
 _MAX_TEXELS = 1 << 24  # of all textures of one model, 64 MB
+_MAX_DECODED_TEXELS = 1 << 28  # before they are reduced together, 1 GB
 
 _PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "DDS", "SGI")
 
@@ -118,13 +119,19 @@ class Textures:
     def __init__(self, files: Files, base: str, side: int, notes: Notes) -> None:
         self._files, self._base, self._side, self._notes = files, base, side, notes
         self._cache: dict[str, np.ndarray | None] = {}
+        self._texels = 0
 
     def get(self, name: str) -> np.ndarray | None:
         """The texture, or None with a warning."""
         if name not in self._cache:
             self._cache[name] = None
+            if self._texels > _MAX_DECODED_TEXELS:
+                self._notes.add("more textures than a model may have; plain colours stand in")
+                return None
             try:
-                self._cache[name] = decode_texture(self._files.open(self._base, name), self._side)
+                picture = decode_texture(self._files.open(self._base, name), self._side)
+                self._cache[name] = picture
+                self._texels += picture.shape[0] * picture.shape[1]
             except FileNotFoundError:
                 self._notes.add(f"texture {name!r} is missing; the plain colour stands in")
             except (ValueError, OSError) as error:

@@ -39,6 +39,7 @@ DEFAULT_NORMAL_BITS = 8
 # Upper limits for valid records; they bound the memory that a malicious record can allocate.
 _MAX_IMAGE_SIDE = 4096
 _MAX_POINTS = 1 << 22
+_MAX_COORDINATE = 1e9  # of points and depths, units of the frame
 
 # Half a percent more bytes than level 9, in a third of the time.
 _DEFLATE_LEVEL = 5
@@ -133,6 +134,12 @@ def _inflate(data: Any, size: int, field: str) -> bytes:
     return out
 
 
+def _integer(value: Any, low: int, high: int, what: str) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+        raise ValueError(f"{what}: {str(value)[:40]}, expected an integer from {low} to {high}")
+    return value
+
+
 def _byte_planes(values: np.ndarray, count: int) -> np.ndarray:
     """Bytes of unsigned integers, all lowest bytes first; similar neighbours deflate well."""
     return np.stack([(values >> (8 * i)) & 255 for i in range(count)]).astype(np.uint8)
@@ -146,10 +153,6 @@ def _from_byte_planes(data: bytes, count: int, dtype: Any) -> np.ndarray:
     return values
 
 
-def _code_bits(dtype: np.dtype) -> int:
-    return 8 * dtype.itemsize
-
-
 def _encode_image(image: np.ndarray) -> dict[str, Any]:
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "WEBP", lossless=True, quality=25, method=2)
@@ -158,9 +161,10 @@ def _encode_image(image: np.ndarray) -> dict[str, Any]:
 
 def _image_size(stored: Mapping[str, Any]) -> tuple[int, int]:
     height, width = stored["image"]["size"]
-    if not (0 < height <= _MAX_IMAGE_SIDE and 0 < width <= _MAX_IMAGE_SIDE):
-        raise ValueError(f"image size {height} x {width}, expected sides of 1 to {_MAX_IMAGE_SIDE}")
-    return height, width
+    return (
+        _integer(height, 1, _MAX_IMAGE_SIDE, "height of the image"),
+        _integer(width, 1, _MAX_IMAGE_SIDE, "width of the image"),
+    )
 
 
 def _decode_image(stored: Mapping[str, Any]) -> np.ndarray:
@@ -202,12 +206,18 @@ def _decode_depth(stored: Mapping[str, Any], mask: np.ndarray) -> DepthCodes:
     if count:
         zigzag = _from_byte_planes(_inflate(field["steps"], 2 * count, "depth"), 2, np.uint16)
         steps = (zigzag >> np.uint16(1)) ^ (~(zigzag & np.uint16(1)) + np.uint16(1))
-        codes[valid] = np.cumsum(steps, dtype=np.uint16)
-    return DepthCodes(codes, valid, float(field["scale"]), float(field["offset"]))
+        values = np.cumsum(steps, dtype=np.uint16)
+        codes[valid] = values
+    depth = DepthCodes(codes, valid, float(field["scale"]), float(field["offset"]))
+    if count:
+        ends = [depth.offset + depth.scale * float(code) for code in (values.min(), values.max())]
+        if not (-abs(depth.scale) <= min(ends) and max(ends) <= _MAX_COORDINATE):
+            raise ValueError(f"depth from {ends[0]:g} to {ends[1]:g}, expected 0 or more")
+    return depth
 
 
 def _lattice_keys(codes: np.ndarray) -> np.ndarray:
-    bits = np.uint64(_code_bits(codes.dtype))
+    bits = np.uint64(8 * codes.dtype.itemsize)
     wide = codes.astype(np.uint64)
     return (wide[:, 0] << (2 * bits)) | (wide[:, 1] << bits) | wide[:, 2]
 
@@ -218,7 +228,7 @@ def _encode_points(points: PointLattice, order: np.ndarray) -> dict[str, Any]:
     planes = max(1, -(-int(steps.max()).bit_length() // 8))
     return {
         "count": len(keys),
-        "bits": _code_bits(points.codes.dtype),
+        "bits": 8 * points.codes.dtype.itemsize,
         "matrix": points.matrix.astype("<f8").tobytes(),
         "planes": planes,
         "steps": _deflate(_byte_planes(steps, planes)),
@@ -226,17 +236,14 @@ def _encode_points(points: PointLattice, order: np.ndarray) -> dict[str, Any]:
 
 
 def _num_points(stored: Mapping[str, Any]) -> int:
-    count = stored["points"]["count"]
-    if not 0 < count <= _MAX_POINTS:
-        raise ValueError(f"{count} points, expected 1 to {_MAX_POINTS}")
-    return count
+    return _integer(stored["points"]["count"], 1, _MAX_POINTS, "number of points")
 
 
 def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
     field, count = stored["points"], _num_points(stored)
-    bits, planes = field["bits"], field["planes"]
-    if bits not in (8, 16) or not 1 <= planes <= 6:
-        raise ValueError(f"points of {bits} bits in {planes} planes, expected 8 or 16 in 1 to 6")
+    bits, planes = field["bits"], _integer(field["planes"], 1, 6, "planes of the points")
+    if bits not in (8, 16) or isinstance(bits, float):
+        raise ValueError(f"points of {str(bits)[:40]} bits, expected 8 or 16")
     small = bits == 8 and planes <= 3
     dtype: Any = np.uint32 if small else np.uint64
     steps = _from_byte_planes(_inflate(field["steps"], planes * count, "points"), planes, dtype)
@@ -245,8 +252,8 @@ def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
     for axis, shift in enumerate((2 * bits, bits, 0)):
         codes[:, axis] = (keys >> dtype(shift)).astype(codes.dtype)  # the cast keeps the low bits
     matrix = np.frombuffer(field["matrix"], "<f8").reshape(3, 4).astype(np.float64)
-    if not np.isfinite(matrix).all():
-        raise ValueError("points: the matrix is not finite, expected finite numbers")
+    if not np.isfinite(matrix).all() or np.abs(matrix).max() > _MAX_COORDINATE:
+        raise ValueError(f"points: the matrix holds {matrix.min():g} to {matrix.max():g}")
     return PointLattice(codes, matrix)
 
 
@@ -268,9 +275,7 @@ def _encode_normals(normals: np.ndarray, order: np.ndarray, bits: int) -> dict[s
 
 def _decode_normals(stored: Mapping[str, Any]) -> np.ndarray:
     field, count = stored["normals"], _num_points(stored)
-    bits = field["bits"]
-    if not 1 <= bits <= 16:
-        raise ValueError(f"normals of {bits} bits, expected 1 to 16")
+    bits = _integer(field["bits"], 1, 16, "bits of the normals")
     planes = 1 if bits <= 8 else 2
     data = _inflate(field["codes"], 2 * planes * count, "normals")
     codes = _from_byte_planes(data, planes, np.uint16).reshape(2, count).T
@@ -392,7 +397,7 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
         size = _image_size(stored)
         needs_mask = bool(wanted & {"mask", "depth"})
         mask = _decode_bits(stored["mask"], size, "mask") if needs_mask else None
-        return Stored(
+        decoded = Stored(
             image=_decode_image(stored) if "image" in wanted else None,
             mask=mask,
             depth=_decode_depth(stored, mask) if mask is not None and "depth" in wanted else None,
@@ -411,9 +416,12 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
             source=stored["source"],
             extra=stored.get("extra", ""),
         )
+        schema.check_camera(decoded.intrinsics, decoded.extrinsics)
+        schema.check_labels(decoded)
     except (KeyError, TypeError, OSError, EOFError, SyntaxError, OverflowError) as error:
         # The checksum matches but a field is invalid: another program wrote the record.
         raise ValueError(f"a field is not as expected: {type(error).__name__} {error}") from error
+    return decoded
 
 
 def decode(data: bytes) -> Sample:

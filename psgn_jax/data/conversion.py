@@ -15,16 +15,21 @@ from typing import Any, NamedTuple
 
 from absl import logging
 
+from psgn_jax.claims import claim
 from psgn_jax.data import schema
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import ShardWriter
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.data.sources import authors, occnet, r2n2, shapenet
+from psgn_jax.files import is_disk_full, remove_temporaries
+from psgn_jax.untrusted import one_line
 
 FILES_PER_SHARD = 8
 MODELS_PER_SHARD = 64
 LAYOUTS = {"r2n2": r2n2, "occnet": occnet}
+
+_WORK = ".work"  # holds the lock of the process that converts
 
 
 class _Item(NamedTuple):
@@ -114,7 +119,7 @@ def convert_models(
     reader: Any = LAYOUTS[layout]
     models, messages = reader.models(source)
     for message in messages:
-        logging.error("%s", message)
+        logging.error("%s", one_line(message))
     if strict and messages:
         raise ValueError(messages[0])
 
@@ -157,8 +162,22 @@ def _convert(
     Raises:
       ValueError: nothing could be read, or with `strict` something could not be read.
       RecordError: `destination` contains a data set from another source.
+      ClaimedError: another process converts to it.
     """
     destination.mkdir(parents=True, exist_ok=True)
+    with claim(destination / _WORK, (0, 1)):
+        return _convert_claimed(kind, source, items, destination, per_shard, strict)
+
+
+def _convert_claimed(
+    kind: str,
+    source: pathlib.Path,
+    items: Sequence[_Item],
+    destination: pathlib.Path,
+    per_shard: int,
+    strict: bool,
+) -> tuple[Manifest, list[str]]:
+    """`_convert`, when no other process converts to the folder."""
     # A finished shard is kept if this run would give it the same number and inputs. With another
     # number it could be overwritten by the group that has that number now.
     done: dict[tuple[int, tuple[str, ...]], list[Shard]] = {}
@@ -173,12 +192,14 @@ def _convert(
             path = destination / shard.file
             if path.is_file() and path.stat().st_size == shard.size:
                 done.setdefault((_number(shard.file), shard.inputs), []).append(shard)
-    elif any(not (p.name[0] == "." and p.suffix == ".tmp") for p in destination.iterdir()):
+    elif any(
+        not (p.name[0] == "." and p.suffix == ".tmp") and p.name != _WORK
+        for p in destination.iterdir()
+    ):
         raise ValueError(
             f"DST {str(destination)!r}: not empty and not a data set; give an empty folder"
         )
-    for left in destination.glob(".*.tmp"):
-        left.unlink()  # left by a run that was killed
+    remove_temporaries(destination)
 
     shards: list[Shard] = []
     refused: list[str] = []
@@ -226,18 +247,25 @@ def _convert_group(
                         messages.append(result)
                         continue
                     split, record, sample = result
+                    try:
+                        schema.check_content(sample)
+                    except ValueError as error:
+                        messages.append(f"{sample.model_id}, view {sample.view}: {error}")
+                        continue
                     if split not in writers:
                         writer = ShardWriter(folder, split, number)
                         writers[split] = stack.enter_context(writer)
                     writers[split].write(record, sample)
             except (ValueError, OSError) as error:
+                if is_disk_full(error):
+                    raise
                 messages.append(str(error))
             # An item that was not read completely is not listed in the inputs, so that the group is
             # converted again next time.
             if not messages:
                 inputs.append(item.tag)
             for message in messages:
-                logging.error("%s", message)
+                logging.error("%s", one_line(message))
                 if strict:
                     raise ValueError(message)
             refused += messages

@@ -11,9 +11,9 @@ a record additionally covers the path from the encoder to the decoder.
 """
 
 import contextlib
+import errno
 import os
 import pathlib
-import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -23,17 +23,23 @@ from array_record.python import array_record_module
 
 from psgn_jax.data import schema
 from psgn_jax.data.codec import DEFAULT_POINT_BITS, Stored, decode, decode_stored, encode
-from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
+from psgn_jax.data.manifest import (
+    MANIFEST,
+    SPLIT_NAME,
+    Manifest,
+    Shard,
+    load_manifest,
+    save_manifest,
+)
 from psgn_jax.data.schema import RecordError, Sample
-from psgn_jax.files import file_crc32, install
+from psgn_jax.files import file_crc32, install, is_disk_full, remove_temporaries
+from psgn_jax.untrusted import kind_of
 
 # With one record per group, reading a record does not decode its neighbours. The records are
 # compressed already.
 _WRITER_OPTIONS = "group_size:1,uncompressed"
 # Read-ahead only helps sequential reads, and costs memory.
 _READER_OPTIONS = "readahead_buffer_size:0"
-
-_SPLIT_NAME = re.compile(r"[a-z0-9_]+")
 
 
 def shard_name(split: str, number: int, tag: str = "") -> str:
@@ -44,7 +50,7 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
       number: number of the shard in the split.
       tag: end of the name, to tell shards with the same number apart; "" = none.
     """
-    if not _SPLIT_NAME.fullmatch(split):
+    if not SPLIT_NAME.fullmatch(split):
         raise ValueError(f"split {split!r}: expected lower-case letters, digits and _")
     return f"{split}-{number:05d}{tag and '-'}{tag}.arrayrecord"
 
@@ -52,7 +58,8 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
 class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
     """Context that writes one shard; the file gets its name when the block ends without error.
 
-    After the block, `shard` describes the file.
+    After the block, `shard` describes the file. Where it cannot be written, for instance on a full
+    disk, `write` or the end of the block raises `OSError`, and no file is left.
     """
 
     def __init__(
@@ -75,18 +82,35 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
 
     def write(self, record: bytes, sample: Sample) -> None:
         """Appends `record`, the encoded form of `sample`."""
-        self._writer.write(record)
+        with self._os_errors():
+            self._writer.write(record)
         self.count += 1
         self._categories[sample.category] = self._categories.get(sample.category, 0) + 1
         self._fields -= {f for f in schema.OPTIONAL_FIELDS if getattr(sample, f) is None}
 
+    @contextlib.contextmanager
+    def _os_errors(self) -> Iterator[None]:
+        """Turns ArrayRecord's errors into `OSError`."""
+        try:
+            yield
+        except RuntimeError as error:
+            number = errno.ENOSPC if is_disk_full(error) else errno.EIO
+            raise OSError(number, os.strerror(number), str(self._path)) from error
+
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         """Closes the file and renames it to its name, or removes it after an error."""
-        self._writer.close()
-        if kind is not None:
+        try:
+            with self._os_errors():
+                self._writer.close()
+            if kind is None:
+                install(self._temporary, self._path)
+        except OSError:
+            if kind is None:  # else the first error is the one to report
+                raise
+        finally:
             self._temporary.unlink(missing_ok=True)
+        if kind is not None:
             return
-        install(self._temporary, self._path)
         self.shard = Shard(
             file=self._path.name,
             split=self._split,
@@ -129,6 +153,7 @@ def write_dataset(
                 f"data set {str(folder)!r} exists; give another folder, or overwrite=True"
             )
         (folder / MANIFEST).unlink()
+    remove_temporaries(folder)
     shards: list[Shard] = []
     for split, samples in splits.items():
         iterator = iter(samples)
@@ -193,8 +218,7 @@ class RecordReader:
 
     def _check_size(self, shard: Shard) -> None:
         path = self.folder / shard.file
-        if not path.is_file():
-            raise RecordError(f"shard {path} is missing; {self._remedy(shard)}")
+        _check_readable(path, self._remedy(shard))
         if path.stat().st_size != shard.size:
             raise RecordError(
                 f"shard {path} has {path.stat().st_size} bytes, the manifest says {shard.size}; "
@@ -210,6 +234,7 @@ class RecordReader:
                     reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
                     count = reader.num_records()
                 except (RuntimeError, OSError) as error:
+                    _check_readable(path, self._remedy(shard))
                     raise RecordError(
                         f"shard {path} cannot be opened ({_first_line(error)}); "
                         + self._remedy(shard)
@@ -243,6 +268,7 @@ class RecordReader:
         try:
             return reader.read([position])[0]
         except (RuntimeError, IndexError, OSError) as error:
+            _check_readable(path, self._remedy(self.shards[number]))
             raise self._damaged(path, position, number, _first_line(error)) from error
 
     def _damaged(self, path: pathlib.Path, position: int, number: int, why: str) -> RecordError:
@@ -279,10 +305,11 @@ class RecordReader:
         """Reads every shard and compares its checksum.
 
         Raises:
-          RecordError: a shard is damaged; the message names the first one.
+          RecordError: a shard is damaged or cannot be read; the message names the first one.
         """
         for shard in self.shards:
             path = self.folder / shard.file
+            _check_readable(path, self._remedy(shard))
             if file_crc32(path) != shard.crc32:
                 raise RecordError(
                     f"shard {path} is damaged: its checksum does not match; {self._remedy(shard)}"
@@ -295,8 +322,7 @@ def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
     Raises:
       RecordError: it is missing or damaged.
     """
-    if not os.path.exists(path):
-        raise RecordError(f"shard {path} is missing")
+    _check_readable(pathlib.Path(path), "write the data set again")
     try:
         reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
         return list(reader.read(list(range(reader.num_records()))))
@@ -360,6 +386,27 @@ def open_split(
     opened = {folder: RecordReader(folder, split) for folder in dict.fromkeys(having)}
     readers = [opened[folder] for folder in having]
     return readers[0] if len(readers) == 1 else JoinedReader(readers)
+
+
+def _check_readable(path: pathlib.Path, remedy: str) -> None:
+    """Tells a shard that is missing or may not be read from a damaged one.
+
+    Raises:
+      RecordError: it is missing, no file, or cannot be read.
+    """
+    try:
+        kind = kind_of(path)
+        if kind is not None:
+            raise RecordError(f"shard {path} is {kind}, expected a file")
+        with path.open("rb") as file:
+            file.read(1)
+    except FileNotFoundError:
+        raise RecordError(f"shard {path} is missing; {remedy}") from None
+    except OSError as error:
+        raise RecordError(
+            f"shard {path} cannot be read: {error.strerror or error}; check who may read it, and "
+            "the disk"
+        ) from None
 
 
 def _first_line(error: BaseException) -> str:

@@ -10,16 +10,20 @@ A batch is decoded as one unit of work: by threads in this process (decoding rel
 lock most of the time), or by `num_workers` processes.
 """
 
+import gc
+import itertools
 import os
-import signal
 import sys
 from collections.abc import Callable, Generator, Sequence
+from typing import Any
 
 import grain
 import numpy as np
 from absl import flags
+from grain.multiprocessing import SharedMemoryArray
 
 from psgn_jax.config import DataConfig
+from psgn_jax.data import workers
 from psgn_jax.data.batches import ORDER, Batch, EvalBatch, Items, Models, TrainBatch
 from psgn_jax.data.dataset import JoinedReader, RecordReader, open_split
 from psgn_jax.data.schema import RecordError
@@ -68,13 +72,29 @@ def num_threads() -> int:
     return min(MAX_THREADS, _num_cores())
 
 
-def _leave_interrupts_to_the_trainer(*_: int) -> None:
-    """Ctrl-C goes to every process of a terminal; the trainer ends the workers when it is done."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
 def _plain(batch: Batch) -> Batch:
     return {k: np.array(v) if isinstance(v, np.ndarray) else v for k, v in batch.items()}
+
+
+def _start(iterator: Any, num_workers: int) -> list[Batch]:
+    """Starts the workers; returns the first batch of each.
+
+    The iterator's `close` ends no worker that is still starting, therefore one of each.
+    """
+    first = itertools.islice(iterator, num_workers)
+    return workers.start_sheltered(lambda: list(map(_plain, first)))
+
+
+def _remove_shared_memory() -> None:
+    """Removes the shared memory of batches that were made ahead and never used.
+
+    Grain holds them in circles of references, and removes them in a thread that does not get to its
+    end when Python exits.
+    """
+    gc.collect()
+    pool = getattr(SharedMemoryArray, "_del_thread_pool", None)
+    if pool is not None:
+        pool.apply(int)  # it has one thread: everything before this is done then
 
 
 def _iterate(
@@ -82,31 +102,32 @@ def _iterate(
 ) -> Generator[Batch, None, None]:
     """The batches of these numbers in order, made ahead of their use."""
     source = grain.MapDataset.range(numbers.start, numbers.stop, numbers.step).map(make)
-    if cfg.num_workers:
-        # Grain hands absl flags to its workers and fails where nobody has parsed any: in a
-        # notebook, in a test, in a program without absl.
-        if not flags.FLAGS.is_parsed():
-            flags.FLAGS.mark_as_parsed()
-        read = grain.ReadOptions(num_threads=1, prefetch_buffer_size=1)
-        dataset = source.to_iter_dataset(read).mp_prefetch(
-            grain.MultiprocessingOptions(num_workers=cfg.num_workers, per_worker_buffer_size=2),
-            worker_init_fn=_leave_interrupts_to_the_trainer,
-        )
-    else:
+    if not cfg.num_workers:
         threads = num_threads()
         read = grain.ReadOptions(num_threads=threads, prefetch_buffer_size=threads + 1)
-        dataset = source.to_iter_dataset(read)
+        yield from source.to_iter_dataset(read)
+        return
+    # Grain hands absl flags to its workers and fails where nobody has parsed any: in a notebook, in
+    # a test, in a program without absl.
+    if not flags.FLAGS.is_parsed():
+        flags.FLAGS.mark_as_parsed()
+    read = grain.ReadOptions(num_threads=1, prefetch_buffer_size=1)
+    dataset = source.to_iter_dataset(read).mp_prefetch(
+        grain.MultiprocessingOptions(num_workers=cfg.num_workers, per_worker_buffer_size=2),
+        worker_init_fn=workers.end_with_parent,
+    )
     iterator = iter(dataset)
     try:
-        for batch in iterator:
-            # Workers hand arrays over in shared memory, which must not outlive the iterator (and a
-            # device may alias a host array): the consumer gets its own copy.
-            yield _plain(batch) if cfg.num_workers else batch
-            del batch
+        begun = _start(iterator, cfg.num_workers)
+        while begun:
+            yield begun.pop(0)
+        # Workers hand arrays over in shared memory, which must not outlive the iterator (and a
+        # device may alias a host array): the consumer gets its own copy.
+        yield from map(_plain, iterator)
     finally:
-        close = getattr(iterator, "close", None)
-        if close is not None:
-            close()
+        iterator.close()
+        del iterator, dataset
+        _remove_shared_memory()
 
 
 def _check_positive(name: str, value: int) -> None:

@@ -4,15 +4,24 @@ import dataclasses
 import json
 import os
 import pathlib
+import re
 from collections.abc import Mapping
+from typing import Any
 
 from psgn_jax.data import schema
 from psgn_jax.data.schema import RecordError
 from psgn_jax.files import write_atomic
+from psgn_jax.untrusted import one_line, read_json
 
 FORMAT = "psgn_jax records"
 VERSION = 1
 MANIFEST = "manifest.json"
+
+SPLIT_NAME = re.compile(r"[a-z0-9_]+")
+"""What a split may be called: the names of its files begin with it."""
+
+_MOST_RECORDS = 1 << 40  # of a shard: sums over shards stay within 64 bits
+_MOST_BYTES = 1 << 53
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,42 +95,102 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
     path = folder / MANIFEST
     if not folder.is_dir():
         raise RecordError(f"data set {str(folder)!r}: there is no such folder")
-    if not path.is_file():
+    if not path.exists():
         raise RecordError(
             f"data set {str(folder)!r}: not a data set of this project, it has no {MANIFEST} "
             "(`python -m psgn_jax.convert` creates one)"
         )
     try:
-        content = json.loads(path.read_text())
+        content = read_json(path)
         form, version = content["format"], content["version"]
+    except OSError as error:
+        raise RecordError(f"{path} cannot be read: {error.strerror or error}") from None
     except (ValueError, TypeError, KeyError) as error:
-        raise RecordError(f"{path}: damaged ({error}); convert the data set again") from None
+        raise _damaged(path, error) from None
     if form != FORMAT:
-        raise RecordError(f"{path}: format {form!r}, expected {FORMAT!r}")
+        raise RecordError(f"{path}: format {_shown(form)}, expected {FORMAT!r}")
     if version != VERSION:
         raise RecordError(
-            f"{path}: format version {version!r}, this version of psgn_jax reads {VERSION}; "
+            f"{path}: format version {_shown(version)}, this version of psgn_jax reads {VERSION}; "
             "convert the data set again, or use the version of psgn_jax that wrote it"
         )
     try:
-        shards = tuple(
-            Shard(**{**s, "fields": tuple(s["fields"]), "inputs": tuple(s["inputs"])})
-            for s in content["shards"]
-        )
-        for s in shards:
-            # Names are used as paths: refuse names that lead out of the folder.
-            if (
-                pathlib.PurePath(s.file).name != s.file
-                or not isinstance(s.count, int)
-                or s.count < 0
-            ):
-                raise ValueError(f"shard {s.file!r} with {s.count!r} records")
-        manifest = Manifest(str(content["source"]), bool(content["complete"]), shards)
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise RecordError(f"{path}: damaged ({error}); convert the data set again") from None
+        _check_type("source", content.get("source"), str)
+        _check_type("complete", content.get("complete"), bool)
+        _check_type("shards", content.get("shards"), list)
+        shards = tuple(shard_of(entry) for entry in content["shards"])
+        files = [shard.file for shard in shards]
+        if len(set(files)) < len(files):
+            twice = next(file for file in files if files.count(file) > 1)
+            raise ValueError(f"shard {twice!r} is there twice")
+        manifest = Manifest(content["source"], content["complete"], shards)
+    except ValueError as error:
+        raise _damaged(path, error) from None
     if not manifest.complete and not allow_incomplete:
         raise RecordError(
             f"data set {str(folder)!r}: its writing has not ended; run the command that writes it "
             "again, it continues where it stopped"
         )
     return manifest
+
+
+def shard_of(entry: Any) -> Shard:
+    """A shard from its entry in a manifest, with the type and range of every field checked.
+
+    Raises:
+      ValueError: a field is missing, unknown or wrong; the message names it.
+    """
+    _check_type("shard", entry, dict)
+    names = [field.name for field in dataclasses.fields(Shard)]
+    if set(entry) != set(names):
+        odd = sorted({*entry} ^ {*names})
+        raise ValueError(f"a shard lacks or has {_shown(odd)}, expected the fields {names}")
+    _check_type("file", entry["file"], str)
+    # Names are used as paths: refuse names that lead out of the folder.
+    name = entry["file"]
+    if pathlib.PurePath(name).name != name or name == ".." or not name.isprintable():
+        raise ValueError(f"file {_shown(name)}: expected the name of one in the folder")
+    _check_type("split", entry["split"], str)
+    if not SPLIT_NAME.fullmatch(entry["split"]):
+        raise ValueError(f"split {_shown(entry['split'])}: expected [a-z0-9_]")
+    for name, most in (("count", _MOST_RECORDS), ("size", _MOST_BYTES), ("crc32", (1 << 32) - 1)):
+        _check_count(name, entry[name], most)
+    _check_type("categories", entry["categories"], dict)
+    for value in entry["categories"].values():
+        _check_count("categories", value, _MOST_RECORDS)
+    if sum(entry["categories"].values()) != entry["count"]:
+        raise ValueError(
+            f"shard {entry['file']!r}: {entry['count']} records, but "
+            f"{sum(entry['categories'].values())} in its categories"
+        )
+    for name in ("fields", "inputs"):
+        _check_type(name, entry[name], list)
+        for value in entry[name]:
+            _check_type(name, value, str)
+    if not set(entry["fields"]) <= set(schema.FIELDS):
+        odd = sorted({*entry["fields"]} - {*schema.FIELDS})
+        raise ValueError(f"fields {_shown(odd)}, expected any of {list(schema.FIELDS)}")
+    return Shard(**{**entry, "fields": tuple(entry["fields"]), "inputs": tuple(entry["inputs"])})
+
+
+def _check_type(name: str, value: Any, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise ValueError(f"{name} is {_shown(value)}, expected {_KIND_NAMES[kind]}")
+
+
+_KIND_NAMES = {str: "a text", bool: "true or false", list: "a list", dict: "a JSON object"}
+
+
+def _check_count(name: str, value: Any, most: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= most:
+        raise ValueError(f"{name} is {_shown(value)}, expected a number from 0 to {most}")
+
+
+def _shown(value: Any) -> str:
+    shown = repr(value)
+    return shown if len(shown) <= 60 else shown[:57] + "..."
+
+
+def _damaged(path: pathlib.Path, error: Exception) -> RecordError:
+    what = f"no {error} there" if isinstance(error, KeyError) else one_line(error)
+    return RecordError(f"{path}: damaged ({what}); convert the data set again")

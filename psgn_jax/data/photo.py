@@ -3,17 +3,19 @@
 How an object is placed before a network sees it: `psgn_jax.data.framing`.
 """
 
+import contextlib
 import dataclasses
 import math
 import os
-import pathlib
 import warnings
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from psgn_jax.config import UserError
+from psgn_jax.untrusted import kind_of, one_line
 
 MAX_PIXELS = 150_000_000
 """Larger images are refused before they are decoded: a small file may hold gigabytes."""
@@ -124,10 +126,36 @@ def same_proportions(size: tuple[int, ...], other: tuple[int, ...]) -> bool:
     return abs(height - size[0]) <= max(1.0, 0.01 * size[0])
 
 
+def decoded_pixels(path: str | os.PathLike[str]) -> int:
+    """How many pixels `read_photo` decodes, from the file's header; of a JPEG fewer than it has.
+
+    Raises:
+      PhotoError: as `read_photo`.
+    """
+    with _opened(path) as (file, _):
+        return math.prod(file.size)
+
+
 def _decode(path: str | os.PathLike[str]) -> tuple[Image.Image, int, tuple[int, int]]:
     """First frame as stored, EXIF's orientation, and (H, W) in the file."""
-    if not pathlib.Path(path).is_file():
-        raise PhotoError(f"{path}: no such file")
+    with _opened(path) as (file, size):
+        orientation = int(file.getexif().get(_ORIENTATION, 1) or 1)
+        file.load()
+        return file.copy(), orientation, size
+
+
+@contextlib.contextmanager
+def _opened(
+    path: str | os.PathLike[str],
+) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
+    """A file whose header is read, and (H, W) in it; what goes wrong then is a `PhotoError`."""
+    shown = one_line(path)
+    try:
+        kind = kind_of(path)
+    except (OSError, ValueError):
+        raise PhotoError(f"{shown}: no such file") from None
+    if kind is not None:
+        raise PhotoError(f"{shown} is {kind}, expected a file")
     Image.init()
     formats = [name for name in _FORMATS if name in Image.OPEN]
     try:
@@ -138,27 +166,25 @@ def _decode(path: str | os.PathLike[str]) -> tuple[Image.Image, int, tuple[int, 
                 width, height = file.size
                 if width * height > MAX_PIXELS:
                     raise PhotoError(
-                        f"{path} is {width}x{height}: accepted: up to {MAX_PIXELS:,} pixels"
+                        f"{shown} is {width}x{height}: accepted: up to {MAX_PIXELS:,} pixels"
                     )
                 if min(width, height) < MIN_SIDE:
                     raise PhotoError(
-                        f"{path} is {width}x{height}: accepted: at least {MIN_SIDE} pixels a side"
+                        f"{shown} is {width}x{height}: accepted: at least {MIN_SIDE} pixels a side"
                     )
-                orientation = int(file.getexif().get(_ORIENTATION, 1) or 1)
                 file.draft(file.mode, (MAX_SIDE, MAX_SIDE))  # a JPEG can be decoded smaller
-                file.load()
-                return file.copy(), orientation, (height, width)
+                yield file, (height, width)
     except PhotoError:
         raise
     except UnidentifiedImageError:
-        raise PhotoError(f"{path} is no image of a known format") from None
+        raise PhotoError(f"{shown} is no image of a known format") from None
     except Image.DecompressionBombError:
-        raise PhotoError(f"{path} is too large: accepted: up to {MAX_PIXELS:,} pixels") from None
+        raise PhotoError(f"{shown} is too large: accepted: up to {MAX_PIXELS:,} pixels") from None
     except MemoryError:
-        raise PhotoError(f"{path}: not enough memory to decode it") from None
+        raise PhotoError(f"{shown}: not enough memory to decode it") from None
     except Exception as error:  # decoders raise anything for damaged files
         why = " ".join(str(error).split())[:160] or type(error).__name__
-        raise PhotoError(f"{path} is damaged or unreadable: {why}") from None
+        raise PhotoError(f"{shown} is damaged or unreadable: {why}") from None
 
 
 def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:

@@ -1,6 +1,6 @@
 """The definition of a sample: fields, shapes, dtypes, units and frames.
 
-This module only needs numpy, so that the renderer (`data_gen`) can use it too.
+This module needs no package but numpy, so that the renderer (`data_gen`) can use it too.
 
 **Frame** (of every data set, prediction and export): right-handed, +z up, +y to the right of the
 image, +x horizontally toward the camera, origin on the ground under the object. The unit of length
@@ -18,10 +18,11 @@ points inside the masks than a shift by half a pixel in either direction.)
 """
 
 import dataclasses
-import json
 from typing import Any
 
 import numpy as np
+
+from psgn_jax.untrusted import parse_json
 
 BACKGROUND_GREY = 191
 """Grey level of all background pixels, as in the authors' images."""
@@ -30,6 +31,8 @@ OCCUPANCY_SIZE = 32
 """Number of cells along an edge of the occupancy grid."""
 
 _ROTATION_TOLERANCE = 1e-3
+_LAST_VIEW = 2**31 - 1
+_SMALLEST_EXTENT = 1e-3
 
 FIELDS = (
     "image",
@@ -145,21 +148,46 @@ def validate(sample: Sample) -> Sample:
             _fail("normals", f"lengths {length.min():g} to {length.max():g}", "unit vectors")
     if sample.occupancy is not None:
         _check_array("occupancy", sample.occupancy, np.bool_, (OCCUPANCY_SIZE,) * 3)
-    for field in ("category", "model_id", "source", "extra"):
-        if not isinstance(getattr(sample, field), str):
-            _fail(field, repr(getattr(sample, field)), "a string")
+    check_labels(sample)
     if sample.extra and not _is_json_object(sample.extra):
         _fail("extra", repr(sample.extra[:80]), "a JSON object in text, or nothing")
-    if not isinstance(sample.view, int) or isinstance(sample.view, bool) or sample.view < 0:
-        _fail("view", repr(sample.view), "an integer of 0 or more")
     return sample
+
+
+def check_labels(sample: Any) -> None:
+    """Checks the fields that are not arrays; `sample` is a `Sample` or has its attributes.
+
+    Raises:
+      ValueError: one of them has another type; the message names the field.
+    """
+    for field in ("category", "model_id", "source", "extra"):
+        if not isinstance(getattr(sample, field), str):
+            _fail(field, repr(getattr(sample, field))[:80], "a string")
+    view = sample.view
+    if not isinstance(view, int) or isinstance(view, bool) or not 0 <= view <= _LAST_VIEW:
+        _fail("view", repr(view)[:80], f"an integer from 0 to {_LAST_VIEW}")
 
 
 def _is_json_object(text: str) -> bool:
     try:
-        return isinstance(json.loads(text), dict)
+        return isinstance(parse_json(text), dict)
     except ValueError:
         return False
+
+
+def check_content(sample: Sample) -> None:
+    """Checks that a sample shows an object; converters leave out samples that do not.
+
+    Raises:
+      ValueError: the mask or the volume is empty, or all points are in one place.
+    """
+    if not sample.mask.any():
+        raise ValueError("the mask is empty: no pixel shows the object")
+    extent = float(np.ptp(sample.points, axis=0).max())
+    if extent < _SMALLEST_EXTENT:
+        raise ValueError(f"all points are in one place: they extend over {extent:g} of the unit")
+    if sample.occupancy is not None and not sample.occupancy.any():
+        raise ValueError("the volume is empty")
 
 
 def check_camera(intrinsics: np.ndarray, extrinsics: np.ndarray) -> None:

@@ -1,6 +1,5 @@
 """The data of the study `ambiguity`: cabinets whose depth shows, or does not, and its measures."""
 
-import json
 import pathlib
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,7 +9,9 @@ from absl import logging
 
 from psgn_jax.config import ConfigError
 from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data.schema import RecordError
 from psgn_jax.metrics import samples as sample_metrics
+from psgn_jax.untrusted import parse_json
 
 DOUBT, NO_DOUBT = "front", "turned"
 """Kinds of images: ambiguous, since the depth is hidden; unambiguous."""
@@ -66,9 +67,15 @@ def truths(data: pathlib.Path, split: str = "validation") -> list[Truth]:
     reader = RecordReader(data, split)
     known: list[Truth] = []
     for sample in (reader[index] for index in range(len(reader))):
-        entry = json.loads(sample.extra)["parameters"]
-        depth = entry["hidden"]["depth"]
-        known.append(Truth(sample.category, entry["seed"], entry["scale"], depth))
+        try:
+            entry = parse_json(sample.extra)["parameters"]
+            depth = float(entry["hidden"]["depth"])
+            known.append(Truth(sample.category, int(entry["seed"]), float(entry["scale"]), depth))
+        except (ValueError, KeyError, TypeError) as error:
+            raise RecordError(
+                f"data set {str(data)!r}: {sample.model_id!r} lacks the study's parameters "
+                f"({error!r}); remove the folder, the study renders it again"
+            ) from None
     return known
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from psgn_jax.files import finite_or_none
 from psgn_jax.metrics.aligned import ITERATIONS, LARGEST_SCALE, LEAST_SCALE
 from psgn_jax.metrics.evaluation import OVER_CATEGORIES, OVER_SAMPLES, Evaluation, SampleName
+from psgn_jax.untrusted import one_line
 
 _COLUMNS = (
     "cd_sq_radius2",
@@ -87,7 +88,7 @@ def text(evaluation: Evaluation) -> str:
     names += [name for name in evaluation.metrics if "_of_" in name or "mutual" in name]
     head = ["category", "samples", *(header(evaluation, name) for name in names)]
     body = [
-        [row.name, str(row.count), *(_number(name, row.metrics[name]) for name in names)]
+        [one_line(row.name), str(row.count), *(_number(name, row.metrics[name]) for name in names)]
         for row in evaluation.rows()
     ]
     table = aligned([head, *body], apart=2)

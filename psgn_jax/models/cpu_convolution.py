@@ -40,11 +40,15 @@ An alternative, concatenating the three depths along the output channels, is fas
 and mostly slower backward.
 
 The platform is determined when a function is traced. On a CPU there is no forward-mode derivative.
-With `PSGN_CONVOLUTIONS=xla` in the environment, XLA's own convolutions are used on a CPU too.
+With `PSGN_CONVOLUTIONS=xla` in the environment, or within `plain_convolutions()`, XLA's own
+convolutions are used on a CPU too.
 """
 
+import contextlib
+import contextvars
 import functools
 import os
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import jax
@@ -71,9 +75,29 @@ class _Geometry(NamedTuple):
     padding: tuple[tuple[int, int], tuple[int, int]]
 
 
+_plain: contextvars.ContextVar[bool] = contextvars.ContextVar("plain_convolutions", default=False)
+
+
+@contextlib.contextmanager
+def plain_convolutions() -> Iterator[None]:
+    """Within it XLA's convolutions are traced, whatever the platform: for programs that leave it.
+
+    It acts on tracing. A function that `jax.jit` has traced before keeps what was traced.
+    """
+    token = _plain.set(True)
+    try:
+        yield
+    finally:
+        _plain.reset(token)
+
+
 def uses_xla() -> bool:
-    """Returns whether to use XLA's convolutions: on GPU and TPU, or if PSGN_CONVOLUTIONS=xla."""
-    return jax.default_backend() != "cpu" or os.environ.get("PSGN_CONVOLUTIONS") == "xla"
+    """Returns whether to use XLA's convolutions: on GPU and TPU, or where they were asked for.
+
+    They are asked for by `PSGN_CONVOLUTIONS=xla` in the environment or by `plain_convolutions`.
+    """
+    asked = _plain.get() or os.environ.get("PSGN_CONVOLUTIONS") == "xla"
+    return asked or jax.default_backend() != "cpu"
 
 
 def conv2d(

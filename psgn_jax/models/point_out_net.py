@@ -329,7 +329,8 @@ class PointOutNet(nn.Module):
             points = points + layers.grid_offset(height, width, channels // 3)[None]
             points = points.reshape(points.shape[0], -1, 3)
             if late is not None:  # these points do not depend on r
-                points = jnp.repeat(points, len(late) // len(points), axis=0)
+                draws = late.shape[0] // points.shape[0]
+                points = jnp.repeat(points[:, None], draws, axis=1).reshape(-1, *points.shape[1:])
             clouds.append(points)
         cloud = jnp.concatenate(clouds, axis=1)
         return cloud.reshape(*batch_shape, *cloud.shape[1:])
@@ -399,5 +400,8 @@ def _pad(x: Array, size: tuple[int, int]) -> Array:
 
 def _add(x: Array, per_image: Array) -> Array:
     """`x + per_image`; x may hold several rows per row of `per_image`, next to each other."""
-    grouped = x.reshape(len(per_image), -1, *per_image.shape[1:])
+    if x.shape == per_image.shape:
+        return x + per_image
+    # `shape[0]`, not `len`: the number of images may be symbolic (`psgn_jax.portable`).
+    grouped = x.reshape(per_image.shape[0], -1, *per_image.shape[1:])
     return (grouped + per_image[:, None]).reshape(x.shape)

@@ -4,16 +4,19 @@ The only importer of gradio (extra `demo`), inside functions: what the page does
 tested without. What it writes lies in a folder that its caller names, results for an hour.
 """
 
+import contextlib
+import ctypes
 import html
 import importlib.util
 import os
 import pathlib
 import shutil
-import sys
+import socket
 import tempfile
+import threading
 import time
 import urllib.parse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,21 +24,34 @@ from PIL import Image
 
 from psgn_jax.config import ConfigError
 from psgn_jax.data import masks, photo
+from psgn_jax.prediction import demo_server
+from psgn_jax.prediction.demo_editor import (
+    EDITOR_SIZE,
+    PAINT,
+    bound_editor,
+    painted,
+    place_in_editor,
+    shows_photo,
+)
 from psgn_jax.prediction.files import predict_photo
 from psgn_jax.prediction.predictor import FC, Predictor
 from psgn_jax.viewing import page
 
-EDITOR_SIZE = (600, 800)
-"""Height and width of the canvas that the mask is painted on, whatever the photo's shape.
-
-The photo is scaled to fit its middle. The prediction reads the whole photo.
-"""
-
 MAX_SAMPLES = 16
-KEPT_SECONDS = 3600.0
-PAINT = (226, 70, 40, 150)
-"""Colour of the mask over the photo, RGBA."""
 
+MAX_PIXELS = 50_000_000
+"""Pixels of a photo that are decoded; a JPEG of more is decoded smaller."""
+
+AT_ONCE = 8
+"""Requests that are served at the same time. Photos of more than `LARGE_PIXELS` are read one at a
+time and at most `LARGE_WAITING` wait, so that there is always room for others."""
+
+LARGE_PIXELS = 6_000_000
+LARGE_WAITING = 3
+QUEUE = 64
+"""Requests that may wait."""
+
+KEPT_SECONDS = 3600.0
 ADVICE = '<p style="opacity:.7">The points appear here: drop a photo, check its mask, Predict.</p>'
 """HTML in place of a result."""
 
@@ -61,6 +77,8 @@ class Demo:
     def __init__(self, predictor: Predictor, folder: str | os.PathLike[str]):
         self.predictor = predictor
         self.folder = pathlib.Path(folder)
+        self._large = threading.Semaphore()
+        self._waiting = threading.BoundedSemaphore(1 + LARGE_WAITING)
 
     @property
     def max_samples(self) -> int:
@@ -81,9 +99,13 @@ class Demo:
         if path is None:
             return None, ""
         try:
-            read = photo.read_photo(path)
+            with self._room_for(path):
+                return self._open_photo(path, method)
         except ValueError as error:
             return None, _failed(error, path)
+
+    def _open_photo(self, path: str, method: str) -> tuple[dict[str, Any], str]:
+        read = photo.read_photo(path)
         # Both exactly as large as the canvas: the editor moves and scales what is not, each by its
         # own rule.
         rows, columns = place_in_editor(read.image.shape)
@@ -126,27 +148,29 @@ class Demo:
         """
         if path is None:
             return ADVICE, [], _failed("no photo: drop one first")
+        name = pathlib.Path(path).stem or "image"
         try:
-            read = photo.read_photo(path)
-            mask = None
-            if shows_photo(edited):
-                mask = painted(edited, read.image.shape)
-                if not mask.any():
-                    raise photo.PhotoError("no mask: paint the object, or have it found")
-            out = self._new_folder()
-            name = pathlib.Path(path).stem or "image"
-            result = predict_photo(
-                self.predictor,
-                read,
-                mask,
-                pathlib.Path(path),
-                name,
-                out,
-                samples=_whole("samples", samples),
-                seed=_whole("seed", seed),
-                frame=frame,
-                mask_from=method,
-            )
+            with self._room_for(path):
+                read = photo.read_photo(path)
+                mask = None
+                if shows_photo(edited):
+                    mask = painted(edited, read.image.shape)
+                    if not mask.any():
+                        raise photo.PhotoError("no mask: paint the object, or have it found")
+                out = self._new_folder()
+                result = predict_photo(
+                    self.predictor,
+                    read,
+                    mask,
+                    pathlib.Path(path),
+                    name,
+                    out,
+                    samples=_whole("samples", samples),
+                    seed=_whole("seed", seed),
+                    frame=frame,
+                    mask_from=method,
+                )
+                del read
             viewer = out / ".viewer.html"
             case = page.Case(
                 name,
@@ -169,6 +193,28 @@ class Demo:
             line += f" The editor was empty: {_FOUND[result.mask_from]}"
         return in_frame(viewer.read_text(encoding="utf-8")), [str(file) for file in files], line
 
+    @contextlib.contextmanager
+    def _room_for(self, path: str) -> Iterator[None]:
+        """Waits until there is room to read a photo; gives the memory back afterwards.
+
+        Raises:
+          PhotoError: the photo is too large, cannot be read, or too many large ones wait.
+        """
+        pixels = photo.decoded_pixels(path)
+        if pixels > MAX_PIXELS:
+            raise photo.PhotoError(f"{path} has {pixels:,} pixels: accepted: {MAX_PIXELS:,}")
+        if pixels <= LARGE_PIXELS:
+            yield
+            return
+        if not self._waiting.acquire(blocking=False):
+            raise photo.PhotoError("others' large photos are being read: try again in a moment")
+        try:
+            with self._large:
+                yield
+        finally:
+            self._waiting.release()
+            return_memory()
+
     def _new_folder(self) -> pathlib.Path:
         self.folder.mkdir(parents=True, exist_ok=True)
         for old in self.folder.iterdir():
@@ -177,36 +223,10 @@ class Demo:
         return pathlib.Path(tempfile.mkdtemp(prefix="result-", dir=self.folder))
 
 
-def place_in_editor(shape: tuple[int, ...]) -> tuple[slice, slice]:
-    """Rows and columns of the editor's canvas on which a photo of this shape [h, w, ...] lies."""
-    height, width = EDITOR_SIZE
-    scale = min(height / shape[0], width / shape[1])
-    rows, columns = max(1, round(scale * shape[0])), max(1, round(scale * shape[1]))
-    top, left = (height - rows) // 2, (width - columns) // 2
-    return slice(top, top + rows), slice(left, left + columns)
-
-
-def shows_photo(edited: Any) -> bool:
-    """Whether the editor's value has a background: it is cleared whole, and fills the canvas."""
-    background = (edited or {}).get("background")
-    return background is not None and bool(background[..., 3:].all())
-
-
-def painted(edited: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """What the layers of the editor's value cover of a photo of this shape [h, w, ...].
-
-    Returns:
-      bool [h, w]; paint beside the photo is left out.
-    """
-    mask = np.zeros(EDITOR_SIZE, np.bool_)
-    for layer in edited["layers"]:
-        if layer.shape[:2] != EDITOR_SIZE:
-            raise photo.PhotoError(
-                f"the editor's layer is {list(layer.shape[:2])}: accepted: {list(EDITOR_SIZE)}; "
-                "drop the photo again"
-            )
-        mask |= layer[..., 3] > PAINT[3] // 2
-    return photo.resize_mask(mask[place_in_editor(shape)].copy(), shape[:2])
+def return_memory() -> None:
+    """Gives memory that is free back to the operating system, where the C library can."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def in_frame(document: str) -> str:
@@ -294,6 +314,7 @@ def build(demo: Demo) -> Any:
                     height=520,
                     elem_id="editor",
                 )
+                bound_editor(editor)
         viewer = gradio.HTML(ADVICE, elem_id="viewer")
         files = gradio.HTML("", elem_id="files")
         for changed in (source.change, method.change):
@@ -312,6 +333,7 @@ def build(demo: Demo) -> Any:
                 [editor, line, button],
                 show_progress_on=[editor],
                 api_visibility="private",
+                concurrency_limit=AT_ONCE,
             )
         button.click(
             predict,
@@ -319,51 +341,47 @@ def build(demo: Demo) -> Any:
             [viewer, files, line],
             show_progress_on=[viewer],
             api_visibility="private",
+            concurrency_limit=AT_ONCE,
         )
+    blocks.queue(max_size=QUEUE)
     return blocks
 
 
 def launch(
-    demo: Demo, *, host: str = "127.0.0.1", port: int = 7860, block: bool = True
-) -> tuple[Any, str]:
-    """Serves the page; returns `gradio.Blocks` and the address.
+    demo: Demo, listener: socket.socket, host: str, allowed_hosts: Sequence[str] = ()
+) -> demo_server.Server:
+    """Serves the page until the server is closed.
 
     Args:
       demo: what it does.
-      host: address to listen at; "0.0.0.0" lets other machines in.
-      port: 0 for any free one.
-      block: whether to serve until the process is interrupted.
+      listener: of `demo_server.listen`.
+      host: address that it listens at.
+      allowed_hosts: further names of this server.
 
     Raises:
-      ConfigError: gradio is missing, or the port is taken.
+      ConfigError: gradio is missing, or the server does not start.
     """
     gradio = import_gradio()
+    import fastapi
+
     blocks = build(demo)
-    try:
-        _, address, _ = blocks.launch(
-            server_name=host,
-            server_port=port or None,
-            share=False,
-            quiet=True,
-            prevent_thread_lock=True,
-            allowed_paths=[str(demo.folder)],
-            footer_links=[],
-            # The usual themes ask a server of fonts.
-            theme=gradio.themes.Default(
-                font=["system-ui", "sans-serif"], font_mono=["ui-monospace", "monospace"]
-            ),
-        )
-    except OSError as error:
-        raise ConfigError(f"--port={port}: {' '.join(str(error).split())}") from None
-    if block:
-        sys.stdout.write(f"{address}\n")
-        sys.stdout.flush()
-        try:
-            while True:
-                time.sleep(3600)
-        finally:
-            blocks.close(verbose=False)
-    return blocks, address
+    app = gradio.mount_gradio_app(
+        fastapi.FastAPI(docs_url=None, redoc_url=None, openapi_url=None),
+        blocks,
+        path="/",
+        allowed_paths=[str(demo.folder)],
+        max_file_size=demo_server.MAX_UPLOAD_BYTES,
+        footer_links=[],
+        show_error=False,
+        ssr_mode=False,
+        # The usual themes ask a server of fonts.
+        theme=gradio.themes.Default(
+            font=["system-ui", "sans-serif"], font_mono=["ui-monospace", "monospace"]
+        ),
+    )
+    server = demo_server.Server(demo_server.guard(app, host, allowed_hosts), listener)
+    server.start()
+    return server
 
 
 def import_gradio() -> Any:

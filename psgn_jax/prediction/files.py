@@ -20,7 +20,7 @@ from PIL import Image
 
 from psgn_jax.config import ConfigError, UserError, to_dict
 from psgn_jax.data import photo
-from psgn_jax.files import write_atomic
+from psgn_jax.files import is_disk_full, write_atomic
 from psgn_jax.prediction import export
 from psgn_jax.prediction.predictor import FC, Clock, Prediction, Predictor
 
@@ -49,6 +49,7 @@ def predict_files(
 
     Raises:
       ConfigError: no image named, a mask's file for several.
+      OSError: the disk is full.
     """
     paths = _expand(images)
     if not paths:
@@ -59,6 +60,8 @@ def predict_files(
         try:
             result = _predict_file(predictor, path, name, pathlib.Path(out), mask, formats, options)
         except Exception as error:  # the other images of the batch are to come out
+            if is_disk_full(error):
+                raise
             if not isinstance(error, UserError | ValueError | OSError):
                 logging.exception("%s", path)
             yield path, error

@@ -20,13 +20,14 @@ from absl import logging
 from psgn_jax import tasks
 from psgn_jax.config import ConfigError, check_paths, parse, require_points_task
 from psgn_jax.default_data import with_default_data
-from psgn_jax.files import write_atomic
+from psgn_jax.files import check_folder, write_atomic
 from psgn_jax.metrics import table
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.models.point_layout import branch_of_point
 from psgn_jax.training import processes
 from psgn_jax.training.run_folder import load_config
 from psgn_jax.viewing import report as report_lib
+from psgn_jax.viewing.collected import Collector
 from psgn_jax.weights.opening import open_network, weights_path
 
 FRAMES = ("keep", "place")
@@ -86,11 +87,12 @@ def evaluate_run(
         )
     config = dataclasses.replace(config, eval=dataclasses.replace(config.eval, aligned=True))
     logging.info("evaluating %s, step %d, split %s", run.source, run.step, split)
+    name = f"{workdir}/eval_{split}_{checkpoint}" if workdir else f"eval_{run.source}_{split}"
+    folder = pathlib.Path(out or name + ("_placed" if frame == "place" else ""))
+    check_folder(folder, "--out")
     task = tasks.create(config, workdir or "")
     options = {"draws": draws} if draws else {}
     result = task.evaluate(run.params, split=split, on_batch=on_batch, chosen=run.scores, **options)
-    name = f"{workdir}/eval_{split}_{checkpoint}" if workdir else f"eval_{run.source}_{split}"
-    folder = pathlib.Path(out or name + ("_placed" if frame == "place" else ""))
     if not processes.current().is_first:
         return result
     write_atomic(folder / "table.txt", table.text(result))
@@ -128,14 +130,15 @@ def report_runs(
         different samples.
     """
     runs: list[Any] = []
-    samples: list[Any] = []
+    samples: Sequence[Any] = ()
     if weights and None not in workdirs:
         raise ConfigError(f"--weights={weights}: accepted without --workdir (one network)")
+    check_folder(folder, "--report")
     configs = [load_config(w) if w else open_network(None, weights).config for w in workdirs]
     for config in configs:
         require_points_task(config, "--report")
     for number, (workdir, config) in enumerate(zip(workdirs, configs, strict=True)):
-        collector = report_lib.Collector()
+        collector = Collector(folder)
         own = options if not number else options | {"out": None}
         given = None if workdir else weights
         result = evaluate_run(workdir, weights=given, on_batch=collector, **own)

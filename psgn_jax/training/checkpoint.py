@@ -7,12 +7,18 @@ name and renames when all is written, so a process killed while writing leaves n
 behind; the checksums find what was damaged later.
 """
 
+import contextlib
+import errno
 import json
+import logging as python_logging
 import math
+import os
 import pathlib
+import re
 import shutil
+import sys
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -21,9 +27,12 @@ import orbax.checkpoint as ocp
 from absl import logging
 
 from psgn_jax.config import UserError
-from psgn_jax.files import write_atomic
+from psgn_jax.files import is_disk_full, write_atomic
 
 FORMAT = 1
+
+_STEP = re.compile(r"0|[1-9][0-9]{0,17}")
+"""Names of the folders of checkpoints."""
 
 RANKING = ("cd_sq_radius2", "one_minus_iou", "log_volume_abs_error")
 """What says which checkpoint is the best, lower is better: the first of these that was measured."""
@@ -38,7 +47,7 @@ class Checkpoint(NamedTuple):
 
 
 class CheckpointError(UserError):
-    """There is no checkpoint to read."""
+    """There is no checkpoint to read, or none can be written."""
 
 
 class Checkpoints:
@@ -63,21 +72,19 @@ class Checkpoints:
         self._keep = keep
         self._metrics = tuple(metrics)
         self._read_only = read_only
+        _quiet_threads()
         self._saver: ocp.AsyncCheckpointer | None = None
         if self._directory.is_dir() and not read_only:
             for leftover in [*self._directory.glob("*.orbax-checkpoint-tmp*"), *self._deleting()]:
                 shutil.rmtree(leftover, ignore_errors=True)  # of a process that was killed
-        try:
-            raw = json.loads((self._directory / "scores.json").read_text())
-        except (FileNotFoundError, json.JSONDecodeError):
-            raw = {}
-        self.scores: dict[int, dict[str, float]] = {int(k): v for k, v in raw.items()}
+        self.scores = _read_scores(self._directory / "scores.json")
 
     def steps(self) -> list[int]:
         """Steps with a complete checkpoint, oldest first."""
         if not self._directory.is_dir():
             return []
-        return sorted(int(p.name) for p in self._directory.iterdir() if p.name.isdigit())
+        folders = [p for p in self._directory.iterdir() if _STEP.fullmatch(p.name) and p.is_dir()]
+        return sorted(int(p.name) for p in folders)
 
     def best_step(self) -> int | None:
         """The step with the lowest metric (the later one of equals), or None."""
@@ -99,6 +106,10 @@ class Checkpoints:
         """Copies the arrays to the host and writes them in the background.
 
         Waits for the previous save. `close` (or the next save) waits for this one.
+
+        Raises:
+          OSError: the disk is full. From here, the next save or `close`.
+          CheckpointError: it cannot be written for another reason; likewise.
         """
         self.wait()
         # A copy: the caller goes on to donate these buffers while the writer reads.
@@ -118,8 +129,9 @@ class Checkpoints:
         if self._saver is None:
             alone = _alone()
             self._saver = ocp.AsyncCheckpointer(_handler(alone), multiprocessing_options=alone)
-        self._directory.mkdir(parents=True, exist_ok=True)
-        self._saver.save(self._directory / str(step), args=items)
+        with _writing(self._directory):
+            self._directory.mkdir(parents=True, exist_ok=True)
+            self._saver.save(self._directory / str(step), args=items)
 
     def restore_newest(self) -> Checkpoint | None:
         """The newest intact checkpoint, or None if there are none at all.
@@ -168,7 +180,8 @@ class Checkpoints:
         """Waits until the last save is complete, then removes what is no longer kept."""
         if self._saver is None:
             return
-        self._saver.wait_until_finished()
+        with _writing(self._directory):
+            self._saver.wait_until_finished()
         steps = self.steps()
         kept = {*steps[-self._keep :], self.best_step()}
         for step in steps:
@@ -180,10 +193,13 @@ class Checkpoints:
 
     def close(self) -> None:
         """Waits for the last save and releases the threads."""
-        self.wait()
-        if self._saver is not None:
-            self._saver.close()
-            self._saver = None
+        try:
+            self.wait()
+        finally:
+            saver, self._saver = self._saver, None
+            if saver is not None:
+                with _writing(self._directory):
+                    saver.close()
 
     def _deleting(self) -> list[pathlib.Path]:
         return list(self._directory.glob("*.deleting"))
@@ -229,6 +245,60 @@ def _alone() -> ocp.options.MultiprocessingOptions:
 def _handler(alone: ocp.options.MultiprocessingOptions) -> ocp.CompositeCheckpointHandler:
     options = ocp.CompositeOptions(multiprocessing_options=alone)
     return ocp.CompositeCheckpointHandler(composite_options=options)
+
+
+def _read_scores(path: pathlib.Path) -> dict[int, dict[str, float]]:
+    """The metrics of each step; a file that is damaged holds none, with a warning."""
+    try:
+        raw = json.loads(path.read_text("utf-8"))
+        scores = {int(step): dict(metrics) for step, metrics in raw.items()}
+        if not all(type(m) in (int, float) for one in scores.values() for m in one.values()):
+            raise ValueError("a metric is not a number")
+    except FileNotFoundError:
+        return {}
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        logging.warning(
+            "%s is damaged (%s): which checkpoint is the best is unknown", path, _one_line(error)
+        )
+        return {}
+    return scores
+
+
+def _quiet_threads() -> None:
+    """Passes over what orbax's threads print of an error, which is raised here all the same.
+
+    They log it with their stacks. Where one array cannot be read or written, orbax also closes its
+    event loop under the operations on the others; each of these ends, sooner or later, in an
+    exception that Python prints.
+    """
+    logging.get_absl_logger().addFilter(_is_no_stack_of_orbax)  # once, however often it is added
+    before = sys.unraisablehook
+    if getattr(before, "__name__", "") == "_pass_over_closed_loops":
+        return
+
+    def _pass_over_closed_loops(unraisable: Any) -> None:
+        if str(unraisable.exc_value) != "Event loop is closed":
+            before(unraisable)
+
+    sys.unraisablehook = _pass_over_closed_loops
+
+
+def _is_no_stack_of_orbax(record: python_logging.LogRecord) -> bool:
+    return not (record.exc_info and f"{os.sep}orbax{os.sep}" in record.pathname)
+
+
+@contextlib.contextmanager
+def _writing(folder: pathlib.Path) -> Iterator[None]:
+    """Turns orbax's errors into `OSError` for a full disk, or into `CheckpointError`."""
+    try:
+        yield
+    except Exception as error:
+        if is_disk_full(error):
+            number = errno.ENOSPC
+            raise OSError(number, os.strerror(number), str(folder)) from error
+        raise CheckpointError(
+            f"the checkpoint in {folder} could not be written: {_one_line(error)}"
+        ) from error
 
 
 def _one_line(error: Exception) -> str:

@@ -8,6 +8,7 @@ duplicated.
 
 import collections
 import contextlib
+import errno
 import json
 import math
 import os
@@ -142,11 +143,20 @@ class TrainingLog:
 def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
     """The lines of a `metrics.jsonl`; without a file there are none.
 
-    Lines that are incomplete because the process was killed are skipped.
+    Lines that are incomplete because the process was killed are skipped, as are damaged ones, with
+    a warning.
     """
-    with contextlib.suppress(FileNotFoundError), open(path, encoding="utf-8") as file:
-        return [entry for line in file if (entry := _entry(line)) is not None]
-    return []
+    entries, damaged = [], 0
+    with contextlib.suppress(FileNotFoundError), open(path, "rb") as file:
+        for line in file:
+            entry = _entry(line)
+            if entry is not None:
+                entries.append(entry)
+            elif line.endswith(b"\n"):
+                damaged += 1
+    if damaged:
+        logging.warning("%s: %d lines are damaged and left out", path, damaged)
+    return entries
 
 
 class MetricsWriter:
@@ -188,7 +198,9 @@ class MetricsWriter:
         lists = {k: [_finite(float(x)) for x in v] for k, v in vectors.items()}
         # The whole line in one write in append mode: if the process is killed, the line is complete
         # or, rarely, cut off.
-        os.write(self._file, _line({"step": step, "kind": kind, **values, **lists}).encode())
+        line = _line({"step": step, "kind": kind, **values, **lists}).encode()
+        if os.write(self._file, line) < len(line):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._workdir))
         board = self._board()
         for name, value in values.items():
             board.add_scalar(f"{kind}/{name}", value, step)
@@ -220,6 +232,10 @@ class MetricsWriter:
                 # TensorBoard then hides what a killed run wrote after its checkpoint.
                 purge_step=self._step + 1 if folder.exists() else None,
             )
+            # Events are written here: in the writer's thread, an error (a full disk) would end the
+            # thread, and this one would wait forever for the queue to be emptied.
+            events = self._tensorboard.file_writer.event_writer
+            events.add_event = events._ev_writer.write_event
         return self._tensorboard
 
 
@@ -239,9 +255,9 @@ def _line(entry: Mapping[str, Any]) -> str:
     return json.dumps(finite_or_none(entry), allow_nan=False) + "\n"
 
 
-def _entry(line: str) -> dict[str, Any] | None:
+def _entry(line: bytes) -> dict[str, Any] | None:
     try:
         entry = json.loads(line)
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):
         return None
-    return entry if isinstance(entry, dict) and isinstance(entry.get("step"), int) else None
+    return entry if isinstance(entry, dict) and type(entry.get("step")) is int else None

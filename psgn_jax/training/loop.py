@@ -28,13 +28,14 @@ from psgn_jax.config import (
     to_json,
 )
 from psgn_jax.data import loader, on_device
-from psgn_jax.files import write_atomic
+from psgn_jax.files import check_folder, write_atomic
 from psgn_jax.tasks.base import Task
 from psgn_jax.training import processes
 from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
 from psgn_jax.training.checkpoint import Checkpoint, Checkpoints
 from psgn_jax.training.log import MetricsWriter, TrainingLog
+from psgn_jax.training.memory import check_memory
 from psgn_jax.training.run_folder import Run, locked
 from psgn_jax.training.signals import Stopped, StopSignal
 from psgn_jax.weights import initial
@@ -84,7 +85,9 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     Raises:
       ConfigError: before anything is compiled, for a wrong configuration, or one that differs from
         that of the checkpoint in a field that is not in `MAY_CHANGE`, or while another process
-        trains there.
+        trains there, or if it needs more memory than there is.
+      UserError: no file can be written into `workdir`.
+      OSError: in the middle of the training, for instance for a full disk.
       NonFiniteError: naming metric and step, if the loss or the gradient's norm is not finite.
     """
     config = config if isinstance(config, Config) else parse(config)
@@ -92,11 +95,15 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     group = processes.current()
     with contextlib.ExitStack() as stack:
         with group.agreement():
+            if group.is_first:
+                check_folder(workdir, "--workdir")
             check_paths(config)
             mesh = step_lib.data_mesh()
             step_lib.check_batch_size(config, mesh)
             task = tasks.create(config, workdir)
             task.check()
+            optimizer = state_lib.optimizer(config.optim, config.train.steps)
+            check_memory(config, lambda: task.create(optimizer))
             sizes = _check_data(config)
             init = _open_initial(config, workdir, task)
             if group.is_first:
@@ -174,7 +181,13 @@ class _Training:
             return self._task.create(self._optimizer)
 
         if found := self._newest_checkpoint():
-            leaves = state_lib.from_named_leaves(jax.eval_shape(create), found)
+            try:
+                leaves = state_lib.from_named_leaves(jax.eval_shape(create), found)
+            except ValueError as error:
+                raise ConfigError(
+                    f"--workdir={self._workdir}: its newest checkpoint does not fit the network of "
+                    f"this version: {error}"
+                ) from error
             return step_lib.put_replicated(leaves, replicated)
         # Drawing each parameter is code of its own, run once: on a CPU, compiling it with full
         # optimisation takes three times as long (23 s against 7) and gains nothing.

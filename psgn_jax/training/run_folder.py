@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from absl import logging
 
-from psgn_jax.config import Config, ConfigError, from_json
+from psgn_jax.config import Config, ConfigError, flatten, from_json, parse
 from psgn_jax.training.checkpoint import Checkpoint, CheckpointError, Checkpoints
 from psgn_jax.training.state import params_from_named_leaves
 
@@ -51,7 +51,7 @@ def open_run(
       averaged: whether to take the averaged parameters where the run has some.
 
     Raises:
-      ConfigError: there is no run.
+      ConfigError: there is no run, or its configuration is not that of the checkpoint.
       CheckpointError: there is no checkpoint that can be read.
     """
     config = load_config(workdir)
@@ -62,18 +62,42 @@ def open_run(
         checkpoints.close()
     if found is None:
         raise CheckpointError(f"--workdir={workdir}: no checkpoint there")
+    _check_fits(config, found, workdir)
     params = params_from_named_leaves(found.leaves, averaged=averaged)
     scores = checkpoints.scores.get(found.step, {})
     return Run(config, found.step, params, scores, str(workdir))
+
+
+_OF_THE_NETWORK = ("task", "model.", "data.image_size", "data.inputs", "voxels.")
+
+
+def _check_fits(config: Config, found: Checkpoint, workdir: str | os.PathLike[str]) -> None:
+    """Raises `ConfigError` if `config.json` describes another network than the checkpoint's."""
+    if "config" not in found.meta:
+        return
+    trained, now = flatten(parse(found.meta["config"])), flatten(config)
+    names = [name for name in now if name.startswith(_OF_THE_NETWORK)]
+    if different := [name for name in names if trained[name] != now[name]]:
+        texts = [f"{name}={now[name]!r} (trained with {trained[name]!r})" for name in different]
+        raise ConfigError(
+            f"--workdir={workdir}: config.json does not fit the checkpoint of step {found.step}: "
+            f"{', '.join(texts)}; restore config.json"
+        )
 
 
 def load_config(workdir: str | os.PathLike[str]) -> Config:
     """The configuration of a run; raises `ConfigError` if there is none."""
     path = pathlib.Path(workdir) / "config.json"
     try:
-        return from_json(path.read_text())
+        text = path.read_text("utf-8", errors="replace")
     except FileNotFoundError:
         raise ConfigError(f"--workdir={workdir}: no run there ({path} does not exist)") from None
+    except OSError as error:
+        raise ConfigError(f"--workdir={workdir}: no run there ({error.strerror})") from error
+    try:
+        return from_json(text)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
 
 
 def _best(checkpoints: Checkpoints) -> Checkpoint | None:

@@ -13,20 +13,23 @@ The command for the files that `psgn_jax.predict` writes is:
 
 import argparse
 import base64
+import contextlib
 import dataclasses
 import io
 import json
 import pathlib
 import sys
-import zipfile
-from collections.abc import Sequence
-from typing import Any
+import tempfile
+from collections.abc import Iterable, Sequence
+from typing import IO, Any
 
 import numpy as np
 from PIL import Image
 
 from psgn_jax.files import write_atomic
+from psgn_jax.untrusted import message_line, one_line
 from psgn_jax.viewing import spheres
+from psgn_jax.viewing.predictions import read_prediction
 
 MAX_BYTES = 5_000_000
 """Maximum size of a page; further cases are on further pages, with links at the bottom."""
@@ -65,7 +68,7 @@ class Case:
 
 def write_pages(
     path: str | pathlib.Path,
-    cases: Sequence[Case],
+    cases: Iterable[Case],
     *,
     title: str = "psgn_jax",
     max_bytes: int = MAX_BYTES,
@@ -74,7 +77,7 @@ def write_pages(
 
     Args:
       path: path of the first page.
-      cases: at least one case; names must be unique.
+      cases: at least one case; names must be unique. One is in memory at a time, and one page.
       title: title of the pages.
       max_bytes: maximum size of a page, unless a single case is larger.
 
@@ -85,27 +88,28 @@ def write_pages(
       ValueError: there is no case, a name occurs twice, or shapes of arrays do not match.
     """
     path = pathlib.Path(path)
-    if not cases:
-        raise ValueError("cases is empty: accepted: at least one case")
-    names = [case.name for case in cases]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"cases: the name {twice!r} is there twice; accepted: each once")
     template = _TEMPLATE.read_text(encoding="utf-8")
-    groups: list[list[str]] = [[]]
-    sizes, pages = [0], {}
-    for case in cases:
-        text = to_json(_encode(case))
-        if groups[-1] and len(template) + 4096 + sizes[-1] + len(text) > max_bytes:
-            groups.append([])
-            sizes.append(0)
-        groups[-1].append(text)
-        sizes[-1] += len(text) + 1
-        pages[case.name] = _numbered(path, len(groups))
-    links = [
-        {"file": _numbered(path, i + 1).name, "label": f"page {i + 1}"} for i in range(len(groups))
-    ]
-    for number, group in enumerate(groups, 1):
+    pages: dict[str, pathlib.Path] = {}
+    with contextlib.ExitStack() as stack:
+        # Pages name each other, so none can be written before it is known how many there are.
+        groups: list[IO[str]] = []
+        size = 0
+        for case in cases:
+            if case.name in pages:
+                raise ValueError(
+                    f"cases: the name {case.name!r} is there twice; accepted: each once"
+                )
+            text = to_json(_encode(case))
+            if not groups or (size and len(template) + 4096 + size + len(text) > max_bytes):
+                groups.append(stack.enter_context(_temporary_text(path.parent)))
+                size = 0
+            groups[-1].write(("," if size else "") + text)
+            size += len(text) + 1
+            pages[case.name] = _numbered(path, len(groups))
+        if not groups:
+            raise ValueError("cases is empty: accepted: at least one case")
+        files = [_numbered(path, number + 1) for number in range(len(groups))]
+        links = [{"file": file.name, "label": f"page {i}"} for i, file in enumerate(files, 1)]
         head = {
             "title": title,
             "extent": _EXTENT,
@@ -114,9 +118,18 @@ def write_pages(
             "branch_colours": spheres.BRANCH_COLOURS,
             "pages": links if len(groups) > 1 else [],
         }
-        document = f'{to_json(head)[:-1]},"cases":[{",".join(group)}]}}'
-        write_atomic(_numbered(path, number), template.replace(_PLACE_OF_DATA, document, 1))
+        for file, group in zip(files, groups, strict=True):
+            group.seek(0)
+            document = f'{to_json(head)[:-1]},"cases":[{group.read()}]}}'
+            write_atomic(file, template.replace(_PLACE_OF_DATA, document, 1))
+            group.close()
     return pages
+
+
+def _temporary_text(folder: pathlib.Path) -> IO[str]:
+    """A file without a name, which ends with the process."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return tempfile.TemporaryFile("w+", encoding="utf-8", newline="", dir=folder)
 
 
 def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -133,15 +146,19 @@ def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def case_of_prediction(path: str | pathlib.Path) -> Case:
-    """Reads a case from an NPZ file of `psgn_jax.predict`."""
-    with open(path, "rb") as file, np.load(file) as archive:
-        return Case(
-            name=pathlib.Path(path).stem,
-            image=archive["image"],
-            samples=archive["points"],
-            num_fc=int((archive["branch"] == 0).sum()),
-            colours=archive["colours"],
-        )
+    """Reads a case from an NPZ file of `psgn_jax.predict`.
+
+    Raises:
+      PredictionFileError: it is no such file.
+    """
+    arrays = read_prediction(path, ("points", "colours", "branch", "image"))
+    return Case(
+        name=pathlib.Path(path).stem,
+        image=arrays["image"],
+        samples=arrays["points"],
+        num_fc=int((arrays["branch"] == 0).sum()),
+        colours=arrays["colours"],
+    )
 
 
 def _numbered(path: pathlib.Path, number: int) -> pathlib.Path:
@@ -234,11 +251,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             for case, path in zip(cases, arguments.predictions, strict=True)
         ]
         pages = write_pages(arguments.out, cases, title=arguments.title)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        sys.stderr.write(f"error: {' '.join(str(error).split())}\n")
+    except (OSError, ValueError) as error:
+        sys.stderr.write(f"error: {message_line(error)}\n")
         return 2
     for page in sorted(set(pages.values())):
-        sys.stdout.write(f"{page}\n")
+        sys.stdout.write(f"{one_line(page)}\n")
     return 0
 
 

@@ -11,7 +11,9 @@ Files in DIR:
   there is one), ground truth.
 - `extremes.png`: the best, median and worst cases, drawn in the same way.
 
-No page needs a network. The error is the squared Chamfer distance, `cd_sq_radius2`.
+No page needs a network. A split of any size can be shown: cases are read one at a time, the viewer
+is divided into pages of 5 MB, and the gallery lists 120 cases at a time. The error is the squared
+Chamfer distance, `cd_sq_radius2`.
 """
 
 import base64
@@ -28,6 +30,7 @@ from psgn_jax.files import write_atomic
 from psgn_jax.metrics import table
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.viewing import page, spheres
+from psgn_jax.viewing.collected import Sample, shown_points
 
 ERROR = "cd_sq_radius2"
 SHEET_CASES = 160
@@ -48,7 +51,7 @@ class Run:
     Attributes:
       label: a short name.
       evaluation: metrics and names of the samples.
-      preds: predicted clouds, float32 [n, 3] for each sample.
+      preds: predicted clouds, float32 [n, 3] for each sample; `collected` keeps them on disk.
       num_fc: number of points of the fc branch, which come first.
     """
 
@@ -56,32 +59,6 @@ class Run:
     evaluation: Evaluation
     preds: Sequence[np.ndarray]
     num_fc: int = 0
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Sample:
-    """Image, ground-truth points and camera of one sample."""
-
-    image: np.ndarray
-    points: np.ndarray
-    intrinsics: np.ndarray
-    extrinsics: np.ndarray
-
-
-class Collector:
-    """Collects samples and clouds; an instance is the hook `on_batch` of `evaluate_run`."""
-
-    def __init__(self) -> None:
-        self.samples: list[Sample] = []
-        self.preds: list[np.ndarray] = []
-
-    def __call__(self, index: int, batch: Any, points: np.ndarray) -> None:
-        """Stores the valid rows of a batch."""
-        for i in np.flatnonzero(batch["valid"]):
-            self.samples.append(
-                Sample(*(np.asarray(batch[f.name][i]) for f in dataclasses.fields(Sample)))
-            )
-            self.preds.append(np.asarray(points[i], np.float32))
 
 
 def write_report(
@@ -116,7 +93,7 @@ def write_report(
     ]
     pages = page.write_pages(
         folder / "viewer.html",
-        [_viewer_case(i, titles[i], samples[i], runs, errors) for i in range(len(samples))],
+        (_viewer_case(i, titles[i], samples[i], runs, errors) for i in range(len(samples))),
         title=runs[0].label,
     )
     pictures = len(samples) <= _PICTURES
@@ -199,7 +176,7 @@ def _sheet_case(
     for run, error in zip(runs, errors, strict=True):
         points = run.preds[i]
         clouds[f"{run.label[:18]} {error[i]:.4f}"] = points, spheres.colours_by_height(points)
-    truth = sample.points[:: max(1, len(sample.points) // len(runs[0].preds[i]))]
+    truth = shown_points(sample.points, len(runs[0].preds[i]))
     clouds["truth"] = truth, spheres.colours_by_height(truth)
     name = runs[0].evaluation.names[i]
     label = f"{prefix}{name.record} {name.category}"[:22]

@@ -18,7 +18,6 @@ import importlib.util
 import io
 import pathlib
 import sys
-import zipfile
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
@@ -27,7 +26,9 @@ from PIL import Image, ImageDraw, ImageFilter
 
 from psgn_jax.data import camera
 from psgn_jax.files import write_atomic
+from psgn_jax.untrusted import message_line, one_line
 from psgn_jax.viewing.clouds import turned
+from psgn_jax.viewing.predictions import read_prediction
 
 RADIUS = 0.028
 """Radius of a sphere, unit of the frame: half the distance of 1,024 points on a typical surface."""
@@ -232,19 +233,22 @@ def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
     """Reads a case from each NPZ file of `psgn_jax.predict`.
 
     It shows the first two samples, coloured by height, or a single one by height and by branch.
+
+    Raises:
+      PredictionFileError: one of them is no such file.
     """
     cases = []
     for path in paths:
-        with open(path, "rb") as file, np.load(file) as archive:
-            points = archive["points"]
-            clouds = {
-                f"sample {k}" if len(points) > 1 else "prediction": (p, colours_by_height(p))
-                for k, p in enumerate(points[:2])
-            }
-            if len(points) == 1:
-                clouds["by branch"] = points[0], colours_by_branch(archive["branch"])
-            camera_arrays = archive["intrinsics"], archive["extrinsics"]
-            cases.append(Case(pathlib.Path(path).stem, archive["image"], clouds, *camera_arrays))
+        arrays = read_prediction(path, ("points", "branch", "image", "intrinsics", "extrinsics"))
+        points = arrays["points"]
+        clouds = {
+            f"sample {k}" if len(points) > 1 else "prediction": (p, colours_by_height(p))
+            for k, p in enumerate(points[:2])
+        }
+        if len(points) == 1:
+            clouds["by branch"] = points[0], colours_by_branch(arrays["branch"])
+        cameras = arrays["intrinsics"], arrays["extrinsics"]
+        cases.append(Case(pathlib.Path(path).stem, arrays["image"], clouds, *cameras))
     return cases
 
 
@@ -353,7 +357,9 @@ def _ground_light(
     # The shadow always falls away from the upper left of the camera.
     rotation = extrinsics[:, :3]
     right, toward = rotation[0, :2], -rotation[2, :2]
-    slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward / np.linalg.norm(toward)
+    slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward / max(
+        float(np.linalg.norm(toward)), 1e-9
+    )
     high = np.maximum(points[:, 2], 0)
     place = (points[:, :2] + high[:, None] * slant + _SHADOW_HALF) / cell
     place = np.clip(np.floor(place), 0, _SHADOW_CELLS - 1).astype(int)
@@ -403,10 +409,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         sheet(cases, columns=max(1, arguments.columns)).save(arguments.out)
         if arguments.turntable:
             turntable(*next(iter(cases[0].clouds.values())), arguments.turntable)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        sys.stderr.write(f"error: {' '.join(str(error).split())}\n")
+    except (OSError, ValueError) as error:
+        sys.stderr.write(f"error: {message_line(error)}\n")
         return 2
-    sys.stdout.write(f"{len(cases)} cases: {arguments.out}\n")
+    sys.stdout.write(f"{len(cases)} cases: {one_line(arguments.out)}\n")
     return 0
 
 

@@ -40,6 +40,7 @@ from psgn_jax.config import (
 from psgn_jax.files import finite_or_none, write_atomic
 from psgn_jax.models import point_out_net
 from psgn_jax.training import state as state_lib
+from psgn_jax.untrusted import kind_of, parse_json, read_json
 
 FORMAT = "psgn_jax weights 1"
 SUFFIX = ".safetensors"
@@ -143,7 +144,7 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
     try:
         config = from_json(metadata["config"])
         require_points_task(config, "a file of weights")
-        figures, sources = json.loads(metadata["figures"]), json.loads(metadata["sources"])
+        figures, sources = parse_json(metadata["figures"]), parse_json(metadata["sources"])
     except (KeyError, ValueError) as error:
         raise WeightsError(f"{path}: its metadata: {_one_line(error)}") from None
     if not _are_figures(figures) or not _are_rows(sources):
@@ -159,7 +160,7 @@ def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
       ConfigError: it is something else.
     """
     try:
-        rows = json.loads(pathlib.Path(path).read_text())
+        rows = read_json(path)
     except (OSError, ValueError) as error:
         raise ConfigError(f"--sources={path}: {_one_line(error)}") from None
     if not rows or not _are_rows(rows):
@@ -193,6 +194,9 @@ def figures_of(
 def _check_sizes(path: pathlib.Path) -> None:
     """Of the file and of its header, before more than eight bytes are read."""
     try:
+        kind = kind_of(path)
+        if kind is not None:  # opening a pipe would wait for its other end
+            raise WeightsError(f"{path}: it is {kind}, expected a file")
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
             header = int.from_bytes(file.read(8), "little")

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from psgn_jax.models.point_layout import branch_of_point
+from psgn_jax.untrusted import one_line
 from psgn_jax.weights.file import Weights
 
 FIGURES = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
@@ -29,12 +30,8 @@ def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) 
         "licences": "; ".join(map(_licences, weights.sources)) or "not stated",
     }
     title = path.stem + (" (default)" if is_default else "")
-    return f"{title}\n" + "".join(f"  {name:9} {_printable(x)}\n" for name, x in rows.items())
-
-
-def _printable(text: str) -> str:
-    """Without control characters, which a foreign file might send to the terminal."""
-    return "".join(character for character in text if character.isprintable())
+    lines = [title, *(f"  {name:9} {text}" for name, text in rows.items())]
+    return "".join(f"{one_line(line)}\n" for line in lines)
 
 
 def _data(row: Mapping[str, Any]) -> str:

@@ -6,6 +6,8 @@ Names are those of the files in `psgn_jax/weights/`, which come with the package
 import os
 import pathlib
 import re
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from psgn_jax.config import ConfigError, suggestion
 from psgn_jax.training.run_folder import Run, open_run
@@ -58,6 +60,15 @@ def open_weights(name_or_file: str = "") -> Run:
     """
     path = weights_path(name_or_file)
     return as_run(read_weights(path), path.stem)
+
+
+def sources_of(name_or_file: str = "") -> Sequence[Mapping[str, Any]]:
+    """The data and licences that a file of weights states, see `weights_path`.
+
+    Raises:
+      ConfigError, WeightsError: there is no such file, or it cannot be read.
+    """
+    return read_weights(weights_path(name_or_file)).sources
 
 
 def open_network(

@@ -1,7 +1,11 @@
 import dataclasses
+import errno
 import json
+import os
+import pathlib
 import pickle
 import random
+import shutil
 import zlib
 
 import msgpack
@@ -9,10 +13,11 @@ import numpy as np
 import pytest
 
 from psgn_jax import files
+from psgn_jax.data import dataset as dataset_lib
 from psgn_jax.data import schema
 from psgn_jax.data.codec import DepthCodes, PointLattice, decode, decode_stored, encode, unpack
 from psgn_jax.data.dataset import RecordReader, ShardWriter, open_split, shard_name, write_dataset
-from psgn_jax.data.manifest import MANIFEST, load_manifest
+from psgn_jax.data.manifest import MANIFEST, Manifest, load_manifest, save_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.files import write_atomic
 
@@ -341,3 +346,144 @@ def test_extra_is_kept_and_checked(make, rng):
 def test_one_folder_in_place_of_a_list_is_refused(tmp_path):
     with pytest.raises(TypeError, match="expected a list of folders"):
         open_split(str(tmp_path), "train")
+
+
+HOSTILE_FIELDS = [
+    ("count", 10**30), ("count", 2.0), ("count", True), ("count", -1), ("count", "37"),
+    ("split", ["train"]), ("split", {}), ("split", "../train"), ("split", "train\nfake"),
+    ("file", None), ("file", "a\nb"), ("file", "../x.arrayrecord"), ("file", ".."),
+    ("size", "5"), ("size", -1), ("crc32", 1 << 32), ("crc32", None),
+    ("categories", [1]), ("categories", {"chair": "x"}), ("categories", {"chair": 10**30}),
+    ("categories", {"chair": 1}), ("categories", None),
+    ("fields", "image"), ("fields", [["image"]]), ("fields", ["password"]), ("fields", None),
+    ("inputs", [1]), ("inputs", 3),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("field", "value"), HOSTILE_FIELDS)
+def test_a_manifest_with_a_wrong_field_is_refused_by_name(dataset, tmp_path, field, value):
+    content = json.loads((dataset / MANIFEST).read_text())
+    content["shards"][0][field] = value
+    (tmp_path / MANIFEST).write_text(json.dumps(content))
+    with pytest.raises(RecordError, match=r"manifest\.json: damaged") as error:
+        RecordReader(tmp_path, "train")
+    assert field.removesuffix("s")[:5] in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 200_000,
+        '{"format":' * 200_000,
+        "[]", "null", "5", '""', "{}", "\xff",
+        '{"format": ["psgn_jax records"], "version": 1}',
+        '{"format": "psgn_jax records", "version": {}}',
+        '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": 1, "shards": []}',
+        '{"format": "psgn_jax records", "version": 1, "source": 5, "complete": true, "shards": []}',
+        '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": true}',
+        '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": true, '
+        '"shards": 5}',
+        '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": true, '
+        '"shards": [5]}',
+        '{"format": "psgn_jax records", "version": 1, "source": "x", "complete": true, '
+        '"shards": [{"file": "a"}]}',
+    ],
+)  # fmt: skip
+def test_what_is_no_manifest_is_refused_in_one_line(tmp_path, text):
+    (tmp_path / MANIFEST).write_bytes(text.encode("latin1"))
+    with pytest.raises(RecordError, match=r"manifest\.json: (damaged|format)") as error:
+        load_manifest(tmp_path)
+    assert len(str(error.value)) < 600
+
+
+def test_a_shard_that_is_there_twice_is_refused(dataset, tmp_path):
+    content = json.loads((dataset / MANIFEST).read_text())
+    content["shards"].append(content["shards"][0])
+    (tmp_path / MANIFEST).write_text(json.dumps(content))
+    with pytest.raises(RecordError, match="is there twice"):
+        load_manifest(tmp_path)
+
+
+def crafted(content, **changes):
+    body = msgpack.packb(content | changes)
+    return zlib.crc32(body).to_bytes(4, "little") + body
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("category", 5), ("category", ["chair"]), ("category", None), ("category", b"chair"),
+        ("model_id", 1.5), ("model_id", {"a": 1}), ("source", None), ("source", [1]),
+        ("extra", 3), ("view", "3"), ("view", -1), ("view", True), ("view", 1.0), ("view", 1 << 40),
+        ("intrinsics", np.full(9, np.nan, "<f4").tobytes()),
+        ("intrinsics", np.zeros(9, "<f4").tobytes()),
+        ("extrinsics", np.ones(12, "<f4").tobytes()),
+        ("extrinsics", np.full(12, np.inf, "<f4").tobytes()),
+    ],
+)  # fmt: skip
+def test_records_with_a_wrong_field_are_refused_wherever_they_are_decoded(
+    sample, tmp_path, name, value
+):
+    data = crafted(msgpack.unpackb(encode(sample)[4:]), **{name: value})
+    for read in (decode, decode_stored, lambda data: decode_stored(data, ("points",))):
+        with pytest.raises(ValueError, match=name):
+            read(data)
+    with ShardWriter(tmp_path, "train", 0) as writer:
+        writer.write(data, sample)
+    save_manifest(tmp_path, Manifest("test", True, (writer.shard,)))
+    with pytest.raises(RecordError, match=f"record 0 of .*{name}"):
+        RecordReader(tmp_path, "train").stored(0, ("image", "mask"))
+
+
+def test_coordinates_and_depths_out_of_range_are_refused(sample):
+    content = msgpack.unpackb(encode(sample)[4:])
+    huge = np.full(12, 1e300, "<f8").tobytes()
+    for changes, expected in (
+        ({"points": content["points"] | {"matrix": huge}}, "points: the matrix"),
+        ({"points": content["points"] | {"count": True}}, "number of points"),
+        ({"points": content["points"] | {"planes": 1.0}}, "planes"),
+        ({"depth": content["depth"] | {"offset": -100.0}}, "depth from"),
+        ({"depth": content["depth"] | {"scale": 1e300}}, "depth from"),
+        ({"depth": content["depth"] | {"scale": float("nan")}}, "depth from"),
+        ({"image": content["image"] | {"size": [24.0, 32]}}, "height of the image"),
+    ):
+        with pytest.raises(ValueError, match=expected):
+            decode(crafted(content, **changes))
+
+
+def test_what_cannot_be_read_is_not_called_damaged(dataset, tmp_path, monkeypatch):
+    shutil.copytree(dataset, tmp_path, dirs_exist_ok=True)
+    reader = RecordReader(tmp_path, "train")
+    opened, refused = pathlib.Path.open, tmp_path / "train-00001.arrayrecord"
+
+    def refusing(path, *args, **kwargs):
+        if path == refused:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return opened(path, *args, **kwargs)
+
+    monkeypatch.setattr(pathlib.Path, "open", refusing)
+    message = r"train-00001\.arrayrecord cannot be read: Permission denied; check who"
+    with pytest.raises(RecordError, match=message):
+        RecordReader(tmp_path, "train")
+    with pytest.raises(RecordError, match=message):
+        reader.verify()
+    monkeypatch.setattr(
+        dataset_lib.array_record_module, "ArrayRecordReader",
+        lambda *_: (_ for _ in ()).throw(RuntimeError("Failed to open")),
+    )  # fmt: skip
+    with pytest.raises(RecordError, match=message):
+        reader[12]
+    with pytest.raises(RecordError, match=r"cannot be opened .*undamaged copy"):
+        reader[0]
+    with pytest.raises(RecordError, match=message):
+        dataset_lib.read_shard(refused)
+
+
+def test_a_named_pipe_in_a_data_set_is_called_one(dataset, tmp_path):
+    shutil.copytree(dataset, tmp_path, dirs_exist_ok=True)
+    for name in ("train-00001.arrayrecord", MANIFEST):
+        (tmp_path / name).unlink()
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(RecordError, match=f"{name}.*is a named pipe, expected a file"):
+            RecordReader(tmp_path, "train")

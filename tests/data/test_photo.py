@@ -1,5 +1,7 @@
 """Photos of any kind become what a network was trained on, or one clear line."""
 
+import os
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -106,6 +108,7 @@ def hostile(tmp_path):
     bomb = Image.new("1", (40_000, 40_000))
     bomb.save(tmp_path / "bomb.png")
     Image.new("1", (13_000, 13_000)).save(tmp_path / "large.png")
+    os.mkfifo(tmp_path / "pipe.png")
     return {
         "cut.png": "damaged",
         "text.png": "no image of a known format",
@@ -114,7 +117,8 @@ def hostile(tmp_path):
         "bomb.png": "too large: accepted: up to 150,000,000 pixels",
         "large.png": "13000x13000: accepted",
         "absent.png": "no such file",
-        ".": "no such file",
+        ".": "is a folder, expected a file",
+        "pipe.png": "is a named pipe, expected a file",
     }
 
 

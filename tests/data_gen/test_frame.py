@@ -6,7 +6,7 @@ import pytest
 from helpers.solid_models import cube, joined, model_of
 
 from data_gen.catalogues import solids
-from data_gen.frame import axis_vector, normalize, orient
+from data_gen.frame import axis_vector, normalize, orient, recentre
 from data_gen.mesh import Material, UnusableModelError, build_model
 from data_gen.surface import sample_surface
 
@@ -134,3 +134,16 @@ def test_normalize_refuses_strays_by_name():
 def test_a_railway_car_with_a_stray_sphere_is_refused():
     with pytest.raises(UnusableModelError, match="stray part"):
         free_meshes.model("ac3d", "Transport/ICE3firstcar.ac")
+
+
+def test_recentre_brings_the_mean_of_the_vertices_over_the_origin():
+    # A cube with a finely divided ball of the same size beside it.
+    model = normalize(build_model(*joined(cube(), solids.ball(1, 1, 1).at(2.5, 0, 0))))
+    moved = recentre(model, "vertices")
+    used = np.unique(moved.vertices[np.unique(moved.faces)], axis=0)
+    np.testing.assert_allclose(used[:, :2].mean(axis=0), 0, atol=1e-12)
+    assert moved.vertices[:, 2].min() == pytest.approx(0, abs=1e-12)
+    assert np.linalg.norm(moved.vertices[np.unique(moved.faces)], axis=1).max() == pytest.approx(1)
+    assert recentre(model, "bounds") is model
+    with pytest.raises(ValueError, match="centre 'middle': expected one of"):
+        recentre(model, "middle")

@@ -1,6 +1,7 @@
 """Data sets that grow, and jobs that are killed on the way; models are drawn, not rendered."""
 
 import json
+import os
 import pathlib
 import shutil
 
@@ -14,6 +15,7 @@ from data_gen.catalogues.entry import Entry
 from data_gen.mitsuba_setup import Variant
 from data_gen.render_model import model_seed
 from data_gen.results import failure, pack_result
+from psgn_jax.claims import ClaimedError
 from psgn_jax.data import schema
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
@@ -72,6 +74,43 @@ class Pool:
 @pytest.fixture(autouse=True)
 def no_renderer(monkeypatch):
     monkeypatch.setattr(job, "choose_variant", lambda _: (Variant("none"), ""))
+
+
+def test_damaged_job_folders_are_refused_or_made_again(tmp_path):
+    job.render_catalogue(Listed(TEN), tmp_path, OPTIONS, render=Pool())
+    lines = (tmp_path / job.REPORT).read_text()
+    for text in (
+        "[" * 200_000,
+        "5\n",
+        '{"model_id": 5}\n',
+        "\xff",
+        lines.replace('"split"', '"s"'),
+    ):
+        (tmp_path / job.REPORT).write_bytes(text.encode("latin1"))
+        with pytest.raises(ValueError, match=r"models\.jsonl: damaged"):
+            job.render_catalogue(Listed(TEN), tmp_path, OPTIONS, render=Pool())
+    (tmp_path / job.REPORT).write_text(lines)
+    for text in ("[" * 200_000, "[]", "{", '{"job": 3}', '{"job": []}'):
+        (tmp_path / job_folder.JOB).write_text(text)
+        with pytest.raises(job_folder.OtherSettingsError):
+            job.render_catalogue(Listed(TEN), tmp_path, OPTIONS, render=Pool())
+
+
+def test_damaged_notes_of_a_job_under_way_are_made_again(tmp_path):
+    whole = tmp_path / "whole"
+    job.render_catalogue(Listed(TEN), whole, OPTIONS, render=Pool())
+    for number, text in enumerate(
+        ("[" * 200_000, "[]", '{"shard": {"file": 5}, "lines": []}', "5")
+    ):
+        out = tmp_path / str(number)
+        with pytest.raises(KeyboardInterrupt):
+            job.render_catalogue(Listed(TEN), out, OPTIONS, render=Pool(stop_after=8))
+        for path in (out / job_folder.WORK).glob("*-*-*.json"):
+            path.write_text(text)
+        (out / job_folder.WORK / job_folder.JOB).write_text("[" * 200_000)
+        job.render_catalogue(Listed(TEN), out, OPTIONS, render=Pool())
+        for path in whole.iterdir():
+            assert (out / path.name).read_bytes() == path.read_bytes()
 
 
 OPTIONS = settings.parse({"views": 1, "models_per_shard": 3})
@@ -168,6 +207,40 @@ def test_a_job_that_was_begun_grows(tmp_path):
     assert make(out, more)[1] == ["n1", "n2"]
     make(tmp_path / "more", more)
     assert contents(out) == contents(tmp_path / "more")
+
+
+def test_what_killed_jobs_left_goes_at_the_end(tmp_path):
+    make(tmp_path / "once", TEN)
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        make(out, TEN, stop_after=4)
+    for name in ("train-00000-0123abcd.arrayrecord", "manifest.json", "models.jsonl", "job.json"):
+        (out / f".{name}.99999.tmp").write_text("half")
+    make(out, TEN)
+    assert contents(out) == contents(tmp_path / "once")
+    # Killed as the very last step.
+    (out / job_folder.WORK).mkdir()
+    make(out, TEN)
+    assert contents(out) == contents(tmp_path / "once")
+
+
+def test_two_processes_do_not_do_the_same_part(tmp_path):
+    out, refused = tmp_path / "out", []
+
+    def again():
+        for part in ((0, 2), (0, 1), (1, 3)):
+            with pytest.raises(ClaimedError) as error:
+                make(out, TEN, part=part)
+            refused.append(str(error.value))
+        with pytest.raises(ClaimedError):
+            make(out, [*TEN, "n0"])
+
+    make(out, TEN, part=(0, 2), between=again)
+    assert f"another process (pid {os.getpid()}) does part 0/2 in" in refused[0]
+    assert "in 2 parts, not 1" in refused[1]
+    assert make(out, TEN, part=(1, 2))[0].complete
+    make(tmp_path / "once", TEN)
+    assert contents(out) == contents(tmp_path / "once")
 
 
 class Killed(BaseException):

@@ -315,6 +315,9 @@ def test_hidden_parameters_can_be_set():
 def test_wrong_arguments():
     with pytest.raises(ValueError, match="category 'sofa': expected one of"):
         procedural.generate("sofa", 0)
+    for wrong in ("1000000000000", "chair=1000001", "9" * 30):
+        with pytest.raises(ValueError, match="expected at most 1000000 models in all"):
+            open_catalogue("procedural", wrong)
     with pytest.raises(ValueError, match="seed: got -1"):
         procedural.generate("chair", -1)
 

@@ -1,16 +1,15 @@
 """Checkpoints: what is read is what was saved, damage is found, newest and best are kept."""
 
 import logging
+import subprocess
+import sys
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.disk import without_room
 
 from psgn_jax.training.checkpoint import CheckpointError, Checkpoints
-
-# Where one array cannot be read, orbax closes its event loop under the reads of the others; these
-# then complain from their threads, to nobody's harm.
-pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 
 def leaves(value):
@@ -98,6 +97,64 @@ def test_damaged_newest_falls_back(tmp_path, damage, caplog):
     assert Checkpoints(folder).restore_newest().step == 2
 
 
+def test_a_damaged_checkpoint_prints_nothing_but_the_warning(tmp_path):
+    noise = {f"params.{n}": np.random.default_rng(n).normal(size=20_000) for n in range(30)}
+    checkpoints = Checkpoints(tmp_path)
+    for step in (1, 2):
+        checkpoints.save(step, noise, {})
+    checkpoints.close()
+    for path in (tmp_path / "2" / "state").rglob("d/*"):
+        path.write_bytes(path.read_bytes()[::-1])
+    code = (
+        "import sys; from psgn_jax.training.checkpoint import Checkpoints;"
+        "print(Checkpoints(sys.argv[1], read_only=True).restore_newest().step)"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "1\n"
+    (line,) = done.stderr.splitlines()
+    assert "checkpoint 2 is damaged" in line
+
+
+@pytest.mark.parametrize("name", ["\N{SUPERSCRIPT TWO}", "0095", "-1", "1_0"])
+def test_folders_that_are_no_checkpoints_are_left_alone(tmp_path, name):
+    folder = tmp_path / "c"
+    fill(folder, [1, 2])
+    (folder / name).mkdir()
+    (folder / "7").write_text("a file")
+    checkpoints = Checkpoints(folder)
+    assert checkpoints.steps() == [1, 2]
+    assert checkpoints.restore_newest().step == 2
+    assert (folder / name).is_dir()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"[]",
+        b"null",
+        b'{"a":{}}',
+        b"\xff",
+        b"[" * 100_000,
+        b'{"1": 5}',
+        b'{"1": {"iou": "x"}}',
+        b"",
+    ],
+    ids=["list", "null", "no step", "no text", "nested", "number", "no number", "empty"],
+)
+def test_damaged_scores_are_none_with_a_warning(tmp_path, content, caplog):
+    folder = tmp_path / "c"
+    fill(folder, [1, 2], scores={1: 0.5})
+    (folder / "scores.json").write_bytes(content)
+    with caplog.at_level(logging.WARNING, "absl"):
+        checkpoints = Checkpoints(folder)
+    assert "scores.json is damaged" in caplog.text
+    assert checkpoints.scores == {}
+    assert checkpoints.best_step() is None
+    checkpoints.score(2, {"cd_sq_radius2": 0.25})
+    assert Checkpoints(folder).best_step() == 2
+
+
 def test_leftovers_of_a_kill_are_removed_but_not_by_a_reader(tmp_path):
     fill(tmp_path / "c", [1])
     leftovers = [tmp_path / "c" / n for n in ("2.orbax-checkpoint-tmp", "0.deleting")]
@@ -117,6 +174,24 @@ def test_saved_arrays_may_be_overwritten_at_once(tmp_path):
     array[:] = 1
     checkpoints.close()
     assert not checkpoints.restore(1).leaves["a"].any()
+
+
+def test_a_full_disk_is_one_error_and_damages_nothing(tmp_path, capfd):
+    large = {f"params.{n}": np.random.default_rng(n).normal(size=5_000) for n in range(8)}
+    checkpoints = Checkpoints(tmp_path / "c")
+    checkpoints.save(1, large, {})
+    checkpoints.wait()
+    with without_room():
+        checkpoints.save(2, large, {})
+        with pytest.raises(OSError, match="No space left") as caught:
+            checkpoints.close()
+    assert caught.value.filename == str(tmp_path / "c")
+    assert "Traceback" not in capfd.readouterr().err
+    again = Checkpoints(tmp_path / "c")
+    assert again.restore_newest().step == 1
+    again.save(2, large, {})
+    again.close()
+    assert again.restore_newest().step == 2
 
 
 def test_none_readable_is_an_error_and_moves_nothing(tmp_path):

@@ -5,7 +5,9 @@ import pathlib
 import struct
 
 import numpy as np
+import pytest
 import tensorboardX
+from helpers.disk import without_room
 
 from psgn_jax.training.log import MetricsWriter, read_metrics
 
@@ -59,15 +61,10 @@ def test_a_killed_run_is_purged_from_tensorboard_also_before_its_first_checkpoin
 ):
     purged = []
 
-    class Board:
+    class Board(tensorboardX.SummaryWriter):
         def __init__(self, folder, purge_step):
             purged.append(purge_step)
-            pathlib.Path(folder).mkdir(exist_ok=True)
-
-        def add_scalar(self, *_):
-            pass
-
-        close = add_scalar
+            super().__init__(folder, purge_step=purge_step)
 
     monkeypatch.setattr(tensorboardX, "SummaryWriter", Board)
     for step in (0, 0, 5):
@@ -75,3 +72,34 @@ def test_a_killed_run_is_purged_from_tensorboard_also_before_its_first_checkpoin
         writer.scalars(step + 1, "train", {"loss": 0.5})
         writer.close()
     assert purged == [None, 1, 6]
+
+
+def test_damaged_lines_are_left_out_with_a_warning(tmp_path, caplog):
+    path = tmp_path / "metrics.jsonl"
+    good = b'{"step": 1, "kind": "train"}\n'
+    wrong = [b"[]", b"null", b'{"a": {}}', b"\xff", b"[" * 100_000, b'{"step": true}']
+    path.write_bytes(b"\n".join([*wrong, good]) + b'{"step": 2, "ki')
+    MetricsWriter(tmp_path, 5).close()
+    assert path.read_bytes() == good
+    assert f"metrics.jsonl: {len(wrong)} lines are damaged" in caplog.text
+    caplog.clear()
+    path.write_bytes(good + b'{"step": 2, "ki')  # of a kill: expected
+    assert len(read_metrics(path)) == 1
+    assert not caplog.text
+
+
+def test_a_full_disk_is_an_error_and_no_wait(tmp_path):
+    writer = MetricsWriter(tmp_path)
+    writer.scalars(1, "train", {"loss": 0.5})
+    picture = np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
+    with without_room():
+        for step in range(40):  # longer than the queue of tensorboardX
+            with pytest.raises(OSError, match="File too large"):
+                writer.image(step, "eval/clouds", picture)
+    with without_room(100):
+        writer.scalars(2, "train", {"loss": 0.5})
+        with pytest.raises(OSError, match="No space left"):
+            writer.scalars(3, "train", {"loss": 0.5})
+    assert all(entry["loss"] == 0.5 for entry in read_metrics(tmp_path / "metrics.jsonl"))
+    MetricsWriter(tmp_path, 1).scalars(2, "train", {"loss": 0.5})
+    assert [entry["step"] for entry in read_metrics(tmp_path / "metrics.jsonl")] == [1, 2]

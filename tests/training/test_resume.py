@@ -5,6 +5,7 @@ import os
 import pathlib
 import random
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -162,6 +163,21 @@ def test_killed_run_ends_bit_identical(command, undisturbed, tmp_path):
     assert "stopped by SIGTERM after step" in text
     assert "Traceback" not in text
     assert "damaged" not in text
+
+
+def test_a_full_disk_ends_in_one_line_and_the_run_goes_on_when_there_is_room(
+    command, undisturbed, tmp_path
+):
+    workdir = tmp_path / "run"
+    process = command(workdir)
+    wait_for(lambda: newest(workdir) >= 6, process, workdir)
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (2000, resource.RLIM_INFINITY))
+    assert process.wait() == 4, log_of(workdir)
+    assert "Traceback" not in log_of(workdir)
+    last = log_of(workdir).splitlines()[-1]
+    assert last.startswith(f"error: {workdir}")
+    assert command(workdir).wait() == 0, log_of(workdir)
+    assert_same_end(workdir, undisturbed)
 
 
 @pytest.mark.slow

@@ -1,7 +1,9 @@
+import numpy as np
 import pytest
 
-from psgn_jax.config import ConfigError
-from psgn_jax.training.run_folder import locked
+from psgn_jax.config import ConfigError, parse, to_dict, to_json
+from psgn_jax.training.checkpoint import Checkpoints
+from psgn_jax.training.run_folder import locked, open_run
 
 
 def test_a_folder_is_locked_until_its_owner_ends(tmp_path):
@@ -9,3 +11,43 @@ def test_a_folder_is_locked_until_its_owner_ends(tmp_path):
         locked(tmp_path / "run").__enter__()
     with locked(tmp_path / "run"):
         pass
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A run of one checkpoint without a network."""
+    config = parse({"model": {"fc_points": 64}})
+    (tmp_path / "config.json").write_text(to_json(config))
+    checkpoints = Checkpoints(tmp_path / "checkpoints")
+    checkpoints.save(3, {"params.a.kernel": np.zeros(2)}, {"config": to_dict(config)})
+    checkpoints.close()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"fc_points": 64', '"fc_points": 32', r"step 3: model.fc_points=32 \(trained with 64\)"),
+        ('"points"', '"volume"', r"does not fit the checkpoint of step 3: task='volume'"),
+        ('"fc_points": 64', '"fc_points": -1', r"config.json: model.fc_points=-1: accepted"),
+        ("{", "[" * 100_000, r"config.json: it is not JSON"),
+        ("{", "\0", r"config.json: it is not JSON"),
+    ],
+)
+def test_a_configuration_that_does_not_fit_its_checkpoint(run, old, new, message):
+    path = run / "config.json"
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(ConfigError, match=message):
+        open_run(run)
+
+
+def test_a_configuration_that_is_no_text(run):
+    (run / "config.json").write_bytes(b"\xff\x00")
+    with pytest.raises(ConfigError, match=r"config\.json: it is not JSON"):
+        open_run(run)
+
+
+def test_fields_that_say_nothing_of_the_network_may_differ(run):
+    path = run / "config.json"
+    path.write_text(path.read_text().replace('"num_workers": 0', '"num_workers": 3', 1))
+    assert open_run(run).config.data.num_workers == 3

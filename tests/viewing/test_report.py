@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import weakref
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +18,9 @@ from psgn_jax.models import point_out_net
 from psgn_jax.tasks.runs import report_runs
 from psgn_jax.training.checkpoint import Checkpoints
 from psgn_jax.training.state import named_leaves
+from psgn_jax.viewing import page as page_lib
 from psgn_jax.viewing import report as lib
+from psgn_jax.viewing.collected import Collector, Sample, shown_points
 
 CATEGORIES = ("car", "lamp", "")
 CHROMIUM = next(
@@ -30,8 +33,7 @@ def made(count=13, label="first", n=40, seed=0):
     intrinsics, extrinsics = camera.default_camera((48, 64))
     image = np.full((48, 64, 3), 191, np.uint8)
     samples = [
-        lib.Sample(image, rng.uniform(-0.5, 0.5, (90, 3)), intrinsics, extrinsics)
-        for _ in range(count)
+        Sample(image, rng.uniform(-0.5, 0.5, (90, 3)), intrinsics, extrinsics) for _ in range(count)
     ]
     names = [SampleName(i, CATEGORIES[i % 3], f"model{i}", 0) for i in range(count)]
     error = rng.permutation(count) * 0.01 + 0.005
@@ -109,6 +111,72 @@ def test_from_a_run(tmp_path, monkeypatch):
         report_runs(tmp_path / "pages", [tmp_path / "none"])
 
 
+def test_what_is_collected_is_on_disk(tmp_path):
+    rng = np.random.default_rng(0)
+    batches = [
+        {
+            "image": rng.integers(0, 255, (4, 6, 8, 3), np.uint8),
+            "points": rng.normal(size=(4, 90, 3)).astype(np.float32),
+            "intrinsics": rng.normal(size=(4, 3, 3)).astype(np.float32),
+            "extrinsics": rng.normal(size=(4, 3, 4)).astype(np.float32),
+            "valid": np.array([True, True, True, number < 2]),
+        }
+        for number in range(3)
+    ]
+    preds = rng.normal(size=(3, 4, 40, 3)).astype(np.float32)
+    collector = Collector(tmp_path / "pages")
+    for number, batch in enumerate(batches):
+        collector(number, batch, preds[number])
+    assert len(collector.samples) == len(collector.preds) == 11
+    assert not list((tmp_path / "pages").iterdir())  # without a name
+    for index in (0, 5, 10, -1, 3):
+        place = np.unravel_index(index % 11, (3, 4))
+        sample, batch = collector.samples[index], batches[place[0]]
+        np.testing.assert_array_equal(collector.preds[index], preds[place])
+        np.testing.assert_array_equal(sample.image, batch["image"][place[1]])
+        np.testing.assert_array_equal(sample.points, batch["points"][place[1]][::2])
+        np.testing.assert_array_equal(sample.extrinsics, batch["extrinsics"][place[1]])
+    assert len(collector.preds[2:5]) == len(collector.samples[2:5]) == 3
+    with pytest.raises(IndexError):
+        collector.preds[11]
+    with pytest.raises(ValueError, match="as the ones before"):
+        collector.preds.append(np.zeros((41, 3), np.float32))
+
+
+@pytest.mark.parametrize("true", [1, 39, 40, 41, 79, 80, 119, 16384])
+def test_shown_points_are_thinned_once(true):
+    points = np.arange(3 * true).reshape(true, 3)
+    thin = shown_points(points, 40)
+    assert min(true, 40) <= len(thin) < 80 or true < 80
+    np.testing.assert_array_equal(shown_points(thin, 40), thin)
+
+
+def test_many_cases_are_not_held(tmp_path, monkeypatch):
+    """Of an evaluation with many cases one is in memory at a time, and one page."""
+    alive, most = weakref.WeakSet(), [0]
+    original = page_lib._encode
+
+    def counted(case):
+        alive.add(case)
+        most[0] = max(most[0], len(alive))
+        return original(case)
+
+    monkeypatch.setattr(page_lib, "_encode", counted)
+    samples, run = made(count=60)
+    pages = page_lib.write_pages(
+        tmp_path / "p.html",
+        (lib._viewer_case(i, str(i), samples[i], [run], [np.zeros(60)]) for i in range(60)),
+        max_bytes=46_000,
+    )
+    assert most[0] <= 2
+    files = sorted(set(pages.values()))
+    assert len(files) > 1
+    assert sorted(tmp_path.iterdir()) == files
+    assert [
+        case["name"] for p in dict.fromkeys(pages.values()) for case in data_of(p)["cases"]
+    ] == [str(i) for i in range(60)]
+
+
 def test_in_a_browser(tmp_path):
     api = pytest.importorskip("playwright.sync_api")
     if CHROMIUM is None:
@@ -135,6 +203,7 @@ def test_in_a_browser(tmp_path):
         page.select_option("#only", "car")
         assert len(listed()) == 8
         assert page.text_content("#count") == "8 of 24"
+        assert page.is_hidden("#turn")
         worst = page.locator("#worst a").first
         name = worst.get_attribute("title")
         worst.click()
@@ -143,3 +212,35 @@ def test_in_a_browser(tmp_path):
         browser.close()
     assert complaints == []
     assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
+
+
+def test_many_cases_are_listed_some_at_a_time(tmp_path):
+    api = pytest.importorskip("playwright.sync_api")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium")
+    samples, run = made(count=24)
+    index = lib.write_report(tmp_path, samples, [run])
+    document = data_of(index)
+    (case, *_) = document["cases"]
+    document["cases"] = [
+        {**case, "record": i, "name": str(i), "error": i / 1e5, "pictures": []}
+        for i in range(10_000)
+    ]
+    text = index.read_text()
+    start = text.index('id="data">') + len('id="data">')
+    index.write_text(text[:start] + json.dumps(document) + text[text.index("</script>", start) :])
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.goto(index.as_uri())
+        assert page.locator("#all a").count() == 120
+        assert page.text_content("#place") == "1 to 120 of 10000"
+        assert page.is_disabled("#back")
+        page.click("#on")
+        assert page.locator("#all a").first.get_attribute("title") == "120"
+        page.select_option("#order", "-error")
+        assert page.locator("#all a").first.get_attribute("title") == "9999"
+        page.click("#on")
+        page.click("#back")
+        assert page.text_content("#place") == "1 to 120 of 10000"
+        browser.close()

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 
 import jax
 import numpy as np
@@ -62,7 +63,9 @@ def test_truncated_files_are_refused(file, tmp_path):
     with pytest.raises(WeightsError):
         read_weights(cut)
     refused(tmp_path / "none.safetensors", "No such file")
-    refused(tmp_path, "Is a directory")
+    refused(tmp_path, "it is a folder, expected a file")
+    os.mkfifo(tmp_path / "pipe.safetensors")
+    refused(tmp_path / "pipe.safetensors", "it is a named pipe, expected a file")
 
 
 def test_every_flipped_bit_is_noticed(file, tmp_path):
@@ -136,6 +139,8 @@ def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
         refused(path, "figures or sources are not as expected")
     forged(weights, path, figures="{")
     refused(path, "its metadata")
+    forged(weights, path, figures="[" * 200_000)
+    refused(path, "its metadata: brackets nested more than 32 deep")
 
 
 def test_what_cannot_be_written_is_refused(weights, tmp_path):
@@ -158,7 +163,9 @@ def test_what_cannot_be_written_is_refused(weights, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["w.safetensors"]
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '[{"source": 3}]', '[{"source": "x"}]'])
+@pytest.mark.parametrize(
+    "text", ["", "{", "[" * 200_000, "[]", "{}", '[{"source": 3}]', '[{"source": "x"}]']
+)
 def test_wrong_tables_of_sources_are_refused(text, tmp_path):
     (tmp_path / "s.json").write_text(text)
     with pytest.raises(ConfigError, match="--sources="):

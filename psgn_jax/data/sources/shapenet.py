@@ -26,6 +26,7 @@ from PIL import Image
 
 from psgn_jax.data import camera, schema
 from psgn_jax.data.sources.binvox import Binvox
+from psgn_jax.untrusted import parse_json
 
 SYNSETS = {
     "02691156": "plane",
@@ -55,6 +56,7 @@ TO_WORLD = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 _MAX_FILE_SIZE = 1 << 24
 _MAX_IMAGE_SIDE = 4096
 _FINE = 4
+_LARGEST = 1e4  # coordinates of a model, and the inverse of its least radius
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -113,13 +115,16 @@ def place(points: np.ndarray) -> Placement:
     """Computes the placement of an object from all its points [n, 3] in the world.
 
     Raises:
-      ValueError: the points have no extent, or are not finite.
+      ValueError: the points have no extent, are not finite, or of another order of magnitude than
+        models, which have edges of about 1.
     """
     low, high = points.min(axis=0), points.max(axis=0)
+    if not np.abs([low, high]).max() <= _LARGEST:
+        raise ValueError(f"coordinates from {low.min():g} to {high.max():g}, expected a few units")
     origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     unit = float(np.linalg.norm(points - origin, axis=1).max())
-    if not (np.isfinite(unit) and unit > 0):
-        raise ValueError(f"the object's radius is {unit:g}, expected a finite number > 0")
+    if not unit >= 1 / _LARGEST:
+        raise ValueError(f"the object's radius is {unit:g}, expected some tenths of a unit")
     return Placement(origin, unit)
 
 
@@ -235,7 +240,7 @@ def grid_of_extra(extra: str) -> tuple[np.ndarray, np.ndarray]:
       ValueError: `extra` does not contain a volume.
     """
     try:
-        content = json.loads(extra)
+        content = parse_json(extra)
         size = content["grid_size"]
         if not 1 <= size <= 256:
             raise ValueError(f"grid_size {size}, expected 1 to 256")

@@ -3,8 +3,10 @@ import zlib
 
 import numpy as np
 import pytest
+from helpers.disk import without_room
 
 from psgn_jax import convert
+from psgn_jax.claims import claim
 from psgn_jax.data import conversion, schema
 from psgn_jax.data.codec import PointLattice, _lattice_keys, decode_stored
 from psgn_jax.data.dataset import RecordReader
@@ -112,6 +114,32 @@ def test_conversion_leaves_out_bad_files_and_reports(make, authors_file, tmp_pat
     assert {p.name: p.stat().st_mtime_ns for p in target.glob("*.arrayrecord")} == times
 
 
+def test_two_conversions_to_one_folder_do_not_meet(authors_file, tmp_path, capsys):
+    command = ["authors", str(authors_file.parent), str(tmp_path / "dst")]
+    with claim(tmp_path / "dst" / ".work", (0, 1)):
+        assert convert.main(command) == 2
+    assert "another process (pid " in capsys.readouterr().err
+    assert convert.main(command) == 0
+    assert sorted(p.name for p in (tmp_path / "dst").iterdir()) == [
+        "manifest.json",
+        "train-00000.arrayrecord",
+    ]
+
+
+def test_samples_without_an_object_are_left_out(make, tmp_path, capsys):
+    content = make.content()
+    content["depth"][3] = 0
+    content["points"][5] = 7
+    (tmp_path / "0.gz").write_bytes(zlib.compress(make.content_bytes(content), 1))
+    assert convert.main(["authors", str(tmp_path), str(tmp_path / "dst")]) == 1
+    error = capsys.readouterr().err
+    assert "00000003, view 0: the mask is empty" in error
+    assert "00000005, view 0: all points are in one place" in error
+    assert "2 files, models or views were left out" in error
+    kept = [int(sample.model_id[-2:], 16) for sample in RecordReader(tmp_path / "dst", "train")]
+    assert kept == [i for i in range(32) if i not in (3, 5)]
+
+
 def test_a_killed_conversion_goes_on(authors_file, tmp_path, monkeypatch):
     source, target = tmp_path / "src", tmp_path / "dst"
     source.mkdir()
@@ -138,6 +166,21 @@ def test_a_killed_conversion_goes_on(authors_file, tmp_path, monkeypatch):
     assert calls == ["2.gz"]
     assert not refused
     assert sum(s.count for s in manifest.shards) == 96
+
+
+def test_a_full_disk_ends_a_conversion_that_goes_on_when_there_is_room(
+    authors_file, tmp_path, capsys
+):
+    source, target = tmp_path / "source", tmp_path / "target"
+    source.mkdir()
+    (source / "0.gz").write_bytes(authors_file.read_bytes())
+    command = ["authors", str(source), str(target)]
+    with without_room(20_000):
+        assert convert.main(command) == 4
+    assert capsys.readouterr().err.splitlines()[-1].startswith(f"error: {target}")
+    assert not list(target.iterdir())
+    assert convert.main(command) == 0
+    RecordReader(target, "train").verify()
 
 
 def test_conversion_after_a_source_was_removed(authors_file, tmp_path, monkeypatch):
@@ -181,6 +224,7 @@ def test_real_batches(authors_batches):
             if number % 4 == 0:
                 checks.append(dataset_view.check(entry.sample))
                 sizes.append(len(entry.encode()))
+            schema.check_content(entry.sample)
             colour = (entry.sample.image != schema.BACKGROUND_GREY).any(axis=2)
             assert (colour != entry.sample.mask).mean() < 1e-2  # some objects have grey pixels
     assert np.mean([c.inside for c in checks]) > 0.93

@@ -1,3 +1,4 @@
+import dataclasses
 import io
 import zipfile
 
@@ -94,6 +95,34 @@ def test_conversion_and_damage(tmp_path, capsys):
     assert [s.view for s in RecordReader(target, "train")] == [0, 2, 3]
     assert len(RecordReader(target, "test")) == 4
     assert convert.main([*command[:2], str(tmp_path / "strict"), "--strict"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"scale": np.float64(1e300)}, "coordinates from"),
+        ({"scale": np.float64(1e150)}, "coordinates from"),
+        ({"loc": np.full(3, 1e300)}, "coordinates from"),
+        ({"scale": np.float64(1e-300)}, "the object's radius is"),
+        ({"points": np.full((60_000, 3), 0.25)}, "the object's radius is"),
+    ],
+)
+def test_clouds_that_teach_nothing_are_refused(tmp_path, changes, message):
+    root = trees.write_occnet(tmp_path, {"train": ["a"]})
+    path = root / CHAIR / "a" / "pointcloud.npz"
+    np.savez(path, **(dict(np.load(path)) | changes))
+    with pytest.raises(ValueError, match=rf"pointcloud\.npz: {message}"):
+        list(occnet.read_model(root, CHAIR, "a", max_views=1))
+
+
+def test_views_with_an_empty_volume_are_left_out(tmp_path, capsys):
+    root = trees.write_occnet(tmp_path / "src", {"train": ["a", "b"], "val": [], "test": []})
+    grid = dataclasses.replace(trees.voxels(), solid=np.zeros((32, 32, 32), bool))
+    binvox.write(root / CHAIR / "a" / "model.binvox", grid)
+    command = ["occnet", str(root), str(tmp_path / "dst"), "--views", "2", "--points", "400"]
+    assert convert.main(command) == 1
+    assert f"{CHAIR}/a, view 1: the volume is empty" in capsys.readouterr().err
+    assert len(RecordReader(tmp_path / "dst", "train")) == 2
 
 
 def npz(path, members):

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from helpers import shapenet_trees as trees
@@ -189,6 +191,32 @@ def test_damage_names_itself_and_stops_nothing(tree, tmp_path, capsys):
     assert "not one of the 13" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"scale": 1e300}, "coordinates from"),
+        ({"scale": 1e150}, "coordinates from"),
+        ({"scale": 1e-300}, "the object's radius is 0"),
+        ({"translate": np.full(3, 1e300)}, "coordinates from"),
+        ({"solid": np.zeros((32, 32, 32), bool)}, "the volume is empty"),
+    ],
+)
+def test_volumes_of_another_magnitude_are_refused(tmp_path, changes, message):
+    tree = trees.write_r2n2(tmp_path, names=("a",))
+    grid = dataclasses.replace(trees.voxels(), **changes)
+    binvox.write(tree / "ShapeNetVox32" / CHAIR / "a" / "model.binvox", grid)
+    with pytest.raises(ValueError, match=rf"model\.binvox: {message}"):
+        list(r2n2.read_model(tree, CHAIR, "a", max_views=1))
+
+
 def test_wrong_folders(tmp_path, capsys):
     assert convert.main(["r2n2", str(tmp_path), str(tmp_path / "dst")]) == 2
     assert "no folder ShapeNetRendering" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--points=1000000000", "--points=0", "--views=100000"])
+def test_absurd_numbers_are_refused_before_anything_is_read(option, tmp_path, capsys):
+    assert convert.main(["r2n2", str(tmp_path), str(tmp_path / "out"), option]) == 2
+    name, _, value = option.partition("=")
+    assert f"error: {name}={value}: expected 1 to 1000" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -153,3 +153,39 @@ def test_collada(tmp_path):
     )
     with pytest.raises(UnusableModelError, match="entities"):
         load_model(tmp_path / "bomb.dae")
+
+
+def glb(tree):
+    text = tree if isinstance(tree, bytes) else json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON")
+    return head + text
+
+
+DEEP = b"[" * 100_000 + b"]" * 100_000
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.glb", glb(DEEP)),
+        ("a.gltf", DEEP),
+        ("a.glb", glb(b'{"asset": {"version": "2.0"}, "extras": ' + DEEP + b"}")),
+    ],
+)
+def test_nested_brackets_are_refused_by_name(write, name, content):
+    with pytest.raises(UnusableModelError, match="brackets nested more than 64 deep"):
+        load_model(write(name, content))
+
+
+def test_a_material_that_is_none_is_refused(tmp_path):
+    """A file that is read, but whose material cannot be."""
+    trimesh = pytest.importorskip("trimesh")
+    mesh = trimesh.creation.box()
+    material = trimesh.visual.material.PBRMaterial(roughnessFactor=0.5)
+    mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), material=material)
+    data = mesh.export(file_type="glb").replace(b'"roughnessFactor":0.5', b'"roughnessFactor":"x"')
+    path = tmp_path / "a.glb"
+    path.write_bytes(data)
+    with pytest.raises(UnusableModelError, match="not readable as glb"):
+        load_model(path)

@@ -1,3 +1,5 @@
+import os
+
 import pytest
 from helpers.obj_text import CUBE, FACES, png
 
@@ -25,6 +27,38 @@ def test_a_reference_may_go_up_inside_the_root(write, tmp_path):
     write("models/a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}")
     model = load_model("models/a.obj", FolderFiles(tmp_path))
     assert model.materials[0].texture is not None
+
+
+def test_links_that_lead_out_are_not_followed(write, tmp_path):
+    secret = write("secret.png", png((255, 0, 0)))
+    write("root/in.png", png((0, 255, 0)))
+    (tmp_path / "root" / "out.png").symlink_to(secret)
+    (tmp_path / "root" / "linked.png").symlink_to("in.png")
+    write("root/m.mtl", "newmtl a\nmap_Kd out.png\nnewmtl b\nmap_Kd linked.png\n")
+    text = f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}usemtl b\n{FACES}"
+    write("root/a.obj", text)
+    model = load_model("a.obj", FolderFiles(tmp_path / "root"))
+    assert model.materials[0].texture is None
+    assert model.materials[1].texture[0, 0].tolist() == [0, 255, 0, 255]
+    (tmp_path / "root" / "b.obj").symlink_to(write("b.obj", CUBE + FACES))
+    with pytest.raises(UnusableModelError, match=r"'b.obj' is a link that leads out of the"):
+        load_model("b.obj", FolderFiles(tmp_path / "root"))
+    # A file that the caller names may be a link, and so may the root.
+    assert load_model(tmp_path / "root" / "b.obj").model_id == "b.obj"
+    (tmp_path / "link").symlink_to(tmp_path / "root")
+    assert load_model("a.obj", FolderFiles(tmp_path / "link")).materials[1].texture is not None
+
+
+def test_what_is_no_file_is_called_what_it_is(tmp_path):
+    os.mkfifo(tmp_path / "a.obj")
+    (tmp_path / "b.obj").mkdir()
+    with pytest.raises(UnusableModelError, match=r"'a.obj' is a named pipe, expected a file"):
+        load_model(tmp_path / "a.obj")
+    with pytest.raises(UnusableModelError, match=r"'b.obj' is a folder, expected a file"):
+        load_model(tmp_path / "b.obj")
+    for name in ("none.obj", "x" * 5000 + ".obj", "a\0.obj"):
+        with pytest.raises(UnusableModelError, match="is missing"):
+            load_model(name, FolderFiles(tmp_path))
 
 
 def test_a_large_file_is_refused(write, monkeypatch):

@@ -5,7 +5,7 @@ import pytest
 from helpers.obj_text import CUBE, FACES, QUADS, png
 
 from data_gen.mesh import UnusableModelError, face_areas, face_normals
-from data_gen.readers import obj
+from data_gen.readers import obj, textures
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
 from data_gen.readers.notes import Notes
@@ -262,3 +262,34 @@ f 4 3 \\
     assert [m.name for m in model.materials] == ["two words"]
     assert "2 faces with less" not in " ".join(model.warnings)
     assert any("1 faces with less than three corners" in w for w in model.warnings)
+
+
+def test_each_material_file_is_read_once_and_not_too_many(write, tmp_path, monkeypatch):
+    read, asked = [], []
+    find = FolderFiles.find
+    monkeypatch.setattr(
+        FolderFiles, "read", lambda self, name: read.append(name) or (self.root / name).read_bytes()
+    )
+    monkeypatch.setattr(
+        FolderFiles, "find", lambda self, name: asked.append(name) or find(self, name)
+    )
+    write("m.mtl", "newmtl a\nKd 1 0 0\n")
+    body = f"{CUBE}usemtl a\n{FACES}"
+    model = load_model(write("a.obj", "mtllib m.mtl\n" * 20_000 + body))
+    assert read == ["a.obj", "m.mtl"]
+    assert model.materials[0].diffuse == (1, 0, 0)
+    many = "".join(f"mtllib {i}.mtl\n" for i in range(20_000))
+    asked.clear()
+    load_model(write("b.obj", many + body))
+    assert len(asked) < 4000
+
+
+def test_textures_are_not_decoded_without_end(write, monkeypatch):
+    monkeypatch.setattr(textures, "_MAX_DECODED_TEXELS", 40)
+    names = [f"{'./' * i}x.png" for i in range(6)]
+    write("x.png", png((1, 2, 3)))
+    write("m.mtl", "".join(f"newmtl {i}\nmap_Kd {name}\n" for i, name in enumerate(names)))
+    faces = "".join(f"usemtl {i}\n{FACES}" for i in range(len(names)))
+    model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{faces}"))
+    assert [m.texture is not None for m in model.materials] == [True] * 3 + [False] * 3
+    assert "more textures than a model may have; plain colours stand in" in model.warnings

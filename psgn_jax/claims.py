@@ -1,0 +1,116 @@
+"""Claims on a job's folder: no two processes do the same part of the work.
+
+    .work/parts.lock       held by all processes; says into how many parts the work is divided
+    .work/part-00000.lock  held by the process that does the first part
+
+A lock is of the operating system (`flock`) and ends with its process, however that ends. On a
+network file system without locks nothing is claimed.
+"""
+
+import contextlib
+import errno
+import fcntl
+import os
+import pathlib
+from collections.abc import Iterator
+
+from absl import logging
+
+_UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+
+
+class ClaimedError(ValueError):
+    """Another process does this part of the work, or divides the work in another way."""
+
+
+@contextlib.contextmanager
+def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
+    """Holds the `part` = (i, n) of the work in a folder; removes the folder if it ends up empty.
+
+    Args:
+      folder: made if missing.
+      part: which of how many.
+
+    Raises:
+      ClaimedError: another process holds the part, or one that is not of n parts.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    number, count = part
+    files = folder / "parts.lock", folder / f"part-{number:05d}.lock"
+    held: list[int] = []
+    try:
+        try:
+            held.append(_join(files[0], count))
+            held.append(_open_locked(files[1], fcntl.LOCK_EX))
+            _write(held[-1], f"{os.getpid()}\n")
+        except BlockingIOError:
+            raise ClaimedError(
+                f"another process (pid {_read(files[1]) or 'unknown'}) does part {number}/{count} "
+                f"in {str(folder.parent)!r}; wait for it, or end it"
+            ) from None
+        except OSError as error:
+            if error.errno not in _UNSUPPORTED:
+                raise
+            logging.warning("%s: no locks there; start each part of the job once", folder)
+        yield
+    finally:
+        for path, descriptor in zip(reversed(files), reversed(held), strict=False):
+            _leave(path, descriptor)
+        with contextlib.suppress(OSError):
+            folder.rmdir()
+
+
+def _join(path: pathlib.Path, count: int) -> int:
+    """Joins the processes at the folder, or is the first and says how many parts there are."""
+    try:
+        descriptor = _open_locked(path, fcntl.LOCK_EX)
+    except BlockingIOError:
+        descriptor = _open_locked(path, fcntl.LOCK_SH, wait=True)
+    else:
+        _write(descriptor, f"{count}\n")
+        # Another process may hold the lock for a moment between the two.
+        fcntl.flock(descriptor, fcntl.LOCK_SH)
+    said = _read(path)
+    if said != str(count):
+        os.close(descriptor)
+        raise ClaimedError(
+            f"other processes do the work in {str(path.parent.parent)!r} in {said or 'other'} "
+            f"parts, not {count}; wait for them, or end them"
+        )
+    return descriptor
+
+
+def _open_locked(path: pathlib.Path, kind: int, *, wait: bool = False) -> int:
+    """Opens and locks a file; one that was removed meanwhile is opened anew."""
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            fcntl.flock(descriptor, kind | (0 if wait else fcntl.LOCK_NB))
+            with contextlib.suppress(OSError):
+                if os.fstat(descriptor).st_ino == path.stat().st_ino:
+                    return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+
+
+def _leave(path: pathlib.Path, descriptor: int) -> None:
+    """Ends a claim; the last process removes the file."""
+    with contextlib.suppress(OSError):
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.fstat(descriptor).st_ino == path.stat().st_ino:
+            path.unlink()
+    os.close(descriptor)
+
+
+def _write(descriptor: int, text: str) -> None:
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, text.encode(), 0)
+
+
+def _read(path: pathlib.Path) -> str:
+    try:
+        return path.read_bytes()[:20].decode("ascii", "replace").strip()
+    except OSError:
+        return ""

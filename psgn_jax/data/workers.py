@@ -1,0 +1,57 @@
+"""What the loader's worker processes do when the training is stopped or killed.
+
+A worker gets no SIGTERM and no SIGINT: batch systems and terminals send them to every process of a
+group, and it is the trainer that stops the workers, after its last step. A worker whose trainer was
+killed ends by itself, and with the last one Python's resource tracker removes their shared memory.
+"""
+
+import concurrent.futures
+import multiprocessing
+import multiprocessing.connection
+import multiprocessing.util
+import os
+import signal
+import threading
+from collections.abc import Callable
+from multiprocessing import resource_tracker
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def start_sheltered(start: Callable[[], T]) -> T:
+    """Calls `start`; processes that it starts never see SIGTERM or SIGINT.
+
+    It is called in a thread that blocks both signals: processes and threads inherit that from their
+    first moment, before they run any code of ours. Meanwhile this process handles them as ever.
+    """
+    # Where it is started later, it unblocks the signals of the thread that starts it.
+    resource_tracker.ensure_running()
+    # At exit Python sends SIGTERM to the workers that are still there and waits for their end.
+    multiprocessing.util.Finalize(None, _kill_children, exitpriority=0)
+    with concurrent.futures.ThreadPoolExecutor(1, initializer=_block_signals) as pool:
+        return pool.submit(start).result()
+
+
+def end_with_parent(*_: int) -> None:
+    """In a worker: ends this process as soon as its parent has ended, whatever it is doing."""
+    threading.Thread(target=_wait_for_parent, daemon=True).start()
+
+
+def _wait_for_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        # The end of a pipe that the parent holds open: it closes when the parent ends, or has
+        # closed already. (PR_SET_PDEATHSIG would act at the end of the parent's *thread*.)
+        multiprocessing.connection.wait([parent.sentinel])
+        os._exit(1)
+
+
+def _block_signals() -> None:
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM, signal.SIGINT})
+
+
+def _kill_children() -> None:
+    for child in multiprocessing.active_children():
+        if child.daemon:
+            child.kill()

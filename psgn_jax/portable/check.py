@@ -1,0 +1,124 @@
+"""Measures files for other programs against JAX, on images of records or on drawn silhouettes."""
+
+import dataclasses
+import os
+from collections.abc import Callable, Mapping
+
+import jax
+import numpy as np
+
+from psgn_jax.data import resize
+from psgn_jax.data.dataset import open_split
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.portable.network import PortableNetwork
+
+LARGEST_DIFFERENCE = 1e-4
+"""Of a coordinate of the float32 file from JAX's (unit)."""
+
+LARGEST_CD_CHANGE = 0.01
+"""Relative change of the mean CD under smaller weights."""
+
+Arrays = dict[str, np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Samples:
+    """Inputs of a network, and the clouds that are to come out where these are known.
+
+    Attributes:
+      inputs: by name, all images in one array.
+      truth: float32 [n, m, 3], or None for drawn silhouettes.
+    """
+
+    inputs: Arrays
+    truth: np.ndarray | None
+
+    def __len__(self) -> int:
+        return len(self.inputs["image"])
+
+
+@dataclasses.dataclass(frozen=True)
+class Check:
+    """How far a file is from JAX.
+
+    Attributes:
+      images: how many were compared.
+      largest_difference: of a coordinate (unit).
+      cd: mean `chamfer_sq_mean` of the file's clouds (unit^2); None without ground truth.
+      cd_change: relative to that of JAX's clouds.
+    """
+
+    images: int
+    largest_difference: float
+    cd: float | None
+    cd_change: float | None
+
+
+def recorded_samples(
+    network: PortableNetwork, path: str | os.PathLike[str], split: str, count: int
+) -> Samples:
+    """The first samples of a split of records.
+
+    Raises:
+      RecordError: no records there.
+    """
+    reader = open_split([path], split)
+    size = network.config.data.image_size
+    images, masks, clouds = [], [], []
+    for i in range(min(count, len(reader))):
+        sample = reader[i]
+        images.append(resize.resize_image(sample.image, size))
+        masks.append(resize.resize_mask(sample.mask, size))
+        clouds.append(sample.points[np.linspace(0, len(sample.points) - 1, 1024).astype(int)])
+    return Samples(_inputs(network, np.stack(images), np.stack(masks)), np.stack(clouds))
+
+
+def drawn_samples(network: PortableNetwork, count: int = 8) -> Samples:
+    """Coloured ellipses, where no records are at hand; always the same ones."""
+    rng = np.random.default_rng(0)
+    height, width = network.config.data.image_size
+    rows, columns = np.mgrid[:height, :width] / np.array([height, width]).reshape(2, 1, 1) - 0.5
+    radii = rng.uniform(0.15, 0.4, (count, 2, 1, 1))
+    masks = (rows / radii[:, 0]) ** 2 + (columns / radii[:, 1]) ** 2 < 1
+    images = rng.integers(0, 256, (count, height, width, 3), dtype=np.uint8)
+    return Samples(_inputs(network, images, masks), None)
+
+
+def _inputs(network: PortableNetwork, images: np.ndarray, masks: np.ndarray) -> Arrays:
+    inputs = {"image": images, "mask": masks}
+    if network.config.model.random_size:
+        shape = (len(images), 1, network.config.model.random_size)
+        inputs["r"] = np.random.default_rng(0).normal(size=shape).astype(np.float32)
+    return inputs
+
+
+def expected(network: PortableNetwork, samples: Samples, rows: int = 16) -> np.ndarray:
+    """JAX's clouds [n, m, 3] of the samples, `rows` images at a time."""
+    return _clouds(lambda arrays: np.asarray(network.compiled(*arrays.values())), samples, rows)
+
+
+def measure(
+    run: Callable[[Mapping[str, np.ndarray]], np.ndarray],
+    samples: Samples,
+    clouds: np.ndarray,
+    rows: int = 16,
+) -> Check:
+    """Compares a file, `run(inputs) -> points`, with JAX's clouds of `expected`."""
+    own = _clouds(run, samples, rows)
+    difference = float(np.abs(own - clouds).max())
+    if samples.truth is None:
+        return Check(len(samples), difference, None, None)
+    mean_cd = jax.jit(lambda a, b: jax.lax.map(lambda p: chamfer_sq_mean(*p), (a, b)).mean())
+    cd, reference = (float(mean_cd(c, samples.truth)) for c in (own, clouds))
+    return Check(len(samples), difference, cd, cd / reference - 1)
+
+
+def _clouds(
+    run: Callable[[Mapping[str, np.ndarray]], np.ndarray], samples: Samples, rows: int
+) -> np.ndarray:
+    parts = []
+    for first in range(0, len(samples), rows):
+        arrays = {name: array[first : first + rows] for name, array in samples.inputs.items()}
+        parts.append(run(arrays))
+    clouds = np.concatenate(parts)
+    return clouds.reshape(len(samples), -1, 3)

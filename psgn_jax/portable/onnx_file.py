@@ -1,0 +1,32 @@
+"""A trained network as an ONNX file."""
+
+from collections.abc import Mapping
+
+from psgn_jax.portable import graph as graph_lib
+from psgn_jax.portable import operators
+from psgn_jax.portable.network import PortableNetwork
+
+STORED = graph_lib.STORED
+
+
+def to_onnx(
+    network: PortableNetwork, weights: str = "float32", texts: Mapping[str, str] | None = None
+) -> bytes:
+    """The content of the file: inputs and output as `portable.network` describes.
+
+    Args:
+      network: to convert.
+      weights: how they are stored, one of `STORED`.
+      texts: metadata of the file.
+
+    Raises:
+      UnsupportedError: the network has an operation without an ONNX form here.
+    """
+    traced = network.trace()
+    graph = graph_lib.Graph(weights)
+    inputs = [
+        graph.input(item.name, tuple(aval.shape), item.dtype)
+        for item, aval in zip(network.inputs, traced.in_avals, strict=True)
+    ]
+    (points,) = operators.convert(graph, traced, inputs)
+    return graph.finish("points", points, dict(texts or {})).SerializeToString()

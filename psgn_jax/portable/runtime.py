@@ -1,0 +1,47 @@
+"""ONNX graphs run by onnxruntime on the CPU. Only this file imports onnxruntime."""
+
+import importlib.util
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from psgn_jax.config import ConfigError
+
+
+def require_packages() -> None:
+    """Raises `ConfigError` where the packages of the extra `export` are missing."""
+    names = ("onnx", "onnxruntime", "flatbuffers")  # the last one: of jax.export
+    missing = [name for name in names if importlib.util.find_spec(name) is None]
+    if missing:
+        raise ConfigError(f"{', '.join(missing)}: not installed; pip install 'psgn-jax[export]'")
+
+
+class Session:
+    """A graph, ready to be run.
+
+    Args:
+      model: the file's content.
+      threads: for one operation.
+
+    Raises:
+      ValueError: onnxruntime refuses it.
+    """
+
+    def __init__(self, model: bytes, threads: int = 1):
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.log_severity_level = 3
+        try:
+            self._session = onnxruntime.InferenceSession(
+                model, options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:  # of its own classes, which it does not export
+            raise ValueError(f"no ONNX graph that runs: {str(error)[:200]}") from None
+
+    def __call__(self, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+        """The first output for inputs by name."""
+        results: Any = self._session.run(None, dict(arrays))
+        return np.asarray(results[0])

@@ -1,0 +1,141 @@
+"""The value of the demo's mask editor: where the photo lies in it, what is painted, its bounds.
+
+The value is a mapping with `background` and `composite`, uint8 [*EDITOR_SIZE, 4], and `layers`, a
+list of such arrays, as `gradio.ImageEditor` has it. The module does not import gradio.
+"""
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from psgn_jax.data import photo
+
+EDITOR_SIZE = (600, 800)
+"""Height and width of the canvas that the mask is painted on, whatever the photo's shape.
+
+The photo is scaled to fit its middle. The prediction reads the whole photo.
+"""
+
+PAINT = (226, 70, 40, 150)
+"""Colour of the mask over the photo, RGBA."""
+
+MAX_LAYERS = 4
+"""Layers of the editor's value."""
+
+KEPT_VALUES = 16
+"""Values of the editor that are kept until they are used."""
+
+MAX_LAYER_BYTES = 4_000_000
+
+
+def place_in_editor(shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns of the editor's canvas on which a photo of this shape [h, w, ...] lies."""
+    height, width = EDITOR_SIZE
+    scale = min(height / shape[0], width / shape[1])
+    rows, columns = max(1, round(scale * shape[0])), max(1, round(scale * shape[1]))
+    top, left = (height - rows) // 2, (width - columns) // 2
+    return slice(top, top + rows), slice(left, left + columns)
+
+
+def shows_photo(edited: Any) -> bool:
+    """Whether the editor's value has a background: it is cleared whole, and fills the canvas.
+
+    Raises:
+      PhotoError: the value was refused, see `check_pictures`.
+    """
+    if (edited or {}).get("refused"):
+        raise photo.PhotoError(edited["refused"])
+    background = (edited or {}).get("background")
+    return background is not None and bool(background[..., 3:].all())
+
+
+def painted(edited: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """What the layers of the editor's value cover of a photo of this shape [h, w, ...].
+
+    Returns:
+      bool [h, w]; paint beside the photo is left out.
+    """
+    mask = np.zeros(EDITOR_SIZE, np.bool_)
+    for layer in edited["layers"]:
+        if layer.shape[:2] != EDITOR_SIZE:
+            raise photo.PhotoError(
+                f"the editor's layer is {list(layer.shape[:2])}: accepted: {list(EDITOR_SIZE)}; "
+                "drop the photo again"
+            )
+        mask |= layer[..., 3] > PAINT[3] // 2
+    return photo.resize_mask(mask[place_in_editor(shape)].copy(), shape[:2])
+
+
+def check_pictures(pictures: Sequence[Any]) -> None:
+    """Checks the parts of an editor's value by their headers, before they are decoded.
+
+    Args:
+      pictures: paths or bytes of image files; None where a part is missing.
+
+    Raises:
+      PhotoError: more layers than `MAX_LAYERS`, with background and composite; no image; or one of
+        another size than the canvas.
+    """
+    if len(pictures) > MAX_LAYERS + 2:
+        raise photo.PhotoError(f"{len(pictures)} parts of a mask: accepted: {MAX_LAYERS} layers")
+    for picture in pictures:
+        if picture is None:
+            continue
+        try:
+            source = io.BytesIO(picture) if isinstance(picture, bytes) else picture
+            with Image.open(source, formats=("PNG", "WEBP", "JPEG")) as file:
+                size = file.size[::-1]
+        except (OSError, ValueError, SyntaxError, TypeError, Image.DecompressionBombError):
+            raise photo.PhotoError(
+                "a layer of the mask is no image: drop the photo again"
+            ) from None
+        if size != EDITOR_SIZE:
+            raise photo.PhotoError(
+                f"the editor's layer is {list(size)}: accepted: {list(EDITOR_SIZE)}; "
+                "drop the photo again"
+            )
+
+
+class Blobs(dict[str, Any]):
+    """The editor's values that were sent and not yet used; the oldest go."""
+
+    def __setitem__(self, key: str, value: Any) -> None:
+        """Keeps a value, and `KEPT_VALUES` in all."""
+        self.pop(key, None)
+        super().__setitem__(key, value)
+        while len(self) > KEPT_VALUES:
+            del self[next(iter(self))]
+
+
+def bound_editor(editor: Any) -> None:
+    """Makes an `ImageEditor` check what is sent to it before it decodes or keeps it."""
+    preprocess, accept = editor.preprocess, editor.accept_blobs
+    editor.blob_storage = Blobs()
+
+    def checked_preprocess(payload: Any) -> Any:
+        sent = payload
+        if payload is not None and payload.id is not None:
+            sent = editor.blob_storage.get(payload.id)
+        try:
+            if sent is not None:
+                parts = [sent.background, sent.composite, *(sent.layers or ())]
+                check_pictures([getattr(part, "path", part) for part in parts])
+        except photo.PhotoError as error:
+            editor.blob_storage.pop(payload.id, None)
+            return {"background": None, "layers": [], "composite": None, "refused": str(error)}
+        return preprocess(payload)
+
+    def checked_accept(data: Any) -> Any:
+        index = str(data.data.get("index") or "0")
+        size = sum(len(content) for _, content in data.files)
+        if index != "null" and not (index.isascii() and index.isdigit() and len(index) < 3):
+            raise ValueError("index of a layer: accepted: a number")
+        if (index != "null" and int(index) >= MAX_LAYERS) or size > MAX_LAYER_BYTES:
+            raise ValueError(f"a layer of {size} bytes, number {index}: too many or too large")
+        return accept(data)
+
+    checked_accept._is_server_fn = True  # type: ignore[attr-defined]
+    editor.preprocess, editor.accept_blobs = checked_preprocess, checked_accept

@@ -1,0 +1,133 @@
+"""How much memory a training needs at least, compared with what there is before it is compiled.
+
+What is counted are lower bounds, so that nothing is refused that would fit: parameters with their
+gradients and the optimiser's state; what convolutions and dense layers put out for one batch, which
+the backward pass needs; one batch of samples; and the loader's worker processes.
+"""
+
+import contextlib
+import math
+import pathlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import jax
+import numpy as np
+from jax.extend import core
+
+from psgn_jax.config import CHANNELS_OF, Config, ConfigError
+from psgn_jax.data.schema import OCCUPANCY_SIZE
+from psgn_jax.training.state import TrainState
+
+WORKER = 150e6
+"""Bytes of a worker process of the loader, at least."""
+
+
+def check_memory(config: Config, create: Callable[[], TrainState]) -> None:
+    """Compares what a training needs with the memory of the machine and of its devices.
+
+    Args:
+      config: of the training.
+      create: makes the first state. It applies the network to one sample, which gives the
+        parameters their shapes.
+
+    Raises:
+      ConfigError: it needs more; one line with the parts.
+    """
+    program, state = jax.make_jaxpr(create, return_shape=True)()
+    params = _bytes(jax.tree.leaves(state.params))
+    device = {
+        "parameters and optimiser": _bytes(jax.tree.leaves(state)) + params,
+        f"activations of train.batch_size={config.train.batch_size}": (
+            config.train.batch_size / jax.device_count() * _bytes(_layers(program.jaxpr))
+        ),
+    }
+    host = {
+        f"batches of {max(config.train.batch_size, config.eval.batch_size)} samples": (
+            max(
+                config.train.batch_size / jax.process_count() * _sample(config, train=True),
+                config.eval.batch_size * _sample(config, train=False),
+            )
+        ),
+        f"data.num_workers={config.data.num_workers}": config.data.num_workers * WORKER,
+    }
+    statistics = jax.local_devices()[0].memory_stats() or {}
+    if "bytes_limit" in statistics:
+        _require(device, statistics["bytes_limit"], f"the {jax.default_backend()}")
+        _require(host, available(), "this machine")
+    else:
+        _require(device | host, available(), "this machine")
+
+
+def available(root: pathlib.Path = pathlib.Path("/")) -> float:
+    """Bytes that this process may still use: those of the machine, or of its control group.
+
+    Infinite where the system does not say.
+
+    Args:
+      root: of the file system that `proc` and `sys` are read from.
+    """
+    limits = [math.inf]
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        lines = (root / "proc/meminfo").read_text().splitlines()
+        limits += [1024.0 * int(x.split()[1]) for x in lines if x.startswith("MemAvailable:")]
+    groups = [""]
+    with contextlib.suppress(OSError):
+        text = (root / "proc/self/cgroup").read_text()
+        groups += [line.rpartition(":")[2].lstrip("/") for line in text.splitlines()]
+    for group in groups:
+        for folder, limit, used in (
+            (root / "sys/fs/cgroup" / group, "memory.max", "memory.current"),
+            (
+                root / "sys/fs/cgroup/memory" / group,
+                "memory.limit_in_bytes",
+                "memory.usage_in_bytes",
+            ),
+        ):
+            # A group without a limit says "max".
+            with contextlib.suppress(OSError, ValueError):
+                total, taken = (int((folder / name).read_text()) for name in (limit, used))
+                cached = _reclaimable(folder / "memory.stat")
+                limits.append(float(total - taken + cached))
+    return max(0.0, min(limits))
+
+
+def _reclaimable(path: pathlib.Path) -> int:
+    """Bytes of a group that cache files, which the system gives back when they are needed."""
+    fields = dict(line.split() for line in path.read_text().splitlines())
+    return sum(int(fields.get(name, 0)) for name in ("inactive_file", "active_file"))
+
+
+def _require(parts: Mapping[str, float], limit: float, where: str) -> None:
+    if sum(parts.values()) <= limit:
+        return
+    listed = ", ".join(f"{name}: {size / 1e9:.3g} GB" for name, size in parts.items() if size)
+    raise ConfigError(
+        f"{where} has {limit / 1e9:.3g} GB of memory left, and the training needs at least "
+        f"{sum(parts.values()) / 1e9:.3g} GB ({listed}); accepted: a smaller network or smaller "
+        "batches"
+    )
+
+
+def _layers(jaxpr: Any) -> Iterator[Any]:
+    """What convolutions and products of matrices in a program put out."""
+    for equation in jaxpr.eqns:
+        if equation.primitive.name in ("conv_general_dilated", "dot_general"):
+            yield from (out.aval for out in equation.outvars)
+        for inner in core.jaxprs_in_params(equation.params):
+            yield from _layers(inner)
+
+
+def _bytes(arrays: Iterable[Any]) -> float:
+    return float(sum(math.prod(a.shape) * np.dtype(a.dtype).itemsize for a in arrays))
+
+
+def _sample(config: Config, *, train: bool) -> float:
+    """Bytes of a sample in a batch of the host."""
+    data = config.data
+    views = (data.train_views if train else data.eval_views) or 1
+    pixels = data.image_size[0] * data.image_size[1]
+    channels = CHANNELS_OF["rgb"] + 1 + 4 * ("depth" in data.inputs)
+    points = data.num_points if train else data.num_eval_points
+    occupancy = OCCUPANCY_SIZE**3 if data.occupancy else 0
+    return float(views * pixels * channels + 12 * points + occupancy)

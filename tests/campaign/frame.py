@@ -1,0 +1,162 @@
+"""What the parts of the campaign have in common: findings, the list of parts, the table.
+
+A part is a file of this folder with a function
+
+    def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Finding]
+
+Parts import this module as `campaign.frame`, and the tests' helpers as `helpers`, since `tests` is
+on the path. A part tries things until `time.monotonic()` reaches `deadline`, each at least once,
+and writes only below `folder`, which is empty and its own. All of its choices come from `rng`, so
+that the same seed tries the same things in the same order.
+"""
+
+import contextlib
+import dataclasses
+import importlib
+import json
+import os
+import pathlib
+import random
+import signal
+import subprocess
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+_FRAME = ("__init__", "__main__", "frame")
+
+
+@dataclasses.dataclass
+class Finding:
+    """How often one kind of trial was made, and how often the program held.
+
+    Attributes:
+      kind: what was tried and what had to hold, such as "SIGKILL in training: same bits".
+      tried: number of trials.
+      held: number of trials after which everything that must hold did.
+      details: one line for each trial that did not hold, enough to try it again.
+    """
+
+    kind: str
+    tried: int = 0
+    held: int = 0
+    details: list[str] = dataclasses.field(default_factory=list)
+
+    def add(self, wrong: str = "") -> None:
+        """Counts one trial; `wrong` says what did not hold, "" = everything held."""
+        self.tried += 1
+        if wrong:
+            self.details.append(" ".join(wrong.split())[:2000])
+        else:
+            self.held += 1
+
+
+Part = Callable[[random.Random, float, pathlib.Path], list[Finding]]
+
+
+def parts() -> dict[str, Part]:
+    """Name -> part, for every file of this folder that has one."""
+    names = sorted(p.stem for p in pathlib.Path(__file__).parent.glob("*.py"))
+    modules = {n: importlib.import_module(f"campaign.{n}") for n in names if n not in _FRAME}
+    return {name: module.part for name, module in modules.items() if hasattr(module, "part")}
+
+
+def run_part(name: str, part: Part, seed: int, minutes: float, folder: pathlib.Path) -> str:
+    """Runs one part, writes `<name>.json` into `folder` and returns its rows of the table.
+
+    A part that raises has not held: the error is a finding like any other.
+    """
+    own = folder / name
+    own.mkdir(parents=True)
+    began = time.monotonic()
+    try:
+        findings = part(random.Random(f"{seed} {name}"), began + 60 * minutes, own)
+    except Exception:
+        findings = [Finding("the part itself", 1, 0, [traceback.format_exc()])]
+    document = {
+        "part": name,
+        "seed": seed,
+        "seconds": round(time.monotonic() - began, 1),
+        "findings": [dataclasses.asdict(finding) for finding in findings],
+    }
+    (folder / f"{name}.json").write_text(json.dumps(document, indent=1) + "\n")
+    return "".join(f"| {name} | {f.kind} | {f.tried} | {f.held} |\n" for f in findings)
+
+
+TABLE_HEAD = "| part | what was tried, what must hold | tried | held |\n|---|---|---|---|\n"
+
+
+def all_held(folder: pathlib.Path) -> bool:
+    """Whether everything in the JSON files of `folder` was tried and held."""
+    findings = [f for p in folder.glob("*.json") for f in json.loads(p.read_text())["findings"]]
+    return bool(findings) and all(0 < f["tried"] == f["held"] for f in findings)
+
+
+# Tools of the parts.
+
+
+@dataclasses.dataclass(frozen=True)
+class Ended:
+    """A command that has ended: exit code (minus the signal if it was killed), output, seconds."""
+
+    code: int
+    text: str
+    seconds: float
+
+
+def environment(**variables: str) -> dict[str, str]:
+    """The environment of commands: this repository first, and JAX on the CPU."""
+    path = os.pathsep.join([str(ROOT), str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])
+    return os.environ | {"PYTHONPATH": path, "JAX_PLATFORMS": "cpu"} | variables
+
+
+@contextlib.contextmanager
+def started(
+    command: Sequence[str], log: pathlib.Path, **variables: str
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Runs `python COMMAND` as the leader of a process group of its own, its output in `log`.
+
+    Nothing of it lives on after the block.
+    """
+    with open(log, "ab") as file:
+        process = subprocess.Popen(
+            [sys.executable, *command],
+            stdin=subprocess.DEVNULL,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            env=environment(**variables),
+            cwd=ROOT,
+            start_new_session=True,
+        )
+        try:
+            yield process
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def run(command: Sequence[str], log: pathlib.Path, timeout: float = 300, **variables: str) -> Ended:
+    """Runs `python COMMAND` to its end; a command that takes too long has the exit code 124."""
+    began, before = time.monotonic(), log.stat().st_size if log.exists() else 0
+    with started(command, log, **variables) as process:
+        try:
+            code = process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            code = 124
+    text = log.read_bytes()[before:].decode(errors="replace")
+    return Ended(code, text, time.monotonic() - began)
+
+
+def not_one_line(ended: Ended, code: int = 2) -> str:
+    """What is wrong with a command that should have ended with `code` and one line of error."""
+    errors = [line for line in ended.text.splitlines() if line.startswith("error: ")]
+    if ended.code != code:
+        return f"exit code {ended.code}, expected {code}: {ended.text[-300:]}"
+    if "Traceback" in ended.text:
+        return f"a traceback: {ended.text[-300:]}"
+    if len(errors) != 1:
+        return f"{len(errors)} lines of error: {ended.text[-300:]}"
+    return ""

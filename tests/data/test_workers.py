@@ -1,0 +1,89 @@
+"""Worker processes when the trainer is killed, or the whole group is asked to end."""
+
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+
+import pytest
+from helpers import processes
+
+SCRIPT = """
+import sys, time
+from psgn_jax.config import DataConfig
+from psgn_jax.data import loader
+from psgn_jax.training.signals import StopSignal
+
+if __name__ == "__main__":
+    cfg = DataConfig(path=sys.argv[1], image_size=(24, 32), num_points=50, num_workers=2)
+    batches = loader.train_batches(cfg, batch_size=4, seed=0, start_step=0)
+    with StopSignal() as stop:
+        for batch in batches:
+            print("batch", flush=True)
+            if stop.signal:
+                break
+            time.sleep(0.01)
+    batches.close()
+    print("stopped by", stop.signal)
+"""
+
+
+@pytest.fixture
+def start(dataset, tmp_path):
+    script, log = tmp_path / "script.py", tmp_path / "log"
+    script.write_text(SCRIPT)
+    groups = []
+
+    def begin():
+        with log.open("w") as file:
+            process = subprocess.Popen(
+                [sys.executable, str(script), str(dataset)],
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                env=os.environ | {"PYTHONPATH": os.getcwd()},
+                start_new_session=True,
+            )
+        groups.append(process.pid)
+        return process, log
+
+    yield begin
+    for group in groups:
+        for process in processes.of_group(group):
+            os.kill(process, signal.SIGKILL)
+
+
+def wait_for(moment, process, log):
+    def reached():
+        if moment == "starting":
+            return len(processes.of_group(process.pid)) > 2  # itself, the resource tracker, one
+        return log.read_text().count("batch") > 3
+
+    assert processes.wait_until(lambda: reached() or process.poll() is not None)
+    assert process.poll() is None, log.read_text()
+
+
+@pytest.mark.parametrize("moment", ["starting", "working"])
+def test_workers_end_with_a_killed_trainer_and_leave_no_memory(start, moment):
+    process, log = start()
+    wait_for(moment, process, log)
+    files = processes.shared_memory(process.pid)
+    assert files
+    process.kill()
+    process.wait()
+    assert processes.wait_until(lambda: not processes.of_group(process.pid), 20)
+    assert not [f for f in files if pathlib.Path("/dev/shm", f).exists()]
+
+
+@pytest.mark.parametrize(
+    ("moment", "number"), [("starting", signal.SIGTERM), ("working", signal.SIGINT)]
+)
+def test_a_signal_to_the_whole_group_is_the_trainers_alone(start, moment, number):
+    process, log = start()
+    wait_for(moment, process, log)
+    os.killpg(process.pid, number)
+    assert process.wait(60) == 0, log.read_text()
+    lines = log.read_text().splitlines()
+    assert lines[-1] == f"stopped by {int(number)}"
+    assert set(lines[:-1]) == {"batch"}
+    assert processes.wait_until(lambda: not processes.of_group(process.pid), 20)

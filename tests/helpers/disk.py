@@ -1,0 +1,15 @@
+"""A disk without room: files cannot grow beyond some bytes."""
+
+import contextlib
+import resource
+
+
+@contextlib.contextmanager
+def without_room(largest=1000):
+    """Every write of this process fails that would make a file larger than `largest` bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)

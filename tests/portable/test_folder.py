@@ -1,0 +1,209 @@
+"""The folder for other programs: its files give JAX's points, its examples run by themselves."""
+
+# ruff: noqa: E402
+
+import dataclasses
+import hashlib
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+from helpers import drawn_solids
+from helpers import weights as helper
+from PIL import Image
+
+onnx = pytest.importorskip("onnx")
+pytest.importorskip("onnxruntime")
+
+from psgn_jax.config import ConfigError
+from psgn_jax.data.dataset import write_dataset
+from psgn_jax.portable import check, folder, runtime
+from psgn_jax.portable.network import PortableNetwork
+from psgn_jax.prediction.predictor import Predictor
+from psgn_jax.training.run_folder import Run
+from psgn_jax.weights.file import write_weights
+from psgn_jax.weights.opening import as_run
+
+NETWORKS = {
+    "vanilla": {},
+    "with r": {"model__random_size": 3},
+    "two branches, r late": {
+        "model__name": "two_branch", "model__random_size": 3, "model__random_at": "fc",
+    },
+    "hourglass with r": {"model__name": "hourglass", "model__random_size": 2},
+    "padded": {"model__name": "hourglass", "size": (18, 24)},
+}  # fmt: skip
+
+
+def make_run(size=(48, 64), **changes):
+    config = helper.config(data__image_size=size, **changes)
+    return Run(config, 7, helper.random_params(config), {}, "tiny", "weights")
+
+
+def arrays_for(network, images, draws=2, seed=0):
+    rng = np.random.default_rng(seed)
+    sizes = {"batch": images, "draws": draws}
+    arrays = {}
+    for item in network.inputs:
+        shape = [sizes.get(s, s) for s in item.shape]
+        noise = rng.normal(size=shape)
+        arrays[item.name] = {
+            "uint8": (128 + 50 * noise).clip(0, 255).astype(np.uint8),
+            "bool": noise > 0,
+            "float32": noise.astype(np.float32),
+        }[item.dtype]
+    return arrays
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_the_files_give_the_points_of_jax(name):
+    run = make_run(**NETWORKS[name])
+    network = PortableNetwork.from_run(run)
+    session = runtime.Session(folder.onnx_content(network, "float32", {}))
+    program = jax.export.deserialize(bytearray(network.stablehlo()))
+    for images, draws in ((1, 1), (3, 2)):
+        arrays = arrays_for(network, images, draws)
+        expected = np.asarray(network.compiled(*arrays.values()))
+        assert expected.shape[:-2] == ((images, draws) if "r" in arrays else (images,))
+        np.testing.assert_allclose(session(arrays), expected, atol=1e-5)
+        np.testing.assert_allclose(program.call(*arrays.values()), expected, atol=1e-5)
+
+
+def test_a_network_trained_in_bfloat16_computes_in_float32():
+    run = make_run(model__compute_dtype="bfloat16")
+    network = PortableNetwork.from_run(run)
+    plain = dataclasses.replace(network.config.model, compute_dtype="float32")
+    assert network.config.model == plain
+    folder.onnx_content(network, "float16", {})
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    out = tmp_path_factory.mktemp("export")
+    run = make_run(model__random_size=3)
+    about = folder.write_folder(run, out, weights=("float32", "float16"), sources=helper.SOURCES)
+    return run, out, about
+
+
+def test_what_the_folder_says_of_itself(exported):
+    _, out, about = exported
+    assert json.loads((out / "network.json").read_text()) == about
+    assert sorted(about["files"]) == ["network.onnx", "network.stablehlo", "network_float16.onnx"]
+    for name, row in about["files"].items():
+        content = (out / name).read_bytes()
+        assert (len(content), hashlib.sha256(content).hexdigest()) == (row["bytes"], row["sha256"])
+    assert np.shape(about["latents"]) == (folder.LATENTS, 3)
+    text = (out / "README.md").read_text()
+    assert "`r` | float32 [batch, draws, 3]" in text
+    assert "chairs: CC-BY-3.0 (Ada, Bo)" in text
+    assert "${" not in text
+
+
+def without_this_package():
+    """The environment of a process that finds what is installed, and nothing of the clone."""
+    installed = str(pathlib.Path(onnx.__file__).parents[1])
+    return {**os.environ, "PYTHONPATH": installed, "PYTHONSAFEPATH": "1"}
+
+
+def test_the_python_example_predicts_as_this_package(exported, tmp_path):
+    run, out, _ = exported
+    lines = (out / "example.py").read_text().split("def predict")[1].splitlines()
+    assert len(lines) <= 35
+    rgba = np.random.default_rng(0).integers(0, 256, (90, 140, 4), dtype=np.uint8)
+    rgba[..., 3] = 0
+    rgba[20:70, 30:110, 3] = 255
+    rgba[30:40, 60:70, 3] = 0
+    Image.fromarray(rgba).save(tmp_path / "photo.png")
+    command = [sys.executable, str(out / "example.py"), "photo.png", "cloud.xyz"]
+    subprocess.run(command, check=True, cwd=tmp_path, env=without_this_package(), timeout=60)
+    expected = Predictor.from_run(run)(rgba).points[0]
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "cloud.xyz"), expected, atol=1e-4)
+
+
+def test_stablehlo_is_called_with_jax_alone(exported, tmp_path):
+    run, out, _ = exported
+    network = PortableNetwork.from_run(run)
+    arrays = arrays_for(network, 2)
+    np.savez(tmp_path / "inputs.npz", **arrays)
+    code = (
+        "import jax, numpy as np, sys\n"
+        "from jax import export\n"
+        f"data = open({str(out / 'network.stablehlo')!r}, 'rb').read()\n"
+        "a = np.load('inputs.npz')\n"
+        "points = export.deserialize(bytearray(data)).call(a['image'], a['mask'], a['r'])\n"
+        "assert not any(m.startswith(('psgn_jax', 'flax')) for m in sys.modules)\n"
+        "np.save('points.npy', points)\n"
+    )
+    command = [sys.executable, "-c", code]
+    subprocess.run(command, check=True, cwd=tmp_path, env=without_this_package(), timeout=60)
+    expected = network.compiled(*arrays.values())
+    np.testing.assert_allclose(np.load(tmp_path / "points.npy"), expected, atol=1e-5)
+
+
+def test_records_are_what_errors_are_measured_on(tmp_path):
+    run = make_run()
+    solids = drawn_solids.samples(5, seed=0, image_size=(48, 64))
+    write_dataset(tmp_path / "records", {"validation": solids}, source="solids")
+    about = folder.write_folder(
+        run, tmp_path / "out", weights=("float16",), data=str(tmp_path / "records"), images=64
+    )
+    checked = about["files"]["network_float16.onnx"]["check"]
+    assert checked["images"] == 5
+    assert checked["cd"] > 0
+    assert 0 < checked["largest_difference"] < 1e-2
+    assert abs(checked["cd_change"]) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("stored", "check_result", "message"),
+    [
+        ("float32", check.Check(3, 2e-4, None, None), r"differ from JAX's by 0\.0002, expected"),
+        ("float32", check.Check(3, float("nan"), None, None), "differ from JAX's by nan"),
+        ("int8", check.Check(3, 0.1, 0.02, 0.011), r"int8 weights change the CD by 1\.10 %"),
+        ("int8", check.Check(3, 0.1, 0.02, -0.5), r"change the CD by -50\.00 %"),
+    ],
+)
+def test_a_file_that_differs_is_refused(stored, check_result, message):
+    with pytest.raises(folder.ExportError, match=message):
+        folder._require_agreement(stored, check_result)
+
+
+def test_wrong_arguments(tmp_path):
+    run = make_run()
+    with pytest.raises(ConfigError, match=r"--weights_as=int8: accepted with --data=RECORDS"):
+        folder.write_folder(run, tmp_path, weights=("int8",))
+    with pytest.raises(ConfigError, match=r"--weights_as=int4: accepted: any of float32, float16"):
+        folder.write_folder(run, tmp_path, weights=("int4",))
+    broken = jax.tree.map(lambda leaf: leaf * np.nan, run.params)
+    with pytest.raises(folder.ExportError, match="not finite"):
+        folder.write_folder(run._replace(params=broken), tmp_path)
+    deep = make_run(data__inputs=("rgb", "mask", "depth"))
+    with pytest.raises(ConfigError, match="accepted for other programs: a network of 'rgb'"):
+        folder.write_folder(deep, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command(tmp_path):
+    weights = helper.weights(helper.config())
+    write_weights(tmp_path / "tiny.safetensors", weights)
+    command = [sys.executable, "-m", "psgn_jax.export_network", "--nostablehlo"]
+    flags = ["--weights=tiny.safetensors", "--out=out", "--weights_as=float16"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(
+        [*command, *flags], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    about = json.loads((tmp_path / "out" / "network.json").read_text())
+    assert about["name"] == "tiny"
+    assert list(about["files"]) == ["network_float16.onnx"]
+    assert about["sources"] == helper.SOURCES
+
+
+def test_weights_that_are_opened_keep_their_name():
+    weights = helper.weights(helper.config())
+    assert PortableNetwork.from_run(as_run(weights, "tiny")).num_points == 8

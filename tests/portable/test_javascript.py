@@ -1,0 +1,186 @@
+"""Framing, normal form and colours in JavaScript: the same pixels and points as in Python."""
+
+import base64
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from helpers import drawn_solids
+from PIL import Image
+
+from psgn_jax.data import camera, framing, resize
+from psgn_jax.portable import folder
+from psgn_jax.prediction import export
+
+NODE = shutil.which("node")
+pytestmark = pytest.mark.skipif(NODE is None, reason="no node")
+
+
+def node(body, **values):
+    """Runs the body of an async function of `input` and the modules; returns its result.
+
+    Arrays are passed as {base64, shape} and come back as flat lists.
+    """
+
+    def plain(value):
+        if isinstance(value, np.ndarray):
+            data = np.ascontiguousarray(value).astype(
+                np.float32 if value.dtype.kind == "f" else np.uint8
+            )
+            kind = "Float32Array" if value.dtype.kind == "f" else "Uint8Array"
+            return {"kind": kind, "base64": base64.b64encode(data.tobytes()).decode()}
+        if isinstance(value, list | tuple):
+            return [plain(v) for v in value]
+        return {k: plain(v) for k, v in value.items()} if isinstance(value, dict) else value
+
+    code = f"""
+import * as framing from {json.dumps((folder.TEMPLATES / "framing.js").as_uri())};
+import * as resample from {json.dumps((folder.TEMPLATES / "resample.js").as_uri())};
+import fs from "node:fs";
+const input = JSON.parse(fs.readFileSync(0), (_, v) => {{
+  if (!v || !v.kind) return v;
+  const bytes = Buffer.from(v.base64, "base64");
+  const copy = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length);
+  return v.kind === "Float32Array" ? new Float32Array(copy) : new Uint8Array(copy);
+}});
+const result = await (async () => {{ {body} }})();
+process.stdout.write(JSON.stringify(result, (_, v) => ArrayBuffer.isView(v) ? Array.from(v) : v));
+"""
+    done = subprocess.run(
+        [NODE, "--input-type=module", "-e", code],
+        input=json.dumps(plain(values)),
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def about(image_size=(96, 128)):
+    intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
+    return {
+        "view_size": framing.VIEW_SIZE,
+        "image_size": image_size,
+        "background": 191,
+        "framing": folder.RULE,
+        "camera": {"intrinsics": intrinsics.tolist(), "extrinsics": extrinsics.tolist()},
+    }
+
+
+def photos(rng):
+    """Photos with masks: noise of many sizes, holes, objects at borders and of a few pixels."""
+    for height, width in ((480, 640), (97, 333), (700, 200), (60, 80), (31, 29), (192, 256)):
+        for _ in range(3):
+            image = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
+            mask = np.zeros((height, width), bool)
+            for _ in range(3):
+                rows, columns = np.sort(rng.integers(0, (height, width), (2, 2)), axis=0).T
+                mask[rows[0] : rows[1] + 6, columns[0] : columns[1] + 9] = True
+            mask &= rng.random(mask.shape) < rng.choice([0.8, 0.98, 1])
+            yield image, mask
+    framed = next(iter(drawn_solids.samples(1, seed=0, image_size=(192, 256))))
+    yield framed.image, framed.mask
+    yield framed.image.repeat(2, 0).repeat(2, 1), framed.mask.repeat(2, 0).repeat(2, 1)
+
+
+def test_views_are_the_same_to_the_last_pixel():
+    cases = list(photos(np.random.default_rng(0)))
+    given = [
+        {"photo": {"rgb": image, "width": image.shape[1], "height": image.shape[0]}, "mask": mask}
+        for image, mask in cases
+    ]
+    body = "return input.cases.map(c => framing.place(c.photo, c.mask, input.about));"
+    results = node(body, cases=given, about=about())
+    placed = set()
+    for (image, mask), result in zip(cases, results, strict=True):
+        view = framing.place(image, mask, move=not framing.is_framed(image))
+        assert result["placed"] == view.placed
+        np.testing.assert_array_equal(np.reshape(result["rgb"], (192, 256, 3)), view.image)
+        np.testing.assert_array_equal(np.reshape(result["mask"], (192, 256)), view.mask)
+        scale = np.diag(view.to_view)[:2]
+        np.testing.assert_allclose(result["toView"]["scale"], scale, rtol=1e-12)
+        np.testing.assert_allclose(result["toView"]["shift"], view.to_view[:2, 2], rtol=1e-9)
+        placed.add(view.placed)
+    assert placed == {True, False}
+
+
+@pytest.mark.parametrize("size", [(192, 256), (96, 128), (48, 64), (64, 64), (100, 130)])
+def test_inputs_at_the_size_of_the_network(size):
+    rng = np.random.default_rng(1)
+    image = rng.integers(0, 256, (192, 256, 3), dtype=np.uint8)
+    mask = rng.random((192, 256)) < 0.5
+    view = {"rgb": image, "mask": mask}
+    result = node(
+        "return framing.networkInputs(input.view, input.about);", view=view, about=about(size)
+    )
+    own = np.reshape(result["image"], (*size, 3))
+    expected = resize.resize_image(image, size)
+    if size in ((64, 64), (100, 130)):  # Python averages in float32
+        assert np.abs(own - expected.astype(int)).max() <= 1
+        assert (own != expected).mean() < 0.001
+    else:
+        np.testing.assert_array_equal(own, expected)
+    own_mask = np.reshape(result["mask"], size)
+    np.testing.assert_array_equal(own_mask, resize.resize_mask(mask, size))
+
+
+@pytest.mark.parametrize("factors", [(2, 2), (3, 3), (4, 2), (1, 3), (7, 5)])
+def test_blocks_are_averaged_as_by_pillow(factors):
+    image = np.random.default_rng(2).integers(0, 256, (83, 61, 3), dtype=np.uint8)
+    result = node(
+        "return resample.reduce(input.image, 61, 83, 3, ...input.factors);",
+        image=image,
+        factors=factors,
+    )
+    expected = np.asarray(Image.fromarray(image).reduce(factors))
+    own = np.reshape(result["data"], (result["height"], result["width"], 3))
+    np.testing.assert_array_equal(own, expected)
+
+
+def test_enlarged_as_by_pillow():
+    levels = np.random.default_rng(3).integers(0, 2, (37, 52), dtype=np.uint8) * np.uint8(255)
+    result = node("return resample.resize(input.levels, 52, 37, 1, 150, 111);", levels=levels)
+    expected = np.asarray(Image.fromarray(levels).resize((150, 111), Image.Resampling.BILINEAR))
+    np.testing.assert_array_equal(np.reshape(result, (111, 150)), expected)
+
+
+def test_normal_form_and_colours():
+    sample = next(iter(drawn_solids.samples(1, seed=4, image_size=(192, 256))))
+    points = sample.points[:700].astype(np.float32)
+    view = framing.place(sample.image, sample.mask, move=False)
+    body = """
+const view = { rgb: input.image, mask: input.mask };
+return [framing.normalForm(input.points), framing.coloursFromView(input.points, view, input.about)];
+"""
+    given = {"points": points, "image": view.image, "mask": view.mask, "about": about()}
+    normal, colours = node(body, **given)
+    scale, shift = framing.normal_form(points)
+    np.testing.assert_allclose(normal["scale"], scale, rtol=1e-7)
+    np.testing.assert_allclose(normal["shift"], shift, atol=1e-7)
+    normalised = ((points - shift) / scale).astype(np.float32)
+    np.testing.assert_allclose(np.reshape(normal["points"], (-1, 3)), normalised, atol=1e-6)
+    expected, seen = export.colours_from_view(points, view)
+    assert 0.2 < seen.mean() < 0.9
+    own = np.reshape(colours, (-1, 3))
+    assert (own != expected).any(axis=1).mean() < 0.005  # a point on the border of a pixel
+
+
+def test_what_cannot_be_framed_is_said_in_a_sentence():
+    photo = {"rgb": np.zeros((40, 40, 3), np.uint8), "width": 40, "height": 40}
+    small = np.zeros((40, 40), bool)
+    small[3:6, 4:10] = True
+    body = """
+return input.masks.map(m => {
+  try { framing.place(input.photo, m, input.about); return ""; }
+  catch (error) { return [error instanceof framing.PhotoError, error.message]; }
+});
+"""
+    empty = np.zeros((40, 40), bool)
+    results = node(body, photo=photo, masks=[empty, small], about=about())
+    assert results == [
+        [True, "The mask is empty: paint the object first."],
+        [True, "The object is 6 x 3 pixels; it has to have 8 or more."],
+    ]

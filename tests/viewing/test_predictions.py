@@ -1,0 +1,106 @@
+"""Files of predictions, and what is none."""
+
+import io
+import os
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from psgn_jax.viewing import page, spheres
+from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
+
+ALL = ("points", "colours", "branch", "image", "intrinsics", "extrinsics")
+
+
+def arrays(**changes):
+    return {
+        "points": np.zeros((2, 50, 3), np.float32),
+        "colours": np.zeros((2, 50, 3), np.uint8),
+        "branch": np.zeros(50, np.uint8),
+        "image": np.zeros((48, 64, 3), np.uint8),
+        "intrinsics": np.eye(3),
+        "extrinsics": np.eye(3, 4),
+        **changes,
+    }
+
+
+def test_a_prediction_is_read(tmp_path):
+    np.savez(tmp_path / "a.npz", **arrays())
+    read = read_prediction(tmp_path / "a.npz", ALL)
+    assert {name: value.shape for name, value in read.items()} == {
+        name: value.shape for name, value in arrays().items()
+    }
+
+
+def hostile(folder):
+    """File -> what must be said of it."""
+    Image.new("RGB", (8, 8)).save(folder / "x.png")
+    (folder / "text.npz").write_text("nothing")
+    (folder / "empty.npz").write_bytes(b"")
+    (folder / "pickle.npz").write_bytes(pickle.dumps([1, 2]))
+    np.save(folder / "array.npy", np.zeros(3))
+    os.mkfifo(folder / "pipe.npz")
+    np.savez(folder / "lacks.npz", points=np.zeros((1, 5, 3)))
+    np.savez(folder / "object.npz", **arrays(points=np.array([{}, []], object)))
+    np.savez(folder / "shape.npz", **arrays(colours=np.zeros((2, 49, 3), np.uint8)))
+    np.savez(folder / "flat.npz", **arrays(points=np.zeros((50, 3))))
+    np.savez(folder / "none.npz", **arrays(points=np.zeros((0, 50, 3))))
+    np.savez(folder / "text_in.npz", **arrays(image=np.array(["x"])))
+    np.savez(folder / "nan.npz", **arrays(points=np.full((2, 50, 3), np.nan)))
+    np.savez(folder / "camera.npz", **arrays(extrinsics=np.ones((3, 4))))
+    np.savez(folder / "whole.npz", **arrays())
+    data = (folder / "whole.npz").read_bytes()
+    (folder / "cut.npz").write_bytes(data[: len(data) // 2])
+    (folder / "flipped.npz").write_bytes(data[:300] + b"x" * 200 + data[500:])
+    with zipfile.ZipFile(folder / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        head = io.BytesIO()
+        np.lib.format.write_array_header_1_0(
+            head, {"descr": "<f4", "fortran_order": False, "shape": (1, 1 << 28, 3)}
+        )
+        with archive.open("points.npy", "w", force_zip64=True) as member:
+            member.write(head.getvalue())
+            for _ in range(300):
+                member.write(bytes(1 << 20))
+    return {
+        "x.png": "is no prediction: expected a file NAME.npz",
+        "text.npz": "is no prediction",
+        "empty.npz": "is no prediction",
+        "pickle.npz": "is no prediction",
+        "array.npy": "is no prediction",
+        "pipe.npz": "is a named pipe, expected a file",
+        ".": "is a folder, expected a file",
+        "absent.npz": "no such file",
+        "lacks.npz": "it has no array",
+        "object.npz": "damaged, or no prediction",
+        "shape.npz": r"colours is uint8 \[2, 49, 3\], expected uint8 \[k, n, 3\]",
+        "flat.npz": r"points is float64 \[50, 3\], expected float \[k, n, 3\]",
+        "none.npz": r"points is float64 \[0, 50, 3\]",
+        "text_in.npz": "image is",
+        "camera.npz": "extrinsics",
+        "nan.npz": "points is not finite",
+        "cut.npz": "is no prediction",
+        "flipped.npz": "damaged, or no prediction",
+        "bomb.npz": "points takes [0-9]+ bytes, expected at most",
+    }
+
+
+def test_what_is_no_prediction_is_refused_in_one_line(tmp_path, capsys):
+    for name, message in hostile(tmp_path).items():
+        with pytest.raises(PredictionFileError, match=message) as error:
+            read_prediction(tmp_path / name, ALL)
+        assert "pickle" not in str(error.value).replace(name, ""), name
+        assert "\n" not in str(error.value)
+        for command in (page.main, spheres.main):
+            if name in ("shape.npz", "camera.npz"):  # one of them does not read that field
+                continue
+            assert command([str(tmp_path / name), "--out", str(tmp_path / "out")]) == 2
+            assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_camera_from_straight_above_is_drawn(tmp_path):
+    np.savez(tmp_path / "a.npz", **arrays(points=np.full((1, 50, 3), [0, 0, 2], np.float32)))
+    assert spheres.main([str(tmp_path / "a.npz"), "--out", str(tmp_path / "a.png")]) == 0
