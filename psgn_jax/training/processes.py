@@ -11,7 +11,6 @@ import contextlib
 import json
 import os
 import secrets
-import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -24,11 +23,12 @@ from absl import logging
 from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
-from psgn_jax.command_line import error_line, exit_code_of
+from psgn_jax.command_line import INTERRUPTED, exit_code_of
 from psgn_jax.config import ConfigError, UserError
 from psgn_jax.training import channel as channel_lib
 from psgn_jax.training.launch import Place
 from psgn_jax.training.signals import StopSignal
+from psgn_jax.untrusted import message_line
 
 T = TypeVar("T")
 
@@ -97,8 +97,7 @@ class Group:
         except OtherProcessError:
             raise
         except Exception as error:
-            code = exit_code_of(error) or 1
-            self._exchange({"error": _one_line(error), "exit_code": code})
+            self._exchange({"error": _one_line(error), "exit_code": exit_code_of(error) or 1})
             raise
         self.wait()
 
@@ -218,26 +217,28 @@ def _end_with(error: BaseException, group: Group, channel: channel_lib.Channel) 
 
     Not by `sys.exit`: at its end, Python would wait for the other processes.
     """
-    code = exit_code_of(error)
-    known, code = code is not None, code or 1
+    code: int | None = 1
     if isinstance(error, OtherProcessError):
-        pass  # it is reported there
+        code = error.exit_code  # it is reported there
     elif isinstance(error, SystemExit):
         code = error.code if isinstance(error.code, int) else 1
     elif isinstance(error, KeyboardInterrupt):
-        code = 128 + signal.SIGINT
-    elif known:
-        sys.stderr.write(f"error: {error_line(error)}\n")
-    else:
-        # Perhaps it only says that another process has ended: then that is reported instead.
-        channel.await_loss(_NEWS_SECONDS)
-        traceback.print_exception(error)
+        code = INTERRUPTED
+    elif isinstance(error, Exception):
+        code = exit_code_of(error)
+        if code is None or isinstance(error, ConnectionError):
+            # Perhaps it only says that another process has ended: then that is reported instead.
+            channel.await_loss(_NEWS_SECONDS)
+        if code is None:
+            traceback.print_exception(error)
+        else:
+            sys.stderr.write(f"error: {message_line(error)}\n")
     sys.stderr.flush()
     if group.agreed_to_end:
         channel.leave()
     else:
         channel.fail(_one_line(error) or type(error).__name__)
-    os._exit(code)
+    os._exit(1 if code is None else code)
 
 
 def _one_line(error: BaseException) -> str:
