@@ -36,7 +36,16 @@ import runpy
 
 import ml_collections
 
-FREE = ("furniture", "scenery", "aircraft", "cars", "ancient", "procedural", "procedural_extra")
+FREE = (
+    "furniture",
+    "scenery",
+    "aircraft",
+    "cars",
+    "ancient",
+    "procedural",
+    "procedural_extra",
+    "procedural_groups",
+)
 
 
 def get_config() -> ml_collections.ConfigDict:

@@ -14,6 +14,7 @@ from data_gen.catalogues.entry import Catalogue
 CATALOGUES = {
     "procedural": "data_gen.catalogues.procedural:ProceduralCatalogue",
     "procedural_extra": "data_gen.catalogues.procedural:ExtraCatalogue",
+    "procedural_groups": "data_gen.catalogues.groups:GroupCatalogue",
     "folder": "data_gen.catalogues.folder:FolderCatalogue",
     "shapenet": "data_gen.catalogues.shapenet:ShapeNetCatalogue",
     "sh3f": "data_gen.catalogues.sh3f:SweetHomeCatalogue",

@@ -119,6 +119,14 @@ SOURCES = (
         families="",
         licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
     ),
+    Source(
+        "procedural_groups",
+        "procedural_groups",
+        views=3,
+        place="4000",
+        families="",
+        licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
+    ),
 )
 """All sources. Sources without a catalogue are left out."""
 
