@@ -17,6 +17,7 @@ PAGES = {
     "BUILD.md": "BUILD.md",
     "CHANGELOG.md": "CHANGELOG.md",
     "CONTRIBUTING.md": "CONTRIBUTING.md",
+    "SECURITY.md": "SECURITY.md",
     "CITATION.cff": "CITATION.cff",
     "LICENSE": "LICENSE.txt",
 }
