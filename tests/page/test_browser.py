@@ -37,6 +37,7 @@ def opened(browser, address):
         context = browser.new_context(
             **{"viewport": {"width": 1200, "height": 860}, "reduced_motion": "reduce", **options}
         )
+        context.set_default_timeout(1000 * SECONDS)
         contexts.append(context)
         context.on("request", lambda request: requests.append(request.url))
         page = context.new_page()
@@ -192,7 +193,7 @@ def test_a_photo_on_a_plain_ground(opened, predictor, tmp_path):
 def test_a_photo_is_turned_upright(opened, tmp_path):
     exif = Image.Exif()
     exif[0x0112] = 6
-    on_a_plain_ground(tmp_path / "a.jpg", quality=95, exif=exif)
+    on_a_plain_ground(tmp_path / "a.jpg", quality=95, subsampling=0, exif=exif)
     page = opened()
     give(page, tmp_path / "a.jpg")
     assert page.evaluate("[psgn.editor.photo.width, psgn.editor.photo.height]") == [240, 320]
