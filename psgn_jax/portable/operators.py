@@ -61,7 +61,7 @@ _BINARY = {
 }
 _LOGICAL = frozenset({"and", "or", "xor", "not"})
 _COMPARISONS = frozenset({"eq", "lt", "le", "gt", "ge"})
-_SAME = frozenset({"copy", "copy_p", "stop_gradient", "optimization_barrier", "reduce_precision"})
+_SAME = frozenset({"copy", "copy_p", "stop_gradient", "optimization_barrier"})
 _CALLS = ("jaxpr", "call_jaxpr", "fun_jaxpr")
 
 

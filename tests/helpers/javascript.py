@@ -51,7 +51,7 @@ process.stdout.write(JSON.stringify(result, (_, v) => ArrayBuffer.isView(v) ? Ar
         input=json.dumps(plain(values)),
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
