@@ -41,6 +41,7 @@ from psgn_jax.untrusted import parse_json
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
 Task = Literal["points", "refine", "volume", "views"]
+Version = Literal["vanilla", "two_branch", "hourglass"]
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
 """Number of channels of each input, see `models.inputs.stack_channels`."""
@@ -75,7 +76,7 @@ class ModelConfig:
       in_channels: likewise.
     """
 
-    name: Literal["vanilla", "two_branch", "hourglass"] = "two_branch"
+    name: Version = "two_branch"
     widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
     width_multiplier: Factor = 1.0
     fc_points: Annotated[int, Bounds(low=0, high=1_000_000)] = 256
