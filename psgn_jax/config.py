@@ -113,8 +113,9 @@ class LossConfig:
         the nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one
         draw.
       kl_weight: with `model.posterior`: weight of the Kullback-Leibler divergence from the prior,
-        in units of the loss per nat. It is 1 if the loss is -log p of the truth. For a sum of
-        squared distances it equals 2 sigma^2, with sigma the assumed scatter of the points.
+        in the unit of the loss per nat. It is 1 if the loss is -log p of the truth. For a sum of
+        squared distances it equals 2 sigma^2, where sigma is the assumed standard deviation of the
+        points.
       kl_warmup_steps: number of first steps over which the weight grows linearly from 0.
     """
 
