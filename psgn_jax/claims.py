@@ -3,8 +3,8 @@
     .work/parts.lock       held by all processes; says into how many parts the work is divided
     .work/part-00000.lock  held by the process that does the first part
 
-A lock is of the operating system (`flock`) and ends with its process, however that ends. On a
-network file system without locks nothing is claimed.
+The locks are those of the operating system (`flock`), which releases them when the process ends for
+any reason. On a network file system without locks nothing is claimed.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ _UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
 class ClaimedError(ValueError):
-    """Another process does this part of the work, or divides the work in another way."""
+    """Another process works on this part already, or uses a different number of parts."""
 
 
 @contextlib.contextmanager
@@ -32,7 +32,7 @@ def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
       part: which of how many.
 
     Raises:
-      ClaimedError: another process holds the part, or one that is not of n parts.
+      ClaimedError: another process holds this part, or one with another n is running.
     """
     folder.mkdir(parents=True, exist_ok=True)
     number, count = part

@@ -69,7 +69,7 @@ def exit_code_of(error: BaseException) -> int | None:
 
     The user can fix errors with an attribute `exit_code`: `UserError`, and `RecordError` of
     `data.schema`, which does not need the configuration. The others are errors of the operating
-    system: 2, or `DISK_FULL` where it has no room.
+    system: 2, or `DISK_FULL` if the disk is full.
     """
     if is_disk_full(error):
         return DISK_FULL
@@ -103,9 +103,9 @@ def keep_compiled() -> None:
 
     The cache has one folder per type of processor, because a program that was compiled for one may
     not run on another. When XLA reads a program on a CPU, it wrongly warns (3,000 characters) that
-    the processor lacks two features; they are tuning preferences of XLA itself. Therefore
-    TF_CPP_MIN_LOG_LEVEL is set to 3, unless it is set already: native code then logs only fatal
-    errors.
+    the processor lacks two features; these are tuning flags of XLA, not features of a processor.
+    Therefore TF_CPP_MIN_LOG_LEVEL is set to 3, unless it is set already: native code then logs only
+    fatal errors.
     """
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     import jax  # imported here so that wrong flags are reported before JAX is loaded

@@ -41,6 +41,7 @@ from psgn_jax.untrusted import parse_json
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
 Task = Literal["points", "refine", "volume", "views"]
+Version = Literal["vanilla", "two_branch", "hourglass"]
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
 """Number of channels of each input, see `models.inputs.stack_channels`."""
@@ -75,7 +76,7 @@ class ModelConfig:
       in_channels: likewise.
     """
 
-    name: Literal["vanilla", "two_branch", "hourglass"] = "two_branch"
+    name: Version = "two_branch"
     widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
     width_multiplier: Factor = 1.0
     fc_points: Annotated[int, Bounds(low=0, high=1_000_000)] = 256
@@ -112,8 +113,9 @@ class LossConfig:
         the nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one
         draw.
       kl_weight: with `model.posterior`: weight of the Kullback-Leibler divergence from the prior,
-        in units of the loss per nat. It is 1 if the loss is -log p of the truth. For a sum of
-        squared distances it equals 2 sigma^2, with sigma the assumed scatter of the points.
+        in the unit of the loss per nat. It is 1 if the loss is -log p of the truth. For a sum of
+        squared distances it equals 2 sigma^2, where sigma is the assumed standard deviation of the
+        points.
       kl_warmup_steps: number of first steps over which the weight grows linearly from 0.
     """
 

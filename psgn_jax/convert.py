@@ -10,9 +10,10 @@
 
 A file, a model or a view of a model that cannot be read is reported and left out, and so is a
 sample without an object (its mask or its volume is empty, or all its points are in one place). The
-exit code is then 1. With `--strict` the command stops at the first one. If the command is started
-again, it keeps the complete shards and continues after them. Shards from which something was left
-out are converted again. A complete conversion is not changed. On a full disk the exit code is 4.
+exit code is then 1. With `--strict` the command stops at the first such file, model or view. If the
+command is started again, it keeps the complete shards and continues after them. Shards from which
+something was left out are converted again. A complete conversion is not changed. If the disk is
+full, the exit code is 5.
 """
 
 import argparse

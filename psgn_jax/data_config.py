@@ -26,8 +26,9 @@ class PhotoEffects:
       holes: probability of one to three holes in the mask, ellipses with semi-axes of 3 to 10 % of
         the object's bounding box.
       corners: probability that a corner of the mask is missing, 10 to 35 % of the sides of the box.
-      occluders: probability of another object in front of an edge of the object's box, 10 to 30 %
-        of the sides of the box. Half of the masks exclude it, half include it.
+      occluders: probability of an occluder at an edge of the object's box, with sides of 10 to 30 %
+        of those of the box. In half of the cases the mask excludes the occluder, in half it
+        includes it.
       blur: largest standard deviation of a Gaussian blur, pixels.
       noise: largest standard deviation of Gaussian noise, 1 = full range.
       jpeg: strength of JPEG compression; the quality is uniform in [100 - 90 * jpeg, 100].
@@ -79,8 +80,9 @@ class DataConfig:
       reframe_scale: standard deviation of the logarithm of a further random scale of image and
         points. It is normal, truncated at two standard deviations, and reduced if the object would
         leave the image. The deviation of the authors' images from the rule is 0.12.
-      reframe_shift: standard deviation of a further random shift along rows and columns, over the
-        height of the image, likewise. The deviation of the authors' images is 0.07.
+      reframe_shift: standard deviation of a further random shift along rows and columns, as a
+        fraction of the image height; also truncated and reduced. The deviation of the authors'
+        images is 0.07.
       photo: effects of photos, see `PhotoEffects`.
       colour_jitter: strength of random changes of brightness, contrast and channel gains; 0 = off.
       num_workers: number of decoding processes; 0 = threads in this process.

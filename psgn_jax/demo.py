@@ -1,13 +1,14 @@
 """A page to try a network on photos: `python -m psgn_jax.demo`.
 
-The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either the one that
-comes with the package.
+The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either, the default
+weights of the package (it has none yet).
 
-Drop a photo, correct the mask that was found with brush and eraser, choose samples and seed, turn
-the result, take its files along: those of `psgn_jax.predict`. The page is served to this machine
-alone unless `--host` says otherwise; nothing is sent anywhere. Other sites that are open in the
-same browser are refused. Files may have up to 25 MB, and one large photo is read at a time. What
-the page writes lies in a temporary folder that goes with the process, results after an hour.
+Drop a photo, correct the mask that was found with brush and eraser, choose samples and seed, rotate
+the result, and download its files, which are those of `psgn_jax.predict`. The page is served to
+this machine only, unless `--host` is given; nothing is sent anywhere. Other sites that are open in
+the same browser are refused. Files may have up to 25 MB, and one large photo is read at a time. The
+page writes into a temporary folder, which is deleted when the process ends; results are deleted
+after an hour.
 """
 
 import contextlib

@@ -1,9 +1,9 @@
 """Evaluates a run, `python -m psgn_jax.evaluate --workdir W`, or weights, `--weights NAME|FILE`.
 
-Without either it evaluates the weights that come with the package. Prints the table and writes it
-into the run's folder (of weights: into `eval_<weights>_<split>`, here); `--report=DIR` also writes
-a gallery of all cases. Several processes (`training.launch`) share the split. What is measured is
-described in `psgn_jax.tasks.runs`.
+Without either it evaluates the default weights of the package (it has none yet). Prints the table
+and writes it into the run's folder (of weights: into `eval_<weights>_<split>`, here);
+`--report=DIR` also writes a gallery of all cases. Several processes (`training.launch`) share the
+split. What is measured is described in `psgn_jax.tasks.runs`.
 """
 
 import os

@@ -1,11 +1,12 @@
 """A trained network for other programs: `python -m psgn_jax.export_network --out=FOLDER`.
 
-The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either the one that
-comes with the package. The folder holds ONNX files, a StableHLO program, a README on inputs,
-outputs, frame and framing, and an example each in Python and JavaScript. Each file is compared with
-JAX before it is written: on the images of `--data=RECORDS`, or on drawn silhouettes. It is an error
-if the points of a float32 file differ by more than 1e-4, or if smaller weights change the CD by
-more than 1 %. Needs the extra `export`. Exit code: 0 done, 2 an error, in one line.
+The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either, the default
+weights of the package (it has none yet). The folder holds ONNX files, a StableHLO program, a README
+on inputs, outputs, frame and framing, and an example each in Python and JavaScript. Each file is
+compared with JAX before it is written: on the images of `--data=RECORDS`, or on drawn silhouettes.
+It is an error if the points of a float32 file differ by more than 1e-4, or if smaller weights
+change the CD by more than 1 %. Needs the extra `export`. Exit code: 0 done, 2 an error, in one
+line.
 """
 
 import sys

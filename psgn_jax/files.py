@@ -14,18 +14,17 @@ from typing import Any
 from psgn_jax.structured import UserError
 
 DISK_FULL = 5
-"""Exit code of commands where there was no room for what they had to write."""
+"""Exit code of a command that failed because the disk was full."""
 
 _TEMPORARY = re.compile(r"\..+\.[0-9]+\.tmp", re.DOTALL)
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
-_TEMPORARY = re.compile(r"\..+\.[0-9]+\.tmp", re.DOTALL)
-
 
 def is_disk_full(error: BaseException) -> bool:
-    """Whether an error, or one that it comes from, says that a file system has no more room.
+    """Whether an error, or one that caused it, says that a file system is full.
 
-    Or that a quota or the largest size of a file is reached. Libraries in C++ say so in their text.
+    The same holds for a disk quota and for the maximum size of a file. Errors of C++ libraries are
+    recognised by their text.
     """
     seen: BaseException | None = error
     while seen is not None:

@@ -1,12 +1,12 @@
 """Points from photos: `python -m psgn_jax.predict IMAGE... --out DIR`.
 
-The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either the one that
-comes with the package (`python -m psgn_jax.weights list`).
+The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either, the default
+weights of the package (it has none yet, see `python -m psgn_jax.weights list`).
 
 Images are files of any usual format, or folders of them. How the object is found and framed is
 described in `psgn_jax.prediction.predictor`, what is written in `psgn_jax.prediction.files`. One
-bad image does not stop the others. Exit code: 0 all came out, 1 some failed, 2 none did or a wrong
-argument.
+bad image does not stop the others. Exit code: 0 all images were processed, 1 some failed, 2 all
+failed or an argument is wrong.
 
 In a notebook: `psgn_jax.prediction.predictor.Predictor.from_weights()(image)`, with arrays;
 `from_workdir(workdir)` is the network of a run.

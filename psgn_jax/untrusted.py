@@ -1,4 +1,4 @@
-"""Text that someone else wrote: JSON within bounds, and names that fit into one line of output."""
+"""Handling of untrusted text: JSON with limits on size and depth, names for one-line messages."""
 
 import json
 import os
@@ -78,10 +78,10 @@ def kind_of(path: str | os.PathLike[str]) -> str | None:
 
 
 def one_line(text: object) -> str:
-    r"""The text of a name or message as one line that only prints.
+    r"""The text of a name or message as one line of printable characters.
 
-    Line breaks, control characters and bytes of file names that are no text are escaped: a file
-    called "a, line break, b" is shown as `a\nb`.
+    Line breaks, control characters and undecodable bytes of file names are escaped: a file called
+    "a, line break, b" is shown as `a\nb`.
     """
     return "".join(
         c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in str(text)
@@ -91,7 +91,7 @@ def one_line(text: object) -> str:
 def message_line(error: object) -> str:
     """An error's message as one line: its lines joined by spaces, other characters escaped.
 
-    Of an error of the operating system it is the file and the reason.
+    For an error of the operating system, it has the file and the reason.
     """
     text = str(error)
     if isinstance(error, OSError) and error.strerror:

@@ -62,7 +62,7 @@ def _has_grey_background(view: View) -> bool:
 
 
 def _extend(view: View, rows: tuple[int, int], columns: tuple[int, int]) -> np.ndarray:
-    """The image with margins of so many pixels (before, after) that continue its background.
+    """The image, its background extended by `rows` and `columns` pixels (before, after).
 
     A margin mirrors the picture at its edge. Where that would show the object again, the edge's
     pixel is repeated, and where this is the object too, the margin is grey.
@@ -98,18 +98,20 @@ def can_stretch(view: View) -> bool:
 def stretch(view: View, factor: float) -> View:
     """Scales y by `factor`, and the image about its principal column.
 
-    Exact where the image's x axis is parallel to the frame's y axis: then y moves only columns,
-    column - cx = fx (+-y + t0) / z, and t0 scales along. Colours are interpolated between columns,
-    mask and depth take the nearest column, vacated columns become background: grey if the image's
-    background is grey, else the picture continued, see `_extend`.
+    This is exact if the image's x axis is parallel to the frame's y axis. Then y affects only the
+    column, column - cx = fx (+-y + t0) / z, and t0 is multiplied by the same factor. Colours are
+    interpolated between columns, mask and depth take the nearest column. Columns without source
+    pixels become background: grey if the image's background is grey, otherwise an extension of the
+    image (`_extend`).
 
     Args:
       view: the sample.
       factor: positive.
 
     Raises:
-      ValueError: the camera is rolled or skewed (no sample in the project's frame has to be: +y
-        is the image's right), so that a stretch is not a change of columns; or there is a volume.
+      ValueError: the camera is rolled or skewed (in the project's frame, where +y is the image's
+        right, cameras normally are not), so that a stretch would not move columns only; or the view
+        has an occupancy grid, which is not transformed.
     """
     if view.occupancy is not None:
         raise ValueError("stretch: there is an occupancy, whose grid does not follow")
@@ -160,11 +162,11 @@ def stretch(view: View, factor: float) -> View:
 def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     """Scales the image about its middle, then moves it: another crop of the same scene.
 
-    The points stay; the camera's focal length is multiplied by `factor`, its principal point goes
-    along. Colours are interpolated, mask and depth take the nearest pixel, vacated pixels become
-    background: grey if the image's background is grey, else the picture continued, see `_extend`.
-    Where part of the object would leave the image, the scale and the move are made
-    smaller until none does.
+    The points stay; the camera's focal length is multiplied by `factor`, its principal point is
+    transformed in the same way. Colours are interpolated, mask and depth take the nearest pixel.
+    Pixels without a source become background: grey if the image's background is grey, otherwise an
+    extension of the image (`_extend`). If part of the object would leave the image, the scale and
+    the shift are reduced so that the whole object stays in it.
 
     Args:
       view: the sample.
@@ -237,7 +239,7 @@ def follow(view: View, move: framing.Move) -> View:
     The background becomes grey. A view without object stays as it is.
 
     Raises:
-      ValueError: there is an occupancy, whose grid does not follow.
+      ValueError: the view has an occupancy grid, which this function does not transform.
     """
     if view.occupancy is not None:
         raise ValueError("follow: there is an occupancy, whose grid does not follow")
@@ -259,7 +261,7 @@ def follow(view: View, move: framing.Move) -> View:
 
 
 def place(view: View) -> View:
-    """Moves image and points to where the rule of `data.framing` has the object's box.
+    """Moves image and points so that the object's box is where the rule of `data.framing` puts it.
 
     A view that shows too little of its object stays as it is (`framing.rule_move_within`).
     """
@@ -275,14 +277,14 @@ def reframe(
     scale_deviation: float = 0.0,
     shift_deviation: float = 0.0,
 ) -> View:
-    """Places image and points by the rule or not, then scales and shifts both at random.
+    """Places image and points by the rule with a probability, then scales and shifts at random.
 
-    Where the object would leave the image, the random move is made smaller.
+    If the object would leave the image, the random move is reduced.
 
     Args:
       view: the sample.
-      rng: source of the draws; the same draws are made whatever is switched on.
-      place_share: probability of the rule.
+      rng: source of the random numbers; how many are drawn does not depend on the other arguments.
+      place_share: probability of the placement by the rule.
       scale_deviation: standard deviation of the logarithm of the scale, about the object's middle.
       shift_deviation: of the shifts along rows and columns, over the image's height (192 of 192x256
         pixels). All three are normal, cut off at two standard deviations.
@@ -353,7 +355,7 @@ def augment(
 
     Args:
       view: the sample.
-      rng: source of the draws; the same draws are made whatever is switched on.
+      rng: source of the random numbers; how many are drawn does not depend on the other arguments.
       flip_half: mirror with probability 1/2.
       stretch_range: a; the factor is uniform in [1 - a, 1 + a]. Where the camera is rolled or
         skewed, there is no stretch, see `can_stretch`.

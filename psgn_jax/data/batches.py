@@ -1,7 +1,6 @@
 """One batch, made of records: decoded, resized, augmented, its points chosen.
 
-What row j of the batch of step s holds depends on (records, configuration, batch size, seed, s, j)
-alone.
+Row j of the batch of step s is a function of (records, configuration, batch size, seed, s, j) only.
 """
 
 import copy
@@ -24,9 +23,10 @@ Batch = dict[str, Any]
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
 
 CACHE_BYTES = 4 << 30
-"""What `DataConfig.cache` may hold, over all workers of one process. Samples decoded and resized,
-points in their compact form: about 100 kB a sample of the authors' data at half size, 250 kB at
-full size. What does not fit is decoded each time."""
+"""Most memory that `DataConfig.cache` uses, over all workers of one process. It holds samples
+decoded and resized, points in their compact form: about 100 kB a sample of the authors' data at
+half size, 250 kB at full size. Samples that do not fit are decoded again each time they are used.
+"""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Item:
     category: str
     model_id: str
     view: int
-    # Depth at the record's own size and the intrinsics that go with it, where visibility is asked.
+    # Depth at the record's own size and the intrinsics that go with it, for visibility.
     measured: tuple[DepthCodes, np.ndarray] | None
 
     def nbytes(self) -> int:
@@ -55,7 +55,7 @@ class Item:
 
 
 class Items:
-    """Record number to `Item`; keeps items if asked to, up to a bound."""
+    """Maps a record number to its `Item`. With `cache`, keeps items up to `CACHE_BYTES`."""
 
     def __init__(
         self,
@@ -240,7 +240,10 @@ def _fill(batch: Batch, row: int, view: augment.View, further: list[augment.View
 
 
 class TrainBatch:
-    """Step number to the local rows of its batch; `order` names the records of all rows."""
+    """Maps a step number to this process's rows of the batch.
+
+    `order` has the record of every row of every step.
+    """
 
     def __init__(
         self,
@@ -294,7 +297,10 @@ class TrainBatch:
 
 
 class EvalBatch:
-    """Batch number to the batch, padded with copies of the last sample."""
+    """Maps a batch number to the batch of an evaluation.
+
+    The last batch is padded with copies of the last sample.
+    """
 
     def __init__(
         self,

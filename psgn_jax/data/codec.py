@@ -14,7 +14,7 @@ normals    Octahedral, 2 x 8 bits, in the order of the points; the error is belo
 occupancy  Bits, deflated, exact.
 extra      Text, absent if empty.
 
-Duplicate points are kept; the order of the points, which has no meaning, is not. On the authors'
+Duplicate points are kept. The order of the points is not kept; it has no meaning. On the authors'
 images WebP takes 9.6 kB and PNG 13.7 kB, and WebP decodes in two thirds of the time. Slower
 settings of WebP save another 4 % but encode three times as long.
 """

@@ -1,7 +1,8 @@
 """The augmentations of `data.augment` that an accelerator computes, in jax.numpy.
 
-With the same draws, results are those of `data.augment` up to rounding: colours by one level, mask
-and depth at single pixels of an edge. One sample in a signature; `jax.vmap` outside.
+With the same random numbers, results are those of `data.augment` up to rounding: colours differ by
+at most one level, mask and depth at single pixels of an edge. Functions take one sample; use
+`jax.vmap` for batches.
 """
 
 from typing import NamedTuple
@@ -31,8 +32,8 @@ class Draws(NamedTuple):
 
     Attributes:
       mirrored: in [0, 1); mirrors if it is below 1/2.
-      stretch: in [-1, 1), as all that follow; of the width.
-      zoom: of the scale.
+      stretch: in [-1, 1), like all following fields; relative change of the width.
+      zoom: relative change of the scale.
       shift: down and right.
       light: brightness and contrast.
       gains: of the channels.
@@ -47,14 +48,14 @@ class Draws(NamedTuple):
 
 
 def draw(key: PRNGKey) -> Draws:
-    """The random numbers of one sample; the same whatever is switched on."""
+    """The random numbers of one sample; they do not depend on the configuration."""
     values = jax.random.uniform(key, (10,))
     signed = 2 * values - 1
     return Draws(values[0], signed[1], signed[2], signed[3:5], signed[5:7], signed[7:])
 
 
 def augment(cfg: DataConfig, view: View, draws: Draws, can_stretch: Bool[Array, ""]) -> View:
-    """All augmentations that the configuration switches on, in the order of `data.augment`."""
+    """All augmentations that the configuration enables, in the order of `data.augment`."""
     if cfg.flip:
         mirrored = flip(view)
         view = jax.tree.map(

@@ -127,10 +127,10 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
 
 
 def rule_move(box: tuple[float, float, float, float]) -> Move:
-    """The move of an object's box, in square pixels, to its position in a view of 192x256 pixels.
+    """The move of an object's box to its position in a view of 192x256 pixels.
 
     Args:
-      box: (top, bottom, left, right), as returned by `box_of`.
+      box: (top, bottom, left, right) as returned by `box_of`, in an image with square pixels.
     """
     top, bottom, left, right = box
     wide, high = right - left, bottom - top

@@ -1,13 +1,13 @@
 """Records to batches: deterministic, resumable at any step, sharded by process.
 
-The batch of step s depends on (records, configuration, batch size, seed, s) alone. Row j of the
-global batch is record `order[s * B + j]`, where `order` is an endless concatenation of
-permutations of the split, one per epoch; its randomness comes from the seeds (seed, s, j). So a
-run that resumes at step s replays nothing, and neither the number of threads, of worker processes
-nor of training processes changes a bit of any row.
+The batch of step s depends only on (records, configuration, batch size, seed, s). Row j of the
+global batch is record `order[s * B + j]`, where `order` is an endless concatenation of permutations
+of the split, one per epoch; its randomness comes from the seeds (seed, s, j). A run that resumes at
+step s therefore need not repeat earlier batches. Rows are bit-identical for any number of threads,
+worker processes and training processes.
 
-A batch is decoded as one unit of work: by threads in this process (decoding releases Python's
-lock most of the time), or by `num_workers` processes.
+Each batch is made by one worker: a thread of this process (decoding releases Python's lock most of
+the time), or one of `num_workers` processes.
 """
 
 import gc
@@ -150,7 +150,7 @@ def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int
 
 
 def train_order(cfg: DataConfig, seed: int) -> tuple[RecordReader | JoinedReader, Sequence[int]]:
-    """The records to train on, and which of them stands at each place: row j of step s at s B + j.
+    """The training split and its order: row j of step s is record `order[s * B + j]`.
 
     Raises:
       RecordError: the data set is missing or damaged.
@@ -186,9 +186,9 @@ def train_batches(
       image uint8 [b, H, W, 3]; mask bool [b, H, W]; points float32 [b, num_points, 3]; intrinsics
       float32 [b, 3, 3]; extrinsics float32 [b, 3, 4]; depth float32 [b, H, W] if among the inputs;
       occupancy bool [b, 32, 32, 32] if `cfg.occupancy`; b = B / process_count. With
-      `cfg.train_views` image and mask have an axis of v views after the first, v uniform in 1 to
-      so many and the same for a whole batch; all else is of the first of them, the others are drawn
-      from the other views of its model, without replacement.
+      `cfg.train_views`, image and mask have an extra axis of v views after the batch axis. v is
+      uniform in 1 to `train_views` and the same for the whole batch. All other arrays belong to the
+      first view. The other views are drawn without replacement from the same model.
 
     Raises:
       ValueError: an argument is out of range.
@@ -227,7 +227,7 @@ def eval_batches(
       split: name of the split.
       batch_size: B; the last batch is padded to it with copies of the last sample.
       seed: of the choice of points.
-      visible_tolerance: see `data.visibility`; 0 = visibility is not asked for.
+      visible_tolerance: see `data.visibility`; 0 = no visibility.
       process_index: yields batches number process_index, process_index + process_count, ...
       process_count: number of processes that share the split.
 
@@ -235,8 +235,9 @@ def eval_batches(
       as `train_batches` with num_eval_points points, and valid bool [B] (False on padding),
       category and model_id (lists of B strings), view (list of B integers); with a
       `visible_tolerance`, if all records of the split have depth, visible bool
-      [B, num_eval_points], which points their depth images show. With `cfg.eval_views` so many
-      views, the others those that follow in the records, cyclically: as many as all models have.
+      [B, num_eval_points], which points their depth images show. With `cfg.eval_views` = v, image
+      and mask have v views: the sample's own and the next v - 1 views of its model in the order of
+      the records, cyclically. Every model must have at least v views.
 
     Raises:
       ValueError: an argument is out of range.

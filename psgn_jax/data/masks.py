@@ -86,7 +86,7 @@ def find_mask(
 
 
 def looks_inverted(mask: np.ndarray) -> bool:
-    """Whether a mask bool [h, w] covers the border and not the middle, as an inverted one does.
+    """Whether a mask [h, w] looks inverted: it covers the border but not the middle.
 
     At least 90 % of the border's pixels are on it, and less than half of the middle ninth.
     """

@@ -1,9 +1,10 @@
 """A whole split in the memory of the accelerator, which makes its own batches.
 
 Images are kept as bytes, masks as bits and points on their lattice. The batch of step s holds the
-same records in the same rows as that of `data.loader`; the other draws, of points and
-augmentations, are JAX's, from (seed, s, row). Every device has the whole split and makes its share
-of a batch, so a batch depends neither on the number of devices nor on that of processes.
+same records in the same rows as that of `data.loader`; the random choices of points and
+augmentations are made with JAX keys derived from (seed, s, row), so they differ from the loader's.
+Every device has the whole split and makes its share of a batch, so a batch depends neither on the
+number of devices nor on that of processes.
 """
 
 import concurrent.futures
@@ -56,8 +57,8 @@ def train_batches(
       process_count: number of processes.
 
     Returns:
-      None if the split does not fit or an augmentation is not computed there; a line in the log
-      says why.
+      None if the split does not fit into the device's memory or an augmentation is not supported on
+      the device; the reason is logged.
 
     Raises:
       RecordError: the data set is missing or damaged.

@@ -1,6 +1,6 @@
 """Photos read from files of any usual format, and their masks.
 
-How an object is placed before a network sees it: `psgn_jax.data.framing`.
+`psgn_jax.data.framing` describes how the object is placed in the input of the network.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from psgn_jax.config import UserError
 from psgn_jax.untrusted import kind_of, one_line
 
 MAX_PIXELS = 150_000_000
-"""Larger images are refused before they are decoded: a small file may hold gigabytes."""
+"""Larger images are refused before they are decoded: a small file can decode to gigabytes."""
 
 MAX_SIDE = 2048
 """A photo is reduced by a whole factor until its longer side is below twice this."""
@@ -83,9 +83,10 @@ def read_photo(path: str | os.PathLike[str]) -> Photo:
 def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
     """Reads the mask of a photo: bool [h, w] of `photo.image`'s shape, True on the object.
 
-    What is brighter than half of the largest value is object, so 0/1 serves as well as 0/255; of a
-    file with transparency, what is not transparent. The mask may have another size in the same
-    proportions. One of the size that the photo has before EXIF turns it is turned too.
+    Pixels brighter than half of the largest value are object, so masks with 0/1 and with 0/255 both
+    work. In a file with transparency the alpha takes the place of the brightness. The mask may have
+    another size in the same proportions. If it has the size of the photo before its rotation by
+    EXIF, it is rotated too.
 
     Raises:
       PhotoError: as `read_photo`; other proportions than the photo's; no object in it.
@@ -113,7 +114,7 @@ def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
 
 
 def resize_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
-    """Resizes bool [h, w] to `size`; smooth where it grows."""
+    """Resizes bool [h, w] to `size`, with smooth edges when enlarging."""
     if mask.shape == tuple(size):
         return mask
     levels = Image.fromarray(mask.view(np.uint8) * np.uint8(255))
@@ -232,7 +233,7 @@ def _turn(picture: Image.Image, orientation: int) -> Image.Image:
 
 
 def as_rgb_and_alpha(array: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """An image array of a notebook: uint8 [h, w], [h, w, 3] or [h, w, 4] to RGB and alpha.
+    """Converts an image array, uint8 [h, w], [h, w, 3] or [h, w, 4], to RGB and alpha.
 
     Raises:
       ValueError: any other dtype or shape.

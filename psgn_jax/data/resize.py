@@ -52,7 +52,7 @@ def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
     Depths are not averaged, because an average across an edge is wrong. Each new pixel takes the
     depth of the old pixel at its centre. If there is none, it takes the first depth at the centres
-    of its four quarters. Holes narrower than a new pixel are therefore closed, wider ones remain.
+    of its four quarters. Holes narrower than a new pixel are therefore filled; wider ones remain.
     The result is 0 outside `mask`, and where all five positions have no depth. Non-finite depths
     count as none.
 

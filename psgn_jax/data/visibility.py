@@ -9,9 +9,9 @@ All other points are **hidden**.
 
 - The depth image is that of the record, at its full size. The classes therefore do not depend on
   the image size of a network.
-- Steep surfaces: neighbouring Q are one pixel apart across the view, but one pixel over cos(a)
-  apart along a surface tilted by a. So t must be several pixels wide. In the authors' images .025
-  covers surfaces tilted by up to 80 degrees. Steeper surfaces have gaps, whose points count as
+- Steep surfaces: neighbouring points Q are one pixel apart in the image, but (one pixel) / cos(a)
+  apart on a surface tilted by the angle a. So t must be several pixels wide. In the authors' images
+  .025 covers surfaces tilted by up to 80 degrees. Steeper surfaces have gaps, whose points count as
   hidden. Comparing the depth of P only with the depth of its own pixel would lose far more points.
 - Silhouettes: a strip of width t behind an occluding contour counts as visible, and so does the
   back of a sheet thinner than t. Without normals these points cannot be told apart.
@@ -22,7 +22,8 @@ up to .0085 from its place on their 8-bit lattice (steps of .0098). It is up to 
 nearest pixel centre at f = 400 and a distance of 3.6, and up to .01 on a surface tilted by 60
 degrees. A camera error of half a pixel adds .0045. On drawn convex solids, for which visibility is
 known exactly, t = .025 calls 4.4 % of the visible points hidden and 2.8 % of the hidden points
-visible, 3.5 % of all. This is the minimum over t (.015: 6.1 %, .02: 4.3 %, .03: 3.5 %, .04: 4.1 %).
+visible, 3.5 % of all, the least of the values tried (.015: 6.1 %, .02: 4.3 %, .03: also 3.5 %,
+.04: 4.1 %).
 
 *Predicted* points have no class. A point off the surface is neither visible nor occluded. If it got
 the class of the nearest true point, the position of a wrong point would decide where its error

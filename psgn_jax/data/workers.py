@@ -1,8 +1,9 @@
 """What the loader's worker processes do when the training is stopped or killed.
 
 A worker gets no SIGTERM and no SIGINT: batch systems and terminals send them to every process of a
-group, and it is the trainer that stops the workers, after its last step. A worker whose trainer was
-killed ends by itself, and with the last one Python's resource tracker removes their shared memory.
+group, and the training process stops the workers, after its last step. A worker whose training
+process was killed ends by itself. After the last worker has ended, Python's resource tracker frees
+their shared memory.
 """
 
 import concurrent.futures
@@ -22,8 +23,8 @@ T = TypeVar("T")
 def start_sheltered(start: Callable[[], T]) -> T:
     """Calls `start`; processes that it starts never see SIGTERM or SIGINT.
 
-    It is called in a thread that blocks both signals: processes and threads inherit that from their
-    first moment, before they run any code of ours. Meanwhile this process handles them as ever.
+    It is called in a thread that blocks both signals: new processes and threads inherit the blocked
+    signals from their start, before they run any code. This process still handles signals as usual.
     """
     # Where it is started later, it unblocks the signals of the thread that starts it.
     resource_tracker.ensure_running()

@@ -4,8 +4,8 @@ The text of a loss is a name, `chamfer_sq_mean`, or a sum of terms,
 
     emd_mean@1024 + 5*chamfer_sq_mean
 
-Each term is `WEIGHT*NAME@POINTS`: a number (default 1), an entry of `LOSSES`, and of how many of
-the true points it is taken (default all `data.num_points`).
+Each term is `WEIGHT*NAME@POINTS`: a weight (default 1), an entry of `LOSSES`, and the number of
+true points that the loss uses (default all `data.num_points`).
 """
 
 import dataclasses
@@ -45,7 +45,7 @@ class LossTerm:
     Attributes:
       name: an entry of `LOSSES`.
       weight: its factor in the sum.
-      num_points: of how many of the true points it is taken; 0 = of all.
+      num_points: number of true points that the loss uses; 0 = all.
       text: as written.
     """
 
@@ -92,7 +92,7 @@ def parse_terms(text: str) -> tuple[LossTerm, ...]:
 
 
 def configured_terms(config: LossConfig) -> list[tuple[LossTerm, Callable[..., Any]]]:
-    """The terms of `loss.name`, each with its loss of one pair, without its weight.
+    """The terms of `loss.name`, each with its unweighted loss of one pair of clouds.
 
     A loss raises ValueError for clouds that it does not take.
 
@@ -103,7 +103,9 @@ def configured_terms(config: LossConfig) -> list[tuple[LossTerm, Callable[..., A
 
 
 def configured_loss(config: LossConfig) -> Callable[..., Any]:
-    """The loss of one pair of clouds that `loss.name` describes, with the options of its kind.
+    """The loss of one pair of clouds that `loss.name` describes.
+
+    A loss with a parameter `schedule` (the EMD) gets `loss.emd_tolerance` and `loss.emd_schedule`.
 
     Raises:
       ConfigError: as `parse_terms`.
@@ -136,20 +138,21 @@ class WeightedSum:
 
 
 def with_terms(loss: Callable[..., Any]) -> Callable[..., tuple[Array, dict[str, Array]]]:
-    """(pred, gt) -> the loss and the values of its terms by name; none if it is no sum."""
+    """(pred, gt) -> the loss and the values of its terms by name; no values if it is no sum."""
     if isinstance(loss, WeightedSum):
         return loss.with_terms
     return lambda pred, gt: (loss(pred, gt), {})
 
 
 def chosen_points(gt: Array, num_points: int) -> Array:
-    """So many of the true points, always at the same places of the cloud.
+    """Selects `num_points` of the true points, always with the same indices.
 
-    The places are a fixed random choice: the points of a batch are in no order as long as they are
-    some of those of the record, but all of them come as they are stored, sorted.
+    The indices are a fixed random choice. If a batch has all points of a record, they are in the
+    order of the record, which is sorted: the first `num_points` would lie on one side of the
+    object.
 
     Raises:
-      ValueError: there are not so many.
+      ValueError: gt has fewer than `num_points` points.
     """
     if num_points > len(gt):
         raise ValueError(f"gt: got {len(gt)} points, expected at least {num_points}")

@@ -13,11 +13,11 @@ The cost P of a bijection s therefore exceeds OPT by at most the sum of its slac
 
     P - OPT <= sum_i (c_{i,s(i)} + p_{s(i)} - u_i)
 
-This holds for any prices, however they were computed. `judge` first sets
-u_i = min_j (c_ij + p_j). Then, with u fixed, it lowers every price as far as possible,
-p_j = max_i (u_i - c_ij). This second pass over the distances (the backward sweep) improves the
-prices and the bound. The gap is the bound on P - OPT divided by the lower bound on OPT. All float32
-rounding errors are included, to the disadvantage of the bijection (`_ROUNDING`).
+This holds for any prices, however they were computed. `judge` first sets u_i = min_j (c_ij + p_j).
+Then, with u fixed, it lowers every price as far as possible, p_j = max_i (u_i - c_ij). This second
+pass over the distances (the backward sweep) improves the prices and the bound. The gap is the bound
+on P - OPT divided by the lower bound on OPT. All float32 rounding errors are included, so that the
+gap is never underestimated (`_ROUNDING`).
 
 Memory is linear in n, because distances are computed from the coordinates when needed. The results
 of both solvers (`auction`, `kernels.auction`) are verified here.
@@ -73,7 +73,10 @@ def cheapest(points: Array, targets: Array, prices: Array) -> Array:
 
 
 def num_lanes(n: int) -> int:
-    """Width L of the [R, L] array that holds n objects: a search is one pass and R + L steps."""
+    """Number of columns L of the [R, L] array that holds n objects.
+
+    A search of the auction is one pass over the array and R + L steps.
+    """
     return 16 if n <= 256 else 32 if n <= 2048 else 64 if n <= 8192 else 128
 
 

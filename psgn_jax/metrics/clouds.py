@@ -1,10 +1,11 @@
-"""Evaluation metrics on one pair of clouds; the unit stands in every name.
+"""Evaluation metrics of one pair of clouds.
 
-Those of several predictions of one image are in `metrics.samples`.
+The name of a distance contains its unit; the other metrics are fractions. Metrics of several
+predictions of one image are in `metrics.samples`.
 
 `pred` [n, 3] and `gt` [m, 3], n, m >= 1, in one frame. Distances are in the unit of the
-coordinates; in the project's frame that is the radius of the object's bounding hemisphere
-(`_radius`: a name for reports, no conversion takes place). All of them raise `ValueError` as
+coordinates; in the project's frame that is the radius of the object's bounding hemisphere (the
+suffix `_radius` only names this unit; values are not converted). All of them raise `ValueError` as
 `losses.nearest_both` does; callers batch with `losses.map_pairs`.
 """
 
@@ -33,7 +34,8 @@ def to_grid_units(distance: float | Array, *, grid_edge: float | Array = 2.0) ->
       distance: in the unit of the coordinates (EMD, Chamfer-L1).
       grid_edge: edge of the voxel grid in the same unit. 2 is the schema's grid, whose unit is the
         radius of the bounding hemisphere; the grid of 3D-R2N2 is the cube on the longest edge of
-        the object's bounding box, smaller for most objects: state which one a number refers to.
+        the object's bounding box, and is smaller than 2 for most objects. Always report which grid
+        was used.
     """
     return distance * (GRID_EDGE_UNITS / grid_edge)
 
@@ -91,12 +93,12 @@ def fscore(
     recall    = share of gt with Euclidean distance to pred <= threshold
     fscore    = 2 precision recall / (precision + recall), 0 where both are 0
 
-    Source: Knapitsch et al., "Tanks and Temples", ACM TOG 2017, section 4. "F-score at 1 %"
-    follows Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks Learn?",
-    CVPR 2019: their threshold is 1 % of the side length of the reconstructed volume. The default
-    0.01 here is 1 % of the radius of the bounding hemisphere, so for an object as wide as the
-    hemisphere (2 units) 0.5 % of its width: stricter than theirs, and not comparable with it.
-    Pass 0.02 for 1 % of that diameter. The score depends much on the number of points: state it.
+    Source: Knapitsch et al., "Tanks and Temples", ACM TOG 2017, section 4. "F-score at 1 %" follows
+    Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks Learn?", CVPR 2019: their
+    threshold is 1 % of the side length of the reconstructed volume. The default 0.01 here is 1 % of
+    the radius of the bounding hemisphere. For an object as wide as the hemisphere (2 units) that is
+    0.5 % of its width: stricter than theirs, and not comparable with it. Pass 0.02 for 1 % of that
+    diameter. The score depends strongly on the number of points, so report that number.
 
     Args:
       pred: [n, 3].
@@ -123,9 +125,9 @@ def emd(
 ) -> Emd:
     """Earth mover's distance per point (unit): `losses.emd_mean` with its certificate.
 
-    A bijection needs equal sizes. Where gt has more points, n of them are drawn, always the same
-    ones for the same n and m. The value then has a floor that no prediction goes below, the
-    distance of one random sample of the object to another, and depends on n: state it.
+    A bijection needs equal sizes. If gt has more points, n of them are drawn, always the same ones
+    for the same n and m. Even a perfect prediction then has a positive value, the distance between
+    two random samples of the object. It depends on n, so report n.
 
     `gap` >= (emd - optimum) / optimum, at most `tolerance` unless the budget ran out.
 
@@ -144,16 +146,16 @@ def emd(
 
 
 VISIBILITY = ("visible", "hidden")
-"""The classes of true points, as they stand in the names of `by_visibility`."""
+"""The classes of true points, as used in the metric names of `by_visibility`."""
 
 
 def by_visibility(
     distance_sq: Float[Array, " m"], visible: Bool[Array, " m"], threshold: float | Array
 ) -> dict[str, Float[Array, ""]]:
-    """Distances of true points to the prediction, those of visible and of hidden points apart.
+    """Distances from the true points to the prediction, for visible and for hidden points.
 
-    Means over the points of each class; NaN, no number, where a class has no point. Which points
-    are visible: `data.visibility`, which also says why predicted points have no class.
+    Means over the points of each class; NaN for a class without points. `data.visibility` defines
+    which points are visible, and explains why predicted points have no class.
 
     Args:
       distance_sq: of every true point to the nearest predicted one, unit^2.
@@ -164,7 +166,8 @@ def by_visibility(
       `visible_share`, the fraction of true points that are visible, and of each class, C =
       "visible" and "hidden": `cd_sq_gt_to_pred_C_radius2` (unit^2), `cd_l1_gt_to_pred_C_radius`
       (unit), and `recall_C`, the fraction within the threshold. With share s, the squared distance
-      over all true points is s * visible + (1 - s) * hidden, and so for the others.
+      over all true points is s * visible + (1 - s) * hidden, and the same holds for the other
+      metrics.
     """
     visible = jnp.asarray(visible)
     share = visible.astype(distance_sq.dtype).mean()
@@ -200,10 +203,11 @@ def evaluate_pair(
     Args:
       pred: [n, 3].
       gt: [m, 3].
-      visible: which of gt a depth image shows; where given, those of `by_visibility` are added.
+      visible: which points of gt are visible in the depth image; if given, the metrics of
+        `by_visibility` are added.
       threshold: as for `fscore`.
-      emd_tolerance: where given, `emd` is computed too, to this relative error; some 20 ms of a
-        CPU core at n = 1,024 and 1 %.
+      emd_tolerance: if given, `emd` is computed as well, with this relative error. It takes about
+        20 ms on one CPU core for n = 1,024 and 1 %.
 
     Returns:
       `cd_sq_radius2`, `cd_sq_pred_to_gt_radius2`, `cd_sq_gt_to_pred_radius2` (unit^2),

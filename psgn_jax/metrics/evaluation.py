@@ -22,7 +22,7 @@ class Row:
 
 
 class SampleName(NamedTuple):
-    """Which sample a row of `samples.csv` is about; `record` counts those of the split."""
+    """Identifies the sample of a row of `samples.csv`; `record` is its number in the split."""
 
     record: int
     category: str
@@ -41,10 +41,10 @@ class Evaluation:
       threshold: the F-score's distance, unit.
       num_points: points of a prediction, points of a truth; most metrics depend on both.
       visible_tolerance: what "visible" means, see `data.visibility`; unit.
-      note: below the table, in place of what is said there of points; "" = metrics of points.
+      note: text below the table, in place of the default text about points; "" = default text.
       frame: "place" where images were placed by the rule of `data.framing` and the true points
         moved along; "keep" as framed.
-      chosen: numbers that were chosen on a split to evaluate with, such as thresholds.
+      chosen: values that were chosen on a split and are used in the evaluation, such as thresholds.
     """
 
     split: str
@@ -61,8 +61,9 @@ class Evaluation:
     def means(self) -> dict[str, float]:
         """Every metric's mean over samples.
 
-        A sample without visible (or hidden) points has no part in the metrics of those; NaN where
-        no sample has any. Every other NaN is one of the means too.
+        Samples without visible (hidden) points are left out of the mean of the visible (hidden)
+        metrics; if there is no such sample, the mean is NaN. In all other metrics a NaN makes the
+        mean NaN.
         """
         everything = range(len(self.names))
         return {name: _mean(self._counted(name, everything)) for name in self.metrics}

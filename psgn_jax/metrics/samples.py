@@ -66,9 +66,9 @@ def minimum_matching_distance(distances: Float[Array, "k t"]) -> Float[Array, ""
 def coverage(distances: Float[Array, "k t"]) -> Float[Array, ""]:
     """Fraction of the true shapes that are the nearest true shape of some sample.
 
-    Of true shapes at equal distance the first one counts. Coverage measures whether the samples
-    reach all true shapes, not how near they come. If each of K samples hits one of T true shapes at
-    random, the expected coverage is 1 - (1 - 1/T)^K: .66 for K = T = 8.
+    If several true shapes are equally near, the first one counts. Coverage measures whether the
+    samples reach all true shapes, not how near they come. If each of K samples hits one of T true
+    shapes at random, the expected coverage is 1 - (1 - 1/T)^K: .66 for K = T = 8.
 
     Source: Achlioptas et al. 2018, section 2.2.
     """

@@ -28,11 +28,11 @@ _COLUMNS = (
 
 
 Lines = Sequence[Sequence[str]]
-"""Cells of a table: its head, then its rows."""
+"""Cells of a table: the header row, then the other rows."""
 
 
 def aligned(lines: Lines, *, apart: int = 0) -> str:
-    """A table as text in columns, the first one flush left; a rule before the last `apart` rows."""
+    """A table as text, first column left-aligned, with a line before the last `apart` rows."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     text = [
         "  ".join(

@@ -13,8 +13,8 @@ convolutions (both have dilation) and kernel gradients are up to a hundred times
   unused output channels makes it do so.
 - `_spread`, the adjoint of `_correlate`: the input gradient of `conv2d` and the value of
   `conv2d_transpose`. The larger image is divided into cells of `stride x stride` pixels. The pixels
-  at one position of all cells are a convolution of stride 1 with every `stride`th tap. This avoids
-  products with inserted zeros.
+  at the same position in all cells are the result of a convolution of stride 1 with every
+  `stride`-th kernel element. This avoids products with inserted zeros.
 - `_kernel_gradient`, a product of two matrices. At stride 1 one matrix holds the horizontally
   shifted pixels and the other the vertically shifted pixels: `kw + kh` copies of the image instead
   of the `kh * kw` of an im2col. It processes a few rows of the image at a time, which stay in the
@@ -80,9 +80,10 @@ _plain: contextvars.ContextVar[bool] = contextvars.ContextVar("plain_convolution
 
 @contextlib.contextmanager
 def plain_convolutions() -> Iterator[None]:
-    """Within it XLA's convolutions are traced, whatever the platform: for programs that leave it.
+    """Context in which XLA's own convolutions are traced on every platform.
 
-    It acts on tracing. A function that `jax.jit` has traced before keeps what was traced.
+    It is for exported programs, which run elsewhere. It has no effect on functions that `jax.jit`
+    has already traced.
     """
     token = _plain.set(True)
     try:

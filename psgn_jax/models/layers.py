@@ -4,15 +4,15 @@ Every layer has float32 parameters named `kernel` and `bias`, with the axes that
 `models.cpu_convolution` describes. It casts input, kernel and bias to its `dtype` and computes in
 it.
 
-Initial values (**ours**; the paper gives none). The networks have no normalisation, so the initial
-variances alone must keep the size of the activations over some twenty layers (He et al. 2015,
-"Delving deep into rectifiers", section 2.2):
+Initial values (**ours**: choices of this implementation; the paper gives none). The networks have
+no normalisation, so the initial variances alone must keep the size of the activations over some
+twenty layers (He et al. 2015, "Delving deep into rectifiers", section 2.2):
 
 - `RELU`: variance 2 / fan_in, for a layer followed by a ReLU.
 - `SUMMED`: variance 1 / fan_in, for each of two linear layers whose sum goes through a ReLU (the
   skip connections). The sum then has the variance of one `RELU` layer.
 - The fan-in of a transposed convolution of stride s is k * k * c_in / s^2, because an output is the
-  sum of that many products; the other taps meet inserted zeros.
+  sum of that many products; the other kernel elements are multiplied by inserted zeros.
 - Biases start at zero, except those of the output layers, which start at the middle of an object
   (`cloud_bias`). The points of a deconv branch start on a plane that faces the camera
   (`grid_offset`).

@@ -1,10 +1,10 @@
 """The number of points that a PointOutNet predicts, its output grid and its branches."""
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
-from psgn_jax.config import ModelConfig
+from psgn_jax.config import ModelConfig, Version
 
-VERSIONS = ("vanilla", "two_branch", "hourglass")
+VERSIONS: tuple[str, ...] = get_args(Version)
 RANDOM_AT = ("bottleneck", "fc")
 
 

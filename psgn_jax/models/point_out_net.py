@@ -12,9 +12,9 @@ convolutions with ReLU unless stated otherwise.
 - `two_branch`: the same for 256 points (fc branch), and in parallel a deconv branch: a `Merge` at
   each level from the bottleneck up to 24x32, one more convolution, and a linear convolution to the
   coordinates of the points of each cell.
-- `hourglass`: encode, decode up to 96x128, encode again, decode to 24x32, then as `two_branch`.
-  The dense 2048 of the first bottleneck goes through a linear layer of 2048 and is added to a
-  linear layer of 2048 of the second bottleneck, before the ReLU.
+- `hourglass`: encode, decode up to 96x128, encode again, decode to 24x32, then as `two_branch`. The
+  first bottleneck goes through a dense layer of 2048 with ReLU and a linear layer of 2048
+  (`carry`). The result is added to a linear layer of 2048 of the second bottleneck; a ReLU follows.
 - `Merge`: ReLU(resampled + skip), then a convolution. "Resampled" is a linear 5x5 transposed
   convolution of stride 2 (up) or a linear strided convolution (down). "Skip" is a linear 3x3
   convolution of the latest features of that level. The width is half of the encoder's width at
@@ -23,7 +23,8 @@ convolutions with ReLU unless stated otherwise.
 Output: first the fc points, then the deconv points row by row, with the points of one cell next to
 each other. Both output layers are linear, so that coordinates can be negative.
 
-Choices that are **ours**, because the sources leave them open or disagree:
+Choices of this implementation (marked **ours** elsewhere), because the sources leave them open or
+disagree:
 
 - Strided kernels are 3x3, except 5x5 into the bottleneck (`vanilla`, `two_branch`) or at the last
   three levels (`hourglass`). The authors published these sizes; we count the levels from the

@@ -1,10 +1,11 @@
 """A web page that runs a network in the browser: `python -m psgn_jax.page --out=FOLDER`.
 
-The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either the one that
-comes with the package. The folder is served by any file server, such as `python -m http.server`,
-and needs no network: photos are read, masked and predicted on the visitor's device. ONNX Runtime
-Web is fetched by npm the first time and kept in the cache folder; `--runtime=FOLDER|TGZ` takes it
-from elsewhere. Needs the extra `export`. Exit code: 0 done, 2 an error, in one line.
+The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either, the default
+weights of the package (it has none yet). The folder is served by any file server, such as
+`python -m http.server`, and needs no network: photos are read, masked and predicted on the
+visitor's device. ONNX Runtime Web is fetched by npm the first time and kept in the cache folder;
+`--runtime=FOLDER|TGZ` takes it from elsewhere. Needs the extra `export`. Exit code: 0 done, 2 an
+error, in one line.
 """
 
 import sys

@@ -14,8 +14,8 @@ lanes chose the same object, the highest bid wins, and among equal bids the lowe
 are minima and maxima over the same registers; no float is computed twice and compared. An object
 therefore has one winner, and the owners remain a matching. A lane continues with the bidder it
 displaced. If the object was free, the lane takes the next bidder from the list of those still
-without an object in this phase. K is 8, then 2, then 1 as the list runs out, because the end of a
-phase is serial and a wide tile would be wasted there.
+without an object in this phase. K decreases from 8 to 2 to 1 as the list runs out: few bidders are
+left at the end of a phase, so most lanes of a wide tile would be idle.
 
 Cost of a round at 1,024 points and 4 warps, from the machine code of Triton 3.6 for sm_90: 2,630
 instructions per warp for K = 8, 641 for K = 2, 340 for K = 1, and 12 to 16 barriers, without spills

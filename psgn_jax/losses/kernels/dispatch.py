@@ -2,8 +2,8 @@
 
 The environment variable `PSGN_KERNELS` decides:
 
-- `auto` (default): do not use them, and say so once on a GPU. No GPU has shown yet that they are
-  right and faster (`tests/bench/gpu.py --parts b` measures it).
+- `auto` (default): do not use them; on a GPU this is logged once. They have not been tested on a
+  GPU yet (`tests/bench/gpu.py --parts b` does it).
 - `on`: use the kernels in everything that is lowered for CUDA.
 - `off`: never use them.
 
