@@ -1,9 +1,9 @@
 """JAX's primitives in ONNX: `convert` appends the equations of a traced function to a graph.
 
-The conversion knows operations, not networks: what is made of the primitives below can be
-converted. An operation that has no form here raises `UnsupportedError` with its name. Equations
-whose arguments are all known are computed by JAX and stored as constants, and equations whose
-results are not used are left out.
+The conversion works on operations, not on particular networks: every function that consists of the
+primitives below can be converted. Any other primitive raises `UnsupportedError` with its name.
+Equations whose arguments are all known are computed by JAX and stored as constants, and equations
+whose results are not used are left out.
 """
 
 import functools
@@ -273,4 +273,4 @@ OPERATORS: dict[str, Operator] = {
     "reduce_window_max": functools.partial(products.pool, "MaxPool"),
     "reduce_window_sum": functools.partial(products.pool, "AveragePool"),
 }
-"""Primitive -> its form, beside `_UNARY` and `_BINARY`."""
+"""Primitive -> function that appends its ONNX nodes; see also `_UNARY` and `_BINARY`."""

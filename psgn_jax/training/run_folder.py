@@ -80,8 +80,8 @@ def _check_fits(config: Config, checkpoint: Checkpoint, workdir: str | os.PathLi
     if different := [name for name in names if trained[name] != now[name]]:
         texts = [f"{name}={now[name]!r} (trained with {trained[name]!r})" for name in different]
         raise ConfigError(
-            f"--workdir={workdir}: config.json does not fit the checkpoint of step {checkpoint.step}: "
-            f"{', '.join(texts)}; restore config.json"
+            f"--workdir={workdir}: config.json does not fit the checkpoint of step "
+            f"{checkpoint.step}: {', '.join(texts)}; restore config.json"
         )
 
 
