@@ -320,7 +320,7 @@ def test_a_job_of_an_earlier_version_is_refused(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         make(out, TEN, stop_after=2)
     (out / job_folder.WORK / job_folder.JOB).write_text('{"format": 1, "models": "0a1b"}')
-    with pytest.raises(job.OtherSettingsError, match="was begun with an earlier version"):
+    with pytest.raises(job.OtherSettingsError, match="was started with an earlier version"):
         make(out, TEN)
 
 
