@@ -78,12 +78,12 @@ def write_network(
 
     Args:
       run: the network.
-      out: folder, made if missing.
+      out: folder, created if missing.
       weights: how ONNX files store weights, any of `ONNX_NAMES`. "int8" needs `data`.
       stablehlo: whether to write the StableHLO program.
-      data: folder of records to check on; "" for drawn silhouettes, which have no ground truth.
-      split: of the records.
-      images: how many to check on.
+      data: folder of records for the check; "" = drawn silhouettes, which have no ground truth.
+      split: split of the records.
+      images: number of images for the check.
       sources: data and licences of the weights (`weights.file.read_sources`).
 
     Returns:
@@ -127,7 +127,7 @@ def write_network(
 
 
 def onnx_content(network: PortableNetwork, stored: str, texts: Mapping[str, str]) -> bytes:
-    """As `onnx_file.to_onnx`; errors as `ExportError`."""
+    """Calls `onnx_file.to_onnx` and raises its errors as `ExportError`."""
     from psgn_jax.portable import graph, onnx_file  # imports onnx
 
     try:

@@ -156,7 +156,7 @@ def listen(host: str, port: int) -> tuple[socket.socket, str]:
 
 
 def is_local(host: str) -> bool:
-    """Whether an address to listen at is reached from this machine alone."""
+    """Whether an address to listen at can be reached only from this machine."""
     name = host.strip("[]").lower()
     try:
         return ipaddress.ip_address(name).is_loopback

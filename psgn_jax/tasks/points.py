@@ -105,7 +105,7 @@ def make_eval_step(config: Config, model: Any) -> Callable[..., Any]:
     """The compiled evaluation step, over the local devices if they divide the batch."""
 
     def pair(pred: Any, gt: Any, visible: Any = None) -> Any:
-        # A bijection wants at least as many true points; without them there is no EMD.
+        # A bijection needs at least as many true points; otherwise the EMD is left out.
         emd_tolerance = config.eval.emd_tolerance if len(pred) <= len(gt) else 0
         metrics = metrics_lib.evaluate_pair(
             pred,

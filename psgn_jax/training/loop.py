@@ -67,7 +67,7 @@ MAY_CHANGE = frozenset(
 
 
 class Outcome(NamedTuple):
-    """How a training ended: the state, and the signal that stopped it early, if one did."""
+    """End of a training: the state, and the signal that stopped it; None if it was not stopped."""
 
     state: state_lib.TrainState
     stopped_by: int | None
