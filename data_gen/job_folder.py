@@ -67,8 +67,8 @@ def _lost_models(there: Sequence[Name], now: Sequence[Name]) -> str:
     old, new = ({name.model_id: name for name in names} for names in (there, now))
     gone = [key for key in old if key not in new]
     if gone:
-        text = f"{len(gone)} of its {len(old)} models are not among the {len(new)} models now "
-        text += f"({_first(gone)})"
+        text = f"{len(gone)} of its {len(old)} models are not among the {len(new)} models of this "
+        text += f"command ({_first(gone)})"
         added = [key for key in new if key not in old]
         return text + (f", {len(added)} are new ({_first(added)})" if added else "")
     for field in ("category", "split"):

@@ -311,7 +311,7 @@ def test_a_data_set_without_its_statement_does_not_grow(tmp_path):
     out = tmp_path / "out"
     make(out, TEN[:4])
     (out / job_folder.JOB).unlink()
-    with pytest.raises(job.OtherSettingsError, match=r"without job\.json, of another command or"):
+    with pytest.raises(job.OtherSettingsError, match=r"without job\.json, made by another command"):
         make(out, TEN)
 
 
