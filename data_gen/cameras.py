@@ -37,9 +37,8 @@ class CameraSettings:
         vertical field of view is 2 atan(96 / focal): 27 degrees for 400.
       roll: degrees about the optical axis; positive values turn the object clockwise.
       aim: height above the origin of the point that the camera looks at.
-      keep_size: whether `distance` holds for a focal length of 400 and is scaled with the focal
-        length. The object then keeps its size in the image; with a short focal length the camera is
-        close to it.
+      keep_size: if True, `distance` is for a focal length of 400 and is multiplied by focal / 400,
+        so the object has the same size in the image for every focal length.
       off_centre: largest shift of the object in the image, as a fraction of the free space beside
         it: 0 to 1. The shifts along rows and columns are drawn from -off_centre to off_centre.
     """

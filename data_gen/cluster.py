@@ -1,14 +1,15 @@
-"""Rendering on a Dask cluster: the only importer of Dask.
+"""Rendering on a Dask cluster. Only this module imports Dask.
 
 The cluster's workers need this package with its `render` extra, the catalogue's files under the
-same path (nothing for procedural models), and for backgrounds of a folder that folder. They need
-no folder for the output: samples come back through Dask, and the process that runs the job writes
-them. Each thread of a Dask worker keeps one process that renders, with the limits of the job's
-settings, so workers are best started with one thread for each processor.
+same path (nothing for procedural models), and the folder of background pictures if
+`image.background` is "folder". They need no access to the output folder: samples are returned
+through Dask and written by the process that runs the job. Each thread of a Dask worker keeps one
+rendering process, with the limits of the job's settings, so workers are best started with one
+thread per processor.
 
-A model whose rendering process dies is tried once more, on another worker if there is one. A Dask
-worker that dies takes nothing along: its models go to others; one that has taken several workers
-with it (the scheduler's `allowed-failures`) is tried once more and then reported as crashed.
+A model whose rendering process dies is tried once more, on another worker if there is one. If a
+Dask worker dies, its models are given to other workers. A model during which several workers died
+(the scheduler's `allowed-failures`) is tried once more and then reported as crashed.
 """
 
 import contextlib
@@ -32,7 +33,7 @@ from data_gen.results import failure, pack_result
 
 NO_DASK = "Dask is not installed: `pip install 'psgn-jax[cluster]'`"
 
-# So long may a cluster be without any worker before the job is given up; it can be gone on with.
+# The job stops after this time without any worker; it can be resumed.
 _SECONDS_WITHOUT_WORKERS = 600.0
 
 # --- On the workers ---------------------------------------------------------------------------
@@ -42,7 +43,7 @@ _kept: dict[int, tuple[str, pool.Renderer]] = {}
 
 
 def _of_this_machine(context: Context) -> Context:
-    """The context with this machine's own LLVM library, where the other's path is not there."""
+    """The context with the LLVM library of this machine, if the path in it does not exist here."""
     if not context.variant.libllvm or os.path.exists(context.variant.libllvm):
         return context
     variant, _ = choose_variant("llvm")
@@ -63,7 +64,7 @@ def _render(job: str, entry: bytes, context: bytes) -> tuple[dict[str, Any], byt
 
 
 def _release(job: str) -> None:
-    """Ends the processes of a job, at its end."""
+    """Kills the rendering processes of a job."""
     for thread in [t for t, (owner, _) in list(_kept.items()) if owner == job]:
         _kept.pop(thread)[1].kill()
 
@@ -77,13 +78,13 @@ def render_on(
     """Renders models on a cluster; see `pool.Pool`.
 
     Args:
-      address: of the scheduler, such as "tcp://host:8786".
+      address: address of the scheduler, such as "tcp://host:8786".
       tasks: numbered models.
-      context: what rendering needs besides them.
+      context: further data for rendering.
 
     Raises:
-      RuntimeError: Dask is not installed, no scheduler or no worker answers, or a worker cannot
-        render at all.
+      RuntimeError: Dask is not installed, the scheduler does not answer, the cluster has no
+        workers, or there is an error on a worker that does not come from a model.
     """
     try:
         import distributed
@@ -98,7 +99,7 @@ def render_on(
         try:
             yield from _render_with(client, job, list(tasks), context)
         finally:
-            # Whatever the end is, it must not hide the reason for it.
+            # An error here must not hide the error that ended the job.
             with contextlib.suppress(Exception):
                 client.run(_release, job, on_error="ignore")
 
@@ -120,10 +121,10 @@ def _render_with(
             seen = time.monotonic()
         elif time.monotonic() - seen > _SECONDS_WITHOUT_WORKERS:
             raise RuntimeError(
-                f"the cluster has had no workers for {_SECONDS_WITHOUT_WORKERS:g} s; the same "
-                "command goes on with the job"
+                f"the cluster has had no workers for {_SECONDS_WITHOUT_WORKERS:g} s; run the "
+                "same command again to resume"
             )
-        # As many at once as keep all threads busy: the rest can go to workers that come later.
+        # Submits only enough to keep all threads busy, so that workers that join later get some.
         while todo and len(running) < 2 * sum(threads.values()):
             index, entry, attempt, avoid = todo.pop()
             others = [a for a in threads if a != avoid] if avoid else []

@@ -54,7 +54,7 @@ def build(
     try:
         summary = job.render_catalogue(source, folder, options)
     except job.OtherSettingsError:
-        # It was begun with the other variant of the renderer and is incomplete: delete it.
+        # An incomplete data set of the other variant of the renderer is deleted.
         if load_manifest(folder, allow_incomplete=True).complete:
             raise
         shutil.rmtree(folder)

@@ -1,8 +1,6 @@
 """Environment maps: Mitsuba's model of sun and sky, and files of a folder.
 
-    python -m data_gen.environment_maps
-
-is the process that `load_maps` starts to compute and read them.
+`load_maps` starts `python -m data_gen.environment_maps` to compute and read them.
 """
 
 import json

@@ -162,8 +162,9 @@ def outline(
 ) -> Float[np.ndarray, "n 3"]:
     """Points with the same extent as the visible surface.
 
-    Without alpha textures these are all vertices. With them, they are the vertices of the faces
-    without alpha, and on the faces with alpha the existing points with the largest measures.
+    Without alpha textures these are all vertices. With alpha textures, they are the vertices of the
+    faces without alpha and, for each measure that is larger on a face with alpha, the point of
+    existing surface (opacity at least `EXISTS`) that maximises it.
 
     Args:
       model: the model.
@@ -231,7 +232,7 @@ def _check_strays(model: Model) -> None:
 
 
 CENTRES = ("bounds", "vertices")
-"""What of a model comes to x = y = 0, for `normalize` and `recentre`."""
+"""The point of a model that `recentre` moves to x = y = 0."""
 
 
 def normalize(model: Model) -> Model:
@@ -264,11 +265,11 @@ def recentre(model: Model, centre: str) -> Model:
     procedural models centred on their vertices, against 1 to 6 % of those centred on their bounds.
 
     Args:
-      model: in the project's frame.
+      model: model in the project's frame.
       centre: one of `CENTRES`.
 
     Raises:
-      UnusableModelError: as `normalize`.
+      UnusableModelError: the extent is zero or overflows.
     """
     if centre not in CENTRES:
         raise ValueError(f"centre {centre!r}: expected one of {list(CENTRES)}")

@@ -36,7 +36,7 @@ __all__ = ["REPORT", "OtherSettingsError", "Summary", "job_of", "render_catalogu
 
 REPORT = job_folder.REPORT
 
-# Goes up when the same settings give other samples, or the folder is laid out in another way.
+# Increased when the same settings give other samples or the layout of the folder changes.
 _FORMAT = 2
 
 EVERYTHING = Choice()
@@ -44,7 +44,7 @@ EVERYTHING = Choice()
 
 @dataclasses.dataclass(frozen=True)
 class Summary:
-    """What came of a job.
+    """The result of a job.
 
     Attributes:
       models: number of models of the catalogue.
@@ -66,7 +66,11 @@ class Summary:
 
     @property
     def exit_code(self) -> int:
-        """0 all models have samples; 1 some were refused; 2 all were; 3 other parts are open."""
+        """Exit code of the command.
+
+        0 all models have samples; 1 some were refused; 2 all were refused; 3 other parts are not
+        finished.
+        """
         if not self.complete:
             return 3
         if not self.samples:
@@ -106,7 +110,7 @@ class Summary:
 def job_of(
     name: str, entries: Sequence[Entry], options: Settings, variant: str, choice: Choice, limit: int
 ) -> Job:
-    """All that the bytes of the data set depend on, but for the models' files themselves."""
+    """Everything that determines the bytes of the data set, except the contents of model files."""
     values = settings.to_dict(options)
     del values["job"]
     return Job(
@@ -155,24 +159,25 @@ def render_catalogue(
     limit: int = 0,
     render: pool.Pool = pool.render_local,
 ) -> Summary:
-    """Renders a catalogue to a data set; goes on with one that was begun, and lets one grow.
+    """Renders a catalogue to a data set; continues an incomplete one or extends a complete one.
 
-    A complete data set whose models are all among those of the call grows by the others; its
-    readers see the old state until the new one is complete.
+    If the folder has a complete data set and all its models are among those of this call, the
+    remaining models are added. Readers see the old state until the new one is complete.
 
     Args:
-      catalogue: where the models come from.
-      out: folder of the data set, made where missing.
+      catalogue: source of the models.
+      out: folder of the data set, created if missing.
       options: all settings.
       part: (i, n): the i-th of n parts of the work, i from 0.
-      choice: which models of the catalogue.
-      limit: the first of those alone, 0 = all.
-      render: who renders; `cluster.render_on` with an address is another.
+      choice: which models of the catalogue are used.
+      limit: use only the first `limit` of the chosen models; 0 = all.
+      render: function that renders the models: `pool.render_local`, or `cluster.render_on` with an
+        address.
 
     Raises:
-      ValueError: `out` holds something else, other models among them; another process does the
-        same part of the work there; or a setting is wrong.
-      RuntimeError: Mitsuba is missing or does not run, here or where it is to.
+      ValueError: `out` contains something else, or models that are not in this call; another
+        process renders the same part; or a setting is wrong.
+      RuntimeError: Mitsuba is missing or does not run, on this machine or on the workers.
     """
     started = time.monotonic()
     out = pathlib.Path(out)
@@ -187,7 +192,7 @@ def render_catalogue(
         job_folder.tidy_up(out, job)
         logging.info("%s is complete", out)
         return _summary(entries, job_folder.read_report(out), True, started, 0)
-    # Before anything is written: what is wrong with these must not mark the folder.
+    # Read before anything is written, so that an error here leaves the folder unchanged.
     pictures = (
         list_pictures(options.image.background_folder)
         if options.image.background == "folder"
@@ -196,7 +201,7 @@ def render_catalogue(
     maps = load_maps(options.light, variant, detail=options.image.shading == "photo")
     context = Context(options, catalogue.name, variant, maps, pictures)
     with claim(out / job_folder.WORK, part):
-        if job_folder.begin(out, job):  # completed by another process since
+        if job_folder.begin(out, job):  # another process has completed it meanwhile
             return _summary(entries, job_folder.read_report(out), True, started, 0)
         rendered = _render_part(out, job, entries, context, part, render, started)
         lines, complete = job_folder.complete(out, job, job.blocks())
@@ -212,7 +217,7 @@ def _render_part(
     render: pool.Pool,
     started: float,
 ) -> int:
-    """Renders what is missing of a part of the work; returns the number of images."""
+    """Renders the missing models of a part of the work; returns the number of images."""
     folder = out / job_folder.WORK
     blocks = job.blocks()
     own = blocks[part[0] :: part[1]]
@@ -221,9 +226,9 @@ def _render_part(
     block_of = {i: b for b in open_blocks for i in b.indices}
     for left in folder.glob("*.tmp"):
         if part == (0, 1):
-            left.unlink(missing_ok=True)  # of a run that was killed
+            left.unlink(missing_ok=True)  # left by a process that was killed
 
-    def arrived(index: int) -> None:
+    def mark_rendered(index: int) -> None:
         block = block_of[index]
         open_blocks[block].discard(index)
         if not open_blocks[block]:
@@ -238,9 +243,9 @@ def _render_part(
                 todo.append(index)
     fresh = set(todo)
     for index in [i for i in block_of if i not in fresh]:
-        arrived(index)
+        mark_rendered(index)
     logging.info(
-        "%d models to do of %d, %d views each, %s", len(todo), len(entries),
+        "%d of %d models to render, %d views each, %s", len(todo), len(entries),
         context.settings.views, context.variant.name,
     )  # fmt: skip
     rendered = refused = 0
@@ -248,7 +253,7 @@ def _render_part(
     results = render([(i, entries[i]) for i in todo], context) if todo else ()
     for done, (index, line, content) in enumerate(results, 1):
         write_result(folder, entries[index].model_id, content)
-        arrived(index)
+        mark_rendered(index)
         rendered += line["samples"]
         if line["status"] != "ok":
             refused += 1

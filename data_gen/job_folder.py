@@ -40,19 +40,19 @@ _SHARD = re.compile(r"[a-z0-9_]+-[0-9]{5}-[0-9a-f]{8}\.arrayrecord")
 
 
 class OtherSettingsError(ValueError):
-    """The folder holds a data set, complete or begun, that was made with other settings."""
+    """The folder holds a data set, complete or not, that was rendered with other settings."""
 
 
-# --- What the folder is for -------------------------------------------------------------------
+# --- Specification of the job -----------------------------------------------------------------
 
 
 def _difference(one: Any, two: Any, name: str = "") -> str:
-    """The first field in which two statements differ."""
+    """The first field in which two specifications differ; "" if they are equal."""
     if isinstance(one, dict) and isinstance(two, dict):
         for key in sorted({*one, *two}):
-            found = _difference(one.get(key), two.get(key), f"{name}.{key}" if name else key)
-            if found:
-                return found
+            text = _difference(one.get(key), two.get(key), f"{name}.{key}" if name else key)
+            if text:
+                return text
         return ""
     return "" if one == two else f"{name}: {one!r} there, {two!r} now"
 
@@ -63,12 +63,12 @@ def _first(names: Sequence[str]) -> str:
 
 
 def _lost_models(there: Sequence[Name], now: Sequence[Name]) -> str:
-    """How the models of a data set are not all among those of a job; "" where they are."""
+    """Describes models of a data set that a job lacks or changes; "" if there are none."""
     old, new = ({name.model_id: name for name in names} for names in (there, now))
     gone = [key for key in old if key not in new]
     if gone:
-        text = f"{len(gone)} of its {len(old)} models are not among the {len(new)} of now "
-        text += f"({_first(gone)})"
+        text = f"{len(gone)} of its {len(old)} models are not among the {len(new)} models of this "
+        text += f"command ({_first(gone)})"
         added = [key for key in new if key not in old]
         return text + (f", {len(added)} are new ({_first(added)})" if added else "")
     for field in ("category", "split"):
@@ -85,7 +85,7 @@ def _lost_models(there: Sequence[Name], now: Sequence[Name]) -> str:
 def _check_same(
     out: pathlib.Path, stated: Mapping[str, Any], there: Sequence[Name], job: Job, what: str
 ) -> None:
-    """Raises `OtherSettingsError` where a job cannot go on with what a folder holds."""
+    """Raises `OtherSettingsError` if a job cannot continue or extend the data set of a folder."""
     if not isinstance(stated.get("job"), dict):
         raise OtherSettingsError(
             f"--out {str(out)!r}: {what} an earlier version; give another folder, or remove it"
@@ -101,8 +101,8 @@ def _check_same(
     if lost:
         choice = _difference(dict(stated.get("choice", {})), dict(job.choice))
         raise OtherSettingsError(
-            f"--out {str(out)!r}: {what} other models: {lost}{choice and f'; --{choice}'}; it can "
-            "grow by further models, but not lose any: give another folder, or remove it"
+            f"--out {str(out)!r}: {what} other models: {lost}{choice and f'; --{choice}'}; a "
+            "data set can get more models, but cannot lose any: give another folder, or remove it"
         )
 
 
@@ -113,8 +113,8 @@ def _read_json(path: pathlib.Path) -> Any:
         return None
 
 
-def _begun(out: pathlib.Path) -> tuple[Mapping[str, Any], list[Name]] | None:
-    """The statement of the job that is under way, and its models."""
+def _unfinished(out: pathlib.Path) -> tuple[Mapping[str, Any], list[Name]] | None:
+    """The specification of the unfinished job in a folder, and its models; None without one."""
     stated = _read_json(out / WORK / JOB)
     if not isinstance(stated, dict):
         return None
@@ -130,7 +130,7 @@ def _begun(out: pathlib.Path) -> tuple[Mapping[str, Any], list[Name]] | None:
 
 
 def read_report(out: pathlib.Path) -> list[Mapping[str, Any]]:
-    """The models' lines of a complete data set.
+    """The lines of the models of a complete data set.
 
     Raises:
       ValueError: the file is damaged.
@@ -138,7 +138,7 @@ def read_report(out: pathlib.Path) -> list[Mapping[str, Any]]:
     try:
         lines = [parse_json(line) for line in (out / REPORT).read_bytes().split(b"\n") if line]
         if not all(map(_is_line, lines)):
-            raise ValueError("a line is not that of a model")
+            raise ValueError("a line does not describe a model")
     except (OSError, ValueError) as error:
         raise ValueError(
             f"{out / REPORT}: damaged ({one_line(error)}); render the data set again"
@@ -161,7 +161,7 @@ def _names(lines: Iterable[Mapping[str, Any]]) -> list[Name]:
 
 
 def _is_manifest_of(manifest: Manifest, job: Job, lines: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether the shards of a data set are those of a job, whose models' lines are given."""
+    """Whether the shards of a data set are those of a job; `lines` are the lines of its models."""
     samples = {line["model_id"]: line["samples"] for line in lines}
     expected = {
         block.shard for block in job.blocks() if any(samples[n.model_id] for n in block.names)
@@ -170,11 +170,11 @@ def _is_manifest_of(manifest: Manifest, job: Job, lines: Sequence[Mapping[str, A
 
 
 def check(out: pathlib.Path, job: Job) -> bool:
-    """Whether a job's data set is complete in a folder; nothing is written.
+    """Whether the data set of a job is complete in a folder; nothing is written.
 
     Raises:
-      OtherSettingsError: the folder holds a data set that the job cannot go on with.
-      ValueError: it holds something else.
+      OtherSettingsError: the folder holds a data set that the job cannot continue or extend.
+      ValueError: the folder holds something else.
     """
     if not out.exists():
         return False
@@ -185,8 +185,8 @@ def check(out: pathlib.Path, job: Job) -> bool:
             if not isinstance(stated, dict) or not (out / REPORT).exists():
                 missing = REPORT if isinstance(stated, dict) else JOB
                 raise OtherSettingsError(
-                    f"--out {str(out)!r}: holds a complete data set without {missing}, of another "
-                    "command or an earlier version; give another folder, or remove it"
+                    f"--out {str(out)!r}: holds a complete data set without {missing}, made by "
+                    "another command or an earlier version; give another folder, or remove it"
                 )
             lines = read_report(out)
             there = _names(lines)
@@ -196,23 +196,26 @@ def check(out: pathlib.Path, job: Job) -> bool:
     elif (
         any(not p.name.startswith(".") for p in out.iterdir())
         and not (
-            out / MANIFEST  # of another part, since
+            out / MANIFEST  # another part may have written it meanwhile
         ).exists()
     ):
         raise ValueError(f"--out {str(out)!r}: not empty and not a data set")
-    begun = _begun(out)
-    if begun:
-        _check_same(out, begun[0], begun[1], job, "was begun with")
+    unfinished = _unfinished(out)
+    if unfinished:
+        _check_same(out, unfinished[0], unfinished[1], job, "was started with")
     return False
 
 
 def begin(out: pathlib.Path, job: Job) -> bool:
-    """Makes or checks a job's folder, as `check`, and says in it what the job is."""
+    """Creates the folder of a job or checks it like `check`, and writes the job's specification.
+
+    Returns whether the data set is complete.
+    """
     if check(out, job):
         tidy_up(out, job)
         return True
-    begun = _begun(out)
-    if begun is None or begun[1] != list(job.names):
+    unfinished = _unfinished(out)
+    if unfinished is None or unfinished[1] != list(job.names):
         stated = {"job": job.statement, "choice": job.choice, "models": job.names}
         write_atomic(out / WORK / JOB, json.dumps(stated) + "\n")
     if not (out / MANIFEST).exists():
@@ -224,7 +227,7 @@ def begin(out: pathlib.Path, job: Job) -> bool:
 
 
 def finish_block(out: pathlib.Path, block: Block) -> None:
-    """Writes a block's shard from its models' files and says that it is done."""
+    """Writes the shard of a block from the files of its models and marks the block as complete."""
     sources = [work_path(out / WORK, name.model_id) for name in block.names]
     results = [read_result(path) for path in sources]
     shard = None
@@ -249,7 +252,7 @@ def _note(
 
 
 def read_block(out: pathlib.Path, block: Block) -> dict[str, Any] | None:
-    """What `finish_block` has said; None if the block is not done or its shard is not whole."""
+    """The note of `finish_block`; None if the block is not complete or its shard is damaged."""
     try:
         content: dict[str, Any] = read_json(out / WORK / block.note)
         shard = content["shard"]
@@ -265,15 +268,15 @@ def read_block(out: pathlib.Path, block: Block) -> dict[str, Any] | None:
 
 
 def take_over(out: pathlib.Path, blocks: Iterable[Block], job: Job) -> None:
-    """Takes what a folder holds of earlier, smaller states of a job.
+    """Reuses the results of earlier, smaller versions of a job in the folder.
 
-    Blocks that stay as they are count as done. Samples of models whose blocks have changed become
-    the models' files, as if they had just been rendered.
+    Unchanged blocks are marked as complete. The samples of models whose blocks have changed are
+    written to the files of these models, as if they had just been rendered.
 
     Args:
       out: the folder.
-      blocks: those to be done, of `job`.
-      job: whose data set is made.
+      blocks: blocks of `job` that are to be completed.
+      job: the job whose data set is written.
     """
     manifest = load_manifest(out, allow_incomplete=True)
     lines: Mapping[str, Mapping[str, Any]] = {}
@@ -307,7 +310,10 @@ def take_over(out: pathlib.Path, blocks: Iterable[Block], job: Job) -> None:
 def _earlier_blocks(
     out: pathlib.Path, job: Job, lines: Sequence[Mapping[str, Any]]
 ) -> Iterator[tuple[str, list[Mapping[str, Any]]]]:
-    """Shards that a folder may hold, complete or begun, and their models' lines."""
+    """Names of shards that may exist in a folder, with the lines of their models.
+
+    They are the shards of the complete data set and those of unfinished jobs.
+    """
     by_name = {line["model_id"]: line for line in lines}
     for block in dataclasses.replace(job, names=tuple(_names(lines))).blocks():
         yield block.shard, [by_name[name.model_id] for name in block.names]
@@ -324,13 +330,13 @@ def _earlier_blocks(
 def _samples(
     path: pathlib.Path, lines: Sequence[Mapping[str, Any]]
 ) -> list[tuple[Mapping[str, Any], list[bytes]]]:
-    """A shard's records by model; nothing where it is not what the lines say."""
+    """The records of a shard by model; empty if the shard does not fit the lines."""
     data: list[bytes] = []
     if any(line["samples"] for line in lines):
         try:
             data = read_shard(path)
             owners = [unpack(record)["model_id"] for record in data]
-        except (ValueError, KeyError):  # gone or damaged: rendered again
+        except (ValueError, KeyError):  # missing or damaged: rendered again
             return []
         if owners != [line["model_id"] for line in lines for _ in range(line["samples"])]:
             return []
@@ -341,16 +347,19 @@ def _samples(
     return result
 
 
-# --- The end ----------------------------------------------------------------------------------
+# --- Completion -------------------------------------------------------------------------------
 
 
 def complete(
     out: pathlib.Path, job: Job, blocks: Sequence[Block]
 ) -> tuple[list[Mapping[str, Any]], bool]:
-    """Completes the data set if all blocks are done; returns the lines there are, in order.
+    """Completes the data set if all blocks are done.
+
+    Returns:
+      The lines of the models rendered so far, in order, and whether the data set is complete.
 
     Raises:
-      RuntimeError: another command has begun to make something else in the folder.
+      RuntimeError: another command has started a different job in the folder.
     """
     contents = [read_block(out, block) for block in blocks]
     numbered = sorted(
@@ -363,20 +372,20 @@ def complete(
         key=lambda pair: pair[0],
     )
     lines = [line for _, line in numbered]
-    begun = _begun(out)
+    unfinished = _unfinished(out)
     if len(lines) < len(job.names):
-        if begun is None and check(out, job):
-            return read_report(out), True  # another part was last, and has tidied up
+        if unfinished is None and check(out, job):
+            return read_report(out), True  # another part has completed the data set
         return lines, False
-    if begun is None or begun[1] != list(job.names):
-        if begun is None and check(out, job):
+    if unfinished is None or unfinished[1] != list(job.names):
+        if unfinished is None and check(out, job):
             return lines, True
         raise RuntimeError(
-            f"--out {str(out)!r}: another command has begun to make it of other models meanwhile; "
-            "what is rendered is kept for it"
+            f"--out {str(out)!r}: another command has started to render other models to it; the "
+            "samples rendered so far are kept for that command"
         )
     text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
-    # What no UTF-8 can hold becomes an escape, which JSON understands.
+    # Characters that UTF-8 cannot encode are written as escapes of JSON.
     write_atomic(out / REPORT, text.encode("utf-8", "backslashreplace"))
     stated = {"job": job.statement, "choice": job.choice}
     write_atomic(out / JOB, json.dumps(stated, indent=1) + "\n")
@@ -389,21 +398,24 @@ def complete(
         True,
         tuple(map(shard_of, shards)),
     )
-    # From here on readers see the new state.
+    # Switches readers to the new state.
     save_manifest(out, manifest)
     tidy_up(out, job)
     return lines, True
 
 
 def tidy_up(out: pathlib.Path, job: Job) -> None:
-    """Removes what is no part of a complete data set; another part may be at the same."""
-    begun = _begun(out)
-    if begun is None:
+    """Removes files that are not part of the complete data set.
+
+    Another process may do the same at the same time.
+    """
+    unfinished = _unfinished(out)
+    if unfinished is None:
         with contextlib.suppress(OSError):
-            (out / WORK).rmdir()  # left by a kill at the very end
+            (out / WORK).rmdir()  # left by a process that was killed at the very end
         return
-    if begun[1] != list(job.names):
-        return  # the data set is growing
+    if unfinished[1] != list(job.names):
+        return  # the data set is being extended
     kept = {shard.file for shard in load_manifest(out).shards}
     remove_temporaries(out)
     for path in out.iterdir():
@@ -412,8 +424,8 @@ def tidy_up(out: pathlib.Path, job: Job) -> None:
     for path in (out / WORK).glob("*"):
         if path.name != JOB:
             path.unlink(missing_ok=True)
-    (out / WORK / JOB).unlink(missing_ok=True)  # last, so that a kill leaves a folder to tidy up
+    (out / WORK / JOB).unlink(missing_ok=True)  # last, so that cleaning resumes after a kill
     try:
         (out / WORK).rmdir()
     except OSError:
-        logging.info("%s is left to another part of the job", out / WORK)
+        logging.info("%s is still used by another part of the job", out / WORK)

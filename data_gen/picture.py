@@ -29,7 +29,7 @@ _SAME_SURFACE = float(np.cos(np.deg2rad(30.0)))
 
 
 class _Samples(NamedTuple):
-    """What rays hit: colour, transmittance to the background, the first surface."""
+    """Result of rays: colour, transmittance to the background, and the first surface."""
 
     colour: Float[np.ndarray, "n 3"]
     through: Float[np.ndarray, " n"]

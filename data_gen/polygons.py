@@ -27,8 +27,9 @@ def cut_ears(outlines: np.ndarray) -> np.ndarray:
 def _cut_ears(outlines: np.ndarray) -> np.ndarray:
     """`cut_ears` of a few polygons, one step at a time for all of them.
 
-    A corner is an ear if its triangle is convex and holds no other corner. Both change at the two
-    neighbours of a corner that was cut alone; the others lose it as a corner that they may hold.
+    A corner is an ear if its triangle is convex and contains no other corner. When an ear is cut,
+    the triangles of its two neighbours change and are tested again; for all other triangles the cut
+    corner no longer counts.
     """
     count, corners = outlines.shape[:2]
     rows = np.arange(count)

@@ -1,8 +1,8 @@
-"""Processes that render models and may die, and a pool of them on this machine.
+"""Rendering processes, which may crash, and a pool of them on this machine.
 
-A `Renderer` is one process and whoever watches it: it takes a model at a time and comes back with
-its samples, or with what became of the process. `render_local` does a job's models with as many of
-them as there are processors; `data_gen.cluster` does it with those of a Dask cluster.
+A `Renderer` manages one process. It renders one model at a time and returns its samples, or the
+reason why the process ended. `render_local` renders the models of a job with as many renderers as
+there are processors; `data_gen.cluster` renders them on the workers of a Dask cluster.
 """
 
 import collections
@@ -24,15 +24,17 @@ from data_gen.render_model import Context
 from data_gen.results import failure, pack_result
 
 ATTEMPTS = 2
-"""A model whose process died is tried once more, in a fresh one: it may have been the process."""
+"""Attempts at a model whose process dies; each uses a new process.
 
-# Processes of one renderer that die before they have rendered anything: then it is not the models.
-_STILLBORN = 3
+A second attempt is made because the model may not be the cause."""
+
+# Number of processes that may end before they are ready; then the cause is not a model.
+_FAILED_STARTS = 3
 _SECONDS_TO_START = 300.0
 
 
 class Result(NamedTuple):
-    """What became of one model: its number, its line, and `results.pack_result` of it."""
+    """The result of one model: its number, its line, and its `results.pack_result`."""
 
     number: int
     line: dict[str, Any]
@@ -40,19 +42,21 @@ class Result(NamedTuple):
 
 
 Pool = Callable[[Sequence[tuple[int, Entry]], Context], Iterator[Result]]
-"""Renders numbered models in any order. No model can end it; it raises RuntimeError where no
-process can be started."""
+"""Renders numbered models in any order.
+
+A failing model does not stop the pool. RuntimeError is raised if no process can be started."""
 
 
 class Renderer:
-    """Renders models in a process of its own, within the limits of the job's settings.
+    """Renders models in a separate process, within the limits of the job's settings.
 
-    The process is started with the first model, and replaced when it dies, exceeds a limit or has
-    done `models_per_worker`. It is no child of `multiprocessing`: those cannot be had by processes
-    that are daemons themselves, as workers of a cluster are. A model's loader must be importable.
+    The process is started for the first model. It is replaced when it dies, exceeds a limit or has
+    rendered `models_per_worker` models. It is not started by `multiprocessing`, because daemonic
+    processes, such as cluster workers, may not start children with it. The loader of a model must
+    be importable.
 
     Args:
-      context: what the process needs besides the models.
+      context: data that the process needs in addition to the models.
     """
 
     def __init__(self, context: Context) -> None:
@@ -63,15 +67,15 @@ class Renderer:
         self._ended = False
 
     def render(self, entry: Entry) -> tuple[dict[str, Any], bytes]:
-        """One attempt at a model: its line and `results.pack_result` of it.
+        """One attempt at a model: its line and its `results.pack_result`.
 
-        The line's status is one of `render_model.render_model`, "error", or "crashed", "timeout",
-        "memory" where the process is gone.
+        The status of the line is one of those of `render_model.render_model`, "error", or
+        "crashed", "timeout" or "memory" if the process has ended.
 
         Raises:
-          RuntimeError: the processes die before they are ready.
+          RuntimeError: the processes end before they are ready.
         """
-        # One that has waited long ends by itself.
+        # A process without work for a long time ends by itself.
         if self._process is not None and self._process.poll() is not None:
             self._discard()
         if self._process is None:
@@ -95,19 +99,19 @@ class Renderer:
         return line, content
 
     def end(self) -> None:
-        """Ends the process, if there is one, and with it the renderer."""
+        """Ends the process, if one is running, and the renderer."""
         self._ended = True
         self._dismiss()
 
     def kill(self) -> None:
-        """Ends both at once; safe while another thread is in `render`."""
+        """Kills the process and ends the renderer, even while another thread is in `render`."""
         self._ended = True
         process = self._process
         if process is not None:
             process.kill()
 
     def _start(self) -> None:
-        for _ in range(_STILLBORN):
+        for _ in range(_FAILED_STARTS):
             if self._ended:
                 break
             ours, theirs = multiprocessing.connection.Pipe()
@@ -127,8 +131,8 @@ class Renderer:
         if self._ended:
             raise RuntimeError("the renderer was ended")
         raise RuntimeError(
-            f"{_STILLBORN} worker processes ended before they were ready (exit code {code}); try "
-            "--config.job.variant=scalar"
+            f"{_FAILED_STARTS} worker processes ended before they were ready (exit code {code}); "
+            "try --config.job.variant=scalar"
         )
 
     def _dismiss(self) -> None:
@@ -139,13 +143,13 @@ class Renderer:
         self._discard()
 
     def _discard(self) -> int | None:
-        """Makes sure that the process is gone; returns its exit code."""
+        """Waits for the process to end, kills it if it does not, and returns its exit code."""
         process, connection = self._process, self._connection
         self._process = self._connection = None
         if process is None:
             return None
-        # Whoever comes here has told it to end, killed it, or seen its pipe closed: it is ending,
-        # and its own exit code says more than that of a kill.
+        # The process is already ending: it was asked to end or killed, or its pipe is closed. Its
+        # own exit code is more informative than that of a kill.
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(10)
         process.kill()
@@ -160,7 +164,7 @@ class Renderer:
         return line, pack_result(line, [])
 
     def _megabytes(self) -> float:
-        """Resident memory of the process, 0 where it cannot be told."""
+        """Resident memory of the process; 0 if it is unknown."""
         try:
             assert self._process is not None
             statm = pathlib.Path(f"/proc/{self._process.pid}/statm").read_text()
@@ -170,7 +174,7 @@ class Renderer:
 
 
 def _environment() -> dict[str, str]:
-    """One thread for each process, and modules found where they are found here."""
+    """Environment of the processes: one thread each, and the import path of this process."""
     return {
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
@@ -183,7 +187,7 @@ def _environment() -> dict[str, str]:
 
 
 def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Iterator[Result]:
-    """Renders models in processes of this machine; see `Pool`."""
+    """Renders models in processes on this machine; see `Pool`."""
     count = min(context.settings.job.workers or len(os.sched_getaffinity(0)), len(tasks))
     todo = collections.deque(tasks)
     done: queue.SimpleQueue[Result | BaseException] = queue.SimpleQueue()

@@ -1,29 +1,30 @@
-"""Meshes to training data.
+"""Renders meshes to training data.
 
     python data_gen/render.py --catalogue NAME --source PATH --out RECORDS
 
-NAME is one of procedural, folder, shapenet, sh3f, ac3d, flightgear, torcs, pyrogenesis; PATH is
-what the catalogue reads. RECORDS becomes a data set of records that training reads,
-with `models.jsonl` beside it: a line for each model with its status, reason, checks and times.
+NAME is one of procedural, folder, shapenet, sh3f, ac3d, flightgear, torcs, pyrogenesis; PATH is its
+source: a folder, a file, or numbers of models. The folder RECORDS becomes a data set for training.
+Its file `models.jsonl` has a line for each model, with status, reason, checks and times.
 
 Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; `--help` lists all
-of them, and the options of the catalogues. Killed and started again, the command goes on where it
-was; the records that it ends with are the same, byte for byte, for any number of workers, kills or
-parts. `--shard=i/n` does the i-th of n parts of the work (i from 0), for job arrays on a common
-folder; whoever is last completes the data set. `--scheduler=tcp://host:8786` hands the models to
-the workers of a Dask cluster, see `data_gen/cluster.py` for what they need; the rest is the same.
+of them, and the options of the catalogues. If the command is killed and started again, it continues
+where it stopped. The resulting records are identical, byte for byte, for any number of workers,
+restarts or parts. `--shard=i/n` does the i-th of n parts of the work (i from 0), for job arrays
+with a common folder; the part that finishes last completes the data set.
+`--scheduler=tcp://host:8786` sends the models to the workers of a Dask cluster (requirements:
+`data_gen/cluster.py`); everything else is unchanged.
 
 `--include` and `--exclude` choose models by patterns of category, folder and name; `--sample=N`
-takes N of them, spread over categories and folders. A finished data set grows: the same command
-with more models, by a larger `--limit` or `--sample` or a larger source, renders those that are
-new; training reads the old state until the new one is complete.
+takes N of them, spread over categories and folders. A complete data set can be extended: the same
+command with a larger `--limit`, `--sample` or source renders only the new models. Training reads
+the old state until the new one is complete.
 
 Exit codes: 0 done, all models have samples; 1 done, some models were refused (normal for
-collections); 2 wrong arguments, or nothing came of it; 3 done with this part, others are not;
+collections); 2 wrong arguments, or no samples; 3 this part is finished, other parts are not;
 143 and 130 stopped by SIGTERM or Ctrl-C.
 
-Models are known by their names: where a mesh's file has changed under the same name, what was made
-of it before stays; give another folder for the output then.
+Models are identified by their names: if a mesh file has changed but kept its name, its old samples
+stay; use another output folder in that case.
 """
 
 import difflib
@@ -47,27 +48,32 @@ from psgn_jax.untrusted import one_line
 
 _CATALOGUE = flags.DEFINE_enum("catalogue", None, sorted(CATALOGUES), "Where the models come from.")
 _SOURCE = flags.DEFINE_string(
-    "source", None, "What the catalogue reads: a folder, a file, or numbers of models."
+    "source", None, "Source of the catalogue: a folder, a file, or numbers of models."
 )
 _OUT = flags.DEFINE_string("out", None, "Folder of the data set.")
 _PART = flags.DEFINE_string(
     "shard", "0/1", "i/n: this process does the i-th of n parts, i from 0, for job arrays."
 )
 _LIMIT = flags.DEFINE_integer(
-    "limit", 0, "The first of the chosen models alone; 0 = all.", lower_bound=0
+    "limit",
+    0,
+    "Render only this many of the chosen models, from the first; 0 = all.",
+    lower_bound=0,
 )
 _SAMPLE = flags.DEFINE_integer(
-    "sample", 0, "So many models, spread over categories and folders; 0 = all.", lower_bound=0
+    "sample", 0, "Number of models, spread over categories and folders; 0 = all.", lower_bound=0
 )
-_SEED = flags.DEFINE_integer("seed", 0, "Of the sample.", lower_bound=0)
+_SEED = flags.DEFINE_integer("seed", 0, "Seed of the choice of --sample.", lower_bound=0)
 _PATTERNS = "category, folder or name fits this pattern, such as Weather or '*flare*'; repeatable."
-_INCLUDE = flags.DEFINE_multi_string("include", [], f"Models alone whose {_PATTERNS}")
-_EXCLUDE = flags.DEFINE_multi_string("exclude", [], f"Not the models whose {_PATTERNS}")
+_INCLUDE = flags.DEFINE_multi_string("include", [], f"Only models whose {_PATTERNS}")
+_EXCLUDE = flags.DEFINE_multi_string("exclude", [], f"No models whose {_PATTERNS}")
 _OPTION = flags.DEFINE_multi_string(
     "option", [], "NAME=VALUE for the catalogue, such as up=+z or max_faces=200000; repeatable."
 )
 _SCHEDULER = flags.DEFINE_string(
-    "scheduler", "", "Address of a Dask scheduler; its workers render. Empty: this machine does."
+    "scheduler",
+    "",
+    "Address of a Dask scheduler, whose workers render. Empty: this machine renders.",
 )
 _CONFIG = config_flags.DEFINE_config_file("config", None, "Settings.", lock_config=True)
 _DEFAULT = pathlib.Path(__file__).with_name("config.py")
@@ -77,7 +83,7 @@ def parse_part(text: str) -> tuple[int, int]:
     """`i/n` as numbers.
 
     Raises:
-      ValueError: it is no such part.
+      ValueError: the text is not of the form i/n.
     """
     first, slash, second = text.partition("/")
     if not (slash and first.isdecimal() and second.isdecimal()) or not int(first) < int(second):
@@ -86,7 +92,7 @@ def parse_part(text: str) -> tuple[int, int]:
 
 
 def _one_line(error: BaseException) -> str:
-    """An error's message; of one with a traceback in it, the last line."""
+    """The message of an error on one line; the last line of a message with a traceback."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     if any(line.startswith("Traceback") for line in lines):
         return lines[-1].partition(": ")[2] or lines[-1]
@@ -94,7 +100,7 @@ def _one_line(error: BaseException) -> str:
 
 
 def _config_first(argv: list[str]) -> list[str]:
-    """The arguments with `--config` before all of its fields, the default where it is missing."""
+    """The arguments with `--config` first; if it is missing, the default is added."""
     rest, files = [], []
     arguments = iter(argv[1:])
     for argument in arguments:
@@ -110,12 +116,12 @@ def _config_first(argv: list[str]) -> list[str]:
         path = file.partition("=")[2].partition(":")[0]
         if not pathlib.Path(path).is_file():
             raise ValueError(f"{file}: there is no such file")
-    # Not as the flag's default: what is wrong with a setting would show at the import.
+    # As the flag's default, a wrong setting would raise an error at import.
     return [argv[0], *(files or [f"--config={_DEFAULT}"]), *rest]
 
 
 def _unknown_setting(argv: list[str]) -> str:
-    """The first argument that sets a field which there is not, with the nearest one."""
+    """A message on the first argument that sets an unknown field, with the most similar field."""
     known = _fields(settings.to_dict(settings.Settings()))
     for argument in argv:
         name = argument.partition("=")[0].lstrip("-").partition(".")
@@ -150,12 +156,12 @@ def _help() -> str:
 
 
 def _parse_flags(argv: list[str]) -> list[str]:
-    """As absl does, but whatever is wrong ends in one line and exit code 2."""
+    """Parses the flags like absl, but every error ends in one line and exit code 2."""
     if {"--help", "-help", "-h", "-?", "--helpshort"} & set(argv[1:]):
         sys.stdout.write(_help())
         sys.exit(0)
     try:
-        sys.argv[:] = argv = _config_first(argv)  # where the flag of settings looks for their order
+        sys.argv[:] = argv = _config_first(argv)  # `config_flags` reads the order from `sys.argv`
         return flags.FLAGS(argv)
     except (AttributeError, KeyError):
         sys.stderr.write(f"error: {_unknown_setting(argv)}\n")
@@ -165,7 +171,7 @@ def _parse_flags(argv: list[str]) -> list[str]:
 
 
 def _check_effects(options: settings.Settings, given: Collection[str]) -> None:
-    """Raises ValueError for a flag that was given and has no effect with the others."""
+    """Raises ValueError for a flag that was given but has no effect with the other flags."""
     if _SEED.present and not _SAMPLE.value:
         raise ValueError(f"--seed={_SEED.value}: it has no effect without --sample")
     no_photo = options.image.shading != "photo" and "without image.shading=photo"
@@ -181,7 +187,7 @@ def _check_effects(options: settings.Settings, given: Collection[str]) -> None:
 
 
 def main(argv: list[str]) -> None:
-    """The command; exits with the code that tells what came of it."""
+    """Runs the command and exits with its exit code."""
     logging.set_verbosity(logging.INFO)
     stop_on_signals()
     try:
@@ -215,7 +221,7 @@ def main(argv: list[str]) -> None:
             render=render,
         )
     except StoppedError as error:
-        logging.warning("%s; the same command goes on with the job", error)
+        logging.warning("%s; run the same command again to resume", error)
         sys.exit(128 + error.number)
     except (ValueError, RuntimeError, OSError) as error:
         sys.stderr.write(f"error: {_one_line(error)}\n")

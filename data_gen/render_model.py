@@ -245,7 +245,7 @@ def _plain(value: Any) -> Any:
 
 
 def peak_megabytes() -> float:
-    """The most memory that this process has had."""
+    """Peak memory of this process in MB."""
     try:
         with open("/proc/self/status") as file:
             for text in file:

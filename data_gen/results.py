@@ -38,12 +38,12 @@ def pack_result(line: Mapping[str, Any], data: list[bytes]) -> bytes:
 
 
 def write_result(folder: pathlib.Path, model_id: str, content: bytes) -> None:
-    """Leaves what `pack_result` made in a file that appears whole or not at all."""
+    """Writes the bytes of `pack_result` to a file atomically."""
     write_atomic(work_path(folder, model_id), content, sync=False)
 
 
 def read_result(path: pathlib.Path) -> tuple[dict[str, Any], list[bytes]]:
-    """What `write_result` left.
+    """Reads the file of `write_result`: the line and the records of a model.
 
     Raises:
       ValueError: the file is damaged.
@@ -52,5 +52,5 @@ def read_result(path: pathlib.Path) -> tuple[dict[str, Any], list[bytes]]:
         content = msgpack.unpackb(path.read_bytes())
         return parse_json(content["line"]), list(content["records"])
     except Exception as error:
-        # msgpack has many ways to fail.
+        # msgpack raises many types of errors.
         raise ValueError(f"{path}: damaged ({error})") from error

@@ -175,10 +175,11 @@ def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
     again. The sampling is stratified by cumulative area, which covers the faces more evenly than
     independent points. The same seed gives the same points.
 
-    Coincident surfaces count once: a point is sampled again unless its face is the first one there.
-    If they face in both directions, the normal points to the outside, if exactly one side is
-    outside. The normals of a connected part are reversed if the outside is known for at least half
-    of its points and at least nine tenths of these have normals that point inward.
+    Coincident faces count as one: a point is kept only if its face is the first of the faces at
+    this place; otherwise another point is sampled. If such faces point in opposite directions and
+    exactly one side is outside, the normal points outside. The normals of a connected part are
+    reversed if the outside is known for at least half of its points and at least nine tenths of
+    these have normals that point inward.
 
     Args:
       model: the model; the points are in its frame.

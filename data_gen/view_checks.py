@@ -30,8 +30,8 @@ def check_view(
       coverage: fraction of the image that the mask covers; edge: number of mask pixels at the
       border of the image; luminance: mean of the pixels in the mask, 0 to 255; inside: fraction of
       the points that project into the mask dilated by one pixel; depth: median distance of
-      back-projected pixels from the nearest point; before: fraction of the points in front of the
-      visible surface.
+      back-projected pixels from the nearest point; `before`: fraction of the points that lie in
+      front of the visible surface.
     """
     mask = picture.mask
     height, width = mask.shape

@@ -1,8 +1,8 @@
-"""A rendering process, which `data_gen.pool` talks to.
+"""A rendering process, which `data_gen.pool` starts and communicates with.
 
     python -m data_gen.worker serve FD
 
-serves through the open pipe of that number.
+serves through the open pipe with the file descriptor FD.
 """
 
 import signal
@@ -14,17 +14,18 @@ from data_gen import engine
 from data_gen.render_model import Context, render_model
 from data_gen.results import failure, pack_result
 
-# A rendering process that nothing comes to for so long ends: its job may be gone.
+# A rendering process ends after this time without a message, because its job may have ended.
 _IDLE_SECONDS = 600.0
 
 
 def serve(connection: Connection) -> None:
-    """A rendering process: takes a `Context`, says None, takes entries, sends results.
+    """Main loop of a rendering process.
 
-    A result is (line, `pack_result`). It ends when None comes, the other side is gone or nothing
-    has come for ten minutes.
+    It receives a `Context`, sends None when ready, then receives entries and sends results. A
+    result is (line, content), where content is made by `pack_result`. The loop ends when it
+    receives None, when the connection is closed, or after ten minutes without a message.
     """
-    # Ctrl-C goes to all processes of a terminal; the one that watches this one ends it.
+    # Ctrl-C is sent to all processes of a terminal; the `Renderer` ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     context: Context = connection.recv()
     engine.start(*context.variant)
@@ -40,7 +41,7 @@ def serve(connection: Connection) -> None:
         try:
             data, line = render_model(entry, context)
         except Exception as error:
-            # Something that nobody has thought of: it ends with this model.
+            # An unexpected error: only this model fails.
             what = f"{type(error).__name__}: {error}".splitlines()[0][:300]
             data, line = [], failure(entry, "error", what)
         line["seconds_total"] = round(time.perf_counter() - started, 3)

@@ -1,6 +1,9 @@
 """Opens catalogues by name, with options from the command line.
 
-To add a catalogue, write a module with a class that has `entries()`, and a line in `CATALOGUES`.
+To add a catalogue, write a module with a class that implements `entry.Catalogue`, and add it to
+`CATALOGUES`. The first parameter of the class is `source`. The others are its options: their
+annotations are the types for `--option`, and the section Args of the docstring is shown by
+`--help`.
 """
 
 import importlib

@@ -220,7 +220,7 @@ def _plain(rng: np.random.Generator, name: str = "plain") -> Material:
 
 
 def _placed(model: Model, scale: float, x: float, y: float, turn: float = 0.0) -> Model:
-    """Scaled, then turned about the vertical axis by so many degrees, then moved."""
+    """The model scaled, turned about the vertical axis by `turn` degrees, and moved by (x, y)."""
     turned = _turned(_scaled(model, (scale,) * 3), turn)
     matrix = np.concatenate([np.eye(3), np.array([[x], [y], [0.0]])], axis=1)
     return turned.transformed(matrix)

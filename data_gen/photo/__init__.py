@@ -5,8 +5,8 @@ passed in as a function. All colours are linear until `develop`.
 
 The irradiance of each pixel is estimated with a few rays of two kinds: toward bright parts of the
 environment map, and distributed by the cosine of the angle to the normal. They are combined by the
-balance heuristic (Veach 1997). Each pixel in a block of 4 x 4 pixels uses another of sixteen sets
-of rays, and an edge-preserving filter averages over such blocks, so that the result corresponds to
+balance heuristic (Veach 1997). Each of the 16 pixels in a block of 4 x 4 uses a different set of
+rays, and an edge-preserving filter averages over such blocks, so that the result corresponds to
 sixteen times as many rays. Unoccluded surfaces have no noise. Light from other surfaces of the
 model is estimated once for each face, from its colour and its irradiance.
 """

@@ -20,7 +20,7 @@ class Files(abc.ABC):
         """The stored name of the file `name`, which may differ in upper and lower case; or None."""
 
     def why_not(self, name: str) -> str:
-        """Why `find` finds nothing under a name: "is missing"."""
+        """The reason why `find` returns None for a name, such as "is missing"."""
         return "is missing"
 
     @abc.abstractmethod
@@ -89,7 +89,7 @@ class FolderFiles(Files):
         return "is a link that leads out of the folder" if self._leads_out(path) else "is missing"
 
     def _alike(self, folder: pathlib.Path, name: str) -> str | None:
-        """The first name in a folder that differs in case alone; the folder is listed once."""
+        """The first name in a folder that differs only in case; the folder is listed once."""
         if folder not in self._names:
             try:
                 entries = sorted(os.listdir(folder), reverse=True)

@@ -17,8 +17,14 @@ from data_gen.readers.textures import TEXTURE_SIDE
 Reader = Callable[[bytes, Files, str, int, int, Notes], dict[str, Any]]
 """Makes the arguments of `mesh.build_model` from the bytes of a file.
 
-The arguments are the bytes, the files that it may refer to, its folder among these, the limits of
-texture size and faces, and the warnings, which are added to."""
+Arguments, in order:
+
+- the bytes;
+- the files that the file may refer to;
+- the folder of the file, within these;
+- the limit of the texture size;
+- the limit of the number of faces;
+- the notes, to which the reader adds its warnings."""
 
 
 def load_model(

@@ -83,7 +83,8 @@ def _small(picture: Image.Image, side: int) -> Image.Image:
 def with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.ndarray:
     """The texture (None = white) with an alpha map as alpha.
 
-    The alpha map counts by its own alpha if it has one, otherwise by its brightness.
+    The alpha comes from the map's own alpha channel if that is not opaque everywhere, otherwise
+    from the brightness of the map.
     """
     if (alpha_map[..., 3] < 255).any():
         alpha = alpha_map[..., 3]

@@ -67,8 +67,9 @@ class Source:
       place: source of the catalogue: a path in the unpacked package, or a number of models.
       options: options of the catalogue.
       exclude: pattern of the names of models that are left out.
-      families: models of a family are in the same split. "name": the family is `family_of` the
-        name; "folder": of the first folder; "": the catalogue decides the split.
+      families: models of a family are in the same split. "name": the family is `family_of(name)`;
+        "folder": the family is the first folder of the name; "": no families, the catalogue decides
+        the split.
     """
 
     name: str

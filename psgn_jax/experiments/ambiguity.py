@@ -11,7 +11,7 @@ conditional variational autoencoder. On the cabinets of a validation split, the 
 - the spread of the output points over draws along the hidden direction (x, the depth) and along
   the visible directions (y, z), on ambiguous images;
 - the spread on unambiguous images;
-- the spread of the marginals (`metrics.samples.marginal_spread`), which ignores points that only
+- the spread of the marginals (`metrics.samples.marginal_spread`), which does not change if points
   exchange places or slide along the surface;
 - the distribution of the depth of the drawn clouds, measured from their points (`measured_depth`),
   compared with that of the cabinets with this image: Wasserstein-1 distance, coverage of the range,
@@ -70,7 +70,7 @@ GOALS = {
     "hidden over visible spread": 3.0,
     "spread without doubt over with": 1 / 3,
 }
-"""Bounds of the ratios of `judge`: at most, at least, at most."""
+"""Goals for the three ratios of `judge`, in its order: upper bound, lower bound, upper bound."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -64,7 +64,7 @@ MEASURES: Mapping[str, Row] = {
     "spread": Row("spread: rms distance from the branch's centre [radius]", 4),
     "extent": Row("rms distance from the object's centre [radius]", 4),
     "pred_to_gt": Row("predicted points to truth [radius^2]", 5),
-    "gt_to_pred": Row("truth to the points of this branch alone [radius^2]", 5),
+    "gt_to_pred": Row("truth to the points of only this branch [radius^2]", 5),
     "share": Row("true points to which it is nearest [%]", 1),
 }
 """Measures of each branch, with one number per sample."""

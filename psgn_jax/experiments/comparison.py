@@ -4,9 +4,9 @@ The study trains on the same records, with the same images:
 
 - the point networks `cd` and `emd`, the network that predicts the object's `volume`, and the voxel
   head with four inputs: only the cloud of `cd`; with the predicted volume; both clouds; all;
-- 3D-R2N2 (`r2n2`) on one to five views, for as many seconds as all networks together that the last
-  of these heads needs. Its number of steps is calculated from a few timed steps and from the
-  seconds in the logs of the others (without compilation and evaluations). It is stored in
+- 3D-R2N2 (`r2n2`) on one to five views, for the total training time of the last of these heads and
+  of all networks that it reads. The number of steps is calculated from a few timed steps and from
+  the times in the logs of these trainings (without compilation and evaluations). It is stored in
   `budget.json`.
 
 It then measures on the test split (the evaluation split if there is none), per category:
@@ -210,7 +210,7 @@ def configuration(
 
 
 def step_seconds(config: Config, workdir: pathlib.Path) -> float:
-    """Mean seconds of a step of 3D-R2N2 over the numbers of views, as they are linear in these."""
+    """Mean duration of a step of 3D-R2N2 over the numbers of views, in which it is linear."""
     task = tasks.create(config, workdir)
     mesh = step_lib.data_mesh()
     tx = state_lib.optimizer(config.optim, config.train.steps)

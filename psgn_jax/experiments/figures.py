@@ -120,7 +120,7 @@ def grid(
     scale: tuple[float, float] | None = None,
     scale_title: str = "",
 ) -> Figure:
-    """Rows of panels. A panel has a title if the panel above has another title.
+    """Rows of panels. The title of a panel is drawn unless the panel above has the same title.
 
     Args:
       rows: title -> panel: an image uint8 [h, w, 3], or values [h, w], shown with a colour map and

@@ -1,8 +1,8 @@
-"""ONNX Runtime Web, which runs the network in the browser: fetched once, checked, never committed.
+"""ONNX Runtime Web, which runs the network in the browser. It is not part of the repository.
 
-It comes from the package `onnxruntime-web` of the npm registry, by `npm pack`, and is kept in the
-cache folder. On a machine without npm or network it is taken from a folder or an archive that holds
-the same version. Every file is compared with its checksum, wherever it comes from.
+It is downloaded once with `npm pack` from the package `onnxruntime-web` of the npm registry, and
+kept in the cache folder. On a machine without npm or network it is read from a folder or an archive
+with the same version. Every file is compared with its checksum, wherever it comes from.
 """
 
 import hashlib
@@ -42,10 +42,10 @@ def runtime_files(given: str | os.PathLike[str] = "") -> dict[str, bytes]:
     """The runtime's files by name.
 
     Args:
-      given: folder or `.tgz` with them; "" for the cache, which is filled by npm if it is empty.
+      given: folder or `.tgz` with the files; "" for the cache, which npm fills if it is empty.
 
     Raises:
-      ConfigError: they cannot be had, or a checksum differs.
+      ConfigError: the files are not available, or a checksum differs.
     """
     if given:
         return _checked(_read(pathlib.Path(given)), f"--runtime={given}")

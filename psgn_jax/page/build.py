@@ -52,11 +52,11 @@ def build_page(
 
     Args:
       run: the network.
-      out: folder, made if missing; files of an earlier page are replaced.
-      weights: how they are stored, see `portable.folder.write_network`.
-      runtime: see `browser_runtime.runtime_files`.
-      data: records to check the network's file on, see `portable.folder.write_network`.
-      split: of the records.
+      out: folder, created if missing; files of an earlier page are replaced.
+      weights: how weights are stored, see `portable.folder.write_network`.
+      runtime: source of the runtime, see `browser_runtime.runtime_files`.
+      data: folder of records for the check, see `portable.folder.write_network`.
+      split: split of the records.
       sources: data and licences of the weights.
 
     Raises:

@@ -13,20 +13,20 @@ from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.portable.network import PortableNetwork
 
 LARGEST_DIFFERENCE = 1e-4
-"""Of a coordinate of the float32 file from JAX's (unit)."""
+"""Largest accepted difference between a coordinate of the float32 file and JAX's (unit)."""
 
 LARGEST_CD_CHANGE = 0.01
-"""Relative change of the mean CD under smaller weights."""
+"""Largest accepted relative change of the mean CD for smaller weights."""
 
 Arrays = dict[str, np.ndarray]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Samples:
-    """Inputs of a network, and the clouds that are to come out where these are known.
+    """Inputs of a network, and the true clouds, if known.
 
     Attributes:
-      inputs: by name, all images in one array.
+      inputs: arrays by the name of the input; the first axis counts the images.
       truth: float32 [n, m, 3], or None for drawn silhouettes.
     """
 
@@ -39,13 +39,13 @@ class Samples:
 
 @dataclasses.dataclass(frozen=True)
 class Check:
-    """How far a file is from JAX.
+    """Differences between the output of a file and that of JAX.
 
     Attributes:
-      images: how many were compared.
-      largest_difference: of a coordinate (unit).
+      images: number of images that were compared.
+      largest_difference: largest difference of a coordinate (unit).
       cd: mean `chamfer_sq_mean` of the file's clouds (unit^2); None without ground truth.
-      cd_change: relative to that of JAX's clouds.
+      cd_change: change of `cd`, relative to the value for JAX's clouds.
     """
 
     images: int
@@ -60,7 +60,7 @@ def recorded_samples(
     """The first samples of a split of records.
 
     Raises:
-      RecordError: no records there.
+      RecordError: `path` contains no records of this split.
     """
     reader = open_split([path], split)
     size = network.config.data.image_size
@@ -74,7 +74,7 @@ def recorded_samples(
 
 
 def drawn_samples(network: PortableNetwork, count: int = 8) -> Samples:
-    """Coloured ellipses, where no records are at hand; always the same ones."""
+    """Coloured ellipses, for use without records; always the same."""
     rng = np.random.default_rng(0)
     height, width = network.config.data.image_size
     rows, columns = np.mgrid[:height, :width] / np.array([height, width]).reshape(2, 1, 1) - 0.5

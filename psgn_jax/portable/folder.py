@@ -35,7 +35,7 @@ ONNX_NAMES = {
 STABLEHLO_NAME = "network.stablehlo"
 TEMPLATES = pathlib.Path(__file__).resolve().parent / "templates"
 JAVASCRIPT = ("framing.js", "resample.js")
-"""Modules in `TEMPLATES`: what is done before and after the network, with the same results."""
+"""JavaScript modules in `TEMPLATES` that frame and resample photos like the Python code."""
 
 RULE = {
     "box_width": framing.BOX_WIDTH,
@@ -46,11 +46,11 @@ RULE = {
     "middle_row_per_width": framing.MIDDLE_ROW_PER_WIDTH,
     "smallest_box": framing.SMALLEST_BOX,
 }
-"""Of `data.framing`, for programs in other languages."""
+"""Constants of the framing rule (`data.framing`), for programs in other languages."""
 
 
 class ExportError(UserError):
-    """A network that cannot be written for other programs, or comes out wrong."""
+    """A network cannot be converted for other programs, or the written file gives wrong results."""
 
 
 def write_folder(run: Run, out: str | os.PathLike[str], **options: Any) -> dict[str, Any]:
@@ -78,12 +78,12 @@ def write_network(
 
     Args:
       run: the network.
-      out: folder, made if missing.
+      out: folder, created if missing.
       weights: how ONNX files store weights, any of `ONNX_NAMES`. "int8" needs `data`.
       stablehlo: whether to write the StableHLO program.
-      data: folder of records to check on; "" for drawn silhouettes, which have no ground truth.
-      split: of the records.
-      images: how many to check on.
+      data: folder of records for the check; "" = drawn silhouettes, which have no ground truth.
+      split: split of the records.
+      images: number of images for the check.
       sources: data and licences of the weights (`weights.file.read_sources`).
 
     Returns:
@@ -127,7 +127,7 @@ def write_network(
 
 
 def onnx_content(network: PortableNetwork, stored: str, texts: Mapping[str, str]) -> bytes:
-    """As `onnx_file.to_onnx`; errors as `ExportError`."""
+    """Calls `onnx_file.to_onnx` and raises its errors as `ExportError`."""
     from psgn_jax.portable import graph, onnx_file  # imports onnx
 
     try:
@@ -139,7 +139,10 @@ def onnx_content(network: PortableNetwork, stored: str, texts: Mapping[str, str]
 def describe(
     run: Run, network: PortableNetwork, sources: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """What a program has to know that calls the network: `network.json` without its files."""
+    """The content of `network.json` except the list of files.
+
+    It contains everything that a program needs to call the network.
+    """
     model = network.config.model
     intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
     latents = (
@@ -210,7 +213,7 @@ def _write(
 
 
 def summary(result: check_lib.Check) -> str:
-    """A check in words."""
+    """Describes a check as text."""
     text = f"largest difference {result.largest_difference:.1e} on {result.images} images"
     if result.cd is None or result.cd_change is None:
         return text

@@ -1,14 +1,14 @@
 """An ONNX graph under construction: values, constants, symbolic sizes. Only this file imports onnx.
 
-**Layouts.** JAX's convolutions here read images as [b, h, w, c], those of ONNX read [b, c, h, w]. A
-`Value` therefore knows in which order its axes are stored. Operators that work on each element keep
-that order, so a chain of convolutions needs no transposition between its ends.
+**Layouts.** The network's convolutions read images as [b, h, w, c] in JAX and as [b, c, h, w] in
+ONNX. A `Value` therefore records the order in which its axes are stored. Elementwise operators keep
+this order, so a chain of convolutions is transposed only at its beginning and end.
 
-**Sizes that are repeated.** A size that `broadcast_in_dim` repeats stays 1 in the stored tensor as
-long as it can: ONNX operators broadcast by themselves, and no copies are made.
+**Repeated axes.** An axis that `broadcast_in_dim` repeats keeps the size 1 in the stored tensor as
+long as possible, because ONNX operators broadcast and need no copies.
 
-**Symbolic sizes.** The number of images is known when the graph runs. A size such as `batch*draws`
-is computed within the graph from the shapes of its inputs.
+**Symbolic sizes.** The number of images is not known before the graph runs. A size such as
+`batch*draws` is computed within the graph from the shapes of its inputs.
 """
 
 import ast
@@ -43,7 +43,7 @@ _TYPES = {
 }
 
 Params = dict[str, Any]
-"""Of an equation of a jaxpr."""
+"""Parameters of an equation of a jaxpr."""
 
 Size = Any
 """An int, or a symbolic size of `jax.export.symbolic_shape`."""
@@ -58,12 +58,12 @@ class Value:
     """A tensor of the graph, or a constant.
 
     Attributes:
-      shape: its sizes, in the order of JAX's axes.
-      dtype: name of its type.
-      name: in the graph; "" for a constant.
+      shape: sizes, in the order of JAX's axes.
+      dtype: name of the type.
+      name: name in the graph; "" for a constant.
       order: stored axis i is JAX's axis `order[i]`.
-      stored: its sizes as they are stored, in the order of JAX's axes: 1 where `shape` repeats.
-      array: of a constant, in JAX's order, of the shape `stored`.
+      stored: stored sizes, in the order of JAX's axes: 1 for axes that `shape` repeats.
+      array: value of a constant, in JAX's axis order, with the shape `stored`; otherwise None.
     """
 
     shape: tuple[Size, ...]
@@ -127,7 +127,10 @@ class Graph:
         return dataclasses.replace(like, name=name, dtype=dtype or like.dtype, array=None)
 
     def fresh(self, name: str, shape: tuple[Size, ...], dtype: str) -> Value:
-        """The value of a node that is stored whole, in JAX's order."""
+        """The value of a node whose output has its full size, in JAX's axis order.
+
+        No repeated axis is left at size 1.
+        """
         return Value(shape, dtype, name, tuple(range(len(shape))), shape)
 
     def tensor(self, value: Value, order: Sequence[int] | None = None, channel: int = -1) -> str:
@@ -135,9 +138,9 @@ class Graph:
 
         Args:
           value: may be a constant.
-          order: None for JAX's.
-          channel: of a constant that is a layer's kernel: its axis of output channels in that
-            order. -1 for other constants, which are stored as they are.
+          order: order of the axes; None = JAX's order.
+          channel: if the constant is a layer's kernel: index of the output-channel axis in `order`.
+            -1 for other constants, which are not quantised.
         """
         order = tuple(range(value.rank)) if order is None else tuple(order)
         if value.array is not None:
@@ -147,7 +150,7 @@ class Graph:
         return self.node("Transpose", [value.name], perm=[value.order.index(a) for a in order])
 
     def whole(self, value: Value, order: Sequence[int] | None = None, channel: int = -1) -> str:
-        """As `tensor`, with repeated sizes copied out."""
+        """As `tensor`, with repeated axes expanded to their full size."""
         order = tuple(range(value.rank)) if order is None else tuple(order)
         name = self.tensor(value, order, channel)
         if value.stored == value.shape:
@@ -162,7 +165,7 @@ class Graph:
         return self.node("Concat", [self._size(size) for size in sizes], axis=0)
 
     def shape_to_reshape(self, sizes: Sequence[Size]) -> str:
-        """As `shape`, for Reshape, which finds one unknown size by itself."""
+        """As `shape`, for Reshape, which can infer one unknown size."""
         unknown = [i for i, size in enumerate(sizes) if not isinstance(size, int)]
         if len(unknown) == 1 and 0 not in sizes:
             return self.shape([-1 if i in unknown else size for i, size in enumerate(sizes)])
@@ -172,8 +175,8 @@ class Graph:
         """The checked model with one output.
 
         Args:
-          output: its name.
-          value: its value.
+          output: name of the output.
+          value: value of the output.
           texts: metadata.
         """
         self._nodes.append(helper.make_node("Identity", [self.whole(value)], [output]))

@@ -4,7 +4,7 @@ Inputs and output of the function, the ONNX graph and the StableHLO program alik
 
     image   uint8 [batch, H, W, 3]       RGB, as framed by `data.framing`; its background is ignored
     mask    bool [batch, H, W]           True on the object
-    r       float32 [batch, draws, k]    random inputs N(0, 1), only of networks that have some
+    r       float32 [batch, draws, k]    random inputs N(0, 1), if the network has a random input
     points  float32 [batch, n, 3]        [batch, draws, n, 3] with r; the project's frame
 
 The normalisation of colours is part of the function.
@@ -25,12 +25,12 @@ from psgn_jax.training import step as step_lib
 from psgn_jax.training.run_folder import Run
 
 PLATFORMS = ("cpu", "cuda", "rocm", "tpu")
-"""Of the StableHLO program."""
+"""Platforms of the StableHLO program."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Input:
-    """An input: sizes are numbers, or the names of symbolic sizes."""
+    """An input of the network; a size is a number, or the name of a symbolic size."""
 
     name: str
     dtype: str
@@ -42,9 +42,9 @@ class PortableNetwork:
     """A trained network with its inputs.
 
     Attributes:
-      config: of its training; arithmetic is float32 whatever `compute_dtype` says.
-      params: its parameters.
-      inputs: `image`, `mask` and perhaps `r`.
+      config: configuration of the training, with `compute_dtype` changed to float32.
+      params: parameters.
+      inputs: `image`, `mask` and, if the network has a random input, `r`.
     """
 
     config: Config
@@ -56,7 +56,7 @@ class PortableNetwork:
         """An opened network, see `weights.opening.open_network`.
 
         Raises:
-          ConfigError: its inputs or its task are others than photos to points.
+          ConfigError: the network does not predict points, or reads more than colour and mask.
         """
         require_points_task(run.config, "a network for other programs")
         if "depth" in run.config.data.inputs:
@@ -100,7 +100,7 @@ class PortableNetwork:
         """The program with its weights, for `jax.export.deserialize`.
 
         Args:
-          platforms: on which it can be called.
+          platforms: platforms on which the program can be called.
         """
         function = jax.jit(lambda *arrays: self(*arrays))
         return bytes(

@@ -12,11 +12,11 @@ STORED = graph_lib.STORED
 def to_onnx(
     network: PortableNetwork, weights: str = "float32", texts: Mapping[str, str] | None = None
 ) -> bytes:
-    """The content of the file: inputs and output as `portable.network` describes.
+    """The content of the file; inputs and output are described in `portable.network`.
 
     Args:
-      network: to convert.
-      weights: how they are stored, one of `STORED`.
+      network: the network to convert.
+      weights: how weights are stored, one of `STORED`.
       texts: metadata of the file.
 
     Raises:

@@ -1,9 +1,9 @@
 """JAX's primitives in ONNX: `convert` appends the equations of a traced function to a graph.
 
-The conversion knows operations, not networks: what is made of the primitives below can be
-converted. An operation that has no form here raises `UnsupportedError` with its name. Equations
-whose arguments are all known are computed by JAX and stored as constants, and equations whose
-results are not used are left out.
+The conversion works on operations, not on particular networks: every function that consists of the
+primitives below can be converted. Any other primitive raises `UnsupportedError` with its name.
+Equations whose arguments are all known are computed by JAX and stored as constants, and equations
+whose results are not used are left out.
 """
 
 import functools
@@ -69,15 +69,15 @@ def convert(graph: Graph, closed: Any, inputs: Sequence[Value]) -> list[Value]:
     """Appends a traced function to a graph.
 
     Args:
-      graph: to append to.
-      closed: of `jax.make_jaxpr`.
-      inputs: the function's arguments.
+      graph: the graph to append to.
+      closed: the function, traced by `jax.make_jaxpr`.
+      inputs: arguments of the function.
 
     Returns:
-      its results.
+      results of the function.
 
     Raises:
-      UnsupportedError: it has an operation that is not known here.
+      UnsupportedError: the function contains an operation that is not supported here.
     """
     return _convert(graph, closed.jaxpr, [constant(c) for c in closed.consts], inputs)
 
@@ -179,7 +179,7 @@ def _binary(graph: Graph, name: str, operands: Sequence[Value], out: Any) -> Val
 
 
 def _is_zero(operands: Sequence[Value]) -> int | None:
-    """Which of two float operands is the constant 0, if one is."""
+    """Index of the operand that is the constant 0, of two floats; None if there is none."""
     for i, value in enumerate(operands):
         is_number = value.array is not None and value.array.size == 1
         if is_number and value.dtype == "float32" and not np.any(value.array):
@@ -273,4 +273,4 @@ OPERATORS: dict[str, Operator] = {
     "reduce_window_max": functools.partial(products.pool, "MaxPool"),
     "reduce_window_sum": functools.partial(products.pool, "AveragePool"),
 }
-"""Primitive -> its form, beside `_UNARY` and `_BINARY`."""
+"""Primitive -> function that appends its ONNX nodes; see also `_UNARY` and `_BINARY`."""

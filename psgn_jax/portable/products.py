@@ -38,7 +38,7 @@ def dot(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Va
 
 
 def convolution(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Value:
-    """`conv_general_dilated`: Conv, or ConvTranspose where the image is spread."""
+    """`conv_general_dilated`: Conv, or ConvTranspose for a convolution with input dilation."""
     x, kernel = operands
     numbers = params["dimension_numbers"]
     dilation, groups = tuple(params["lhs_dilation"]), params["feature_group_count"]
@@ -65,10 +65,10 @@ def convolution(graph: Graph, operands: Sequence[Value], out: Any, params: Param
 
 
 def _transposed_kernel(graph: Graph, kernel: Value, params: Params) -> tuple[str, dict[str, Any]]:
-    """Kernel and attributes of ConvTranspose: of a convolution that spreads its image first.
+    """Kernel and attributes of ConvTranspose for a convolution with input dilation.
 
-    With k taps, ONNX crops `pads` from the image that all taps write; JAX's padding of the spread
-    image is k - 1 less that.
+    ONNX crops `pads` from the full result of the transposed convolution. With a kernel of size k,
+    JAX's padding of the dilated image is k - 1 - `pads`.
     """
     numbers, rank = params["dimension_numbers"], kernel.rank
     if (

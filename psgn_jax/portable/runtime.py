@@ -21,11 +21,11 @@ class Session:
     """A graph, ready to be run.
 
     Args:
-      model: the file's content.
-      threads: for one operation.
+      model: content of the file.
+      threads: number of threads for one operation.
 
     Raises:
-      ValueError: onnxruntime refuses it.
+      ValueError: onnxruntime refuses the model.
     """
 
     def __init__(self, model: bytes, threads: int = 1):

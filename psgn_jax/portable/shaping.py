@@ -38,7 +38,7 @@ def reshape(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -
 
 
 def transpose(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Value:
-    """`transpose`: no node, another order."""
+    """`transpose`: adds no node; only the order of the stored axes changes."""
     x, permutation = operands[0], list(params["permutation"])
     order = tuple(permutation.index(axis) for axis in x.order)
     stored = tuple(x.stored[axis] for axis in permutation)
@@ -77,11 +77,11 @@ def slice(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> 
 
 
 def reverse(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Value:
-    """`rev`: axes from their end to their beginning."""
+    """`rev`: reverses axes."""
     (x,) = operands
     name = graph.whole(x, x.order)
     for axis in params["dimensions"]:
-        # From the last to before the first, which no other number means.
+        # The end -2**31 includes the first element; -1 would mean the last one.
         limits = [graph.shape([v]) for v in (-1, -(2**31), x.order.index(axis), -1)]
         name = graph.node("Slice", [name, *limits])
     return Value(tuple(out.shape), x.dtype, name, x.order, tuple(out.shape))
@@ -103,7 +103,7 @@ def pad(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Va
 def reduce(
     operator: str, graph: Graph, operands: Sequence[Value], out: Any, params: Params
 ) -> Value:
-    """`reduce_sum` and its like."""
+    """`reduce_sum` and the other reductions."""
     (x,), axes = operands, params["axes"]
     at = [x.order.index(axis) for axis in axes]
     name, options = graph.whole(x, x.order), {"keepdims": 0}

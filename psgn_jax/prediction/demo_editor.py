@@ -1,7 +1,7 @@
-"""The value of the demo's mask editor: where the photo lies in it, what is painted, its bounds.
+"""The value of the demo's mask editor: the position of the photo, the painted area, the limits.
 
 The value is a mapping with `background` and `composite`, uint8 [*EDITOR_SIZE, 4], and `layers`, a
-list of such arrays, as `gradio.ImageEditor` has it. The module does not import gradio.
+list of such arrays, as in `gradio.ImageEditor`. The module does not import gradio.
 """
 
 import io
@@ -23,16 +23,16 @@ PAINT = (226, 70, 40, 150)
 """Colour of the mask over the photo, RGBA."""
 
 MAX_LAYERS = 4
-"""Layers of the editor's value."""
+"""Largest number of layers of the editor's value."""
 
 KEPT_VALUES = 16
-"""Values of the editor that are kept until they are used."""
+"""Number of editor values that are kept until they are used."""
 
 MAX_LAYER_BYTES = 4_000_000
 
 
 def place_in_editor(shape: tuple[int, ...]) -> tuple[slice, slice]:
-    """Rows and columns of the editor's canvas on which a photo of this shape [h, w, ...] lies."""
+    """Rows and columns of the editor's canvas that a photo of this shape [h, w, ...] covers."""
     height, width = EDITOR_SIZE
     scale = min(height / shape[0], width / shape[1])
     rows, columns = max(1, round(scale * shape[0])), max(1, round(scale * shape[1]))
@@ -41,7 +41,9 @@ def place_in_editor(shape: tuple[int, ...]) -> tuple[slice, slice]:
 
 
 def shows_photo(edited: Any) -> bool:
-    """Whether the editor's value has a background: it is cleared whole, and fills the canvas.
+    """Whether the editor's value has a background image.
+
+    Clearing removes the whole background, and a background always fills the canvas.
 
     Raises:
       PhotoError: the value was refused, see `check_pictures`.
@@ -53,10 +55,10 @@ def shows_photo(edited: Any) -> bool:
 
 
 def painted(edited: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """What the layers of the editor's value cover of a photo of this shape [h, w, ...].
+    """The pixels of a photo of this shape [h, w, ...] that the editor's layers cover.
 
     Returns:
-      bool [h, w]; paint beside the photo is left out.
+      bool [h, w]; paint outside the photo is ignored.
     """
     mask = np.zeros(EDITOR_SIZE, np.bool_)
     for layer in edited["layers"]:
@@ -76,8 +78,8 @@ def check_pictures(pictures: Sequence[Any]) -> None:
       pictures: paths or bytes of image files; None where a part is missing.
 
     Raises:
-      PhotoError: more layers than `MAX_LAYERS`, with background and composite; no image; or one of
-        another size than the canvas.
+      PhotoError: there are more layers than `MAX_LAYERS`, or a part is not an image or has another
+        size than the canvas.
     """
     if len(pictures) > MAX_LAYERS + 2:
         raise photo.PhotoError(f"{len(pictures)} parts of a mask: accepted: {MAX_LAYERS} layers")
@@ -100,10 +102,10 @@ def check_pictures(pictures: Sequence[Any]) -> None:
 
 
 class Blobs(dict[str, Any]):
-    """The editor's values that were sent and not yet used; the oldest go."""
+    """Editor values that were received and not yet used; the oldest are dropped."""
 
     def __setitem__(self, key: str, value: Any) -> None:
-        """Keeps a value, and `KEPT_VALUES` in all."""
+        """Stores a value and drops the oldest ones beyond `KEPT_VALUES`."""
         self.pop(key, None)
         super().__setitem__(key, value)
         while len(self) > KEPT_VALUES:

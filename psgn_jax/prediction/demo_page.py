@@ -41,11 +41,13 @@ from psgn_jax.viewing import page
 MAX_SAMPLES = 16
 
 MAX_PIXELS = 50_000_000
-"""Pixels of a photo that are decoded; a JPEG of more is decoded smaller."""
+"""Largest number of pixels of a decoded photo; a larger JPEG is decoded at a smaller size."""
 
 AT_ONCE = 8
-"""Requests that are served at the same time. Photos of more than `LARGE_PIXELS` are read one at a
-time and at most `LARGE_WAITING` wait, so that there is always room for others."""
+"""Number of requests served at the same time.
+
+Photos with more than `LARGE_PIXELS` pixels are read one at a time, and at most `LARGE_WAITING` of
+them wait, so that other requests can always be served."""
 
 LARGE_PIXELS = 6_000_000
 LARGE_WAITING = 3

@@ -1,11 +1,11 @@
-"""Serves the demo's page: who may ask for it, and how much may be sent.
+"""Serves the demo's page: checks which requests are accepted, and how large they may be.
 
 A page of another site that is open in the same browser must not reach this server. Two checks
 prevent it, for pages and web sockets alike:
 
-- The `Host` of a request must be a name of this server. Another site whose name is made to lead
-  here (DNS rebinding) keeps its own name.
-- The `Origin` of a request, where a browser gives it, must be this server itself.
+- The `Host` of a request must be a name of this server. A site that points its own name at this
+  address (DNS rebinding) still sends its own name and is refused.
+- The `Origin` of a request, if the browser sends it, must be this server itself.
 """
 
 import ipaddress
@@ -18,7 +18,7 @@ from typing import Any
 from psgn_jax.config import ConfigError
 
 MAX_UPLOAD_BYTES = 25_000_000
-"""Size of a file that is uploaded."""
+"""Largest size of an uploaded file."""
 
 _MAX_BODY_BYTES = MAX_UPLOAD_BYTES + 1_000_000  # with the form around the file
 _MAX_CONNECTIONS = 200
@@ -31,12 +31,12 @@ _App = Callable[[Any, _Receive, _Send], Awaitable[None]]
 
 
 class Guard:
-    """An ASGI application that passes to another what it may get.
+    """An ASGI application that passes permitted requests to another application.
 
     Args:
-      app: the other.
+      app: the other application.
       names: host names of this server besides "localhost"; lower case, without a port.
-      any_address: whether a host may be any IP address, or loopback addresses alone.
+      any_address: whether `Host` may be any IP address; otherwise only loopback addresses.
     """
 
     def __init__(self, app: _App, names: Iterable[str] = (), *, any_address: bool = False) -> None:
@@ -156,7 +156,7 @@ def listen(host: str, port: int) -> tuple[socket.socket, str]:
 
 
 def is_local(host: str) -> bool:
-    """Whether an address to listen at is reached from this machine alone."""
+    """Whether an address to listen at can be reached only from this machine."""
     name = host.strip("[]").lower()
     try:
         return ipaddress.ip_address(name).is_loopback

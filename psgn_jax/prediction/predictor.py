@@ -81,8 +81,8 @@ class Predictor:
     """A trained network that can be called with images.
 
     Args:
-      config: configuration of its run.
-      params: its parameters.
+      config: configuration of the run.
+      params: parameters of the network.
       step: step of the checkpoint, for information.
       source: folder of the run or name of the weights, for information.
       source_kind: "workdir" or "weights".

@@ -43,11 +43,11 @@ class Points:
         return make_eval_step(self._config, self._model)
 
     def check(self) -> None:
-        """Raises `ConfigError` if the loss does not take the network's points and the truth's."""
+        """Raises `ConfigError` if the loss cannot compare the network's points with the truth."""
         _check_loss(self._config, self._model)
 
     def keep_sources(self) -> None:
-        """There are none."""
+        """Does nothing: this task reads no other runs."""
 
     def create(self, tx: optax.GradientTransformation) -> state_lib.TrainState:
         """The state before the first step, see `training.state.create`."""
@@ -72,7 +72,7 @@ class Points:
         chosen: Mapping[str, float] | None = None,
         draws: int = 0,
     ) -> Evaluation:
-        """Metrics of clouds on a split; nothing is chosen. With `draws` see `with_draws`."""
+        """Metrics of clouds on a split, without chosen thresholds; `draws`: see `with_draws`."""
         eval_step = self._eval_step
         if draws:
             eval_step = with_draws(self._config, self._model, eval_step, draws)
@@ -105,7 +105,7 @@ def make_eval_step(config: Config, model: Any) -> Callable[..., Any]:
     """The compiled evaluation step, over the local devices if they divide the batch."""
 
     def pair(pred: Any, gt: Any, visible: Any = None) -> Any:
-        # A bijection wants at least as many true points; without them there is no EMD.
+        # A bijection needs at least as many true points; otherwise the EMD is left out.
         emd_tolerance = config.eval.emd_tolerance if len(pred) <= len(gt) else 0
         metrics = metrics_lib.evaluate_pair(
             pred,
@@ -155,24 +155,24 @@ def with_draws(
         def one(draws: Any, gt: Any) -> dict[str, Any]:
             return sample_metrics.summarise_draws(draws, gt, distances)
 
-        found = map_pairs(one)(points, gt)
+        metrics = map_pairs(one)(points, gt)
         if num_draws > 1:
             difference = jax.vmap(sample_metrics.total_mutual_difference)
-            found["total_mutual_difference_radius2"] = difference(mutual)
-        return found
+            metrics["total_mutual_difference_radius2"] = difference(mutual)
+        return metrics
 
     def run(params: Any, batch: Any, index: int) -> Any:
         points, values = eval_step(params, batch, index)
-        found = sample(params, batch, config.seed, index * len(batch["image"]))
-        return points, {**values, **measure(found.points, batch["points"], found.mutual)}
+        drawn = sample(params, batch, config.seed, index * len(batch["image"]))
+        return points, {**values, **measure(drawn.points, batch["points"], drawn.mutual)}
 
     return run
 
 
 def _check_loss(config: Config, model: nn.Module) -> None:
-    """Raises `ConfigError` if the loss does not take the network's points and the ground truth's.
+    """Raises `ConfigError` if the loss cannot compare the network's points with the ground truth.
 
-    An EMD wants as many of one as of the other.
+    An EMD requires equal numbers of points.
     """
     height, width = config.model.image_size
     image = jax.ShapeDtypeStruct((1, height, width, config.model.in_channels), np.float32)

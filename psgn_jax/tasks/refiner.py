@@ -37,7 +37,7 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Run:
 
     Raises:
       ConfigError: the run does not exist, or its image size, inputs or task do not match.
-      CheckpointError: it has no checkpoint.
+      CheckpointError: the run has no checkpoint.
     """
     path, wanted = config.voxels.sources[name], "volume" if name == "from_volume" else "points"
     copy = workdir / "frozen" / name

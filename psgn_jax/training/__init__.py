@@ -1,1 +1,1 @@
-"""From a configuration to a trained network in a folder."""
+"""Training: from a configuration to a trained network in a folder."""

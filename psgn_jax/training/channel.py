@@ -1,8 +1,9 @@
 """Messages between the processes of one training, over TCP.
 
-The first process listens, and every other one holds a connection to it. Messages are short: errors,
-signals, metrics. Arrays go through the devices. Each side also sends a sign of life every few
-seconds, so that every process learns within a minute that one has ended, hangs or is cut off.
+The first process listens, and every other process connects to it. Messages are short: errors,
+signals, metrics. Arrays are sent through the devices. Each side also sends a heartbeat every few
+seconds, so that every process detects within a minute that another one has ended, hangs or has lost
+its connection.
 """
 
 import contextlib
@@ -13,10 +14,10 @@ import threading
 import time
 from collections.abc import Callable
 
-SIGN_OF_LIFE_SECONDS = 5.0
+HEARTBEAT_SECONDS = 5.0
 SILENCE_SECONDS = 40.0
-"""After so long without a sign of life a process counts as lost. A connection that is closed, as
-that of a process that was killed, counts at once."""
+"""A process without a heartbeat for this long counts as lost. If its connection is closed, as when
+it is killed, it counts as lost immediately."""
 
 _CONNECT_SECONDS = 60.0
 _LEAVING_SECONDS = 2.0
@@ -44,7 +45,7 @@ class _Link:
             self._connection.sendall(kind + len(data).to_bytes(8, "little") + data)
 
     def receive(self) -> tuple[bytes, str]:
-        """The next message; raises `OSError` if there will be none."""
+        """The next message; raises `OSError` if the connection is closed or silent."""
         head = self._read(9)
         return head[:1], self._read(int.from_bytes(head[1:], "little")).decode()
 
@@ -66,9 +67,9 @@ class Channel:
     """The connections of one process.
 
     Args:
-      index: of this process.
-      links: by the index of the other process: to all of them in the first process, else to the
-        first one.
+      index: index of this process.
+      links: connections by the index of the other process. The first process has one to every other
+        process, each other process only one to the first.
       on_lost: called once, from a thread, with one line on the process that was lost or failed.
     """
 
@@ -79,7 +80,7 @@ class Channel:
         self._ending = threading.Lock()
         for other, link in links.items():
             threading.Thread(target=self._listen, args=(other, link), daemon=True).start()
-        threading.Thread(target=self._show_life, daemon=True).start()
+        threading.Thread(target=self._send_heartbeats, daemon=True).start()
 
     def exchange(self, text: str) -> list[str]:
         """Waits until every process has called it; returns the texts of all, by process."""
@@ -99,12 +100,12 @@ class Channel:
         self._tell(f"process {self._index} failed: {text}")
 
     def await_loss(self, seconds: float) -> None:
-        """Waits so long for news that another process is lost; if there is, it does not return."""
+        """Waits up to `seconds` for the loss of another process; does not return if it comes."""
         if self._lost.wait(seconds):
             threading.Event().wait()
 
     def leave(self) -> None:
-        """Ends without the others' regarding this process as lost."""
+        """Closes the connections so that the other processes do not count this one as lost."""
         self._leaving.set()
         for link in self._links.values():
             with contextlib.suppress(OSError):
@@ -121,7 +122,7 @@ class Channel:
         self._wait_for_others()
 
     def _wait_for_others(self) -> None:
-        """The first process ends last: with it goes JAX's service, which the others need."""
+        """Lets the first process end last, because the others need JAX's service in it."""
         until = time.monotonic() + _LEAVING_SECONDS
         for link in self._links.values() if not self._index else ():
             link.over.wait(max(0.0, until - time.monotonic()))
@@ -150,15 +151,15 @@ class Channel:
             self._tell(line)
         self._on_lost(line)
 
-    def _show_life(self) -> None:
-        while not self._leaving.wait(SIGN_OF_LIFE_SECONDS):
+    def _send_heartbeats(self) -> None:
+        while not self._leaving.wait(HEARTBEAT_SECONDS):
             for link in self._links.values():
                 with contextlib.suppress(OSError):  # the listening thread reports it
                     link.send(_ALIVE)
 
 
 class Listener:
-    """The first process's socket, on a free port, to which the others connect."""
+    """The socket of the first process, on a free port, to which the other processes connect."""
 
     def __init__(self) -> None:
         if socket.has_dualstack_ipv6():
@@ -184,7 +185,7 @@ class Listener:
 
 
 def _greeting(link: _Link, token: str) -> int | None:
-    """The index that the other side gives, or None if it is not of this training."""
+    """The index that the other side sends, or None if it does not belong to this training."""
     with contextlib.suppress(OSError, ValueError, TypeError):
         shown, other = json.loads(link.receive()[1])
         return int(other) if shown == token else None
@@ -192,7 +193,7 @@ def _greeting(link: _Link, token: str) -> int | None:
 
 
 def connect(address: tuple[str, int], index: int, token: str, on_lost: OnLost) -> Channel:
-    """The channel of process `index`, to the first process at `address`."""
+    """The channel of process `index`, connected to the first process at `address`."""
     link = _Link(socket.create_connection(address, timeout=_CONNECT_SECONDS))
     link.send(_TEXT, json.dumps([token, index]))
     return Channel(index, {0: link}, on_lost)

@@ -1,10 +1,10 @@
 """Checkpoints of a run: saved in the background, complete or absent, the newest and the best kept.
 
-The only importer of orbax. On disk, below the folder given: `<step>/` holds a checkpoint, with the
-arrays by dotted name and a `meta` item (JSON) with what the caller gives and a checksum of every
-array; `scores.json` holds the metrics of those that were evaluated. Orbax writes under a temporary
-name and renames when all is written, so a process killed while writing leaves no half checkpoint
-behind; the checksums find what was damaged later.
+Only this module imports orbax. In the given folder, `<step>/` contains a checkpoint: the arrays by
+dotted name, and a JSON item `meta` with the caller's data and a checksum of every array.
+`scores.json` contains the metrics of the checkpoints that were evaluated. Orbax writes under a
+temporary name and renames the folder when it is complete, so a process that is killed while writing
+leaves no incomplete checkpoint behind; the checksums detect later damage.
 """
 
 import contextlib
@@ -35,7 +35,7 @@ _STEP = re.compile(r"0|[1-9][0-9]{0,17}")
 """Names of the folders of checkpoints."""
 
 RANKING = ("cd_sq_radius2", "one_minus_iou", "log_volume_abs_error")
-"""What says which checkpoint is the best, lower is better: the first of these that was measured."""
+"""Metrics that rank the checkpoints; lower is better. The first one that was measured is used."""
 
 
 class Checkpoint(NamedTuple):
@@ -47,7 +47,7 @@ class Checkpoint(NamedTuple):
 
 
 class CheckpointError(UserError):
-    """There is no checkpoint to read, or none can be written."""
+    """There is no checkpoint that can be read, or a checkpoint cannot be written."""
 
 
 class Checkpoints:
@@ -55,9 +55,10 @@ class Checkpoints:
 
     Args:
       directory: created when something is saved.
-      keep: newest checkpoints to keep, besides the best one.
-      metrics: says which one is best, as `RANKING` does.
-      read_only: touch nothing, not even what a killed save left: a training may be running.
+      keep: number of newest checkpoints to keep, in addition to the best one.
+      metrics: metrics that rank the checkpoints, like `RANKING`.
+      read_only: change nothing in the folder, not even leftovers of an interrupted save, because a
+        training may be running.
     """
 
     def __init__(
@@ -87,7 +88,7 @@ class Checkpoints:
         return sorted(int(p.name) for p in folders)
 
     def best_step(self) -> int | None:
-        """The step with the lowest metric (the later one of equals), or None."""
+        """The step with the lowest metric (the latest in case of a tie), or None."""
         candidates = {
             step: next((scores[m] for m in self._metrics if m in scores), math.nan)
             for step in self.steps()
@@ -108,11 +109,13 @@ class Checkpoints:
         Waits for the previous save. `close` (or the next save) waits for this one.
 
         Raises:
-          OSError: the disk is full. From here, the next save or `close`.
-          CheckpointError: it cannot be written for another reason; likewise.
+          OSError: the disk is full.
+          CheckpointError: the checkpoint cannot be written for another reason.
+
+        An error while writing in the background is raised by the next `save`, `wait` or `close`.
         """
         self.wait()
-        # A copy: the caller goes on to donate these buffers while the writer reads.
+        # A copy, because the caller donates these buffers while the writer still reads them.
         arrays = {name: np.array(leaf, copy=True) for name, leaf in leaves.items()}
         document = {
             "format": FORMAT,
@@ -136,28 +139,29 @@ class Checkpoints:
     def restore_newest(self) -> Checkpoint | None:
         """The newest intact checkpoint, or None if there are none at all.
 
-        Damaged ones are passed over with a warning, and moved into `damaged/` unless read-only.
+        Damaged checkpoints are skipped with a warning, and moved to `damaged/` unless read-only.
 
         Raises:
-          CheckpointError: if there are some and none can be read, which more likely is the fault of
-            a disk, a permission or a version than of them all; nothing is moved then.
+          CheckpointError: there are checkpoints but none can be read. The cause is then probably
+            the disk, a permission or a version, not damage to every checkpoint, so nothing is
+            moved.
         """
         unreadable: list[tuple[int, Exception]] = []
         for step in reversed(self.steps()):
             try:
-                found = self.restore(step)
-            except Exception as error:  # whatever orbax raises for what it cannot read
+                checkpoint = self.restore(step)
+            except Exception as error:  # orbax raises many types of errors for unreadable files
                 unreadable.append((step, error))
                 continue
             for newer, why in unreadable:
                 self._set_aside(newer, why)
-            return found
+            return checkpoint
         if unreadable:
             step, why = unreadable[0]
             raise CheckpointError(
                 f"none of the {len(unreadable)} checkpoints in {self._directory} can be read "
-                f"(step {step}: {_one_line(why)}); mend that, or move the folder away to start "
-                "over"
+                f"(step {step}: {_one_line(why)}); remove the cause, or move the folder away to "
+                "start over"
             )
         return None
 
@@ -177,7 +181,7 @@ class Checkpoints:
         return Checkpoint(step, leaves, document["meta"])
 
     def wait(self) -> None:
-        """Waits until the last save is complete, then removes what is no longer kept."""
+        """Waits until the last save is complete, then deletes checkpoints that are not kept."""
         if self._saver is None:
             return
         with _writing(self._directory):
@@ -186,7 +190,7 @@ class Checkpoints:
         kept = {*steps[-self._keep :], self.best_step()}
         for step in steps:
             if step not in kept:
-                # Renamed first: a kill must not leave half a checkpoint under its own name.
+                # Renamed first, so that a kill leaves no incomplete checkpoint under its own name.
                 doomed = self._directory / f"{step}.deleting"
                 (self._directory / str(step)).rename(doomed)
                 shutil.rmtree(doomed, ignore_errors=True)
@@ -222,7 +226,7 @@ class Checkpoints:
     def _set_aside(self, step: int, error: Exception) -> None:
         why = _one_line(error)
         if self._read_only:
-            logging.warning("checkpoint %d is damaged (%s); passed over", step, why)
+            logging.warning("checkpoint %d is damaged (%s); skipped", step, why)
             return
         self.scores.pop(step, None)
         target = self._directory / "damaged" / str(step)
@@ -233,7 +237,7 @@ class Checkpoints:
 
 
 def _alone() -> ocp.options.MultiprocessingOptions:
-    """Options by which orbax does not wait for the other processes of a training."""
+    """Options with which orbax does not wait for the other processes of a training."""
     if jax.process_count() == 1:
         return ocp.options.MultiprocessingOptions()
     own = jax.process_index()
@@ -248,7 +252,7 @@ def _handler(alone: ocp.options.MultiprocessingOptions) -> ocp.CompositeCheckpoi
 
 
 def _read_scores(path: pathlib.Path) -> dict[int, dict[str, float]]:
-    """The metrics of each step; a file that is damaged holds none, with a warning."""
+    """The metrics of each step; empty, with a warning, if the file is damaged."""
     try:
         raw = json.loads(path.read_text("utf-8"))
         scores = {int(step): dict(metrics) for step, metrics in raw.items()}
@@ -265,22 +269,22 @@ def _read_scores(path: pathlib.Path) -> dict[int, dict[str, float]]:
 
 
 def _quiet_threads() -> None:
-    """Passes over what orbax's threads print of an error, which is raised here all the same.
+    """Suppresses what orbax's threads print about an error; the error is raised here anyway.
 
-    They log it with their stacks. Where one array cannot be read or written, orbax also closes its
-    event loop under the operations on the others; each of these ends, sooner or later, in an
-    exception that Python prints.
+    The threads log it with a stack trace. If one array cannot be read or written, orbax also closes
+    its event loop while operations on other arrays are pending. Each of these ends in an exception
+    that Python prints.
     """
     logging.get_absl_logger().addFilter(_is_no_stack_of_orbax)  # once, however often it is added
     before = sys.unraisablehook
-    if getattr(before, "__name__", "") == "_pass_over_closed_loops":
+    if getattr(before, "__name__", "") == "_ignore_closed_loops":
         return
 
-    def _pass_over_closed_loops(unraisable: Any) -> None:
+    def _ignore_closed_loops(unraisable: Any) -> None:
         if str(unraisable.exc_value) != "Event loop is closed":
             before(unraisable)
 
-    sys.unraisablehook = _pass_over_closed_loops
+    sys.unraisablehook = _ignore_closed_loops
 
 
 def _is_no_stack_of_orbax(record: python_logging.LogRecord) -> bool:

@@ -1,6 +1,6 @@
 """Evaluation on a split: every sample is predicted and counted once.
 
-Several processes (`training.processes`) share the batches and all get the whole result.
+Several processes (`training.processes`) divide the batches among them; each gets the whole result.
 """
 
 import contextlib
@@ -92,12 +92,12 @@ def evaluate_split(
     )
 
 
-# What a process says after each batch.
+# Messages that a process sends after each batch.
 _MORE, _DONE, _STOPPED = "more", "done", "stopped"
 
 
 class _Part(NamedTuple):
-    """What one process has measured: names, name of a metric -> a row for each sample."""
+    """Measurements of one process: names of samples, and metrics with a row for each sample."""
 
     names: list[SampleName]
     metrics: dict[str, np.ndarray]

@@ -1,13 +1,13 @@
-"""Which of several processes of one training this one is: from flags, or from the environment.
+"""Determines the place of this process in a training of several, from flags or the environment.
 
 In order of precedence:
 
-1. The flags `--coordinator`, `--num_processes` and `--process_id`. A flag that is left out is read
-   from JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES or JAX_PROCESS_ID, then from 2 or 3.
+1. The flags `--coordinator`, `--num_processes` and `--process_id`. A flag that is not given is read
+   from JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES or JAX_PROCESS_ID, then taken from 2 or 3.
 2. Open MPI: `mpirun` sets OMPI_COMM_WORLD_SIZE and OMPI_COMM_WORLD_RANK.
 3. SLURM: `srun` sets SLURM_PROCID and SLURM_STEP_NUM_TASKS.
 
-Without any of these, or if there is one process only, the training is an ordinary one.
+Without any of these, or with a count of one, the training has a single process.
 """
 
 import dataclasses
@@ -25,9 +25,9 @@ class Place:
     """The place of a process among those of its training.
 
     Attributes:
-      coordinator: HOST:PORT at which the first process answers all others.
+      coordinator: HOST:PORT at which the first process accepts connections of the others.
       count: number of processes.
-      index: of this process, from 0.
+      index: index of this process, from 0.
       devices: indices of the machine's accelerators that this process uses; None = all visible.
     """
 
@@ -44,13 +44,13 @@ def place_of(
     num_processes: int | None = None,
     process_id: int | None = None,
 ) -> Place | None:
-    """The place of this process; None if it trains alone.
+    """The place of this process; None if the training has a single process.
 
     Args:
       environment: the environment variables.
-      coordinator: the flag, as the others; None = not given.
-      num_processes: number of processes.
-      process_id: index of this process.
+      coordinator: value of `--coordinator`; None = not given.
+      num_processes: value of `--num_processes`; None = not given.
+      process_id: value of `--process_id`; None = not given.
 
     Raises:
       ConfigError: something is missing or out of range.
@@ -72,7 +72,7 @@ def place_of(
 
 @dataclasses.dataclass(frozen=True)
 class _Launcher:
-    """What a launcher says; `coordinator` is empty where it does not name the first machine."""
+    """Values from a launcher; `coordinator` is empty if it does not name the first machine."""
 
     coordinator: str
     count: int
@@ -89,7 +89,7 @@ def _open_mpi(environment: Mapping[str, str]) -> _Launcher | None:
     local_count = _number(environment, "OMPI_COMM_WORLD_LOCAL_SIZE") or 1
     local_index = _number(environment, "OMPI_COMM_WORLD_LOCAL_RANK") or 0
     job = environment.get("PMIX_NAMESPACE") or environment.get("OMPI_MCA_ess_base_jobid", "")
-    # Only where all run on one machine is the first process's machine known to all.
+    # The machine of the first process is known only if all processes run on one machine.
     coordinator = f"127.0.0.1:{_port(job)}" if local_count == count else ""
     return _Launcher(coordinator, count, index, local_count, local_index)
 
@@ -124,7 +124,7 @@ def first_node(nodes: str) -> str:
 
 
 def _devices(environment: Mapping[str, str], launcher: _Launcher | None) -> tuple[int, ...] | None:
-    """One accelerator for each of several processes of a machine, unless the launcher did so."""
+    """One accelerator for each process of a machine, unless they are assigned already."""
     if named := environment.get("JAX_LOCAL_DEVICE_IDS"):
         return tuple(int(part) for part in named.split(","))
     visible = environment.get("CUDA_VISIBLE_DEVICES")

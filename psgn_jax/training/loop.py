@@ -1,8 +1,8 @@
 """Training: one function, from a configuration to a trained network in a folder.
 
 The folder (`workdir`) gets `config.json`, `metrics.jsonl`, `tensorboard/` and `checkpoints/`.
-Called again with the same folder it goes on from the newest intact checkpoint; what follows, to
-the last bit of the parameters, is what an uninterrupted run would have done on that machine.
+If `train` is called again with the same folder, it continues from the newest intact checkpoint. On
+the same machine, the final parameters are bit-identical to those of an uninterrupted run.
 """
 
 import contextlib
@@ -63,32 +63,33 @@ MAY_CHANGE = frozenset(
         "eval.visible_tolerance",
     }
 )
-"""Fields that a resumed run may have changed; any other one is an error."""
+"""Fields that may differ when a run is resumed; a difference in any other field is an error."""
 
 
 class Outcome(NamedTuple):
-    """How a training ended: the state, and the signal that stopped it early, if one did."""
+    """End of a training: the state, and the signal that stopped it; None if it was not stopped."""
 
     state: state_lib.TrainState
     stopped_by: int | None
 
 
 def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
-    """Trains, or goes on training, until `config.train.steps` or a signal.
+    """Trains, or resumes training, until `config.train.steps` or a signal.
 
-    SIGTERM and SIGINT let the current step end, save a checkpoint and return.
+    After SIGTERM or SIGINT, the current step ends, a checkpoint is saved, and the function returns.
 
     Args:
       config: a `Config`, or a mapping for `config.parse`.
       workdir: folder of the run.
 
     Raises:
-      ConfigError: before anything is compiled, for a wrong configuration, or one that differs from
-        that of the checkpoint in a field that is not in `MAY_CHANGE`, or while another process
-        trains there, or if it needs more memory than there is.
-      UserError: no file can be written into `workdir`.
-      OSError: in the middle of the training, for instance for a full disk.
-      NonFiniteError: naming metric and step, if the loss or the gradient's norm is not finite.
+      ConfigError: raised before compilation if (a) the configuration is wrong, (b) it differs from
+        the checkpoint's in a field that is not in `MAY_CHANGE`, (c) another process trains in this
+        folder, or (d) the training needs more memory than is available.
+      UserError: no file can be written to `workdir`.
+      OSError: during training, for example if the disk is full.
+      NonFiniteError: the loss or the norm of the gradient is not finite; the message names the
+        metric and the step.
     """
     config = config if isinstance(config, Config) else parse(config)
     workdir = pathlib.Path(workdir)
@@ -112,7 +113,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
 
 class _Training:
-    """A training after the checks of `train`, alone in its folder."""
+    """A training after the checks of `train`; no other process trains in its folder."""
 
     def __init__(
         self,
@@ -147,7 +148,7 @@ class _Training:
         train_step = self._task.train_step(self._optimizer, self._mesh)
         batches = self._batches(start)
         due = _due(config.train.eval_every, start, config)
-        # What a training begins with is worth a line if it is a trained network.
+        # If the training starts from a trained network, that network is evaluated too.
         due |= bool(config.train.eval_every and self._init)
         evaluated = self._group.from_first(lambda: start in self._checkpoints.scores) or not due
         writer = MetricsWriter(self._workdir, start, evaluated=evaluated) if first else None
@@ -180,36 +181,36 @@ class _Training:
         def create() -> state_lib.TrainState:
             return self._task.create(self._optimizer)
 
-        if found := self._newest_checkpoint():
+        if stored := self._newest_checkpoint():
             try:
-                leaves = state_lib.from_named_leaves(jax.eval_shape(create), found)
+                leaves = state_lib.from_named_leaves(jax.eval_shape(create), stored)
             except ValueError as error:
                 raise ConfigError(
                     f"--workdir={self._workdir}: its newest checkpoint does not fit the network of "
                     f"this version: {error}"
                 ) from error
             return step_lib.put_replicated(leaves, replicated)
-        # Drawing each parameter is code of its own, run once: on a CPU, compiling it with full
-        # optimisation takes three times as long (23 s against 7) and gains nothing.
+        # The code that samples the parameters runs once. On a CPU, compiling it with full
+        # optimisation takes three times as long (23 s instead of 7 s) and gains nothing.
         quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
         state = jax.jit(create, out_shardings=replicated, compiler_options=quick)()
         if self._init is None:
             return state
-        begun = _begun_with(self._config, state, self._init.params)
-        return step_lib.put_replicated(begun, replicated)
+        initialised = _with_params(self._config, state, self._init.params)
+        return step_lib.put_replicated(initialised, replicated)
 
     def _newest_checkpoint(self) -> dict[str, np.ndarray] | None:
         """The leaves of the newest checkpoint, which the first process reads."""
-        found = None
+        checkpoint = None
         with self._group.agreement():
-            if self._group.is_first and (found := self._checkpoints.restore_newest()):
-                _check_resumable(self._config, found, self._workdir)
-        if not self._group.from_first(lambda: found is not None):
+            if self._group.is_first and (checkpoint := self._checkpoints.restore_newest()):
+                _check_resumable(self._config, checkpoint, self._workdir)
+        if not self._group.from_first(lambda: checkpoint is not None):
             return None
-        return self._group.arrays_from_first(found and found.leaves)
+        return self._group.arrays_from_first(checkpoint and checkpoint.leaves)
 
     def _batches(self, start: int) -> Generator[step_lib.Batch, None, None]:
-        """Batches on the devices, beginning with that of step `start`."""
+        """Batches on the devices, beginning with the batch of step `start`."""
         config, mesh, keys = self._config, self._mesh, self._task.keys
         arguments: dict[str, Any] = {
             "batch_size": config.train.batch_size,
@@ -225,7 +226,7 @@ class _Training:
         return step_lib.put_batches(loader.train_batches(config.data, **arguments), mesh, keys)
 
     def _after_step(self) -> None:
-        """Checkpoint, evaluation and pictures, where they are due."""
+        """Saves a checkpoint, evaluates and writes pictures, if they are due at this step."""
         train, step = self._config.train, self._step
         ending = step == train.steps or bool(self._stop.signal)
         due_eval = _due(train.eval_every, step, self._config)
@@ -253,7 +254,7 @@ class _Training:
                     max_samples=self._config.eval.max_samples,
                     on_batch=self._stop.check,
                 )
-            except Stopped:  # the checkpoint is there; the next start begins with the evaluation
+            except Stopped:  # the checkpoint is saved; a resumed run begins with the evaluation
                 self._stop.settle()
                 return
             scores = {**result.means, **result.chosen}
@@ -271,8 +272,8 @@ class _Training:
     def _report_end(self) -> None:
         if self._stop.signal:
             logging.info(
-                "stopped by %s after step %d, checkpoint saved; the same command goes on from "
-                "there",
+                "stopped by %s after step %d, checkpoint saved; run the same command again to "
+                "resume",
                 signal.Signals(self._stop.signal).name,
                 self._step,
             )
@@ -286,17 +287,19 @@ def _due(interval: int, step: int, config: Config) -> bool:
 
 
 def _local(params: Any) -> Any:
-    """Parameters on this process's devices alone: each process evaluates its own batches."""
+    """Parameters on this process's devices only: each process evaluates its own batches."""
     if jax.process_count() == 1:
         return params
     return jax.tree.map(lambda leaf: leaf.addressable_data(0), params)
 
 
 def _open_initial(config: Config, workdir: pathlib.Path, task: Task) -> Run | None:
-    """What a new run begins with, if `train.init` names something; None for a run that goes on.
+    """The network of `train.init`, from which a new run starts.
+
+    None if `train.init` is empty or the run is resumed.
 
     Raises:
-      ConfigError, CheckpointError, WeightsError: it is missing, damaged or does not fit.
+      ConfigError, CheckpointError, WeightsError: the network is missing, damaged or does not fit.
     """
     if not config.train.init:
         return None
@@ -307,19 +310,19 @@ def _open_initial(config: Config, workdir: pathlib.Path, task: Task) -> Run | No
     optimizer = state_lib.optimizer(config.optim, config.train.steps)
     shapes = jax.eval_shape(lambda: task.create(optimizer)).params
     initial.initial_params(config, shapes, run.params)
-    logging.info("beginning with the parameters of %s, step %d", run.source, run.step)
+    logging.info("starting from the parameters of %s, step %d", run.source, run.step)
     return run
 
 
-def _begun_with(config: Config, state: state_lib.TrainState, trained: Any) -> state_lib.TrainState:
-    """A fresh state with trained parameters; every leaf has memory of its own, to be donated."""
+def _with_params(config: Config, state: state_lib.TrainState, trained: Any) -> state_lib.TrainState:
+    """An initial state with trained parameters; leaves share no memory, so they can be donated."""
     params = initial.initial_params(config, jax.tree.map(np.asarray, state.params), trained)
     ema = jax.tree.map(np.array, params) if jax.tree.leaves(state.ema) else ()
     return state._replace(params=jax.tree.map(np.array, params), ema=ema)
 
 
 def _check_data(config: Config) -> dict[str, int]:
-    """Samples per split; a `ConfigError` for a data set that cannot serve the configuration."""
+    """Samples per split; raises `ConfigError` if the data set does not fit the configuration."""
     sizes = {}
     data = config.data
     for field in ("train_split", "eval_split"):
@@ -332,13 +335,13 @@ def _check_data(config: Config) -> dict[str, int]:
         except (ValueError, OSError) as error:
             raise ConfigError(f"data.{name}={path!r}: {error}") from error
         if not sizes[split]:
-            raise ConfigError(f"data.{field}={split!r}: no samples of that split in {path!r}")
+            raise ConfigError(f"data.{field}={split!r}: no samples of this split in {path!r}")
     return sizes
 
 
-def _check_resumable(config: Config, found: Checkpoint, workdir: pathlib.Path) -> None:
-    """Raises `ConfigError` if the checkpoint was made with another configuration."""
-    before, now = flatten(parse(found.meta["config"])), flatten(config)
+def _check_resumable(config: Config, checkpoint: Checkpoint, workdir: pathlib.Path) -> None:
+    """Raises `ConfigError` if the run was trained with another configuration."""
+    before, now = flatten(parse(checkpoint.meta["config"])), flatten(config)
     changed = {key: (before[key], now[key]) for key in now if before[key] != now[key]}
     fatal = [f"{k}={changed[k][0]!r} (now {changed[k][1]!r})" for k in changed.keys() - MAY_CHANGE]
     if fatal:
@@ -367,6 +370,6 @@ def _describe(
         devices,
         jax.default_backend(),
         "" if devices == 1 else "s",
-        f"going on at step {start}" if start else "starting",
+        f"resuming at step {start}" if start else "starting",
         workdir,
     )

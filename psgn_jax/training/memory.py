@@ -1,8 +1,8 @@
-"""How much memory a training needs at least, compared with what there is before it is compiled.
+"""Compares, before compilation, the minimum memory of a training with the available memory.
 
-What is counted are lower bounds, so that nothing is refused that would fit: parameters with their
-gradients and the optimiser's state; what convolutions and dense layers put out for one batch, which
-the backward pass needs; one batch of samples; and the loader's worker processes.
+The estimates are lower bounds, so that no training that fits is refused. They include parameters,
+gradients and the optimiser's state; the outputs of convolutions and dense layers for one batch,
+which the backward pass needs; one batch of samples; and the loader's worker processes.
 """
 
 import contextlib
@@ -20,19 +20,18 @@ from psgn_jax.data.schema import OCCUPANCY_SIZE
 from psgn_jax.training.state import TrainState
 
 WORKER = 150e6
-"""Bytes of a worker process of the loader, at least."""
+"""Minimum memory of a worker process of the loader, in bytes."""
 
 
 def check_memory(config: Config, create: Callable[[], TrainState]) -> None:
-    """Compares what a training needs with the memory of the machine and of its devices.
+    """Compares the memory that a training needs with that of the machine and of its devices.
 
     Args:
-      config: of the training.
-      create: makes the first state. It applies the network to one sample, which gives the
-        parameters their shapes.
+      config: configuration of the training.
+      create: creates the initial state by applying the network to one sample.
 
     Raises:
-      ConfigError: it needs more; one line with the parts.
+      ConfigError: the training needs more memory than is available; the message lists the parts.
     """
     program, state = jax.make_jaxpr(create, return_shape=True)()
     params = _bytes(jax.tree.leaves(state.params))
@@ -60,12 +59,12 @@ def check_memory(config: Config, create: Callable[[], TrainState]) -> None:
 
 
 def available(root: pathlib.Path = pathlib.Path("/")) -> float:
-    """Bytes that this process may still use: those of the machine, or of its control group.
+    """Bytes that this process may still use, limited by the machine and by its control groups.
 
-    Infinite where the system does not say.
+    Infinite if the system does not report it.
 
     Args:
-      root: of the file system that `proc` and `sys` are read from.
+      root: folder that contains `proc` and `sys`.
     """
     limits = [math.inf]
     with contextlib.suppress(OSError, ValueError, IndexError):
@@ -84,7 +83,7 @@ def available(root: pathlib.Path = pathlib.Path("/")) -> float:
                 "memory.usage_in_bytes",
             ),
         ):
-            # A group without a limit says "max".
+            # A group without a limit has the text "max".
             with contextlib.suppress(OSError, ValueError):
                 total, taken = (int((folder / name).read_text()) for name in (limit, used))
                 cached = _reclaimable(folder / "memory.stat")
@@ -93,7 +92,7 @@ def available(root: pathlib.Path = pathlib.Path("/")) -> float:
 
 
 def _reclaimable(path: pathlib.Path) -> int:
-    """Bytes of a group that cache files, which the system gives back when they are needed."""
+    """Bytes of a group that cache files; the system frees them when memory is needed."""
     fields = dict(line.split() for line in path.read_text().splitlines())
     return sum(int(fields.get(name, 0)) for name in ("inactive_file", "active_file"))
 
@@ -110,7 +109,7 @@ def _require(parts: Mapping[str, float], limit: float, where: str) -> None:
 
 
 def _layers(jaxpr: Any) -> Iterator[Any]:
-    """What convolutions and products of matrices in a program put out."""
+    """Outputs of the convolutions and matrix products in a program."""
     for equation in jaxpr.eqns:
         if equation.primitive.name in ("conv_general_dilated", "dot_general"):
             yield from (out.aval for out in equation.outvars)
@@ -123,7 +122,7 @@ def _bytes(arrays: Iterable[Any]) -> float:
 
 
 def _sample(config: Config, *, train: bool) -> float:
-    """Bytes of a sample in a batch of the host."""
+    """Bytes of one sample of a batch in the host's memory."""
     data = config.data
     views = (data.train_views if train else data.eval_views) or 1
     pixels = data.image_size[0] * data.image_size[1]

@@ -1,9 +1,9 @@
 """Several processes that train together, each on its own accelerators, on one or more machines.
 
 Every process runs the same program. Batches are split between them (`data.loader`), gradients are
-averaged by `training.step`. The first process alone reads and writes the folder of the run, so the
-others need not see it; all need the records. `current()` is the group of processes that this one
-belongs to, of one process unless `joined` says otherwise.
+averaged by `training.step`. Only the first process reads and writes the folder of the run, so only
+the first process needs access to it; all processes need access to the records. `current()` is the
+group of processes that this one belongs to: a single process, except in the context of `joined`.
 """
 
 import collections
@@ -33,14 +33,14 @@ from psgn_jax.untrusted import message_line
 T = TypeVar("T")
 
 EXIT_CODE = 4
-"""Of a process that ends because another one of its training has ended."""
+"""Exit code of a process that ends because another process of its training has ended."""
 
 _INITIALIZE_SECONDS = 300
 _NEWS_SECONDS = 5.0
 
 
 class OtherProcessError(UserError):
-    """Another process has found something wrong, which it reports itself."""
+    """Another process has failed; that process reports the error."""
 
     def __init__(self, line: str, exit_code: int) -> None:
         super().__init__(line)
@@ -58,11 +58,11 @@ class Group:
 
     @property
     def is_first(self) -> bool:
-        """Whether this process is the one that writes."""
+        """Whether this process is the first one, which writes the folder of the run."""
         return not self.index
 
     def exchange(self, value: Any) -> list[Any]:
-        """The values (of JSON) of all processes, by process; every one has to call it.
+        """The values (JSON) of all processes, by process; every process must call it.
 
         Raises:
           OtherProcessError: another process has left an `agreement` with an error instead.
@@ -76,18 +76,18 @@ class Group:
         for number, other in enumerate(entries):
             if "error" in other:
                 self.agreed_to_end = True
-                if "error" in entry:  # the caller raises its own
+                if "error" in entry:  # the caller raises its own error
                     break
                 raise OtherProcessError(f"process {number}: {other['error']}", other["exit_code"])
         return [other.get("value") for other in entries]
 
     def wait(self) -> None:
-        """Waits until every process has come here."""
+        """Waits until every process has called it."""
         self.exchange(None)
 
     @contextlib.contextmanager
     def agreement(self) -> Iterator[None]:
-        """A part of the program that all processes leave without error, or none.
+        """Context that ends with an error in all processes if there is an error in any of them.
 
         Raises:
           OtherProcessError: there was an error in another process.
@@ -102,18 +102,18 @@ class Group:
         self.wait()
 
     def from_first(self, make: Callable[[], T]) -> T:
-        """The value (of JSON) that `make` returns in the first process; it runs there alone."""
+        """The value (JSON) that `make` returns in the first process; it runs only there."""
         value: T = self.exchange(make() if self.is_first else None)[0]
         return value
 
     def first_then_others(self, make: Callable[[], T]) -> T:
-        """`make()`, in the first process before it begins in any other."""
+        """Runs `make()` in the first process, and then in all others."""
         value = make() if self.is_first else None
         self.wait()
         return value if self.is_first else make()  # type: ignore[return-value]
 
     def arrays_from_first(self, arrays: Mapping[str, np.ndarray] | None) -> dict[str, np.ndarray]:
-        """The arrays that the first process gives, to the last bit; other processes give None."""
+        """Copies arrays bit by bit from the first process to all; other processes pass None."""
         if self._channel is None:
             return dict(arrays or {})
         from jax.experimental import multihost_utils
@@ -146,14 +146,14 @@ def current() -> Group:
 def joined(place: Place | None) -> Iterator[Group]:
     """Context in which `current` is the group of all processes of the training.
 
-    Has to be entered before JAX is used. With several processes, an error inside ends this process
-    after it is printed, and all others with one line that names it.
+    Must be entered before JAX is used. With several processes, an error inside is printed and ends
+    this process; the other processes end with one line that names the failed process.
 
     Args:
-      place: of this process; None = it is alone, and nothing happens.
+      place: place of this process; None = single process, the context does nothing.
 
     Raises:
-      ConfigError: the processes do not find each other.
+      ConfigError: the processes cannot connect to each other.
     """
     global _group
     if place is None:
@@ -178,7 +178,7 @@ def _connected(place: Place) -> channel_lib.Channel:
     from jax.experimental import multihost_utils
 
     with contextlib.suppress(AttributeError):
-        # It would take SIGTERM from `StopSignal`.
+        # The service would replace the handler of SIGTERM that `StopSignal` installs.
         jax.config.update("jax_enable_preemption_service", False)
     try:
         jax.distributed.initialize(
@@ -189,12 +189,12 @@ def _connected(place: Place) -> channel_lib.Channel:
             cluster_detection_method="deactivate",
             initialization_timeout=_INITIALIZE_SECONDS,
         )
-    except RuntimeError as error:  # XLA's own, of the connection
+    except RuntimeError as error:  # raised by XLA if the connection fails
         raise ConfigError(
             f"--coordinator={place.coordinator}: process {place.index} of {place.count} found no "
             f"other processes there: {_one_line(error)}"
         ) from error
-    # The port and a token, so that no stranger is taken for a process of this training.
+    # The token prevents other programs from connecting as a process of this training.
     listener = channel_lib.Listener() if not place.index else None
     own = [listener.port, secrets.randbits(31)] if listener else [0, 0]
     port, number = np.asarray(multihost_utils.broadcast_one_to_all(np.array(own, np.int32)))
@@ -207,19 +207,19 @@ def _connected(place: Place) -> channel_lib.Channel:
 
 def _end_without(line: str) -> None:
     """Ends this process because another one is lost; called from a thread."""
-    again = "; the same command goes on from the newest checkpoint"
+    again = "; run the same command again to resume from the newest checkpoint"
     os.write(2, f"error: {line}, so this process ends too{again}\n".encode())
-    os._exit(EXIT_CODE)  # the main thread may wait for ever for the lost process
+    os._exit(EXIT_CODE)  # the main thread may wait forever for the lost process
 
 
 def _end_with(error: BaseException, group: Group, channel: channel_lib.Channel) -> None:
-    """Ends this process with its own error, and the others.
+    """Ends this process with its error, and makes the other processes end.
 
-    Not by `sys.exit`: at its end, Python would wait for the other processes.
+    It does not use `sys.exit`, because Python would then wait for the other processes at exit.
     """
     code: int | None = 1
     if isinstance(error, OtherProcessError):
-        code = error.exit_code  # it is reported there
+        code = error.exit_code  # the other process reports the error
     elif isinstance(error, SystemExit):
         code = error.code if isinstance(error.code, int) else 1
     elif isinstance(error, KeyboardInterrupt):
@@ -227,7 +227,7 @@ def _end_with(error: BaseException, group: Group, channel: channel_lib.Channel) 
     elif isinstance(error, Exception):
         code = exit_code_of(error)
         if code is None or isinstance(error, ConnectionError):
-            # Perhaps it only says that another process has ended: then that is reported instead.
+            # The cause may be that another process has ended; then `_end_without` reports that.
             channel.await_loss(_NEWS_SECONDS)
         if code is None:
             traceback.print_exception(error)
@@ -248,8 +248,8 @@ def _one_line(error: BaseException) -> str:
 class SharedStop(StopSignal):
     """`StopSignal` of several processes: `signal` is set in all of them after the same step.
 
-    Each process contributes its own signal to a maximum over the devices at every step, and reads
-    it two steps later, when the step is done anyway.
+    Each process contributes its own signal to a maximum over the devices after every step. It reads
+    the maximum two steps later, when the step is complete, so that it does not have to wait.
     """
 
     def __init__(self, group: Group, mesh: Mesh) -> None:
@@ -261,7 +261,7 @@ class SharedStop(StopSignal):
         self._pending: collections.deque[jax.Array] = collections.deque()
 
     def after_step(self) -> None:
-        """Votes; every process has to call it at every step."""
+        """Combines the signals of all processes; every process must call it after every step."""
         own = np.full(self._local_devices, self._own, np.int32)
         flags = jax.make_array_from_process_local_data(self._split, own)
         self._pending.append(self._largest(flags))
@@ -269,12 +269,12 @@ class SharedStop(StopSignal):
             self.signal = int(self._pending.popleft()) or None
 
     def settle(self) -> None:
-        """Votes at once."""
+        """Combines the signals without the delay of two steps; every process must call it."""
         self.signal = max(self._group.exchange(self._own)) or None
 
     @property
     def arrived(self) -> bool:
-        """Whether this process has a signal, which the others may not know yet."""
+        """Whether this process has received a signal; the others may not know it yet."""
         return bool(self._own)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:

@@ -1,7 +1,7 @@
-"""The folder of a run: configuration, checkpoints and scores, as evaluation and prediction read it.
+"""The folder of a run: reads configuration, checkpoints and scores for evaluation and prediction.
 
-`config.json` holds the configuration, `checkpoints/` what `training.checkpoint` keeps. Reading
-changes nothing in the folder: a training may be running there.
+`config.json` contains the configuration, `checkpoints/` the files of `training.checkpoint`. Reading
+changes nothing in the folder, because a training may be running in it.
 """
 
 import contextlib
@@ -22,13 +22,13 @@ class Run(NamedTuple):
     """A trained run, opened at one checkpoint.
 
     Attributes:
-      config: of the run.
-      step: of the checkpoint.
-      params: to evaluate with, averaged ones where the run has some.
-      scores: metrics, and numbers chosen such as thresholds, that an evaluation during training
-        recorded of the checkpoint; empty if there was none.
-      source: where it comes from: the folder, or the name of weights.
-      source_kind: which of these, "workdir" or "weights".
+      config: configuration of the run.
+      step: step of the checkpoint.
+      params: parameters for evaluation: the averaged ones if the run has them.
+      scores: metrics and chosen thresholds that were recorded for this checkpoint during training;
+        empty if it was not evaluated.
+      source: the folder of the run, or the name of the weights.
+      source_kind: "workdir" if `source` is a folder, "weights" if it is the name of weights.
     """
 
     config: Config
@@ -46,42 +46,42 @@ def open_run(
 
     Args:
       workdir: folder of the run.
-      checkpoint: "best" (on the validation metric; the last one, with a warning, where none was
-        evaluated or the best is damaged) or "last".
-      averaged: whether to take the averaged parameters where the run has some.
+      checkpoint: "last", or "best" on the validation metric. If no checkpoint was evaluated or the
+        best one is damaged, "best" is the last one, with a warning.
+      averaged: whether to use the averaged parameters if the run has them.
 
     Raises:
-      ConfigError: there is no run, or its configuration is not that of the checkpoint.
+      ConfigError: there is no run, or its configuration does not fit the checkpoint.
       CheckpointError: there is no checkpoint that can be read.
     """
     config = load_config(workdir)
     checkpoints = Checkpoints(pathlib.Path(workdir) / "checkpoints", read_only=True)
     try:
-        found = _best(checkpoints) if checkpoint == "best" else checkpoints.restore_newest()
+        opened = _best(checkpoints) if checkpoint == "best" else checkpoints.restore_newest()
     finally:
         checkpoints.close()
-    if found is None:
+    if opened is None:
         raise CheckpointError(f"--workdir={workdir}: no checkpoint there")
-    _check_fits(config, found, workdir)
-    params = params_from_named_leaves(found.leaves, averaged=averaged)
-    scores = checkpoints.scores.get(found.step, {})
-    return Run(config, found.step, params, scores, str(workdir))
+    _check_fits(config, opened, workdir)
+    params = params_from_named_leaves(opened.leaves, averaged=averaged)
+    scores = checkpoints.scores.get(opened.step, {})
+    return Run(config, opened.step, params, scores, str(workdir))
 
 
 _OF_THE_NETWORK = ("task", "model.", "data.image_size", "data.inputs", "voxels.")
 
 
-def _check_fits(config: Config, found: Checkpoint, workdir: str | os.PathLike[str]) -> None:
+def _check_fits(config: Config, checkpoint: Checkpoint, workdir: str | os.PathLike[str]) -> None:
     """Raises `ConfigError` if `config.json` describes another network than the checkpoint's."""
-    if "config" not in found.meta:
+    if "config" not in checkpoint.meta:
         return
-    trained, now = flatten(parse(found.meta["config"])), flatten(config)
+    trained, now = flatten(parse(checkpoint.meta["config"])), flatten(config)
     names = [name for name in now if name.startswith(_OF_THE_NETWORK)]
     if different := [name for name in names if trained[name] != now[name]]:
         texts = [f"{name}={now[name]!r} (trained with {trained[name]!r})" for name in different]
         raise ConfigError(
-            f"--workdir={workdir}: config.json does not fit the checkpoint of step {found.step}: "
-            f"{', '.join(texts)}; restore config.json"
+            f"--workdir={workdir}: config.json does not fit the checkpoint of step "
+            f"{checkpoint.step}: {', '.join(texts)}; restore config.json"
         )
 
 
@@ -105,7 +105,7 @@ def _best(checkpoints: Checkpoints) -> Checkpoint | None:
     if step is not None:
         try:
             return checkpoints.restore(step)
-        except Exception as error:  # whatever orbax raises for what it cannot read
+        except Exception as error:  # orbax raises many types of errors for unreadable files
             why = " ".join(str(error).split())[:200]
             logging.warning("the best checkpoint (step %d) is damaged: %s", step, why)
     logging.warning("no best checkpoint to evaluate; using the last one")
@@ -114,10 +114,10 @@ def _best(checkpoints: Checkpoints) -> Checkpoint | None:
 
 @contextlib.contextmanager
 def locked(workdir: str | pathlib.Path) -> Iterator[None]:
-    """Keeps a second process from writing into a run's folder; the lock ends with the process.
+    """Locks a run's folder against other trainings; the lock also ends if the process is killed.
 
     Raises:
-      ConfigError: another process holds the folder.
+      ConfigError: another process holds the lock.
     """
     path = pathlib.Path(workdir) / ".lock"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -126,7 +126,7 @@ def locked(workdir: str | pathlib.Path) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise ConfigError(
-                f"--workdir={workdir}: another training is running there; wait for it, end it, "
+                f"--workdir={workdir}: another training is running there; wait for it, stop it, "
                 "or give another folder"
             ) from None
         except OSError as error:  # file systems without locks

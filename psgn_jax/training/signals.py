@@ -10,7 +10,7 @@ class Stopped(Exception):  # noqa: N818 - not an error
 
 
 class StopSignal:
-    """Context that records SIGTERM or SIGINT; a second signal has its usual effect at once."""
+    """Context that records SIGTERM or SIGINT; a second signal has its usual effect."""
 
     def __init__(self) -> None:
         self.signal: int | None = None
@@ -38,10 +38,10 @@ class StopSignal:
             raise Stopped
 
     def after_step(self) -> None:
-        """Nothing; with several processes they agree here (`processes.SharedStop`)."""
+        """Does nothing for a single process; `processes.SharedStop` overrides it."""
 
     def settle(self) -> None:
-        """Nothing, likewise."""
+        """Does nothing for a single process; `processes.SharedStop` overrides it."""
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self.signal = number

@@ -124,7 +124,7 @@ def from_named_leaves(template: Any, leaves: dict[str, np.ndarray]) -> Any:
     """The tree with the structure of `template` (arrays or shapes) and the given leaves.
 
     Raises:
-      ValueError: a leaf is missing or superfluous, or has another shape or dtype.
+      ValueError: a leaf is missing or not in `template`, or has another shape or dtype.
     """
     wanted = named_leaves(template)
     if different := sorted(wanted.keys() ^ leaves.keys()):

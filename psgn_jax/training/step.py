@@ -1,8 +1,8 @@
 """One training step and one evaluation step, compiled for a mesh of devices.
 
 The batch is split over the mesh's one axis, `data`; the state is replicated. Each device runs the
-plain single-device computation on its share (`jax.shard_map`) and the gradients are averaged: the
-loops inside the losses and convolutions are never partitioned by XLA.
+plain single-device computation on its share (`jax.shard_map`), and the gradients are averaged. XLA
+therefore never has to partition the loops inside losses and convolutions.
 """
 
 import contextlib
@@ -58,18 +58,18 @@ def put_batch(batch: Batch, mesh: Mesh, keys: tuple[str, ...]) -> dict[str, jax.
 def put_batches(
     batches: Generator[Batch, None, None], mesh: Mesh, keys: tuple[str, ...]
 ) -> Generator[dict[str, jax.Array], None, None]:
-    """`put_batch` of each of them; closing it closes `batches`."""
+    """Applies `put_batch` to each batch; closing this generator closes `batches`."""
     with contextlib.closing(batches):
         for batch in batches:
             yield put_batch(batch, mesh, keys)
 
 
 def put_replicated(tree: Any, sharding: NamedSharding) -> Any:
-    """Arrays of the host, the same in every process, on all devices of all processes."""
+    """Copies arrays of the host, equal in every process, to all devices of all processes."""
     if jax.process_count() == 1:
         return jax.device_put(tree, sharding)
 
-    # Without the comparison between processes that `jax.device_put` begins with.
+    # `jax.device_put` would first compare the values between processes.
     def put(leaf: Any) -> jax.Array:
         array = np.asarray(leaf)
         return jax.make_array_from_callback(array.shape, sharding, lambda index: array[index])
@@ -86,8 +86,8 @@ def input_keys(config: Config) -> tuple[str, ...]:
 def l2_authors(params: Any) -> Array:
     """The authors' L2 terms: half the sum of squares of each kernel, weighted by layer type.
 
-    Convolutions 1e-5, dense layers 1e-3, the dense layer that carries the hourglass's first pass
-    into its second 1e-4; biases are left out.
+    The weights are 1e-5 for convolutions, 1e-4 for the dense layer that passes the result of the
+    hourglass's first pass to the second, and 1e-3 for other dense layers. Biases are left out.
     """
     total = jnp.float32(0)
     for path, leaf in jax.tree_util.tree_flatten_with_path(params)[0]:
@@ -107,14 +107,15 @@ def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Arra
 def min_of_n_loss(
     config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, r: Array
 ) -> tuple[Array, MinOfN]:
-    """Mean over a batch of the MoN over draws of r [B,draws,k], with the winners' gradient alone.
+    """Batch mean of the MoN distance over the draws of r [B,draws,k].
 
-    Value and gradient are those of `min_of_n` over `predict` with all draws, up to rounding, at
-    less cost: a losing draw has no gradient, so all draws go forward without keeping anything, and
-    the winner of each sample goes forward once more and backward. What does not depend on r (the
-    encoder, in `hourglass` that of the first pass) is the same for both, and XLA computes it once.
-    Nor is the loss computed again: its derivative by the points, from the first time, is what the
-    winners' points carry on. Measured in `tests/bench/step.py --draws`.
+    Value and gradient equal those of `min_of_n` over `predict` with all draws, up to rounding, at
+    less cost. Only the best draw of each sample has a gradient. All draws are therefore computed
+    without storing activations, and only the best draw of each sample is computed again for the
+    backward pass. The parts that do not depend on r (the encoder; in `hourglass` the encoder of the
+    first pass) are the same in both passes, and XLA computes them once. The loss is not computed
+    twice: its derivative with respect to the points is kept from the first pass and used in the
+    backward pass of the second. The gain is measured by `tests/bench/step.py --draws`.
     """
     frozen = jax.lax.stop_gradient(params)
     preds = predict(config, model, frozen, batch, r)
@@ -126,7 +127,7 @@ def min_of_n_loss(
     (value, best), by_points = jax.value_and_grad(total, has_aux=True)(preds)
     rows = jnp.arange(len(r))
     pred = predict(config, model, params, batch, r[rows, best.winner])
-    # Zero, with the gradient of the loss: the derivative by the points times the points' own.
+    # Its value is zero, its gradient that of the loss, by the chain rule through the points.
     carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))
     best = jax.lax.stop_gradient(best)
     return (jax.lax.stop_gradient(value) + jnp.sum(carried)) / len(r), best
@@ -141,16 +142,25 @@ def make_train_step(
 ) -> Callable[[TrainState, Batch], tuple[TrainState, dict[str, Array]]]:
     """Compiled `(state, batch) -> (state, metrics)`; the state is donated.
 
-    Metrics are scalars: `loss` (mean over the steps since the last multiple of `train.log_every`),
-    `loss_step`, `loss_<name>` of each term where the loss is a sum (without its weight, at this
-    step; of the winners if `loss.min_of_n` > 1), `loss_of_draws` (if `loss.min_of_n` > 1: the mean,
-    not the least, over the draws; its distance from `loss` says how much they differ), `l2` (if
-    on), `grad_norm` (before clipping), `learning_rate`, `bad_step` and `bad_metric` (see
-    `TrainState`). With
-    `model.posterior` (`loss` is then the distance alone) also `kl`, the divergence in nats summed
-    over the dimensions of z and averaged over samples, `kl_weight`, `kl_dim_min`, `kl_dim_mean`,
-    `kl_dim_max` over the dimensions, `active_dims` (those over `posterior.ACTIVE`), and the vector
-    `kl_of_dims`.
+    Metrics, scalars except `kl_of_dims`:
+
+    - `loss_step`: the loss of this step, without the L2 and KL terms.
+    - `loss`: mean of `loss_step` over the steps since the last multiple of `train.log_every`.
+    - `loss_<name>`, if the loss is a sum: each term of `loss_step`, without its weight.
+    - `loss_of_draws`, if `loss.min_of_n` > 1: mean of the distances over all draws. `loss_step` is
+      the mean of the least ones; the difference shows how much the draws differ.
+    - `l2`, unless `loss.l2` is "none": the L2 term.
+    - `grad_norm`: norm of the gradient before clipping.
+    - `learning_rate`.
+    - `bad_step` and `bad_metric`: see `TrainState`.
+
+    With `model.posterior` also:
+
+    - `kl`: divergence in nats, summed over the dimensions of z and averaged over the samples.
+    - `kl_weight`: weight of `kl` in the objective.
+    - `kl_of_dims`: vector of the divergences of the dimensions.
+    - `kl_dim_min`, `kl_dim_mean`, `kl_dim_max`: minimum, mean and maximum of `kl_of_dims`.
+    - `active_dims`: number of dimensions with a divergence over `posterior.ACTIVE`.
     """
     encoder = posterior.build(config.model) if config.model.posterior else None
 
@@ -219,18 +229,20 @@ def compile_train_step(
     """Compiled `(state, batch) -> (state, metrics)` of any objective; the state is donated.
 
     Args:
-      config: of the run; `optim` and `train` are read here.
-      objective: (params, frozen, batch, latents, replicated_inputs) -> what is minimised on one
-        device's share of the batch, and metrics, of which `loss_step` is its main part.
+      config: configuration of the run; `optim` and `train` are used.
+      objective: (params, frozen, batch, latents, replicated_inputs) -> (value to be minimised on
+        one device's share of the batch, metrics). The metric `loss_step` is the value without
+        regularisation terms.
       tx: the optimiser.
-      mesh: of devices.
-      frozen: arrays that the objective reads and nobody changes, such as other networks.
-      sample_latents: step -> (latents, replicated_inputs), random input of the objective: arrays
-        with a row for each of the batch, and others.
+      mesh: mesh of devices.
+      frozen: constant arrays that the objective reads, such as other networks.
+      sample_latents: step -> (latents, replicated_inputs), the random inputs of the objective.
+        `latents` are arrays with a row for each sample of the batch, which are split over the
+        devices; `replicated_inputs` are equal on all devices.
       extra_metrics: (metrics, replicated_inputs) -> metrics to add.
 
-    The metrics are the objective's, means over the devices, and those that `make_train_step` names
-    without regard to the network.
+    The metrics are those of the objective, averaged over the devices, those of `extra_metrics`, and
+    `loss`, `grad_norm`, `learning_rate`, `bad_step` and `bad_metric`, see `make_train_step`.
     """
     rate = schedule(config.optim, config.train.steps)
     replicated, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
@@ -249,7 +261,7 @@ def compile_train_step(
         mesh=mesh,
         in_specs=(P(), P(), P("data"), P("data"), P()),
         out_specs=P(),
-        check_vma=False,  # the custom gradients carry no types of varying axes
+        check_vma=False,  # the custom gradients do not declare varying axes
     )
 
     def train_step(
@@ -293,7 +305,7 @@ def _updated(
     params = optax.apply_updates(state.params, updates)
     ema: Any = ()
     if config.optim.ema_decay:
-        # The horizon grows with the run, so that the first, useless parameters soon drop out.
+        # The horizon grows with the run, so that the initial parameters soon lose their weight.
         decay = jnp.minimum(config.optim.ema_decay, (state.step + 1) / (state.step + 10))
         ema = jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
     first = state.step % config.train.log_every == 0
@@ -317,8 +329,8 @@ def make_eval_step(
 ) -> Callable[[Any, Batch, Any], tuple[Array, dict[str, Array]]]:
     """Compiled `(params, batch, index) -> (points [B,N,3], metrics of shape [B])`.
 
-    `metrics` takes (pred, gt), and which of gt are visible where the batch says so.
-    `index` numbers the batch within the evaluation: the random input follows from it.
+    `metrics` takes (pred, gt), and (pred, gt, visible) if the batch has `visible`. `index` is the
+    number of the batch within the evaluation, which determines the random input.
     """
 
     def measure(params: Any, _: Any, batch: Batch, r: Array | None) -> Any:
@@ -339,14 +351,14 @@ def compile_eval_step(
     frozen: Any = (),
     sample_latents: Callable[[Array, int], Any] = lambda index, batch_size: None,
 ) -> Callable[[Any, Batch, Any], tuple[Array, dict[str, Array]]]:
-    """Compiled `(params, batch, index) -> (predictions, metrics)`, a row of each for a sample.
+    """Compiled `(params, batch, index) -> (predictions, metrics)`, each with a row per sample.
 
     Args:
-      measure: (params, frozen, batch, latents) -> the same for one device's share of the batch.
-      mesh: of devices.
-      frozen: arrays that it reads besides.
-      sample_latents: (index of the batch, its size) -> random input, with a row for each of the
-        batch.
+      measure: (params, frozen, batch, latents) -> (predictions, metrics) of one device's share of
+        the batch.
+      mesh: mesh of devices.
+      frozen: further arrays that `measure` reads, such as other networks.
+      sample_latents: (index of the batch, its size) -> random input, with a row for each sample.
     """
     sharded = jax.shard_map(
         measure,

@@ -20,10 +20,10 @@ class Sample:
 
 
 class StoredArrays(Sequence[np.ndarray]):
-    """Arrays of one shape in a file without a name, which ends with the process.
+    """Arrays of one shape in an unnamed temporary file, which is removed when the process ends.
 
     Args:
-      folder: where the file lies.
+      folder: folder of the file.
     """
 
     def __init__(self, folder: pathlib.Path) -> None:
@@ -37,7 +37,7 @@ class StoredArrays(Sequence[np.ndarray]):
         """Adds an array at the end.
 
         Raises:
-          ValueError: it has another shape or dtype than the first one.
+          ValueError: the array has another shape or dtype than the first one.
         """
         if not self._count:
             self._shape, self._dtype, self._size = array.shape, array.dtype, array.nbytes
@@ -69,7 +69,7 @@ class StoredArrays(Sequence[np.ndarray]):
 
 
 class StoredSamples(Sequence[Sample]):
-    """Samples of one shape in files, as `StoredArrays`."""
+    """Samples of one shape, stored as `StoredArrays`."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         self._fields = [StoredArrays(folder) for _ in dataclasses.fields(Sample)]
@@ -97,10 +97,12 @@ class StoredSamples(Sequence[Sample]):
 class Collector:
     """Collects samples and clouds; an instance is the hook `on_batch` of `evaluate_run`.
 
-    Of the true points so many are kept as the pages show: about as many as are predicted.
+    Only as many true points are kept as the pages show: about as many as there are predicted
+    points.
 
     Args:
-      folder: where they are kept, in files that end with the process; made if missing.
+      folder: folder of the temporary files, which are removed when the process ends; created if
+        missing.
     """
 
     def __init__(self, folder: str | pathlib.Path) -> None:
@@ -119,5 +121,5 @@ class Collector:
 
 
 def shown_points(points: np.ndarray, predicted: int) -> np.ndarray:
-    """True points [m, 3] as dense as `predicted` ones; a second time it changes nothing."""
+    """Reduces true points [m, 3] to about `predicted`; applying it twice has no further effect."""
     return points[:: max(1, len(points) // predicted)]

@@ -149,7 +149,7 @@ def case_of_prediction(path: str | pathlib.Path) -> Case:
     """Reads a case from an NPZ file of `psgn_jax.predict`.
 
     Raises:
-      PredictionFileError: it is no such file.
+      PredictionFileError: the file is not a prediction, or is damaged.
     """
     arrays = read_prediction(path, ("points", "colours", "branch", "image"))
     return Case(

@@ -27,19 +27,19 @@ _FIELDS = {
 
 
 class PredictionFileError(UserError):
-    """A file is no prediction, or a damaged one."""
+    """A file is not a prediction, or is damaged."""
 
 
 def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict[str, np.ndarray]:
     """Some arrays of a prediction, see `prediction.export`; nothing is unpickled.
 
     Args:
-      path: of the NPZ file.
+      path: path of the NPZ file.
       fields: any of points [k, n, 3], colours [k, n, 3], branch [n], image [h, w, 3],
         intrinsics [3, 3] and extrinsics [3, 4].
 
     Raises:
-      PredictionFileError: the file is missing, of another kind or damaged; the message says what.
+      PredictionFileError: the file is missing, of another kind or damaged.
     """
     shown = one_line(path)
     try:

@@ -31,7 +31,10 @@ from psgn_jax.viewing.clouds import turned
 from psgn_jax.viewing.predictions import read_prediction
 
 RADIUS = 0.028
-"""Radius of a sphere, unit of the frame: half the distance of 1,024 points on a typical surface."""
+"""Radius of a sphere in units of the frame.
+
+It is half the distance between neighbouring points if 1,024 points are spread over a typical
+surface."""
 
 BRANCH_COLOURS = ((226, 114, 62), (70, 130, 180))
 """Colours of points from the fully connected branch and from the deconvolution branch."""

@@ -5,7 +5,7 @@
         [--checkpoint=best|last] [--ema|--no-ema] [--dtype=float16|float32]
         [--sources=sources.json,more.json]
 
-`list` shows the weights in the package, or the named ones: network, metrics, data and licences.
+`list` shows the weights in the package, or the given ones: network, metrics, data and licences.
 `export` writes a checkpoint of a run as a file, for `--weights=FILE` of the other commands and for
 `--config.train.init=FILE`. The format is described in `psgn_jax.weights.file`. Exit code: 0 done,
 2 error.

@@ -11,7 +11,7 @@ texts as metadata:
     sources   JSON: the data and their licences, rows like those of `sources.json`
     sha256    checksum of all of the above and of every array
 
-The reader checks, in this order: the sizes before it reads so many bytes; names, dtypes and shapes;
+The reader checks, in this order: the sizes, before it reads the data; names, dtypes and shapes;
 the checksum; that all numbers are finite; and that the network of the configuration has exactly
 these parameters.
 """

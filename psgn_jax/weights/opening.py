@@ -56,7 +56,7 @@ def open_weights(name_or_file: str = "") -> Run:
 
     Raises:
       ConfigError: there is no such file.
-      WeightsError: it cannot be read.
+      WeightsError: the file cannot be read.
     """
     path = weights_path(name_or_file)
     return as_run(read_weights(path), path.stem)

@@ -311,7 +311,7 @@ def test_a_data_set_without_its_statement_does_not_grow(tmp_path):
     out = tmp_path / "out"
     make(out, TEN[:4])
     (out / job_folder.JOB).unlink()
-    with pytest.raises(job.OtherSettingsError, match=r"without job\.json, of another command or"):
+    with pytest.raises(job.OtherSettingsError, match=r"without job\.json, made by another command"):
         make(out, TEN)
 
 
@@ -320,7 +320,7 @@ def test_a_job_of_an_earlier_version_is_refused(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         make(out, TEN, stop_after=2)
     (out / job_folder.WORK / job_folder.JOB).write_text('{"format": 1, "models": "0a1b"}')
-    with pytest.raises(job.OtherSettingsError, match="was begun with an earlier version"):
+    with pytest.raises(job.OtherSettingsError, match="was started with an earlier version"):
         make(out, TEN)
 
 

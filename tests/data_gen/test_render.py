@@ -483,7 +483,7 @@ def test_help_tells_of_options_and_settings():
         "--option=leave_out=Weather,Astro,Effects names of folders",
         "--config.views=4 images of each model.",
         "--config.camera.roll='(0.0, 0.0)' degrees about the optical axis",
-        "--sample=0 So many models, spread over categories and folders",
+        "--sample=0 Number of models, spread over categories and folders",
     ):
         assert part in text
     assert max(map(len, done.stdout.splitlines())) <= 100

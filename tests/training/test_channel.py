@@ -86,7 +86,7 @@ def test_a_closed_connection_is_a_loss_for_all(channels, victim):
 
 def test_silence_is_a_loss(channels, monkeypatch):
     monkeypatch.setattr(channel_lib, "SILENCE_SECONDS", 0.3)
-    monkeypatch.setattr(channel_lib, "SIGN_OF_LIFE_SECONDS", 30.0)
+    monkeypatch.setattr(channel_lib, "HEARTBEAT_SECONDS", 30.0)
     _, lost = channels(2)
     assert lost[0].get(timeout=10) == "process 1 has been silent for 0 s"
 

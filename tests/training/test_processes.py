@@ -174,7 +174,7 @@ def test_a_signal_stops_all_and_another_number_goes_on(alone, start, tmp_path):
     assert f"stopped by SIGTERM after step {stopped}, checkpoint saved" in text(workdir, 0)
     flags = [f"--config.train.steps={stopped + 5}", "--config.train.eval_every=6"]
     assert codes(start(2, workdir, *flags)) == [0, 0], text(workdir, 0)
-    assert f"going on at step {stopped}" in text(workdir, 0)
+    assert f"resuming at step {stopped}" in text(workdir, 0)
     assert codes(start(1, workdir, f"--config.train.steps={stopped + 8}", flags[1])) == [0]
     reference = tmp_path / "reference"
     assert codes(start(1, reference, f"--config.train.steps={stopped + 8}", flags[1])) == [0]
@@ -199,8 +199,8 @@ def test_a_killed_process_ends_the_other(alone, start, tmp_path, victim):
     if victim:  # with the first process JAX's service ends, which may abort the others first
         assert code == 4
         assert said == [
-            "error: process 1 has ended unexpectedly, so this process ends too; the same command "
-            "goes on from the newest checkpoint"
+            "error: process 1 has ended unexpectedly, so this process ends too; run the same "
+            "command again to resume from the newest checkpoint"
         ]
         assert "Traceback" not in text(workdir, other)
     assert said or code

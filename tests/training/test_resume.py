@@ -159,7 +159,7 @@ def test_killed_run_ends_bit_identical(command, undisturbed, tmp_path):
     assert any(partial for kill, _, partial in done if kill == "writing"), done
     assert_same_end(workdir, undisturbed)
     text = log_of(workdir)
-    assert len(re.findall("going on at step", text)) == 4
+    assert len(re.findall("resuming at step", text)) == 4
     assert "stopped by SIGTERM after step" in text
     assert "Traceback" not in text
     assert "damaged" not in text
