@@ -103,10 +103,10 @@ class CheckSettings:
 
 @dataclasses.dataclass(frozen=True)
 class JobSettings:
-    """How the job runs. None of these settings changes the samples of a model.
+    """How the job runs.
 
-    There are two exceptions: `variant` changes roundings, and the limits `seconds_per_model` and
-    `megabytes_per_worker` decide which models are refused.
+    None of these settings changes the samples of a model, but the two limits, `seconds_per_model`
+    and `megabytes_per_worker`, decide which models are refused.
 
     Attributes:
       workers: number of processes, 0 = one per processor.

@@ -1,11 +1,11 @@
 """A web page that runs a network in the browser: `python -m psgn_jax.page --out=FOLDER`.
 
-The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either, the default
-weights of the package (it has none yet). The folder is served by any file server, such as
-`python -m http.server`, and needs no network: photos are read, masked and predicted on the
-visitor's device. ONNX Runtime Web is fetched by npm the first time and kept in the cache folder;
-`--runtime=FOLDER|TGZ` takes it from elsewhere. Needs the extra `export`. Exit code: 0 done, 2 an
-error, in one line.
+The network is given by `--weights=NAME|FILE` or by a run, `--workdir=W`; without either, the
+default weights of the package are used, if it has any. Any file server can serve the folder, for
+example `python -m http.server`. The page loads nothing from elsewhere: photos are read, masked and
+predicted on the visitor's device. ONNX Runtime Web is downloaded by npm the first time and kept in
+the cache folder; `--runtime=FOLDER|TGZ` reads it from another place. Needs the extra `export`. Exit
+code: 0 done, 2 an error, in one line.
 """
 
 import sys
@@ -25,7 +25,7 @@ def _main(argv: Sequence[str]) -> None:
     values = flags.FLAGS
     with exit_on_user_error():
         if argv[1:]:
-            raise ConfigError(f"{argv[1]}: accepted: flags alone")
+            raise ConfigError(f"{argv[1]}: accepted: only flags")
         require_packages()
         keep_compiled()
         network = open_network(values.workdir, values.weights, values.checkpoint)
