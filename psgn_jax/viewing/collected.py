@@ -3,6 +3,7 @@
 import dataclasses
 import pathlib
 import tempfile
+import weakref
 from collections.abc import Sequence
 from typing import Any, overload
 
@@ -20,7 +21,7 @@ class Sample:
 
 
 class StoredArrays(Sequence[np.ndarray]):
-    """Arrays of one shape in an unnamed temporary file, which is removed when the process ends.
+    """Arrays of one shape in an unnamed temporary file, which is removed with this object.
 
     Args:
       folder: folder of the file.
@@ -28,6 +29,7 @@ class StoredArrays(Sequence[np.ndarray]):
 
     def __init__(self, folder: pathlib.Path) -> None:
         self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
         self._count = 0
         self._shape: tuple[int, ...] = ()
         self._dtype = np.dtype(np.uint8)
@@ -101,7 +103,7 @@ class Collector:
     points.
 
     Args:
-      folder: folder of the temporary files, which are removed when the process ends; created if
+      folder: folder of the temporary files, which are removed with the collector; created if
         missing.
     """
 

@@ -233,7 +233,7 @@ def test_environment_maps_of_a_folder(tmp_path):
     np.testing.assert_allclose(found[4:6, 16:20], 256)
     np.testing.assert_allclose(np.median(found), 1)
     write_hdr(tmp_path / "ball.hdr", np.ones((64, 64)))
-    with pytest.raises(ValueError, match=r"ball\.hdr.*64 x 64 pixels, expected it twice as wide"):
+    with pytest.raises(ValueError, match=r"ball\.hdr.*64 x 64 pixels, expected a width of twice the height"):
         load_maps(chosen, Variant("scalar_rgb"))
     (tmp_path / "ball.hdr").write_bytes(b"#?RADIANCE\ntorn")
     with pytest.raises(ValueError, match=r"environment map .*ball\.hdr"):
@@ -362,7 +362,7 @@ def test_a_wrong_light_marks_no_folder(tmp_path):
     assert not (tmp_path / "out").exists()
     (tmp_path / "wall.png").write_text("no")
     picture = {"background": "folder", "background_folder": str(tmp_path)}
-    with pytest.raises(ValueError, match=r"wall\.png is no picture"):
+    with pytest.raises(ValueError, match=r"wall\.png is not readable as an image"):
         job.render_catalogue(source, tmp_path / "out", options(image=picture))
 
 
@@ -459,7 +459,7 @@ def test_command_refuses_wrong_arguments(tmp_path):
         ("--config.image.rays=9", f"image.rays: {no_effect} image.shading=photo"),
         ("--config.film.grain=(0.,.1)", f"film.grain: {no_effect} image.shading=photo"),
         ("--seed=3", f"--seed=3: {no_effect} --sample"),
-        ("--exclude=lmap", "--exclude: no category and no name fits 'lmap' (did you mean 'lamp'?)"),
+        ("--exclude=lmap", "--exclude: no category and no name matches 'lmap' (did you mean 'lamp'?)"),
         # The fields may come before the file that they change.
         ("--config.camera.aim=(7.,1.) --config={CONFIG}:r2n2", "camera.aim: got (7.0, 1.0)"),
     )
@@ -479,9 +479,9 @@ def test_help_tells_of_options_and_settings():
     assert done.returncode == 0
     text = " ".join(done.stdout.split())
     for part in (
-        "--option=hidden_draws=1 models made of each seed: 1 = one",
+        "--option=hidden_draws=1 number of models per seed: 1 = one",
         "--option=leave_out=Weather,Astro,Effects names of folders",
-        "--config.views=4 images of each model.",
+        "--config.views=4 number of images of each model.",
         "--config.camera.roll='(0.0, 0.0)' degrees about the optical axis",
         "--sample=0 Number of models, spread over categories and folders",
     ):

@@ -78,7 +78,7 @@ def test_runs_that_cannot_be_compared(tmp_path):
         lib.STUDY.run(tmp_path, cd=cd, emd=other)
     with pytest.raises(ConfigError, match="without --cd and --emd"):
         lib.STUDY.run(tmp_path, cd=cd, emd=emd, steps=2)
-    with pytest.raises(ConfigError, match="expected both or none"):
+    with pytest.raises(ConfigError, match="expected both or neither"):
         lib.STUDY.run(tmp_path, cd=cd)
 
 
