@@ -454,6 +454,7 @@ def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predic
     rgba = cut_out(tmp_path / "photo.png")
     page = browser.new_page()
     page.goto(serve(tmp_path) + "example.html")
+    page.wait_for_function("!document.querySelector('input').disabled", timeout=1000 * SECONDS)
     page.set_input_files("input", str(tmp_path / "photo.png"))
     wait_for = "document.querySelector('output').textContent.includes('points')"
     end = time.monotonic() + SECONDS
