@@ -233,7 +233,9 @@ def test_environment_maps_of_a_folder(tmp_path):
     np.testing.assert_allclose(found[4:6, 16:20], 256)
     np.testing.assert_allclose(np.median(found), 1)
     write_hdr(tmp_path / "ball.hdr", np.ones((64, 64)))
-    with pytest.raises(ValueError, match=r"ball\.hdr.*64 x 64 pixels, expected a width of twice the height"):
+    with pytest.raises(
+        ValueError, match=r"ball\.hdr.*64 x 64 pixels, expected a width of twice the height"
+    ):
         load_maps(chosen, Variant("scalar_rgb"))
     (tmp_path / "ball.hdr").write_bytes(b"#?RADIANCE\ntorn")
     with pytest.raises(ValueError, match=r"environment map .*ball\.hdr"):
@@ -459,7 +461,10 @@ def test_command_refuses_wrong_arguments(tmp_path):
         ("--config.image.rays=9", f"image.rays: {no_effect} image.shading=photo"),
         ("--config.film.grain=(0.,.1)", f"film.grain: {no_effect} image.shading=photo"),
         ("--seed=3", f"--seed=3: {no_effect} --sample"),
-        ("--exclude=lmap", "--exclude: no category and no name matches 'lmap' (did you mean 'lamp'?)"),
+        (
+            "--exclude=lmap",
+            "--exclude: no category and no name matches 'lmap' (did you mean 'lamp'?)",
+        ),
         # The fields may come before the file that they change.
         ("--config.camera.aim=(7.,1.) --config={CONFIG}:r2n2", "camera.aim: got (7.0, 1.0)"),
     )
