@@ -18,7 +18,7 @@ from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_term
 from psgn_jax.config import ConfigError
 from psgn_jax.portable.folder import write_folder
 from psgn_jax.portable.runtime import require_packages
-from psgn_jax.weights.opening import open_network, sources_of
+from psgn_jax.weights.opening import open_network
 
 
 def _main(argv: Sequence[str]) -> None:
@@ -38,7 +38,6 @@ def _main(argv: Sequence[str]) -> None:
             data=values.data,
             split=values.split,
             images=values.images,
-            sources=() if values.workdir else sources_of(values.weights or ""),
         )
         sys.stdout.write(f"{values.out}: see README.md there\n")
 

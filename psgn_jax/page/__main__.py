@@ -17,7 +17,7 @@ from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_term
 from psgn_jax.config import ConfigError
 from psgn_jax.page.build import build_page
 from psgn_jax.portable.runtime import require_packages
-from psgn_jax.weights.opening import open_network, sources_of
+from psgn_jax.weights.opening import open_network
 
 
 def _main(argv: Sequence[str]) -> None:
@@ -36,7 +36,6 @@ def _main(argv: Sequence[str]) -> None:
             runtime=values.runtime,
             data=values.data,
             split=values.split,
-            sources=() if values.workdir else sources_of(values.weights or ""),
         )
         sys.stdout.write(
             f"{values.out}: {size / 1e6:.1f} MB; "

@@ -2,8 +2,6 @@
 
 import os
 import pathlib
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 from absl import logging
 
@@ -46,7 +44,6 @@ def build_page(
     runtime: str = "",
     data: str = "",
     split: str = "validation",
-    sources: Sequence[Mapping[str, Any]] = (),
 ) -> int:
     """Writes the page; returns its size in bytes.
 
@@ -57,7 +54,6 @@ def build_page(
       runtime: source of the runtime, see `browser_runtime.runtime_files`.
       data: folder of records for the check, see `portable.folder.write_network`.
       split: split of the records.
-      sources: data and licences of the weights.
 
     Raises:
       ConfigError, ExportError: see `portable.folder.write_network` and `runtime_files`.
@@ -68,9 +64,7 @@ def build_page(
     for path in sorted(STATIC.rglob("*")):
         if path.is_file():
             files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
-    written = write_network(
-        run, out, weights=(weights,), stablehlo=False, data=data, split=split, sources=sources
-    )
+    written = write_network(run, out, weights=(weights,), stablehlo=False, data=data, split=split)
     for name, content in files.items():
         write_atomic(out / name, content, sync=False)
     names = [*files, *written]

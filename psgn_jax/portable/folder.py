@@ -70,7 +70,6 @@ def write_network(
     data: str = "",
     split: str = "validation",
     images: int = 64,
-    sources: Sequence[Mapping[str, Any]] = (),
 ) -> list[str]:
     """Writes a network as ONNX and StableHLO files, `network.json`, and `JAVASCRIPT`.
 
@@ -84,7 +83,6 @@ def write_network(
       data: folder of records for the check; "" = drawn silhouettes, which have no ground truth.
       split: split of the records.
       images: number of images for the check.
-      sources: data and licences of the weights (`weights.file.read_sources`).
 
     Returns:
       names of the files.
@@ -104,7 +102,7 @@ def write_network(
         else check_lib.drawn_samples(network)
     )
     clouds = check_lib.expected(network, samples)
-    description = describe(run, network, sources)
+    description = describe(run, network)
     files: dict[str, dict[str, Any]] = {}
     for stored in weights:
         content = onnx_content(network, stored, {"name": run.source, "format": FORMAT})
@@ -136,9 +134,7 @@ def onnx_content(network: PortableNetwork, stored: str, texts: Mapping[str, str]
         raise ExportError(str(error)) from None
 
 
-def describe(
-    run: Run, network: PortableNetwork, sources: Sequence[Mapping[str, Any]]
-) -> dict[str, Any]:
+def describe(run: Run, network: PortableNetwork) -> dict[str, Any]:
     """The content of `network.json` except the list of files.
 
     It contains everything that a program needs to call the network.
@@ -167,7 +163,7 @@ def describe(
         "camera": {"intrinsics": intrinsics.tolist(), "extrinsics": extrinsics.tolist()},
         "random_size": model.random_size,
         "latents": latents,
-        "sources": [dict(row) for row in sources],
+        "sources": [dict(row) for row in run.sources],
     }
 
 

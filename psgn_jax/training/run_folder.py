@@ -8,7 +8,7 @@ import contextlib
 import fcntl
 import os
 import pathlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from absl import logging
@@ -29,6 +29,8 @@ class Run(NamedTuple):
         empty if it was not evaluated.
       source: the folder of the run, or the name of the weights.
       source_kind: "workdir" if `source` is a folder, "weights" if it is the name of weights.
+      sources: the data of the weights and their licences (`weights.file.read_sources`); () if they
+        are not stated, as in the folder of a run.
     """
 
     config: Config
@@ -37,6 +39,7 @@ class Run(NamedTuple):
     scores: dict[str, float]
     source: str = ""
     source_kind: str = "workdir"
+    sources: Sequence[Mapping[str, Any]] = ()
 
 
 def open_run(

@@ -6,8 +6,6 @@ Names are those of the files in `psgn_jax/weights/`, which are part of the packa
 import os
 import pathlib
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 from psgn_jax.config import ConfigError, suggestion
 from psgn_jax.training.run_folder import Run, open_run
@@ -62,15 +60,6 @@ def open_weights(name_or_file: str = "") -> Run:
     return as_run(read_weights(path), path.stem)
 
 
-def sources_of(name_or_file: str = "") -> Sequence[Mapping[str, Any]]:
-    """The data and licences that a file of weights states, see `weights_path`.
-
-    Raises:
-      ConfigError, WeightsError: there is no such file, or it cannot be read.
-    """
-    return read_weights(weights_path(name_or_file)).sources
-
-
 def open_network(
     workdir: str | os.PathLike[str] | None = None,
     weights: str | None = None,
@@ -96,7 +85,7 @@ def as_run(weights: Weights, name: str) -> Run:
     """Weights as an opened run; `scores` are the metrics in the file."""
     scores = {k: float(v) for k, v in weights.figures["metrics"].items() if v is not None}
     step = weights.figures["step"]
-    return Run(weights.config, step, weights.params, scores, name, "weights")
+    return Run(weights.config, step, weights.params, scores, name, "weights", weights.sources)
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

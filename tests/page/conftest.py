@@ -39,7 +39,7 @@ def run():
         model__fc_points=40,
         model__deconv_level=1,
     )
-    return Run(config, 7, helper.random_params(config), {}, "tiny", "weights")
+    return Run(config, 7, helper.random_params(config), {}, "tiny", "weights", helper.SOURCES)
 
 
 @pytest.fixture(scope="session")
@@ -50,7 +50,7 @@ def site(tmp_path_factory, runtime, run):
     from psgn_jax.page.build import build_page
 
     folder = tmp_path_factory.mktemp("site")
-    build_page(run, folder, weights="float32", runtime=runtime, sources=helper.SOURCES)
+    build_page(run, folder, weights="float32", runtime=runtime)
     return folder
 
 

@@ -85,8 +85,8 @@ def test_a_network_trained_in_bfloat16_computes_in_float32():
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
     out = tmp_path_factory.mktemp("export")
-    run = make_run(model__random_size=3)
-    about = folder.write_folder(run, out, weights=("float32", "float16"), sources=helper.SOURCES)
+    run = make_run(model__random_size=3)._replace(sources=helper.SOURCES)
+    about = folder.write_folder(run, out, weights=("float32", "float16"))
     return run, out, about
 
 

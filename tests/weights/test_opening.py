@@ -44,6 +44,7 @@ def test_names_of_shipped_weights(shipped, file):
     assert list(shipped_files()) == ["small-1", "small-2", "small-10"]
     assert open_network().source == "small-10"
     network = open_network(weights="small-2")
+    assert list(network.sources) == list(read_weights(weights_path("small-2")).sources)
     assert (network.source, network.source_kind, network.step) == ("small-2", "weights", 50)
     assert network.scores == {"cd_sq_radius2": 0.0123}
     assert weights_path(str(file)) == file
