@@ -128,7 +128,7 @@ def _on_plate(rng: np.random.Generator) -> list[Model]:
         plate = solids.box(x, y, thick)
     dx, dy = rng.uniform(-0.3, 0.3, 2) * rng.choice((0, 1)) * (x, y)
     lift = 0.0 if rng.random() < 0.8 else rng.uniform(0.05, 0.6)
-    return [*(_raised(p, lift) for p in parts), _solid(plate.at(dx, dy, -thick / 2), rng)]
+    return [*(_moved(p, 0.0, 0.0, lift) for p in parts), _solid(plate.at(dx, dy, -thick / 2), rng)]
 
 
 def _in_corner(rng: np.random.Generator) -> list[Model]:
@@ -161,7 +161,7 @@ def _angle(rng: np.random.Generator) -> list[Model]:
     offset = np.array([(x + y * longer) / 2 - x, side * (y / 2 - x / 2), 0.0])
     if rng.random() < 0.4:
         offset[1] += side * x  # beside the end of the first, not over it
-    return [model, second.transformed(np.concatenate([np.eye(3), offset[:, None]], axis=1))]
+    return [model, _moved(second, *offset)]
 
 
 ARRANGEMENTS: dict[str, Callable[[np.random.Generator], list[Model]]] = {
@@ -193,7 +193,7 @@ def _simple(rng: np.random.Generator) -> Model:
         solid = solids.cylinder(x / 2, z)
     else:
         solid = solids.ball(x, y, z)
-    return _raised(_solid(solid, rng), z / 2)
+    return _moved(_solid(solid, rng), 0.0, 0.0, z / 2)
 
 
 def _solid(solid: Solid, rng: np.random.Generator) -> Model:
@@ -221,9 +221,7 @@ def _plain(rng: np.random.Generator, name: str = "plain") -> Material:
 
 def _placed(model: Model, scale: float, x: float, y: float, turn: float = 0.0) -> Model:
     """The model scaled, turned about the vertical axis by `turn` degrees, and moved by (x, y)."""
-    turned = _turned(_scaled(model, (scale,) * 3), turn)
-    matrix = np.concatenate([np.eye(3), np.array([[x], [y], [0.0]])], axis=1)
-    return turned.transformed(matrix)
+    return _moved(_turned(_scaled(model, (scale,) * 3), turn), x, y, 0.0)
 
 
 def _beside(
@@ -240,11 +238,11 @@ def _beside(
     small = _turned(_scaled(other, (scale,) * 3), rng.uniform(0, 360))
     reach = (model.vertices[:, :2] @ along).max() - (small.vertices[:, :2] @ along).min()
     x, y = along * (reach + gap)
-    return _raised(_placed(small, 1.0, x, y), height)
+    return _moved(_placed(small, 1.0, x, y), 0.0, 0.0, height)
 
 
-def _raised(model: Model, height: float) -> Model:
-    return model.transformed(np.concatenate([np.eye(3), np.array([[0], [0], [height]])], axis=1))
+def _moved(model: Model, x: float, y: float, z: float) -> Model:
+    return model.transformed(np.concatenate([np.eye(3), [[x], [y], [z]]], axis=1))
 
 
 def _scaled(model: Model, factors: Sequence[float]) -> Model:
