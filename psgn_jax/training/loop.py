@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+import optax
 from absl import logging
 from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
@@ -109,7 +110,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
             init = _open_initial(config, workdir, task)
             if group.is_first:
                 stack.enter_context(locked(workdir))
-        return _Training(config, workdir, mesh, sizes, task, init).run()
+        return _Training(config, workdir, mesh, sizes, task, optimizer, init).run()
 
 
 class _Training:
@@ -122,6 +123,7 @@ class _Training:
         mesh: Mesh,
         sizes: Mapping[str, int],
         task: Task,
+        optimizer: optax.GradientTransformation,
         init: Run | None = None,
     ) -> None:
         self._config, self._workdir, self._task, self._mesh = config, workdir, task, mesh
@@ -131,7 +133,7 @@ class _Training:
             config.train.keep_checkpoints,
             read_only=not self._group.is_first,
         )
-        self._optimizer = state_lib.optimizer(config.optim, config.train.steps)
+        self._optimizer = optimizer
         self._state = self._initial_state()
         self._step = self._saved = int(self._state.step)
         _describe(task.title, self._state, sizes, mesh.size, workdir, self._step)
