@@ -76,6 +76,13 @@ def exit_code_of(error: BaseException) -> int | None:
     return getattr(error, "exit_code", 2 if isinstance(error, OSError) else None)
 
 
+def define_network_flags() -> None:
+    """Defines --workdir, --weights and --checkpoint, the arguments of `weights.open_network`."""
+    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
+    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
+    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint of the run.")
+
+
 def parse_flags(argv: list[str]) -> list[str]:
     """Parses flags like absl, but ends the process with one line if a flag is wrong.
 

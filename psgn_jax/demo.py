@@ -22,7 +22,13 @@ from collections.abc import Sequence
 
 from absl import app, flags, logging
 
-from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
+from psgn_jax.command_line import (
+    define_network_flags,
+    exit_on_user_error,
+    keep_compiled,
+    log_to_terminal,
+    parse_flags,
+)
 from psgn_jax.config import ConfigError
 from psgn_jax.prediction.demo_page import Demo, import_gradio, launch
 from psgn_jax.prediction.demo_server import is_local, listen
@@ -73,9 +79,7 @@ def _main(argv: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
-    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
-    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
+    define_network_flags()
     flags.DEFINE_string("host", "127.0.0.1", "Address to listen at.")
     flags.DEFINE_integer("port", 7860, "Port to listen at, 0 for a free one.")
     flags.DEFINE_list(

@@ -13,7 +13,13 @@ from typing import Any
 
 from absl import app, flags
 
-from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
+from psgn_jax.command_line import (
+    define_network_flags,
+    exit_on_user_error,
+    keep_compiled,
+    log_to_terminal,
+    parse_flags,
+)
 from psgn_jax.config import ConfigError
 from psgn_jax.metrics import table
 from psgn_jax.tasks.runs import FRAMES, evaluate_run, report_runs
@@ -51,9 +57,7 @@ def _main(argv: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
-    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
-    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
+    define_network_flags()
     flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
     flags.DEFINE_string("data", None, "Folder of records in place of the run's data.path.")
     flags.DEFINE_string("out", None, "Folder for the tables; default: in the workdir.")

@@ -14,7 +14,13 @@ from collections.abc import Sequence
 
 from absl import app, flags
 
-from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
+from psgn_jax.command_line import (
+    define_network_flags,
+    exit_on_user_error,
+    keep_compiled,
+    log_to_terminal,
+    parse_flags,
+)
 from psgn_jax.config import ConfigError
 from psgn_jax.portable.folder import write_folder
 from psgn_jax.portable.runtime import require_packages
@@ -43,10 +49,8 @@ def _main(argv: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
-    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
+    define_network_flags()
     flags.DEFINE_string("out", None, "Folder for the files.", required=True)
-    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint of the run.")
     flags.DEFINE_list(
         "weights_as", ["float32", "float16"], "Weights of the ONNX files: float32, float16, int8."
     )

@@ -17,7 +17,13 @@ from collections.abc import Sequence
 
 from absl import app, flags
 
-from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
+from psgn_jax.command_line import (
+    define_network_flags,
+    exit_on_user_error,
+    keep_compiled,
+    log_to_terminal,
+    parse_flags,
+)
 from psgn_jax.config import ConfigError
 from psgn_jax.data import masks
 from psgn_jax.files import check_folder
@@ -80,10 +86,8 @@ def _main(argv: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
-    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
+    define_network_flags()
     flags.DEFINE_string("out", None, "Folder for the results.", required=True)
-    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint.")
     flags.DEFINE_string("mask", None, "File of the mask, or folder with one for each image.")
     flags.DEFINE_enum("mask_from", "auto", list(masks.METHODS), "How to find a mask.")
     flags.DEFINE_bool("invert_mask", False, "The given masks are white outside the object.")

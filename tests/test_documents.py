@@ -2,6 +2,7 @@
 
 import ast
 import importlib.util
+import inspect
 import os
 import pathlib
 import re
@@ -11,7 +12,7 @@ import sys
 
 import pytest
 
-from psgn_jax import cli, config_files
+from psgn_jax import cli, command_line, config_files
 from psgn_jax.config import Config, to_dict
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -35,18 +36,27 @@ def commands():
     return sorted(found)
 
 
+def flags_defined_in(text):
+    """Names of the flags that a piece of source defines."""
+    calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
+    names = {
+        str(argument.value).lstrip("-")
+        for call in calls
+        if _DEFINES.search(ast.unparse(call.func))
+        for argument in call.args[:1]
+        if isinstance(argument, ast.Constant)
+    }
+    if any(ast.unparse(call.func) == "define_network_flags" for call in calls):
+        names |= flags_defined_in(inspect.getsource(command_line.define_network_flags))
+    return names
+
+
 def flags_of(module):
     """Names of the flags that a command's files define, read from their source."""
     spec = importlib.util.find_spec(module)
     path = pathlib.Path(spec.origin)
     sources = [path, path.with_name("common.py")] if "experiments" in module else [path]
-    names = {"help"}
-    for source in sources:
-        for node in ast.walk(ast.parse(source.read_text())):
-            if isinstance(node, ast.Call) and _DEFINES.search(ast.unparse(node.func)):
-                names |= {str(a.value).lstrip("-") for a in node.args[:1]
-                          if isinstance(a, ast.Constant)}  # fmt: skip
-    return names
+    return {"help"}.union(*(flags_defined_in(source.read_text()) for source in sources))
 
 
 def fields(tree, prefix="config."):

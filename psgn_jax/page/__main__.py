@@ -13,7 +13,13 @@ from collections.abc import Sequence
 
 from absl import app, flags
 
-from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
+from psgn_jax.command_line import (
+    define_network_flags,
+    exit_on_user_error,
+    keep_compiled,
+    log_to_terminal,
+    parse_flags,
+)
 from psgn_jax.config import ConfigError
 from psgn_jax.page.build import build_page
 from psgn_jax.portable.runtime import require_packages
@@ -44,10 +50,8 @@ def _main(argv: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
-    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
+    define_network_flags()
     flags.DEFINE_string("out", None, "Folder for the page.", required=True)
-    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint of the run.")
     flags.DEFINE_enum(
         "weights_as", "float16", ["float32", "float16", "int8"], "How the page stores weights."
     )
