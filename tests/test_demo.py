@@ -5,7 +5,6 @@ import html
 import io
 import pathlib
 import re
-import shutil
 import threading
 import types
 import urllib.parse
@@ -15,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import standin
+from helpers.browser import chromium
 from PIL import Image
 
 from psgn_jax.config import ConfigError
@@ -25,9 +25,6 @@ from psgn_jax.prediction import demo_page as lib
 from psgn_jax.prediction.predictor import Predictor
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
 
 
 @pytest.fixture(scope="module")
@@ -285,19 +282,15 @@ def test_the_editors_value_is_checked_before_it_is_decoded(tmp_path):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # gradio's and its server's own
 def test_in_a_browser(demo, box, tmp_path, monkeypatch):
-    api = pytest.importorskip("playwright.sync_api")
     if lib.importlib.util.find_spec("gradio") is None:
         pytest.skip("no gradio")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
     monkeypatch.setenv("GRADIO_TEMP_DIR", str(tmp_path / "gradio"))
     listener, address = demo_server.listen("127.0.0.1", 0)
     server = lib.launch(demo, listener, "127.0.0.1")
     requests, errors = [], []
     try:
         assert address.startswith("http://127.0.0.1:")
-        with api.sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        with chromium() as browser:
             page = browser.new_page()
             page.set_default_timeout(60_000)
             page.on("request", lambda request: requests.append(request.url))
@@ -316,7 +309,6 @@ def test_in_a_browser(demo, box, tmp_path, monkeypatch):
                 page.get_by_role("link", name="box.npz").click()
             with np.load(download.value.path()) as archive:
                 assert archive["points"].shape == (1, 50, 3)
-            browser.close()
     finally:
         server.close()
     assert errors == []

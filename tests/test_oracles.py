@@ -12,10 +12,10 @@ import zipfile
 
 import numpy as np
 import pytest
-from helpers import drawn_solids as solids
+from helpers.small_runs import write_solids
 
 from psgn_jax.config import parse
-from psgn_jax.data.dataset import RecordReader, write_dataset
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.metrics import table as table_lib
 from psgn_jax.tasks.runs import evaluate_run
 from psgn_jax.training import loop
@@ -28,13 +28,7 @@ GOLDEN = json.loads((FOLDER / "golden.json").read_text())
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("oracles") / "data"
-    splits = {
-        "train": solids.samples(24, seed=0, image_size=(16, 32)),
-        "validation": solids.samples(11, seed=1, image_size=(16, 32)),
-    }
-    write_dataset(folder, splits, source="solids", records_per_shard=10)
-    return folder
+    return write_solids(tmp_path_factory.mktemp("oracles") / "data")
 
 
 @pytest.fixture

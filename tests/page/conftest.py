@@ -3,19 +3,15 @@
 import functools
 import http.server
 import os
-import shutil
 import threading
 
 import pytest
 from helpers import weights as helper
+from helpers.browser import chromium
 
 from psgn_jax.config import ConfigError
 from psgn_jax.page import browser_runtime
 from psgn_jax.training.run_folder import Run
-
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
 
 
 @pytest.fixture(scope="session")
@@ -81,10 +77,5 @@ def serve():
 
 @pytest.fixture(scope="session")
 def browser():
-    api = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with chromium() as browser:
         yield browser
-        browser.close()

@@ -1,7 +1,6 @@
 """Several CPU processes train together (gloo): as one, resumed by another number, and killed."""
 
 import json
-import os
 import pathlib
 import re
 import signal
@@ -12,11 +11,9 @@ import time
 
 import numpy as np
 import pytest
-from helpers import drawn_solids as solids
 from helpers import standin
+from helpers.small_runs import quick_environment, write_config, write_solids
 
-from psgn_jax.config import to_dict
-from psgn_jax.data.dataset import write_dataset
 from psgn_jax.training.checkpoint import Checkpoints
 from psgn_jax.training.log import read_metrics
 from psgn_jax.training.loop import train
@@ -31,13 +28,7 @@ def tiny(**changes):
 
 @pytest.fixture(scope="module")
 def records(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("processes") / "data"
-    splits = {
-        "train": solids.samples(24, seed=0, image_size=(16, 32)),
-        "validation": solids.samples(11, seed=1, image_size=(16, 32)),
-    }
-    write_dataset(folder, splits, source="solids", records_per_shard=10)
-    return folder
+    return write_solids(tmp_path_factory.mktemp("processes") / "data")
 
 
 @pytest.fixture(scope="module")
@@ -51,19 +42,8 @@ def alone(records, tmp_path_factory):
 def start(records, tmp_path_factory):
     """A function that starts so many processes on the tiny configuration in a workdir."""
     folder = tmp_path_factory.mktemp("start")
-    file = folder / "tiny.py"
-    file.write_text(
-        "import ml_collections\n\n\ndef get_config():\n"
-        f"    return ml_collections.ConfigDict({to_dict(tiny(data__path=str(records)))!r})\n"
-    )
-    environment = os.environ | {
-        "JAX_PLATFORMS": "cpu",
-        "JAX_COMPILATION_CACHE_DIR": str(folder / "cache"),
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
-        "XLA_FLAGS": "--xla_backend_optimization_level=0",
-        "TF_CPP_MIN_LOG_LEVEL": "3",
-    }
+    file = write_config(folder / "tiny.py", tiny(data__path=str(records)))
+    environment = quick_environment(folder)
     running = []
 
     def run(count, workdir, *flags, command=TRAIN, only={}):  # noqa: B006 - not changed

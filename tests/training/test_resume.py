@@ -1,7 +1,6 @@
 """A run killed at any moment ends with the same bits as one that was left alone."""
 
 import json
-import os
 import pathlib
 import random
 import re
@@ -15,8 +14,8 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 from helpers import standin
+from helpers.small_runs import quick_environment, write_config
 
-from psgn_jax.config import to_dict
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.training.checkpoint import Checkpoints
 from psgn_jax.training.run_folder import locked
@@ -37,22 +36,8 @@ def command(tmp_path_factory):
         model__name="vanilla",
         model__widths=(4, 6, 8),
     )
-    file = folder / "tiny.py"
-    file.write_text(
-        "import ml_collections\n\n\ndef get_config():\n"
-        f"    return ml_collections.ConfigDict({to_dict(config)!r})\n"
-    )
-    environment = os.environ | {
-        "JAX_PLATFORMS": "cpu",
-        "JAX_COMPILATION_CACHE_DIR": str(folder / "cache"),
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
-        # The test is of files and signals: compile fast.
-        "XLA_FLAGS": "--xla_backend_optimization_level=0",
-        # XLA warns that its own programs, read back, might be for another machine.
-        "TF_CPP_MIN_LOG_LEVEL": "3",
-        "PSGN_STANDIN_DELAY": "0.01",
-    }
+    file = write_config(folder / "tiny.py", config)
+    environment = quick_environment(folder) | {"PSGN_STANDIN_DELAY": "0.01"}
 
     def start(workdir, *flags):
         with open(f"{workdir}.log", "a") as log:

@@ -2,17 +2,13 @@
 
 import io
 import json
-import shutil
 
 import numpy as np
 import pytest
+from helpers.browser import chromium
 from PIL import Image
 
 from psgn_jax.viewing import page as lib
-
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
 
 
 def make_case(name="chair 1", samples=3, n=300, truth=True, seed=0):
@@ -119,13 +115,8 @@ def test_the_command(tmp_path):
 
 @pytest.fixture(scope="module")
 def browser():
-    api = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with chromium() as browser:
         yield browser
-        browser.close()
 
 
 @pytest.fixture

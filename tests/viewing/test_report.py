@@ -1,7 +1,6 @@
 """The gallery of an evaluation: its numbers, its links, its order; pages that work in a browser."""
 
 import json
-import shutil
 import weakref
 
 import jax
@@ -9,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import standin
+from helpers.browser import chromium
 from PIL import Image
 
 from psgn_jax.config import ConfigError, to_json
@@ -23,9 +23,6 @@ from psgn_jax.viewing import report as lib
 from psgn_jax.viewing.collected import Collector, Sample, shown_points
 
 CATEGORIES = ("car", "lamp", "")
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
 
 
 def made(count=13, label="first", n=40, seed=0):
@@ -178,14 +175,10 @@ def test_many_cases_are_not_held(tmp_path, monkeypatch):
 
 
 def test_in_a_browser(tmp_path):
-    api = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
     samples, run = made(count=24)
     lib.write_report(tmp_path, samples, [run])
     complaints, requests = [], []
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with chromium() as browser:
         page = browser.new_page()
         page.on("console", lambda message: complaints.append(message.text))
         page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -209,15 +202,11 @@ def test_in_a_browser(tmp_path):
         worst.click()
         page.wait_for_selector("#name")
         assert page.text_content("#name") == name
-        browser.close()
     assert complaints == []
     assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
 
 
 def test_many_cases_are_listed_some_at_a_time(tmp_path):
-    api = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
     samples, run = made(count=24)
     index = lib.write_report(tmp_path, samples, [run])
     document = data_of(index)
@@ -229,8 +218,7 @@ def test_many_cases_are_listed_some_at_a_time(tmp_path):
     text = index.read_text()
     start = text.index('id="data">') + len('id="data">')
     index.write_text(text[:start] + json.dumps(document) + text[text.index("</script>", start) :])
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with chromium() as browser:
         page = browser.new_page()
         page.goto(index.as_uri())
         assert page.locator("#all a").count() == 120
@@ -243,4 +231,3 @@ def test_many_cases_are_listed_some_at_a_time(tmp_path):
         page.click("#on")
         page.click("#back")
         assert page.text_content("#place") == "1 to 120 of 10000"
-        browser.close()

@@ -1,0 +1,39 @@
+"""For tests of whole commands: a small data set, a configuration file, a quick environment."""
+
+import os
+
+from helpers import drawn_solids as solids
+from psgn_jax.config import to_dict
+from psgn_jax.data.dataset import write_dataset
+
+
+def write_solids(folder):
+    """Writes 24 training and 11 validation samples of drawn solids; returns the folder."""
+    splits = {
+        "train": solids.samples(24, seed=0, image_size=(16, 32)),
+        "validation": solids.samples(11, seed=1, image_size=(16, 32)),
+    }
+    write_dataset(folder, splits, source="solids", records_per_shard=10)
+    return folder
+
+
+def write_config(path, config):
+    """Writes a file for `--config`; returns its path."""
+    path.write_text(
+        "import ml_collections\n\n\ndef get_config():\n"
+        f"    return ml_collections.ConfigDict({to_dict(config)!r})\n"
+    )
+    return path
+
+
+def quick_environment(folder):
+    """The environment of commands that compile little: tests of files, signals and processes."""
+    return os.environ | {
+        "JAX_PLATFORMS": "cpu",
+        "JAX_COMPILATION_CACHE_DIR": str(folder / "cache"),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+        "XLA_FLAGS": "--xla_backend_optimization_level=0",
+        # XLA warns that its own programs, read back, might be for another machine.
+        "TF_CPP_MIN_LOG_LEVEL": "3",
+    }
