@@ -14,6 +14,7 @@ if os.environ["JAX_PLATFORMS"] == "cpu":
 import jax
 import numpy as np
 import pytest
+from helpers.browser import chromium
 from jaxtyping import config as jaxtyping_config
 from jaxtyping import install_import_hook
 
@@ -32,6 +33,21 @@ def authors_batches() -> pathlib.Path:
     if not path.is_dir():
         pytest.skip(f"the authors' batches are not at {path}")
     return path
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium. It is closed before the next module: while Playwright runs, asyncio cannot."""
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def page(browser):
+    """An empty page of a browser window of its own."""
+    context = browser.new_context()
+    yield context.new_page()
+    context.close()
 
 
 @pytest.fixture

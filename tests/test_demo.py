@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import standin
-from helpers.browser import chromium
 from PIL import Image
 
 from psgn_jax.config import ConfigError
@@ -281,7 +280,7 @@ def test_the_editors_value_is_checked_before_it_is_decoded(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # gradio's and its server's own
-def test_in_a_browser(demo, box, tmp_path, monkeypatch):
+def test_in_a_browser(page, demo, box, tmp_path, monkeypatch):
     if lib.importlib.util.find_spec("gradio") is None:
         pytest.skip("no gradio")
     monkeypatch.setenv("GRADIO_TEMP_DIR", str(tmp_path / "gradio"))
@@ -290,25 +289,23 @@ def test_in_a_browser(demo, box, tmp_path, monkeypatch):
     requests, errors = [], []
     try:
         assert address.startswith("http://127.0.0.1:")
-        with chromium() as browser:
-            page = browser.new_page()
-            page.set_default_timeout(60_000)
-            page.on("request", lambda request: requests.append(request.url))
-            page.on("pageerror", lambda error: errors.append(str(error)))
-            page.goto(address)
-            page.wait_for_selector("#predict[disabled]")
-            page.locator("input[type=file]").first.set_input_files(str(box))
-            page.wait_for_selector("#predict:not([disabled])")
-            assert page.get_by_text("stands out from a plain background").is_visible()
-            page.click("#predict")
-            frame = page.frame_locator("#viewer iframe")
-            frame.locator("#prediction").wait_for()
-            assert frame.locator("#name").text_content() == "box"
-            assert page.get_by_text("1 cloud of 50 points").is_visible()
-            with page.expect_download() as download:
-                page.get_by_role("link", name="box.npz").click()
-            with np.load(download.value.path()) as archive:
-                assert archive["points"].shape == (1, 50, 3)
+        page.set_default_timeout(60_000)
+        page.on("request", lambda request: requests.append(request.url))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(address)
+        page.wait_for_selector("#predict[disabled]")
+        page.locator("input[type=file]").first.set_input_files(str(box))
+        page.wait_for_selector("#predict:not([disabled])")
+        assert page.get_by_text("stands out from a plain background").is_visible()
+        page.click("#predict")
+        frame = page.frame_locator("#viewer iframe")
+        frame.locator("#prediction").wait_for()
+        assert frame.locator("#name").text_content() == "box"
+        assert page.get_by_text("1 cloud of 50 points").is_visible()
+        with page.expect_download() as download:
+            page.get_by_role("link", name="box.npz").click()
+        with np.load(download.value.path()) as archive:
+            assert archive["points"].shape == (1, 50, 3)
     finally:
         server.close()
     assert errors == []

@@ -7,7 +7,6 @@ import threading
 
 import pytest
 from helpers import weights as helper
-from helpers.browser import chromium
 
 from psgn_jax.config import ConfigError
 from psgn_jax.page import browser_runtime
@@ -73,9 +72,3 @@ def serve():
     for server in servers:
         server.shutdown()
         server.server_close()
-
-
-@pytest.fixture(scope="session")
-def browser():
-    with chromium() as browser:
-        yield browser

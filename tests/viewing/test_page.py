@@ -5,7 +5,6 @@ import json
 
 import numpy as np
 import pytest
-from helpers.browser import chromium
 from PIL import Image
 
 from psgn_jax.viewing import page as lib
@@ -111,12 +110,6 @@ def test_the_command(tmp_path):
 
 
 # --- in the browser ----------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import standin
-from helpers.browser import chromium
 from PIL import Image
 
 from psgn_jax.config import ConfigError, to_json
@@ -174,39 +173,37 @@ def test_many_cases_are_not_held(tmp_path, monkeypatch):
     ] == [str(i) for i in range(60)]
 
 
-def test_in_a_browser(tmp_path):
+def test_in_a_browser(page, tmp_path):
     samples, run = made(count=24)
     lib.write_report(tmp_path, samples, [run])
     complaints, requests = [], []
-    with chromium() as browser:
-        page = browser.new_page()
-        page.on("console", lambda message: complaints.append(message.text))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda request: requests.append(request.url))
-        page.goto((tmp_path / "index.html").as_uri())
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: requests.append(request.url))
+    page.goto((tmp_path / "index.html").as_uri())
 
-        def listed():
-            words = page.locator("#all a span:first-of-type > span").all_text_contents()
-            return [float(word) for word in words]
+    def listed():
+        words = page.locator("#all a span:first-of-type > span").all_text_contents()
+        return [float(word) for word in words]
 
-        assert listed() == sorted(listed())
-        assert len(listed()) == 24
-        page.select_option("#order", "-error")
-        assert listed() == sorted(listed(), reverse=True)
-        page.select_option("#only", "car")
-        assert len(listed()) == 8
-        assert page.text_content("#count") == "8 of 24"
-        assert page.is_hidden("#turn")
-        worst = page.locator("#worst a").first
-        name = worst.get_attribute("title")
-        worst.click()
-        page.wait_for_selector("#name")
-        assert page.text_content("#name") == name
+    assert listed() == sorted(listed())
+    assert len(listed()) == 24
+    page.select_option("#order", "-error")
+    assert listed() == sorted(listed(), reverse=True)
+    page.select_option("#only", "car")
+    assert len(listed()) == 8
+    assert page.text_content("#count") == "8 of 24"
+    assert page.is_hidden("#turn")
+    worst = page.locator("#worst a").first
+    name = worst.get_attribute("title")
+    worst.click()
+    page.wait_for_selector("#name")
+    assert page.text_content("#name") == name
     assert complaints == []
     assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
 
 
-def test_many_cases_are_listed_some_at_a_time(tmp_path):
+def test_many_cases_are_listed_some_at_a_time(page, tmp_path):
     samples, run = made(count=24)
     index = lib.write_report(tmp_path, samples, [run])
     document = data_of(index)
@@ -218,16 +215,14 @@ def test_many_cases_are_listed_some_at_a_time(tmp_path):
     text = index.read_text()
     start = text.index('id="data">') + len('id="data">')
     index.write_text(text[:start] + json.dumps(document) + text[text.index("</script>", start) :])
-    with chromium() as browser:
-        page = browser.new_page()
-        page.goto(index.as_uri())
-        assert page.locator("#all a").count() == 120
-        assert page.text_content("#place") == "1 to 120 of 10000"
-        assert page.is_disabled("#back")
-        page.click("#on")
-        assert page.locator("#all a").first.get_attribute("title") == "120"
-        page.select_option("#order", "-error")
-        assert page.locator("#all a").first.get_attribute("title") == "9999"
-        page.click("#on")
-        page.click("#back")
-        assert page.text_content("#place") == "1 to 120 of 10000"
+    page.goto(index.as_uri())
+    assert page.locator("#all a").count() == 120
+    assert page.text_content("#place") == "1 to 120 of 10000"
+    assert page.is_disabled("#back")
+    page.click("#on")
+    assert page.locator("#all a").first.get_attribute("title") == "120"
+    page.select_option("#order", "-error")
+    assert page.locator("#all a").first.get_attribute("title") == "9999"
+    page.click("#on")
+    page.click("#back")
+    assert page.text_content("#place") == "1 to 120 of 10000"
