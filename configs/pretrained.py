@@ -31,10 +31,9 @@ A step took 1.5 times as long as with the CD alone. Not tried: other weights tha
 than 51,200 samples; the free set; a batch of 32, a longer average or a wider network.
 """
 
-import pathlib
-import runpy
-
 import ml_collections
+
+from psgn_jax import config_files
 
 FREE = (
     "furniture",
@@ -50,8 +49,7 @@ FREE = (
 
 def get_config() -> ml_collections.ConfigDict:
     # Network, augmentation and optimiser are those of the small recipe.
-    small = runpy.run_path(str(pathlib.Path(__file__).with_name("authors_small.py")))
-    config = small["get_config"]()
+    config = config_files.load("authors_small")
     config.data.path = ",".join([*(f"records/free/{name}" for name in FREE), "records/authors"])
     config.data.eval_path = "records/authors"
     config.loss.name = "emd_mean@1024 + 5*chamfer_sq_mean"

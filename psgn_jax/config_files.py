@@ -5,6 +5,7 @@ The files are in `configs/` of a clone, and in `psgn_jax/configs/` of an install
 
 import difflib
 import pathlib
+import runpy
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,6 +25,12 @@ def folder() -> pathlib.Path:
 def names() -> list[str]:
     """Names of the configurations that come with the package."""
     return sorted(path.stem for path in folder().glob("*.py"))
+
+
+def load(name: str) -> ml_collections.ConfigDict:
+    """The configuration of this name, for a configuration or a study that changes some fields."""
+    config: ml_collections.ConfigDict = runpy.run_path(str(folder() / f"{name}.py"))["get_config"]()
+    return config
 
 
 def path_of(value: str) -> str:
