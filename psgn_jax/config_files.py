@@ -68,7 +68,8 @@ def check_file(value: str) -> None:
       value: its path, possibly with a text after a colon, which is the argument of `get_config`.
 
     Raises:
-      ConfigError: it is none, or `get_config` fails; one line that says what a configuration is.
+      ConfigError: the file is not a configuration, or `get_config` fails; the message states what
+        is expected.
     """
     given, colon, rest = value.partition(":")
     path = pathlib.Path(given)
@@ -82,9 +83,11 @@ def check_file(value: str) -> None:
         config = namespace["get_config"](*([rest] if colon else []))
         if not isinstance(config, ml_collections.ConfigDict):
             raise TypeError(f"get_config returns {type(config).__name__}")
-    except Exception as error:  # whatever a file that is no configuration raises
+    except Exception as error:  # the file may contain anything
         why = f"{type(error).__name__}: {error}"
-        raise ConfigError(f"--config={value} is no configuration ({why[:200]}); {_WHAT}") from error
+        raise ConfigError(
+            f"--config={value} is not a configuration ({why[:200]}); {_WHAT}"
+        ) from error
 
 
 def with_paths(argv: Sequence[str]) -> list[str]:

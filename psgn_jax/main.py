@@ -59,10 +59,10 @@ def main(argv: Sequence[str]) -> None:
         )
         path = config_flags.get_config_filename(flags.FLAGS["config"])
         workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
-        if place is None:  # several processes check it together
+        if place is None:  # several processes check the folders later, together
             check_paths(given)
             check_folder(workdir, "--workdir")
-        # Only now, so that a wrong configuration is answered before JAX is even imported.
+        # Imported here so that a wrong configuration is reported before JAX is loaded.
         keep_compiled()
         from psgn_jax.default_data import with_default_data
         from psgn_jax.training.loop import train
@@ -76,7 +76,7 @@ def main(argv: Sequence[str]) -> None:
 
 
 def _config() -> Any:
-    """The flag's value; where its file could not be loaded, the flag raises only when read."""
+    """The flag's value. If its file could not be loaded, reading the value raises the error."""
     try:
         _CONFIG.value.to_dict()
     except OSError as error:

@@ -89,7 +89,7 @@ def build(cls: type[T], node: Any, prefix: str = "") -> T:
             if field.name == key:
                 raise ConfigError(f"{path} follows from {field.metadata['derived']}; remove it")
         raise ConfigError(
-            f"{path} is no field; {suggestion(str(key), keys)}accepted: {_listed(keys)}"
+            f"{path} is not a field; {suggestion(str(key), keys)}accepted: {_listed(keys)}"
         )
     hints = typing.get_type_hints(cls, include_extras=True)
     return cls(**{key: _convert(hints[key], value, prefix + key) for key, value in node.items()})

@@ -43,10 +43,6 @@ BRANCH_COLOURS = ((226, 114, 62), (70, 130, 180))
 HEIGHT_COLOURS = np.array(
     [[61, 82, 120], [66, 128, 150], [110, 170, 148], [205, 190, 120], [224, 134, 88]], np.float64
 )
-# By a value, from small to large, perceptually uniform (dark violet, magenta, orange, yellow).
-VALUE_COLOURS = np.array(
-    [[48, 30, 110], [124, 38, 128], [200, 62, 100], [245, 130, 70], [252, 220, 140]], np.float64
-)
 
 # Direction toward the light, in the frame of the camera (x right, y down, z forward).
 _KEY = np.array([-0.5, -0.75, -0.6]) / np.linalg.norm([0.5, 0.75, 0.6])
@@ -80,11 +76,6 @@ class Case:
 def colours_by_height(points: np.ndarray) -> np.ndarray:
     """Colours uint8 [n, 3] by height; the scale is z from 0 to 1."""
     return _ramp(HEIGHT_COLOURS, points[:, 2])
-
-
-def colours_by_value(values: np.ndarray, largest: float) -> np.ndarray:
-    """Colours uint8 [n, 3] by a value (error or spread); the scale is 0 to `largest`."""
-    return _ramp(VALUE_COLOURS, values / largest)
 
 
 def colours_by_branch(branch: np.ndarray) -> np.ndarray:
@@ -238,7 +229,7 @@ def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
     It shows the first two samples, coloured by height, or a single one by height and by branch.
 
     Raises:
-      PredictionFileError: one of them is no such file.
+      PredictionFileError: a file is not a prediction.
     """
     cases = []
     for path in paths:

@@ -151,11 +151,13 @@ def test_a_mirrored_model_is_so_in_all_views_and_in_its_volume(data, monkeypatch
 
 def test_too_few_views_or_no_volumes_are_named(data, tmp_path):
     wrong = config(data, task="views", voxels__max_views=4)
-    with pytest.raises(RecordError, match=r"has 3 views of the 4 that voxels.max_views"):
+    with pytest.raises(
+        RecordError, match=r"has 3 views, expected at least 4, as set by voxels.max_views"
+    ):
         loader.train_batches(wrong.data, batch_size=2, seed=0, start_step=0)
     bare = [dataclasses.replace(box(0, 0), occupancy=None)]
     write_dataset(tmp_path / "bare", {"train": bare, "validation": bare}, source="")
-    with pytest.raises(ConfigError, match=r"wants solid volumes \(occupancy\), which not every"):
+    with pytest.raises(ConfigError, match=r"needs solid volumes \(occupancy\), which not every"):
         train(config(str(tmp_path / "bare"), task="volume"), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
