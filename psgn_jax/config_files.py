@@ -28,7 +28,7 @@ def names() -> list[str]:
 
 
 def load(name: str) -> ml_collections.ConfigDict:
-    """The configuration of this name, for a configuration or a study that changes some fields."""
+    """The configuration with this name, whose fields other configurations and studies change."""
     config: ml_collections.ConfigDict = runpy.run_path(str(folder() / f"{name}.py"))["get_config"]()
     return config
 

@@ -21,7 +21,7 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 def is_disk_full(error: BaseException) -> bool:
-    """Whether an error, or one that caused it, says that a file system is full.
+    """Whether an error, or one that caused it, means that a file system is full.
 
     The same holds for a disk quota and for the maximum size of a file. Errors of C++ libraries are
     recognised by their text.

@@ -4,9 +4,9 @@
 configuration that comes with the package (`psgn_jax.config_files`).
 
 Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same command
-resumes a stopped run. Exit codes: 0 done; 2 a wrong configuration (one line says what) or a file
-that cannot be written; 3 a loss that is not finite; 4 another process of the same training has
-ended; 5 a full disk; 143 and 130 stopped by SIGTERM or Ctrl-C after saving. Several processes:
+resumes a stopped run. Exit codes: 0 done; 2 a wrong configuration (the message names the field) or
+a file that cannot be written; 3 a loss that is not finite; 4 another process of the same training
+has ended; 5 a full disk; 143 and 130 stopped by SIGTERM or Ctrl-C after saving. Several processes:
 `training.launch`.
 """
 

@@ -4,7 +4,7 @@ The dataclass is the specification: its field names, annotations (`Annotated[int
 `Literal`, tuples, nested dataclasses) and defaults. A wrong key or value raises a `ConfigError`.
 Its message is one line with the field, its value and the accepted values.
 
-A field with the metadata `{"derived": "..."}` is computed by the program; the text says from what.
+A field with the metadata `{"derived": "..."}` is computed from what the text names.
 Such a field is not accepted as a key and is not written out.
 """
 

@@ -302,7 +302,7 @@ def reframe(
         # The scale keeps the middle of the box where the first move puts it; the shift moves it.
         column = first.scale * (left + right_edge) / 2 + first.right
         row = first.scale * (top + bottom) / 2 + first.down
-        # `shift_deviation` is relative to the height of an image of 192x256; here as columns.
+        # The height of the view in columns of this array, whose pixels need not be square.
         across = framing.VIEW_SIZE[0] / framing.VIEW_SIZE[1] * width
         move = first.then(
             framing.Move(

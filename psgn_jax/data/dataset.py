@@ -4,10 +4,10 @@ A data set is a folder with a `manifest.json` (`data.manifest`) and shards
 `<split>-<number>.arrayrecord`. A shard is an ArrayRecord file with one record (`data.codec`) per
 group. In data sets that can be extended, a tag follows the number in the file name.
 
-Shards are written to a temporary name, fsynced and renamed, and the manifest is written last: if it
-says `complete`, the data set is complete. ArrayRecord detects damaged blocks by its own hashes and
-raises an exception (tested with several thousand damaged files: it never aborted the process). The
-CRC-32 of a record also detects changes between encoder and decoder outside the file.
+Shards are written to a temporary name, fsynced and renamed, and the manifest is written last: if
+its field `complete` is true, the data set is complete. ArrayRecord detects damaged blocks by its
+own hashes and raises an exception (tested with several thousand damaged files: it never aborted the
+process). The CRC-32 of a record also detects changes between encoder and decoder outside the file.
 """
 
 import contextlib

@@ -220,7 +220,7 @@ def _to_bytes(values: np.ndarray) -> np.ndarray:
 
 
 def _turn(picture: Image.Image, orientation: int) -> Image.Image:
-    """The picture upright, as EXIF's orientation says."""
+    """The picture upright, according to EXIF's orientation."""
     transpose = Image.Transpose
     method: Any = {
         2: transpose.FLIP_LEFT_RIGHT,

@@ -92,7 +92,7 @@ def _read(archive: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
     try:
         array: np.ndarray = archive[name]
     except ValueError as error:
-        # NumPy's advice, to allow pickles, would run what the file says.
+        # NumPy's message advises to allow pickles, which would execute code from the file.
         raise ValueError(f"{name} is not an array of numbers") from error
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         raise ValueError(f"{name} is not finite")
