@@ -43,6 +43,10 @@ BRANCH_COLOURS = ((226, 114, 62), (70, 130, 180))
 HEIGHT_COLOURS = np.array(
     [[61, 82, 120], [66, 128, 150], [110, 170, 148], [205, 190, 120], [224, 134, 88]], np.float64
 )
+# By a value, from small to large, perceptually uniform (dark violet, magenta, orange, yellow).
+VALUE_COLOURS = np.array(
+    [[48, 30, 110], [124, 38, 128], [200, 62, 100], [245, 130, 70], [252, 220, 140]], np.float64
+)
 
 # Direction toward the light, in the frame of the camera (x right, y down, z forward).
 _KEY = np.array([-0.5, -0.75, -0.6]) / np.linalg.norm([0.5, 0.75, 0.6])

@@ -463,7 +463,7 @@ def test_what_cannot_be_read_is_not_called_damaged(dataset, tmp_path, monkeypatc
         return opened(path, *args, **kwargs)
 
     monkeypatch.setattr(pathlib.Path, "open", refusing)
-    message = r"train-00001\.arrayrecord cannot be read: Permission denied; check who"
+    message = r"train-00001\.arrayrecord cannot be read: Permission denied; check its"
     with pytest.raises(RecordError, match=message):
         RecordReader(tmp_path, "train")
     with pytest.raises(RecordError, match=message):
