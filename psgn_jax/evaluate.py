@@ -20,6 +20,7 @@ from psgn_jax.command_line import (
     parse_flags,
 )
 from psgn_jax.config import ConfigError
+from psgn_jax.host_memory import keep_freed_memory
 from psgn_jax.metrics import table
 from psgn_jax.tasks.runs import FRAMES, evaluate_run, report_runs
 from psgn_jax.training.launch import place_of
@@ -29,6 +30,7 @@ from psgn_jax.training.processes import joined
 def _main(argv: Sequence[str]) -> None:
     with flags_only(argv) as values:
         keep_compiled()
+        keep_freed_memory()
         if values.compare and not values.report:
             raise ConfigError(f"--compare={values.compare}: accepted with --report=DIR")
         place = place_of(
