@@ -152,13 +152,13 @@ def search():
     """
     for source in free.SOURCES:
         entries = free_meshes.entries_of_source(source.name)
-        if source.is_real:
+        if source.package:
             entries.sort(key=lambda e: hashlib.sha256(e.model_id.encode()).digest())
         else:
             entries = [e for e in entries if int(e.model_id.split("-")[1]) < _SEEDS]
         done, refused = set(), {}
         for entry in entries:
-            family = sources.family_of(entry.model_id) if source.is_real else entry.category
+            family = sources.family_of(entry.model_id) if source.package else entry.category
             if family in done:
                 continue
             reason = reason_against(entry)

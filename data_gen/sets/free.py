@@ -44,6 +44,12 @@ from psgn_jax.untrusted import one_line
 _FLIGHTGEAR = "Curtis L. Olson and the FlightGear team"
 _FREE_ART = "Jean-Christophe Durieu; ViPeR"
 
+
+def _procedural(name: str, *, views: int, models: str) -> Source:
+    licence = Licence("Apache-2.0", holders="the authors of psgn_jax")
+    return Source(name, name, views=views, place=models, families="", licences=(licence,))
+
+
 SOURCES = (
     Source(
         "furniture",
@@ -103,30 +109,9 @@ SOURCES = (
         families="",  # the catalogue splits by meshes
         licences=(Licence("CC-BY-SA-3.0", holders="Wildfire Games"),),
     ),
-    Source(
-        "procedural",
-        "procedural",
-        views=4,
-        place="480",
-        families="",
-        licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
-    ),
-    Source(
-        "procedural_extra",
-        "procedural_extra",
-        views=3,
-        place="100",
-        families="",
-        licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
-    ),
-    Source(
-        "procedural_groups",
-        "procedural_groups",
-        views=3,
-        place="4000",
-        families="",
-        licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
-    ),
+    _procedural("procedural", views=4, models="480"),
+    _procedural("procedural_extra", views=3, models="100"),
+    _procedural("procedural_groups", views=3, models="4000"),
 )
 """All sources. Sources without a catalogue are left out."""
 

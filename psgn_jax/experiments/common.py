@@ -12,7 +12,6 @@ import dataclasses
 import json
 import math
 import pathlib
-import runpy
 import sys
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -188,8 +187,7 @@ def recipe(
       usual_steps: default number of steps unless `full`; 0 = those of the file.
       changes: section -> field -> value.
     """
-    file = config_files.folder() / ("authors.py" if full else "authors_small.py")
-    tree = runpy.run_path(str(file))["get_config"]().to_dict()
+    tree = config_files.load("authors" if full else "authors_small").to_dict()
     steps = steps or (0 if full else usual_steps) or tree["train"]["steps"]
     tree["data"]["path"] = path
     tree["optim"]["warmup_steps"] = min(tree["optim"]["warmup_steps"], steps // 4)
