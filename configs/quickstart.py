@@ -19,6 +19,7 @@ def get_config() -> ml_collections.ConfigDict:
     config.model.widths = (8, 16, 32, 64, 128, 256)
     config.model.deconv_level = 2
     config.model.fc_widths = (512, 512)
+    config.loss.name = "emd_mean@1024 + 5*chamfer_sq_mean"
     config.optim.learning_rate = 1e-3
     config.optim.schedule = "cosine"
     config.optim.warmup_steps = 50
