@@ -1,7 +1,7 @@
-"""The recipe of `authors_small.py` with the CD alone as its loss, for comparisons of data and losses.
+"""The recipe of `authors_small.py` with the CD alone as its loss, to compare data and losses.
 
 Command: python -m psgn_jax.convert authors SRC records/authors
-         python -m psgn_jax.main --config=configs/authors_small_cd.py --workdir=runs/authors_small_cd
+         python -m psgn_jax.main --config=configs/authors_small_cd.py --workdir=runs/by_cd
 Hardware: two CPU cores (5.2 M parameters; about .3 s per step).
 Time: 28 minutes, on cores that also ran other programs.
 Expect: cd_sq_radius2 of .0105 and emd_radius of .309 on the validation split, at the last step,
