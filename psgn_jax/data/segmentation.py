@@ -105,7 +105,7 @@ def candidates(image: np.ndarray) -> list[Candidate]:
     small = _reduced(image, SEARCH_SIDE)
     if np.ptp(small, axis=(0, 1)).max() < _LEAST_RANGE:
         return []
-    lab = cv2.cvtColor(np.float32(small) / 255, cv2.COLOR_RGB2LAB)
+    lab = cv2.cvtColor(small.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
     salience = _salience(lab)
     masks: list[tuple[str, np.ndarray]] = []
     for name, labels in _first_guesses(small, salience):
@@ -153,7 +153,8 @@ def _first_guesses(
     for name, (high, wide) in _ELLIPSES.items():
         yield name, labels((rows / high) ** 2 + (columns / wide) ** 2 < 1)
     for name, values in salience.items():
-        level = np.uint8(np.clip(values / max(np.quantile(values, 0.99), 0.05), 0, 1) * 255)
+        share = np.clip(values / max(np.quantile(values, 0.99), 0.05), 0, 1)
+        level = (255 * share).astype(np.uint8)
         threshold, _ = cv2.threshold(level, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
         yield name, labels(level > threshold)
 
@@ -189,25 +190,26 @@ def _barrier_distance(lab: np.ndarray, rounds: int = 2) -> np.ndarray:
     distance[[0, -1]] = 0
     distance[:, [0, -1]] = 0
     low, high = values.copy(), values.copy()
-    planes = (values, distance, low, high)
+    planes = [values, distance, low, high]
     turned = [plane.transpose(1, 0, 2) for plane in planes]
     for _ in range(rounds):
-        for lines in (planes, turned):
-            _sweep(*lines, range(1, len(lines[0])), -1)
-            _sweep(*lines, range(len(lines[0]) - 2, -1, -1), 1)
+        for each in (planes, turned):
+            _sweep(each, range(1, len(each[0])), -1)
+            _sweep(each, range(len(each[0]) - 2, -1, -1), 1)
     total: np.ndarray = distance.sum(axis=2)
     return total
 
 
-def _sweep(
-    values: np.ndarray,
-    distance: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    lines: range,
-    step: int,
-) -> None:
-    """Continues the paths of each line's neighbour; changes `distance`, `low` and `high`."""
+def _sweep(planes: list[np.ndarray], lines: range, step: int) -> None:
+    """Continues the paths of each line's neighbour.
+
+    Args:
+      planes: the values, then distance, smallest and largest value of the best path so far, which
+        are changed.
+      lines: the lines in order.
+      step: offset of the neighbour.
+    """
+    values, distance, low, high = planes
     for i in lines:
         above, below = np.maximum(high[i + step], values[i]), np.minimum(low[i + step], values[i])
         barrier = above - below
@@ -226,8 +228,11 @@ def _unlike_border(lab: np.ndarray, clusters: int = 6) -> np.ndarray:
     border = np.ascontiguousarray(lab[~inner])
     cv2.setRNGSeed(0)
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 12, 0.5)
-    _, which, centres = cv2.kmeans(border, clusters, None, stop, 1, cv2.KMEANS_PP_CENTERS)
-    which = which.ravel()
+    labels = np.zeros((len(border), 1), np.int32)
+    _, labels, centres = cv2.kmeans(  # type: ignore[assignment]
+        border, clusters, labels, stop, 1, cv2.KMEANS_PP_CENTERS
+    )
+    which = labels.ravel()
     result = np.full((height, width), np.inf, np.float32)
     for number, centre in enumerate(centres):
         members = border[which == number]
@@ -345,9 +350,9 @@ def _contrast(bits: np.ndarray, lab: np.ndarray, outline: np.ndarray) -> float:
 
 def _colour_distance(mask: np.ndarray, lab: np.ndarray) -> float:
     """Hellinger distance of the histograms of both sides' colours."""
-    bins = np.clip((lab + np.float32((0, 80, 80))) / np.float32((12.5, 20, 20)), 0, 7.99).astype(
-        np.intp
-    ) @ [64, 8, 1]
+    bins = np.clip(
+        (lab + np.array((0, 80, 80), np.float32)) / np.array((12.5, 20, 20), np.float32), 0, 7.99
+    ).astype(np.intp) @ [64, 8, 1]
     sides = [np.bincount(bins[side], minlength=512) for side in (mask, ~mask)]
     roots = [np.sqrt(counts / max(counts.sum(), 1)) for counts in sides]
     return math.sqrt(max(0.0, 1 - float(np.dot(*roots))))
