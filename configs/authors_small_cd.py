@@ -8,14 +8,12 @@ Expect: cd_sq_radius2 of .0105 and emd_radius of .309 on the validation split, a
 which is also the best by the CD.
 """
 
-import pathlib
-import runpy
-
 import ml_collections
+
+from psgn_jax import config_files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    small = runpy.run_path(str(pathlib.Path(__file__).with_name("authors_small.py")))
-    config = small["get_config"]()
+    config = config_files.load("authors_small")
     config.loss.name = "chamfer_sq_mean"
     return config

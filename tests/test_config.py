@@ -44,8 +44,8 @@ def test_flatten_names_every_field():
 
 
 WRONG = [
-    ({"modle": {}}, "modle is no field; did you mean 'model'? accepted: seed, data"),
-    ({"model": {"widhts": (1, 2)}}, "model.widhts is no field; did you mean 'widths'?"),
+    ({"modle": {}}, "modle is not a field; did you mean 'model'? accepted: seed, data"),
+    ({"model": {"widhts": (1, 2)}}, "model.widhts is not a field; did you mean 'widths'?"),
     ({"model": {"in_channels": 3}}, "model.in_channels follows from data"),
     ({"model": 3}, "model=3: accepted: a section with name"),
     ({"train": {"steps": 1.5}}, "train.steps=1.5: accepted: an integer"),

@@ -150,7 +150,7 @@ def test_what_goes_wrong_is_one_line_without_the_folder(demo, box, tmp_path):
     bad = str(tmp_path / "a<b>.png")
     edited, line = demo.open_photo(bad, "auto")
     assert edited is None
-    assert "a&lt;b&gt;.png is no image of a known format" in line
+    assert "a&lt;b&gt;.png is not an image of a known format" in line
     assert str(tmp_path) not in line
     blank = tmp_path / "blank.png"
     Image.new("RGB", (80, 80), "blue").save(blank)
@@ -271,8 +271,8 @@ def test_the_editors_value_is_checked_before_it_is_decoded(tmp_path):
     for bad, message in (
         (value([large]), r"layer is [5000, 5000]: accepted: [600, 800]"),
         (value([good] * 7), "9 parts of a mask: accepted: 4 layers"),
-        (value([b"no image"]), "is no image"),
-        (value([file], types.SimpleNamespace(path=str(tmp_path / "none"))), "is no image"),
+        (value([b"no image"]), "is not an image"),
+        (value([file], types.SimpleNamespace(path=str(tmp_path / "none"))), "is not an image"),
     ):
         refused = editor.preprocess(bad)
         assert message in refused["refused"]

@@ -111,8 +111,8 @@ def hostile(tmp_path):
     os.mkfifo(tmp_path / "pipe.png")
     return {
         "cut.png": "damaged",
-        "text.png": "no image of a known format",
-        "empty.png": "no image of a known format",
+        "text.png": "not an image of a known format",
+        "empty.png": "not an image of a known format",
         "one.png": "is 1x1: accepted: at least 16",
         "bomb.png": "too large: accepted: up to 150,000,000 pixels",
         "large.png": "13000x13000: accepted",

@@ -293,7 +293,7 @@ def test_the_command(config, params, tmp_path):
     failed = [line for line in some.stderr.splitlines() if line.startswith("failed: ")]
     assert len(failed) == 4
     assert "Traceback" not in some.stderr
-    assert "4 of 8 images came out" in some.stderr
+    assert "4 of 8 images were processed" in some.stderr
     assert len(some.stdout.splitlines()) == 4
     nothing = run(tmp_path / "in" / "text.png", *flags, cache=tmp_path)
     assert nothing.returncode == 2
