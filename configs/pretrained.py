@@ -48,11 +48,10 @@ FREE = (
 
 
 def get_config() -> ml_collections.ConfigDict:
-    # Network, augmentation and optimiser are those of the small recipe.
+    # Network, augmentation, loss and optimiser are those of the small recipe.
     config = config_files.load("authors_small")
     config.data.path = ",".join([*(f"records/free/{name}" for name in FREE), "records/authors"])
     config.data.eval_path = "records/authors"
-    config.loss.name = "emd_mean@1024 + 5*chamfer_sq_mean"
     config.optim.warmup_steps = 1_000
     config.optim.ema_decay = 0.9995
     config.train.steps = 100_000

@@ -47,7 +47,7 @@ DOORS = {
     "torch": set(),
     "scipy": {"psgn_jax.losses.emd"},
     "matplotlib": {"psgn_jax.experiments.figures"},
-    "cv2": {"psgn_jax.data.masks"},
+    "cv2": {"psgn_jax.data.segmentation"},
     "rembg": {"psgn_jax.data.masks"},
     "av": {"psgn_jax.viewing.spheres"},
     "gradio": {"psgn_jax.prediction.demo_page"},

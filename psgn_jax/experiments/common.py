@@ -180,6 +180,8 @@ def recipe(
 ) -> Config:
     """The configuration of `configs/authors_small.py`, or `configs/authors.py`, shortened.
 
+    The first has the sum of EMD and CD as its loss, the second the CD.
+
     Args:
       path: folder of records.
       full: use `configs/authors.py`: full-size images and network, 20,000 steps of 32 samples.
