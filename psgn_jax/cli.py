@@ -34,6 +34,9 @@ COMMANDS: Mapping[str, Command] = {
         "psgn_jax.export_network", "a network for other programs: ONNX and StableHLO files"
     ),
     "page": Command("psgn_jax.page.__main__", "a web page that runs a network in the browser"),
+    "human": Command(
+        "psgn_jax.human.__main__", "a page to model objects by hand, to compare with networks"
+    ),
     "convert": Command("psgn_jax.convert", "published data sets to records"),
     "inspect": Command("psgn_jax.inspect", "check a folder of records and show some samples"),
     "render": Command("data_gen.render", "meshes or procedural models to records"),
