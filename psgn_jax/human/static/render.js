@@ -67,7 +67,7 @@ function strip(out, a, b, colour, opacity) {
 export function edgeStrips(meshes, selected) {
   const out = [];
   for (const { edges, vertices, number } of meshes) {
-    for (const [i, j] of edges) strip(out, vertices[i], vertices[j], number === selected ? SELECTED : EDGE, 1);
+    for (const [i, j] of edges) strip(out, vertices[i], vertices[j], number === selected ? SELECTED : EDGE, number === selected ? 1 : 0.75);
   }
   return new Float32Array(out);
 }
