@@ -27,6 +27,8 @@ from psgn_jax.command_line import (
     parse_flags,
 )
 from psgn_jax.config import ConfigError
+from psgn_jax.files import check_folder
+from psgn_jax.human.answers import read_answers
 from psgn_jax.human.build import build_study
 from psgn_jax.human.records import ANSWERS_FILE, open_cases, read_study
 
@@ -40,24 +42,20 @@ def _build(values: Any) -> None:
 
 
 def _score(folder: pathlib.Path, values: Any) -> None:
-    # Imported here, because the page needs no JAX.
+    study = read_study(folder)
+    answers = read_answers(values.answers or folder / ANSWERS_FILE, study)
+    if not values.workdir and not values.weights:
+        raise ConfigError("--workdir is missing; expected --workdir=RUN or --weights=NAME")
+    out = pathlib.Path(values.out or folder)
+    check_folder(out, "--out")
+    keep_compiled()
+    # Imported here, because the page and the errors above need no JAX.
     from psgn_jax.experiments import figures
-    from psgn_jax.files import check_folder
     from psgn_jax.human import score
-    from psgn_jax.human.answers import read_answers
     from psgn_jax.weights.opening import open_network
 
     figures.check_installed()
-    study = read_study(folder)
-    answers = read_answers(values.answers or folder / ANSWERS_FILE, study)
-    out = pathlib.Path(values.out or folder)
-    check_folder(out, "--out")
     samples = open_cases(study, values.data)
-    if not values.workdir and not values.weights:
-        raise ConfigError(
-            "--workdir is missing; expected at least one --workdir=RUN or --weights=NAME"
-        )
-    keep_compiled()
     runs = [open_network(workdir, None, values.checkpoint) for workdir in values.workdir]
     runs += [open_network(None, weights) for weights in values.weights]
     networks = score.label_networks(runs)

@@ -4,12 +4,17 @@ import json
 
 import numpy as np
 import pytest
-from helpers.human_study import LEG, TOP, TURN, table_points, table_sample
+from helpers.human_study import LEG, LEGS, TOP, TURN, table_sample
 
 from psgn_jax.human import score
 from psgn_jax.human.answers import read_answers
 from psgn_jax.human.records import open_cases, read_study
 from psgn_jax.human.solids import solids_of
+
+PART = {
+    "kind": "box", "size": [1, 1, 1], "at": [0, 0, 0], "turn": [0, 0, 0], "mirror": "", "taper": 1,
+    "sides": 3, "outline": [],
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -18,7 +23,9 @@ def opened(browser, study_folder, tmp_path):
     complaints, requests, contexts = [], [], []
 
     def open_page(**options):
-        context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
+        context = browser.new_context(
+            **{"viewport": {"width": 1000, "height": 640}, "reduced_motion": "reduce", **options}
+        )
         context.set_default_timeout(120_000)
         contexts.append(context)
         context.on("request", lambda request: requests.append(request.url))
@@ -66,6 +73,17 @@ def add_box(page, middle, size):
     for axis, place, extent in zip(("front", "right", "up"), middle, size, strict=True):
         fill(page, f"Position, {axis}", place)
         fill(page, f"Size, {axis}", extent)
+
+
+def insert(page, *parts, turn=0):
+    """Adds parts without the controls, for tests of other things."""
+    page.evaluate(
+        """([parts, turn]) => {
+          human.study.model.turn = turn;
+          parts.forEach(part => human.editor.insert(part));
+        }""",
+        [parts, turn],
+    )
 
 
 def model_table(page):
@@ -166,19 +184,10 @@ def test_a_table_of_five_boxes_is_modelled_kept_saved_and_scored(opened, study_f
     assert_same_obj(obj, answers[0])
     scored = score.score(study, answers, open_cases(study), {})
     metrics = scored[0].metrics["person"]
-    # Of two samplings of 1,024 points of the table itself, the CD is about 0.001.
-    assert metrics["cd_sq_radius2"] < 1.5 * metrics_of_the_table_itself()["cd_sq_radius2"]
-    assert metrics["emd_radius"] < 1.5 * metrics_of_the_table_itself()["emd_radius"]
-
-
-def metrics_of_the_table_itself():
-    import jax
-
-    from psgn_jax.metrics.clouds import evaluate_pair
-
-    measure = jax.jit(lambda a, b: evaluate_pair(a, b, emd_tolerance=0.01))
-    values = measure(table_points(1024, seed=7), table_sample().points)
-    return {key: float(value) for key, value in values.items()}
+    # Of n random points on an area A, A / (pi n) is the mean squared distance of a point to the
+    # nearest: 0.00094 from the truth, an eighth of it from the 8,192 true points.
+    assert metrics["cd_sq_radius2"] < 0.002
+    assert metrics["emd_radius"] < 0.1
 
 
 def assert_same_obj(text, answer):
@@ -197,15 +206,12 @@ def assert_same_obj(text, answer):
 
 def test_every_primitive_is_the_same_mesh_in_python(opened, study_folder, tmp_path):
     page = opened()
-    fill(page, "Direction of the object in degrees, as a number", -70)
-    for name in ("Box", "Cylinder", "Cone", "Sphere", "Prism"):
-        page.get_by_role("button", name=name, exact=True).click()
-        taper = "if (part.kind === 'box') part.taper = 0.3;"
-        values = "part.turn = [20, -35, 80]; part.size = [0.4, 0.3, 0.9]; part.mirror = 'x'; "
-        page.evaluate(f"human.editor.editPart(part => {{ {values} {taper} }})")
+    pose = {"size": [0.4, 0.3, 0.9], "turn": [20, -35, 80], "at": [0.1, -0.2, 0.3], "mirror": "x"}
+    kinds = {"box": 0.3, "cylinder": 0.3, "cone": 0, "sphere": 1, "prism": 1}
+    solids = [{**PART, **pose, "kind": kind, "taper": taper} for kind, taper in kinds.items()]
+    insert(page, *solids, turn=-70)
     draw_outline(page)
     page.get_by_role("button", name="Mirror left and right").click()
-    fill(page, "Turn about up, degrees", 30)
     obj = saved(page, "OBJ", tmp_path / "case.obj").read_text()
     path = saved(page, "Save all", tmp_path / "human.json")
     (answer, _) = read_answers(path, read_study(study_folder))
@@ -265,7 +271,7 @@ def test_handles_move_turn_and_resize(opened, view):
     page.get_by_role("button", name="Snap").click()
     drag(page, handle(page, view, "turn", 2), [60, -20])
     turned = part_of(page)
-    assert turned["turn"][2] % 5 == pytest.approx(0, abs=1e-6)
+    assert turned["turn"][2] % 5 == 0
     assert abs(turned["turn"][2]) >= 5
     assert turned["turn"][:2] == pytest.approx([0, 0], abs=1e-6)
     for expected in (sized, moved, start):
@@ -289,8 +295,7 @@ def test_a_drag_follows_the_pointer_and_snaps_to_the_ground(opened):
 
 def test_a_click_selects_and_empty_space_selects_nothing(opened):
     page = opened()
-    add_box(page, (0, -0.5, 0.2), (0.3, 0.3, 0.4))
-    add_box(page, (0, 0.5, 0.2), (0.3, 0.3, 0.4))
+    insert(page, *({**PART, "at": [0, y, 0.2], "size": [0.3, 0.3, 0.4]} for y in (-0.5, 0.5)))
     page.mouse.click(*pixel_of(page, 1, (0, -0.5, 0.2)))
     assert page.evaluate("human.editor.selected") == 0
     orbit = page.evaluate("human.views[1].orbit.turn")
@@ -306,8 +311,8 @@ def test_a_click_selects_and_empty_space_selects_nothing(opened):
 def test_the_overlay_lies_on_the_image(opened):
     """The image's own pixels: a box in place of the table's top covers it."""
     page = opened()
-    model_table(page)
-    page.locator("[name=overlay][value=solid]").check(force=True)
+    parts = [{**PART, "at": at, "size": size} for at, size in (TOP, *LEGS)]
+    insert(page, *parts, turn=TURN)
     corner = pixel_of(page, 0, (0, 0, 0))
     frame = page.evaluate(_FRAME)
     sample = table_sample()
@@ -323,6 +328,24 @@ def test_the_overlay_lies_on_the_image(opened):
          for r, c in zip(rows[::9], columns[::9], strict=True)],
     )  # fmt: skip
     assert np.mean(hits) > 0.9
+
+
+def test_a_second_window_takes_over(opened):
+    """What an old window holds does not replace newer work; numbers stay in their bounds."""
+    page = opened()
+    insert(page, PART)
+    second = page.context.new_page()
+    second.goto(page.url)
+    insert(second, {**PART, "at": [0, 0, 3.99]})
+    second.locator("#free-view .top").press("Shift+ArrowUp")
+    assert part_of(second)["at"][2] == 4
+    second.evaluate("human.study.save()")
+    page.locator("#problem").wait_for(state="visible")
+    assert "goes on in another window" in page.text_content("#problem")
+    insert(page, PART, PART, PART)
+    page.evaluate("human.study.save()")
+    page.reload()
+    assert len(model_of(page)["parts"]) == 2
 
 
 # --- keys, small windows, hostile files --------------------------------------------------------
@@ -377,12 +400,6 @@ def test_a_phone_sized_window(opened):
     assert part_of(page)["at"][2] > 0.25
 
 
-PART = {
-    "kind": "box", "size": [1, 1, 1], "at": [0, 0, 0], "turn": [0, 0, 0], "mirror": "", "taper": 1,
-    "sides": 3, "outline": [],
-}  # fmt: skip
-
-
 def parts(document, value):
     first, *others = document["cases"]
     return {**document, "cases": [{**first, "parts": value}, *others]}
@@ -403,16 +420,22 @@ HOSTILE = [
 
 def test_hostile_files_are_refused_in_a_sentence(opened, tmp_path):
     page = opened()
-    page.get_by_role("button", name="Box", exact=True).click()
+    insert(page, PART)
     document = state_of(page)
-    for change, message in HOSTILE:
-        value = change(document)
-        (tmp_path / "file.json").write_text(value if isinstance(value, str) else json.dumps(value))
-        page.evaluate("document.getElementById('problem').hidden = true")
-        page.set_input_files("#open", str(tmp_path / "file.json"))
-        page.locator("#problem").wait_for(state="visible")
-        assert message in page.text_content("#problem")
-        assert len(model_of(page)["parts"]) == 1
+    values = [change(document) for change, _ in HOSTILE]
+    texts = [value if isinstance(value, str) else json.dumps(value) for value in values]
+    said = page.evaluate(
+        "texts => texts.map(t => { try { human.study.read(t); } catch (e) { return e.message; } })",
+        texts,
+    )
+    for text, (_, message) in zip(said, HOSTILE, strict=True):
+        assert message in text
+        assert text.endswith(".")
+    (tmp_path / "file.json").write_text(texts[-1])
+    page.set_input_files("#open", str(tmp_path / "file.json"))
+    page.locator("#problem").wait_for(state="visible")
+    assert page.text_content("#problem") == said[-1]
+    assert len(model_of(page)["parts"]) == 1
     good = parts(document, [PART, {**PART, "kind": "sphere"}])
     (tmp_path / "file.json").write_text(json.dumps(good))
     page.set_input_files("#open", str(tmp_path / "file.json"))

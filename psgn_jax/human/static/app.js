@@ -289,11 +289,14 @@ for (const name of ["pointerdown", "keydown", "input"]) addEventListener(name, (
 addEventListener("pagehide", () => study.save());
 document.addEventListener("visibilitychange", () => document.hidden && study.save());
 addEventListener("storage", event => {
-  if (event.key === study.key) editor.complain("This study was changed in another window; load this page again to go on from there.");
+  if (event.key !== study.key) return;
+  study.stale = true;
+  editor.complain("This study goes on in another window. Nothing is kept from this one; load it again to go on here.");
 });
 let seconds = 0;
 setInterval(() => {
-  if (study.tick(1)) showClock();
+  if (!study.tick(1)) return;
+  showClock();
   if (++seconds % 10 === 0) study.save();
 }, 1000);
 

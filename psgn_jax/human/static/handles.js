@@ -161,7 +161,7 @@ function turning({ part }, k, axis, centre, camera, pixel, snap) {
     let angle = (angleAt(to) - start) * 180 / Math.PI;
     if (snap) angle = 5 * Math.round(angle / 5);
     const turned = multiply(about(UNIT[k], angle * Math.PI / 180), before);
-    return { ...part, turn: anglesOf(turned).map(a => Math.abs(a) < 1e-6 ? 0 : a) };
+    return { ...part, turn: anglesOf(turned).map(a => Math.round(a * 1e6) / 1e6 + 0) };
   };
 }
 

@@ -65,7 +65,7 @@ export class Inspector {
   /** Edits while a number is typed or stepped; one step of undo for each stay in the field. */
   number(input, key, change) {
     input.addEventListener("input", () => { if (input.value !== "" && input.checkValidity()) change(+input.value); });
-    input.addEventListener("change", () => { this.editor.study.settle(); input.blur !== document.activeElement && this.show(true); });
+    input.addEventListener("change", () => { this.editor.study.settle(); this.show(true); });
     input.addEventListener("blur", () => { this.editor.study.settle(); this.show(true); });
     input.addEventListener("keydown", event => {
       const sign = { ArrowUp: 1, ArrowDown: -1 }[event.key], step = +input.dataset.step;

@@ -6,6 +6,11 @@ export const LIMITS = { at: 4, least: 0.002, size: 8, parts: 200, corners: 64, s
 const FORMAT = "psgn human study", HISTORY = 200, IDLE = 60;
 
 export const emptyModel = () => ({ turn: 0, x: 0, y: 0, parts: [] });
+const clamp = (v, low, high) => Math.min(high, Math.max(low, v));
+function limit(part) {
+  part.at = part.at.map(c => clamp(c, -LIMITS.at, LIMITS.at));
+  part.size = part.size.map(c => clamp(c, LIMITS.least, LIMITS.size));
+}
 const copy = value => JSON.parse(JSON.stringify(value));
 const tidy = value => JSON.parse(JSON.stringify(value, (_, v) => typeof v === "number" ? Math.round(v * 1e5) / 1e5 : v));
 
@@ -28,6 +33,7 @@ export class Study {
   edit(change, key = null) {
     const entry = this.entry, before = JSON.stringify(entry.model);
     change(entry.model);
+    entry.model.parts.forEach(limit);
     if (JSON.stringify(entry.model) === before) return;
     if (key === null || key !== this.last) {
       entry.undo.push(before);
@@ -85,6 +91,7 @@ export class Study {
 
   save() {
     clearTimeout(this.waiting);
+    if (this.stale) return; // another window goes on with this study
     try {
       localStorage.setItem(this.key, JSON.stringify({ ...this.toJSON(), open: this.at }));
       this.onsaved?.(true);
