@@ -21,6 +21,7 @@ from psgn_jax.command_line import (
     parse_flags,
 )
 from psgn_jax.config import ConfigError
+from psgn_jax.host_memory import keep_freed_memory
 from psgn_jax.metrics import table
 from psgn_jax.tasks.runs import FRAMES, evaluate_run, report_runs
 from psgn_jax.training.launch import place_of
@@ -32,6 +33,7 @@ def _main(argv: Sequence[str]) -> None:
     values = flags.FLAGS
     with exit_on_user_error():
         keep_compiled()
+        keep_freed_memory()
         if len(argv) > 1:
             raise ConfigError(f"unexpected argument {argv[1]!r}")
         if values.compare and not values.report:

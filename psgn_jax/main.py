@@ -28,6 +28,7 @@ from psgn_jax.command_line import (
 from psgn_jax.config import ConfigError, check_paths, parse
 from psgn_jax.config_files import with_paths
 from psgn_jax.files import check_folder
+from psgn_jax.host_memory import keep_freed_memory
 from psgn_jax.training.launch import place_of
 
 _CONFIG = config_flags.DEFINE_config_file(
@@ -64,6 +65,7 @@ def main(argv: Sequence[str]) -> None:
             check_folder(workdir, "--workdir")
         # Only now, so that a wrong configuration is answered before JAX is even imported.
         keep_compiled()
+        keep_freed_memory()
         from psgn_jax.default_data import with_default_data
         from psgn_jax.training.loop import train
         from psgn_jax.training.processes import joined

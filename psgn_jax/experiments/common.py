@@ -29,6 +29,7 @@ from psgn_jax.data import loader
 from psgn_jax.default_data import default_dataset, with_default_data
 from psgn_jax.experiments import figures
 from psgn_jax.files import write_atomic
+from psgn_jax.host_memory import keep_freed_memory
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.metrics.table import Lines, aligned, markdown
 from psgn_jax.training import loop as train_lib
@@ -118,6 +119,7 @@ class Study:
                 if len(argv) > 1:
                     raise ConfigError(f"unexpected argument {argv[1]!r}; expected only flags")
                 keep_compiled()
+                keep_freed_memory()
                 values: dict[str, Any] = {
                     name: flags.FLAGS[name].value for name in ("workdir", *self.options)
                 }
