@@ -248,7 +248,9 @@ def draw_outline(page):
 # --- the mouse ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("view", [0, 1], ids=["image", "3D"])
+@pytest.mark.parametrize(
+    "view", [pytest.param(0, id="image"), pytest.param(1, id="3D", marks=pytest.mark.slow)]
+)
 def test_handles_move_turn_and_resize(opened, view):
     page = opened()
     page.get_by_role("button", name="Snap").click()
@@ -293,6 +295,7 @@ def test_a_drag_follows_the_pointer_and_snaps_to_the_ground(opened):
     assert part_of(page)["at"][2] == pytest.approx(0.2, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_click_selects_and_empty_space_selects_nothing(opened):
     page = opened()
     insert(page, *({**PART, "at": [0, y, 0.2], "size": [0.3, 0.3, 0.4]} for y in (-0.5, 0.5)))
@@ -330,6 +333,7 @@ def test_the_overlay_lies_on_the_image(opened):
     assert np.mean(hits) > 0.9
 
 
+@pytest.mark.slow
 def test_a_second_window_takes_over(opened):
     """What an old window holds does not replace newer work; numbers stay in their bounds."""
     page = opened()
