@@ -4,17 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from helpers.human_study import LEG, LEGS, TOP, TURN, table_sample
+from helpers.human_study import LEG, LEGS, PART, TOP, TURN, UNNAMED, table_sample
 
 from psgn_jax.human import score
 from psgn_jax.human.answers import read_answers
 from psgn_jax.human.records import open_cases, read_study
 from psgn_jax.human.solids import solids_of
-
-PART = {
-    "kind": "box", "size": [1, 1, 1], "at": [0, 0, 0], "turn": [0, 0, 0], "mirror": "", "taper": 1,
-    "sides": 3, "outline": [],
-}  # fmt: skip
 
 
 @pytest.fixture
@@ -133,11 +128,6 @@ _FRAME = """(() => {
   const { scale, corner } = human.views[0].frame(root.clientWidth, root.clientHeight);
   return { scale, corner, left: box.left, top: box.top };
 })()"""
-
-_UNNAMED = """[...document.querySelectorAll("button, input, canvas.top, textarea, img")]
-  .filter(e => e.checkVisibility() && !e.getAttribute("aria-label") && !e.textContent.trim()
-    && !e.closest("label")?.textContent.trim() && !e.hasAttribute("alt"))
-  .map(e => e.outerHTML)"""
 
 
 def handle(page, view, kind, axis, sign=None):
@@ -381,7 +371,7 @@ def test_the_keyboard_alone_builds_a_part(opened):
 def test_everything_has_a_name(opened):
     page = opened()
     page.get_by_role("button", name="Prism").click()
-    unnamed = page.evaluate(_UNNAMED)
+    unnamed = page.evaluate(UNNAMED)
     assert unnamed == []
     assert page.locator("#status").get_attribute("role") == "status"
     assert page.get_by_role("application").count() == 2
