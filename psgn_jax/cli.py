@@ -34,6 +34,10 @@ COMMANDS: Mapping[str, Command] = {
     "page": Command(
         "psgn_jax.page.__main__", "write a web page that runs a network in the browser"
     ),
+    "human": Command(
+        "psgn_jax.human.__main__",
+        "write a page to model objects by hand; compare the models with networks",
+    ),
     "convert": Command("psgn_jax.convert", "convert published data sets to records"),
     "inspect": Command("psgn_jax.inspect", "check a folder of records and show some samples"),
     "render": Command("data_gen.render", "render meshes or procedural models to records"),

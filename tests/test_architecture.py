@@ -32,8 +32,10 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax.tasks",),
     ("psgn_jax.training.loop",),
     ("psgn_jax.experiments",),
+    ("psgn_jax.human",),
     ("psgn_jax.main", "psgn_jax.evaluate", "psgn_jax.predict", "psgn_jax.demo",
      "psgn_jax.inspect", "psgn_jax.convert", "psgn_jax.export_network", "psgn_jax.page.__main__",
+     "psgn_jax.human.__main__",
      "psgn_jax.weights.__main__", "psgn_jax.cli"),
 ]  # fmt: skip
 

@@ -178,7 +178,7 @@ def _encode(case: Case) -> dict[str, Any]:
         "name": case.name,
         "about": case.about,
         "metrics": list(case.metrics),
-        "image": _picture(case.image),
+        "image": picture_uri(case.image),
         "samples": [_points(sample) for sample in samples],
         "count": samples.shape[1],
         "fc": case.num_fc,
@@ -218,8 +218,8 @@ def _base64(array: np.ndarray) -> str:
     return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
 
 
-def _picture(image: np.ndarray) -> str:
-    """A data URI of the image: PNG if that is small, else the smaller of PNG and JPEG."""
+def picture_uri(image: np.ndarray) -> str:
+    """A data URI of an image [H, W, 3]: PNG if small, else the smaller of PNG and JPEG."""
     best = ""
     for kind, options in (("png", {"optimize": True}), ("jpeg", {"quality": 88})):
         buffer = io.BytesIO()

@@ -1,0 +1,89 @@
+"""The paper's study of human ability: `python -m psgn_jax.human --data=RECORDS --out=STUDY`.
+
+    psgn human --data=RECORDS --cases=16 --out=study
+    psgn human score study --workdir=RUN [--workdir=RUN2]
+
+The first command writes a page, `study/index.html`, that is opened in a browser as a file. A person
+models in it what each image shows, of boxes, cylinders, cones, spheres, prisms and extruded
+outlines, and saves all models as `human.json`. The page makes no request and has no true points.
+
+The second command reads `study/human.json` (or `--answers=FILE`) and compares the models with the
+networks: `scores.md` and `scores.json` (CD and EMD of each case), `scores.png` (the paper's figure)
+and `worst.png` (the cases where the person is worst). It needs the extra `experiments`. Exit code:
+0 done, 2 an error, in one line.
+"""
+
+import pathlib
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from absl import app, flags
+
+from psgn_jax.command_line import (
+    exit_on_user_error,
+    keep_compiled,
+    log_to_terminal,
+    parse_flags,
+)
+from psgn_jax.config import ConfigError
+from psgn_jax.files import check_folder
+from psgn_jax.human.answers import read_answers
+from psgn_jax.human.build import build_study
+from psgn_jax.human.records import ANSWERS_FILE, open_cases, read_study
+
+
+def _build(values: Any) -> None:
+    for name in ("data", "out"):
+        if not getattr(values, name):
+            raise ConfigError(f"--{name} is missing; expected --data=RECORDS --out=STUDY")
+    page = build_study(values.data, values.out, split=values.split, cases=values.cases)
+    sys.stdout.write(f"{page}: {values.cases} cases; open it in a browser\n")
+
+
+def _score(folder: pathlib.Path, values: Any) -> None:
+    study = read_study(folder)
+    answers = read_answers(values.answers or folder / ANSWERS_FILE, study)
+    if not values.workdir and not values.weights:
+        raise ConfigError("--workdir is missing; expected --workdir=RUN or --weights=NAME")
+    out = pathlib.Path(values.out or folder)
+    check_folder(out, "--out")
+    keep_compiled()
+    # Imported here, because the page and the errors above need no JAX.
+    from psgn_jax.experiments import figures
+    from psgn_jax.human import score
+    from psgn_jax.weights.opening import open_network
+
+    figures.check_installed()
+    samples = open_cases(study, values.data)
+    runs = [open_network(workdir, None, values.checkpoint) for workdir in values.workdir]
+    runs += [open_network(None, weights) for weights in values.weights]
+    networks = score.label_networks(runs)
+    scored = score.score(study, answers, samples, networks, num_points=values.points)
+    text = score.write_scores(out, study, scored, networks)
+    sys.stdout.write(f"{text}\nwritten to {out}\n")
+
+
+def _main(argv: Sequence[str]) -> None:
+    log_to_terminal()
+    values, arguments = flags.FLAGS, argv[1:]
+    with exit_on_user_error():
+        if not arguments:
+            _build(values)
+        elif arguments[0] == "score" and len(arguments) == 2:
+            _score(pathlib.Path(arguments[1]), values)
+        else:
+            raise ConfigError(f"{' '.join(arguments)}: accepted: nothing, or `score STUDY`")
+
+
+if __name__ == "__main__":
+    flags.DEFINE_string("data", "", "Folder of records; of `score`: where they are now.")
+    flags.DEFINE_string("out", "", "Folder for the page; of `score`: for tables and figures.")
+    flags.DEFINE_string("split", "validation", "Split of the records.")
+    flags.DEFINE_integer("cases", 16, "Number of cases, evenly spaced over the split.")
+    flags.DEFINE_string("answers", "", "File saved by the page; default: STUDY/human.json.")
+    flags.DEFINE_multi_string("workdir", [], "Folder of a run to compare with; repeatable.")
+    flags.DEFINE_multi_string("weights", [], "Name or file of weights; repeatable.")
+    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint of the runs.")
+    flags.DEFINE_integer("points", 1024, "Points of each cloud.", lower_bound=16)
+    app.run(_main, flags_parser=parse_flags)

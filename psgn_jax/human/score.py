@@ -1,0 +1,314 @@
+"""Compares a person's models with networks: tables and the paper's figure.
+
+Each model and each network gives points, which are compared with the points of the record by the
+metrics of `metrics.clouds`. The points of a model are uniform on the surface of the union of its
+parts: what is inside other parts, or where parts touch, has no points. Models are not aligned with
+the truth, as in the paper: they are built through the camera of the image, in the frame of the
+record.
+
+Source: Fan, Su, Guibas, CVPR 2017, section "Analysis of human ability for single view 3D
+reconstruction". The paper gives 16 cases, 1,024 points and the figure, no numbers; the choice of
+cases, the primitives and the sampling of a union are **ours**.
+"""
+
+import dataclasses
+import json
+import pathlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from psgn_jax.config import ConfigError, require_points_task
+from psgn_jax.data import resize
+from psgn_jax.data.schema import Sample
+from psgn_jax.experiments import figures
+from psgn_jax.files import finite_or_none, write_atomic
+from psgn_jax.human.answers import Answer, AnswersError
+from psgn_jax.human.records import StudyFile
+from psgn_jax.human.solids import HiddenSurfaceError, sample_union, solids_of
+from psgn_jax.metrics.clouds import evaluate_pair
+from psgn_jax.metrics.table import Lines, markdown
+from psgn_jax.models import point_out_net
+from psgn_jax.prediction import sampling
+from psgn_jax.training import step as step_lib
+from psgn_jax.training.run_folder import Run
+from psgn_jax.untrusted import one_line
+
+NUM_POINTS = 1024
+"""Points of each model in the paper."""
+
+MAX_NETWORKS = 3
+"""As many colours has the figure, besides the person's."""
+
+PERSON = "person"
+METRICS = {"cd_sq_radius2": "CD squared [radius^2]", "emd_radius": "EMD [radius]"}
+_SHOWN = {
+    "emd_radius": ("EMD [0.01 radius]", 100),
+    "cd_sq_radius2": ("CD squared [0.001 radius^2]", 1000),
+}
+_WORST = 3
+_EMD_TOLERANCE = 0.01
+_COLOURS = ((226, 114, 62), (70, 130, 180), (90, 165, 90), (150, 110, 190))
+_TRUTH = (165, 165, 165)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scored:
+    """A modelled case.
+
+    Attributes:
+      answer: what the person modelled.
+      sample: the record.
+      clouds: name -> points [n, 3] of the person and of each network.
+      metrics: name -> metric -> value.
+    """
+
+    answer: Answer
+    sample: Sample
+    clouds: Mapping[str, np.ndarray]
+    metrics: Mapping[str, Mapping[str, float]]
+
+
+def label_networks(runs: Sequence[Run]) -> dict[str, Run]:
+    """Names for the networks: the last part of their folder, or of the name of their weights.
+
+    Raises:
+      ConfigError: there are too many, one has another task, or two have the same name.
+    """
+    if len(runs) > MAX_NETWORKS:
+        raise ConfigError(f"{len(runs)} networks: accepted: at most {MAX_NETWORKS}")
+    labelled: dict[str, Run] = {}
+    for run in runs:
+        require_points_task(run.config, "psgn human score")
+        label = one_line(pathlib.Path(run.source).resolve().name)
+        if label in labelled or label == PERSON:
+            raise ConfigError(f"--workdir={run.source}: a second network called {label!r}")
+        labelled[label] = run
+    return labelled
+
+
+def predict(run: Run, samples: Sequence[Sample], records: Sequence[int]) -> list[np.ndarray]:
+    """Points [n, 3] of a network for each image; a random input depends on the record's number.
+
+    Raises:
+      ConfigError: the network needs depth, which a record does not have.
+    """
+    config, model = run.config, point_out_net.build(run.config.model)
+    size, with_depth = config.data.image_size, "depth" in config.data.inputs
+    network = jax.jit(lambda params, batch, r: step_lib.predict(config, model, params, batch, r))
+    clouds = []
+    for sample, record in zip(samples, records, strict=True):
+        mask = resize.resize_mask(sample.mask, size)
+        batch = {"image": resize.resize_image(sample.image, size)[None], "mask": mask[None]}
+        if with_depth:
+            if sample.depth is None:
+                raise ConfigError(
+                    f"--workdir={run.source}: a network with depth, but record {record} has none; "
+                    "expected one with the inputs 'rgb' and 'mask'"
+                )
+            batch["depth"] = resize.resize_depth(sample.depth, mask)[None]
+        r = sampling.sample_latents(config, record, 1, 1, 0) if config.model.random_size else None
+        clouds.append(np.asarray(network(run.params, batch, r), np.float32).reshape(-1, 3))
+    return clouds
+
+
+def score(
+    study: StudyFile,
+    answers: Sequence[Answer],
+    samples: Sequence[Sample],
+    networks: Mapping[str, Run],
+    *,
+    num_points: int = NUM_POINTS,
+    seed: int = 0,
+) -> list[Scored]:
+    """Points and metrics of every case that has a model.
+
+    Args:
+      study: the study.
+      answers: a model for each case of the study.
+      samples: the record of each case.
+      networks: name -> network.
+      num_points: points of a model; the networks must have as many, as the EMD depends on it.
+      seed: of the points on the models.
+
+    Raises:
+      AnswersError: no case has a model, or a model has no visible surface.
+      ConfigError: a network has another number of points, or the records have fewer.
+    """
+    rows = [i for i, answer in enumerate(answers) if answer.parts]
+    if not rows:
+        raise AnswersError("no case has a model yet; expected at least one")
+    kept = [samples[i] for i in rows]
+    records = [study.cases[i].record for i in rows]
+    fewer = min(len(sample.points) for sample in kept)
+    if fewer < num_points:
+        raise ConfigError(
+            f"--points={num_points}: the records have {fewer}; accepted: at most {fewer}"
+        )
+    clouds = {PERSON: [_model_points(answers[i], num_points, seed + r)
+                       for i, r in zip(rows, records, strict=True)]}  # fmt: skip
+    for name, run in networks.items():
+        clouds[name] = predict(run, kept, records)
+        if (predicted := len(clouds[name][0])) != num_points:
+            raise ConfigError(
+                f"--workdir={run.source}: predicts {predicted} points, --points={num_points}; "
+                "expected the same number, as the EMD depends on it"
+            )
+    measure = jax.jit(lambda pred, gt: evaluate_pair(pred, gt, emd_tolerance=_EMD_TOLERANCE))
+    scored = []
+    for k, i in enumerate(rows):
+        own = {name: cases[k] for name, cases in clouds.items()}
+        values = {name: measure(cloud, kept[k].points) for name, cloud in own.items()}
+        metrics = {
+            name: {key: float(value) for key, value in entry.items()}
+            for name, entry in values.items()
+        }
+        scored.append(Scored(answers[i], kept[k], own, metrics))
+    return scored
+
+
+def _model_points(answer: Answer, count: int, seed: int) -> np.ndarray:
+    try:
+        return sample_union(solids_of(answer), count, seed)
+    except HiddenSurfaceError as error:
+        raise AnswersError(f"{answer.case}: {error}; expected a model with a surface") from None
+
+
+def worst_cases(scored: Sequence[Scored], metric: str, count: int = _WORST) -> list[str]:
+    """Names of the cases with the largest error of the person, the worst first."""
+    ordered = sorted(scored, key=lambda case: -case.metrics[PERSON][metric])
+    return [case.answer.case for case in ordered[:count]]
+
+
+def document(
+    study: StudyFile, scored: Sequence[Scored], networks: Mapping[str, Run]
+) -> dict[str, Any]:
+    """The scores for `scores.json`."""
+    names = list(scored[0].metrics)
+    means = {
+        name: {key: float(np.mean([c.metrics[name][key] for c in scored])) for key in METRICS}
+        for name in names
+    }
+    return {
+        "study": study.id,
+        "data": study.data,
+        "split": study.split,
+        "cases_in_study": len(study.cases),
+        "cases_modelled": len(scored),
+        "num_points": len(scored[0].clouds[PERSON]),
+        "num_gt_points": [len(case.sample.points) for case in scored],
+        "points_of_models": "uniform by area on the surface of the union of the parts",
+        "alignment": "none",
+        "networks": {
+            name: {run.source_kind: run.source, "step": run.step, "loss": run.config.loss.name}
+            for name, run in networks.items()
+        },
+        "mean_over_cases": means,
+        "worst_of_person": {metric: worst_cases(scored, metric) for metric in METRICS},
+        "cases": [
+            {
+                "case": case.answer.case,
+                "category": case.sample.category,
+                "model_id": case.sample.model_id,
+                "view": case.sample.view,
+                "seconds": case.answer.seconds,
+                "done": case.answer.done,
+                "parts": len(case.answer.parts),
+                "metrics": {name: finite_or_none(dict(m)) for name, m in case.metrics.items()},
+            }
+            for case in scored
+        ],
+    }
+
+
+def table(scored: Sequence[Scored]) -> Lines:
+    """A row for each case and one for the mean."""
+    names = list(scored[0].metrics)
+    columns = [(name, metric) for metric in METRICS for name in names]
+    head = ["case", "category", "minutes", "parts"]
+    lines = [[*head, *(f"{name}: {METRICS[metric]}" for name, metric in columns)]]
+    for case in scored:
+        about = [
+            case.answer.case + ("" if case.answer.done else " (not marked as done)"),
+            one_line(case.sample.category) or "-",
+            f"{case.answer.seconds / 60:.1f}",
+            str(len(case.answer.parts)),
+        ]
+        lines.append([*about, *(f"{case.metrics[n][m]:.5f}" for n, m in columns)])
+    minutes = np.mean([case.answer.seconds for case in scored]) / 60
+    parts = np.mean([len(case.answer.parts) for case in scored])
+    means = [f"{np.mean([c.metrics[n][m] for c in scored]):.5f}" for n, m in columns]
+    lines.append(["mean", "", f"{minutes:.1f}", f"{parts:.1f}", *means])
+    return lines
+
+
+def markdown_text(numbers: Mapping[str, Any], scored: Sequence[Scored]) -> str:
+    """The table with what is needed to read it."""
+    worst = "; ".join(
+        f"by {METRICS[metric]}: {', '.join(names)}"
+        for metric, names in numbers["worst_of_person"].items()
+    )
+    trained = "".join(
+        f"\n`{name}`: loss `{entry['loss']}`, step {entry['step']}."
+        for name, entry in numbers["networks"].items()
+    )
+    return f"""{markdown(table(scored))}
+{numbers["cases_modelled"]} of {numbers["cases_in_study"]} cases have a model. Each cloud has
+{numbers["num_points"]} points. Those of a model are uniform by area on the surface of the union of
+its parts. Nothing is aligned. radius = that of an object's bounding hemisphere.{trained}
+
+Worst for the person, {worst}.
+"""
+
+
+def charts(scored: Sequence[Scored]) -> Any:
+    """The paper's figure: EMD and CD of the person and of each network, for each case."""
+    names = list(scored[0].metrics)
+    groups = [case.answer.case.removeprefix("Case ") for case in scored]
+    made = [
+        figures.Bars(
+            title,
+            groups,
+            {name: [factor * case.metrics[name][metric] for case in scored] for name in names},
+        )
+        for metric, (title, factor) in _SHOWN.items()
+    ]
+    return figures.bars(made, ["#{:02x}{:02x}{:02x}".format(*colour) for colour in _COLOURS])
+
+
+def worst_panels(scored: Sequence[Scored]) -> Any:
+    """Images and clouds of the cases where the person's EMD is largest."""
+    names = worst_cases(scored, "emd_radius")
+    chosen = sorted(
+        (case for case in scored if case.answer.case in names),
+        key=lambda case: names.index(case.answer.case),
+    )
+    rows, labels = [], []
+    for case in chosen:
+        sample = case.sample
+        step = max(1, len(sample.points) // len(case.clouds[PERSON]))
+        painted = {
+            name: (cloud, np.array(colour))
+            for (name, cloud), colour in zip(case.clouds.items(), _COLOURS, strict=False)
+        }
+        painted["truth"] = (sample.points[::step], np.array(_TRUTH))
+        panels = {key: getattr(sample, key) for key in ("image", "intrinsics", "extrinsics")}
+        rows.append(figures.clouds(panels, painted))
+        labels.append(f"{case.answer.case}\nEMD {case.metrics[PERSON]['emd_radius']:.3f}")
+    return figures.grid(rows, labels=labels)
+
+
+def write_scores(
+    out: pathlib.Path, study: StudyFile, scored: Sequence[Scored], networks: Mapping[str, Run]
+) -> str:
+    """Writes scores.json, scores.md, scores.png and worst.png; returns the text of scores.md."""
+    numbers = document(study, scored, networks)
+    text = markdown_text(numbers, scored)
+    pictures = {"scores.png": charts(scored), "worst.png": worst_panels(scored)}
+    write_atomic(out / "scores.json", json.dumps(numbers, indent=2, allow_nan=False) + "\n")
+    write_atomic(out / "scores.md", text)
+    for name, figure in pictures.items():
+        write_atomic(out / name, figures.png(figure))
+    return text

@@ -1,0 +1,74 @@
+"""A table of five boxes as a record, for tests of the study of human ability."""
+
+import numpy as np
+
+from psgn_jax.data import camera, schema
+
+TURN = 25
+"""Direction of the table, degrees."""
+
+# Middle and extents of each box, in the table's own directions.
+TOP = ((0, 0, 0.66), (0.8, 1.2, 0.08))
+LEG = ((0.34, 0.52, 0.31), (0.08, 0.08, 0.62))
+LEGS = [((x * LEG[0][0], y * LEG[0][1], LEG[0][2]), LEG[1]) for x in (1, -1) for y in (1, -1)]
+
+# A part as the page saves it.
+PART = {
+    "kind": "box", "size": [1, 1, 1], "at": [0, 0, 0], "turn": [0, 0, 0], "mirror": "", "taper": 1,
+    "sides": 3, "outline": [],
+}  # fmt: skip
+
+# Expression of the page: its controls without a name.
+UNNAMED = """[...document.querySelectorAll("button, input, canvas.top, textarea, img")]
+  .filter(e => e.checkVisibility() && !e.getAttribute("aria-label") && !e.textContent.trim()
+    && !e.closest("label")?.textContent.trim() && !e.hasAttribute("alt"))
+  .map(e => e.outerHTML)"""
+
+
+def box_points(middle, size, count, rng):
+    """Points uniform on the surface of a box."""
+    size = np.array(size)
+    areas = np.repeat([size[1] * size[2], size[0] * size[2], size[0] * size[1]], 2)
+    side = rng.choice(6, count, p=areas / areas.sum())
+    points = rng.uniform(-0.5, 0.5, (count, 3))
+    points[np.arange(count), side // 2] = side % 2 - 0.5
+    return points * size + np.array(middle)
+
+
+def table_points(count, seed=0):
+    """Points on the table, without those where the legs meet the top."""
+    rng = np.random.default_rng(seed)
+    boxes = [TOP, *LEGS]
+    areas = [2 * (a * b + b * c + a * c) for _, (a, b, c) in boxes]
+    numbers = np.ceil(1.1 * count * np.array(areas) / sum(areas)).astype(int)
+    points = np.concatenate(
+        [box_points(*box, n, rng) for box, n in zip(boxes, numbers, strict=True)]
+    )
+    bottom = TOP[0][2] - TOP[1][2] / 2
+    under = np.abs(points[:, 2] - bottom) < 1e-9
+    near = np.abs(np.abs(points[:, :2]) - LEG[0][:2]).max(axis=1) < LEG[1][0] / 2
+    points = rng.permutation(points[~(under & near)])[:count]
+    cosine, sine = np.cos(np.deg2rad(TURN)), np.sin(np.deg2rad(TURN))
+    turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+    return (points @ turn.T).astype(np.float32)
+
+
+def table_sample(size=(96, 128)):
+    """The table in front of the authors' camera."""
+    intrinsics, extrinsics = camera.default_camera(size)
+    pixels, _ = camera.project(table_points(60_000, seed=1), intrinsics, extrinsics)
+    mask = np.zeros(size, np.bool_)
+    columns, rows = np.floor(pixels).astype(int).T
+    mask[rows, columns] = True
+    image = np.full((*size, 3), schema.BACKGROUND_GREY, np.uint8)
+    image[mask] = (150, 105, 70)
+    return schema.Sample(
+        image=image,
+        mask=mask,
+        points=table_points(8192),
+        intrinsics=intrinsics,
+        extrinsics=extrinsics,
+        category="table",
+        model_id="known",
+        source="test",
+    )
