@@ -1,4 +1,4 @@
-"""Faults at every file operation of a checkpoint, a result and a data set.
+"""Faults at every file operation of a checkpoint, a result, a data set and a manifest.
 
 Each operation fails in turn: with EIO, for want of room from there on, by half a write, and by the
 end of the process after it. What had been finished before must still be there, bit by bit; what is
@@ -95,7 +95,20 @@ def check_records(folder: pathlib.Path, done: int) -> str:
     return ""
 
 
-CHECKS = {"checkpoint": check_checkpoint, "result": check_result, "records": check_records}
+def check_manifest(folder: pathlib.Path, done: int) -> str:
+    """What is wrong with a data set of `done` shards that may have got one more."""
+    reader = RecordReader(folder / "extended", "train")
+    reader.verify()
+    count = len(list(reader))
+    return "" if done <= count <= 2 else f"{count} records, expected {done} or more"
+
+
+CHECKS = {
+    "checkpoint": check_checkpoint,
+    "result": check_result,
+    "records": check_records,
+    "manifest": check_manifest,
+}
 
 
 def _trial(server: Server, writer: str, name: str, at: int, folder: pathlib.Path) -> str:
@@ -120,8 +133,9 @@ def _trial(server: Server, writer: str, name: str, at: int, folder: pathlib.Path
         return f"{where}the next start: exit code {code}: {text[-600:]}"
     if wrong := CHECKS[writer](folder, 2):
         return f"{where}after the next start: {wrong}"
-    left = [p.name for p in folder.rglob("*") if "tmp" in p.name and writer == "checkpoint"]
-    return f"{where}left behind: {left}" if any("orbax" in name for name in left) else ""
+    # A result is written again by another process, which does not know about the first one.
+    left = [p.name for p in folder.rglob("*") if "tmp" in p.name and writer != "result"]
+    return f"{where}left behind: {left}" if left else ""
 
 
 def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[frame.Finding]:

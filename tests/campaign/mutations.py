@@ -36,6 +36,8 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
 
 SECONDS = 20
+MOST = 2000
+"""Inputs of one kind in a part, so that quick kinds leave their time to slow ones."""
 MOST_MEMORY = 2 << 30
 """Growth of this process's largest resident memory over one input, bytes."""
 
@@ -151,7 +153,7 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Find
         end = time.monotonic() + max(left, 0)
         for wrong in maker(rng, own):
             finding.add(wrong)
-            if time.monotonic() > end:
+            if time.monotonic() > end or finding.tried >= MOST:
                 break
         findings.append(finding)
     return findings
