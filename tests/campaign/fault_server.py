@@ -7,6 +7,7 @@ process of its own, forked from this one, so that only the first one waits for t
 import contextlib
 import ctypes
 import faulthandler
+import importlib
 import json
 import os
 import pathlib
@@ -39,8 +40,9 @@ def checkpoint(folder, step):
     """Saves the checkpoint of a step with its score and its line of metrics, as a training does."""
     with locked(folder), contextlib.closing(MetricsWriter(folder, step - 1)) as writer:
         checkpoints = Checkpoints(folder / "checkpoints")
-        checkpoints.save(step, leaves(step), {})
-        checkpoints.wait()
+        if step not in checkpoints.steps():  # as a training that goes on from there
+            checkpoints.save(step, leaves(step), {})
+            checkpoints.wait()
         writer.scalars(step, "eval", {"cd_sq_radius2": 1 / step})
         checkpoints.score(step, {"cd_sq_radius2": 1 / step})
         checkpoints.close()
@@ -109,6 +111,8 @@ def main():
     warnings.simplefilter("ignore")  # of forks
     logging.use_absl_handler()
     logging.set_verbosity(logging.WARNING)
+    sys.modules["torch"] = None  # tensorboardX would import it, for two seconds
+    importlib.import_module("tensorboardX")
     faults = ctypes.CDLL(os.environ["LD_PRELOAD"])
     faults.counted.restype = ctypes.c_long
     for line in sys.stdin:

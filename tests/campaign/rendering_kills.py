@@ -18,7 +18,7 @@ def contents(out: pathlib.Path) -> dict[str, bytes]:
 
 def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Finding]:
     """A tiny job of three procedural models, a shard each, with one rendering process."""
-    words = ["data_gen/render.py", "--catalogue=procedural", "--source=chair:0-2", "--out={out}",
+    words = ["data_gen/render.py", "--catalogue=procedural", "--source=chair=3", "--out={out}",
              "--config.views=1", "--config.job.workers=1", "--config.models_per_shard=1",
              "--config.num_points=500", "--config.job.variant=scalar", "--config.image.samples=1",
              "--config.camera.image_size=(24, 32)"]  # fmt: skip
