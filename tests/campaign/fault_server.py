@@ -27,7 +27,7 @@ from psgn_jax.training.checkpoint import Checkpoints
 from psgn_jax.training.log import MetricsWriter
 from psgn_jax.training.run_folder import locked
 
-SECONDS = 60
+SECONDS = 300
 
 
 def leaves(step):

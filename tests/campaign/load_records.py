@@ -18,14 +18,13 @@ MOST, FEW, PER_SHARD = 100_000, 1_000, 500
 SECONDS_EACH = 0.003
 DIFFERENT = 100
 BATCH = 100
-SIZE = (16, 32)
 IMPORTS = (*TRAINING, "psgn_jax.viewing.dataset")
 
 
 def _write(folder: pathlib.Path, count: int, seed: int) -> pathlib.Path:
     """A data set of `count` records, which repeat `DIFFERENT` samples."""
     folder.mkdir()
-    samples = list(drawn_solids.samples(DIFFERENT, seed=seed, image_size=SIZE))
+    samples = list(drawn_solids.samples(DIFFERENT, seed=seed, image_size=runs.SIZE))
     encoded = [(encode(sample), sample) for sample in samples]
     records: Iterator = itertools.islice(itertools.cycle(encoded), count)
     shards = []
@@ -57,9 +56,6 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[fram
             command = runs.training(
                 records,
                 folder / f"run{number}",
-                data__image_size=SIZE,
-                model__widths=(4, 8, 16),
-                model__deconv_level=1,
                 train__batch_size=BATCH,
                 train__steps=number // BATCH,
                 train__checkpoint_every=1000,
