@@ -15,6 +15,9 @@ from helpers import processes
 from campaign import frame
 from campaign.forks import Forks
 
+SECONDS = 120
+"""How long processes may take to end; a second is enough, unless the machine is busy."""
+
 SENDERS: Mapping[str, Callable[[int, int], None]] = {
     "SIGKILL of the process": os.kill,
     "SIGKILL of the group": os.killpg,
@@ -116,10 +119,10 @@ class Killer:
             mapped = processes.shared_memory(process.pid)
             with contextlib.suppress(ProcessLookupError):
                 send(process.pid, signal.SIGKILL)
-            process.wait(60)
-            gone = processes.wait_until(lambda: not processes.of_group(process.pid), 60)
+            process.wait(300)
+            gone = processes.wait_until(lambda: not processes.of_group(process.pid), SECONDS)
         if not gone:
-            return "processes live on for a minute", running
+            return "processes live on", running
         return left_in_memory(mapped), running
 
     def _difference(self, out: pathlib.Path) -> str:
@@ -135,9 +138,9 @@ class Killer:
 
 
 def left_in_memory(mapped: set[str]) -> str:
-    """What is left of files in /dev/shm after five seconds."""
+    """What is left of files in /dev/shm some time after the last process."""
     paths = [pathlib.Path("/dev/shm", name) for name in mapped]
-    if processes.wait_until(lambda: not any(path.exists() for path in paths), 5):
+    if processes.wait_until(lambda: not any(path.exists() for path in paths), SECONDS):
         return ""
     return f"{sum(path.exists() for path in paths)} files in /dev/shm"
 

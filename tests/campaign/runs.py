@@ -1,6 +1,7 @@
 """Small trainings for the parts of the campaign, and what they leave behind."""
 
 import json
+import os
 import pathlib
 import runpy
 from typing import Any
@@ -79,8 +80,9 @@ def debug_configuration(records: str, steps: int) -> dict[str, Any]:
 
 def quick(folder: pathlib.Path) -> dict[str, str]:
     """The environment of the commands of a part; all parts share what is compiled."""
+    compiled = os.environ.get("JAX_COMPILATION_CACHE_DIR", str(folder.parent / "compiled"))
     return QUICK | {
-        "JAX_COMPILATION_CACHE_DIR": str(folder.parent / "compiled"),
+        "JAX_COMPILATION_CACHE_DIR": compiled,
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
         "OMP_NUM_THREADS": "1",

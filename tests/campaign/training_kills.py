@@ -54,7 +54,7 @@ def _kill(rng, started, workdir, log, name: str) -> tuple[str, bool]:
         with contextlib.suppress(ProcessLookupError):
             send(process.pid, number)
         code = process.wait(300)
-        ended = processes.wait_until(lambda: not processes.of_group(process.pid), 30)
+        ended = processes.wait_until(lambda: not processes.of_group(process.pid), kills.SECONDS)
     if not ended:
         return f"{name} while {moment}: processes live on", True
     if left := kills.left_in_memory(files):
