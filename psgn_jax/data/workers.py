@@ -17,7 +17,7 @@ import subprocess
 import threading
 from collections.abc import Callable, Sequence
 from multiprocessing import resource_tracker
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -52,15 +52,16 @@ def _wait_for_parent() -> None:
 
 def _start_tracker() -> None:
     """Starts Python's resource tracker, if it is not running, in a session of its own."""
-    own = multiprocessing.util.spawnv_passfds
-    multiprocessing.util.spawnv_passfds = _spawn_in_session
+    util: Any = multiprocessing.util
+    before = util.spawnv_passfds
+    util.spawnv_passfds = _spawn_in_session
     try:
         resource_tracker.ensure_running()
     finally:
-        multiprocessing.util.spawnv_passfds = own
+        util.spawnv_passfds = before
 
 
-def _spawn_in_session(path: str, arguments: Sequence[str], files: Sequence[int]) -> int:
+def _spawn_in_session(path: bytes, arguments: Sequence[str], files: Sequence[int]) -> int:
     """`multiprocessing.util.spawnv_passfds`, in a new session."""
     process = subprocess.Popen(arguments, executable=path, pass_fds=files, start_new_session=True)
     process.returncode = 0  # the caller of this function waits for its end

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from PIL import Image
 
-from campaign import frame, kills, runs
+from campaign import frame, kills, runs, small_study
 from campaign.forks import TRAINING, Forks
 
 IMPORTS = (
@@ -55,7 +55,7 @@ def _content(path: pathlib.Path) -> object:
 def of_study(folder: pathlib.Path) -> Mapping[str, object]:
     """The results of a study and its runs."""
     results = {p.name: p.read_bytes() for p in folder.glob("small.*")}
-    parts = {name: of_run(folder / name) for name in ("slow", "fast")}
+    parts = {name: of_run(folder / name) for name in small_study.NAMES}
     return {**results, **parts} if results and all(parts.values()) else {}
 
 

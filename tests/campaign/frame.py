@@ -147,7 +147,7 @@ def started(
             process.wait()
 
 
-def run(command: Sequence[str], log: pathlib.Path, timeout: float = 300, **variables: str) -> Ended:
+def run(command: Sequence[str], log: pathlib.Path, timeout: float = 600, **variables: str) -> Ended:
     """Runs `python COMMAND` to its end; a command that takes too long has the exit code 124."""
     return ended(started(command, log, **variables), log, timeout)
 

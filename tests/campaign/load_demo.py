@@ -35,7 +35,7 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[fram
         return [frame.Finding("load_demo: gradio", 1, 0, ["pip install 'psgn-jax[demo]'"])]
     records, base, log = runs.make_records(folder / "records"), folder / "base", folder / "log"
     quick = runs.quick(folder)
-    ended = frame.run(runs.training(records, base, train__steps=8), log, **quick)
+    ended = frame.run(runs.training(records, base, train__steps=8), log, 1800, **quick)
     if ended.code:
         return [frame.Finding("a training", 1, 0, [ended.text[-2000:]])]
     temporary = folder / "tmp"
@@ -47,7 +47,7 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[fram
     command = ["-m", "psgn_jax.demo", f"--workdir={base}", "--port=0"]
     log = folder / "demo.log"
     with frame.started(command, log, TMPDIR=str(temporary), **quick) as process:
-        processes.wait_until(lambda: _port(log) or process.poll() is not None, 300)
+        processes.wait_until(lambda: _port(log) or process.poll() is not None, 1800)
         if not _port(log):
             return [frame.Finding("the demo starts", 1, 0, [log.read_text()[-2000:]])]
         crowd = _Crowd(_port(log), findings)
@@ -55,7 +55,7 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[fram
         crowd.run(rng, time.monotonic() + seconds)
         memory = _memory(process.pid)
         process.send_signal(signal.SIGINT)
-        code = process.wait(60)
+        code = process.wait(300)
     server = frame.Finding(
         f"the server, {seconds:.0f} s: largest memory {memory / 1e6:.0f} MB (bound "
         f"{MOST_MEMORY / 1e6:.0f}), slowest page {crowd.slowest:.1f} s (bound {SLOW:g})"

@@ -11,9 +11,9 @@ from campaign import frame, load, runs
 from campaign.command_kills import IMPORTS
 from campaign.forks import Forks
 
-MOST, FEW = 10_000, 100
+MOST, FEW = 10_000, 50
 SECONDS_EACH = 0.03
-DAMAGED_EVERY = 1000
+DAMAGED_EVERY = 100
 
 
 def _write(folder: pathlib.Path, count: int, rng: random.Random) -> pathlib.Path:
@@ -36,7 +36,7 @@ def _write(folder: pathlib.Path, count: int, rng: random.Random) -> pathlib.Path
 
 def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[frame.Finding]:
     """The part of the campaign; see the module."""
-    count = load.scaled(deadline - time.monotonic(), SECONDS_EACH, 1000, MOST)
+    count = load.scaled(deadline - time.monotonic(), SECONDS_EACH, 200, MOST)
     records, base = runs.make_records(folder / "records"), folder / "base"
     log = folder / "log"
     made = {}

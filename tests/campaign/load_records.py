@@ -14,7 +14,7 @@ from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import ShardWriter
 from psgn_jax.data.manifest import Manifest, save_manifest
 
-MOST, FEW, PER_SHARD = 100_000, 1_000, 500
+MOST, FEW, PER_SHARD = 100_000, 500, 500
 SECONDS_EACH = 0.003
 DIFFERENT = 100
 BATCH = 100
@@ -42,7 +42,7 @@ def _write(folder: pathlib.Path, count: int, seed: int) -> pathlib.Path:
 
 def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[frame.Finding]:
     """The part of the campaign; see the module."""
-    count = load.scaled(deadline - time.monotonic(), SECONDS_EACH, 10_000, MOST)
+    count = load.scaled(deadline - time.monotonic(), SECONDS_EACH, 2_000, MOST)
     count -= count % BATCH
     seed = rng.randrange(1000)
     sets = {n: _write(folder / f"records{n}", n, seed) for n in (FEW, count)}
