@@ -49,13 +49,15 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[fram
     findings = []
     with Forks(IMPORTS, **runs.quick(folder)) as forks:
         looked, trained = {}, {}
-        for number, records in sets.items():
+        # The first small run compiles, which takes more memory than anything else.
+        for number, again in ((FEW, "cold"), (FEW, ""), (count, "")):
+            records = sets[number]
             sheet = folder / f"{number}.png"
             command = ["-m", "psgn_jax.inspect", str(records), f"--sheet={sheet}"]
             looked[number] = forks.run(command, folder / "log")
             command = runs.training(
                 records,
-                folder / f"run{number}",
+                folder / f"run{number}{again}",
                 train__batch_size=BATCH,
                 train__steps=number // BATCH,
                 train__checkpoint_every=1000,
