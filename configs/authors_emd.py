@@ -17,26 +17,11 @@ emd_radius is .156 and its cd_sq_radius2 .0179; 3,200 steps with the Chamfer dis
 
 import ml_collections
 
-from psgn_jax.config import Config, to_dict
+from psgn_jax import config_files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = ml_collections.ConfigDict(to_dict(Config()))
-    config.data.path = "records/authors"
+    config = config_files.load("authors")
     config.data.num_points = 1024
     config.loss.name = "emd_mean"
-    config.data.flip = True
-    config.data.stretch = 0.15
-    config.optim.learning_rate = 3e-4
-    config.optim.schedule = "cosine"
-    config.optim.warmup_steps = 500
-    config.optim.final_fraction = 0.01
-    config.optim.clip_norm = 1.0
-    config.optim.ema_decay = 0.999
-    config.train.batch_size = 32
-    config.train.steps = 20_000
-    config.train.log_every = 50
-    config.train.eval_every = 500
-    config.train.checkpoint_every = 500
-    config.train.images_every = 2_000
     return config

@@ -13,15 +13,13 @@ WEIGHTS is a file of weights, the name of weights that come with the package
 trained network, the learning rate is a fifth of that recipe's.
 """
 
-import pathlib
-import runpy
-
 import ml_collections
+
+from psgn_jax import config_files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    pretrained = runpy.run_path(str(pathlib.Path(__file__).with_name("pretrained.py")))
-    config = pretrained["get_config"]()
+    config = config_files.load("pretrained")
     config.data.path = ""
     config.data.eval_path = ""
     config.optim.learning_rate = 2e-4

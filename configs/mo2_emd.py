@@ -14,16 +14,11 @@ smaller one is the loss (MoN with n = 2). The paper gives neither the size of r 
 
 import ml_collections
 
-from psgn_jax.config import Config, to_dict
+from psgn_jax import config_files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = ml_collections.ConfigDict(to_dict(Config()))
-    config.model.random_size = 128
-    config.loss.min_of_n = 2
+    config = config_files.load("mo2_cd")
     config.loss.name = "emd_sum"
     config.data.num_points = 1024
-    config.optim.learning_rate = 3e-5
-    config.train.batch_size = 32
-    config.train.steps = 300_000
     return config

@@ -12,18 +12,12 @@ earth mover's distance between the 1,024 predicted points and 1,024 points of th
 
 import ml_collections
 
-from psgn_jax.config import Config, to_dict
+from psgn_jax import config_files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = ml_collections.ConfigDict(to_dict(Config()))
-    config.model.random_size = 128
-    config.model.posterior = True
+    config = config_files.load("vae_cd")
     config.loss.name = "emd_sum"
     config.loss.kl_weight = 1.0
-    config.loss.kl_warmup_steps = 10_000
     config.data.num_points = 1024
-    config.optim.learning_rate = 3e-5
-    config.train.batch_size = 32
-    config.train.steps = 300_000
     return config

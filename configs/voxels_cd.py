@@ -13,21 +13,12 @@ The records must contain solid volumes. To add the volume channel, train
 
 import ml_collections
 
-from psgn_jax.config import Config, to_dict
+from psgn_jax import config_files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = ml_collections.ConfigDict(to_dict(Config()))
+    config = config_files.load("voxels_volume")
     config.task = "refine"
     config.voxels.from_cd = "runs/cd"
-    config.data.flip = True
     config.optim.learning_rate = 1e-3
-    config.optim.schedule = "cosine"
-    config.optim.warmup_steps = 200
-    config.optim.final_fraction = 0.01
-    config.optim.clip_norm = 1.0
-    config.train.batch_size = 32
-    config.train.steps = 20000
-    config.train.eval_every = 2000
-    config.train.images_every = 0
     return config

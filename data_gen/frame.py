@@ -260,9 +260,9 @@ def recentre(model: Model, centre: str) -> Model:
 
     "bounds" is the centre of the bounding box, which changes nothing. "vertices" is the mean of the
     vertices, each counted once. It lies where the mesh is dense: at the head of a guitar, towards
-    the back of a chair. The authors' objects stand like this. The centre of their bounding boxes is
-    more than 0.1 from the origin in 26 % of the samples and in 18 to 23 % of furniture and
-    procedural models centred on their vertices, against 1 to 6 % of those centred on their bounds.
+    the back of a chair. The authors' objects are centred like this. The centre of their bounding
+    boxes is more than 0.1 from the origin in 26 % of the samples, and in 18 to 23 % of furniture
+    and procedural models centred on their vertices (1 to 6 % if centred on their bounds).
 
     Args:
       model: model in the project's frame.

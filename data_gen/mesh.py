@@ -26,7 +26,7 @@ CREASE_DEGREES = 40.0
 """Default crease angle: faces that meet at a sharper edge have separate normals there."""
 
 EXISTS = 0.1
-"""Surface with a lower opacity is treated as not there, such as the holes of an alpha map.
+"""Surface with a lower opacity is treated as absent, such as the holes of an alpha map.
 
 Window glass has a much higher opacity and is part of the object."""
 

@@ -32,8 +32,8 @@ _LLVM_FOLDERS = (
 
 NO_LLVM = (
     "no usable LLVM library: rendering in scalar mode, some five times slower. "
-    "`apt-get install libllvm19` (Debian, Ubuntu) or `brew install llvm@19` (macOS) mends that; "
-    "a library elsewhere is named by the variable DRJIT_LIBLLVM_PATH"
+    "Run `apt-get install libllvm19` (Debian, Ubuntu) or `brew install llvm@19` (macOS), or set "
+    "the variable DRJIT_LIBLLVM_PATH to the path of a library"
 )
 
 NO_MITSUBA = "Mitsuba is not installed: `pip install 'psgn-jax[render]'`"

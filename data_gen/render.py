@@ -34,7 +34,7 @@ import sys
 from collections.abc import Collection, Mapping
 from typing import Any
 
-if __package__ in (None, ""):  # run as a file: the folder above is where `data_gen` is
+if __package__ in (None, ""):  # run as a file: `data_gen` is in the folder above
     sys.path[0] = str(pathlib.Path(__file__).resolve().parents[1])
 
 from absl import app, flags, logging

@@ -11,6 +11,8 @@ from data_gen import cameras
 from data_gen.picture import Picture
 from data_gen.settings import Settings
 
+_NO_OBJECT = 1e6  # not NaN, which is not JSON
+
 
 def check_view(
     picture: Picture,
@@ -30,8 +32,8 @@ def check_view(
       coverage: fraction of the image that the mask covers; edge: number of mask pixels at the
       border of the image; luminance: mean of the pixels in the mask, 0 to 255; inside: fraction of
       the points that project into the mask dilated by one pixel; depth: median distance of
-      back-projected pixels from the nearest point; `before`: fraction of the points that lie in
-      front of the visible surface.
+      back-projected pixels from the nearest point, 1e6 if the mask is empty; `before`: fraction of
+      the points that lie in front of the visible surface.
     """
     mask = picture.mask
     height, width = mask.shape
@@ -44,7 +46,7 @@ def check_view(
     # The farthest depth within a pixel, because points near a silhouette may project beside it.
     far = np.where(mask, picture.depth, np.inf)
     near = scipy.ndimage.minimum_filter(far, size=3)
-    median = float("nan")
+    median = _NO_OBJECT
     rows, columns = np.nonzero(mask)
     if len(rows):
         some = slice(None, None, max(1, len(rows) // 400))

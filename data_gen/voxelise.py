@@ -203,7 +203,7 @@ def _with_border(
     """The outside cells and the marked cells whose centre is outside.
 
     The centre of a marked cell is outside if that of a neighbour is outside and the surface is not
-    between the two. Two steps suffice, because further in all neighbours are marked.
+    between the two. Two steps suffice, because all neighbours of cells farther inside are marked.
     """
     for _ in range(2):
         reached = np.zeros_like(outside)

@@ -1,6 +1,6 @@
 """Claims on a job's folder: no two processes do the same part of the work.
 
-    .work/parts.lock       held by all processes; says into how many parts the work is divided
+    .work/parts.lock       held by all processes; contains the number of parts of the work
     .work/part-00000.lock  held by the process that does the first part
 
 The locks are those of the operating system (`flock`), which releases them when the process ends for
@@ -20,19 +20,19 @@ _UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
 class ClaimedError(ValueError):
-    """Another process works on this part already, or uses a different number of parts."""
+    """Another process does this part of the work, or divides the work into other parts."""
 
 
 @contextlib.contextmanager
 def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
-    """Holds the `part` = (i, n) of the work in a folder; removes the folder if it ends up empty.
+    """Context that claims a part of the work in a folder; at the end an empty folder is removed.
 
     Args:
-      folder: made if missing.
-      part: which of how many.
+      folder: created if missing.
+      part: (i, n): part i, from 0, of n.
 
     Raises:
-      ClaimedError: another process holds this part, or one with another n is running.
+      ClaimedError: another process has claimed this part, or a process with another n is running.
     """
     folder.mkdir(parents=True, exist_ok=True)
     number, count = part
@@ -51,7 +51,9 @@ def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
         except OSError as error:
             if error.errno not in _UNSUPPORTED:
                 raise
-            logging.warning("%s: no locks there; start each part of the job once", folder)
+            logging.warning(
+                "%s: the file system has no locks; start each part of the job only once", folder
+            )
         yield
     finally:
         for path, descriptor in zip(reversed(files), reversed(held), strict=False):
@@ -61,7 +63,7 @@ def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
 
 
 def _join(path: pathlib.Path, count: int) -> int:
-    """Joins the processes at the folder, or is the first and says how many parts there are."""
+    """Joins the processes of the folder; the first one writes the number of parts."""
     try:
         descriptor = _open_locked(path, fcntl.LOCK_EX)
     except BlockingIOError:
@@ -81,7 +83,7 @@ def _join(path: pathlib.Path, count: int) -> int:
 
 
 def _open_locked(path: pathlib.Path, kind: int, *, wait: bool = False) -> int:
-    """Opens and locks a file; one that was removed meanwhile is opened anew."""
+    """Opens and locks a file; a file that was removed in between is opened again."""
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:

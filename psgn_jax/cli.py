@@ -24,22 +24,26 @@ class Command(NamedTuple):
 
 COMMANDS: Mapping[str, Command] = {
     "train": Command("psgn_jax.main", "train a network, or resume a run"),
-    "evaluate": Command("psgn_jax.evaluate", "measure a run, as tables and as pages"),
-    "predict": Command("psgn_jax.predict", "points from image files"),
-    "demo": Command(
-        "psgn_jax.demo", "a web page on this machine that predicts from dropped photos"
-    ),
+    "evaluate": Command("psgn_jax.evaluate", "measure a run; write tables and pages"),
+    "predict": Command("psgn_jax.predict", "predict points from image files"),
+    "demo": Command("psgn_jax.demo", "serve a web page on this machine that predicts from photos"),
     "weights": Command("psgn_jax.weights.__main__", "list weights, or export those of a run"),
     "export": Command(
-        "psgn_jax.export_network", "a network for other programs: ONNX and StableHLO files"
+        "psgn_jax.export_network", "write a network for other programs: ONNX and StableHLO files"
     ),
-    "page": Command("psgn_jax.page.__main__", "a web page that runs a network in the browser"),
-    "convert": Command("psgn_jax.convert", "published data sets to records"),
+    "page": Command(
+        "psgn_jax.page.__main__", "write a web page that runs a network in the browser"
+    ),
+    "convert": Command("psgn_jax.convert", "convert published data sets to records"),
     "inspect": Command("psgn_jax.inspect", "check a folder of records and show some samples"),
-    "render": Command("data_gen.render", "meshes or procedural models to records"),
+    "render": Command("data_gen.render", "render meshes or procedural models to records"),
     "free-set": Command("data_gen.sets.free", "render the training set of free packages"),
-    "view": Command("psgn_jax.viewing.page", "predictions as a web page with turning clouds"),
-    "spheres": Command("psgn_jax.viewing.spheres", "predictions as pictures or turntable films"),
+    "view": Command(
+        "psgn_jax.viewing.page", "show predictions on a web page, with clouds that can be rotated"
+    ),
+    "spheres": Command(
+        "psgn_jax.viewing.spheres", "draw predictions as pictures or turntable films"
+    ),
 }
 """Name -> command."""
 
@@ -54,7 +58,9 @@ STUDIES: Mapping[str, Command] = {
     ),
     "branches": Command("psgn_jax.experiments.branches", "what each branch of a network predicts"),
     "losses": Command("psgn_jax.experiments.losses", "training by CD against training by EMD"),
-    "comparison": Command("psgn_jax.experiments.comparison", "volumes, beside 3D-R2N2"),
+    "comparison": Command(
+        "psgn_jax.experiments.comparison", "predicted volumes, compared with 3D-R2N2"
+    ),
 }
 """Name -> study, for `psgn study NAME`."""
 

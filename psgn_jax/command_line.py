@@ -8,7 +8,7 @@ import platform
 import re
 import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from absl import flags, logging
 
@@ -36,7 +36,7 @@ def log_to_terminal() -> None:
 
 
 class _OneLine(python_logging.Formatter):
-    """Escapes what names of files and models may hold; tracebacks keep their lines."""
+    """Escapes control characters in messages; tracebacks keep their lines."""
 
     def formatMessage(self, record: python_logging.LogRecord) -> str:  # noqa: N802
         """The text of a record."""
@@ -45,7 +45,7 @@ class _OneLine(python_logging.Formatter):
 
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C, that of shells."""
+"""Exit code after Ctrl-C, as in shells."""
 
 
 @contextlib.contextmanager
@@ -64,6 +64,16 @@ def exit_on_user_error() -> Iterator[None]:
         sys.exit(INTERRUPTED)
 
 
+@contextlib.contextmanager
+def flags_only(argv: Sequence[str]) -> Iterator[flags.FlagValues]:
+    """Context of a command that takes only flags: logging, and `exit_on_user_error`."""
+    log_to_terminal()
+    with exit_on_user_error():
+        if len(argv) > 1:
+            raise ConfigError(f"unexpected argument {argv[1]!r}; expected only flags")
+        yield flags.FLAGS
+
+
 def exit_code_of(error: BaseException) -> int | None:
     """The exit code of a command that ends with `error`; None if the user cannot fix it.
 
@@ -78,9 +88,9 @@ def exit_code_of(error: BaseException) -> int | None:
 
 def define_network_flags() -> None:
     """Defines --workdir, --weights and --checkpoint, the arguments of `weights.open_network`."""
-    flags.DEFINE_string("workdir", None, "Folder of a run, in place of weights.")
+    flags.DEFINE_string("workdir", None, "Folder of a run, instead of weights.")
     flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
-    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint of the run.")
+    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Checkpoint of the run.")
 
 
 def parse_flags(argv: list[str]) -> list[str]:

@@ -43,6 +43,12 @@ Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
 Task = Literal["points", "refine", "volume", "views"]
 Version = Literal["vanilla", "two_branch", "hourglass"]
 
+
+def has_deconv_branch(version: str) -> bool:
+    """Whether a version of the network has a deconv branch besides the fc branch."""
+    return version != "vanilla"
+
+
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
 """Number of channels of each input, see `models.inputs.stack_channels`."""
 
@@ -352,9 +358,9 @@ def _check_together(config: Config) -> None:
         )
     if model.fc_points and not model.fc_widths:
         raise wrong("model.fc_widths", (), "at least one width, such as (1024,)")
-    if model.name == "vanilla":
+    if not has_deconv_branch(model.name):
         if not model.fc_points:
-            raise wrong("model.fc_points", 0, "at least 1 (all the points of 'vanilla')")
+            raise wrong("model.fc_points", 0, f"at least 1 (all the points of {model.name!r})")
     else:
         if model.deconv_level > len(model.widths) - 2:
             raise wrong(
@@ -398,7 +404,9 @@ def _check_voxels(config: Config) -> None:
     data, voxels = config.data, config.voxels
     for field in ("stretch", "place", "reframe_scale", "reframe_shift"):
         if value := getattr(data, field):
-            raise wrong(f"data.{field}", value, f"0 with task={config.task!r} (volumes stay)")
+            raise wrong(
+                f"data.{field}", value, f"0 with task={config.task!r} (volumes are not transformed)"
+            )
     if config.loss.l2 != "none":
         raise wrong("loss.l2", config.loss.l2, f"'none' with task={config.task!r}")
     if config.task == "refine" and not (voxels.from_cd or voxels.from_emd):

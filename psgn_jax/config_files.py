@@ -5,6 +5,7 @@ The files are in `configs/` of a clone, and in `psgn_jax/configs/` of an install
 
 import difflib
 import pathlib
+import runpy
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,6 +25,12 @@ def folder() -> pathlib.Path:
 def names() -> list[str]:
     """Names of the configurations that come with the package."""
     return sorted(path.stem for path in folder().glob("*.py"))
+
+
+def load(name: str) -> ml_collections.ConfigDict:
+    """The configuration with this name, whose fields other configurations and studies change."""
+    config: ml_collections.ConfigDict = runpy.run_path(str(folder() / f"{name}.py"))["get_config"]()
+    return config
 
 
 def path_of(value: str) -> str:
@@ -61,7 +68,8 @@ def check_file(value: str) -> None:
       value: its path, possibly with a text after a colon, which is the argument of `get_config`.
 
     Raises:
-      ConfigError: it is none, or `get_config` fails; one line that says what a configuration is.
+      ConfigError: the file is not a configuration, or `get_config` fails; the message states what
+        is expected.
     """
     given, colon, rest = value.partition(":")
     path = pathlib.Path(given)
@@ -75,9 +83,11 @@ def check_file(value: str) -> None:
         config = namespace["get_config"](*([rest] if colon else []))
         if not isinstance(config, ml_collections.ConfigDict):
             raise TypeError(f"get_config returns {type(config).__name__}")
-    except Exception as error:  # whatever a file that is no configuration raises
+    except Exception as error:  # the file may contain anything
         why = f"{type(error).__name__}: {error}"
-        raise ConfigError(f"--config={value} is no configuration ({why[:200]}); {_WHAT}") from error
+        raise ConfigError(
+            f"--config={value} is not a configuration ({why[:200]}); {_WHAT}"
+        ) from error
 
 
 def with_paths(argv: Sequence[str]) -> list[str]:

@@ -53,13 +53,16 @@ def _main(argv: Sequence[str]) -> None:
         contextlib.ExitStack() as stack,
     ):
         if argv[1:]:
-            raise ConfigError(f"{argv[1]}: photos are dropped onto the page; accepted: flags")
-        # Before gradio is imported: it reads them then.
+            raise ConfigError(
+                f"unexpected argument {argv[1]!r}; expected only flags, as photos are dropped onto "
+                "the page"
+            )
+        # gradio reads these variables when it is imported.
         os.environ["GRADIO_TEMP_DIR"] = os.path.join(folder, "gradio")
         os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"
         os.environ["GRADIO_RUN_HISTORY"] = "False"
         import_gradio()
-        # Before the network is read, which takes longer.
+        # The port is opened before the network is read, which takes longer.
         listener, address = listen(values.host, values.port)
         stack.callback(listener.close)
         keep_compiled()
@@ -83,6 +86,6 @@ if __name__ == "__main__":
     flags.DEFINE_string("host", "127.0.0.1", "Address to listen at.")
     flags.DEFINE_integer("port", 7860, "Port to listen at, 0 for a free one.")
     flags.DEFINE_list(
-        "allowed_hosts", [], "Further names under which browsers reach the page, as of a proxy."
+        "allowed_hosts", [], "Further names of this server in browsers, such as that of a proxy."
     )
     app.run(_main, flags_parser=parse_flags)

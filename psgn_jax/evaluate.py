@@ -1,9 +1,9 @@
 """Evaluates a run, `python -m psgn_jax.evaluate --workdir W`, or weights, `--weights NAME|FILE`.
 
-Without either it evaluates the default weights of the package (it has none yet). Prints the table
-and writes it into the run's folder (of weights: into `eval_<weights>_<split>`, here);
-`--report=DIR` also writes a gallery of all cases. Several processes (`training.launch`) share the
-split. What is measured is described in `psgn_jax.tasks.runs`.
+Without either it evaluates the default weights of the package (it has none yet). It prints the
+table and writes it into the run's folder; for weights, into `eval_<weights>_<split>` in the
+current folder. `--report=DIR` also writes a gallery of all cases. Several processes
+(`training.launch`) share the split. `psgn_jax.tasks.runs` describes what is measured.
 """
 
 import os
@@ -15,12 +15,12 @@ from absl import app, flags
 
 from psgn_jax.command_line import (
     define_network_flags,
-    exit_on_user_error,
+    flags_only,
     keep_compiled,
-    log_to_terminal,
     parse_flags,
 )
 from psgn_jax.config import ConfigError
+from psgn_jax.host_memory import keep_freed_memory
 from psgn_jax.metrics import table
 from psgn_jax.tasks.runs import FRAMES, evaluate_run, report_runs
 from psgn_jax.training.launch import place_of
@@ -28,12 +28,9 @@ from psgn_jax.training.processes import joined
 
 
 def _main(argv: Sequence[str]) -> None:
-    log_to_terminal()
-    values = flags.FLAGS
-    with exit_on_user_error():
+    with flags_only(argv) as values:
         keep_compiled()
-        if len(argv) > 1:
-            raise ConfigError(f"unexpected argument {argv[1]!r}")
+        keep_freed_memory()
         if values.compare and not values.report:
             raise ConfigError(f"--compare={values.compare}: accepted with --report=DIR")
         place = place_of(
@@ -61,7 +58,9 @@ if __name__ == "__main__":
     flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
     flags.DEFINE_string("data", None, "Folder of records in place of the run's data.path.")
     flags.DEFINE_string("out", None, "Folder for the tables; default: in the workdir.")
-    flags.DEFINE_integer("draws", 0, "Also measure so many draws of each image.", lower_bound=0)
+    flags.DEFINE_integer(
+        "draws", 0, "Number of draws of each image to measure as well.", lower_bound=0
+    )
     flags.DEFINE_enum("frame", "keep", list(FRAMES), "Images as framed, or placed as photos are.")
     flags.DEFINE_string("report", None, "Folder for a gallery of all cases as pages.")
     flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")

@@ -21,7 +21,7 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 def is_disk_full(error: BaseException) -> bool:
-    """Whether an error, or one that caused it, says that a file system is full.
+    """Whether an error, or one that caused it, means that a file system is full.
 
     The same holds for a disk quota and for the maximum size of a file. Errors of C++ libraries are
     recognised by their text.
@@ -53,7 +53,7 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
     try:
         try:
             _try_folder(path)
-        except FileNotFoundError:  # another process that checks has removed it in between
+        except FileNotFoundError:  # another process that checks the folder has removed it
             _try_folder(path)
     except OSError as error:
         if is_disk_full(error):
@@ -102,7 +102,7 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bo
         else:
             temporary.replace(path)
     except OSError as error:
-        if error.errno and not error.filename:  # a failed write names no file
+        if error.errno and not error.filename:  # the error of a failed write does not name the file
             error.filename = str(path)
         raise
     finally:

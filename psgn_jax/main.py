@@ -4,9 +4,9 @@
 configuration that comes with the package (`psgn_jax.config_files`).
 
 Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same command
-resumes a stopped run. Exit codes: 0 done; 2 a wrong configuration (one line says what) or a file
-that cannot be written; 3 a loss that is not finite; 4 another process of the same training has
-ended; 5 a full disk; 143 and 130 stopped by SIGTERM or Ctrl-C after saving. Several processes:
+resumes a stopped run. Exit codes: 0 done; 2 a wrong configuration (the message names the field) or
+a file that cannot be written; 3 a loss that is not finite; 4 another process of the same training
+has ended; 5 a full disk; 143 and 130 stopped by SIGTERM or Ctrl-C after saving. Several processes:
 `training.launch`.
 """
 
@@ -28,6 +28,7 @@ from psgn_jax.command_line import (
 from psgn_jax.config import ConfigError, check_paths, parse
 from psgn_jax.config_files import with_paths
 from psgn_jax.files import check_folder
+from psgn_jax.host_memory import keep_freed_memory
 from psgn_jax.training.launch import place_of
 
 _CONFIG = config_flags.DEFINE_config_file(
@@ -59,11 +60,12 @@ def main(argv: Sequence[str]) -> None:
         )
         path = config_flags.get_config_filename(flags.FLAGS["config"])
         workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
-        if place is None:  # several processes check it together
+        if place is None:  # several processes check the folders later, together
             check_paths(given)
             check_folder(workdir, "--workdir")
-        # Only now, so that a wrong configuration is answered before JAX is even imported.
+        # Imported here so that a wrong configuration is reported before JAX is loaded.
         keep_compiled()
+        keep_freed_memory()
         from psgn_jax.default_data import with_default_data
         from psgn_jax.training.loop import train
         from psgn_jax.training.processes import joined
@@ -76,7 +78,7 @@ def main(argv: Sequence[str]) -> None:
 
 
 def _config() -> Any:
-    """The flag's value; where its file could not be loaded, the flag raises only when read."""
+    """The flag's value. If its file could not be loaded, reading the value raises the error."""
     try:
         _CONFIG.value.to_dict()
     except OSError as error:

@@ -4,8 +4,8 @@ The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without
 weights of the package (it has none yet, see `python -m psgn_jax.weights list`).
 
 Images are files of any usual format, or folders of them. How the object is found and framed is
-described in `psgn_jax.prediction.predictor`, what is written in `psgn_jax.prediction.files`. One
-bad image does not stop the others. Exit code: 0 all images were processed, 1 some failed, 2 all
+described in `psgn_jax.prediction.predictor`, and the output in `psgn_jax.prediction.files`. One bad
+image does not stop the others. Exit code: 0 all images were processed, 1 some failed, 2 all
 failed or an argument is wrong.
 
 In a notebook: `psgn_jax.prediction.predictor.Predictor.from_weights()(image)`, with arrays;
@@ -81,7 +81,7 @@ def _main(argv: Sequence[str]) -> None:
             )
             sys.stdout.flush()
     if failed:
-        sys.stderr.write(f"{done} of {done + failed} images came out, in {values.out}\n")
+        sys.stderr.write(f"{done} of {done + failed} images were processed, see {values.out}\n")
     sys.exit(0 if not failed else 1 if done else 2)
 
 
@@ -94,7 +94,9 @@ if __name__ == "__main__":
     flags.DEFINE_enum(
         "normal_form", "auto", list(NORMAL_FORMS), "Put the points on the ground, with radius 1."
     )
-    flags.DEFINE_enum("frame", "auto", ["auto", "place", "keep"], "Crop the object, or keep.")
+    flags.DEFINE_enum(
+        "frame", "auto", ["auto", "place", "keep"], "Crop the object, or keep the image."
+    )
     flags.DEFINE_integer("samples", 1, "Clouds for each image.")
     flags.DEFINE_integer("seed", 0, "Seed of the random input.")
     flags.DEFINE_list("formats", list(export.FORMATS), "Formats of the clouds.")

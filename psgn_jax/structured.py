@@ -4,7 +4,7 @@ The dataclass is the specification: its field names, annotations (`Annotated[int
 `Literal`, tuples, nested dataclasses) and defaults. A wrong key or value raises a `ConfigError`.
 Its message is one line with the field, its value and the accepted values.
 
-A field with the metadata `{"derived": "..."}` is computed by the program; the text says from what.
+A field with the metadata `{"derived": "..."}` is computed from what the text names.
 Such a field is not accepted as a key and is not written out.
 """
 
@@ -89,7 +89,7 @@ def build(cls: type[T], node: Any, prefix: str = "") -> T:
             if field.name == key:
                 raise ConfigError(f"{path} follows from {field.metadata['derived']}; remove it")
         raise ConfigError(
-            f"{path} is no field; {suggestion(str(key), keys)}accepted: {_listed(keys)}"
+            f"{path} is not a field; {suggestion(str(key), keys)}accepted: {_listed(keys)}"
         )
     hints = typing.get_type_hints(cls, include_extras=True)
     return cls(**{key: _convert(hints[key], value, prefix + key) for key, value in node.items()})

@@ -1,4 +1,4 @@
-"""Handling of untrusted text: JSON with limits on size and depth, names for one-line messages."""
+"""Handling of untrusted text: JSON with limits on size and depth, one-line messages."""
 
 import json
 import os
@@ -54,7 +54,7 @@ def read_json(path: str | os.PathLike[str], *, max_bytes: int = MAX_JSON_BYTES) 
     """The value of a JSON file.
 
     Raises:
-      ValueError: as `parse_json`; or the file has more than `max_bytes` bytes.
+      ValueError: the errors of `parse_json`, or the file has more than `max_bytes` bytes.
       OSError: it cannot be read, or is no regular file.
     """
     path = pathlib.Path(path)
@@ -68,7 +68,7 @@ def read_json(path: str | os.PathLike[str], *, max_bytes: int = MAX_JSON_BYTES) 
 
 
 def kind_of(path: str | os.PathLike[str]) -> str | None:
-    """What a path is if it is not a regular file: "a named pipe"; None for a file.
+    """The kind of a path that is not a regular file, such as "a named pipe"; None for a file.
 
     Raises:
       OSError: there is nothing, or it cannot be reached.

@@ -10,6 +10,7 @@ import pytest
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "psgn_jax"
 DATA_GEN = ROOT / "data_gen"
+CONFIGS = ROOT / "configs"
 
 # From the bottom to the top. A module may import from its own layer and from the ones above it
 # in this list, never from one below. The longest matching prefix decides.
@@ -19,7 +20,8 @@ LAYERS: list[tuple[str, ...]] = [
     ("psgn_jax.config", "psgn_jax.data_config", "psgn_jax.data.schema", "psgn_jax.data.codec",
      "psgn_jax.data.manifest", "psgn_jax.data.dataset",
      "psgn_jax.data.camera", "psgn_jax.data.synsets"),
-    ("psgn_jax.command_line", "psgn_jax.config_files", "psgn_jax.default_data"),
+    ("psgn_jax.command_line", "psgn_jax.config_files", "psgn_jax.default_data",
+     "psgn_jax.host_memory"),
     ("psgn_jax.losses", "psgn_jax.models", "psgn_jax.data"),
     ("psgn_jax.metrics",),
     ("psgn_jax.viewing",),
@@ -45,7 +47,7 @@ DOORS = {
     "torch": set(),
     "scipy": {"psgn_jax.losses.emd"},
     "matplotlib": {"psgn_jax.experiments.figures"},
-    "cv2": {"psgn_jax.data.masks"},
+    "cv2": {"psgn_jax.data.segmentation"},
     "rembg": {"psgn_jax.data.masks"},
     "av": {"psgn_jax.viewing.spheres"},
     "gradio": {"psgn_jax.prediction.demo_page"},
@@ -110,7 +112,8 @@ def imported_names(path: pathlib.Path) -> set[str]:
 def imported_files(path: pathlib.Path, known: dict[str, pathlib.Path]) -> set[str]:
     """Modules of `known` that a file imports, by statement or by a string that names one.
 
-    `from package import module` imports the module; `from package import name` the package.
+    `from package import module` imports the module; `from package import name` the package. In a
+    configuration, a string can also be the name of another one (`config_files.load`).
     """
     imported = set()
     for node in ast.walk(ast.parse(path.read_text(), str(path))):
@@ -121,7 +124,8 @@ def imported_files(path: pathlib.Path, known: dict[str, pathlib.Path]) -> set[st
                 full = f"{node.module}.{alias.name}"
                 imported.add(full if full in known else str(node.module))
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            imported.add(node.value.partition(":")[0])
+            given = node.value.partition(":")[0]
+            imported |= {given, f"configs.{given}"} if path.parent == CONFIGS else {given}
     return imported & known.keys()
 
 
@@ -143,7 +147,7 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
     return next((found for name in sorted(graph) if (found := visit(name, []))), [])
 
 
-EVERYTHING = modules() | modules(DATA_GEN)
+EVERYTHING = modules() | modules(DATA_GEN) | modules(CONFIGS)
 
 
 def test_circle_finds_one():
@@ -155,6 +159,13 @@ def test_an_import_given_as_a_string_counts(tmp_path):
     path = tmp_path / "module.py"
     path.write_text('ENTRIES = {"cd": "psgn_jax.losses.chamfer:chamfer_sq"}\n')
     assert imported_files(path, modules()) == {"psgn_jax.losses.chamfer"}
+
+
+def test_a_configuration_imports_the_one_it_changes():
+    assert imported_files(CONFIGS / "rgbd_emd.py", EVERYTHING) == {
+        "configs.authors_emd",
+        "psgn_jax.config_files",
+    }
 
 
 def test_no_circle_between_files():
@@ -176,6 +187,14 @@ def test_no_file_is_long(name):
     assert len(EVERYTHING[name].read_text().splitlines()) <= LONGEST_FILE
 
 
+PAGES = sorted(p for p in PACKAGE.rglob("*") if p.suffix in {".js", ".html", ".css"})
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_no_file_of_a_page_is_long(path):
+    assert len(path.read_text().splitlines()) <= LONGEST_FILE
+
+
 LONGEST_FUNCTION = 60
 
 
@@ -183,7 +202,7 @@ LONGEST_FUNCTION = 60
 def test_a_long_function_says_why(name):
     """The reason in the docstring begins with "One function: "."""
     for node in ast.walk(ast.parse(EVERYTHING[name].read_text())):
-        if not isinstance(node, ast.FunctionDef):
+        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             continue
         documented = ast.get_docstring(node) is not None
         first = node.body[0]

@@ -155,7 +155,7 @@ def test_files_that_are_no_configurations(content, why, tmp_path):
     path.write_bytes(content)
     with pytest.raises(ConfigError, match=re.escape(why)) as caught:
         config_files.with_paths(["psgn", f"--config={path}"])
-    assert str(caught.value).startswith(f"--config={path} is no configuration (")
+    assert str(caught.value).startswith(f"--config={path} is not a configuration (")
     assert "a Python file with a function get_config()" in str(caught.value)
 
 

@@ -44,8 +44,8 @@ def test_flatten_names_every_field():
 
 
 WRONG = [
-    ({"modle": {}}, "modle is no field; did you mean 'model'? accepted: seed, data"),
-    ({"model": {"widhts": (1, 2)}}, "model.widhts is no field; did you mean 'widths'?"),
+    ({"modle": {}}, "modle is not a field; did you mean 'model'? accepted: seed, data"),
+    ({"model": {"widhts": (1, 2)}}, "model.widhts is not a field; did you mean 'widths'?"),
     ({"model": {"in_channels": 3}}, "model.in_channels follows from data"),
     ({"model": 3}, "model=3: accepted: a section with name"),
     ({"train": {"steps": 1.5}}, "train.steps=1.5: accepted: an integer"),
@@ -168,7 +168,7 @@ def test_every_configuration_file_is_valid_and_says_what_to_expect(path):
         assert word in text, word
 
 
-@pytest.mark.parametrize("name", ["authors_small", "pretrained"])
+@pytest.mark.parametrize("name", ["authors_small", "authors_small_cd", "pretrained"])
 def test_size_of_the_small_networks(name):
     """They promise 5.2 M parameters."""
     (path,) = [p for p in FILES if p.stem == name]
@@ -177,6 +177,20 @@ def test_size_of_the_small_networks(name):
     image = jax.ShapeDtypeStruct((1, *config.model.image_size, 4), "float32")
     params = jax.eval_shape(lambda x: model.init(jax.random.key(0), x, None), image)["params"]
     assert 5e6 < sum(leaf.size for leaf in jax.tree.leaves(params)) < 5.25e6
+
+
+def test_what_compares_no_losses_is_trained_by_their_sum():
+    configs = {
+        path.stem: parse(runpy.run_path(str(path))["get_config"]())
+        for path in FILES
+        if path.stem
+        in ("authors_small", "authors_small_cd", "finetune", "pretrained", "quickstart")
+    }
+    by_cd = configs.pop("authors_small_cd")
+    assert {c.loss.name for c in configs.values()} == {"emd_mean@1024 + 5*chamfer_sq_mean"}
+    small, by_cd = flatten(configs["authors_small"]), flatten(by_cd)
+    assert {key for key in small if small[key] != by_cd[key]} == {"loss.name"}
+    assert by_cd["loss.name"] == "chamfer_sq_mean"
 
 
 def test_what_ships_sees_a_million_and_a_half_samples():

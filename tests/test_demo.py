@@ -17,9 +17,9 @@ from helpers import standin
 from PIL import Image
 
 from psgn_jax.config import ConfigError
-from psgn_jax.data import photo
+from psgn_jax.data import framing, photo
 from psgn_jax.models import point_out_net
-from psgn_jax.prediction import demo_editor, demo_server
+from psgn_jax.prediction import demo_editor, demo_server, example_photos
 from psgn_jax.prediction import demo_page as lib
 from psgn_jax.prediction.predictor import Predictor
 
@@ -115,6 +115,25 @@ def test_paint_beside_the_photo_and_thin_paint_do_not_count():
     np.testing.assert_array_equal(mask, want)
 
 
+def test_examples_are_small_and_give_clouds_at_once(demo):
+    paths = example_photos.example_photos()
+    assert len(paths) == 6
+    assert sum(path.stat().st_size for path in paths) < 300_000
+    for number, path in enumerate(paths):
+        read = photo.read_photo(path)
+        assert read.image.shape == (192, 256, 3)
+        assert framing.is_framed(read.image)
+        example, edited, line, shown, files, result = demo.open_example(number)
+        assert example == str(path)
+        assert "transparency" in line
+        mask = demo_editor.painted(edited, read.image.shape)
+        assert (mask != (read.alpha > 127)).mean() < 0.005
+        assert 0.05 < mask.mean() < 0.4
+        assert shown.startswith("<iframe")
+        assert path.stem in pathlib.Path(files[0]).name
+        assert result.startswith("1 cloud of 50 points")
+
+
 def test_links_lead_to_the_files(tmp_path):
     path = tmp_path / 'a "b" #&?é.npz'
     path.write_bytes(b"12345" * 300)
@@ -131,7 +150,7 @@ def test_what_goes_wrong_is_one_line_without_the_folder(demo, box, tmp_path):
     bad = str(tmp_path / "a<b>.png")
     edited, line = demo.open_photo(bad, "auto")
     assert edited is None
-    assert "a&lt;b&gt;.png is no image of a known format" in line
+    assert "a&lt;b&gt;.png is not an image of a known format" in line
     assert str(tmp_path) not in line
     blank = tmp_path / "blank.png"
     Image.new("RGB", (80, 80), "blue").save(blank)
@@ -252,8 +271,8 @@ def test_the_editors_value_is_checked_before_it_is_decoded(tmp_path):
     for bad, message in (
         (value([large]), r"layer is [5000, 5000]: accepted: [600, 800]"),
         (value([good] * 7), "9 parts of a mask: accepted: 4 layers"),
-        (value([b"no image"]), "is no image"),
-        (value([file], types.SimpleNamespace(path=str(tmp_path / "none"))), "is no image"),
+        (value([b"no image"]), "is not an image"),
+        (value([file], types.SimpleNamespace(path=str(tmp_path / "none"))), "is not an image"),
     ):
         refused = editor.preprocess(bad)
         assert message in refused["refused"]
@@ -294,12 +313,17 @@ def test_in_a_browser(page, demo, box, tmp_path, monkeypatch):
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(address)
         page.wait_for_selector("#predict[disabled]")
+        frame = page.frame_locator("#viewer iframe")
+        page.locator("#examples button:has(img)").nth(1).click()
+        frame.locator("#prediction").wait_for()
+        assert frame.locator("#name").text_content() == example_photos.example_photos()[1].stem
+        assert page.get_by_text("1 cloud of 50 points").is_visible()
+        page.wait_for_selector("#predict:not([disabled])")
         page.locator("input[type=file]").first.set_input_files(str(box))
         page.wait_for_selector("#predict:not([disabled])")
         assert page.get_by_text("stands out from a plain background").is_visible()
         page.click("#predict")
-        frame = page.frame_locator("#viewer iframe")
-        frame.locator("#prediction").wait_for()
+        frame.locator("#name", has_text="box").wait_for()
         assert frame.locator("#name").text_content() == "box"
         assert page.get_by_text("1 cloud of 50 points").is_visible()
         with page.expect_download() as download:

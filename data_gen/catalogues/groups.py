@@ -2,7 +2,7 @@
 
 About one in seven of the authors' objects is of this kind: a row of chairs, a table with seats, a
 device with a part that lies apart, a piece of furniture in the corner of a room, a model on a
-plate. Their bounding box is often not centred on the part that one sees first.
+plate. Their bounding box is often not centred on the most conspicuous part.
 
 `group(seed)` makes one. Its members come from all families of `catalogues.procedural`; a third of
 the groups are painted in plain colours, grey, white or saturated, as many models of ShapeNet are.
@@ -116,7 +116,7 @@ def _stray(rng: np.random.Generator) -> list[Model]:
 
 
 def _on_plate(rng: np.random.Generator) -> list[Model]:
-    """A model, perhaps two, on a plate, which it may not be in the middle of."""
+    """One or two models on a plate, not always in its middle."""
     model = _member(rng)
     parts = _pair(rng) if rng.random() < 0.3 else [model]
     x, y = 2 * np.abs(np.concatenate([p.vertices[:, :2] for p in parts])).max(axis=0)
@@ -233,7 +233,7 @@ def _beside(
     rng: np.random.Generator,
     height: float = 0.0,
 ) -> Model:
-    """The other model, scaled, in a direction from the first, so far from its bounds."""
+    """The other model, scaled and moved in a direction to a distance from the first's bounds."""
     along = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
     small = _turned(_scaled(other, (scale,) * 3), rng.uniform(0, 360))
     reach = (model.vertices[:, :2] @ along).max() - (small.vertices[:, :2] @ along).min()
@@ -284,7 +284,7 @@ class GroupCatalogue:
         `catalogues.entry.split_of`.
 
     Raises:
-      ValueError: the source is no number of models, or the first seed is negative.
+      ValueError: the source is not a number of models, or the first seed is negative.
     """
 
     name = "procedural_groups"

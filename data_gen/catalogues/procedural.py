@@ -193,16 +193,8 @@ def _built(
 # --- Hidden parameters ------------------------------------------------------------------------
 
 
-def parse_id(model: str | Entry | Model) -> tuple[str, int]:
-    """Category and seed of a procedural model, from the name, the entry or the model.
-
-    Raises:
-      ValueError: this is not a name of this catalogue.
-    """
-    return _parse(model)[:2]
-
-
 def _parse(model: str | Entry | Model) -> tuple[str, int, bool]:
+    """Category and seed of a procedural model, and whether its back is open."""
     name = model if isinstance(model, str) else model.model_id
     match = re.fullmatch(r"([a-z]+)-([0-9]+)(-open)?(?:-h[0-9]+)?(?:-set)?", name)
     if match is None or match[1] not in (OPEN_BACKS if match[3] else _ALL):

@@ -19,7 +19,7 @@ from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
 from data_gen.frame import normalize, orient
 from data_gen.mesh import MAX_FACES, UnusableModelError, build_model
 from data_gen.readers import archives
-from data_gen.readers.actors import ACTORS, Game, assemble, cut_below
+from data_gen.readers.actors import ACTORS, Game, assemble, cut_below_ground
 from data_gen.readers.notes import Notes
 from data_gen.readers.textures import TEXTURE_SIDE
 
@@ -60,7 +60,7 @@ def _load(path: str, name: str, variant: int, category: str, model_id: str, max_
     notes = Notes()
     arrays = assemble(_game(files), name, variant, TEXTURE_SIDE, max_faces, notes)
     if category == "building":  # its foundations are below the ground
-        arrays = cut_below(arrays)
+        arrays = cut_below_ground(arrays)
     model = build_model(
         **arrays,
         category=category,

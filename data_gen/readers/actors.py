@@ -365,15 +365,15 @@ def assemble(
     return arrays | {"materials": bounded(materials, notes)}
 
 
-def cut_below(arrays: dict[str, Any], level: float = 0.0) -> dict[str, Any]:
-    """Arrays for `mesh.build_model` without the surface below a height (y), such as foundations.
+def cut_below_ground(arrays: dict[str, Any]) -> dict[str, Any]:
+    """Arrays for `mesh.build_model` without the surface below y = 0, such as foundations.
 
-    Triangles that cross the height are cut; a triangle with two corners above it becomes two.
+    Triangles that cross y = 0 are cut; a triangle with two corners above it becomes two.
     """
     corners = arrays["vertices"][arrays["faces"]]
     # Per corner: position, normal, texture coordinates.
     rows = np.concatenate([corners, arrays["normals"], arrays["uv"]], axis=2)
-    above = rows[..., 1] >= level
+    above = rows[..., 1] >= 0
     count = above.sum(axis=1)
     result, owners = [rows[count == 3]], [arrays["face_material"][count == 3]]
     for number in (1, 2):
@@ -383,7 +383,7 @@ def cut_below(arrays: dict[str, Any], level: float = 0.0) -> dict[str, Any]:
         turn = (first[:, None] + np.arange(3)) % 3
         a, b, c = np.moveaxis(np.take_along_axis(rows[here], turn[..., None], axis=1), 1, 0)
         ab, ac = (
-            a + ((level - a[:, 1]) / (other[:, 1] - a[:, 1]))[:, None] * (other - a)
+            a + ((0.0 - a[:, 1]) / (other[:, 1] - a[:, 1]))[:, None] * (other - a)
             for other in (b, c)
         )
         if number == 1:

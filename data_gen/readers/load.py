@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from data_gen.frame import normalize, orient
-from data_gen.mesh import CREASE_DEGREES, MAX_FACES, Model, UnusableModelError, build_model
+from data_gen.mesh import MAX_FACES, Model, UnusableModelError, build_model
 from data_gen.readers.by_trimesh import read_trimesh
 from data_gen.readers.files import Files, FolderFiles
 from data_gen.readers.notes import Notes
@@ -36,9 +36,7 @@ def load_model(
     category: str = "",
     model_id: str = "",
     parameters: Mapping[str, Any] | None = None,
-    texture_side: int = TEXTURE_SIDE,
     max_faces: int = MAX_FACES,
-    crease_degrees: float = CREASE_DEGREES,
     turn: Callable[[Model], Model] = lambda model: model,
     reader: Reader | None = None,
 ) -> Model:
@@ -52,9 +50,7 @@ def load_model(
       category: category of the object.
       model_id: name of the object; empty = the name of the file.
       parameters: parameters of the model.
-      texture_side: see `TEXTURE_SIDE`.
       max_faces: largest accepted number of faces.
-      crease_degrees: see `mesh.crease_normals`.
       turn: applied in the axes of the file, before `up` and `front`.
       reader: reader of the format; None = chosen by the suffix of the name.
 
@@ -81,9 +77,9 @@ def load_model(
         raise UnusableModelError(f"file {name!r} is not readable: {error}"[:200]) from error
     reader = reader or (read_obj if kind == "obj" else None)
     arrays = (
-        reader(data, files, base, texture_side, max_faces, notes)
+        reader(data, files, base, TEXTURE_SIDE, max_faces, notes)
         if reader
-        else read_trimesh(data, kind, files, base, texture_side, max_faces, notes)
+        else read_trimesh(data, kind, files, base, TEXTURE_SIDE, max_faces, notes)
     )
     del data
     model = build_model(
@@ -92,7 +88,6 @@ def load_model(
         model_id=model_id,
         parameters=parameters,
         warnings=notes.lines,
-        crease_degrees=crease_degrees,
         max_faces=max_faces,
     )
     return normalize(orient(turn(model), up, front))

@@ -132,7 +132,9 @@ class Textures:
         if name not in self._cache:
             self._cache[name] = None
             if self._texels > _MAX_DECODED_TEXELS:
-                self._notes.add("more textures than a model may have; plain colours stand in")
+                self._notes.add(
+                    "more textures than a model may have; plain colours are used instead"
+                )
                 return None
             try:
                 picture = decode_texture(self._files.open(self._base, name), self._side)

@@ -32,7 +32,7 @@ if __package__ in (None, ""):  # run as a file: `data_gen` is two folders above
 
 from absl import app, flags, logging
 
-from data_gen import config, job, settings
+from data_gen import config, frame, job, settings
 from data_gen.catalogues import non_objects
 from data_gen.catalogues.by_name import CATALOGUES
 from data_gen.sets import sources
@@ -43,6 +43,12 @@ from psgn_jax.untrusted import one_line
 
 _FLIGHTGEAR = "Curtis L. Olson and the FlightGear team"
 _FREE_ART = "Jean-Christophe Durieu; ViPeR"
+
+
+def _procedural(name: str, *, views: int, models: str) -> Source:
+    licence = Licence("Apache-2.0", holders="the authors of psgn_jax")
+    return Source(name, name, views=views, place=models, families="", licences=(licence,))
+
 
 SOURCES = (
     Source(
@@ -103,30 +109,9 @@ SOURCES = (
         families="",  # the catalogue splits by meshes
         licences=(Licence("CC-BY-SA-3.0", holders="Wildfire Games"),),
     ),
-    Source(
-        "procedural",
-        "procedural",
-        views=4,
-        place="480",
-        families="",
-        licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
-    ),
-    Source(
-        "procedural_extra",
-        "procedural_extra",
-        views=3,
-        place="100",
-        families="",
-        licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
-    ),
-    Source(
-        "procedural_groups",
-        "procedural_groups",
-        views=3,
-        place="4000",
-        families="",
-        licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
-    ),
+    _procedural("procedural", views=4, models="480"),
+    _procedural("procedural_extra", views=3, models="100"),
+    _procedural("procedural_groups", views=3, models="4000"),
 )
 """All sources. Sources without a catalogue are left out."""
 
@@ -175,7 +160,22 @@ def known_sources() -> dict[str, Source]:
     return {s.name: s for s in SOURCES if s.catalogue in CATALOGUES}
 
 
-def options_of(part: Part, workers: int, variant: str) -> settings.Settings:
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of the rendering that are the same for all data sets.
+
+    Attributes:
+      centre: see `settings.Settings`. The authors' objects stand on the mean of their vertices.
+      workers: number of processes, 0 = one per processor.
+      variant: see `settings.JobSettings`.
+    """
+
+    centre: str = "vertices"
+    workers: int = 0
+    variant: str = "auto"
+
+
+def settings_of(part: Part, options: Options) -> settings.Settings:
     """Settings of a data set.
 
     Raises:
@@ -183,12 +183,12 @@ def options_of(part: Part, workers: int, variant: str) -> settings.Settings:
     """
     values = config.get_config(part.preset)
     values.views = part.views
-    values.centre = "vertices"  # as the authors' objects stand
+    values.centre = options.centre
     if part.preset == "authors":
         # These textures have few texels per pixel; nine samples would take a third of the time.
         values.image.samples = 2
-    values.job.workers = workers
-    values.job.variant = variant
+    values.job.workers = options.workers
+    values.job.variant = options.variant
     # Another seed, so that the cameras differ from those of the same models in the other preset.
     values.seed = 0 if part.preset == "authors" else 1
     return settings.parse(values)
@@ -228,8 +228,7 @@ def build(
     parts: Sequence[Part],
     *,
     fraction: float = 1.0,
-    workers: int = 0,
-    variant: str = "auto",
+    options: Options = Options(),
 ) -> tuple[str, list[str]]:
     """Renders all data sets of a training set, or completes them. Writes the table after each.
 
@@ -238,8 +237,7 @@ def build(
       packages: folder of the unpacked packages.
       parts: the data sets.
       fraction: see `sources.Selection`.
-      workers: number of processes, 0 = one per processor.
-      variant: see `settings.JobSettings`.
+      options: options of the rendering.
 
     Returns:
       The table, and a line for each data set that could not be rendered.
@@ -258,9 +256,7 @@ def build(
                 "%d of %d: %s, %d models, %d views each",
                 number, len(parts), part.folder, len(selection), part.views,
             )  # fmt: skip
-            summary = job.render_catalogue(
-                selection, out / part.folder, options_of(part, workers, variant)
-            )
+            summary = job.render_catalogue(selection, out / part.folder, settings_of(part, options))
         except (ValueError, OSError) as error:
             problems.append(f"{part.folder}: {error}")
             logging.error("%s: %s", part.folder, error)
@@ -281,6 +277,8 @@ def _define_flags() -> None:
                        lower_bound=0.0, upper_bound=1.0)  # fmt: skip
     flags.DEFINE_float("photo", PHOTO, "Fraction of the views rendered with the preset photo.",
                        lower_bound=0.0, upper_bound=1.0)  # fmt: skip
+    flags.DEFINE_enum("centre", "vertices", frame.CENTRES,
+                      "Point of a model that stands over the origin.")  # fmt: skip
     flags.DEFINE_integer("workers", 0, "Processes, 0 = one per processor.", lower_bound=0)
     flags.DEFINE_enum("variant", "auto", settings.VARIANTS, "Variant of Mitsuba.")
     flags.DEFINE_bool("check", False, "Only report missing packages and the number of models.")
@@ -317,8 +315,9 @@ def main(argv: list[str]) -> None:
                 + "\n  ".join(commands)
             )
         parts = plan(chosen, given.photo)
+        options = Options(given.centre, given.workers, given.variant)
         for part in parts:
-            options_of(part, given.workers, given.variant)  # reports an unknown preset early
+            settings_of(part, options)  # reports an unknown preset early
         if given.check:
             count = 0
             for part in parts:
@@ -329,7 +328,7 @@ def main(argv: list[str]) -> None:
             return
         text, problems = build(
             pathlib.Path(given.out), given.packages, parts, fraction=given.fraction,
-            workers=given.workers, variant=given.variant,
+            options=options,
         )  # fmt: skip
     except StoppedError as error:
         logging.warning("%s; run the same command to continue", error)

@@ -82,11 +82,6 @@ class Source:
     exclude: str = ""
     families: str = "name"
 
-    @property
-    def is_real(self) -> bool:
-        """Whether the models were made by people, not by a procedure."""
-        return bool(self.package)
-
     def path(self, packages: str | os.PathLike[str]) -> str:
         """The source of the catalogue, given the folder of the unpacked packages."""
         return (

@@ -19,7 +19,7 @@ _ALIGNED = 1e-4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class View:
-    """What an augmentation changes; fields as in `schema.Sample`, `points` [P, 3] any subset."""
+    """The fields of a `schema.Sample` that augmentations change; `points` [P, 3] is any subset."""
 
     image: np.ndarray
     mask: np.ndarray
@@ -54,7 +54,7 @@ def flip(view: View) -> View:
 
 
 def _has_grey_background(view: View) -> bool:
-    """Whether all of the image's border that is not the object is the plain grey."""
+    """Whether all pixels of the border, except those of the object, have the plain grey."""
     for edge in (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]):
         if (view.image[edge][~view.mask[edge]] != schema.BACKGROUND_GREY).any():
             return False
@@ -62,10 +62,10 @@ def _has_grey_background(view: View) -> bool:
 
 
 def _extend(view: View, rows: tuple[int, int], columns: tuple[int, int]) -> np.ndarray:
-    """The image, its background extended by `rows` and `columns` pixels (before, after).
+    """The image with its background extended by `rows` and `columns` pixels (before, after).
 
-    A margin mirrors the picture at its edge. Where that would show the object again, the edge's
-    pixel is repeated, and where this is the object too, the margin is grey.
+    The margins mirror the image at its edges. Where a mirrored pixel belongs to the object, the
+    pixel at the edge is repeated instead; where that one does too, the margin is grey.
     """
     margins = (rows, columns)
     image = np.pad(view.image, (*margins, (0, 0)), "symmetric")
@@ -83,7 +83,7 @@ def _margins(first: float, last: float, size: int) -> tuple[int, int]:
 
 
 def _take_columns(flat: np.ndarray, columns: np.ndarray, channels: int) -> np.ndarray:
-    """Columns of an image [H, W * channels]; those outside repeat the edge."""
+    """Columns of an image [H, W * channels]; indices outside the image give its edge."""
     columns = np.clip(columns, 0, flat.shape[1] // channels - 1)
     return flat.take((columns[:, None] * channels + np.arange(channels)).reshape(-1), axis=1)
 
@@ -114,7 +114,7 @@ def stretch(view: View, factor: float) -> View:
         has an occupancy grid, which is not transformed.
     """
     if view.occupancy is not None:
-        raise ValueError("stretch: there is an occupancy, whose grid does not follow")
+        raise ValueError("stretch: the view has an occupancy grid, which is not transformed")
     if not factor > 0:
         raise ValueError(f"stretch factor: got {factor}, expected a positive number")
     if not can_stretch(view):
@@ -242,7 +242,7 @@ def follow(view: View, move: framing.Move) -> View:
       ValueError: the view has an occupancy grid, which this function does not transform.
     """
     if view.occupancy is not None:
-        raise ValueError("follow: there is an occupancy, whose grid does not follow")
+        raise ValueError("follow: the view has an occupancy grid, which is not transformed")
     if not view.mask.any():
         return view
     size = view.mask.shape[0], view.mask.shape[1]
@@ -299,10 +299,10 @@ def reframe(
         height, width = view.mask.shape
         top, bottom, left, right_edge = framing.box_of(view.mask)
         scale = float(np.exp(scale_deviation * size))
-        # The middle of the box after the first move stays where it is, but for the shift.
+        # The scale keeps the middle of the box where the first move puts it; the shift moves it.
         column = first.scale * (left + right_edge) / 2 + first.right
         row = first.scale * (top + bottom) / 2 + first.down
-        # A pixel of the array is so many of 192x256.
+        # The height of the view in columns of this array, whose pixels need not be square.
         across = framing.VIEW_SIZE[0] / framing.VIEW_SIZE[1] * width
         move = first.then(
             framing.Move(
@@ -357,8 +357,8 @@ def augment(
       view: the sample.
       rng: source of the random numbers; how many are drawn does not depend on the other arguments.
       flip_half: mirror with probability 1/2.
-      stretch_range: a; the factor is uniform in [1 - a, 1 + a]. Where the camera is rolled or
-        skewed, there is no stretch, see `can_stretch`.
+      stretch_range: a; the factor is uniform in [1 - a, 1 + a]. A view whose camera is rolled or
+        skewed is not stretched, see `can_stretch`.
       jitter: strength of the colour jitter.
       zoom_range: a; the scale of a `recrop` is uniform in [1 - a, 1 + a].
       shift_range: its move is uniform within this share of the image's height and width.

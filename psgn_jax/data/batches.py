@@ -19,7 +19,7 @@ from psgn_jax.data.schema import RecordError
 
 Batch = dict[str, Any]
 
-# Streams of random numbers that must not meet.
+# Each purpose of random numbers has its own stream.
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
 
 CACHE_BYTES = 4 << 30
@@ -131,19 +131,19 @@ class Items:
 
 
 def _subset(rng: np.random.Generator, available: int, wanted: int) -> np.ndarray | slice:
-    """Random indices without replacement; each index equally often (+-1) where too few exist."""
+    """Random indices without replacement; if there are too few, all are equally frequent (+-1)."""
     if wanted == available:
         return slice(None)
     whole, rest = divmod(wanted, available)
-    # The order of a cloud's points carries no meaning: shuffling the choice would be wasted.
+    # The order of a cloud's points has no meaning, so the choice need not be shuffled.
     part = rng.choice(available, rest, replace=False, shuffle=False)
     return np.concatenate([np.tile(np.arange(available), whole), part]) if whole else part
 
 
 class Models:
-    """Which records of a split are views of the same model.
+    """The records of a split that are views of the same model.
 
-    Reads every record once (a millisecond or two each): the manifest names no models.
+    Every record is read once, in a millisecond or two, because the manifest does not name models.
     """
 
     def __init__(self, reader: RecordReader | JoinedReader, wanted: int, name: str) -> None:
@@ -155,13 +155,13 @@ class Models:
         for (folder, _, model), views in members.items():
             if len(views) < wanted:
                 raise RecordError(
-                    f"data set {folder!r}: model {model!r} has {len(views)} views of the {wanted} "
-                    f"that {name} asks for"
+                    f"data set {folder!r}: model {model!r} has {len(views)} views, expected at "
+                    f"least {wanted}, as set by {name}"
                 )
         self._views = {view: views for views in members.values() for view in views}
 
     def others(self, index: int) -> list[int]:
-        """The other views, beginning with those after this one."""
+        """The other views of the model of record `index`, beginning with those after it."""
         views = self._views[index]
         at = views.index(index)
         return views[at + 1 :] + views[:at]
@@ -198,7 +198,7 @@ def _view(item: Item, rng: np.random.Generator, num_points: int) -> augment.View
 
 
 def _further_view(item: Item) -> augment.View:
-    """One of several views: its picture counts, the rest is the first one's."""
+    """A further view of a model. Only its image and mask are used in a batch."""
     nothing = np.zeros((0, 3), np.float32)
     return augment.View(
         item.image, item.mask, None, nothing, item.intrinsics, item.extrinsics, None
@@ -206,7 +206,7 @@ def _further_view(item: Item) -> augment.View:
 
 
 def _as_a_photo(cfg: DataConfig, view: augment.View, seeds: Sequence[int]) -> augment.View:
-    """A training sample with the disturbances and the framing of photos that are configured."""
+    """A training sample with those effects and framings of photos that are enabled."""
     framed = cfg.place or cfg.reframe_scale or cfg.reframe_shift
     if not framed and not cfg.photo.any():
         return view
@@ -239,43 +239,38 @@ def _fill(batch: Batch, row: int, view: augment.View, further: list[augment.View
             batch[key][row] = getattr(view, key)
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class TrainBatch:
     """Maps a step number to this process's rows of the batch.
 
     `order` has the record of every row of every step.
     """
 
-    def __init__(
-        self,
-        cfg: DataConfig,
-        items: Items,
-        order: Sequence[int],
-        batch_size: int,
-        seed: int,
-        rows: range,
-        models: Models | None,
-    ) -> None:
-        self._cfg, self._items, self._seed, self._models = cfg, items, seed, models
-        self._batch_size, self._rows = batch_size, rows
-        self._order = order
+    cfg: DataConfig
+    items: Items
+    order: Sequence[int]
+    batch_size: int
+    seed: int
+    rows: range
+    models: Models | None
 
     def __call__(self, step: int) -> Batch:
         """The rows of one step."""
-        cfg = self._cfg
+        cfg = self.cfg
         num_views = 0
-        if self._models:
-            # One number for the batch, whatever part of it is made here.
-            rng = np.random.default_rng([self._seed, _VIEWS, step])
+        if self.models:
+            # The number of views is that of the whole batch, of which this process makes some rows.
+            rng = np.random.default_rng([self.seed, _VIEWS, step])
             num_views = int(rng.integers(1, cfg.train_views + 1))
-        batch = _empty_batch(cfg, len(self._rows), cfg.num_points, num_views)
-        for local, row in enumerate(self._rows):
-            rng = np.random.default_rng([self._seed, _TRAIN, step, row])
-            index = int(self._order[step * self._batch_size + row])
-            views = [_view(self._items[index], rng, cfg.num_points)]
-            if self._models and num_views > 1:
-                chosen = rng.permutation(self._models.others(index))[: num_views - 1]
-                views += [_further_view(self._items[int(i)]) for i in chosen]
-            # The same draws for every view of a model: a mirrored object is so in all of them.
+        batch = _empty_batch(cfg, len(self.rows), cfg.num_points, num_views)
+        for local, row in enumerate(self.rows):
+            rng = np.random.default_rng([self.seed, _TRAIN, step, row])
+            index = int(self.order[step * self.batch_size + row])
+            views = [_view(self.items[index], rng, cfg.num_points)]
+            if self.models and num_views > 1:
+                chosen = rng.permutation(self.models.others(index))[: num_views - 1]
+                views += [_further_view(self.items[int(i)]) for i in chosen]
+            # All views of a model get the same random numbers, so that all or none are mirrored.
             first, *further = (
                 augment.augment(
                     view,
@@ -288,58 +283,53 @@ class TrainBatch:
                 )
                 for view in views
             )
-            # Numbers of their own: what is set of these changes nothing of the above.
-            seeds = [self._seed, _PHOTO, step, row]
+            # A separate stream, so that these settings do not change the random numbers above.
+            seeds = [self.seed, _PHOTO, step, row]
             first = _as_a_photo(cfg, first, seeds)
             further = [_as_a_photo(cfg, view, seeds) for view in further]
             _fill(batch, local, first, further)
         return batch
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class EvalBatch:
     """Maps a batch number to the batch of an evaluation.
 
     The last batch is padded with copies of the last sample.
     """
 
-    def __init__(
-        self,
-        cfg: DataConfig,
-        items: Items,
-        count: int,
-        batch_size: int,
-        seed: int,
-        visible_tolerance: float,
-        models: Models | None,
-    ) -> None:
-        self._cfg, self._items, self._count, self._models = cfg, items, count, models
-        self._batch_size, self._seed = batch_size, seed
-        self._visible_tolerance = visible_tolerance
+    cfg: DataConfig
+    items: Items
+    count: int
+    batch_size: int
+    seed: int
+    visible_tolerance: float
+    models: Models | None
 
     def __call__(self, number: int) -> Batch:
         """The batch of that number."""
-        cfg = self._cfg
-        start = number * self._batch_size
-        filled = min(self._batch_size, self._count - start)
-        batch = _empty_batch(cfg, self._batch_size, cfg.num_eval_points, cfg.eval_views)
-        if self._visible_tolerance:
-            batch["visible"] = np.empty((self._batch_size, cfg.num_eval_points), np.bool_)
+        cfg = self.cfg
+        start = number * self.batch_size
+        filled = min(self.batch_size, self.count - start)
+        batch = _empty_batch(cfg, self.batch_size, cfg.num_eval_points, cfg.eval_views)
+        if self.visible_tolerance:
+            batch["visible"] = np.empty((self.batch_size, cfg.num_eval_points), np.bool_)
         items = []
         for row in range(filled):
-            rng = np.random.default_rng([self._seed, _EVAL, start + row])
-            item = self._items[start + row]
-            others = self._models.others(start + row) if self._models else []
-            further = [_further_view(self._items[i]) for i in others[: cfg.eval_views - 1]]
+            rng = np.random.default_rng([self.seed, _EVAL, start + row])
+            item = self.items[start + row]
+            others = self.models.others(start + row) if self.models else []
+            further = [_further_view(self.items[i]) for i in others[: cfg.eval_views - 1]]
             view = _view(item, rng, cfg.num_eval_points)
             if item.measured:
-                # Which points the depth shows does not depend on a later move.
+                # Visibility is computed before the move, which does not change it.
                 codes, intrinsics = item.measured
                 batch["visible"][row] = visibility.visible_points(
                     view.points,
                     codes.depth(),
                     intrinsics,
                     item.extrinsics,
-                    self._visible_tolerance,
+                    self.visible_tolerance,
                 )
             if cfg.eval_frame == "place":
                 view = augment.place(view)
@@ -347,8 +337,8 @@ class EvalBatch:
             items.append(item)
         for values in batch.values():
             values[filled:] = values[filled - 1]
-        batch["valid"] = np.arange(self._batch_size) < filled
-        items += items[-1:] * (self._batch_size - filled)
+        batch["valid"] = np.arange(self.batch_size) < filled
+        items += items[-1:] * (self.batch_size - filled)
         for key in ("category", "model_id", "view"):
             batch[key] = [getattr(item, key) for item in items]
         return batch

@@ -9,31 +9,25 @@ import numpy as np
 def default_camera(
     image_size: tuple[int, int] = (192, 256),
     *,
-    focal: float = 400.0,
     tilt_degrees: float = 20.0,
-    distance: float = 3.6,
-    shift_down: float = 0.252,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The authors' camera, fitted to the silhouettes in their images (to half a pixel).
 
-    It looks at the object from +x, down by `tilt_degrees`.
+    It looks at the object from +x, down by `tilt_degrees`. The origin is at the depth 3.6 along the
+    optical axis and 0.252 below it, in units of the frame. The focal length is 400 pixels in an
+    image of 192x256 pixels and is scaled to other sizes.
 
     Args:
-      image_size: (H, W) in pixels; the focal length is scaled to it.
-      focal: focal length in pixels of an image of 192x256.
+      image_size: (H, W) in pixels.
       tilt_degrees: angle of the optical axis below the horizontal.
-      distance: depth of the origin along the optical axis, unit of the frame.
-      shift_down: distance of the origin below the optical axis, unit of the frame.
 
     Returns:
       intrinsics float32 [3, 3] and extrinsics float32 [3, 4].
     """
     height, width = image_size
-    intrinsics = np.array([[focal, 0, 128.0], [0, focal, 96.0], [0, 0, 1]])
+    intrinsics = np.array([[400.0, 0, 128.0], [0, 400.0, 96.0], [0, 0, 1]])
     sine, cosine = np.sin(np.deg2rad(tilt_degrees)), np.cos(np.deg2rad(tilt_degrees))
-    extrinsics = np.array(
-        [[0, 1, 0, 0], [sine, 0, -cosine, shift_down], [-cosine, 0, -sine, distance]]
-    )
+    extrinsics = np.array([[0, 1, 0, 0], [sine, 0, -cosine, 0.252], [-cosine, 0, -sine, 3.6]])
     scaled = scale_intrinsics(intrinsics, (192, 256), (height, width))
     return scaled, extrinsics.astype(np.float32)
 

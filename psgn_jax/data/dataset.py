@@ -4,10 +4,10 @@ A data set is a folder with a `manifest.json` (`data.manifest`) and shards
 `<split>-<number>.arrayrecord`. A shard is an ArrayRecord file with one record (`data.codec`) per
 group. In data sets that can be extended, a tag follows the number in the file name.
 
-Shards are written to a temporary name, fsynced and renamed, and the manifest is written last: if it
-says `complete`, the data set is complete. ArrayRecord detects damaged blocks by its own hashes and
-raises an exception (tested with several thousand damaged files: it never aborted the process). The
-CRC-32 of a record also detects changes between encoder and decoder outside the file.
+Shards are written to a temporary name, fsynced and renamed, and the manifest is written last: if
+its field `complete` is true, the data set is complete. ArrayRecord detects damaged blocks by its
+own hashes and raises an exception (tested with several thousand damaged files: it never aborted the
+process). The CRC-32 of a record also detects changes between encoder and decoder outside the file.
 """
 
 import contextlib
@@ -105,7 +105,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
             if kind is None:
                 install(self._temporary, self._path)
         except OSError:
-            if kind is None:  # else the first error is the one to report
+            if kind is None:  # otherwise the first error is reported
                 raise
         finally:
             self._temporary.unlink(missing_ok=True)
@@ -164,7 +164,7 @@ def write_dataset(
                 while sample is not None and writer.count < records_per_shard:
                     writer.write(encode(sample, point_bits=point_bits), sample)
                     sample = next(iterator, None)
-            assert writer.shard is not None  # set by the block's end
+            assert writer.shard is not None  # set at the end of the block
             shards.append(writer.shard)
             number += 1
     manifest = Manifest(source, True, tuple(shards))
@@ -376,7 +376,7 @@ def open_split(
     """
     if isinstance(folders, str | os.PathLike):
         raise TypeError(f"folders: got {folders!r}, expected a list of folders")
-    # A folder may stand several times: it is opened once.
+    # A folder may be listed several times; it is opened once.
     alone = len(folders) == 1
     held = {f for f in dict.fromkeys(folders) if alone or split in load_manifest(f).splits()}
     having = [f for f in folders if f in held]
@@ -389,7 +389,7 @@ def open_split(
 
 
 def _check_readable(path: pathlib.Path, remedy: str) -> None:
-    """Tells a shard that is missing or may not be read from a damaged one.
+    """Distinguishes a shard that is missing or cannot be read from a damaged one.
 
     Raises:
       RecordError: it is missing, no file, or cannot be read.
@@ -404,8 +404,8 @@ def _check_readable(path: pathlib.Path, remedy: str) -> None:
         raise RecordError(f"shard {path} is missing; {remedy}") from None
     except OSError as error:
         raise RecordError(
-            f"shard {path} cannot be read: {error.strerror or error}; check who may read it, and "
-            "the disk"
+            f"shard {path} cannot be read: {error.strerror or error}; check its permissions "
+            "and the disk"
         ) from None
 
 

@@ -95,11 +95,10 @@ def _has_grey_background(view: View) -> Bool[Array, ""]:
 
 
 def _pixels(view: View, rows: Array, columns: Array, extend: Array) -> Array:
-    """Colours [..., 3] at integer coordinates, which may lie outside.
+    """Colours [..., 3] at integer coordinates, which may lie outside the image.
 
-    Outside, the edge is repeated, or if `extend`, the picture is continued: mirrored; where that
-    shows the object, the pixel at the edge; where this is the object too, grey
-    (`data.augment._extend`).
+    Outside, the edge is repeated or, with `extend`, the image is extended as by
+    `data.augment._extend`.
     """
     height, width = view.mask.shape
     edge = jnp.clip(rows, 0, height - 1), jnp.clip(columns, 0, width - 1)

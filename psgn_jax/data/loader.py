@@ -49,7 +49,7 @@ def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader
         )
     if cfg.occupancy and any("occupancy" not in s.fields for s in reader.shards):
         raise RecordError(
-            f"data set {name!r}: the task wants solid volumes (occupancy), which not every record "
+            f"data set {name!r}: the task needs solid volumes (occupancy), which not every record "
             f"of split {split!r} has"
         )
     return reader
@@ -62,7 +62,7 @@ def _models(cfg: DataConfig, reader: RecordReader | JoinedReader, *, train: bool
 
 
 def _num_cores() -> int:
-    if hasattr(os, "sched_getaffinity"):  # what this process may use; Linux alone knows
+    if hasattr(os, "sched_getaffinity"):  # only Linux reports the cores of this process
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
@@ -77,9 +77,10 @@ def _plain(batch: Batch) -> Batch:
 
 
 def _start(iterator: Any, num_workers: int) -> list[Batch]:
-    """Starts the workers; returns the first batch of each.
+    """Starts the workers and returns the first batch of each.
 
-    The iterator's `close` ends no worker that is still starting, therefore one of each.
+    It waits for all of them, because `close` of the iterator does not end workers that are still
+    starting.
     """
     first = itertools.islice(iterator, num_workers)
     return workers.start_sheltered(lambda: list(map(_plain, first)))
@@ -88,13 +89,13 @@ def _start(iterator: Any, num_workers: int) -> list[Batch]:
 def _remove_shared_memory() -> None:
     """Removes the shared memory of batches that were made ahead and never used.
 
-    Grain holds them in circles of references, and removes them in a thread that does not get to its
-    end when Python exits.
+    Grain keeps them in reference cycles and removes them in a thread, which may not finish before
+    Python exits.
     """
     gc.collect()
     pool = getattr(SharedMemoryArray, "_del_thread_pool", None)
     if pool is not None:
-        pool.apply(int)  # it has one thread: everything before this is done then
+        pool.apply(int)  # the pool has one thread, so that all earlier work is done
 
 
 def _iterate(
@@ -107,8 +108,8 @@ def _iterate(
         read = grain.ReadOptions(num_threads=threads, prefetch_buffer_size=threads + 1)
         yield from source.to_iter_dataset(read)
         return
-    # Grain hands absl flags to its workers and fails where nobody has parsed any: in a notebook, in
-    # a test, in a program without absl.
+    # Grain passes absl's flags to its workers and fails if they have not been parsed, as in a
+    # notebook, a test, or a program without absl.
     if not flags.FLAGS.is_parsed():
         flags.FLAGS.mark_as_parsed()
     read = grain.ReadOptions(num_threads=1, prefetch_buffer_size=1)
@@ -171,7 +172,7 @@ def train_batches(
 ) -> Generator[Batch, None, None]:
     """Endless training batches, beginning with that of `start_step`.
 
-    Within an epoch no sample comes twice; each epoch has its own order. Augmentations are those of
+    Within an epoch no sample occurs twice; each epoch has its own order. Augmentations are those of
     the configuration.
 
     Args:

@@ -18,7 +18,7 @@ VERSION = 1
 MANIFEST = "manifest.json"
 
 SPLIT_NAME = re.compile(r"[a-z0-9_]+")
-"""What a split may be called: the names of its files begin with it."""
+"""Valid names of splits; the names of a split's files begin with its name."""
 
 _MOST_RECORDS = 1 << 40  # of a shard: sums over shards stay within 64 bits
 _MOST_BYTES = 1 << 53
@@ -122,14 +122,14 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
         files = [shard.file for shard in shards]
         if len(set(files)) < len(files):
             twice = next(file for file in files if files.count(file) > 1)
-            raise ValueError(f"shard {twice!r} is there twice")
+            raise ValueError(f"shard {twice!r} is listed twice")
         manifest = Manifest(content["source"], content["complete"], shards)
     except ValueError as error:
         raise _damaged(path, error) from None
     if not manifest.complete and not allow_incomplete:
         raise RecordError(
-            f"data set {str(folder)!r}: its writing has not ended; run the command that writes it "
-            "again, it continues where it stopped"
+            f"data set {str(folder)!r}: it is incomplete; run the command that writes it again, "
+            "which continues where it stopped"
         )
     return manifest
 
@@ -144,12 +144,14 @@ def shard_of(entry: Any) -> Shard:
     names = [field.name for field in dataclasses.fields(Shard)]
     if set(entry) != set(names):
         odd = sorted({*entry} ^ {*names})
-        raise ValueError(f"a shard lacks or has {_shown(odd)}, expected the fields {names}")
+        raise ValueError(
+            f"a shard with missing or unknown fields {_shown(odd)}, expected the fields {names}"
+        )
     _check_type("file", entry["file"], str)
     # Names are used as paths: refuse names that lead out of the folder.
     name = entry["file"]
     if pathlib.PurePath(name).name != name or name == ".." or not name.isprintable():
-        raise ValueError(f"file {_shown(name)}: expected the name of one in the folder")
+        raise ValueError(f"file {_shown(name)}: expected the name of a file in the folder")
     _check_type("split", entry["split"], str)
     if not SPLIT_NAME.fullmatch(entry["split"]):
         raise ValueError(f"split {_shown(entry['split'])}: expected [a-z0-9_]")

@@ -1,4 +1,4 @@
-"""Finds the mask of the object in a photo. Only this file imports cv2 and rembg (extra `photo`).
+"""Finds the mask of the object in a photo. Only this file imports rembg (extra `photo`).
 
 There are four methods; "auto" tries them in this order:
 
@@ -6,13 +6,14 @@ There are four methods; "auto" tries them in this order:
 - `plain`: a background of one colour, as in the renderings for training and in product photos.
 - `rembg`: a segmentation network, if the package and its weights are installed. Weights are never
   downloaded here.
-- `grabcut`: OpenCV's GrabCut, initialised with a band along the border as background (Rother,
-  Kolmogorov, Blake, "GrabCut", SIGGRAPH 2004).
+- `grabcut`: the best of several GrabCuts by OpenCV, see `data.segmentation`. It says when it is in
+  doubt.
 """
 
 import importlib.util
 import os
 import pathlib
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -21,21 +22,38 @@ from psgn_jax.data.photo import PhotoError, resize_mask
 
 METHODS = ("auto", "alpha", "plain", "rembg", "grabcut")
 
-# `plain` and `grabcut` work on a copy with at most this many pixels per side.
+DOUBT = (
+    "the mask was guessed from the photo's colours and is doubtful (estimated overlap with the "
+    "object {:.0%}): correct it with the brush of the demo, give one with --mask, or install rembg"
+)
+
+# `plain` works on a copy with at most this many pixels per side.
 _SEARCH_SIDE = 512
 # `plain`: the fraction of the border that must be background, and the maximum deviation from the
 # background colour.
 _BORDER_SHARE, _LARGEST_DEVIATION = 0.97, 24
 _SMALLEST, _LARGEST = 0.0005, 0.97  # fraction of the image that an object may cover
-_BAND = 0.03  # width of the background band for GrabCut, relative to the image
-_GRABCUT_ROUNDS = 5
 _WEIGHTS = "u2net"
+
+
+class FoundMask(NamedTuple):
+    """The mask of an object.
+
+    Attributes:
+      mask: bool [h, w].
+      method: one of `METHODS`.
+      doubt: why the mask may be wrong, and what to do, in one line; "" if there is no sign of it.
+    """
+
+    mask: np.ndarray
+    method: str
+    doubt: str = ""
 
 
 def find_mask(
     image: np.ndarray, alpha: np.ndarray | None = None, method: str = "auto"
-) -> tuple[np.ndarray, str]:
-    """Finds the object; returns its mask, bool [h, w], and the name of the method.
+) -> FoundMask:
+    """Finds the object.
 
     Args:
       image: uint8 [h, w, 3] RGB.
@@ -52,6 +70,7 @@ def find_mask(
     for name in METHODS[1:]:
         if method not in ("auto", name):
             continue
+        doubt = ""
         if name == "alpha":
             mask = None if alpha is None else alpha > 127
         elif name == "plain":
@@ -65,13 +84,14 @@ def find_mask(
             if importlib.util.find_spec("cv2") is None:
                 missing.append(name)
                 continue
-            mask = grabcut(image)
+            found = _by_colours(image)
+            mask, doubt = (None, "") if found is None else (found.mask, found.doubt)
         if (
             mask is not None
             and mask.mean() >= _SMALLEST
             and (mask.mean() <= _LARGEST or name == "alpha")
         ):
-            return mask, name
+            return FoundMask(mask, name, doubt)
         if mask is not None and name == "alpha":
             raise PhotoError("the image is transparent all over, expected an object")
     if method == "auto" and "grabcut" in missing:
@@ -115,29 +135,19 @@ def plain(image: np.ndarray) -> np.ndarray | None:
 
 
 def grabcut(image: np.ndarray) -> np.ndarray | None:
-    """The large connected parts of GrabCut's mask, or None. Deterministic; needs OpenCV."""
-    import cv2
+    """The object by its colours (`data.segmentation`), or None. Needs OpenCV."""
+    found = _by_colours(image)
+    return None if found is None else found.mask
 
-    small = np.ascontiguousarray(_small(image)[..., ::-1])
-    height, width = small.shape[:2]
-    down, across = max(1, round(_BAND * height)), max(1, round(_BAND * width))
-    labels = np.full((height, width), cv2.GC_BGD, np.uint8)
-    labels[down:-down, across:-across] = cv2.GC_PR_FGD
-    nowhere, rounds = (0, 0, 1, 1), _GRABCUT_ROUNDS  # the rectangle is unused with a mask
-    back, fore = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.setRNGSeed(0)
-    try:
-        cv2.grabCut(small, labels, nowhere, back, fore, rounds, cv2.GC_INIT_WITH_MASK)
-    except cv2.error:
-        return None  # GrabCut cannot fit two colour models to an image of one colour
-    mask = (labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)
-    count, parts, statistics, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
-    if count < 2:
+
+def _by_colours(image: np.ndarray) -> FoundMask | None:
+    from psgn_jax.data import segmentation
+
+    found = segmentation.segment(image)
+    if found is None:
         return None
-    areas = statistics[:, cv2.CC_STAT_AREA]
-    large = np.flatnonzero(areas >= 0.1 * areas[1:].max())
-    mask = np.isin(parts, large[large > 0])
-    return resize_mask(mask, image.shape[:2])
+    doubt = DOUBT.format(found.score) if found.score < segmentation.DOUBTFUL else ""
+    return FoundMask(resize_mask(found.mask, image.shape[:2]), "grabcut", doubt)
 
 
 def has_rembg() -> bool:

@@ -44,7 +44,7 @@ def train_batches(
     process_index: int = 0,
     process_count: int = 1,
 ) -> Generator[dict[str, jax.Array], None, None] | None:
-    """Endless training batches on the devices of `mesh`, as `loader.train_batches` has them.
+    """Endless training batches on the devices of `mesh`, like those of `loader.train_batches`.
 
     Args:
       cfg: where the samples come from and what a batch holds.
@@ -98,7 +98,7 @@ def train_batches(
 
 
 def _not_computed(cfg: DataConfig) -> str:
-    """Why a configuration's batches are not made there; "" if they are."""
+    """The reason why the devices cannot make the batches of a configuration; "" if they can."""
     if cfg.train_views:
         return "several views of a model are not supported"
     for name in ("place", "reframe_scale", "reframe_shift"):
@@ -108,7 +108,7 @@ def _not_computed(cfg: DataConfig) -> str:
 
 
 def _bytes_needed(cfg: DataConfig, reader: RecordReader | JoinedReader) -> int:
-    """Memory of the split, if the first record of each shard speaks for it."""
+    """Memory of the split, estimated from the first record of each shard."""
     pixels = cfg.image_size[0] * cfg.image_size[1]
     ends = np.cumsum([shard.count for shard in reader.shards])
     firsts = {int(end) - shard.count for end, shard in zip(ends, reader.shards, strict=True)}
@@ -163,7 +163,7 @@ def _load(
 
 
 def _stored(item: Item) -> dict[str, np.ndarray]:
-    """What is kept of a record, but for its points' codes."""
+    """The arrays that are kept of a record, except the codes of its points."""
     camera_only = augment.View(
         item.image, item.mask, None, np.zeros((0, 3)), item.intrinsics, item.extrinsics
     )
@@ -183,12 +183,14 @@ def _stored(item: Item) -> dict[str, np.ndarray]:
 
 
 def choose_points(key: PRNGKey, count: Array, available: int, wanted: int) -> Array:
-    """Random indices below `count`, without replacement; each equally often (+-1) where too few.
+    """Random indices below `count`, without replacement.
+
+    If `count` is too small, all indices are equally frequent (+-1).
 
     Args:
-      key: of the draw.
+      key: key of the draw.
       count: number of points, at most `available`.
-      available: static bound of it.
+      available: static upper bound of `count`.
       wanted: number of indices.
     """
     ranks = jax.random.bits(key, (available,)) >> 1
@@ -243,7 +245,7 @@ def _points(codes: Array, matrix: Array) -> Array:
 
 
 def _spread(local: dict[str, jax.Array], mesh: Mesh, batch_size: int) -> dict[str, jax.Array]:
-    """This process's rows as its part of the arrays of all processes."""
+    """The rows of this process as its shards of the global arrays."""
     if jax.process_count() == 1:
         return local
     sharding = NamedSharding(mesh, P("data"))

@@ -39,7 +39,7 @@ _TURNED = (5, 6, 7, 8)  # orientations that exchange width and height
 
 
 class PhotoError(UserError):
-    """An image or mask that cannot be used; one line says why."""
+    """An image or mask that cannot be used; the message is one line."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -122,13 +122,15 @@ def resize_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
 
 
 def same_proportions(size: tuple[int, ...], other: tuple[int, ...]) -> bool:
-    """Whether two (H, W) have the same proportions, but for a pixel or 1 %."""
+    """Whether two (H, W) have the same proportions, up to a pixel or 1 %."""
     height = size[1] * other[0] / other[1]
     return abs(height - size[0]) <= max(1.0, 0.01 * size[0])
 
 
 def decoded_pixels(path: str | os.PathLike[str]) -> int:
-    """How many pixels `read_photo` decodes, from the file's header; of a JPEG fewer than it has.
+    """The number of pixels that `read_photo` decodes, from the header of the file.
+
+    For a large JPEG it is smaller than the number of pixels in the file.
 
     Raises:
       PhotoError: as `read_photo`.
@@ -149,7 +151,7 @@ def _decode(path: str | os.PathLike[str]) -> tuple[Image.Image, int, tuple[int, 
 def _opened(
     path: str | os.PathLike[str],
 ) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
-    """A file whose header is read, and (H, W) in it; what goes wrong then is a `PhotoError`."""
+    """Context with an opened file and its (H, W); errors in the block become `PhotoError`."""
     shown = one_line(path)
     try:
         kind = kind_of(path)
@@ -178,12 +180,12 @@ def _opened(
     except PhotoError:
         raise
     except UnidentifiedImageError:
-        raise PhotoError(f"{shown} is no image of a known format") from None
+        raise PhotoError(f"{shown} is not an image of a known format") from None
     except Image.DecompressionBombError:
         raise PhotoError(f"{shown} is too large: accepted: up to {MAX_PIXELS:,} pixels") from None
     except MemoryError:
         raise PhotoError(f"{shown}: not enough memory to decode it") from None
-    except Exception as error:  # decoders raise anything for damaged files
+    except Exception as error:  # decoders raise any type of error for damaged files
         why = " ".join(str(error).split())[:160] or type(error).__name__
         raise PhotoError(f"{shown} is damaged or unreadable: {why}") from None
 
@@ -198,14 +200,14 @@ def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:
         picture = picture.convert("RGB")
     factor = max(picture.size) // MAX_SIDE
     if factor > 1:
-        # Never below the least side: an image may be a ribbon.
+        # The shorter side stays at least MIN_SIDE, because an image may be long and narrow.
         picture = picture.reduce(max(1, min(factor, min(picture.size) // MIN_SIDE)))
     alpha = np.asarray(picture.getchannel("A")) if picture.mode == "RGBA" else None
     return picture.convert("RGB"), alpha
 
 
 def _to_bytes(values: np.ndarray) -> np.ndarray:
-    """Grey of 16 or 32 bits, or float, as 8 bits: 16 bits by their range, others by their own."""
+    """Grey values as 8 bits, scaled by the first of 1, 255, 65535 that no value exceeds."""
     values = np.nan_to_num(values.astype(np.float64))
     top = values.max()
     if top <= 1:
@@ -218,7 +220,7 @@ def _to_bytes(values: np.ndarray) -> np.ndarray:
 
 
 def _turn(picture: Image.Image, orientation: int) -> Image.Image:
-    """The picture upright, as EXIF's orientation says."""
+    """The picture upright, according to EXIF's orientation."""
     transpose = Image.Transpose
     method: Any = {
         2: transpose.FLIP_LEFT_RIGHT,

@@ -1,4 +1,4 @@
-"""What the loader's worker processes do when the training is stopped or killed.
+"""How the loader's worker processes end when the training is stopped or killed.
 
 A worker gets no SIGTERM and no SIGINT: batch systems and terminals send them to every process of a
 group, and the training process stops the workers, after its last step. A worker whose training
@@ -28,7 +28,7 @@ def start_sheltered(start: Callable[[], T]) -> T:
     It is called in a thread that blocks both signals: new processes and threads inherit the blocked
     signals from their start, before they run any code. This process still handles signals as usual.
     """
-    # Where it is started later, it unblocks the signals of the thread that starts it.
+    # If it were started later, it would unblock the signals of the thread that starts it.
     _start_tracker()
     # At exit Python sends SIGTERM to the workers that are still there and waits for their end.
     multiprocessing.util.Finalize(None, _kill_children, exitpriority=0)

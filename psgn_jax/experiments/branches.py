@@ -18,7 +18,7 @@ measures
   the outermost fifth and in the fifth with the least surface.
 
 RUN is the folder of any run of `psgn_jax.main` with both branches. Without it, a network is trained
-in `DIR/two_branch_cd` with the recipe of `configs/authors_small.py`: half an hour on two CPU cores.
+in `DIR/two_branch` with the recipe of `configs/authors_small.py`: some 40 minutes on two CPU cores.
 The samples of `branches.png` are evenly spaced in the split, not chosen by result.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figures of the channels and the points of
@@ -40,7 +40,7 @@ from psgn_jax.metrics.table import Lines
 from psgn_jax.models.point_layout import Branches, OutputGrid, branch_of_point, output_grid
 from psgn_jax.viewing import spheres
 
-RUN = "two_branch_cd"
+RUN = "two_branch"
 """Folder of the training of this study."""
 
 AROUND = 0.2

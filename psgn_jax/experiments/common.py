@@ -12,7 +12,6 @@ import dataclasses
 import json
 import math
 import pathlib
-import runpy
 import sys
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,6 +28,7 @@ from psgn_jax.data import loader
 from psgn_jax.default_data import default_dataset, with_default_data
 from psgn_jax.experiments import figures
 from psgn_jax.files import write_atomic
+from psgn_jax.host_memory import keep_freed_memory
 from psgn_jax.metrics.evaluation import Evaluation
 from psgn_jax.metrics.table import Lines, aligned, markdown
 from psgn_jax.training import loop as train_lib
@@ -118,6 +118,7 @@ class Study:
                 if len(argv) > 1:
                     raise ConfigError(f"unexpected argument {argv[1]!r}; expected only flags")
                 keep_compiled()
+                keep_freed_memory()
                 values: dict[str, Any] = {
                     name: flags.FLAGS[name].value for name in ("workdir", *self.options)
                 }
@@ -179,6 +180,8 @@ def recipe(
 ) -> Config:
     """The configuration of `configs/authors_small.py`, or `configs/authors.py`, shortened.
 
+    The first has the sum of EMD and CD as its loss, the second the CD.
+
     Args:
       path: folder of records.
       full: use `configs/authors.py`: full-size images and network, 20,000 steps of 32 samples.
@@ -186,8 +189,7 @@ def recipe(
       usual_steps: default number of steps unless `full`; 0 = those of the file.
       changes: section -> field -> value.
     """
-    file = config_files.folder() / ("authors.py" if full else "authors_small.py")
-    tree = runpy.run_path(str(file))["get_config"]().to_dict()
+    tree = config_files.load("authors" if full else "authors_small").to_dict()
     steps = steps or (0 if full else usual_steps) or tree["train"]["steps"]
     tree["data"]["path"] = path
     tree["optim"]["warmup_steps"] = min(tree["optim"]["warmup_steps"], steps // 4)

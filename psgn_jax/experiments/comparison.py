@@ -259,7 +259,7 @@ def configs(options: Any) -> Iterator[tuple[str, Config]]:
     path = build_data(size.models) if options.data is None else options.data
     peer = configuration(PEER, path, folder, size, steps=options.peer_steps or 1)
     check_paths(peer)
-    common.check_data(peer)  # before the other trainings, which need less
+    common.check_data(peer)  # the other trainings need fewer fields
     for name in (*POINTS, "volume", *HEADS):
         yield name, configuration(name, path, folder, size, scale=options.scale)
     steps = budget(peer, folder, (*POINTS, "volume", OURS), options.peer_steps)

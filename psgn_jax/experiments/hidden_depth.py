@@ -62,9 +62,9 @@ def build_data(
     logging.info("data: %s", summary.text().splitlines()[1])
 
 
-def truths(data: pathlib.Path, split: str = "validation") -> list[Truth]:
-    """Kind, seed, scale and hidden depth of every record of a split, in order."""
-    reader = RecordReader(data, split)
+def truths(data: pathlib.Path) -> list[Truth]:
+    """Kind, seed, scale and hidden depth of every validation record, in order."""
+    reader = RecordReader(data, "validation")
     known: list[Truth] = []
     for sample in (reader[index] for index in range(len(reader))):
         try:

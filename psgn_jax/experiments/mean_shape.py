@@ -183,9 +183,10 @@ def mean_shape(
     num_points: int,
     steps: int,
     shapes: int = 8,
-    learning_rate: float = 0.01,
 ) -> Plane:
     """The minimiser x [n, 2] of E_S[distance(x, S)], by Adam with a falling learning rate.
+
+    The learning rate decays from 0.01 to a hundredth of that along half a cosine.
 
     Args:
       distance: distance of two clouds [n, 3].
@@ -194,10 +195,8 @@ def mean_shape(
       num_points: n, for the mean shape and each shape.
       steps: number of descent steps.
       shapes: number of shapes drawn for each step.
-      learning_rate: learning rate of the first step, in units; it decays to a hundredth along half
-        a cosine.
     """
-    rate = optax.cosine_decay_schedule(learning_rate, steps, alpha=0.01)
+    rate = optax.cosine_decay_schedule(0.01, steps, alpha=0.01)
     tx = optax.adam(rate)
     start = 0.1 * jax.random.normal(jax.random.fold_in(key, steps), (num_points, 2))
 

@@ -56,7 +56,7 @@ class LossTerm:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is the loss of that name and nothing else."""
+        """Whether the term has the weight 1 and uses all points."""
         return self.weight == 1 and not self.num_points
 
 

@@ -46,9 +46,9 @@ def bits(x: Array) -> Array:
     return lax.bitcast_convert_type(x, jnp.int32)
 
 
-def least(x: Array, axes: tuple[int, ...] = (0,)) -> Array:
-    """Minimum over `axes` of an array that `bits` returned."""
-    return lax.reduce(x, jnp.int32(0x7F800000), lax.min, axes)  # start: the bits of infinity
+def least(x: Array) -> Array:
+    """Minimum over the first axis of an array that `bits` returned."""
+    return lax.reduce(x, jnp.int32(0x7F800000), lax.min, (0,))  # start: the bits of infinity
 
 
 def distance(x: tuple[Array, ...], y: tuple[Array, ...]) -> Array:

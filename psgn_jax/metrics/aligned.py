@@ -87,7 +87,6 @@ def aligned_metrics(
     *,
     emd_tolerance: float | None = None,
     known_emd: Float[Array, ""] | None = None,
-    iterations: int = ITERATIONS,
 ) -> dict[str, Float[Array, ""]]:
     """Aligned CD and EMD of a pair, as defined in the module's docstring.
 
@@ -96,7 +95,6 @@ def aligned_metrics(
       gt: [m, 3].
       emd_tolerance: relative error of the EMD; None = no EMD.
       known_emd: the EMD without alignment, if known, which saves an auction.
-      iterations: iterations of `align`.
 
     Returns:
       `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s; 1 if alignment does not reduce the CD)
@@ -105,7 +103,7 @@ def aligned_metrics(
     Raises:
       ValueError: the errors of `align` and `metrics.clouds.emd`.
     """
-    transform = align(pred, gt, iterations=iterations)
+    transform = align(pred, gt)
     moved = transform.scale * pred + transform.shift[None]
     before, after = chamfer_sq_mean(pred, gt), chamfer_sq_mean(moved, gt)
     metrics = {

@@ -40,11 +40,6 @@ def to_grid_units(distance: float | Array, *, grid_edge: float | Array = 2.0) ->
     return distance * (GRID_EDGE_UNITS / grid_edge)
 
 
-def from_grid_units(distance: float | Array, *, grid_edge: float | Array = 2.0) -> float | Array:
-    """Inverse of `to_grid_units`."""
-    return distance * (grid_edge / GRID_EDGE_UNITS)
-
-
 def sq_to_grid_units(
     distance_sq: float | Array, *, grid_edge: float | Array = 2.0
 ) -> float | Array:

@@ -234,10 +234,10 @@ def _narrow(kernel: Array) -> bool:
 def _rows_of_block(b: int, h: int, w: int) -> int:
     """Number of rows that `_kernel_gradient` processes at a time: the fewest with enough work.
 
-    With several devices it is all h rows, because otherwise every iteration of the loop would sum
-    over the devices.
+    It is all h rows if XLA may split the batch over several devices, because then every iteration
+    of the loop would sum over the devices. Within `jax.shard_map` XLA does not.
     """
-    if jax.device_count() > 1:
+    if jax.device_count() > 1 and not jax.sharding.get_abstract_mesh().manual_axes:
         return h
     return next(r for r in range(1, h + 1) if h % r == 0 and (r == h or b * r * w >= _BLOCK_PIXELS))
 

@@ -197,7 +197,7 @@ def grid_offset(height: int, width: int, points_per_cell: int) -> np.ndarray:
 
     Without the offset all cells start at nearly the same point, because they have the same kernel
     and bias, and cells on the background see the same features. After a short training most of
-    their points are then still close together (`authors_small.py` after 600 steps: CD .0150
+    their points are then still close together (`authors_small_cd.py` after 600 steps: CD .0150
     without, .0135 with).
     """
     y = np.linspace(-1, 1, width) * np.sqrt(3) * 0.33

@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple, get_args
 
-from psgn_jax.config import ModelConfig, Version
+from psgn_jax.config import ModelConfig, Version, has_deconv_branch
 
 VERSIONS: tuple[str, ...] = get_args(Version)
 RANDOM_AT = ("bottleneck", "fc")
@@ -71,7 +71,7 @@ def output_grid(config: ModelConfig) -> OutputGrid:
     if levels < 2:
         raise wrong_field("widths", config.widths, "at least two levels")
     height, width = padded_size(config.image_size, levels)
-    if config.name == "vanilla":
+    if not has_deconv_branch(config.name):
         return OutputGrid(0, 0, 0)
     if not 0 <= config.deconv_level <= levels - 2:
         raise wrong_field(
@@ -90,7 +90,7 @@ def branch_of_point(config: ModelConfig) -> Branches:
       ValueError: a field is out of range.
     """
     grid = output_grid(config)
-    lowest = 1 if config.name == "vanilla" else 0
+    lowest = 0 if has_deconv_branch(config.name) else 1
     if config.fc_points < lowest:
         raise wrong_field("fc_points", config.fc_points, f"at least {lowest}")
     deconv_points = grid.height * grid.width * grid.points_per_cell

@@ -62,7 +62,7 @@ from typing import Any
 import jax.numpy as jnp
 from flax import linen as nn
 
-from psgn_jax.config import ModelConfig
+from psgn_jax.config import ModelConfig, has_deconv_branch
 from psgn_jax.models import layers
 from psgn_jax.models.layers import DTYPES, Conv, ConvTranspose, Dense
 from psgn_jax.models.point_layout import (
@@ -316,7 +316,7 @@ class PointOutNet(nn.Module):
         if self.fc_points:
             fc = FullyConnected(self.fc_points, self.fc_widths, dtype, name="fc")
             clouds.append(fc(bottlenecks, late))
-        if self.version != "vanilla":
+        if has_deconv_branch(self.version):
             features = Decoder(widths, self.deconv_level, dtype, name="decoder")(x, features)
             x = features[self.deconv_level]
             x = nn.relu(Conv(x.shape[-1], dtype=dtype, name="deconv_conv")(x))

@@ -45,8 +45,6 @@ HIDDEN_WIDTH = 128
 DECODER_WIDTHS = (128, 128, 64, 32)
 HIDDEN_SIZE = 4
 IMAGE_SIDE = 127
-THRESHOLD = 0.4
-"""Probability from which the evaluation of Choy et al. counts a cell as occupied."""
 
 _LEAK = 0.01
 _KERNEL = nn.initializers.variance_scaling(2.0, "fan_avg", "normal")

@@ -15,23 +15,17 @@ from absl import app, flags
 
 from psgn_jax.command_line import (
     define_network_flags,
-    exit_on_user_error,
+    flags_only,
     keep_compiled,
-    log_to_terminal,
     parse_flags,
 )
-from psgn_jax.config import ConfigError
 from psgn_jax.page.build import build_page
 from psgn_jax.portable.runtime import require_packages
 from psgn_jax.weights.opening import open_network
 
 
 def _main(argv: Sequence[str]) -> None:
-    log_to_terminal()
-    values = flags.FLAGS
-    with exit_on_user_error():
-        if argv[1:]:
-            raise ConfigError(f"{argv[1]}: accepted: only flags")
+    with flags_only(argv) as values:
         require_packages()
         keep_compiled()
         network = open_network(values.workdir, values.weights, values.checkpoint)

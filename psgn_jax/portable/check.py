@@ -12,6 +12,7 @@ from psgn_jax.data.dataset import open_split
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.portable.network import PortableNetwork
 
+_ROWS = 16  # images that are predicted at a time
 LARGEST_DIFFERENCE = 1e-4
 """Largest accepted difference between a coordinate of the float32 file and JAX's (unit)."""
 
@@ -92,19 +93,18 @@ def _inputs(network: PortableNetwork, images: np.ndarray, masks: np.ndarray) -> 
     return inputs
 
 
-def expected(network: PortableNetwork, samples: Samples, rows: int = 16) -> np.ndarray:
-    """JAX's clouds [n, m, 3] of the samples, `rows` images at a time."""
-    return _clouds(lambda arrays: np.asarray(network.compiled(*arrays.values())), samples, rows)
+def expected(network: PortableNetwork, samples: Samples) -> np.ndarray:
+    """JAX's clouds [n, m, 3] of the samples."""
+    return _clouds(lambda arrays: np.asarray(network.compiled(*arrays.values())), samples)
 
 
 def measure(
     run: Callable[[Mapping[str, np.ndarray]], np.ndarray],
     samples: Samples,
     clouds: np.ndarray,
-    rows: int = 16,
 ) -> Check:
     """Compares a file, `run(inputs) -> points`, with JAX's clouds of `expected`."""
-    own = _clouds(run, samples, rows)
+    own = _clouds(run, samples)
     difference = float(np.abs(own - clouds).max())
     if samples.truth is None:
         return Check(len(samples), difference, None, None)
@@ -113,12 +113,10 @@ def measure(
     return Check(len(samples), difference, cd, cd / reference - 1)
 
 
-def _clouds(
-    run: Callable[[Mapping[str, np.ndarray]], np.ndarray], samples: Samples, rows: int
-) -> np.ndarray:
+def _clouds(run: Callable[[Mapping[str, np.ndarray]], np.ndarray], samples: Samples) -> np.ndarray:
     parts = []
-    for first in range(0, len(samples), rows):
-        arrays = {name: array[first : first + rows] for name, array in samples.inputs.items()}
+    for first in range(0, len(samples), _ROWS):
+        arrays = {name: array[first : first + _ROWS] for name, array in samples.inputs.items()}
         parts.append(run(arrays))
     clouds = np.concatenate(parts)
     return clouds.reshape(len(samples), -1, 3)

@@ -12,7 +12,6 @@ The normalisation of colours is part of the function.
 
 import dataclasses
 import functools
-from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -96,15 +95,11 @@ class PortableNetwork:
         """The jaxpr of the function, for any number of images and draws."""
         return jax.make_jaxpr(lambda *arrays: self(*arrays))(*self._symbolic())
 
-    def stablehlo(self, platforms: Sequence[str] = PLATFORMS) -> bytes:
-        """The program with its weights, for `jax.export.deserialize`.
-
-        Args:
-          platforms: platforms on which the program can be called.
-        """
+    def stablehlo(self) -> bytes:
+        """The program with its weights, for `jax.export.deserialize`."""
         function = jax.jit(lambda *arrays: self(*arrays))
         return bytes(
-            jax_export.export(function, platforms=list(platforms))(*self._symbolic()).serialize()
+            jax_export.export(function, platforms=list(PLATFORMS))(*self._symbolic()).serialize()
         )
 
     def _symbolic(self) -> list[jax.ShapeDtypeStruct]:

@@ -121,7 +121,7 @@ def _apply(graph: Graph, equation: Any, operands: list[Value]) -> list[Value]:
         results = equation.primitive.bind(*arrays, **params)
         results = results if equation.primitive.multiple_results else [results]
         return [constant(np.asarray(result)) for result in results]
-    if is_empty(out):  # left out where it is joined to others
+    if is_empty(out):  # omitted when it is concatenated with other values
         return [graph.fresh("", tuple(out.shape), np.dtype(out.dtype).name)]
     if name in _SAME:
         return list(operands)

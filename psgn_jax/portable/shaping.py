@@ -19,7 +19,7 @@ def broadcast(graph: Graph, operands: Sequence[Value], out: Any, params: Params)
         return constant(x.array.reshape(stored), tuple(out.shape))
     if x.rank == rank:
         return Value(tuple(out.shape), x.dtype, x.name, x.order, tuple(stored))
-    # New axes come first or between in JAX's order; where they are is stored as 1.
+    # New axes have the stored size 1; JAX has them before or between the existing ones.
     name, added = graph.tensor(x), [axis for axis in range(rank) if axis not in axes]
     if added:
         name = graph.node("Unsqueeze", [name, graph.shape(added)])

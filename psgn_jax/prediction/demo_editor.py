@@ -92,7 +92,7 @@ def check_pictures(pictures: Sequence[Any]) -> None:
                 size = file.size[::-1]
         except (OSError, ValueError, SyntaxError, TypeError, Image.DecompressionBombError):
             raise photo.PhotoError(
-                "a layer of the mask is no image: drop the photo again"
+                "a layer of the mask is not an image: drop the photo again"
             ) from None
         if size != EDITOR_SIZE:
             raise photo.PhotoError(

@@ -25,7 +25,7 @@ from PIL import Image
 
 from psgn_jax.config import ConfigError
 from psgn_jax.data import masks, photo
-from psgn_jax.prediction import demo_server
+from psgn_jax.prediction import demo_server, example_photos
 from psgn_jax.prediction.demo_editor import (
     EDITOR_SIZE,
     PAINT,
@@ -66,6 +66,7 @@ _FOUND = {
     "rembg": "Object found by a segmentation network (rembg).",
     "grabcut": "Object guessed from the photo's colours (GrabCut), often wrong at the edges.",
 }
+_DOUBT = "Object guessed from the photo's colours, in doubt: the mask is probably wrong."
 _CORRECT = "Red is object: correct it with brush and eraser, then press Predict."
 
 
@@ -117,12 +118,12 @@ class Demo:
         background[rows, columns] = np.asarray(Image.fromarray(read.image).resize(size))
         layer = np.zeros((*EDITOR_SIZE, 4), np.uint8)
         try:
-            mask, how = masks.find_mask(read.image, read.alpha, method)
+            mask, how, doubt = masks.find_mask(read.image, read.alpha, method)
         except ValueError as error:
             line = f"{_failed(error, path)} Paint the object, then press Predict."
         else:
             layer[rows, columns][photo.resize_mask(mask, size[::-1])] = PAINT
-            line = f"{_FOUND[how]} {_CORRECT}"
+            line = f"{_DOUBT if doubt else _FOUND[how]} {_CORRECT}"
         return {"background": background, "layers": [layer], "composite": None}, line
 
     def predict(
@@ -194,6 +195,16 @@ class Demo:
         if mask is None:
             line += f" The editor was empty: {_FOUND[result.mask_from]}"
         return in_frame(viewer.read_text(encoding="utf-8")), [str(file) for file in files], line
+
+    def open_example(self, number: int) -> tuple[Any, ...]:
+        """Opens an example and predicts its points.
+
+        Returns:
+          The path of the example, the outputs of `open_photo`, then those of `predict`.
+        """
+        path = str(example_photos.example_photos()[number])
+        edited, line = self.open_photo(path, "alpha")
+        return path, edited, line, *self.predict(path, edited)
 
     @contextlib.contextmanager
     def _room_for(self, path: str) -> Iterator[None]:
@@ -267,10 +278,25 @@ def build(demo: Demo) -> Any:
         shown, made, line = demo.predict(*values)
         return shown, links_to(made), line
 
+    def open_example(event: gradio.SelectData) -> tuple[Any, ...]:
+        path, edited, _, shown, made, line = demo.open_example(event.index)
+        button = gradio.Button(interactive=edited is not None)
+        return path, edited, button, shown, links_to(made), line
+
     with gradio.Blocks(
         title="psgn_jax", analytics_enabled=False, delete_cache=(600, int(KEPT_SECONDS))
     ) as blocks:
         gradio.Markdown("## From one photo to points\nA photo of one object, nothing cut off.")
+        examples = gradio.Gallery(
+            [(str(path), example_photos.title(path)) for path in example_photos.example_photos()],
+            label="examples: click one",
+            columns=6,
+            height=150,
+            object_fit="contain",
+            allow_preview=False,
+            interactive=False,
+            elem_id="examples",
+        )
         with gradio.Row():
             with gradio.Column(scale=1, min_width=280):
                 source = gradio.File(label="photo", type="filepath", height=130, elem_id="photo")
@@ -319,7 +345,8 @@ def build(demo: Demo) -> Any:
                 bound_editor(editor)
         viewer = gradio.HTML(ADVICE, elem_id="viewer")
         files = gradio.HTML("", elem_id="files")
-        for changed in (source.change, method.change):
+        # Not `source.change`, which an example also causes.
+        for changed in (source.upload, source.clear, method.change):
             # No prediction while the mask is being computed.
             locked = changed(
                 lambda: (gradio.Button(interactive=False), ADVICE, "", ""),
@@ -337,6 +364,14 @@ def build(demo: Demo) -> Any:
                 api_visibility="private",
                 concurrency_limit=AT_ONCE,
             )
+        examples.select(
+            open_example,
+            None,
+            [source, editor, button, viewer, files, line],
+            show_progress_on=[viewer],
+            api_visibility="private",
+            concurrency_limit=AT_ONCE,
+        )
         button.click(
             predict,
             [source, editor, samples, seed, frame, method],
@@ -371,7 +406,7 @@ def launch(
         fastapi.FastAPI(docs_url=None, redoc_url=None, openapi_url=None),
         blocks,
         path="/",
-        allowed_paths=[str(demo.folder)],
+        allowed_paths=[str(demo.folder), str(example_photos.FOLDER)],
         max_file_size=demo_server.MAX_UPLOAD_BYTES,
         footer_links=[],
         show_error=False,

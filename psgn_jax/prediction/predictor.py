@@ -188,7 +188,8 @@ class Predictor:
             mask = ~np.asarray(mask, np.bool_)
         warnings = [INVERTED] if mask is not None and masks.looks_inverted(mask) else []
         if mask is None:
-            mask, mask_source = masks.find_mask(rgb, alpha, mask_from)
+            mask, mask_source, doubt = masks.find_mask(rgb, alpha, mask_from)
+            warnings += [doubt] if doubt else []
         clock.lap("mask")
         if frame not in ("auto", "place", "keep"):
             raise ConfigError(f"frame={frame!r}: accepted: auto, place, keep")

@@ -136,7 +136,7 @@ def with_draws(
     """An evaluation step that also measures `num_draws` draws of each image.
 
     Added to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, of the EMD
-    where `eval.emd_tolerance` asks for it, and `total_mutual_difference_radius2`, see
+    if `eval.emd_tolerance` is set, and `total_mutual_difference_radius2`, see
     `metrics.samples`. The draws are those of `prediction.sampling.predict_samples` with the
     configuration's seed.
 

@@ -160,7 +160,7 @@ def at_thresholds(
         taken[key] = PREDICTION_THRESHOLDS[column]
     if best in metrics:
         metrics["one_minus_iou"] = 1 - metrics[best]
-    where = "on this very split" if fresh else "where the run was evaluated while it trained"
+    where = "on this split" if fresh else "on the split that was evaluated during training"
     text = ", ".join(f"{k.removeprefix(THRESHOLD_OF)} {v:g}" for k, v in taken.items())
     note = (
         f"IoU of {OCCUPANCY_SIZE}^3 solid volumes; thresholds, chosen {where}: {text}."

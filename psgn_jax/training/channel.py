@@ -96,7 +96,7 @@ class Channel:
         return texts
 
     def fail(self, text: str) -> None:
-        """Makes all other processes end; `text` says why this one ends."""
+        """Makes all other processes end; `text` is the reason why this one ends."""
         self._tell(f"process {self._index} failed: {text}")
 
     def await_loss(self, seconds: float) -> None:

@@ -18,7 +18,7 @@ import re
 import shutil
 import sys
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -56,7 +56,6 @@ class Checkpoints:
     Args:
       directory: created when something is saved.
       keep: number of newest checkpoints to keep, in addition to the best one.
-      metrics: metrics that rank the checkpoints, like `RANKING`.
       read_only: change nothing in the folder, not even leftovers of an interrupted save, because a
         training may be running.
     """
@@ -65,13 +64,11 @@ class Checkpoints:
         self,
         directory: str | pathlib.Path,
         keep: int = 2,
-        metrics: Sequence[str] = RANKING,
         *,
         read_only: bool = False,
     ):
         self._directory = pathlib.Path(directory).absolute()
         self._keep = keep
-        self._metrics = tuple(metrics)
         self._read_only = read_only
         _quiet_threads()
         self._saver: ocp.AsyncCheckpointer | None = None
@@ -90,7 +87,7 @@ class Checkpoints:
     def best_step(self) -> int | None:
         """The step with the lowest metric (the latest in case of a tie), or None."""
         candidates = {
-            step: next((scores[m] for m in self._metrics if m in scores), math.nan)
+            step: next((scores[m] for m in RANKING if m in scores), math.nan)
             for step in self.steps()
             if (scores := self.scores.get(step)) is not None
         }

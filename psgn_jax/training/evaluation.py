@@ -104,7 +104,7 @@ class _Part(NamedTuple):
     num_pred: int
 
     def entry(self) -> list[Any]:
-        """For `of`, in JSON."""
+        """The measurements as JSON values, which `of` reads."""
         metrics = {name: values.tolist() for name, values in self.metrics.items()}
         return [self.names, metrics, self.num_pred]
 
@@ -134,7 +134,7 @@ def _merged(parts: Sequence[_Part]) -> _Part:
         return parts[0]
     names = [name for part in filled for name in part.names]
     order = sorted(range(len(names)), key=lambda i: names[i].record)
-    # JAX sorts the names; what is measured after an alignment comes last.
+    # JAX sorts the names; the metrics after an alignment are moved to the end.
     ordered = sorted(filled[0].metrics, key=lambda name: name.startswith("aligned_"))
     metrics = {k: np.concatenate([part.metrics[k] for part in filled])[order] for k in ordered}
     return _Part([names[i] for i in order], metrics, filled[0].num_pred)

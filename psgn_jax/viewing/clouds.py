@@ -26,19 +26,14 @@ def render_cloud(
     intrinsics: np.ndarray,
     extrinsics: np.ndarray,
     size: tuple[int, int],
-    *,
-    radius: int = 1,
-    colours: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Draws one cloud as seen by a camera.
+    """Draws one cloud as seen by a camera; a point is a square with sides of 3 pixels.
 
     Args:
       points: [n, 3] in the project's frame; points that are not finite are skipped.
       intrinsics: [3, 3] in pixels of an image of `size`.
       extrinsics: [3, 4], from the project's frame to the camera's.
       size: (height, width) of the picture.
-      radius: a point is a square with sides of 2 * radius + 1 pixels.
-      colours: [n, 3], 0 to 255; None = colour by height.
 
     Returns:
       uint8 [height, width, 3] on white.
@@ -50,13 +45,10 @@ def render_cloud(
     points, pixels, depth = points[front], pixels[front], depth[front]
     far_first = np.argsort(-depth, kind="stable")
     points, pixels, depth = points[far_first], pixels[far_first], depth[far_first]
-    kept = np.flatnonzero(finite)[front][far_first]
     height, width = size
     position = np.clip(points[:, 2], 0, 1) * (len(_COLOURS) - 1)
     low = np.minimum(position.astype(int), len(_COLOURS) - 2)
     colour = _COLOURS[low] + (position - low)[:, None] * (_COLOURS[low + 1] - _COLOURS[low])
-    if colours is not None:
-        colour = colours[kept].astype(np.float64)
     centre = 0.5 * (depth.min() + depth.max()) if len(depth) else 0.0
     # Objects are about 2 units deep: brightness falls from 1 in front to .55 at the back.
     colour *= np.clip(0.8 - 0.25 * (depth - centre), 0.55, 1.0)[:, None]
@@ -64,7 +56,7 @@ def render_cloud(
     picture = np.full((height, width, 3), 255, np.uint8)
     # Clip far-away pixels before the conversion to integers.
     corner = np.floor(np.clip(pixels, -1e6, 1e6)).astype(int)
-    offsets = range(-radius, radius + 1)
+    offsets = (-1, 0, 1)
     square = np.array([(dx, dy) for dx in offsets for dy in offsets])
     column = corner[:, None, 0] + square[None, :, 0]
     row = corner[:, None, 1] + square[None, :, 1]

@@ -62,12 +62,11 @@ def check(sample: schema.Sample) -> Check:
     )
 
 
-def contact_sheet(
-    samples: Sequence[schema.Sample], labels: Sequence[str], columns: int = 2
-) -> Image.Image:
+def contact_sheet(samples: Sequence[schema.Sample], labels: Sequence[str]) -> Image.Image:
     """Draws each sample: image, cloud with the outline of the mask, cloud from another side."""
     size = samples[0].image.shape[:2]
     height, width = size
+    columns = 2
     rows = -(-len(samples) // columns)
     sheet = Image.new("RGB", (columns * 3 * (width + 4), rows * (height + 16)), "white")
     pen = ImageDraw.Draw(sheet)

@@ -96,9 +96,7 @@ def write_pages(
         size = 0
         for case in cases:
             if case.name in pages:
-                raise ValueError(
-                    f"cases: the name {case.name!r} is there twice; accepted: each once"
-                )
+                raise ValueError(f"cases: the name {case.name!r} occurs twice; accepted: each once")
             text = to_json(_encode(case))
             if not groups or (size and len(template) + 4096 + size + len(text) > max_bytes):
                 groups.append(stack.enter_context(_temporary_text(path.parent)))

@@ -48,7 +48,7 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
             raise PredictionFileError(f"{shown} is {kind}, expected a file NAME.npz")
         if not zipfile.is_zipfile(path):
             raise PredictionFileError(
-                f"{shown} is no prediction: expected a file NAME.npz of psgn_jax.predict"
+                f"{shown} is not a prediction: expected a file NAME.npz of psgn_jax.predict"
             )
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: _read(archive, name) for name in fields}
@@ -60,7 +60,7 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
         raise PredictionFileError(f"{shown}: {error.strerror or error}") from None
     except (ValueError, KeyError, TypeError, EOFError, RuntimeError, *_BROKEN) as error:
         why = one_line(error.args[0] if error.args else error)[:160]
-        raise PredictionFileError(f"{shown} is damaged, or no prediction: {why}") from None
+        raise PredictionFileError(f"{shown} is damaged, or not a prediction: {why}") from None
     sizes: dict[str, int] = {str(digit): digit for digit in range(10)}
     for name, array in arrays.items():
         dtype, letters = _FIELDS[name]
@@ -92,8 +92,8 @@ def _read(archive: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
     try:
         array: np.ndarray = archive[name]
     except ValueError as error:
-        # NumPy's advice, to allow pickles, would run what the file says.
-        raise ValueError(f"{name} is no array of numbers") from error
+        # NumPy's message advises to allow pickles, which would execute code from the file.
+        raise ValueError(f"{name} is not an array of numbers") from error
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         raise ValueError(f"{name} is not finite")
     return array

@@ -82,11 +82,6 @@ def colours_by_height(points: np.ndarray) -> np.ndarray:
     return _ramp(HEIGHT_COLOURS, points[:, 2])
 
 
-def colours_by_value(values: np.ndarray, largest: float) -> np.ndarray:
-    """Colours uint8 [n, 3] by a value (error or spread); the scale is 0 to `largest`."""
-    return _ramp(VALUE_COLOURS, values / largest)
-
-
 def colours_by_branch(branch: np.ndarray) -> np.ndarray:
     """Colours uint8 [n, 3] by branch: 0 is fc, 1 is deconv."""
     return np.array(BRANCH_COLOURS, np.uint8)[branch.astype(int)]
@@ -238,7 +233,7 @@ def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
     It shows the first two samples, coloured by height, or a single one by height and by branch.
 
     Raises:
-      PredictionFileError: one of them is no such file.
+      PredictionFileError: a file is not a prediction.
     """
     cases = []
     for path in paths:

@@ -30,7 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     commands = parser.add_subparsers(dest="command", required=True)
     command = commands.add_parser("list", help="show weights: network, figures, data, licences")
-    command.add_argument("names", nargs="*", metavar="NAME|FILE", help="default: all shipped ones")
+    command.add_argument(
+        "names", nargs="*", metavar="NAME|FILE", help="default: all in the package"
+    )
     command = commands.add_parser("export", help="a checkpoint of a run as a file of weights")
     command.add_argument("--workdir", required=True, help="folder of the run")
     command.add_argument("--out", required=True, help="file to be written, *.safetensors")
@@ -43,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     command.add_argument("--dtype", default="float16", choices=tuple(DTYPES))
     command.add_argument(
-        "--sources", default="", help="JSON files on data and licences, with commas between them"
+        "--sources", default="", help="JSON files on data and licences, separated by commas"
     )
     arguments = parser.parse_args(argv)
     log_to_terminal()

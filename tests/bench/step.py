@@ -30,6 +30,7 @@ _THREADS = flags.DEFINE_integer("threads", 2, "threads that PyTorch uses")
 _LAYERS = flags.DEFINE_bool("layers", False, "time the convolutions one by one instead")
 _DRAWS = flags.DEFINE_bool("draws", False, "time steps with Min-of-N against plain ones instead")
 _FLOPS = flags.DEFINE_bool("flops", False, "with --draws: count operations, run nothing")
+_RETURN_MEMORY = flags.DEFINE_bool("return_memory", True, "without `keep_freed_memory` as well")
 _DEFAULT_LAYOUT = flags.DEFINE_bool("default_layout", True, "PyTorch's default layout as well")
 
 FULL: dict[str, Any] = {
@@ -83,8 +84,12 @@ def _serve(pipe: Any, build: Callable[..., Any], args: tuple[Any, ...]) -> None:
         pipe.send(time.perf_counter() - start)
 
 
-def build_jax(network: dict[str, Any], batch: int) -> dict[str, Any]:
-    """The step of this project's network."""
+def build_jax(network: dict[str, Any], batch: int, keep_memory: bool = True) -> dict[str, Any]:
+    """The step of this project's network; `keep_memory`: as the commands do."""
+    from psgn_jax.host_memory import keep_freed_memory
+
+    if keep_memory:
+        keep_freed_memory()
     import jax
     import jax.numpy as jnp
 
@@ -155,6 +160,8 @@ def compare(network: dict[str, Any], batch: int) -> None:
         "psgn_jax": Competitor(build_jax, network, batch),
         "PyTorch channels last": Competitor(build_torch, network, batch, _THREADS.value, True),
     }
+    if _RETURN_MEMORY.value:
+        competitors["memory returned"] = Competitor(build_jax, network, batch, False)
     if _DEFAULT_LAYOUT.value:
         competitors["PyTorch default layout"] = Competitor(
             build_torch, network, batch, _THREADS.value, False

@@ -200,7 +200,7 @@ def test_unknown_split_lists_the_others(dataset):
     [
         ({"version": 99}, "format version 99, this version of psgn_jax reads 1"),
         ({"format": "other"}, "format 'other'"),
-        ({"complete": False}, "its writing has not ended"),
+        ({"complete": False}, "it is incomplete"),
         ({"shards": [{"file": "../evil"}]}, "damaged"),
         ({"shards": 3}, "damaged"),
     ],
@@ -401,7 +401,7 @@ def test_a_shard_that_is_there_twice_is_refused(dataset, tmp_path):
     content = json.loads((dataset / MANIFEST).read_text())
     content["shards"].append(content["shards"][0])
     (tmp_path / MANIFEST).write_text(json.dumps(content))
-    with pytest.raises(RecordError, match="is there twice"):
+    with pytest.raises(RecordError, match="is listed twice"):
         load_manifest(tmp_path)
 
 
@@ -465,7 +465,7 @@ def test_what_cannot_be_read_is_not_called_damaged(dataset, tmp_path, monkeypatc
         return opened(path, *args, **kwargs)
 
     monkeypatch.setattr(pathlib.Path, "open", refusing)
-    message = r"train-00001\.arrayrecord cannot be read: Permission denied; check who"
+    message = r"train-00001\.arrayrecord cannot be read: Permission denied; check its"
     with pytest.raises(RecordError, match=message):
         RecordReader(tmp_path, "train")
     with pytest.raises(RecordError, match=message):

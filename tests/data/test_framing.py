@@ -150,7 +150,7 @@ def test_reframe_is_a_function_of_its_generator_and_places_a_share():
     empty = dataclasses.replace(view, mask=np.zeros_like(view.mask))
     assert augment.reframe(empty, np.random.default_rng(0), **options) is empty
     solid = dataclasses.replace(view, occupancy=np.zeros((32, 32, 32), bool))
-    with pytest.raises(ValueError, match="occupancy, whose grid does not follow"):
+    with pytest.raises(ValueError, match="occupancy grid, which is not transformed"):
         augment.place(solid)
 
 

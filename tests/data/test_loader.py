@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 
 from psgn_jax.config import DataConfig
 from psgn_jax.data import batches, camera, loader, visibility
@@ -121,14 +122,13 @@ def test_cache_changes_nothing(cfg, monkeypatch):
         assert_same(got, one)
 
 
-def test_cache_is_bounded(cfg):
-    cached = dataclasses.replace(cfg, cache=True)
-    items = batches.Items(cached, RecordReader(cfg.path, "train"))
-    items._bound = 100_000
-    for i in range(37):
-        items[i]
-    assert 0 < items._held <= 100_000
-    assert len(items._kept) < 37
+def test_cache_is_bounded(cfg, monkeypatch):
+    monkeypatch.setattr(batches, "CACHE_BYTES", 100_000)
+    items = batches.Items(dataclasses.replace(cfg, cache=True), RecordReader(cfg.path, "train"))
+    first = [items[i] for i in range(37)]
+    kept = [item for i, item in enumerate(first) if items[i] is item]
+    assert 0 < len(kept) < 37
+    assert sum(item.nbytes() for item in kept) <= 100_000
 
 
 def test_worker_processes_equal_threads(cfg):
@@ -192,13 +192,18 @@ def test_evaluation_does_not_depend_on_the_batch_size(cfg):
     np.testing.assert_array_equal(clouds(3), clouds(11))
 
 
-def test_subsets(rng):
-    drawn = batches._subset(rng, 100, 60)
-    assert len(set(drawn.tolist())) == 60
-    assert batches._subset(rng, 100, 100) == slice(None)
-    counts = np.bincount(batches._subset(rng, 10, 34), minlength=10)
-    assert counts.sum() == 34
-    assert set(counts) == {3, 4}
+def test_subsets(tmp_path, rng):
+    """Fewer points than the record has are distinct; more are equally frequent."""
+    points = np.stack([np.arange(10), np.zeros(10), np.zeros(10)], axis=1).astype(np.float32)
+    (sample,) = solids.samples(1, seed=0, image_size=(24, 32))
+    sample = dataclasses.replace(sample, points=points, normals=None, occupancy=None)
+    write_dataset(tmp_path, {"train": [sample], "validation": [sample]}, source="test")
+    for wanted, frequent in ((6, {0, 1}), (10, {1}), (34, {3, 4})):
+        cfg = DataConfig(path=str(tmp_path), image_size=(24, 32), num_points=wanted)
+        (batch,) = take(1, cfg, batch_size=1)
+        counts = np.bincount(np.rint(batch["points"][0, :, 0]).astype(int), minlength=10)
+        assert counts.sum() == wanted
+        assert set(counts.tolist()) == frequent
 
 
 def test_num_samples(cfg):

@@ -72,7 +72,7 @@ def test_16_bit_colour_and_transparent_palette(tmp_path):
     rgba = Image.fromarray(np.dstack([image, mask.astype(np.uint8) * 255]))
     read = photo.read_photo(saved(tmp_path, rgba.quantize(), "palette.png"))
     np.testing.assert_array_equal(read.alpha > 127, mask)
-    found, how = masks.find_mask(read.image, read.alpha)
+    found, how, _ = masks.find_mask(read.image, read.alpha)
     assert how == "alpha"
     np.testing.assert_array_equal(found, mask)
 
@@ -92,7 +92,7 @@ def test_large_images_are_reduced_as_they_are_read(tmp_path):
     read = photo.read_photo(path)
     assert read.size == (9_000, 12_000)
     assert max(read.image.shape) < 2 * photo.MAX_SIDE
-    mask, how = masks.find_mask(read.image)
+    mask, how, _ = masks.find_mask(read.image)
     assert how == "plain"
     assert mask.mean() == pytest.approx(1 / 6, rel=0.01)
     view = framing.place(read.image, mask)
@@ -111,8 +111,8 @@ def hostile(tmp_path):
     os.mkfifo(tmp_path / "pipe.png")
     return {
         "cut.png": "damaged",
-        "text.png": "no image of a known format",
-        "empty.png": "no image of a known format",
+        "text.png": "not an image of a known format",
+        "empty.png": "not an image of a known format",
         "one.png": "is 1x1: accepted: at least 16",
         "bomb.png": "too large: accepted: up to 150,000,000 pixels",
         "large.png": "13000x13000: accepted",
@@ -150,12 +150,12 @@ def test_plain_background_exact_and_noisy(rng):
     image, mask = scene()
     mask[50:60, 80:90] = False  # a hole shows the background
     image[50:60, 80:90] = GREY
-    found, how = masks.find_mask(image)
+    found, how, _ = masks.find_mask(image)
     assert how == "plain"
     np.testing.assert_array_equal(found, mask)
     image, mask = scene(back=(240, 240, 235))
     noisy = np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
-    found, how = masks.find_mask(noisy)
+    found, how, _ = masks.find_mask(noisy)
     assert how == "plain"
     assert (found != mask).mean() < 0.01
 
@@ -165,10 +165,10 @@ def test_grabcut_on_a_busy_background(rng):
     image, mask = scene(240, 320, (60, 190, 90, 240), colour=(210, 40, 30))
     image[~mask] = rng.integers(60, 140, (int((~mask).sum()), 3)) * [0, 1, 1]
     assert masks.plain(image) is None
-    found, how = masks.find_mask(image)
+    found, how, _ = masks.find_mask(image)
     assert how == "grabcut"
     assert (found & mask).sum() / (found | mask).sum() > 0.9
-    again, _ = masks.find_mask(image)
+    again, _, _ = masks.find_mask(image)
     np.testing.assert_array_equal(found, again)
 
 
@@ -191,7 +191,7 @@ def test_rembg_is_used_where_its_weights_are(tmp_path, monkeypatch, rng):
     with pytest.raises(photo.PhotoError, match="needs the extra 'photo' and its weights in"):
         masks.find_mask(image, method="rembg")
     (tmp_path / "u2net.onnx").write_bytes(b"weights")
-    found, how = masks.find_mask(image)
+    found, how, _ = masks.find_mask(image)
     assert how == "rembg"
     np.testing.assert_array_equal(found, levels > 0)
 

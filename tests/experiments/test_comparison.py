@@ -260,6 +260,8 @@ def test_the_whole_study_and_again(tmp_path, monkeypatch):
 def test_records_without_five_views_are_refused_before_anything(tmp_path):
     few = [s for s in samples("train") if s.view < 2]
     write_dataset(tmp_path / "data", {"train": few, "validation": few}, source="")
-    with pytest.raises(ConfigError, match=r"has 2 views of the 5 that voxels.max_views asks for"):
+    with pytest.raises(
+        ConfigError, match=r"has 2 views, expected at least 5, as set by voxels.max_views"
+    ):
         lib.STUDY.run(tmp_path / "work", data=str(tmp_path / "data"))
     assert not (tmp_path / "work").exists()

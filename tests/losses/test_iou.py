@@ -71,4 +71,3 @@ def test_the_papers_unit():
     assert metrics_lib.to_grid_units(0.2) == pytest.approx(1)
     assert metrics_lib.sq_to_grid_units(0.04) == pytest.approx(1)
     assert metrics_lib.to_grid_units(1.0, grid_edge=1.0) == 10
-    assert metrics_lib.from_grid_units(metrics_lib.to_grid_units(0.7)) == pytest.approx(0.7)

@@ -16,7 +16,7 @@ from helpers import standin
 from PIL import Image
 
 from psgn_jax.config import ConfigError, to_json
-from psgn_jax.data import camera
+from psgn_jax.data import camera, masks
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.models import point_out_net
 from psgn_jax.prediction import sampling
@@ -157,6 +157,17 @@ def test_an_inverted_mask_is_noticed_and_turned(predictor, tmp_path):
         predictor(image, invert_mask=True)
 
 
+def test_a_doubtful_mask_is_said_to_be_one(predictor, monkeypatch):
+    image = photo_of_a_box()
+    mask = (image != 191).any(axis=2)
+    for doubt in ("", masks.DOUBT.format(0.3)):
+        found = masks.FoundMask(mask, "grabcut", doubt)
+        monkeypatch.setattr(masks, "find_mask", lambda *_, found=found: found)
+        assert predictor(image).warnings == ((doubt,) if doubt else ())
+    for word in ("brush of the demo", "--mask", "rembg", "30%"):
+        assert word in doubt
+
+
 def test_wrong_arguments(predictor, config, params):
     with pytest.raises(ConfigError, match="samples=0: accepted: 1 or more"):
         predictor(photo_of_a_box(), samples=0)
@@ -282,7 +293,7 @@ def test_the_command(config, params, tmp_path):
     failed = [line for line in some.stderr.splitlines() if line.startswith("failed: ")]
     assert len(failed) == 4
     assert "Traceback" not in some.stderr
-    assert "4 of 8 images came out" in some.stderr
+    assert "4 of 8 images were processed" in some.stderr
     assert len(some.stdout.splitlines()) == 4
     nothing = run(tmp_path / "in" / "text.png", *flags, cache=tmp_path)
     assert nothing.returncode == 2
@@ -296,6 +307,7 @@ def test_the_command(config, params, tmp_path):
         ((), "no image: name files or folders"),
         (("a.png", "--formats=stl"), "--formats=stl: accepted: any of ply, xyz, obj, npz"),
         (("a.png", "--workdir=/no/such"), "no run there"),
+        (("a.png", "--invert_mask"), "--invert_mask: accepted with --mask=FILE|FOLDER"),
         (("a.png", "--workdir=", "--weights=none"), "--weights=none: accepted: a file of weights"),
     ],
 )

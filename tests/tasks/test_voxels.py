@@ -151,11 +151,13 @@ def test_a_mirrored_model_is_so_in_all_views_and_in_its_volume(data, monkeypatch
 
 def test_too_few_views_or_no_volumes_are_named(data, tmp_path):
     wrong = config(data, task="views", voxels__max_views=4)
-    with pytest.raises(RecordError, match=r"has 3 views of the 4 that voxels.max_views"):
+    with pytest.raises(
+        RecordError, match=r"has 3 views, expected at least 4, as set by voxels.max_views"
+    ):
         loader.train_batches(wrong.data, batch_size=2, seed=0, start_step=0)
     bare = [dataclasses.replace(box(0, 0), occupancy=None)]
     write_dataset(tmp_path / "bare", {"train": bare, "validation": bare}, source="")
-    with pytest.raises(ConfigError, match=r"wants solid volumes \(occupancy\), which not every"):
+    with pytest.raises(ConfigError, match=r"needs solid volumes \(occupancy\), which not every"):
         train(config(str(tmp_path / "bare"), task="volume"), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
@@ -242,7 +244,7 @@ def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_ru
     result = evaluate_run(workdir, out=tmp_path / "out")
     (found,) = entries(workdir, "eval")
     assert result.means["iou"] == pytest.approx(found["iou"], rel=1e-6)
-    assert "chosen where the run was evaluated while it trained: iou" in table_lib.text(result)
+    assert "chosen on the split that was evaluated during training: iou" in table_lib.text(result)
     document = json.loads((tmp_path / "out" / "table.json").read_text())
     assert set(document["categories"]) == {"box", "crate"}
     assert "num_pred_points" not in document
@@ -342,7 +344,7 @@ def test_thresholds_are_chosen_or_taken():
     fresh = lib.at_thresholds(found, {}, best="iou")
     assert fresh.chosen == {"threshold_of_iou": 0.4}
     assert fresh.means == pytest.approx({"iou": 0.6, "x": 1.0, "one_minus_iou": 0.4})
-    assert "chosen on this very split" in table_lib.text(fresh)
+    assert "chosen on this split" in table_lib.text(fresh)
     taken = lib.at_thresholds(found, {"threshold_of_iou": 0.2}, best="iou")
     assert taken.means["iou"] == pytest.approx(0.5)
 

@@ -15,7 +15,6 @@ from helpers import standin
 from psgn_jax.config import ConfigError, from_json, parse
 from psgn_jax.data import loader
 from psgn_jax.tasks.runs import evaluate_run
-from psgn_jax.training import step
 from psgn_jax.training.checkpoint import Checkpoints
 from psgn_jax.training.log import NonFiniteError, _duration
 from psgn_jax.training.loop import train
@@ -92,19 +91,12 @@ def test_missing_split_is_named_before_anything_is_written(tmp_path):
     assert not (tmp_path / "run").exists()
 
 
-def test_training_batch_must_fit_the_devices(tmp_path, monkeypatch):
-    def refuse(config, mesh):
-        raise ConfigError("train.batch_size=8")
-
-    monkeypatch.setattr(step, "check_batch_size", refuse)
-    with pytest.raises(ConfigError, match="batch_size"):
-        train(standin.config(), tmp_path / "run")
-
-
-def test_evaluation_where_the_devices_do_not_divide_its_batch(tmp_path):
+def test_batches_that_the_devices_do_not_divide(tmp_path):
+    """A training batch is refused before anything is written; an evaluation uses one device."""
     code = f"""
 import jax, pytest, sys
 jax.config.update("jax_num_cpu_devices", 2)
+from psgn_jax.config import ConfigError
 from psgn_jax.training.loop import train
 sys.path.insert(0, {str(ROOT / "tests")!r})
 from helpers import standin
@@ -114,6 +106,8 @@ config = standin.config(
     train__eval_every=2, train__images_every=2, train__log_every=2, optim__warmup_steps=0,
 )
 train(config, {str(tmp_path / "run")!r})
+with pytest.raises(ConfigError, match="train.batch_size=3: accepted: a multiple of the 2 devices"):
+    train(standin.config(train__batch_size=3), {str(tmp_path / "refused")!r})
 """
     environment = os.environ | {
         "JAX_PLATFORMS": "cpu",
@@ -123,6 +117,7 @@ train(config, {str(tmp_path / "run")!r})
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT
     )
     assert result.returncode == 0, result.stderr[-3000:]
+    assert not (tmp_path / "refused").exists()
     lines = (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()
     assert [json.loads(line)["kind"] for line in lines] == ["train", "eval"]
 

@@ -81,7 +81,7 @@ def test_wrong_cases(tmp_path):
     out = tmp_path / "p.html"
     with pytest.raises(ValueError, match="at least one case"):
         lib.write_pages(out, [])
-    with pytest.raises(ValueError, match="'chair 1' is there twice"):
+    with pytest.raises(ValueError, match="'chair 1' occurs twice"):
         lib.write_pages(out, [make_case(), make_case()])
     flat = lib.Case("a", np.zeros((9, 9, 3), np.uint8), np.zeros((5, 3), np.float32))
     with pytest.raises(ValueError, match=r"samples is \[5, 3\]: accepted: \[k, n, 3\]"):

@@ -65,24 +65,24 @@ def hostile(folder):
             for _ in range(300):
                 member.write(bytes(1 << 20))
     return {
-        "x.png": "is no prediction: expected a file NAME.npz",
-        "text.npz": "is no prediction",
-        "empty.npz": "is no prediction",
-        "pickle.npz": "is no prediction",
-        "array.npy": "is no prediction",
+        "x.png": "is not a prediction: expected a file NAME.npz",
+        "text.npz": "is not a prediction",
+        "empty.npz": "is not a prediction",
+        "pickle.npz": "is not a prediction",
+        "array.npy": "is not a prediction",
         "pipe.npz": "is a named pipe, expected a file",
         ".": "is a folder, expected a file",
         "absent.npz": "no such file",
         "lacks.npz": "it has no array",
-        "object.npz": "damaged, or no prediction",
+        "object.npz": "damaged, or not a prediction",
         "shape.npz": r"colours is uint8 \[2, 49, 3\], expected uint8 \[k, n, 3\]",
         "flat.npz": r"points is float64 \[50, 3\], expected float \[k, n, 3\]",
         "none.npz": r"points is float64 \[0, 50, 3\]",
         "text_in.npz": "image is",
         "camera.npz": "extrinsics",
         "nan.npz": "points is not finite",
-        "cut.npz": "is no prediction",
-        "flipped.npz": "damaged, or no prediction",
+        "cut.npz": "is not a prediction",
+        "flipped.npz": "damaged, or not a prediction",
         "bomb.npz": "points takes [0-9]+ bytes, expected at most",
     }
 

@@ -1,7 +1,6 @@
 """Spheres stand where the camera sees their points, near ones over far ones, lit from above."""
 
 import itertools
-import time
 
 import numpy as np
 import pytest
@@ -66,8 +65,6 @@ def test_colours():
     assert spheres.colours_by_branch(np.array([0, 1], np.uint8)).tolist() == [
         list(c) for c in spheres.BRANCH_COLOURS
     ]
-    values = spheres.colours_by_value(np.array([0.0, 0.1, 5.0]), 0.1)
-    np.testing.assert_array_equal(values[1], values[2])
 
 
 def case(rng, label="a"):
@@ -81,12 +78,6 @@ def test_a_sheet_holds_every_case(rng):
     assert page.size == (2 * (128 + 12) + 12, 2 * (48 + 16) + 12)
     with pytest.raises(ValueError, match="at least one case"):
         spheres.sheet([])
-
-
-def test_a_page_of_32_takes_less_than_a_minute(rng):
-    start = time.process_time()
-    spheres.sheet([case(rng)] * 4)
-    assert 8 * (time.process_time() - start) < 60
 
 
 def test_the_command_on_predictions(rng, tmp_path):

@@ -40,20 +40,20 @@ class _Look:
 
 def _body(
     kit: Kit, material: Material, depth: float, width: float, height: float, lift: float,
-    x: float = 0.0, y: float = 0.0,
+    x: float = 0.0,
 ) -> None:  # fmt: skip
     """A case with a recess in its underside, or one with an open back (`open_cabinet`)."""
     if kit.visible.get("open_back"):
         back = kit.hide("back_recess", 0.0, 0.8) * depth
-        kit.add(material, case(depth, width, height, 0.02, back).at(x, y, lift))
+        kit.add(material, case(depth, width, height, 0.02, back).at(x, 0, lift))
         kit.azimuth = ((-85.0, 85.0),)
         return
     outline = solids.rounded(depth, width, 0.006, 1)
     if kit.hidden:
-        kit.add(material, box(depth, width, height, 0.004).at(x, y, lift + height / 2))
+        kit.add(material, box(depth, width, height, 0.004).at(x, 0, lift + height / 2))
         return
     levels = [(outline, 0.0), (outline, height - 0.004), (solids.inset(outline, 0.004), height)]
-    kit.add(material, hollows.body(kit, levels, min(0.08, 0.5 * height)).at(x, y, lift))
+    kit.add(material, hollows.body(kit, levels, min(0.08, 0.5 * height)).at(x, 0, lift))
 
 
 def _front(

@@ -46,7 +46,7 @@ class _Look:
         self.edge = kit.choose("edge", "sharp", "round", "bevel")
 
 
-def _slab(kit: Kit, look: _Look, tall: float, deep: float, name: str = "socket_depth") -> Solid:
+def _slab(kit: Kit, look: _Look, tall: float, deep: float) -> Solid:
     """An upright slab on z = 0 with its front at x = deep / 2 and a socket in its lower end.
 
     In the first slab of a phone, the depth of the socket is hidden. With an open back
@@ -67,7 +67,7 @@ def _slab(kit: Kit, look: _Look, tall: float, deep: float, name: str = "socket_d
         return _hollow_slab(kit, look, tall, deep)
     if kit.hidden or look.pose == "leaning":
         return solids.stack(outlines)
-    return hollows.body(kit, outlines, 0.25 * min(tall, w), name, 0.6)
+    return hollows.body(kit, outlines, 0.25 * min(tall, w), "socket_depth", 0.6)
 
 
 def _hollow_slab(kit: Kit, look: _Look, tall: float, deep: float) -> Solid:

@@ -84,13 +84,13 @@ def add_grip(kit: Kit, material: Material, x: float, z: float, long: float, deep
 
 
 def add_guard(kit: Kit, steel: Material, x: float, z: float, long: float, drop: float,
-              radius: float = 0.003) -> None:
+              ) -> None:
     """Trigger and trigger guard behind x."""
     bow = [(x, 0, z), (x + 0.002, 0, z - drop * 0.8), (x - 0.3 * long, 0, z - drop),
            (x - 0.8 * long, 0, z - drop * 0.95), (x - long, 0, z)]
-    kit.add(steel, tube(smooth_path(bow, 4), radius, 6))
+    kit.add(steel, tube(smooth_path(bow, 4), 0.003, 6))
     kit.add(steel, tube([(x - 0.55 * long, 0, z), (x - 0.45 * long, 0, z - 0.45 * drop),
-                         (x - 0.4 * long, 0, z - 0.75 * drop)], 0.8 * radius, 5))
+                         (x - 0.4 * long, 0, z - 0.75 * drop)], 0.8 * 0.003, 5))
 
 
 def add_stock(kit: Kit, material: Material, steel: Material, kind: str, x: float, z: float,

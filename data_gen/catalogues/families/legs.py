@@ -129,12 +129,11 @@ def four(
     material: Material,
     *styles: str,
     thick: float | None = None,
-    prefix: str = "leg",
 ) -> None:
     """Adds four legs with feet at (+-x, +-y), in one of the given styles, or of all."""
-    style = kit.choose(f"{prefix}s", *(styles or STYLES))
-    thick = kit.uniform(f"{prefix}_thickness", 0.03, 0.07) if thick is None else thick
-    number = kit.choose(f"{prefix}_number", 0, 1, 2, 3)
+    style = kit.choose("legs", *(styles or STYLES))
+    thick = kit.uniform("leg_thickness", 0.03, 0.07) if thick is None else thick
+    number = kit.choose("leg_number", 0, 1, 2, 3)
     for sx in (-1, 1):
         for sy in (-1, 1):
             for part in leg(style, height, thick, (sx, sy), number):

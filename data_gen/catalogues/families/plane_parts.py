@@ -19,11 +19,11 @@ Station = tuple[float, float, float, float]
 
 
 def add_fuselage(
-    kit: Kit, skin: Material, stations: Sequence[Station], power: float = 2.0, steps: int = 4
+    kit: Kit, skin: Material, stations: Sequence[Station], power: float = 2.0
 ) -> None:
     """A smooth body. Hidden: the depth of the bay in its belly."""
     depth = kit.hide("bay_depth", 0.05, 0.9)
-    sides, places = 24, bodies.between([s[0] for s in stations], steps)
+    sides, places = 24, bodies.between([s[0] for s in stations], 4)
     rows = through(stations, places)
     middle = stations[0][0] + 0.5 * (stations[-1][0] - stations[0][0])
     reach = 0.16 * abs(stations[0][0] - stations[-1][0])
@@ -44,7 +44,7 @@ def add_fuselage(
 
 
 def cigar_stations(long: float, wide: float, high: float, z: float, nose: float, tail: float,
-                   lift: float, end: float = 0.1) -> list[Station]:
+                   lift: float) -> list[Station]:
     """Stations of a fuselage: a round nose, a straight middle, a tail that rises.
 
     Args:
@@ -55,7 +55,6 @@ def cigar_stations(long: float, wide: float, high: float, z: float, nose: float,
       nose: length of the nose.
       tail: length of the tail.
       lift: rise of the end of the tail, in half heights.
-      end: size of the end of the tail, as a fraction.
     """
     front, rear = long / 2, -long / 2
     tip = [(1.0, 0.02, -0.25), (0.97, 0.28, -0.24), (0.85, 0.57, -0.18), (0.6, 0.82, -0.08),
@@ -66,7 +65,7 @@ def cigar_stations(long: float, wide: float, high: float, z: float, nose: float,
         (rear + tail, wide, high, z),
         (rear + tail * 0.6, wide * 0.82, high * 0.86, z + lift * high * 0.16),
         (rear + tail * 0.25, wide * 0.45, high * 0.5, z + lift * high * 0.6),
-        (rear, wide * end, high * end * 1.3, z + lift * high),
+        (rear, wide * 0.1, high * 0.1 * 1.3, z + lift * high),
     ]
 
 

@@ -37,9 +37,9 @@ def vessel(
     return lathe([(0.0, outside[0][1]), *outside, *inside, (last, floor), (0.0, floor)], sides)
 
 
-def swept(points: Sequence[Any], radii: Sequence[float], sides: int = 10, steps: int = 4) -> Solid:
+def swept(points: Sequence[Any], radii: Sequence[float], sides: int = 10) -> Solid:
     """A limb: a round bar of varying radius along a smooth curve through points."""
-    path = smooth_path(points, steps)
+    path = smooth_path(points, 4)
     place = np.linspace(0, len(radii) - 1, len(path))
     return tube(path, np.interp(place, np.arange(len(radii)), radii).tolist(), sides)
 
@@ -49,11 +49,9 @@ def bar(start: Any, end: Any, radius: float, sides: int = 8) -> Solid:
     return tube(np.asarray([start, end], float), radius, sides)
 
 
-def trunk(
-    sections: Sequence[tuple[float, float, float, float]], sides: int = 16, steps: int = 3
-) -> Solid:
+def trunk(sections: Sequence[tuple[float, float, float, float]], sides: int = 16) -> Solid:
     """A body along x through sections of (x, z of the centre, width along y, height along z)."""
-    path = smooth_path([s[:3] for s in sections], steps)
+    path = smooth_path([s[:3] for s in sections], 3)
     high = np.interp(
         np.linspace(0, 1, len(path)), np.linspace(0, 1, len(sections)), [s[3] for s in sections]
     )
@@ -72,11 +70,9 @@ def trunk(
     return solids.loft(rings)
 
 
-def upright(
-    sections: Sequence[tuple[float, float, float]], sides: int = 18, steps: int = 3
-) -> Solid:
+def upright(sections: Sequence[tuple[float, float, float]], sides: int = 18) -> Solid:
     """A body along z through oval sections of (z, length along x, width along y)."""
-    path = smooth_path(sections, steps)
+    path = smooth_path(sections, 3)
     return stack([(oval(max(x, 0.002), max(y, 0.002), sides), z) for z, x, y in path])
 
 

@@ -113,7 +113,7 @@ def read_npz(path: pathlib.Path, limits: dict[str, int]) -> dict[str, np.ndarray
                     arrays[key] = _read_npy(member.read(size), key, limit)
     except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError,
             RuntimeError) as error:  # fmt: skip
-        raise ValueError(f"{path}: damaged, or no such file of arrays ({error})") from None
+        raise ValueError(f"{path}: damaged, or not a file of arrays ({error})") from None
     return arrays
 
 

@@ -16,7 +16,7 @@ const network = new Asked("network_worker.js"), segmenter = new Asked("segment_w
 const viewer = new Viewer($("cloud"));
 const editor = new Editor($("photo"), { onchange: maskChanged, snap: (photo, hints) => snap(photo, hints).catch(complain) });
 
-// --- words -------------------------------------------------------------------------------------
+// --- messages ----------------------------------------------------------------------------------
 
 function say(text, busy = false) {
   $("status").textContent = text;
@@ -33,7 +33,7 @@ function complain(error) {
 
 const settle = () => { $("problem").hidden = true; };
 
-/** Runs a step; what goes wrong is said, and the page goes on. */
+/** Runs a step; an error is shown, and the page stays usable. */
 const guarded = step => async (...values) => {
   try {
     return await step(...values);
@@ -76,7 +76,7 @@ const findObject = guarded(async () => {
   if (photo !== editor.photo) return;
   if (!mask) {
     forgetClouds();
-    say("No object found by itself: paint over it with the snapping stroke.");
+    say("No object was found: paint over it with Snap.");
     return;
   }
   state.how = how;
@@ -142,7 +142,7 @@ function showCloud() {
   $("size").textContent = `Proportions: ${extent(cloud.points)}. Points that the photo does not show have their neighbours' colours here, grey in the files.`;
 }
 
-/** Colours to look at: points that the photo does not show take that of the nearest one it shows. */
+/** Colours for the viewer: a point that the photo does not show gets that of the nearest visible one. */
 function withNeighboursColours({ points, colours }) {
   const shown = colours.slice(), seen = [];
   const grey = i => colours[i] === 150 && colours[i + 1] === 150 && colours[i + 2] === 150;

@@ -3,7 +3,7 @@
 import { HINT, region } from "./segment.js";
 
 const HISTORY = 12;
-const OBJECT = 1, BACK = 2; // what strokes say
+const OBJECT = 1, BACK = 2; // kinds of strokes
 const VEIL = [18, 24, 40, 165], EDGE = [255, 176, 32, 255], STROKES = { [OBJECT]: [52, 199, 123, 190], [BACK]: [235, 78, 78, 190] };
 
 export class Editor {
@@ -122,7 +122,7 @@ export class Editor {
     this.drawnStrokes = false;
     const { photo, strokes } = this;
     const hints = this.mask.map((m, i) => strokes[i] === OBJECT ? HINT.object : strokes[i] === BACK ? HINT.back : m);
-    if (!this.mask.includes(1)) { // nothing yet: the object lies about the strokes
+    if (!this.mask.includes(1)) { // no mask yet: the object is near the strokes
       for (let i = 0; i < hints.length; i++) if (hints[i] === HINT.maybeBack) hints[i] = HINT.maybeObject;
       this.frame(hints);
     }
@@ -135,7 +135,7 @@ export class Editor {
     this.changed();
   }
 
-  frame(hints) { // the border is background where no stroke says otherwise
+  frame(hints) { // pixels of the border without a stroke are background
     const { width, height } = this.photo, band = Math.max(2, Math.round(0.02 * Math.max(width, height)));
     for (let i = 0; i < hints.length; i++) {
       const x = i % width, y = (i - x) / width;

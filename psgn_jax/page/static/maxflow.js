@@ -1,6 +1,6 @@
 // Minimum cuts on a grid of pixels with eight neighbours each: Boykov and Kolmogorov, "An
 // Experimental Comparison of Min-Cut/Max-Flow Algorithms" (PAMI 2004). Two trees grow from source
-// and sink until they touch; what the path between them carries is taken from its capacities.
+// and sink until they touch; the flow along the path between them is subtracted from its capacities.
 
 const FREE = 0, SOURCE = 1, SINK = 2;
 const NONE = -1, TERMINAL = 8, ORPHAN = 9; // in place of a direction to the parent
@@ -12,8 +12,8 @@ export const directions = width => [-width - 1, -width, -width + 1, -1, 1, width
  * Cuts a grid in two at the least cost.
  *
  * @param width, height of the grid. Its outermost cells must have no capacities.
- * @param capacity eight Float64Array: of each cell to its neighbour in that direction; changed.
- * @param terminal Float64Array: capacity from the source less that to the sink; changed.
+ * @param capacity eight Float64Array: of each cell to its neighbour in that direction; modified.
+ * @param terminal Float64Array: capacity from the source minus that to the sink; modified.
  * @returns Uint8Array, 1 where a cell stays with the source.
  */
 export function cut(width, height, capacity, terminal) {
@@ -95,7 +95,7 @@ export function cut(width, height, capacity, terminal) {
     if (!(terminal[at] < 0)) orphan(at);
   }
 
-  function originDistance(start) { // steps to the terminal, or Infinity if the way ends before
+  function originDistance(start) { // steps to the terminal, or Infinity if the path ends before it
     let at = start, steps = 0;
     for (;;) {
       if (stamp[at] === time) { steps += distance[at]; break; }

@@ -1,4 +1,4 @@
-// Loads the network and runs it, beside the page: messages { id, inputs, first, count } -> clouds.
+// Loads the network and runs it in a worker: messages { id, inputs, first, count } -> clouds.
 
 import * as ort from "./runtime/ort.wasm.min.mjs";
 import { sha256 } from "./sha256.js";
@@ -26,7 +26,7 @@ async function load() {
   } catch (error) {
     throw new Error(`This browser cannot run the network (${String(error.message ?? error).slice(0, 120)}).`);
   }
-  const [h, w] = about.image_size; // once, so that the first photo need not wait
+  const [h, w] = about.image_size; // a first run, so that the first photo is fast
   await run({ image: new Uint8Array(3 * h * w), mask: new Uint8Array(h * w).fill(1) }, 0, 1);
   return about;
 }

@@ -9,7 +9,7 @@ export const MAX_SIDE = 1600;
 
 const text = (bytes, from, to) => String.fromCharCode(...bytes.subarray(from, to));
 
-/** Format of a file by its first bytes: "png", "jpeg", ...; "" for what is no image. */
+/** Format of a file by its first bytes: "png", "jpeg", ...; "" if it is not an image. */
 export function formatOf(bytes) {
   const begin = text(bytes, 0, 16);
   if (begin.startsWith("\x89PNG")) return "png";
@@ -27,7 +27,7 @@ export function formatOf(bytes) {
   return /<svg[\s>]/i.test(first) ? "svg" : "";
 }
 
-/** [width, height] as a file's header says, or null where it cannot be told. */
+/** [width, height] from a file's header, or null if they are not there. */
 export function sizeOf(bytes, format) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   try {

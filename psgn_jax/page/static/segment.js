@@ -1,11 +1,11 @@
 // Finds objects in photos: a plain background, a region of one colour, and GrabCut (Rother,
-// Kolmogorov, Blake, "GrabCut", SIGGRAPH 2004) with strokes that say what is object and what is not.
+// Kolmogorov, Blake, "GrabCut", SIGGRAPH 2004) with strokes that mark object and background.
 
 import { reduce, resize } from "./resample.js";
 import { cut, directions } from "./maxflow.js";
 
 const SEARCH_SIDE = 512; // `plain` looks at a copy of at most this many pixels a side
-const CUT_SIDE = 280; // and GrabCut of this many
+const CUT_SIDE = 280; // GrabCut works on a copy of at most this many
 const SMALLEST = 0.0005, LARGEST = 0.97; // share of the photo that an object may cover
 const COMPONENTS = 5, ROUNDS = 5, GAMMA = 50, BAND = 0.03, LEAST = 0.02;
 
@@ -19,14 +19,14 @@ function small(photo, side) {
   return { rgb: data, width, height };
 }
 
-/** A mask at another size, smooth where it grows. */
+/** A mask at another size, with smooth edges if it is enlarged. */
 export function resizeMask(mask, width, height, outWidth, outHeight) {
   if (width === outWidth && height === outHeight) return mask;
   const levels = resize(mask.map(m => 255 * m), width, height, 1, outWidth, outHeight);
   return levels.map(level => +(level > 127));
 }
 
-/** Whether a mask covers as much as an object may. */
+/** Whether the area of a mask is within the limits for an object. */
 export function isPlausible(mask, smallest = SMALLEST) {
   let sum = 0;
   for (const m of mask) sum += m;
@@ -145,7 +145,7 @@ class Mixture {
     }
   }
 
-  /** Cost of a pixel under the best component, and which that is. */
+  /** Cost of a pixel under the best component, and the number of that component. */
   cost(rgb, pixel) {
     let least = Infinity, best = 0;
     for (const { k, mean, inverse: v, weight } of this.parts) {
@@ -157,7 +157,7 @@ class Mixture {
   }
 }
 
-/** Labels of the pixels by k-means, from the one nearest the mean on, each next one farthest away. */
+/** Labels by k-means; centres start at the pixel nearest to the mean, then at the farthest ones. */
 function clusters(rgb, pixels) {
   const far = (i, [r, g, b]) => (rgb[3 * i] - r) ** 2 + (rgb[3 * i + 1] - g) ** 2 + (rgb[3 * i + 2] - b) ** 2;
   const mean = list => [0, 1, 2].map(c => list.reduce((sum, i) => sum + rgb[3 * i + c], 0) / list.length);
@@ -185,7 +185,7 @@ function clusters(rgb, pixels) {
   return labels;
 }
 
-/** Mixture of the pixels listed; `before`: that of the last round, which says how they belong. */
+/** Mixture of the given pixels; `before` is that of the previous round, which labels them. */
 function fit(rgb, pixels, before) {
   const labels = before ? Uint8Array.from(pixels, i => before.cost(rgb, i).part) : clusters(rgb, pixels);
   return new Mixture(rgb, pixels, labels);
@@ -221,7 +221,7 @@ export function grabCut(photo, hints) {
       changed += now[i] !== inside[i];
       size += now[i];
     }
-    if (round && size < LEAST * count) break; // the object is about to vanish: keep the last round's
+    if (round && size < LEAST * count) break; // the object would vanish: keep the previous mask
     inside = now;
     if (changed < count / 5000) break;
   }
@@ -231,7 +231,7 @@ export function grabCut(photo, hints) {
 
 function smallHints(hints, photo, copy) {
   if (copy === photo) return hints;
-  // Of the pixels under a small one the strongest hint counts; object before background.
+  // A reduced pixel gets the strongest hint of its pixels; object before background.
   const rank = [0, 1, 2, 3], factor = Math.ceil(Math.max(photo.width, photo.height) / CUT_SIDE);
   const out = new Uint8Array(copy.width * copy.height), votes = new Int32Array(out.length);
   for (let y = 0; y < photo.height; y++) {
@@ -272,7 +272,7 @@ function smoothness({ rgb, width, height }, wide, step) {
   return links;
 }
 
-/** Leaves out parts of less than a tenth of the largest, unless a stroke asks for them. */
+/** Removes parts smaller than a tenth of the largest one, unless a stroke marks them. */
 function largeParts(inside, given, width, height) {
   const parts = [], seen = new Uint8Array(inside.length);
   for (let i = 0; i < inside.length; i++) {
@@ -286,7 +286,7 @@ function largeParts(inside, given, width, height) {
       asked ||= given[j] === HINT.object;
     }
     parts.push({ part, size, asked });
-    if (parts.length > 400) return inside; // noise: nothing is left out
+    if (parts.length > 400) return inside; // noise: nothing is removed
   }
   const most = Math.max(0, ...parts.map(p => p.size)), out = new Uint8Array(inside.length);
   for (const { part, size, asked } of parts) {

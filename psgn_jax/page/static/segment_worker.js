@@ -1,4 +1,4 @@
-// GrabCut beside the page: messages { id, photo, hints } -> masks.
+// GrabCut in a worker: messages { id, photo, hints } -> masks.
 
 import { grabCut } from "./segment.js";
 

@@ -113,7 +113,7 @@ export class Viewer {
     }
   }
 
-  /** What the points cover of the ground, blurred by drawing it small. */
+  /** The shadow of the points on the ground, blurred by drawing it at a smaller size. */
   drawShadow(context, w, h, points, project, slope) {
     const small = this.shadow ??= document.createElement("canvas");
     small.width = Math.ceil(w / SHADOW);

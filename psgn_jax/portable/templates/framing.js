@@ -1,4 +1,4 @@
-// Where an object lies in the image that a network sees, and what its points mean: the rule of
+// The position of an object in the image for a network, and the frame of its points: the rule of
 // psgn_jax.data.framing, with the same results. Photos are { rgb, width, height }, three bytes a
 // pixel; masks are Uint8Array with 1 on the object.
 
@@ -77,7 +77,7 @@ function moveImage(photo, mask, move, outWidth, outHeight, grey) {
   const low = [0, 1].map(i => -move.shift[i] * factor[i]);
   const high = [outWidth, outHeight].map((size, i) => (size - move.shift[i]) * factor[i]);
   const first = low.map(Math.floor), last = high.map(Math.ceil);
-  // Only what is on the mask has a weight: four channels, colour times mask, and the mask.
+  // Only pixels on the mask have a weight. Four channels: colour times mask, and the mask.
   const width = last[0] - first[0], height = last[1] - first[1];
   if (width * height > 2e8) throw new PhotoError("The object is too large and too thin to be framed.");
   const region = new Uint8Array(4 * width * height);

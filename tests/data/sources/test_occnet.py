@@ -80,7 +80,7 @@ def test_conversion_and_damage(tmp_path, capsys):
     error = capsys.readouterr().err
     for message in (
         "a/img_choy2016/001.jpg: not a readable JPEG image",
-        "b/pointcloud.npz: damaged, or no such file of arrays",
+        "b/pointcloud.npz: damaged, or not a file of arrays",
         "cameras.npz: no world_mat_1 [3, 4]",
         "cameras.npz: no camera_mat_2 [3, 3]",
         "c/img_choy2016/000.jpg: ",
@@ -157,6 +157,6 @@ def test_arrays_are_read_in_bounded_memory(tmp_path):
     }
     for name, data in hostile.items():
         path = npz(tmp_path / f"{name}.npz", {"points.npy": data})
-        with pytest.raises(ValueError, match="damaged, or no such file of arrays") as error:
+        with pytest.raises(ValueError, match="damaged, or not a file of arrays") as error:
             occnet.read_npz(path, {"points": 100})
         assert str(path) in str(error.value)

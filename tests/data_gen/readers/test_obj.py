@@ -292,4 +292,4 @@ def test_textures_are_not_decoded_without_end(write, monkeypatch):
     faces = "".join(f"usemtl {i}\n{FACES}" for i in range(len(names)))
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{faces}"))
     assert [m.texture is not None for m in model.materials] == [True] * 3 + [False] * 3
-    assert "more textures than a model may have; plain colours stand in" in model.warnings
+    assert "more textures than a model may have; plain colours are used instead" in model.warnings

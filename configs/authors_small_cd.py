@@ -1,0 +1,19 @@
+"""The recipe of `authors_small.py` with the CD alone as its loss, to compare data and losses.
+
+Command: python -m psgn_jax.convert authors SRC records/authors
+         python -m psgn_jax.main --config=configs/authors_small_cd.py --workdir=runs/by_cd
+Hardware: two CPU cores (5.2 M parameters; about .3 s per step).
+Time: 28 minutes, on cores that also ran other programs.
+Expect: cd_sq_radius2 of .0105 and emd_radius of .309 on the validation split, at the last step,
+which is also the best by the CD.
+"""
+
+import ml_collections
+
+from psgn_jax import config_files
+
+
+def get_config() -> ml_collections.ConfigDict:
+    config = config_files.load("authors_small")
+    config.loss.name = "chamfer_sq_mean"
+    return config

@@ -1,0 +1,358 @@
+"""Cuts the object out of a photo by its colours: several GrabCuts, and a choice between them.
+
+One GrabCut (Rother, Kolmogorov, Blake, "GrabCut", SIGGRAPH 2004) finds what its first guess lets it
+find. Here it starts from several guesses on a small copy of the image:
+
+- the image without a band along its border; ellipses in the middle;
+- the minimum barrier distance from the border, which is large where every path to the border
+  crosses a change of colour (Zhang et al., "Minimum Barrier Salient Object Detection at 80 FPS",
+  ICCV 2015);
+- the difference from the colours of the border, and the product of both.
+
+Each result, and what most results agree on, is a candidate. The candidate that agrees best with the
+others, with some preference for better seeds, is refined along its outline on a larger copy. Its
+score estimates its IoU with the object from `FEATURES`. The weights of both were fitted by
+`tests/bench/masks.py --fit`; there, contrast, compactness and the like helped to tell bad results
+from good ones, but not to choose among the results of one image. Nothing is random.
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+
+SEARCH_SIDE, FINE_SIDE = 144, 400
+"""Largest number of pixels per side of the copies for the search and for the outline."""
+
+DOUBTFUL = 0.7
+"""An object with a lower score is in doubt."""
+
+WEIGHTS = {
+    "agreement": 0.4494,
+    "contrast": -0.2331,
+    "edges": -0.0102,
+    "colours": 1.0311,
+    "compactness": -0.0525,
+    "on_border": -6.3894,
+    "salience": 0.2119,
+    "parts": -0.1135,
+}
+"""Weights of the features in the score."""
+
+SCORE_OF_NONE = -0.3542
+"""The score of a candidate whose features are 0."""
+
+RANK_OF_AGREEMENT = 0.5
+
+RANK_OF_SEED = {
+    "band": 0.007,
+    "ellipse": -0.019,
+    "middle": -0.015,
+    "barrier": -0.009,
+    "border": 0.023,
+    "both": 0.005,
+    "agreement": 0.005,
+}
+"""What a seed adds to the rank."""
+
+FEATURES = tuple(WEIGHTS)
+
+_BAND = 0.03  # width of the border that is background, relative to the image
+_ROUNDS = 3
+_LEAST_RANGE = 8  # of a channel: images with less have one colour
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Candidate:
+    """A possible mask of the object.
+
+    Attributes:
+      seed: the first guess, or "agreement".
+      mask: bool [h, w].
+      features: values of `FEATURES`.
+    """
+
+    seed: str
+    mask: np.ndarray
+    features: tuple[float, ...]
+
+    @property
+    def rank(self) -> float:
+        """Larger for better candidates of the same image."""
+        return RANK_OF_AGREEMENT * self.features[0] + RANK_OF_SEED[self.seed]
+
+    @property
+    def score(self) -> float:
+        """Estimate of the IoU with the object."""
+        return float(np.dot(list(WEIGHTS.values()), self.features)) + SCORE_OF_NONE
+
+
+def segment(image: np.ndarray) -> Candidate | None:
+    """The object in an image, uint8 [h, w, 3]; None without any candidate.
+
+    The mask has the size of a copy of the image with at most `FINE_SIDE` pixels per side.
+    """
+    best = max(candidates(image), key=lambda candidate: candidate.rank, default=None)
+    if best is None:
+        return None
+    return dataclasses.replace(best, mask=_refined(_reduced(image, FINE_SIDE), best.mask))
+
+
+def candidates(image: np.ndarray) -> list[Candidate]:
+    """All candidates, on a copy with at most `SEARCH_SIDE` pixels per side."""
+    small = _reduced(image, SEARCH_SIDE)
+    if np.ptp(small, axis=(0, 1)).max() < _LEAST_RANGE:
+        return []
+    lab = cv2.cvtColor(small.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    salience = _salience(lab)
+    masks: list[tuple[str, np.ndarray]] = []
+    for name, labels in _first_guesses(small, salience):
+        first = (labels == cv2.GC_PR_FGD) if name in salience else None
+        cut = _grabcut(small, labels, _ROUNDS)
+        for mask in (cut, first):  # GrabCut may find nothing
+            if mask is not None and (mask := _main_parts(mask)).any():
+                masks.append((name, mask))
+                break
+    if not masks:
+        return []
+    share = np.mean([mask for _, mask in masks], axis=0)
+    if (mask := _main_parts(share > 0.5)).any():
+        masks.append(("agreement", mask))
+    stack = np.stack([mask.ravel() for _, mask in masks]).astype(np.float32)
+    common = stack @ stack.T
+    areas = stack.sum(axis=1)
+    overlaps = common / (areas[:, None] + areas[None] - common)
+    agreement = (overlaps.sum(axis=1) - 1) / max(len(masks) - 1, 1)
+    return [
+        Candidate(name, mask, (float(agree), *_features(mask, lab, salience["both"])))
+        for (name, mask), agree in zip(masks, agreement, strict=True)
+    ]
+
+
+# --- First guesses ------------------------------------------------------------------------------
+
+
+def _first_guesses(
+    small: np.ndarray, salience: dict[str, np.ndarray]
+) -> Iterator[tuple[str, np.ndarray]]:
+    """GrabCut's labels at the start, by name."""
+    height, width = small.shape[:2]
+    down, across = max(1, round(_BAND * height)), max(1, round(_BAND * width))
+    rows = np.linspace(-1, 1, height)[:, None]
+    columns = np.linspace(-1, 1, width)[None]
+
+    def labels(probable: np.ndarray) -> np.ndarray:
+        result = np.full((height, width), cv2.GC_BGD, np.uint8)
+        inner = np.where(probable, cv2.GC_PR_FGD, cv2.GC_PR_BGD)
+        result[down:-down, across:-across] = inner[down:-down, across:-across]
+        return result
+
+    yield "band", labels(np.ones((height, width), np.bool_))
+    for name, (high, wide) in _ELLIPSES.items():
+        yield name, labels((rows / high) ** 2 + (columns / wide) ** 2 < 1)
+    for name, values in salience.items():
+        share = np.clip(values / max(np.quantile(values, 0.99), 0.05), 0, 1)
+        level = (255 * share).astype(np.uint8)
+        threshold, _ = cv2.threshold(level, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+        yield name, labels(level > threshold)
+
+
+_ELLIPSES = {"ellipse": (0.75, 0.75), "middle": (0.45, 0.45)}
+
+
+def _salience(lab: np.ndarray) -> dict[str, np.ndarray]:
+    """Values that are large on the object, [h, w] by name of the guess."""
+    height, width = lab.shape[:2]
+    rows = np.linspace(-1, 1, height)[:, None]
+    columns = np.linspace(-1, 1, width)[None]
+    central = np.exp(-(rows**2 + columns**2) / (2 * 0.6**2))
+    barrier, border = _barrier_distance(lab), _unlike_border(lab)
+    barrier, border = (
+        np.clip(each / max(np.quantile(each, 0.98), 0.5), 0, 1) for each in (barrier, border)
+    )
+    return {
+        "barrier": barrier * central,
+        "border": border * central,
+        "both": np.sqrt(barrier * border) * central,
+    }
+
+
+def _barrier_distance(lab: np.ndarray, rounds: int = 2) -> np.ndarray:
+    """The minimum barrier distance [h, w] from the border, summed over the channels.
+
+    The barrier of a path is the range of the values on it. Sweeps over rows and columns in four
+    directions approximate the minimum over paths.
+    """
+    values = cv2.GaussianBlur(lab, (0, 0), 1.0)
+    distance = np.full(values.shape, np.inf, np.float32)
+    distance[[0, -1]] = 0
+    distance[:, [0, -1]] = 0
+    low, high = values.copy(), values.copy()
+    planes = [values, distance, low, high]
+    turned = [plane.transpose(1, 0, 2) for plane in planes]
+    for _ in range(rounds):
+        for each in (planes, turned):
+            _sweep(each, range(1, len(each[0])), -1)
+            _sweep(each, range(len(each[0]) - 2, -1, -1), 1)
+    total: np.ndarray = distance.sum(axis=2)
+    return total
+
+
+def _sweep(planes: list[np.ndarray], lines: range, step: int) -> None:
+    """Continues the paths of each line's neighbour.
+
+    Args:
+      planes: the values, then distance, smallest and largest value of the best path so far, which
+        are changed.
+      lines: the lines in order.
+      step: offset of the neighbour.
+    """
+    values, distance, low, high = planes
+    for i in lines:
+        above, below = np.maximum(high[i + step], values[i]), np.minimum(low[i + step], values[i])
+        barrier = above - below
+        better = barrier < distance[i]
+        np.copyto(distance[i], barrier, where=better)
+        np.copyto(high[i], above, where=better)
+        np.copyto(low[i], below, where=better)
+
+
+def _unlike_border(lab: np.ndarray, clusters: int = 6) -> np.ndarray:
+    """Distance [h, w] from the nearest cluster of the border's colours, in its deviations."""
+    height, width = lab.shape[:2]
+    wide = max(2, round(0.05 * min(height, width)))
+    inner = np.zeros((height, width), np.bool_)
+    inner[wide:-wide, wide:-wide] = True
+    border = np.ascontiguousarray(lab[~inner])
+    cv2.setRNGSeed(0)
+    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 12, 0.5)
+    labels = np.zeros((len(border), 1), np.int32)
+    _, labels, centres = cv2.kmeans(  # type: ignore[assignment]
+        border, clusters, labels, stop, 1, cv2.KMEANS_PP_CENTERS
+    )
+    which = labels.ravel()
+    result = np.full((height, width), np.inf, np.float32)
+    for number, centre in enumerate(centres):
+        members = border[which == number]
+        if len(members) < 0.02 * len(border):
+            continue
+        spread = np.maximum(members.std(axis=0), 2.0)
+        away = np.sqrt((((lab - centre) / spread) ** 2).sum(axis=2))
+        result = np.minimum(result, away)
+    return np.minimum(result, 12.0)
+
+
+# --- Masks --------------------------------------------------------------------------------------
+
+
+def _grabcut(image: np.ndarray, labels: np.ndarray, rounds: int) -> np.ndarray | None:
+    """GrabCut's mask; None where it cannot fit two colour models. Changes `labels`."""
+    back, fore = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.setRNGSeed(0)
+    mode = cv2.GC_INIT_WITH_MASK
+    try:
+        cv2.grabCut(np.ascontiguousarray(image), labels, (0, 0, 1, 1), back, fore, rounds, mode)
+    except cv2.error:
+        return None
+    mask: np.ndarray = (labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)
+    return mask
+
+
+def _main_parts(mask: np.ndarray) -> np.ndarray:
+    """The parts that weigh most, counted more in the middle of the image; small holes are filled.
+
+    Thin links between parts are cut first.
+    """
+    height, width = mask.shape
+    rows = np.linspace(-1, 1, height)[:, None]
+    columns = np.linspace(-1, 1, width)[None]
+    central = np.exp(-(rows**2 + columns**2) / (2 * 0.5**2))
+    count, parts = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    if count > 1:
+        weight = np.bincount(parts.ravel(), (central * mask).ravel(), count)
+        mask = (weight >= 0.2 * weight.max())[parts] & mask
+    count, holes, statistics, _ = cv2.connectedComponentsWithStats(
+        (~mask).astype(np.uint8), connectivity=4
+    )
+    small = statistics[:, cv2.CC_STAT_AREA] < 0.004 * mask.sum()
+    small[0] = False
+    filled: np.ndarray = mask | small[holes]
+    return filled
+
+
+def _refined(image: np.ndarray, coarse: np.ndarray) -> np.ndarray:
+    """The mask on a larger image, with another GrabCut along its outline."""
+    size = image.shape[1::-1]
+    level = cv2.resize(coarse.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+    mask = level > 0.5
+    reach = max(2, round(0.02 * max(size)))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    bits = mask.astype(np.uint8)
+    labels = np.where(mask, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    labels[cv2.dilate(bits, kernel) == 0] = cv2.GC_BGD
+    labels[cv2.erode(bits, kernel) == 1] = cv2.GC_FGD
+    finer = _grabcut(image, labels, 1)
+    if finer is None or not finer.any():
+        return mask
+    return _main_parts(finer)
+
+
+def _reduced(image: np.ndarray, side: int) -> np.ndarray:
+    height, width = image.shape[:2]
+    factor = side / max(height, width)
+    if factor >= 1:
+        return np.ascontiguousarray(image)
+    size = max(8, round(factor * width)), max(8, round(factor * height))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+# --- Features -----------------------------------------------------------------------------------
+
+
+def _features(mask: np.ndarray, lab: np.ndarray, salience: np.ndarray) -> tuple[float, ...]:
+    """The features after "agreement", in the order of `FEATURES`."""
+    bits = mask.astype(np.uint8)
+    area = float(mask.sum())
+    kernel = np.ones((3, 3), np.uint8)
+    outline = (cv2.dilate(bits, kernel) - cv2.erode(bits, kernel)).astype(np.bool_)
+    contours, _ = cv2.findContours(bits, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    length = sum(cv2.arcLength(contour, True) for contour in contours)
+    down, across = (max(1, round(_BAND * side)) for side in mask.shape)
+    border = np.concatenate([mask[down], mask[-down - 1], mask[:, across], mask[:, -across - 1]])
+    gradient = np.hypot(
+        *(cv2.Sobel(lab, cv2.CV_32F, *order).max(axis=2) for order in ((1, 0), (0, 1)))
+    )
+    return (
+        _contrast(bits, lab, outline),
+        float(np.log((gradient[outline].mean() + 1) / (gradient.mean() + 1))),
+        _colour_distance(mask, lab),
+        min(1.0, 4 * math.pi * area / max(length, 1) ** 2),
+        float(border.mean()),
+        float(salience[mask].mean() - salience[~mask].mean()) if not mask.all() else 0.0,
+        float(len(contours)),
+    )
+
+
+def _contrast(bits: np.ndarray, lab: np.ndarray, outline: np.ndarray) -> float:
+    """Mean difference of the colours on both sides of the outline, per 100 units of Lab."""
+
+    def mean_near(weights: np.ndarray) -> np.ndarray:
+        total = cv2.GaussianBlur(lab * weights[..., None], (0, 0), 2.5)
+        return total / np.maximum(cv2.GaussianBlur(weights, (0, 0), 2.5), 1e-3)[..., None]
+
+    inside = mean_near(bits.astype(np.float32))
+    outside = mean_near(1 - bits.astype(np.float32))
+    away = np.sqrt(((inside - outside) ** 2).sum(axis=2))
+    return float(away[outline].mean()) / 100
+
+
+def _colour_distance(mask: np.ndarray, lab: np.ndarray) -> float:
+    """Hellinger distance of the histograms of both sides' colours."""
+    bins = np.clip(
+        (lab + np.array((0, 80, 80), np.float32)) / np.array((12.5, 20, 20), np.float32), 0, 7.99
+    ).astype(np.intp) @ [64, 8, 1]
+    sides = [np.bincount(bins[side], minlength=512) for side in (mask, ~mask)]
+    roots = [np.sqrt(counts / max(counts.sum(), 1)) for counts in sides]
+    return math.sqrt(max(0.0, 1 - float(np.dot(*roots))))

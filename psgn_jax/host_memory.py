@@ -1,0 +1,33 @@
+"""A setting of the C library that makes XLA's programs on a CPU faster.
+
+XLA allocates the temporary memory of a program at each call and frees it at the end. glibc returns
+blocks of that size to the operating system, so that every call takes a page fault for each 4 KiB
+again. In the network of `authors_small.py`, a batch of 16 on one core takes 27,700 page faults and
+206 ms for forward and backward, of which 53 ms are system time; with the setting, 150 page faults
+and 166 ms (`tests/bench/step.py --small` has both).
+"""
+
+import ctypes
+import sys
+
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
+_LARGEST = 2**31 - 1
+
+
+def keep_freed_memory() -> bool:
+    """Makes glibc keep freed memory for this process; has no effect with another C library.
+
+    Blocks under 2 GiB are then allocated from the heap, of which up to 2 GiB that are free are not
+    returned. All threads share one heap, because a heap of a single thread is limited to 64 MiB.
+    The peak of the memory does not change.
+
+    Returns:
+      Whether the C library has accepted the settings.
+    """
+    if sys.platform != "linux":
+        return False
+    library = ctypes.CDLL(None)
+    if not hasattr(library, "gnu_get_libc_version"):
+        return False
+    settings = ((_M_ARENA_MAX, 1), (_M_MMAP_THRESHOLD, _LARGEST), (_M_TRIM_THRESHOLD, _LARGEST))
+    return all(library.mallopt(name, value) == 1 for name, value in settings)

@@ -1,0 +1,52 @@
+"""A wheel built from a tree with weights predicts without a clone and without a run."""
+
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from psgn_jax.weights.file import write_weights
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.slow
+def test_a_wheel_has_weights_and_examples_and_predicts(weights, tmp_path):
+    tree, packages, out = tmp_path / "tree", tmp_path / "packages", tmp_path / "out"
+    tree.mkdir()
+    for name in ("psgn_jax", "data_gen", "configs"):
+        ignored = shutil.ignore_patterns("__pycache__", "*.safetensors")
+        shutil.copytree(ROOT / name, tree / name, ignore=ignored)
+    for name in ("pyproject.toml", "README.md", "LICENSE", ".gitignore"):
+        shutil.copy(ROOT / name, tree / name)
+    write_weights(tree / "psgn_jax" / "weights" / "tiny-1.safetensors", weights)
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", f"-w{tmp_path}", str(tree)]
+    subprocess.run(command, check=True, timeout=300)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        archive.extractall(packages)
+    assert "psgn_jax/weights/tiny-1.safetensors" in names
+    examples = {path.name for path in (ROOT / "psgn_jax" / "prediction" / "examples").glob("*.png")}
+    assert {pathlib.PurePath(n).name for n in names if "prediction/examples/" in n} == examples
+    image = np.full((90, 120, 3), 230, np.uint8)
+    image[30:60, 40:90] = (200, 60, 20)
+    Image.fromarray(image).save(tmp_path / "photo.png")
+    done = subprocess.run(
+        [sys.executable, "-m", "psgn_jax.cli", "predict", "photo.png", "--out=out"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(packages), "PYTHONSAFEPATH": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "8 points, mask plain" in done.stdout
+    with np.load(out / "photo.npz") as archive:
+        assert archive["points"].shape == (1, 8, 3)
