@@ -1,6 +1,9 @@
 import json
+import os
+import random
+import signal
 
-from campaign import frame
+from campaign import forks, frame, kills
 
 
 def test_a_part_is_seeded_counted_and_written(tmp_path):
@@ -44,3 +47,52 @@ def test_commands_and_their_one_line(tmp_path):
 
 def test_every_part_is_found():
     assert all(callable(part) for part in frame.parts().values())
+
+
+WRITES = """
+import pathlib, sys, time
+out = pathlib.Path(sys.argv[1])
+out.mkdir(exist_ok=True)
+for number in range(4):
+    time.sleep(0.02)
+    if not (out / f"{number}").exists():
+        (out / f".{number}").write_text("x" * 1000)
+        (out / f".{number}").rename(out / f"{number}")
+"""
+
+
+def test_commands_that_are_forked(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os, sys\n"
+        "assert os.getpgid(0) == os.getpid()\n"
+        "if sys.argv[1:] == ['wait']:\n    import time\n    time.sleep(60)\n"
+        "print(__name__, sys.argv[1:])\nsys.exit(3)\n"
+    )
+    log = tmp_path / "log"
+    with forks.Forks(["json"]) as server:
+        ended = server.run([str(script), "a"], log)
+        assert (ended.code, ended.text) == (3, "__main__ ['a']\n")
+        assert ended.memory > 1e6
+        assert server.run(["-m", "this"], log).text.startswith("The Zen")
+        assert server.run([str(script), "wait"], log, timeout=0.2).code == 124
+        with server.started([str(script), "wait"], log) as process:
+            os.killpg(process.pid, signal.SIGKILL)
+            assert process.wait(10) == -signal.SIGKILL
+
+
+def test_a_command_is_killed_and_compared(tmp_path):
+    (tmp_path / "good.py").write_text(WRITES)
+    # This one leaves another file after each start that was not its first.
+    (tmp_path / "bad.py").write_text(WRITES + "(out / str(time.time())).touch()\n")
+    found = {}
+    with forks.Forks(["json"]) as server:
+        for name in ("good", "bad"):
+            command = kills.Command(name, [str(tmp_path / f"{name}.py"), "{out}"])
+            killer = kills.Killer(command, server, tmp_path / name, random.Random(0))
+            found[name] = kills.kill_all([killer], 0)
+    assert [f.tried - f.held for f in found["good"]] == [0] * len(found["good"])
+    assert len(found["good"]) > 1
+    (finding,) = found["bad"]
+    assert finding.held == 0
+    assert "without a kill, the second time" in finding.details[0]

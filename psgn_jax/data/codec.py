@@ -136,7 +136,7 @@ def _inflate(data: Any, size: int, field: str) -> bytes:
 
 def _integer(value: Any, low: int, high: int, what: str) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-        raise ValueError(f"{what}: {str(value)[:40]}, expected an integer from {low} to {high}")
+        raise ValueError(f"{what}: {repr(value)[:40]}, expected an integer from {low} to {high}")
     return value
 
 
@@ -243,7 +243,7 @@ def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
     field, count = stored["points"], _num_points(stored)
     bits, planes = field["bits"], _integer(field["planes"], 1, 6, "planes of the points")
     if bits not in (8, 16) or isinstance(bits, float):
-        raise ValueError(f"points of {str(bits)[:40]} bits, expected 8 or 16")
+        raise ValueError(f"points of {repr(bits)[:40]} bits, expected 8 or 16")
     small = bits == 8 and planes <= 3
     dtype: Any = np.uint32 if small else np.uint64
     steps = _from_byte_planes(_inflate(field["steps"], planes * count, "points"), planes, dtype)

@@ -166,7 +166,12 @@ def _convert(
     """
     destination.mkdir(parents=True, exist_ok=True)
     with claim(destination / _WORK, (0, 1)):
-        return _convert_claimed(kind, source, items, destination, per_shard, strict)
+        try:
+            return _convert_claimed(kind, source, items, destination, per_shard, strict)
+        except BaseException:
+            if (destination / MANIFEST).exists() and not list(destination.glob("*.arrayrecord")):
+                (destination / MANIFEST).unlink()  # it holds nothing
+            raise
 
 
 def _convert_claimed(
@@ -199,6 +204,9 @@ def _convert_claimed(
         raise ValueError(
             f"DST {str(destination)!r}: not empty and not a data set; give an empty folder"
         )
+    else:
+        # Before the first shard, so that a folder with it is this conversion's after a kill.
+        save_manifest(destination, Manifest(kind, False, ()))
     remove_temporaries(destination)
 
     shards: list[Shard] = []

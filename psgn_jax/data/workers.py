@@ -3,7 +3,8 @@
 A worker gets no SIGTERM and no SIGINT: batch systems and terminals send them to every process of a
 group, and the training process stops the workers, after its last step. A worker whose training
 process was killed ends by itself. After the last worker has ended, Python's resource tracker frees
-their shared memory.
+their shared memory. The tracker does not belong to the group, so it does this also after a SIGKILL
+of the whole group.
 """
 
 import concurrent.futures
@@ -12,10 +13,11 @@ import multiprocessing.connection
 import multiprocessing.util
 import os
 import signal
+import subprocess
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from multiprocessing import resource_tracker
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -27,7 +29,7 @@ def start_sheltered(start: Callable[[], T]) -> T:
     signals from their start, before they run any code. This process still handles signals as usual.
     """
     # If it were started later, it would unblock the signals of the thread that starts it.
-    resource_tracker.ensure_running()
+    _start_tracker()
     # At exit Python sends SIGTERM to the workers that are still there and waits for their end.
     multiprocessing.util.Finalize(None, _kill_children, exitpriority=0)
     with concurrent.futures.ThreadPoolExecutor(1, initializer=_block_signals) as pool:
@@ -46,6 +48,24 @@ def _wait_for_parent() -> None:
         # closed already. (PR_SET_PDEATHSIG would act at the end of the parent's *thread*.)
         multiprocessing.connection.wait([parent.sentinel])
         os._exit(1)
+
+
+def _start_tracker() -> None:
+    """Starts Python's resource tracker, if it is not running, in a session of its own."""
+    util: Any = multiprocessing.util
+    before = util.spawnv_passfds
+    util.spawnv_passfds = _spawn_in_session
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        util.spawnv_passfds = before
+
+
+def _spawn_in_session(path: bytes, arguments: Sequence[str], files: Sequence[int]) -> int:
+    """`multiprocessing.util.spawnv_passfds`, in a new session."""
+    process = subprocess.Popen(arguments, executable=path, pass_fds=files, start_new_session=True)
+    process.returncode = 0  # the caller of this function waits for its end
+    return process.pid
 
 
 def _block_signals() -> None:

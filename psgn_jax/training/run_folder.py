@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from absl import logging
 
 from psgn_jax.config import Config, ConfigError, flatten, from_json, parse
+from psgn_jax.files import remove_temporaries
 from psgn_jax.training.checkpoint import Checkpoint, CheckpointError, Checkpoints
 from psgn_jax.training.state import params_from_named_leaves
 
@@ -119,6 +120,8 @@ def _best(checkpoints: Checkpoints) -> Checkpoint | None:
 def locked(workdir: str | pathlib.Path) -> Iterator[None]:
     """Locks a run's folder against other trainings; the lock also ends if the process is killed.
 
+    Temporary files that trainings left behind when they were killed are removed.
+
     Raises:
       ConfigError: another process holds the lock.
     """
@@ -134,4 +137,7 @@ def locked(workdir: str | pathlib.Path) -> Iterator[None]:
             ) from None
         except OSError as error:  # file systems without locks
             logging.warning("%s cannot be locked (%s): start no second training there", path, error)
+        else:
+            for folder in (path.parent, path.parent / "checkpoints"):
+                remove_temporaries(folder)
         yield

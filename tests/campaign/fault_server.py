@@ -7,6 +7,7 @@ process of its own, forked from this one, so that only the first one waits for t
 import contextlib
 import ctypes
 import faulthandler
+import importlib
 import json
 import os
 import pathlib
@@ -18,12 +19,15 @@ import numpy as np
 from absl import logging
 
 from psgn_jax.command_line import exit_on_user_error
-from psgn_jax.data.dataset import write_dataset
-from psgn_jax.files import write_atomic
+from psgn_jax.data.codec import encode
+from psgn_jax.data.dataset import ShardWriter, write_dataset
+from psgn_jax.data.manifest import MANIFEST, Manifest, load_manifest, save_manifest
+from psgn_jax.files import remove_temporaries, write_atomic
 from psgn_jax.training.checkpoint import Checkpoints
 from psgn_jax.training.log import MetricsWriter
+from psgn_jax.training.run_folder import locked
 
-SECONDS = 60
+SECONDS = 300
 
 
 def leaves(step):
@@ -34,10 +38,11 @@ def leaves(step):
 
 def checkpoint(folder, step):
     """Saves the checkpoint of a step with its score and its line of metrics, as a training does."""
-    checkpoints = Checkpoints(folder / "checkpoints")
-    with contextlib.closing(MetricsWriter(folder, step - 1)) as writer:
-        checkpoints.save(step, leaves(step), {})
-        checkpoints.wait()
+    with locked(folder), contextlib.closing(MetricsWriter(folder, step - 1)) as writer:
+        checkpoints = Checkpoints(folder / "checkpoints")
+        if step not in checkpoints.steps():  # as a training that goes on from there
+            checkpoints.save(step, leaves(step), {})
+            checkpoints.wait()
         writer.scalars(step, "eval", {"cd_sq_radius2": 1 / step})
         checkpoints.score(step, {"cd_sq_radius2": 1 / step})
         checkpoints.close()
@@ -58,7 +63,22 @@ def records(folder, step):
     )
 
 
-WRITERS = {"checkpoint": checkpoint, "result": result, "records": records}
+def manifest(folder, step):
+    """Extends a data set by a shard, as a rendering does: the manifest is replaced."""
+    from helpers import drawn_solids
+
+    target = folder / "extended"
+    target.mkdir(exist_ok=True)
+    remove_temporaries(target)
+    (sample,) = drawn_solids.samples(1, seed=step, image_size=(24, 32))
+    with ShardWriter(target, "train", step) as writer:
+        writer.write(encode(sample), sample)
+    there = load_manifest(target).shards if (target / MANIFEST).exists() else ()
+    kept = [shard for shard in there if shard.file != writer.shard.file]
+    save_manifest(target, Manifest("test", True, (*kept, writer.shard)))
+
+
+WRITERS = {"checkpoint": checkpoint, "result": result, "records": records, "manifest": manifest}
 
 
 def run(trial, faults, answer):
@@ -91,6 +111,8 @@ def main():
     warnings.simplefilter("ignore")  # of forks
     logging.use_absl_handler()
     logging.set_verbosity(logging.WARNING)
+    sys.modules["torch"] = None  # tensorboardX would import it, for two seconds
+    importlib.import_module("tensorboardX")
     faults = ctypes.CDLL(os.environ["LD_PRELOAD"])
     faults.counted.restype = ctypes.c_long
     for line in sys.stdin:

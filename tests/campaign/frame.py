@@ -23,6 +23,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 _FRAME = ("__init__", "__main__", "frame")
@@ -99,11 +100,19 @@ def all_held(folder: pathlib.Path) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class Ended:
-    """A command that has ended: exit code (minus the signal if it was killed), output, seconds."""
+    """A command that has ended.
+
+    Attributes:
+      code: the exit code, minus the signal if it was killed.
+      text: the output.
+      seconds: how long it ran.
+      memory: its largest resident memory in bytes; 0 = not measured.
+    """
 
     code: int
     text: str
     seconds: float
+    memory: int = 0
 
 
 def environment(**variables: str) -> dict[str, str]:
@@ -138,16 +147,21 @@ def started(
             process.wait()
 
 
-def run(command: Sequence[str], log: pathlib.Path, timeout: float = 300, **variables: str) -> Ended:
+def run(command: Sequence[str], log: pathlib.Path, timeout: float = 600, **variables: str) -> Ended:
     """Runs `python COMMAND` to its end; a command that takes too long has the exit code 124."""
+    return ended(started(command, log, **variables), log, timeout)
+
+
+def ended(process: Any, log: pathlib.Path, timeout: float) -> Ended:
+    """Waits for the end of a command, given the context that starts it."""
     began, before = time.monotonic(), log.stat().st_size if log.exists() else 0
-    with started(command, log, **variables) as process:
+    with process as running:
         try:
-            code = process.wait(timeout)
+            code = running.wait(timeout)
         except subprocess.TimeoutExpired:
             code = 124
     text = log.read_bytes()[before:].decode(errors="replace")
-    return Ended(code, text, time.monotonic() - began)
+    return Ended(code, text, time.monotonic() - began, getattr(running, "memory", 0))
 
 
 def not_one_line(ended: Ended, code: int = 2) -> str:

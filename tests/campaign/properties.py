@@ -5,7 +5,6 @@ import pathlib
 import random
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -28,27 +27,31 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Find
     for number, check in enumerate(properties):
         finding = Finding(f"property {check.__name__}: {(check.__doc__ or '').splitlines()[0]}")
         end = time.monotonic() + max(deadline - time.monotonic(), 0) / (len(properties) - number)
-        tried = [0]
-
-        def counted(seed: int, check: Any = check, tried: list[int] = tried) -> None:
-            tried[0] += 1
-            check(np.random.default_rng(seed))
-
         while not finding.tried or time.monotonic() < end:
-            tried[0] = 0
+            counted, tried = _counted(check)
             test: Callable[[], None] = hypothesis.given(strategies.integers(0, 2**63))(counted)
             test = hypothesis.settings(max_examples=20, database=None, deadline=None)(test)
             test = hypothesis.seed(rng.randrange(2**32))(test)
-            wrong = ""
             try:
                 test()
             except Exception as error:
-                wrong = f"{type(error).__name__}: {error}"
-            finding.add(wrong)
-            finding.tried += max(tried[0] - 1, 0)
-            finding.held += max(tried[0] - 1, 0)
+                finding.add(f"{type(error).__name__}: {error}")
+                break
+            finding.tried += tried[0]
+            finding.held += tried[0]
         findings.append(finding)
     return findings
+
+
+def _counted(check: Callable[[np.random.Generator], None]) -> tuple[Callable, list[int]]:
+    """`check` of a seed, and how often it was called."""
+    tried = [0]
+
+    def counted(seed: int) -> None:
+        tried[0] += 1
+        check(np.random.default_rng(seed))
+
+    return counted, tried
 
 
 def _sample(rng: np.random.Generator) -> schema.Sample:

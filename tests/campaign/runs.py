@@ -1,15 +1,32 @@
 """Small trainings for the parts of the campaign, and what they leave behind."""
 
 import json
+import os
 import pathlib
+import runpy
+from typing import Any
 
 import numpy as np
 from helpers import drawn_solids
 
+from campaign import frame
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.training.checkpoint import Checkpoint, Checkpoints
 
-STEPS = 60
+STEPS = 40
+SIZE = (16, 32)
+NETWORK = {
+    "model.widths": (4, 8, 16),
+    "model.fc_points": 8,
+    "model.fc_widths": (8,),
+    "model.deconv_level": 1,
+    "data.image_size": SIZE,
+    "data.num_points": 32,
+    "data.num_eval_points": 32,
+    "eval.emd_tolerance": 0.0,
+    "eval.visible_tolerance": 0.0,
+}
+"""As small as it can be, since most of a small training is compiling."""
 # As in the tests: the trials are of files and signals, so compile fast.
 QUICK = {"XLA_FLAGS": "--xla_backend_optimization_level=0", "TF_CPP_MIN_LOG_LEVEL": "3"}
 
@@ -17,28 +34,60 @@ QUICK = {"XLA_FLAGS": "--xla_backend_optimization_level=0", "TF_CPP_MIN_LOG_LEVE
 def make_records(folder: pathlib.Path) -> pathlib.Path:
     """Writes a small data set; returns its folder."""
     splits = {
-        "train": drawn_solids.samples(20, seed=0, image_size=(48, 64)),
-        "validation": drawn_solids.samples(5, seed=1, image_size=(48, 64)),
+        "train": drawn_solids.samples(10, seed=0, image_size=SIZE),
+        "validation": drawn_solids.samples(5, seed=1, image_size=SIZE),
     }
-    write_dataset(folder, splits, source="solids", records_per_shard=7)
+    write_dataset(folder, splits, source="solids", records_per_shard=4)
     return folder
 
 
-def training(records: pathlib.Path, workdir: pathlib.Path, workers: int = 0) -> list[str]:
-    """Arguments of Python for the debug configuration, with many checkpoints."""
-    fields = {
+def training(
+    records: pathlib.Path, workdir: pathlib.Path, workers: int = 0, **more: Any
+) -> list[str]:
+    """Arguments of Python for the debug configuration, with many checkpoints.
+
+    `more` are further fields, with `__` for a point.
+    """
+    fields = NETWORK | {
         "data.path": records,
         "data.num_workers": workers,
         "data.flip": True,
         "train.steps": STEPS,
+        "train.batch_size": 4,
         "train.checkpoint_every": 4,
         "train.eval_every": 20,
         "train.images_every": 0,
         "eval.max_samples": 4,
         "eval.batch_size": 4,
     }
+    fields |= {name.replace("__", "."): value for name, value in more.items()}
     flags = [f"--config.{name}={value}" for name, value in fields.items()]
     return ["-m", "psgn_jax.main", "--config=configs/debug.py", f"--workdir={workdir}", *flags]
+
+
+def debug_configuration(records: str, steps: int) -> dict[str, Any]:
+    """The debug configuration with these records, as a tree."""
+    tree = runpy.run_path(str(frame.ROOT / "configs" / "debug.py"))["get_config"]().to_dict()
+    tree["data"] |= {"path": str(records)}
+    for name, value in NETWORK.items():
+        section, field = name.split(".")
+        tree[section][field] = value
+    tree["train"] |= {"steps": steps, "batch_size": 4, "checkpoint_every": 4, "eval_every": 8}
+    tree["train"] |= {"images_every": 0}
+    tree["eval"] |= {"max_samples": 4, "batch_size": 4}
+    return tree
+
+
+def quick(folder: pathlib.Path) -> dict[str, str]:
+    """The environment of the commands of a part; all parts share what is compiled."""
+    compiled = os.environ.get("JAX_COMPILATION_CACHE_DIR", str(folder.parent / "compiled"))
+    return QUICK | {
+        "JAX_COMPILATION_CACHE_DIR": compiled,
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
 
 
 def newest(workdir: pathlib.Path) -> int:

@@ -1,8 +1,9 @@
 """Damage to each of the files that a run consists of.
 
 The run is opened as `evaluate` and `predict` do, and its metrics as a training that goes on does:
-either it is refused in one line, or what is read is what a training had written. Every tenth time
-the training itself is started again: it ends as an undamaged one, or is refused in one line.
+either it is refused in one line, or what is read is what a training had written. Every
+`RESUMED_EVERY`th time the training itself is started again: it ends as an undamaged one, or is
+refused in one line.
 """
 
 import pathlib
@@ -13,11 +14,13 @@ import time
 import numpy as np
 
 from campaign import frame, runs
+from campaign.forks import TRAINING, Forks
 from psgn_jax.command_line import exit_code_of
 from psgn_jax.training.log import read_metrics
 from psgn_jax.training.run_folder import open_run
 from psgn_jax.training.state import params_from_named_leaves
 
+RESUMED_EVERY = 20
 TEXTS = [b"", b"[]", b"null", b'{"a": {}}', b"\xff", b"[" * 100_000, b'{"20": {"iou": "x"}}']
 
 
@@ -62,9 +65,9 @@ def _read(workdir: pathlib.Path, written: dict) -> str:
     return ""
 
 
-def _resume(command, workdir: pathlib.Path, reference: pathlib.Path, log: pathlib.Path) -> str:
+def _resume(forks, command, workdir: pathlib.Path, reference: pathlib.Path, log) -> str:
     """Goes on with a damaged run; returns what did not hold."""
-    ended = frame.run(command, log, 600, **runs.QUICK)
+    ended = forks.run(command, log)
     if ended.code:
         return frame.not_one_line(ended)
     have, want = runs.last_checkpoint(workdir), runs.last_checkpoint(reference)
@@ -78,9 +81,15 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[fram
     """The part of the campaign; see the module."""
     records = runs.make_records(folder / "records")
     reference, log = folder / "reference", folder / "log"
-    ended = frame.run(runs.training(records, reference), log, 600, **runs.QUICK)
-    if ended.code:
-        return [frame.Finding("an undamaged training", 1, 0, [ended.text[-2000:]])]
+    with Forks(TRAINING, **runs.quick(folder)) as forks:
+        ended = forks.run(runs.training(records, reference), log)
+        if ended.code:
+            return [frame.Finding("an undamaged training", 1, 0, [ended.text[-2000:]])]
+        return _damage(rng, deadline, folder, records, forks)
+
+
+def _damage(rng, deadline: float, folder: pathlib.Path, records, forks) -> list[frame.Finding]:
+    reference, workdir = folder / "reference", folder / "run"
     checkpoints = runs.Checkpoints(reference / "checkpoints", read_only=True)
     written = {
         step: dict(_leaves(params_from_named_leaves(checkpoints.restore(step).leaves)))
@@ -90,7 +99,6 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[fram
     findings = {name: frame.Finding(f"a file of a run: {name}") for name in DAMAGES}
     resumed = frame.Finding("training again after damage")
     number = 0
-    workdir = folder / "run"
     while number < 20 or time.monotonic() < deadline:
         number += 1
         shutil.rmtree(workdir, ignore_errors=True)
@@ -107,7 +115,8 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[fram
         except Exception as error:
             wrong = f"{type(error).__name__}: {error}"
         findings[name].add(wrong and what + wrong)
-        if number % 10 == 0:
-            wrong = _resume(runs.training(records, workdir), workdir, reference, log)
+        if number % RESUMED_EVERY == 0:
+            command = runs.training(records, workdir)
+            wrong = _resume(forks, command, workdir, reference, folder / "log")
             resumed.add(wrong and what + wrong)
     return [*findings.values(), resumed]

@@ -14,42 +14,51 @@ import time
 
 from helpers import processes
 
-from campaign import frame, runs
+from campaign import frame, kills, runs
+from campaign.forks import TRAINING, Forks
 
 KILLS = {
     "SIGKILL of the trainer": (signal.SIGKILL, os.kill, {-signal.SIGKILL}),
+    "SIGKILL of the group": (signal.SIGKILL, os.killpg, {-signal.SIGKILL}),
     "SIGTERM to the group": (signal.SIGTERM, os.killpg, {143, -signal.SIGTERM}),
     "SIGINT to the group": (signal.SIGINT, os.killpg, {130, -signal.SIGINT}),
 }
+SHARES = (4, 3, 1, 1)
+MOMENTS = ("starting", "working", "working", "working")
+SECONDS_TO_START = 2.0
+FROM_SCRATCH = 0.05
+"""Part of the kills that meet a process of its own, which also imports."""
+WITH_WORKERS = 0.3
 
 
 def _wait(moment: str, rng: random.Random, process, workdir: pathlib.Path, before: int) -> None:
     """Waits for a moment of a training: while it starts, or some time after a checkpoint."""
     if moment == "starting":
-        time.sleep(rng.uniform(0, 4))
+        time.sleep(rng.uniform(0, SECONDS_TO_START))
         return
     processes.wait_until(
         lambda: runs.newest(workdir) > before or process.poll() is not None, seconds=300
     )
-    time.sleep(rng.uniform(0, 0.5))
+    time.sleep(rng.uniform(0, 0.3))
 
 
-def _kill(rng, command, workdir, log, name: str) -> tuple[str, bool]:
+def _kill(rng, started, workdir, log, name: str) -> tuple[str, bool]:
     """Starts a training and kills it; returns (what did not hold, whether it was killed)."""
     number, send, codes = KILLS[name]
-    moment = rng.choice(["starting", "working", "working"])
+    moment = rng.choice(MOMENTS)
     start = log.stat().st_size if log.exists() else 0
-    with frame.started(command, log, **runs.QUICK) as process:
-        _wait(moment, rng, process, workdir, runs.newest(workdir))
+    before = runs.newest(workdir)
+    with started as process:
+        _wait(moment, rng, process, workdir, before)
         files = processes.shared_memory(process.pid)
         with contextlib.suppress(ProcessLookupError):
             send(process.pid, number)
         code = process.wait(300)
-        ended = processes.wait_until(lambda: not processes.of_group(process.pid), 30)
+        ended = processes.wait_until(lambda: not processes.of_group(process.pid), kills.SECONDS)
     if not ended:
         return f"{name} while {moment}: processes live on", True
-    if left := [f for f in files if pathlib.Path("/dev/shm", f).exists()]:
-        return f"{name} while {moment}: {len(left)} files in /dev/shm", True
+    if left := kills.left_in_memory(files):
+        return f"{name} while {moment}: {left}", True
     if code == 0:
         return "", False
     text = log.read_bytes()[start:].decode(errors="replace")
@@ -62,31 +71,38 @@ def _kill(rng, command, workdir, log, name: str) -> tuple[str, bool]:
 def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[frame.Finding]:
     """The part of the campaign; see the module."""
     records = runs.make_records(folder / "records")
-    log = folder / "log"
-    reference = folder / "reference"
-    ended = frame.run(runs.training(records, reference), log, 600, **runs.QUICK)
-    if ended.code:
-        return [frame.Finding("an undisturbed training", 1, 0, [ended.text[-2000:]])]
+    log, reference = folder / "log", folder / "reference"
+    quick = runs.quick(folder)
     findings = {
         (name, workers): frame.Finding(f"{name}, {workers} workers: no process, no memory left")
         for name in KILLS
         for workers in (0, 2)
     }
-    ends = frame.Finding("a run after kills: same bits as undisturbed")
-    number = 0
-    while not number or time.monotonic() < deadline:
-        number += 1
-        workdir = folder / f"run{number}"
-        for _ in range(rng.randint(1, 4)):
-            workers, name = rng.choice([0, 2]), rng.choice(list(KILLS))
-            command = runs.training(records, workdir, workers)
-            wrong, killed = _kill(rng, command, workdir, log, name)
-            if killed:
-                findings[name, workers].add(wrong and f"run {number}: {wrong}")
-        command = runs.training(records, workdir, rng.choice([0, 2]))
-        ended = frame.run(command, log, 600, **runs.QUICK)
-        wrong = runs.difference(workdir, reference) if not ended.code else ended.text[-500:]
-        ends.add(wrong and f"run {number}: {wrong}")
-        if not wrong:
-            shutil.rmtree(workdir)
+    ends = frame.Finding("a training after kills: same bits as undisturbed")
+    with Forks(TRAINING, **quick) as forks:
+        ended = forks.run(runs.training(records, reference), log)
+        if ended.code:
+            return [frame.Finding("an undisturbed training", 1, 0, [ended.text[-2000:]])]
+        number = 0
+        while not number or time.monotonic() < deadline:
+            number += 1
+            workdir = folder / f"run{number}"
+            for _ in range(rng.randint(1, 5)):
+                workers = 2 if rng.random() < WITH_WORKERS else 0
+                (name,) = rng.choices(list(KILLS), SHARES)
+                command = runs.training(records, workdir, workers)
+                if rng.random() < FROM_SCRATCH:
+                    started = frame.started(command, log, **quick)
+                else:
+                    started = forks.started(command, log)
+                wrong, killed = _kill(rng, started, workdir, log, name)
+                if killed:
+                    findings[name, workers].add(wrong and f"run {number}: {wrong}")
+            ended = forks.run(runs.training(records, workdir), log)
+            wrong = runs.difference(workdir, reference) if not ended.code else ended.text[-500:]
+            if left := [p.name for p in workdir.rglob("*tmp*")]:
+                wrong = wrong or f"left behind: {left}"
+            ends.add(wrong and f"run {number}: {wrong}")
+            if not wrong:
+                shutil.rmtree(workdir)
     return [ends, *(finding for finding in findings.values() if finding.tried)]

@@ -447,6 +447,8 @@ def test_coordinates_and_depths_out_of_range_are_refused(sample):
         ({"depth": content["depth"] | {"scale": 1e300}}, "depth from"),
         ({"depth": content["depth"] | {"scale": float("nan")}}, "depth from"),
         ({"image": content["image"] | {"size": [24.0, 32]}}, "height of the image"),
+        ({"image": content["image"] | {"size": ["a\nb", 32]}}, r"height of the image: 'a\\nb',"),
+        ({"points": content["points"] | {"bits": "a\nb"}}, r"points of 'a\\nb' bits"),
     ):
         with pytest.raises(ValueError, match=expected):
             decode(crafted(content, **changes))

@@ -13,6 +13,16 @@ def test_a_folder_is_locked_until_its_owner_ends(tmp_path):
         pass
 
 
+def test_what_killed_trainings_left_is_removed(tmp_path):
+    (tmp_path / "checkpoints").mkdir()
+    left = [tmp_path / ".config.json.123.tmp", tmp_path / "checkpoints/.scores.json.9.tmp"]
+    others = [tmp_path / "config.json", tmp_path / ".mine.tmp"]
+    for path in left + others:
+        path.touch()
+    with locked(tmp_path):
+        assert [path.exists() for path in left + others] == [False] * 2 + [True] * 2
+
+
 @pytest.fixture
 def run(tmp_path):
     """A run of one checkpoint without a network."""

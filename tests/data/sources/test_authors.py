@@ -168,6 +168,28 @@ def test_a_killed_conversion_goes_on(authors_file, tmp_path, monkeypatch):
     assert sum(s.count for s in manifest.shards) == 96
 
 
+def test_a_conversion_killed_before_its_second_manifest_goes_on(
+    authors_file, tmp_path, monkeypatch
+):
+    source, target = tmp_path / "src", tmp_path / "dst"
+    source.mkdir()
+    (source / "0.gz").write_bytes(authors_file.read_bytes())
+    save = conversion.save_manifest
+
+    def killed(folder, manifest):
+        if manifest.shards:
+            raise KeyboardInterrupt
+        save(folder, manifest)
+
+    monkeypatch.setattr(conversion, "save_manifest", killed)
+    with pytest.raises(KeyboardInterrupt):
+        convert.convert_authors(source, target)
+    monkeypatch.undo()
+    manifest, _ = convert.convert_authors(source, target)
+    assert manifest.complete
+    assert {p.name for p in target.glob("*.arrayrecord")} == {s.file for s in manifest.shards}
+
+
 def test_a_full_disk_ends_a_conversion_that_goes_on_when_there_is_room(
     authors_file, tmp_path, capsys
 ):

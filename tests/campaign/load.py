@@ -1,0 +1,28 @@
+"""What the parts about load have in common: a bound of memory that does not depend on the load."""
+
+from campaign import frame
+
+MOST_GROWTH = 200_000_000
+"""Bytes that a command may need for the whole load beyond what it needs for a small one."""
+
+
+def scaled(deadline_in: float, each: float, least: int, most: int) -> int:
+    """As many things as there is time for, with `each` seconds for one."""
+    return int(min(most, max(least, deadline_in / each)))
+
+
+def wrong(small: frame.Ended, whole: frame.Ended, code: int = 0) -> str:
+    """What does not hold of a command under load, beside the same command without."""
+    for ended in (small, whole):
+        if ended.code != code or "Traceback" in ended.text:
+            return f"exit code {ended.code}: {ended.text[-1000:]}"
+    grown = whole.memory - small.memory
+    return f"{grown / 1e6:.0f} MB more memory" if grown > MOST_GROWTH else ""
+
+
+def title(what: str, small: frame.Ended, whole: frame.Ended) -> str:
+    """`what`, with the memory that was measured."""
+    return (
+        f"{what}: {whole.memory / 1e6:.0f} MB, {(whole.memory - small.memory) / 1e6:+.0f} MB to a "
+        f"small one (bound {MOST_GROWTH / 1e6:.0f} MB), {whole.seconds:.0f} s"
+    )
