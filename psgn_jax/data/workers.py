@@ -4,7 +4,7 @@ A worker gets no SIGTERM and no SIGINT: batch systems and terminals send them to
 group, and the training process stops the workers, after its last step. A worker whose training
 process was killed ends by itself. After the last worker has ended, Python's resource tracker frees
 their shared memory. The tracker does not belong to the group, so it does this also after a SIGKILL
-of the whole group.
+of the whole group. A block that a worker is just creating at that moment can remain.
 """
 
 import concurrent.futures

@@ -158,7 +158,7 @@ def test_a_killed_conversion_goes_on(authors_file, tmp_path, monkeypatch):
     monkeypatch.setattr(authors, "read_batch", interrupted)
     with pytest.raises(KeyboardInterrupt):
         convert.convert_authors(source, target)
-    with pytest.raises(RecordError, match="has not ended"):
+    with pytest.raises(RecordError, match="it is incomplete"):
         RecordReader(target, "train")
     calls.clear()
     monkeypatch.setattr(authors, "read_batch", lambda path: calls.append(path.name) or real(path))
