@@ -1,4 +1,4 @@
-r"""The full two-branch network on the authors' batches, trained under the EMD.
+r"""The full two-branch network on the authors' batches, trained by the EMD.
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_emd.py --workdir=runs/authors_emd

@@ -1,4 +1,4 @@
-"""A two-branch network on half-size images of the authors' batches: 30 minutes on two CPU cores.
+"""A two-branch network on half-size images of the authors' batches: 40 minutes on two CPU cores.
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small
@@ -7,8 +7,9 @@ Time: not measured; steps took 1.5 times as long as those of `authors_small_cd.p
 minutes.
 Expect: cd_sq_radius2 of .0106 and emd_radius of .132 on the validation split, at the last step.
 
-The loss is the EMD of 1,024 of the true points plus five times the CD of all: even clouds, at the
-CD of a network that is trained by the CD alone (`pretrained.py` has the table).
+The loss is the EMD to 1,024 of the true points plus five times the CD to all of them. The clouds
+are even, with nearly the same CD as those of a network trained by the CD alone (the table is in
+`pretrained.py`).
 """
 
 import ml_collections

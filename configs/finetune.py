@@ -1,16 +1,16 @@
-"""Five minutes of further training on data of your own, beginning with trained weights.
+"""Five minutes of further training on your own data, beginning with trained weights.
 
 Command: python data_gen/render.py --catalogue=folder --source=my_meshes --out=records/mine
          python -m psgn_jax.main --config=configs/finetune.py --workdir=runs/mine
              --config.data.path=records/mine --config.train.init=WEIGHTS
 Hardware: two CPU cores.
-Time: five minutes on cores of their own, from .45 s a step; not measured.
-Expect: the evaluation at step 0 is that of the weights; how much is gained was not measured.
+Time: five minutes, estimated from .45 s per step on otherwise idle cores; not measured.
+Expect: the evaluation at step 0 measures the given weights; the improvement was not measured.
 
 WEIGHTS is a file of weights, the name of weights that come with the package
 (`python -m psgn_jax.weights list`) or the folder of a run. Network, input and loss are those of
-`pretrained.py`; weights of another network name their layers that do not fit. Beginning from a
-trained network, the learning rate is a fifth of that recipe's.
+`pretrained.py`; for weights of another network, an error names the layers that do not fit. The
+learning rate is a fifth of that of `pretrained.py`, because the network is already trained.
 """
 
 import ml_collections

@@ -7,19 +7,22 @@ Command: python data_gen/sets/free.py --packages FOLDER --out records/free
              --sources=records/free/sources.json,AUTHORS.json
 Hardware: two CPU cores (5.2 M parameters), in the background over several days. After SIGTERM it
 saves a checkpoint, and the same command resumes.
-Time: some 13 hours on two cores of their own, from .45 s a step; not measured to its end.
+Time: 13 hours, estimated from .45 s per step on two otherwise idle cores; a complete run has not
+been measured.
 Expect: to be measured. The goals on the authors' validation split are a CD of .0085 (cd_sq_radius2)
 and an EMD of .105 (emd_radius).
 
-Data: 1.6 million samples, drawn evenly from the images of all data sets of `data.path`. A set that
-is not there is left out with `--config.data.path=records/free/furniture,records/authors`, and
-`records/authors*10` counts the few images of the authors' batches ten times. Evaluation is on the
-authors' validation batches alone (`data.eval_path`); a held-out split of another set is measured by
+Data: 1.6 million samples, drawn evenly from the images of all data sets of `data.path`. If some of
+these are missing, name the others: `--config.data.path=records/free/furniture,records/authors`.
+With `records/authors*10` the few images of the authors' batches count ten times. Only the authors'
+validation batches are used for evaluation (`data.eval_path`). To measure a held-out split of
+another set, use
 `python -m psgn_jax.evaluate --workdir=runs/pretrained --data=records/free/furniture`.
 
-Loss: the EMD of 1,024 of the true points plus five times the CD of all. Measured with the recipe of
-`authors_small.py`, of which this is a longer training, on the authors' validation batches, as CD
-(cd_sq_radius2) / EMD (emd_radius), "fresh" on images that were not used for any choice:
+Loss: the EMD to 1,024 of the true points plus five times the CD to all of them. The table gives CD
+(cd_sq_radius2) / EMD (emd_radius) on the authors' validation batches for the recipe of
+`authors_small.py`, of which this configuration is a longer training. The column "fresh" is for
+images that were not used for any choice:
 
     loss            800 steps        3,200 steps      3,200 steps, fresh
     CD              .0130 / .296     .01050 / .309    .0114 / .290

@@ -3,7 +3,7 @@
 Command: python -m psgn_jax.main --config=configs/quickstart.py --workdir=runs/quickstart
 Hardware: two CPU cores.
 Time: not measured with this loss. With the CD alone, whose steps take two thirds of the time: 6 min
-46 s from a fresh clone on busy cores, including installation and rendering.
+46 s from a fresh clone on cores with other work, including installation and rendering.
 Expect: even clouds; not measured with this loss. The CD alone reached a cd_sq_radius2 of .009 on
 the validation split.
 """

@@ -1,4 +1,4 @@
-"""Backgrounds: a grey, noise of two colours, or an image of a folder."""
+"""Backgrounds: a grey, noise of two colours, or an image from a folder."""
 
 import pathlib
 from typing import Any

@@ -83,7 +83,7 @@ PRESETS: dict[str, Mapping[str, Any]] = {
         "focal": (210.0, 210.0),
         "aim": (0.3, 0.3),
     },
-    # Like photographs by hand: lenses of 28 to 105 mm on 35 mm film, most elevations, not quite
+    # Like hand-held photographs: lenses of 28 to 105 mm on 35 mm film, most elevations, not quite
     # level, the object anywhere in the image.
     "photo": {
         "elevation": (-5.0, 60.0),

@@ -1,10 +1,10 @@
 """A setting of the C library that makes XLA's programs on a CPU faster.
 
 XLA allocates the temporary memory of a program at each call and frees it at the end. glibc returns
-blocks of that size to the operating system, so that every call takes a page fault for each 4 KiB
-again. In the network of `authors_small.py`, a batch of 16 on one core takes 27,700 page faults and
-206 ms for forward and backward, of which 53 ms are system time; with the setting, 150 page faults
-and 166 ms (`tests/bench/step.py --small` has both).
+blocks of that size to the operating system, so every call causes a page fault for each 4 KiB. For
+the network of `authors_small.py` and a batch of 16 on one core, forward and backward cause 27,700
+page faults and take 206 ms, of which 53 ms are system time. With the setting they cause 150 page
+faults and take 166 ms. `tests/bench/step.py --small` measures both.
 """
 
 import ctypes
@@ -17,9 +17,9 @@ _LARGEST = 2**31 - 1
 def keep_freed_memory() -> bool:
     """Makes glibc keep freed memory for this process; has no effect with another C library.
 
-    Blocks under 2 GiB are then allocated from the heap, of which up to 2 GiB that are free are not
-    returned. All threads share one heap, because a heap of a single thread is limited to 64 MiB.
-    The peak of the memory does not change.
+    Blocks under 2 GiB are then allocated from the heap, and up to 2 GiB of free heap memory are not
+    returned to the operating system. All threads share one heap, because the heap of a single
+    thread is limited to 64 MiB. The peak memory does not change.
 
     Returns:
       Whether the C library has accepted the settings.

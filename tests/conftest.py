@@ -1,7 +1,7 @@
 """Shared fixtures. Strict promotion is set before anything is traced.
 
-On a CPU, programs are compiled without LLVM's optimisation: most of the tests' time is compiling.
-`XLA_FLAGS=` (empty) tests what users run.
+On a CPU, programs are compiled without LLVM's optimisation, because the tests mostly compile.
+With an empty `XLA_FLAGS=` they run the compiled code that users run.
 """
 
 import os

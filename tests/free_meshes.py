@@ -1,7 +1,7 @@
-"""Models of free packages, for tests that skip where these are not on disk.
+"""Models of free packages, for tests that are skipped if the packages are not on disk.
 
-`PSGN_FREE_MESHES` names a folder of Debian's packages, unpacked with `dpkg-deb -x`; without it they
-are looked for where they are installed, below /usr.
+`PSGN_FREE_MESHES` names a folder of Debian's packages, unpacked with `dpkg-deb -x`. Without it, the
+installed packages below /usr are used.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""The dependency rule: imports go only downward, heavy packages enter by one door each."""
+"""The dependency rule: imports go only downward; one module imports each heavy package."""
 
 import ast
 import pathlib

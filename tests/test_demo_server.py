@@ -1,4 +1,4 @@
-"""Who is served by the demo, and how much may be sent; no server is started."""
+"""Which requests the demo accepts, and how large they may be; no server is started."""
 
 import asyncio
 import socket

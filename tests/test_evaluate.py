@@ -1,4 +1,4 @@
-"""Evaluation counts every sample once and says which average is which."""
+"""Evaluation counts every sample once and names its averages."""
 
 import csv
 import dataclasses

@@ -1,4 +1,4 @@
-"""Freed memory stays with the process; in processes of their own, because the setting stays too."""
+"""The process keeps freed memory; in separate processes, because the setting is permanent."""
 
 import subprocess
 import sys

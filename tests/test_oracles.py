@@ -1,8 +1,8 @@
-"""What no change of the code's shape may change: records, leaves, metrics, tables, old runs.
+"""Results that no refactoring may change: records, leaves, metrics, tables, old runs.
 
-`oracles/old_run.zip` is a run of 6 of 12 steps and `oracles/golden.json` what was measured of it,
-both from the code of version 0.1.0.dev0 before its files were moved. The digests of records are
-those since the level of their compression changed.
+`oracles/old_run.zip` is a run that was stopped after 6 of 12 steps, and `oracles/golden.json`
+contains its measurements. Both are from the code of version 0.1.0.dev0, before its files were
+moved. The digests of records are newer: they date from the last change of the compression level.
 """
 
 import hashlib

@@ -1,6 +1,6 @@
 """Watertight models of all sources of the free set, for comparisons with winding numbers.
 
-`python tests/watertight.py` chooses them anew, by the rule of `search`, and prints their names.
+`python tests/watertight.py` chooses them again, by the rule of `search`, and prints their names.
 """
 
 import hashlib

@@ -159,7 +159,7 @@ class Light:
         endless = ground is not None and not np.isfinite(ground.half).any()
         below = toward[..., 2] < 0
         open_sky = np.where((endless & below)[..., None], 0, small)
-        # Directions toward bright parts of the map, divided between the sets of rays.
+        # Directions toward bright parts of the map, divided among the sets of rays.
         angles = lights.solid_angles(_LIGHT_SIZE)
         energy = (open_sky.mean(axis=-1) * angles).ravel() + 1e-12
         chance = energy / energy.sum()

@@ -120,7 +120,7 @@ def read_outline(
         raise UnusableModelError("not readable as AC3D: it does not begin with AC3D")
     size = len(data)
     objects: list[Object] = []
-    open_: list[tuple[int, int]] = []  # objects with children to come, and the number of these
+    open_: list[tuple[int, int]] = []  # objects whose children follow, and their number
     faces = skip = 0
     statements = list(_STATEMENT.finditer(data))
     for number, match in enumerate(statements):

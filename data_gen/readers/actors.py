@@ -109,7 +109,7 @@ class Game:
         return self._xml[name]
 
     def _root(self, name: str) -> ElementTree.Element:
-        """The element of an actor that contains its groups, of the best of several qualities."""
+        """The element of an actor that contains its groups; of several qualities, the best."""
         root = self.xml(ACTORS + name)
         for _ in range(4):
             if root.tag != "qualitylevels":

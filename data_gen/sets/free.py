@@ -165,7 +165,7 @@ class Options:
     """Options of the rendering that are the same for all data sets.
 
     Attributes:
-      centre: see `settings.Settings`. The authors' objects stand on the mean of their vertices.
+      centre: see `settings.Settings`. The authors' objects are centred on their vertices.
       workers: number of processes, 0 = one per processor.
       variant: see `settings.JobSettings`.
     """

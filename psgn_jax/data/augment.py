@@ -31,7 +31,7 @@ class View:
 
 
 def flip(view: View) -> View:
-    """Mirrors the world, y to -y, and the image, left to right. Twice is the identity.
+    """Mirrors the world, y to -y, and the image, left to right. It is its own inverse.
 
     With M = diag(-1, 1, 1) and N = diag(1, -1, 1) the camera (R, t) becomes (M R N, M t), a proper
     rotation again, and column cx becomes W - cx (pixel edges are at integers).

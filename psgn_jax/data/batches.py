@@ -23,9 +23,9 @@ Batch = dict[str, Any]
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
 
 CACHE_BYTES = 4 << 30
-"""Most memory that `DataConfig.cache` uses, over all workers of one process. It holds samples
-decoded and resized, points in their compact form: about 100 kB a sample of the authors' data at
-half size, 250 kB at full size. Samples that do not fit are decoded again each time they are used.
+"""Largest memory that `DataConfig.cache` uses, over all workers of one process. The cache contains
+decoded and resized samples with points in their compact form: about 100 kB for a sample of the
+authors' data at half size, 250 kB at full size. Other samples are decoded each time they are used.
 """
 
 

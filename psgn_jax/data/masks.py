@@ -6,8 +6,8 @@ There are four methods; "auto" tries them in this order:
 - `plain`: a background of one colour, as in the renderings for training and in product photos.
 - `rembg`: a segmentation network, if the package and its weights are installed. Weights are never
   downloaded here.
-- `grabcut`: the best of several GrabCuts by OpenCV, see `data.segmentation`. It says when it is in
-  doubt.
+- `grabcut`: the best of several GrabCuts by OpenCV, see `data.segmentation`. It warns if its result
+  is doubtful.
 """
 
 import importlib.util

@@ -121,7 +121,7 @@ def _bytes_needed(cfg: DataConfig, reader: RecordReader | JoinedReader) -> int:
 
 
 def _bytes_allowed(device: jax.Device) -> float:
-    """Memory that a split may take of a device."""
+    """Memory of a device that a split may use."""
     statistics = device.memory_stats() if device.platform != "cpu" else None
     if statistics and "bytes_limit" in statistics:
         return MEMORY_SHARE * float(statistics["bytes_limit"])

@@ -1,7 +1,7 @@
-"""Cuts the object out of a photo by its colours: several GrabCuts, and a choice between them.
+"""Finds the object in a photo by its colours: the best of several GrabCuts.
 
-One GrabCut (Rother, Kolmogorov, Blake, "GrabCut", SIGGRAPH 2004) finds what its first guess lets it
-find. Here it starts from several guesses on a small copy of the image:
+The result of GrabCut (Rother, Kolmogorov, Blake, "GrabCut", SIGGRAPH 2004) depends on the first
+guess of the mask. Here it is started from several guesses (seeds) on a small copy of the image:
 
 - the image without a band along its border; ellipses in the middle;
 - the minimum barrier distance from the border, which is large where every path to the border
@@ -9,11 +9,12 @@ find. Here it starts from several guesses on a small copy of the image:
   ICCV 2015);
 - the difference from the colours of the border, and the product of both.
 
-Each result, and what most results agree on, is a candidate. The candidate that agrees best with the
-others, with some preference for better seeds, is refined along its outline on a larger copy. Its
-score estimates its IoU with the object from `FEATURES`. The weights of both were fitted by
-`tests/bench/masks.py --fit`; there, contrast, compactness and the like helped to tell bad results
-from good ones, but not to choose among the results of one image. Nothing is random.
+Each result is a candidate, and so is the set of pixels that most results contain. The candidate
+that agrees best with the others, with a small preference for better seeds, is refined along its
+outline on a larger copy. Its score estimates its IoU with the object from `FEATURES`. The weights
+of the score and of the preference were fitted by `tests/bench/masks.py --fit`. In this fit,
+features such as contrast and compactness helped to distinguish bad results from good ones, but not
+to choose among the results of one image. Nothing is random.
 """
 
 import dataclasses
@@ -27,7 +28,7 @@ SEARCH_SIDE, FINE_SIDE = 144, 400
 """Largest number of pixels per side of the copies for the search and for the outline."""
 
 DOUBTFUL = 0.7
-"""An object with a lower score is in doubt."""
+"""A mask with a lower score is doubtful."""
 
 WEIGHTS = {
     "agreement": 0.4494,
@@ -55,13 +56,13 @@ RANK_OF_SEED = {
     "both": 0.005,
     "agreement": 0.005,
 }
-"""What a seed adds to the rank."""
+"""The number that each seed adds to the rank of its candidate."""
 
 FEATURES = tuple(WEIGHTS)
 
 _BAND = 0.03  # width of the border that is background, relative to the image
 _ROUNDS = 3
-_LEAST_RANGE = 8  # of a channel: images with less have one colour
+_LEAST_RANGE = 8  # of a channel; an image with less counts as one colour
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -90,7 +91,7 @@ class Candidate:
 
 
 def segment(image: np.ndarray) -> Candidate | None:
-    """The object in an image, uint8 [h, w, 3]; None without any candidate.
+    """The object in an image, uint8 [h, w, 3]; None if there is no candidate.
 
     The mask has the size of a copy of the image with at most `FINE_SIDE` pixels per side.
     """
@@ -201,11 +202,11 @@ def _barrier_distance(lab: np.ndarray, rounds: int = 2) -> np.ndarray:
 
 
 def _sweep(planes: list[np.ndarray], lines: range, step: int) -> None:
-    """Continues the paths of each line's neighbour.
+    """Extends the best paths of each line's neighbour to the line.
 
     Args:
-      planes: the values, then distance, smallest and largest value of the best path so far, which
-        are changed.
+      planes: the values; then distance, smallest and largest value of the best path so far, which
+        are updated.
       lines: the lines in order.
       step: offset of the neighbour.
     """
@@ -220,7 +221,7 @@ def _sweep(planes: list[np.ndarray], lines: range, step: int) -> None:
 
 
 def _unlike_border(lab: np.ndarray, clusters: int = 6) -> np.ndarray:
-    """Distance [h, w] from the nearest cluster of the border's colours, in its deviations."""
+    """Distance [h, w] from the nearest cluster of border colours, in standard deviations."""
     height, width = lab.shape[:2]
     wide = max(2, round(0.05 * min(height, width)))
     inner = np.zeros((height, width), np.bool_)
@@ -261,10 +262,7 @@ def _grabcut(image: np.ndarray, labels: np.ndarray, rounds: int) -> np.ndarray |
 
 
 def _main_parts(mask: np.ndarray) -> np.ndarray:
-    """The parts that weigh most, counted more in the middle of the image; small holes are filled.
-
-    Thin links between parts are cut first.
-    """
+    """The largest parts, with small holes filled; pixels in the middle of the image count more."""
     height, width = mask.shape
     rows = np.linspace(-1, 1, height)[:, None]
     columns = np.linspace(-1, 1, width)[None]

@@ -3,14 +3,15 @@
     psgn human --data=RECORDS --cases=16 --out=study
     psgn human score study --workdir=RUN [--workdir=RUN2]
 
-The first command writes a page, `study/index.html`, that is opened in a browser as a file. A person
-models in it what each image shows, of boxes, cylinders, cones, spheres, prisms and extruded
-outlines, and saves all models as `human.json`. The page makes no request and has no true points.
+The first command writes a page, `study/index.html`, which can be opened in a browser as a file.
+There a person models the object of each image from boxes, cylinders, cones, spheres, prisms and
+extruded outlines, and saves all models as `human.json`. The page sends no requests and does not
+contain the true points.
 
 The second command reads `study/human.json` (or `--answers=FILE`) and compares the models with the
 networks: `scores.md` and `scores.json` (CD and EMD of each case), `scores.png` (the paper's figure)
-and `worst.png` (the cases where the person is worst). It needs the extra `experiments`. Exit code:
-0 done, 2 an error, in one line.
+and `worst.png` (the cases with the person's largest errors). It needs the extra `experiments`. Exit
+code: 0 done, 2 an error, in one line.
 """
 
 import pathlib

@@ -61,7 +61,7 @@ class Answer:
       seconds: time that the person spent on it.
       done: whether the person marked it as done.
       turn: direction of the object's x axis about the vertical, degrees. The object's frame is the
-        project's frame, turned by it and moved by (x, y, 0).
+        project's frame, rotated by this angle and moved by (x, y, 0).
       x: see `turn`; unit of the frame.
       y: see `turn`; unit of the frame.
       parts: the primitives; none if the case was not modelled.

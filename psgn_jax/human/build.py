@@ -1,7 +1,7 @@
-"""Builds the page of a study: one HTML file with its modules, its images and cameras.
+"""Builds the page of a study: one HTML file that contains its scripts, images and cameras.
 
-Browsers refuse modules of a page that is opened as a file. Each module therefore becomes a function
-that returns what it exports, in the order of `MODULES`.
+Browsers refuse to load JavaScript modules for a page that is opened as a file. Each module
+therefore becomes a function that returns its exports. The functions are in the order of `MODULES`.
 """
 
 import os
@@ -50,8 +50,8 @@ def build_study(
 ) -> pathlib.Path:
     """Writes the page and `study.json`; returns the page.
 
-    The page has the images and the cameras. It has neither points nor the names and categories of
-    the objects.
+    The page contains the images and the cameras. It contains neither points nor the names and
+    categories of the objects.
 
     Args:
       data: folders of records, separated by commas.
@@ -60,7 +60,7 @@ def build_study(
       cases: number of cases, evenly spaced over the split.
 
     Raises:
-      ConfigError: there are fewer records, or `out` is no folder.
+      ConfigError: the split has fewer records, or `out` is not a folder.
       RecordError: the records cannot be read.
     """
     out = pathlib.Path(out)

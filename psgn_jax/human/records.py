@@ -40,8 +40,8 @@ class StudyFile:
 
     Attributes:
       format: always "psgn human study".
-      version: of the format.
-      id: checksum of the cases, which also is in the page and in the saved models.
+      version: version of the format.
+      id: checksum of the cases, which is also in the page and in the saved models.
       data: folders of records, separated by commas.
       split: split of the records.
       cases: in the order of the page.
@@ -55,7 +55,7 @@ class StudyFile:
     cases: tuple[CaseRecord, ...]
 
     def text(self) -> str:
-        """The file."""
+        """The content of the file."""
         return json.dumps(dataclasses.asdict(self), indent=1) + "\n"
 
 
@@ -88,7 +88,7 @@ def read_study(folder: str | os.PathLike[str]) -> StudyFile:
     """Reads `study.json`.
 
     Raises:
-      ConfigError: it is missing, damaged or not one of `psgn human`.
+      ConfigError: it is missing, damaged or not written by `psgn human`.
     """
     path = pathlib.Path(folder) / STUDY_FILE
     try:

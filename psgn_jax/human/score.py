@@ -1,14 +1,14 @@
 """Compares a person's models with networks: tables and the paper's figure.
 
-Each model and each network gives points, which are compared with the points of the record by the
+The points of each model and of each network are compared with the points of the record by the
 metrics of `metrics.clouds`. The points of a model are uniform on the surface of the union of its
-parts: what is inside other parts, or where parts touch, has no points. Models are not aligned with
-the truth, as in the paper: they are built through the camera of the image, in the frame of the
-record.
+parts: surfaces that are inside other parts, or where parts touch, have no points. As in the paper,
+models are not aligned with the truth: the person builds them in the frame of the record, seen
+through the camera of the image.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Analysis of human ability for single view 3D
-reconstruction". The paper gives 16 cases, 1,024 points and the figure, no numbers; the choice of
-cases, the primitives and the sampling of a union are **ours**.
+reconstruction". The paper uses 16 cases and 1,024 points, and shows the figure without numbers. The
+choice of cases, the primitives and the sampling of a union are **ours**.
 """
 
 import dataclasses
@@ -40,7 +40,7 @@ NUM_POINTS = 1024
 """Points of each model in the paper."""
 
 MAX_NETWORKS = 3
-"""As many colours has the figure, besides the person's."""
+"""The figure has this many colours, besides that of the person."""
 
 PERSON = "person"
 METRICS = {"cd_sq_radius2": "CD squared [radius^2]", "emd_radius": "EMD [radius]"}
@@ -130,8 +130,9 @@ def score(
       answers: a model for each case of the study.
       samples: the record of each case.
       networks: name -> network.
-      num_points: points of a model; the networks must have as many, as the EMD depends on it.
-      seed: of the points on the models.
+      num_points: number of points of a model. The networks must have as many, because the EMD
+        depends on the number.
+      seed: seed of the points on the models.
 
     Raises:
       AnswersError: no case has a model, or a model has no visible surface.
@@ -245,7 +246,7 @@ def table(scored: Sequence[Scored]) -> Lines:
 
 
 def markdown_text(numbers: Mapping[str, Any], scored: Sequence[Scored]) -> str:
-    """The table with what is needed to read it."""
+    """The table and the explanations that are needed to read it."""
     worst = "; ".join(
         f"by {METRICS[metric]}: {', '.join(names)}"
         for metric, names in numbers["worst_of_person"].items()

@@ -103,7 +103,7 @@ def _is_ear(polygon: Polygon, left: Sequence[int], triple: tuple[int, int, int])
 
 
 def cross_section(part: Any) -> list[tuple[float, float]]:
-    """The polygon that a part extrudes, in [-1/2, 1/2] x [-1/2, 1/2]; not of a sphere."""
+    """The polygon that a part extrudes, in [-1/2, 1/2] x [-1/2, 1/2]; not for spheres."""
     if part.kind == "box":
         return [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
     if part.kind == "outline":
@@ -199,7 +199,7 @@ def inside(solid: Solid, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "
 
 
 def _in_polygon(points: Float[np.ndarray, "n 2"], part: Any) -> Bool[np.ndarray, " n"]:
-    """By the number of edges that a ray to the right crosses."""
+    """Which points are inside: those whose ray to the right crosses an odd number of edges."""
     starts = np.array(cross_section(part))
     ends = np.roll(starts, -1, axis=0)
     odd = np.zeros(len(points), bool)
@@ -215,7 +215,7 @@ def _in_polygon(points: Float[np.ndarray, "n 2"], part: Any) -> Bool[np.ndarray,
 
 _NUDGE = 1e-5
 _ROUNDS = 400
-"""Rounds of drawing points: less of the surface visible than 1 in 400 is refused."""
+"""Rounds of drawing points; solids with less than 1/400 of their surface visible are refused."""
 
 
 class HiddenSurfaceError(ValueError):
@@ -225,9 +225,9 @@ class HiddenSurfaceError(ValueError):
 def sample_union(solids: Sequence[Solid], count: int, seed: int) -> Float[np.ndarray, "n 3"]:
     """Points uniform by area on the surface of the union of solids.
 
-    A point of a solid's surface is left out if it is inside another solid, and if it is on a face
-    where two solids touch. Where faces of two solids coincide and have the same outside, the
-    points of the first one count.
+    A point of a solid's surface is left out if it is inside another solid or on a face where two
+    solids touch. Where faces of two solids coincide and point to the same side, only the points of
+    the first solid are kept.
 
     Args:
       solids: at least one.

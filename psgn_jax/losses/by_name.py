@@ -138,7 +138,7 @@ class WeightedSum:
 
 
 def with_terms(loss: Callable[..., Any]) -> Callable[..., tuple[Array, dict[str, Array]]]:
-    """(pred, gt) -> the loss and the values of its terms by name; no values if it is no sum."""
+    """(pred, gt) -> the loss and, if it is a sum, the values of its terms by name."""
     if isinstance(loss, WeightedSum):
         return loss.with_terms
     return lambda pred, gt: (loss(pred, gt), {})

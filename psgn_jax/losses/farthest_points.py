@@ -1,4 +1,4 @@
-"""Farthest point sampling: a well-spread subset of a cloud, chosen greedily.
+"""Farthest point sampling: an evenly spread subset of a cloud, chosen greedily.
 
 Source: Eldar et al., "The Farthest Point Strategy for Progressive Image Sampling", IEEE
 Transactions on Image Processing 1997. The paper uses it to turn volumes into clouds (section 5.2).

@@ -25,7 +25,7 @@ LEAST_SCALE, LARGEST_SCALE = 0.8, 1.25
 
 ITERATIONS = 30
 
-_MOST_POINTS = 1024  # of gt in the iterations, if pred has fewer points; the result uses all
+_MOST_POINTS = 1024  # points of gt in the iterations, if pred has fewer; the result uses all
 
 
 class Alignment(NamedTuple):

@@ -5,8 +5,8 @@ predictions of one image are in `metrics.samples`.
 
 `pred` [n, 3] and `gt` [m, 3], n, m >= 1, in one frame. Distances are in the unit of the
 coordinates; in the project's frame that is the radius of the object's bounding hemisphere (the
-suffix `_radius` only names this unit; values are not converted). All of them raise `ValueError` as
-`losses.nearest_both` does; callers batch with `losses.map_pairs`.
+suffix `_radius` only names this unit; values are not converted). All functions raise `ValueError`
+for the same reasons as `losses.nearest_both`. Batch them with `losses.map_pairs`.
 """
 
 from typing import NamedTuple
@@ -67,7 +67,7 @@ def _fscore(to_gt: Nearest, to_pred: Nearest, threshold: float | Array) -> FScor
     limit_sq = jnp.square(jnp.asarray(threshold, to_gt.distance_sq.dtype))
 
     def share(distance_sq: Array) -> Array:
-        # A comparison turns NaN into "too far": a silent number. Let it through instead.
+        # A comparison would count NaN as "too far" without notice. Return NaN instead.
         near = (distance_sq <= limit_sq).astype(distance_sq.dtype)
         return jnp.where(jnp.isnan(distance_sq), distance_sq, near).mean()
 
@@ -101,7 +101,8 @@ def fscore(
       threshold: in the unit of the coordinates, > 0.
 
     Raises:
-      ValueError: a plain-number threshold that is not > 0; else as `losses.nearest_both`.
+      ValueError: a threshold (as a plain number) is not > 0, or the errors of
+        `losses.nearest_both`.
     """
     if isinstance(threshold, int | float) and not 0 < threshold < float("inf"):
         raise ValueError(f"threshold: got {threshold}, expected a finite distance > 0")
@@ -127,7 +128,7 @@ def emd(
     `gap` >= (emd - optimum) / optimum, at most `tolerance` unless the budget ran out.
 
     Raises:
-      ValueError: pred has more points than gt; else as `losses.assign`.
+      ValueError: pred has more points than gt, or the errors of `losses.assign`.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     if len(pred) > len(gt):
@@ -212,7 +213,7 @@ def evaluate_pair(
       hemisphere.
 
     Raises:
-      ValueError: as `fscore`, and as `emd`.
+      ValueError: the errors of `fscore` and `emd`.
     """
     if isinstance(threshold, int | float) and not 0 < threshold < float("inf"):
         raise ValueError(f"threshold: got {threshold}, expected a finite distance > 0")

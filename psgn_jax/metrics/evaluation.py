@@ -1,6 +1,6 @@
 """Metrics of every sample of a split, and their averages.
 
-Two averages are given and named: over samples, and over categories (each category counts the same).
+There are two averages: over samples, and over categories (each category has the same weight).
 """
 
 import dataclasses
@@ -42,8 +42,8 @@ class Evaluation:
       num_points: points of a prediction, points of a truth; most metrics depend on both.
       visible_tolerance: what "visible" means, see `data.visibility`; unit.
       note: text below the table, in place of the default text about points; "" = default text.
-      frame: "place" where images were placed by the rule of `data.framing` and the true points
-        moved along; "keep" as framed.
+      frame: "place" if images were placed by the rule of `data.framing` and the true points were
+        moved with them; "keep" if not.
       chosen: values that were chosen on a split and are used in the evaluation, such as thresholds.
     """
 

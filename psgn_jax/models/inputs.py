@@ -33,8 +33,8 @@ def stack_channels(
     - "depth", two channels. The first is `distance - z`: how much nearer the surface is than the
       frame's origin, in units. It is in [-1, 1] on the object, because the unit is the bounding
       radius; it is not clipped. The second is 1 where depth was measured. Both are 0 on the
-      background and in holes of the sensor (z <= 0 or not finite). The mask tells a hole from the
-      background; the second channel tells it from a surface at the depth of the origin.
+      background and in holes of the sensor (z <= 0 or not finite). The mask distinguishes a hole
+      from the background; the second channel distinguishes it from a surface at the origin's depth.
 
     Args:
       image: RGB.

@@ -80,7 +80,7 @@ def _packed(folder: pathlib.Path) -> pathlib.Path:
 
 
 def _read(path: pathlib.Path) -> dict[str, bytes]:
-    """Those of the files that exist in a folder (or its `dist`) or in an archive."""
+    """The files that exist in a folder (or its `dist`) or in an archive."""
     if path.is_dir():
         folder = path / "dist" if (path / "dist").is_dir() else path
         return {name: (folder / name).read_bytes() for name in FILES if (folder / name).is_file()}

@@ -12,7 +12,7 @@ from psgn_jax.training.run_folder import Run
 
 STATIC = pathlib.Path(__file__).resolve().parent / "static"
 LARGEST = 30_000_000
-"""Bytes that a page should have at most, so that it opens on a phone."""
+"""Bytes; a larger page may not open well on a phone, and a warning is logged."""
 
 _LICENCE = f"""ONNX Runtime Web {VERSION}, MIT License
 

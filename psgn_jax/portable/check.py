@@ -1,4 +1,4 @@
-"""Measures files for other programs against JAX, on images of records or on drawn silhouettes."""
+"""Compares exported files with JAX, on images of records or on drawn silhouettes."""
 
 import dataclasses
 import os

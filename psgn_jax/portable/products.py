@@ -1,4 +1,4 @@
-"""Products of matrices, convolutions and pooling of JAX in ONNX."""
+"""JAX's matrix products, convolutions and pooling in ONNX."""
 
 import math
 import string

@@ -11,7 +11,7 @@ from psgn_jax.config import ConfigError
 
 def require_packages() -> None:
     """Raises `ConfigError` where the packages of the extra `export` are missing."""
-    names = ("onnx", "onnxruntime", "flatbuffers")  # the last one: of jax.export
+    names = ("onnx", "onnxruntime", "flatbuffers")  # jax.export needs flatbuffers
     missing = [name for name in names if importlib.util.find_spec(name) is None]
     if missing:
         raise ConfigError(f"{', '.join(missing)}: not installed; pip install 'psgn-jax[export]'")
@@ -38,7 +38,7 @@ class Session:
             self._session = onnxruntime.InferenceSession(
                 model, options, providers=["CPUExecutionProvider"]
             )
-        except Exception as error:  # of its own classes, which it does not export
+        except Exception as error:  # onnxruntime does not export its error classes
             raise ValueError(f"no ONNX graph that runs: {str(error)[:200]}") from None
 
     def __call__(self, arrays: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -208,7 +208,7 @@ class Demo:
 
     @contextlib.contextmanager
     def _room_for(self, path: str) -> Iterator[None]:
-        """Waits until there is room to read a photo; gives the memory back afterwards.
+        """Waits until there is memory for reading a photo; frees the memory afterwards.
 
         Raises:
           PhotoError: the photo is too large, cannot be read, or too many large ones wait.

@@ -188,7 +188,7 @@ def _is_count(text: str, most: int) -> bool:
 
 
 def _bounded(receive: _Receive) -> _Receive:
-    """`receive`, until a body without a stated length is too long."""
+    """`receive`, which disconnects when a body without a stated length is too long."""
     read = 0
 
     async def bounded() -> _Message:

@@ -91,7 +91,7 @@ def write_pages(
     template = _TEMPLATE.read_text(encoding="utf-8")
     pages: dict[str, pathlib.Path] = {}
     with contextlib.ExitStack() as stack:
-        # Pages name each other, so none can be written before it is known how many there are.
+        # Pages link to each other, so their number must be known before the first is written.
         groups: list[IO[str]] = []
         size = 0
         for case in cases:
@@ -125,7 +125,7 @@ def write_pages(
 
 
 def _temporary_text(folder: pathlib.Path) -> IO[str]:
-    """A file without a name, which ends with the process."""
+    """A file without a name, which is removed when the process ends."""
     folder.mkdir(parents=True, exist_ok=True)
     return tempfile.TemporaryFile("w+", encoding="utf-8", newline="", dir=folder)
 

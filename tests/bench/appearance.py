@@ -1,21 +1,22 @@
-"""What the pixels of objects look like: fine detail, hues, saturation, brightness.
+"""Statistics of the pixels of objects: fine detail, hues, saturation, brightness.
 
     python -m psgn_jax.convert authors BATCHES AUTHORS
     python data_gen/render.py --catalogue=procedural --source=16 --out=RENDERED --config.views=1
     python tests/bench/appearance.py AUTHORS RENDERED [--split train] [--limit 400]
 
-Prints a column for each folder of records, the first being what the others are compared with. All
-figures are means over images of shares of an image's object pixels, the mask eroded by 2 pixels so
-that the outline does not count.
+Prints a column for each folder of records; the others are compared with the first one. Each figure
+is a share of the object's pixels, averaged over images. The mask is eroded by 2 pixels, so that the
+outline does not count.
 
 Fine detail: the share of pixels where the Laplacian of the luminance (.299 R + .587 G + .114 B, 0
-to 255, four neighbours) is above 15 in absolute value. Flat and smoothly shaded surfaces are far
-below, texture, seams, small parts and hard edges above. Of the authors' images it is .335.
+to 255, four neighbours) is above 15 in absolute value. It is far smaller on flat and smoothly
+shaded surfaces, and larger at texture, seams, small parts and hard edges. The share is .335 for the
+authors' images.
 
-Hue: the share of pixels in each twelfth of the colour circle among all object pixels, those with a
-saturation of at least .2 and a value of at least .15 (HSV); the rest counts as grey. Purple: hues
-of 270 to 330 degrees. Distance: half the sum of absolute differences from the first folder's
-histogram, 0 = equal, 1 = nothing in common; for saturation and value it is taken over ten bins.
+Hue: the share of all object pixels in each twelfth of the colour circle. Only pixels with a
+saturation of at least .2 and a value of at least .15 (HSV) have a hue; the others count as grey.
+Purple: hues of 270 to 330 degrees. Distance: half the sum of absolute differences from the
+histogram of the first folder, 0 = equal, 1 = nothing in common; saturation and value have ten bins.
 """
 
 import argparse

@@ -2,9 +2,9 @@
 
     python tests/bench/convolution3d.py [--batch 2]
 
-CPU seconds of the process, the least of three calls, value alone and value with both gradients;
-`lax` is `conv_general_dilated`, `ours` what the package uses, `outputs` the same with the three
-depths in the output channels.
+Prints CPU seconds of the process (the least of three calls), for the value alone and for the value
+with both gradients. `lax` is `conv_general_dilated`, `ours` is what the package uses, and `outputs`
+is the same with the three depths in the output channels.
 """
 
 import argparse

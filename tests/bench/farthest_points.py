@@ -2,10 +2,10 @@
 
     python tests/bench/farthest_points.py [--batch 32] [--rounds 3]
 
-Rows alternate in one run. `naive` is the loop as people write it, `tuned` one with separate
-coordinates and no allocation. Seconds are the CPU seconds of the process for the whole batch (the
-NumPy loops are timed on `--loops` clouds and multiplied), which other programs disturb less than
-the wall clock; ours uses both cores, so its wall clock is the shorter one still.
+Rows alternate in one run. `naive` is the straightforward loop, `tuned` a loop with separate
+coordinates and no allocation. Seconds are the CPU seconds of the process for the whole batch, which
+other programs affect less than the wall clock. The NumPy loops are timed on `--loops` clouds and
+extrapolated. Ours uses several cores, so its wall-clock time is shorter.
 """
 
 import argparse

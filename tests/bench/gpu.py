@@ -1,21 +1,21 @@
-"""Everything that is to be known of a GPU, in parts of at most 8 minutes, in one table.
+"""All measurements on a GPU, in parts of at most 8 minutes, in one table.
 
-    python tests/bench/gpu.py                     # all parts, in the order of their worth
-    python tests/bench/gpu.py --parts a b         # some
-    python tests/bench/gpu.py --tiny              # every part on a CPU, to know that it runs
+    python tests/bench/gpu.py                     # all parts, the most important first
+    python tests/bench/gpu.py --parts a b         # some parts
+    python tests/bench/gpu.py --tiny              # every part on a CPU, to test that it runs
 
 a  device, versions, the test suite on CUDA
-b  kernels of the losses against the plain path: right, and how fast
+b  kernels of the losses against the plain path: correctness and speed
 c  training steps of the three networks: float32, TF32 and bfloat16, batches of 32 to 256
-f  a training that goes on where the last call left it; writes its weights and its log
+f  a training that resumes where the last call stopped; writes its weights and its log
 d  the host's loader against data on the device
 e  memory of the training steps
 
-Each part runs in a process of its own, is ended after --limit seconds, and writes each figure as
-soon as it has it to WORK/rows.jsonl, which later calls add to. All figures so far are written as a
-Markdown table to OUT/gpu.md. The table also names what a part had no time for: call the part again
-(compiled programs are kept), or narrow c and e down with --networks and --batches. --data names a
-folder of records; without it, samples are drawn.
+Each part runs in a separate process, which is ended after --limit seconds. It appends each figure
+to WORK/rows.jsonl as soon as it is measured; later calls append to the same file. All figures so
+far are written as a Markdown table to OUT/gpu.md. The table also lists measurements for which there
+was no time: run the part again (compiled programs are kept), or restrict c and e with --networks
+and --batches. --data names a folder of records; without it, synthetic samples are used.
 """
 
 import argparse

@@ -2,15 +2,16 @@
 
     python tests/bench/kernels.py [--pairs 32] [--sizes 1024x16384] [--emd_sizes 1024 4096]
 
-Wall-clock milliseconds a batch under `jax.vmap`, the least of several calls, compilation apart
-(its seconds are a column: an unusable kernel shows there). The floor of the Chamfer distance is
-what its arithmetic takes at least: every distance once, in 8 instructions a lane (3 differences,
-a product, 2 fused multiply-adds, a minimum for each direction), on all lanes at the highest clock;
-`nvidia-smi` is asked for that clock. Clouds: near = two noisy subsets of one surface, far = of
-two, init = predictions within 1e-3 of the origin, grid = far, rounded to a lattice.
+Prints wall-clock milliseconds per batch under `jax.vmap`, the least of several calls, without
+compilation. A separate column has the seconds of compilation, which show an unusable kernel. The
+floor of the Chamfer distance is the lower bound of its arithmetic: every distance once, in 8
+instructions per lane (3 differences, a product, 2 fused multiply-adds, a minimum for each
+direction), on all lanes at the highest clock, which `nvidia-smi` reports. Clouds: near = two noisy
+subsets of one surface, far = subsets of two surfaces, init = predictions within 1e-3 of the origin,
+grid = far, rounded to a lattice.
 
-Without a GPU it says so and ends; `--interpret` then runs the kernels as plain JAX to try the
-command itself (its times mean nothing).
+Without a GPU the command ends with a message. With `--interpret` it runs the kernels as plain JAX,
+to test the command itself (the times have no meaning).
 """
 
 import argparse

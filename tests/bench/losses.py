@@ -1,25 +1,25 @@
-"""Times the Chamfer and the earth mover's distance beside the ways people compute them.
+"""Times the Chamfer and the earth mover's distance, and other implementations of them.
 
     python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32] [--only cd emd]
         [--sizes 1024x1024 ..] [--emd_sizes 1024 ..] [--emd_kinds near far init dup grid]
 
-All rows see the same clouds in the same run. `cKDTree` is scipy's, both directions, forward only,
+All rows use the same clouds in the same run. `cKDTree` is scipy's, both directions, forward only,
 one thread; every time is also given as a ratio to it. Seconds are the CPU seconds of the process
-(the least of several calls), which other programs on the machine disturb less than the wall
-clock; pin the run to one core (`taskset -c 0`) and both are the same thing. Rows that run on a
-GPU (ours, ott and torch, where they see one) are measured by the wall clock. Memory is what XLA
-reserves beyond arguments and results; for peers that do not tell, what their arrays take (the tree
-and its answers, matrices, plans), marked with ~.
+(the least of several calls), which other programs on the machine affect less than the wall clock;
+on one core (`taskset -c 0`) both are nearly equal. Rows that run on a GPU (ours, ott and torch, if
+they find one) are measured by the wall clock. Memory is what XLA reserves beyond arguments and
+results. For libraries that do not report it, it is the size of their arrays (the tree and its
+results, matrices, plans), marked with ~.
 
 Kinds: near = two disjoint subsets of one cloud, far = clouds of two objects, init = all predictions
 within 1e-3 of the origin, dup = far with eight copies of every point on average, grid = far on a
 lattice of step 1/8 (ties).
 
-The table of the EMD: the truth is scipy's `linear_sum_assignment`; its time is without the building
-of the cost matrices, which `cdist` and `torch.cdist` (forward, and with the gradient of their sum)
-show: that is all torch has of an EMD. Errors are (sum of distances found) / optimum - 1, for
-Sinkhorn that of its transport plan. Peers that are not installed are left out with a line that says
-so. `--emd_pairs` of the pairs are used for peers (they are slow).
+The table of the EMD: the optimum is that of scipy's `linear_sum_assignment`. Its time does not
+include the cost matrices, whose time is shown by `cdist` and `torch.cdist` (forward, and with the
+gradient of their sum); torch has no EMD. Errors are (sum of distances) / optimum - 1, for Sinkhorn
+with the cost of its transport plan. Libraries that are not installed are left out with a message.
+Because the other libraries are slow, they are measured on `--emd_pairs` of the pairs.
 """
 
 import argparse

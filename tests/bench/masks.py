@@ -15,10 +15,10 @@ network was trained on) are put in front of backgrounds of three kinds, in turn:
 Objects take 30 to 80 % of the image in one direction and do not touch its border. Edges, exposure,
 blur, noise and JPEG quality vary. The same seed gives the same images. Prints, for each kind, the
 mean and median IoU with the true mask, the share of images below .5, and the processor's
-milliseconds per image; then how often the method was in doubt, and the IoU with and without.
+milliseconds per image; then how often the method warned, and the IoU with and without a warning.
 
-`--fit` prints the least-squares weights of `segmentation.WEIGHTS`; it uses the training split and
-half of the photographs, so that the figures above, on the other half, stay fair.
+`--fit` prints the least-squares weights of `segmentation.WEIGHTS`. It uses the training split and
+half of the photographs; the figures above are measured on the other half.
 """
 
 import argparse

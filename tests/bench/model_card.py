@@ -5,12 +5,12 @@
 
 Every `--data` is a folder of records, with the split after a colon (default: validation). Each is
 evaluated as framed and placed (`psgn evaluate --frame=place`): metrics over all samples, by
-category where the records have some, and by elevation of the camera. Of the first one, a sheet of
-the first `--cases` cases is drawn in the order of the records, for each frame.
+category if the records have categories, and by elevation of the camera. For each frame, a sheet
+shows the first `--cases` cases of the first folder, in the order of the records.
 
-Takes the text of docs/model_card.md, replaces what stands between `<!-- begin NAME -->` and
-`<!-- end NAME -->` (weights, sources, figures), and writes it with the sheets into `--out`. A sheet
-has at most 400 kB.
+The command replaces the text between `<!-- begin NAME -->` and `<!-- end NAME -->` (weights,
+sources, figures) of docs/model_card.md, and writes it with the sheets into `--out`. A sheet has at
+most 400 kB.
 """
 
 import argparse

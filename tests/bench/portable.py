@@ -2,9 +2,9 @@
 
     python tests/bench/portable.py --workdir=RUN [--threads=2]
 
-Each is called with one image at a time, in turns. Prints milliseconds of wall time (the median and
-the fastest) and of CPU time for each, and the largest difference of a coordinate. JAX's thread pool
-has the size of the machine; run it under `taskset` for fewer.
+Each is called with one image at a time, in turns. Prints milliseconds of wall-clock time (the
+median and the fastest) and of CPU time for each, and the largest difference of a coordinate. JAX
+uses one thread per core of the machine; to use fewer, run the command under `taskset`.
 """
 
 import statistics

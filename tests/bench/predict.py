@@ -3,10 +3,10 @@
     python tests/bench/predict.py                        # the full network, untrained
     python tests/bench/predict.py --workdir runs/mine    # a trained one
 
-Makes a run of the full network where none is named, then starts the command twice: once with an
-empty folder of compiled networks, once with what that left. Prints seconds of wall clock and of
-processor from the shell to the end for one image, and the milliseconds of each further image
-(read, mask, place, network, colours, files) with the median of each part.
+Makes a run of the full network if none is named, then starts the command twice: first with an empty
+compilation cache, then with the programs that the first call compiled. Prints the wall-clock and
+CPU seconds of the whole command for one image, and the milliseconds of each further image (read,
+mask, place, network, colours, files) with the median of each part.
 """
 
 import json

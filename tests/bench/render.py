@@ -3,10 +3,10 @@
     python tests/bench/render.py [--catalogue procedural] [--source 4] [--models 30] [--views 4]
                                  [--variant auto]
 
-Renders models spread over a catalogue in this process, one thread, all included: reading the mesh,
-points, pictures, checks, occupancy, encoding. Prints images per second of wall time and of
-processor time (the figure per core on a busy machine), the parts of an image's time, the slowest
-models, and the peak memory of the process.
+Renders models spread over a catalogue in this process, with one thread. All steps are included:
+reading the mesh, points, pictures, checks, occupancy, encoding. Prints images per second of
+wall-clock time and of CPU time (the figure per core on a busy machine), the time of each step, the
+slowest models, and the peak memory of the process.
 """
 
 import argparse

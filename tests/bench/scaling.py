@@ -1,4 +1,4 @@
-"""What a training and its data take on so many accelerators: the tables of docs/scaling.md.
+"""Estimates of the hardware that large trainings and their data need, for docs/scaling.md.
 
     python tests/bench/scaling.py [--step_ms 6] [--models 50000] [--views 24] [--gpus 1 8 64]
 

@@ -1,16 +1,16 @@
-"""How much the shapes of procedural models differ from each other, beside the authors' models.
+"""How much procedural models differ from each other, compared with the authors' models.
 
     python tests/bench/shapes.py BATCHES [--categories car,plane] [--models 12] [--first_seed 0]
 
 BATCHES is the folder of the authors' published batches. The distance of two models is the CD-L1
 (half the sum of both mean nearest-neighbour distances) of 1,536 surface points each, at the best
 rotation about z; both are in units of their bounding hemisphere's radius. A model's *isolation* is
-its distance to the nearest other one of a group of 12, less the distance of two draws of points of
-the same model. The table has the mean isolation of our models over that of the authors' models of
-the category: 1 = as different from each other as theirs.
+its distance to the nearest other one of a group of 12, minus the distance between two samples of
+points of the same model. The table gives the mean isolation of our models divided by that of the
+authors' models of the category: 1 = as different from each other as theirs.
 
-The categories of the authors' models were read off their images; the numbers below are positions in
-their files (32 * file + place in the file).
+The categories of the authors' models were determined from their images; the numbers below are
+positions in their files (32 * file + position in the file).
 """
 
 import argparse

@@ -1,8 +1,8 @@
 """Time of a training step of the two-branch network on a CPU, against PyTorch.
 
-One step = forward and backward with respect to all parameters; the loss is a fixed linear
-function of the points, which costs nothing. Each competitor lives in a process of its own (so that
-its peak memory is its own) and they take turns, so that what else the machine does hits all alike.
+One step is forward and backward with respect to all parameters; the loss is a fixed linear function
+of the points, whose cost is negligible. Each implementation runs in a separate process, so that its
+peak memory can be measured. They take turns, so that other work on the machine affects all alike.
 
     python tests/bench/step.py                  # the full network, batch 32
     python tests/bench/step.py --small          # the half-size network of configs/authors_small.py

@@ -1,7 +1,7 @@
-"""The two-branch network in PyTorch, layer for layer: what `step.py` compares with.
+"""The two-branch network in PyTorch, layer for layer, for comparison in `step.py`.
 
-Not used by the package. Symmetric padding where TensorFlow's SAME pads one side: the same number of
-operations, in the form that PyTorch is fastest at.
+The package does not use it. Padding is symmetric where TensorFlow's SAME pads one side: the number
+of operations is the same, and PyTorch is fastest in this form.
 """
 
 import itertools

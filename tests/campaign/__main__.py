@@ -1,9 +1,9 @@
 """The reliability campaign: `python -m tests.campaign --seed=0 --minutes=60 [--part=NAME]`.
 
-Tries to break the commands as power cuts, batch systems, full disks and strangers' files do, and
-counts how often they held. The time is divided equally among the parts. Writes `<part>.json` for
-each part and `table.md` into `--out` (default: campaign-<seed>, which must not exist). A failure is
-tried again with the same seed. The exit code is 1 if something did not hold.
+Tests the commands under kills, full disks, damage and untrusted files, and counts how often they
+behaved as promised ("held"). The time is divided equally among the parts. Writes `<part>.json` for
+each part and `table.md` into `--out` (default: campaign-<seed>, which must not exist). The same
+seed repeats a failure. The exit code is 1 if something did not hold.
 """
 
 import argparse

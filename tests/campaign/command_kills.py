@@ -1,7 +1,7 @@
 """Kills of fine-tuning, prediction, evaluation and studies, at random moments.
 
-The same command, started again, ends with what an undisturbed one ends with: the same bits of
-parameters, the same clouds, the same tables.
+The same command, started again, gives the results of an undisturbed one: bit-identical parameters,
+the same clouds and the same tables.
 """
 
 import json

@@ -1,7 +1,7 @@
 """Writes a checkpoint, a result or a data set while file operations fail (see `faults.c`).
 
-Reads trials from stdin, a JSON object a line, and answers each with one on stdout. A trial is a
-process of its own, forked from this one, so that only the first one waits for the imports.
+Reads trials from stdin, one JSON object per line, and answers each with a JSON object on stdout.
+Each trial runs in a process that is forked from this one, so that modules are imported only once.
 """
 
 import contextlib
@@ -40,7 +40,7 @@ def checkpoint(folder, step):
     """Saves the checkpoint of a step with its score and its line of metrics, as a training does."""
     with locked(folder), contextlib.closing(MetricsWriter(folder, step - 1)) as writer:
         checkpoints = Checkpoints(folder / "checkpoints")
-        if step not in checkpoints.steps():  # as a training that goes on from there
+        if step not in checkpoints.steps():  # like a training that resumes there
             checkpoints.save(step, leaves(step), {})
             checkpoints.wait()
         writer.scalars(step, "eval", {"cd_sq_radius2": 1 / step})
@@ -82,7 +82,7 @@ WRITERS = {"checkpoint": checkpoint, "result": result, "records": records, "mani
 
 
 def run(trial, faults, answer):
-    """In a process of its own: runs a writer; the number of operations goes to the pipe."""
+    """In a forked process: runs a writer, then writes the number of operations to the pipe."""
     signal.alarm(SECONDS)
     log = os.open(trial["log"], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(log, 1)

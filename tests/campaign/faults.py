@@ -1,8 +1,9 @@
 """Faults at every file operation of a checkpoint, a result, a data set and a manifest.
 
-Each operation fails in turn: with EIO, for want of room from there on, by half a write, and by the
-end of the process after it. What had been finished before must still be there, bit by bit; what is
-there afterwards must be right; and the same command must then come to its end.
+Each operation fails in turn: with EIO, with a disk that is full from then on, with an incomplete
+write, and with the end of the process after it. Everything that was finished before must still be
+there, bit by bit. Everything that is there afterwards must be correct. The same command must then
+succeed.
 """
 
 import contextlib
@@ -84,13 +85,13 @@ def check_result(folder: pathlib.Path, done: int) -> str:
 
 
 def check_records(folder: pathlib.Path, done: int) -> str:
-    """What is wrong with a data set that is being replaced: it is whole, or refused."""
+    """What is wrong with a data set that is being replaced: it must be complete or refused."""
     try:
         reader = RecordReader(folder / "records", "train")
         reader.verify()
         list(reader)
     except RecordError as error:
-        # While it is replaced it is no data set; with a shard of each it must not be taken for one.
+        # While it is replaced, it may contain a shard of each data set, and must be refused.
         return "" if done == 1 else f"the finished data set is refused: {error}"
     return ""
 
@@ -120,7 +121,7 @@ def _trial(
     shutil.copytree(base, folder)
     code, _, text = server.run(writer, folder, 2, kind, error, at)
     where = f"{writer}, {name} at operation {at}: "
-    # Tensorstore takes half a write for a full disk.
+    # Tensorstore treats an incomplete write as a full disk.
     expected = {"EIO": {0, 2}, "no room": {0, 5}, "short write": {0, 5}, "kill": {-9, 0}}[name]
     if code not in expected:
         return f"{where}exit code {code}: {text[-600:]}"

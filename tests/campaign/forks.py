@@ -1,7 +1,7 @@
 """Starts commands quickly: forks them from a process that has imported what they import.
 
-A command that is started here skips its imports, which take most of the time of a small one. In
-everything else it is a process like any other: it leads its own process group, runs the module as
+A command that is started here skips its imports, which take most of the time of a small command. In
+all other respects it is an ordinary process: it leads its own process group, runs the module as
 `python -m` does, and Python ends it as usual.
 """
 
@@ -24,7 +24,7 @@ TRAINING = (
     "absl.app", "ml_collections.config_flags", "tensorboardX", "jax", "grain", "orbax.checkpoint",
     "psgn_jax.training.loop", "psgn_jax.default_data", "psgn_jax.training.processes",
 )  # fmt: skip
-"""What a training imports, with or without delay."""
+"""Modules that a training imports, at its start or later."""
 
 
 class Forked:
@@ -87,7 +87,7 @@ class Forks(contextlib.AbstractContextManager["Forks"]):
 
     @contextlib.contextmanager
     def started(self, command: Sequence[str], log: pathlib.Path) -> Iterator[Forked]:
-        """Runs `python COMMAND`; nothing of its group lives on after the block."""
+        """Runs `python COMMAND`; no process of its group is left after the block."""
         pid = self.ask({"command": list(map(str, command)), "log": str(log)})
         process = Forked(self, pid)
         try:
@@ -137,7 +137,7 @@ def _serve() -> list[str] | None:
 
 def main() -> None:
     """Imports, then serves."""
-    # What is printed must not get between the answers.
+    # Printed text must not be mixed with the answers.
     answers = os.dup(1)
     os.dup2(2, 1)
     sys.modules["torch"] = None  # type: ignore[assignment]  # tensorboardX would import it

@@ -67,7 +67,7 @@ def parts() -> dict[str, Part]:
 def run_part(name: str, part: Part, seed: int, minutes: float, folder: pathlib.Path) -> str:
     """Runs one part, writes `<name>.json` into `folder` and returns its rows of the table.
 
-    A part that raises has not held: the error is a finding like any other.
+    If a part raises an exception, the exception is a finding that did not hold.
     """
     own = folder / name
     own.mkdir(parents=True)
@@ -127,7 +127,7 @@ def started(
 ) -> Iterator[subprocess.Popen[bytes]]:
     """Runs `python COMMAND` as the leader of a process group of its own, its output in `log`.
 
-    Nothing of it lives on after the block.
+    No process of the group is left after the block.
     """
     with open(log, "ab") as file:
         process = subprocess.Popen(

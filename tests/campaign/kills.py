@@ -1,4 +1,4 @@
-"""Kills of any command that is to end with the same files whenever it is started again."""
+"""Kills of a command at random moments; started again, it must end with the same files."""
 
 import contextlib
 import dataclasses
@@ -16,7 +16,7 @@ from campaign import frame
 from campaign.forks import Forks
 
 SECONDS = 120
-"""How long processes may take to end; a second is enough, unless the machine is busy."""
+"""How long processes may take to end; one second is enough, unless the machine is busy."""
 
 SENDERS: Mapping[str, Callable[[int, int], None]] = {
     "SIGKILL of the process": os.kill,
@@ -92,7 +92,7 @@ class Killer:
             self.ends.add(f"without a kill, the second time: {wrong}")
 
     def try_once(self) -> None:
-        """Kills a run some times, lets it end, and compares its results."""
+        """Kills a run several times, lets it end, and compares its results."""
         number = self.ends.tried + 1
         out = self._folder / str(number)
         command = self._command.filled(out)
@@ -138,7 +138,7 @@ class Killer:
 
 
 def left_in_memory(mapped: set[str]) -> str:
-    """What is left of files in /dev/shm some time after the last process."""
+    """Files that are left in /dev/shm some time after the end of the last process."""
     paths = [pathlib.Path("/dev/shm", name) for name in mapped]
     if processes.wait_until(lambda: not any(path.exists() for path in paths), SECONDS):
         return ""

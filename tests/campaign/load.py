@@ -7,12 +7,12 @@ MOST_GROWTH = 200_000_000
 
 
 def scaled(deadline_in: float, each: float, least: int, most: int) -> int:
-    """As many things as there is time for, with `each` seconds for one."""
+    """The number of items that the time allows, with `each` seconds for one."""
     return int(min(most, max(least, deadline_in / each)))
 
 
 def wrong(small: frame.Ended, whole: frame.Ended, code: int = 0) -> str:
-    """What does not hold of a command under load, beside the same command without."""
+    """What did not hold for a command under load, compared with a run under a small load."""
     for ended in (small, whole):
         if ended.code != code or "Traceback" in ended.text:
             return f"exit code {ended.code}: {ended.text[-1000:]}"

@@ -1,7 +1,7 @@
 """Fifty users of the demo at the same time, some of them hostile; on this machine only.
 
-Every answer is a result or a line of error; a page comes within `SLOW` seconds while others
-predict; the memory of the server is bounded; it prints no traceback and ends with Ctrl-C.
+Every answer is a result or an error of one line. A page is served within `SLOW` seconds while
+others predict. The memory of the server is bounded; it prints no traceback and ends with Ctrl-C.
 """
 
 import collections
@@ -150,7 +150,7 @@ class _Crowd:
         headers = {"Content-Type": "application/json"}
         data = json.dumps(question).encode()
         status, text = self._ask("POST", "/gradio_api/queue/join", data, headers)
-        if status == 503:  # the queue is full, and says so
+        if status == 503:  # the server reports that the queue is full
             return ""
         if status != 200:
             return f"join: status {status} {text[:200]!r}"

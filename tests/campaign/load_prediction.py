@@ -1,4 +1,4 @@
-"""A batch of 10,000 images for one prediction: each comes out, memory is bounded."""
+"""A prediction of 10,000 images: each intact image is predicted, and memory is bounded."""
 
 import pathlib
 import random

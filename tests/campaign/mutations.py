@@ -1,8 +1,8 @@
 """Mutated inputs: meshes, images, records, manifests, weights and files of predictions.
 
-Each input is a good one of which some bytes, words or fields are changed. Reading it must end
-within 20 seconds and within `MOST_MEMORY` in a result that is right or an error that the reader
-names in its docstring; never in another exception.
+Each input is a valid one in which some bytes, words or fields are changed. Reading it must, within
+20 seconds and `MOST_MEMORY`, give a correct result or an error that the docstring of the reader
+names; never another exception.
 """
 
 import contextlib
@@ -37,7 +37,7 @@ from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
 
 SECONDS = 20
 MOST = 2000
-"""Inputs of one kind in a part, so that quick kinds leave their time to slow ones."""
+"""Most inputs of one kind in a part, so that quick kinds leave time for slow ones."""
 MOST_MEMORY = 2 << 30
 """Growth of this process's largest resident memory over one input, bytes."""
 
@@ -89,7 +89,7 @@ def attempt(read: Callable[[], str], accepted: type[Exception], name: str) -> st
 
 
 def mutated(rng: random.Random, data: bytes) -> bytes:
-    """Some bytes or words of a file changed, removed, doubled or put elsewhere."""
+    """Some bytes or words of a file changed, removed, repeated or moved."""
     out = bytearray(data)
     for _ in range(rng.choice((1, 1, 2, 5, 20))):
         at = rng.randrange(len(out) + 1)

@@ -94,7 +94,7 @@ def codec(rng: np.random.Generator) -> None:
 
 
 def lattice(rng: np.random.Generator) -> None:
-    """Points of a lattice keep half a step on each axis."""
+    """The error of points on a lattice is at most half a step on each axis."""
     points = rng.normal(size=(int(rng.integers(1, 300)), 3)) * 10 ** rng.uniform(-6, 3, 3)
     bits = int(rng.integers(1, 17))
     step = np.ptp(points, axis=0) / (2**bits - 1)
@@ -103,7 +103,7 @@ def lattice(rng: np.random.Generator) -> None:
 
 
 def depth(rng: np.random.Generator) -> None:
-    """Depth keeps 1/131070 of its range, and where there is none."""
+    """The error of depth is at most 1/131070 of its range; pixels without depth are kept."""
     values = np.where(rng.random(SIZE) < 0.5, rng.uniform(0.01, 50, SIZE), 0).astype(np.float32)
     back = depth_codes_of(values).depth()
     np.testing.assert_array_equal(back > 0, values > 0)
@@ -149,7 +149,7 @@ def moves(rng: np.random.Generator) -> None:
 
 
 def normal_form(rng: np.random.Generator) -> None:
-    """Clouds in normal form stand on the ground with radius 1, and come back."""
+    """Clouds in normal form stand on the ground with radius 1 and can be converted back."""
     points = rng.normal(size=(2, 30, 3)) * 10 ** rng.uniform(-3, 3) + rng.normal(size=3)
     scale, shift = framing.normal_form(points)
     normal = (points - shift) / scale

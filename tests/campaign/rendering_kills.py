@@ -12,7 +12,7 @@ IMPORTS = ("absl.app", "ml_collections.config_flags", "trimesh", "data_gen.job",
 
 
 def contents(out: pathlib.Path) -> dict[str, bytes]:
-    """Every file; the report holds times, therefore only its name counts."""
+    """Every file; of the report only the name, because it contains times."""
     return {n: b"" if n == "models.jsonl" else c for n, c in kills.files_of(out).items()}
 
 

@@ -1,4 +1,4 @@
-"""Small trainings for the parts of the campaign, and what they leave behind."""
+"""Small trainings for the parts of the campaign, and their results."""
 
 import json
 import os
@@ -27,7 +27,7 @@ NETWORK = {
     "eval.visible_tolerance": 0.0,
 }
 """As small as it can be, since most of a small training is compiling."""
-# As in the tests: the trials are of files and signals, so compile fast.
+# Compile fast, as in the tests: the trials concern files and signals.
 QUICK = {"XLA_FLAGS": "--xla_backend_optimization_level=0", "TF_CPP_MIN_LOG_LEVEL": "3"}
 
 
@@ -109,7 +109,7 @@ def metric_lines(workdir: pathlib.Path) -> list[dict]:
 
 
 def difference(workdir: pathlib.Path, reference: pathlib.Path) -> str:
-    """How the end of a run differs from that of another; "" = not by a bit."""
+    """How the end of a run differs from that of another; "" = bit-identical."""
     have, want = last_checkpoint(workdir), last_checkpoint(reference)
     if have is None or want is None or have.step != want.step:
         return f"the last checkpoint is {have and have.step}, expected {want and want.step}"

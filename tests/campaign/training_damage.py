@@ -1,9 +1,9 @@
 """Damage to each of the files that a run consists of.
 
-The run is opened as `evaluate` and `predict` do, and its metrics as a training that goes on does:
-either it is refused in one line, or what is read is what a training had written. Every
-`RESUMED_EVERY`th time the training itself is started again: it ends as an undamaged one, or is
-refused in one line.
+The run is opened as `evaluate` and `predict` open it, and its metrics are read as by a resumed
+training. Either the run is refused with an error of one line, or the data read are those that the
+training wrote. Every `RESUMED_EVERY`th time the training is resumed. It must then end like an
+undamaged one, or be refused with an error of one line.
 """
 
 import pathlib
@@ -66,7 +66,7 @@ def _read(workdir: pathlib.Path, written: dict) -> str:
 
 
 def _resume(forks, command, workdir: pathlib.Path, reference: pathlib.Path, log) -> str:
-    """Goes on with a damaged run; returns what did not hold."""
+    """Resumes a damaged run; returns what did not hold."""
     ended = forks.run(command, log)
     if ended.code:
         return frame.not_one_line(ended)

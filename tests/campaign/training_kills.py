@@ -1,7 +1,8 @@
 """Trainings that are killed at random moments, with and without worker processes.
 
-A run that was killed ends with the same bits as one that was left alone; no process outlives it,
-and no file in /dev/shm. A signal to the whole group is answered with its exit code and one line.
+A run that was killed and resumed ends with the same bits as an undisturbed one. Neither a process
+nor a file in /dev/shm is left. After a signal to the whole group, the trainer ends with the exit
+code of the signal and one line.
 """
 
 import contextlib
@@ -27,7 +28,7 @@ SHARES = (4, 3, 1, 1)
 MOMENTS = ("starting", "working", "working", "working")
 SECONDS_TO_START = 2.0
 FROM_SCRATCH = 0.05
-"""Part of the kills that meet a process of its own, which also imports."""
+"""Share of the kills in which the process is started in the ordinary way and also imports."""
 WITH_WORKERS = 0.3
 
 
@@ -62,7 +63,7 @@ def _kill(rng, started, workdir, log, name: str) -> tuple[str, bool]:
     if code == 0:
         return "", False
     text = log.read_bytes()[start:].decode(errors="replace")
-    # A signal in the first second meets Python's own handlers, and their traceback.
+    # In the first second Python's own handlers are active, which print a traceback.
     if code not in codes or ("Traceback" in text and code > 0):
         return f"{name} while {moment}: exit code {code}: {text[-500:]}", True
     return "", True

@@ -1,4 +1,4 @@
-"""Images and points that move together, under a camera that stays."""
+"""Images and points that are moved together, with the same camera."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Photos of any kind become what a network was trained on, or one clear line."""
+"""Photos of any kind give valid inputs of a network, or an error of one line."""
 
 import os
 

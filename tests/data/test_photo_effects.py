@@ -1,4 +1,4 @@
-"""Disturbances of photos: what is set happens, what is not set changes nothing."""
+"""Photo effects: enabled effects change the image, disabled effects do not."""
 
 import dataclasses
 

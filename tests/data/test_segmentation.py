@@ -1,4 +1,4 @@
-"""Objects cut out by their colours: which of several things is taken, and when it is in doubt."""
+"""Objects found by their colours: which of several is chosen, and when a warning is given."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The classes of true points: a literal, slow rule; solids whose visibility is known exactly."""
+"""The classes of true points, against a slow reference and solids with known visibility."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Worker processes when the trainer is killed, or the whole group is asked to end."""
+"""Worker processes after the trainer is killed, or after a signal to the whole group."""
 
 import os
 import pathlib

@@ -1,4 +1,4 @@
-"""A depth map of a model by brute force: what tests compare pictures with."""
+"""A depth map of a model by brute force, a reference for pictures."""
 
 import numpy as np
 

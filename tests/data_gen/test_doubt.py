@@ -1,4 +1,4 @@
-"""Cabinets of a hidden depth: what they share, and that the front does not show it."""
+"""Cabinets with a hidden depth: their common properties; the front does not show the depth."""
 
 import numpy as np
 import pytest

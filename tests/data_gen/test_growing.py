@@ -1,4 +1,4 @@
-"""Data sets that grow, and jobs that are killed on the way; models are drawn, not rendered."""
+"""Data sets that are extended, and jobs that are killed; models are drawn, not rendered."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Pictures that look like photographs; rendering is skipped without Mitsuba, and scalar here."""
+"""Pictures that look like photographs; rendered in scalar mode, skipped without Mitsuba."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""The study of several plausible shapes: its measures, its table, and a tiny run where it can."""
+"""The study of several plausible shapes: its measures, its table, and a tiny run if possible."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Beside 3D-R2N2: what the tables, the pictures and the protocol's parts say."""
+"""The comparison with 3D-R2N2: its tables, its pictures and the parts of its protocol."""
 
 import json
 import pathlib

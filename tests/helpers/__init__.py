@@ -1,1 +1,1 @@
-"""What several tests use, imported as `from helpers import NAME`."""
+"""Helpers that several tests use, imported as `from helpers import NAME`."""

@@ -1,4 +1,4 @@
-"""A disk without room: files cannot grow beyond some bytes."""
+"""Simulates a full disk: files cannot grow beyond a given size."""
 
 import contextlib
 import resource

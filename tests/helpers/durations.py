@@ -2,8 +2,8 @@
 
     python tests/helpers/durations.py [FOLDER ...]
 
-Runs the tests of each folder of `tests/` (`.` = the files that are in none) in one process each.
-CPU seconds, those of child processes included, depend little on other work of the machine.
+Runs the tests of each folder of `tests/` (`.` = the files directly in it) in a separate process.
+CPU seconds, which include child processes, depend little on other work of the machine.
 """
 
 import pathlib

@@ -1,4 +1,4 @@
-"""What a function becomes when it is lowered for CUDA, on a machine that has none."""
+"""Lowers a function for CUDA on a machine without CUDA."""
 
 import re
 

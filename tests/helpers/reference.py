@@ -1,4 +1,4 @@
-"""Slow, obvious float64 versions of what the package computes fast."""
+"""Slow and simple float64 references for the functions of the package."""
 
 import numpy as np
 

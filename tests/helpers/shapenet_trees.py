@@ -1,7 +1,7 @@
 """Small trees in the published layouts of 3D-R2N2 and Occupancy Networks, drawn by the tests.
 
-One object of boxes in ShapeNet's axes (+y up) without any symmetry. The pictures are made with the
-camera as those projects write it, matrix by matrix, and not with the package's.
+The object consists of boxes in ShapeNet's axes (+y up) and has no symmetry. The pictures are made
+with the camera matrices of those projects, not with the camera of the package.
 """
 
 import numpy as np

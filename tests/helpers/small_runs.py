@@ -1,4 +1,4 @@
-"""For tests of whole commands: a small data set, a configuration file, a quick environment."""
+"""For tests of whole commands: a small data set, a configuration file, a fast environment."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""Names lead to losses; an unknown one lists the choices."""
+"""Names select losses; the error for an unknown name lists the choices."""
 
 import jax
 import jax.numpy as jnp

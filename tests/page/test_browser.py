@@ -1,4 +1,4 @@
-"""The page in a real browser: photos to points, equal to Python's; what is wrong is said.
+"""The page in a real browser: photos to points, equal to Python's; errors are shown.
 
 The page forbids itself `eval`, so tests wait by asking again, not by Playwright's functions.
 """

@@ -1,4 +1,4 @@
-"""Every format holds the frame as it is: read back by trimesh, axes, hand and scale agree."""
+"""Every format keeps the frame: read by trimesh, axes, handedness and scale agree."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""From image files to clouds: what comes out, what is refused, and what one bad file changes."""
+"""From image files to clouds: the output, refused files, and the effect of one bad file."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Draws at evaluation: seeded, the same in any batch, and what they differ by."""
+"""Draws at evaluation: seeded, the same in any batch; the spread of the draws."""
 
 import functools
 import pathlib

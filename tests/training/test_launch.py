@@ -1,4 +1,4 @@
-"""Which of several processes this is, by flags and by what SLURM and Open MPI set."""
+"""The place of a process among several, from flags and the variables of SLURM and Open MPI."""
 
 import pytest
 

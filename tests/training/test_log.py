@@ -1,4 +1,4 @@
-"""Metrics survive kills: no line is lost, none comes twice."""
+"""Metrics after kills: no line is lost or duplicated."""
 
 import json
 import pathlib

@@ -1,4 +1,4 @@
-"""Several CPU processes train together (gloo): as one, resumed by another number, and killed."""
+"""Several CPU processes train together (gloo), as one does; resumed by another number; killed."""
 
 import json
 import pathlib

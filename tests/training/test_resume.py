@@ -1,4 +1,4 @@
-"""A run killed at any moment ends with the same bits as one that was left alone."""
+"""A run that is killed at any moment and resumed ends with the bits of an uninterrupted run."""
 
 import json
 import pathlib

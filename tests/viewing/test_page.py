@@ -1,4 +1,4 @@
-"""The page in a real browser: it draws, turns, slides; no complaint, and no request leaves it."""
+"""The page in a real browser: it draws, rotates, slides, without errors and without requests."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""Files of predictions, and what is none."""
+"""Files of predictions, and other files, which are refused."""
 
 import io
 import os

@@ -1,4 +1,4 @@
-"""Spheres stand where the camera sees their points, near ones over far ones, lit from above."""
+"""Spheres are where the camera sees their points; near ones cover far ones; light from above."""
 
 import itertools
 

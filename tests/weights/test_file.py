@@ -1,4 +1,4 @@
-"""A file of weights gives back what was written; a damaged or foreign one is refused in a line."""
+"""A file of weights gives back what was written; damaged or foreign files are refused."""
 
 import dataclasses
 import json

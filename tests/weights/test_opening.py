@@ -1,4 +1,4 @@
-"""Names, files and folders lead to networks; the commands list and export them."""
+"""Networks are opened by names, files and folders; the commands list and export them."""
 
 import json
 import shutil
