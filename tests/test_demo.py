@@ -319,6 +319,8 @@ def test_in_a_browser(page, demo, box, tmp_path, monkeypatch):
         assert frame.locator("#name").text_content() == example_photos.example_photos()[1].stem
         assert page.get_by_text("1 cloud of 50 points").is_visible()
         page.wait_for_selector("#predict:not([disabled])")
+        page.get_by_label("Clear", exact=True).click()
+        page.wait_for_selector("#predict[disabled]")
         page.locator("input[type=file]").first.set_input_files(str(box))
         page.wait_for_selector("#predict:not([disabled])")
         assert page.get_by_text("stands out from a plain background").is_visible()
