@@ -2,10 +2,8 @@
 
 Command: python -m psgn_jax.main --config=configs/quickstart.py --workdir=runs/quickstart
 Hardware: two CPU cores.
-Time: not measured with this loss. With the CD alone, whose steps take two thirds of the time: 6 min
-46 s from a fresh clone on cores with other work, including installation and rendering.
-Expect: even clouds; not measured with this loss. The CD alone reached a cd_sq_radius2 of .009 on
-the validation split.
+Time: 5 min 55 s from a fresh clone on cores with other work, including installation and rendering.
+Expect: even clouds; on the validation split a cd_sq_radius2 of .012 and an emd_radius of .148.
 """
 
 import ml_collections
