@@ -16,6 +16,10 @@ from psgn_jax.config import ConfigError
 from psgn_jax.files import DISK_FULL, cache_folder, is_disk_full
 from psgn_jax.untrusted import message_line, one_line
 
+# See `keep_compiled`. It has no effect once jaxlib has been imported, so it is set here: the
+# commands import this module before any other that imports JAX.
+os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+
 
 def log_to_terminal() -> None:
     """Logs to stderr: all messages of this package and `data_gen`, warnings of other packages."""
@@ -121,10 +125,9 @@ def keep_compiled() -> None:
     The cache has one folder per type of processor, because a program that was compiled for one may
     not run on another. When XLA reads a program on a CPU, it wrongly warns (3,000 characters) that
     the processor lacks two features; these are tuning flags of XLA, not features of a processor.
-    Therefore TF_CPP_MIN_LOG_LEVEL is set to 3, unless it is set already: native code then logs only
-    fatal errors.
+    Therefore this module sets TF_CPP_MIN_LOG_LEVEL to 3, unless it is set already: native code then
+    logs only fatal errors.
     """
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     import jax  # imported here so that wrong flags are reported before JAX is loaded
 
     if jax.config.values["jax_compilation_cache_dir"]:

@@ -105,3 +105,31 @@ print(jax.jit(lambda x: x @ x + 1)(jax.numpy.ones((64, 64))).sum())
         outputs.append(done.stdout)
     assert outputs[0] == outputs[1]
     assert [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+_LEVEL_AT_IMPORT = """
+import os, sys
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "jaxlib":
+            print(os.environ.get("TF_CPP_MIN_LOG_LEVEL"))
+
+sys.meta_path.insert(0, Finder())
+import {module}
+"""
+
+
+@pytest.mark.parametrize(
+    "module", ["psgn_jax.predict", "psgn_jax.page.__main__", "psgn_jax.experiments.losses"]
+)
+def test_native_warnings_are_off_before_jaxlib_is_imported(module):
+    environment = {k: v for k, v in os.environ.items() if k != "TF_CPP_MIN_LOG_LEVEL"}
+    done = subprocess.run(
+        [sys.executable, "-c", _LEVEL_AT_IMPORT.format(module=module)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split()[0] == "3"

@@ -1,5 +1,6 @@
 """Builds the page's folder: its modules, a network, the runtime, examples."""
 
+import hashlib
 import os
 import pathlib
 
@@ -65,6 +66,9 @@ def build_page(
         if path.is_file():
             files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
     written = write_network(run, out, weights=(weights,), stablehlo=False, data=data, split=split)
+    # The page compares the description with this, and the network with the description.
+    digest = hashlib.sha256((out / "network.json").read_bytes()).hexdigest()
+    files["network.sha256"] = f"{digest}\n".encode()
     for name, content in files.items():
         write_atomic(out / name, content, sync=False)
     names = [*files, *written]

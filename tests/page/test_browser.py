@@ -403,6 +403,7 @@ DAMAGE = {
     "one byte of the weights": ("network.onnx", lambda b: b[:5000] + b"\x55\xaa" + b[5002:]),
     "half of the weights": ("network.onnx", lambda b: b[: len(b) // 2]),
     "another network's description": ("network.json", lambda b: b.replace(b"psgn_jax", b"other")),
+    "other numbers in the description": ("network.json", lambda b: b.replace(b"223", b"200")),
     "no description": ("network.json", lambda b: b"<!DOCTYPE html>"),
     "a graph that does not run": ("network.onnx", None),
     "weights that are gone": ("network.onnx", lambda b: None),
@@ -421,7 +422,9 @@ def test_wrong_or_damaged_weights_are_refused(name, opened, site, serve, tmp_pat
         about = json.loads((copy / "network.json").read_text())
         digest = hashlib.sha256(content).hexdigest()
         about["files"][file] |= {"bytes": len(content), "sha256": digest}
-        (copy / "network.json").write_text(json.dumps(about))
+        description = json.dumps(about).encode()
+        (copy / "network.json").write_bytes(description)
+        (copy / "network.sha256").write_text(hashlib.sha256(description).hexdigest())
     else:
         content = change(content)
     if content is None:

@@ -100,7 +100,13 @@ def test_the_folder_is_complete_and_small(site):
     names = {path.relative_to(site).as_posix() for path in site.rglob("*") if path.is_file()}
     own = {p.relative_to(build.STATIC).as_posix() for p in build.STATIC.rglob("*") if p.is_file()}
     runtime = {f"runtime/{name}" for name in [*lib.FILES, "LICENSE.txt"]}
-    assert names == own | runtime | {"network.json", "network.onnx", "framing.js", "resample.js"}
+    assert names == own | runtime | {
+        "network.json",
+        "network.sha256",
+        "network.onnx",
+        "framing.js",
+        "resample.js",
+    }
     without_network = [path for path in site.rglob("*") if path.suffix != ".onnx"]
     assert sum(path.stat().st_size for path in without_network if path.is_file()) < 15_000_000
 

@@ -16,7 +16,10 @@ async function fetched(name) {
 }
 
 async function load() {
-  about = await (await fetched("network.json")).json().catch(() => { throw new Error(DAMAGED); });
+  const description = new Uint8Array(await (await fetched("network.json")).arrayBuffer());
+  const expected = (await (await fetched("network.sha256")).text()).trim();
+  if (sha256(description) !== expected) throw new Error(DAMAGED);
+  about = JSON.parse(new TextDecoder().decode(description));
   const [name, row] = Object.entries(about.files ?? {}).find(([file]) => file.endsWith(".onnx")) ?? [];
   if (about.format !== "psgn_jax network 1" || !name) throw new Error(DAMAGED);
   const bytes = new Uint8Array(await (await fetched(name)).arrayBuffer());
