@@ -328,6 +328,7 @@ def test_a_second_window_takes_over(opened):
     """What an old window holds does not replace newer work; numbers stay in their bounds."""
     page = opened()
     insert(page, PART)
+    page.evaluate("human.study.save()")  # otherwise it is saved 250 ms later
     second = page.context.new_page()
     second.goto(page.url)
     insert(second, {**PART, "at": [0, 0, 3.99]})
