@@ -22,7 +22,7 @@ import numpy as np
 from absl import app, flags, logging
 
 from psgn_jax import config_files, tasks
-from psgn_jax.command_line import exit_on_user_error, keep_compiled, log_to_terminal, parse_flags
+from psgn_jax.command_line import flags_only, keep_compiled, parse_flags
 from psgn_jax.config import Config, ConfigError, UserError, check_paths, parse, to_dict
 from psgn_jax.data import loader
 from psgn_jax.default_data import default_dataset, with_default_data
@@ -113,14 +113,11 @@ class Study:
         """The command of the study: parses the flags, runs the study, prints the tables."""
 
         def command(argv: Sequence[str]) -> None:
-            log_to_terminal()
-            with exit_on_user_error():
-                if len(argv) > 1:
-                    raise ConfigError(f"unexpected argument {argv[1]!r}; expected only flags")
+            with flags_only(argv) as given:
                 keep_compiled()
                 keep_freed_memory()
                 values: dict[str, Any] = {
-                    name: flags.FLAGS[name].value for name in ("workdir", *self.options)
+                    name: given[name].value for name in ("workdir", *self.options)
                 }
                 text = self.run(**values)
             sys.stdout.write(text)
