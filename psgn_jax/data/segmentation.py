@@ -141,8 +141,7 @@ def _first_guesses(
     """GrabCut's labels at the start, by name."""
     height, width = small.shape[:2]
     down, across = max(1, round(_BAND * height)), max(1, round(_BAND * width))
-    rows = np.linspace(-1, 1, height)[:, None]
-    columns = np.linspace(-1, 1, width)[None]
+    rows, columns = _coordinates((height, width))
 
     def labels(probable: np.ndarray) -> np.ndarray:
         result = np.full((height, width), cv2.GC_BGD, np.uint8)
@@ -165,10 +164,7 @@ _ELLIPSES = {"ellipse": (0.75, 0.75), "middle": (0.45, 0.45)}
 
 def _salience(lab: np.ndarray) -> dict[str, np.ndarray]:
     """Values that are large on the object, [h, w] by name of the guess."""
-    height, width = lab.shape[:2]
-    rows = np.linspace(-1, 1, height)[:, None]
-    columns = np.linspace(-1, 1, width)[None]
-    central = np.exp(-(rows**2 + columns**2) / (2 * 0.6**2))
+    central = _central(lab.shape[:2], 0.6)
     barrier, border = _barrier_distance(lab), _unlike_border(lab)
     barrier, border = (
         np.clip(each / max(np.quantile(each, 0.98), 0.5), 0, 1) for each in (barrier, border)
@@ -263,10 +259,7 @@ def _grabcut(image: np.ndarray, labels: np.ndarray, rounds: int) -> np.ndarray |
 
 def _main_parts(mask: np.ndarray) -> np.ndarray:
     """The largest parts, with small holes filled; pixels in the middle of the image count more."""
-    height, width = mask.shape
-    rows = np.linspace(-1, 1, height)[:, None]
-    columns = np.linspace(-1, 1, width)[None]
-    central = np.exp(-(rows**2 + columns**2) / (2 * 0.5**2))
+    central = _central(mask.shape, 0.5)
     count, parts = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
     if count > 1:
         weight = np.bincount(parts.ravel(), (central * mask).ravel(), count)
@@ -295,6 +288,19 @@ def _refined(image: np.ndarray, coarse: np.ndarray) -> np.ndarray:
     if finer is None or not finer.any():
         return mask
     return _main_parts(finer)
+
+
+def _coordinates(shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Rows [h, 1] and columns [1, w] of the pixels of an image [h, w], each from -1 to 1."""
+    height, width = shape
+    return np.linspace(-1, 1, height)[:, None], np.linspace(-1, 1, width)[None]
+
+
+def _central(shape: tuple[int, ...], spread: float) -> np.ndarray:
+    """Weights [h, w] that fall from the middle of an image, with this standard deviation."""
+    rows, columns = _coordinates(shape)
+    weights: np.ndarray = np.exp(-(rows**2 + columns**2) / (2 * spread**2))
+    return weights
 
 
 def _reduced(image: np.ndarray, side: int) -> np.ndarray:
