@@ -5,6 +5,7 @@ moved into the object's frame. There it may have copies mirrored across x = 0 an
 object's frame is the project's frame, turned about the vertical and moved over the ground.
 """
 
+import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -137,6 +138,7 @@ def unit_mesh(part: Any) -> Mesh:
     return Mesh(np.array(vertices, np.float64), np.array(faces, np.int64))
 
 
+@functools.cache
 def _ball() -> Mesh:
     polar = np.pi * np.arange(1, RINGS)[:, None] / RINGS - np.pi / 2
     angle = 2 * np.pi * np.arange(ROUND)[None] / ROUND
@@ -157,6 +159,15 @@ def _ball() -> Mesh:
             faces.append((at(i, j), at(i + 1, j + 1), at(i + 1, j)))
         faces.append((at(RINGS - 1, j), at(RINGS - 1, j + 1), len(vertices) - 1))
     return Mesh(vertices, np.array(faces, np.int64))
+
+
+@functools.cache
+def _half_spaces_of_ball() -> tuple[Float[np.ndarray, "f 3"], Float[np.ndarray, " f"]]:
+    """Normals n and offsets d of the ball's faces; inside, n . u < d for all of them."""
+    mesh = _ball()
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    normals = np.cross(b - a, c - a)
+    return normals, np.einsum("fk,fk->f", normals, a)
 
 
 def rotation(degrees: Sequence[float]) -> Float[np.ndarray, "3 3"]:
@@ -189,9 +200,7 @@ def inside(solid: Solid, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "
     """Which points are inside a solid; on its surface either answer is possible."""
     unit = np.linalg.solve(solid.linear, (points - solid.shift).T).T
     if solid.part.kind == "sphere":
-        a, b, c = np.moveaxis(_ball().vertices[_ball().faces], 1, 0)
-        normals = np.cross(b - a, c - a)
-        offsets = np.einsum("fk,fk->f", normals, a)
+        normals, offsets = _half_spaces_of_ball()
         return np.asarray((unit @ normals.T < offsets).all(axis=1))
     within = np.abs(unit[:, 2]) < 0.5
     scale = 1 + (solid.part.taper - 1) * (unit[:, 2] + 0.5)

@@ -1,6 +1,6 @@
 // The page: tools, keys, cases, files. State is in `study`, what is drawn in the two views.
 
-import { about, add, anglesOf, copiesOf, multiply, objText, rotation } from "./geometry.js";
+import { about, add, anglesOf, clamp, copiesOf, multiply, objText, rotation } from "./geometry.js";
 import { LIMITS, Study } from "./study.js";
 import { lowestPoint } from "./handles.js";
 import { Inspector, partName } from "./inspector.js";
@@ -220,8 +220,6 @@ function nudge(axis, sign, large) {
     }
   }, key);
 }
-
-const clamp = (v, low, high) => Math.min(high, Math.max(low, v));
 
 // --- files -----------------------------------------------------------------------------------------
 

@@ -1,7 +1,7 @@
 // Cameras: { focal: [fx, fy], skew, centre: [cx, cy], rotation, shift }, in pixels of a canvas.
 // A point p of the record's frame is rotation p + shift in the camera's frame: x right, y down, z forward.
 
-import { add, apply, cross, times, transposed, unit, sub } from "./geometry.js";
+import { add, apply, cross, dot, times, transposed, unit, sub } from "./geometry.js";
 
 /** The true camera of a record, for an image drawn with this scale at this corner of the canvas. */
 export function recordCamera({ intrinsics: k, extrinsics: e }, scale, [left, top]) {
@@ -36,16 +36,16 @@ export function rayThrough({ focal, skew, centre, rotation, shift }, [column, ro
 
 /** Where a ray meets the plane through a point; null where it does not. */
 export function meetPlane({ origin, direction }, point, normal) {
-  const along = direction[0] * normal[0] + direction[1] * normal[1] + direction[2] * normal[2];
+  const along = dot(direction, normal);
   if (Math.abs(along) < 1e-3) return null;
-  const gap = sub(point, origin), t = (gap[0] * normal[0] + gap[1] * normal[1] + gap[2] * normal[2]) / along;
+  const gap = sub(point, origin), t = dot(gap, normal) / along;
   return t > 0.05 && t < 60 ? add(origin, times(direction, t)) : null;
 }
 
 /** The coordinate along an axis (a unit vector through a point) nearest to a ray; null where they are almost parallel. */
 export function alongAxis({ origin, direction }, point, axis) {
-  const w = sub(point, origin), b = axis[0] * direction[0] + axis[1] * direction[1] + axis[2] * direction[2];
-  const d = axis[0] * w[0] + axis[1] * w[1] + axis[2] * w[2], e = direction[0] * w[0] + direction[1] * w[1] + direction[2] * w[2];
+  const w = sub(point, origin), b = dot(axis, direction);
+  const d = dot(axis, w), e = dot(direction, w);
   return 1 - b * b < 0.01 ? null : (b * e - d) / (1 - b * b);
 }
 

@@ -5,6 +5,7 @@ export const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 export const times = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const clamp = (v, low, high) => Math.min(high, Math.max(low, v));
 export const unit = a => times(a, 1 / (Math.hypot(...a) || 1));
 
 /** Matrices are 9 numbers, row by row. */

@@ -1,6 +1,6 @@
 // The handles of the selected part: arrows that move it, rings that turn it, squares that set its size.
 
-import { about, add, anglesOf, apply, copiesOf, extent, multiply, placed, rotation, sub, times, toObject, toWorld, unit } from "./geometry.js";
+import { about, add, anglesOf, apply, clamp, copiesOf, extent, multiply, placed, rotation, sub, times, toObject, toWorld, unit } from "./geometry.js";
 import { alongAxis, meetPlane, project, rayThrough } from "./camera.js";
 import { AXES } from "./render.js";
 import { LIMITS } from "./study.js";
@@ -172,7 +172,6 @@ function arc(point, centre, axis) {
   return Math.atan2(on(v), on(u));
 }
 
-const clamp = (v, low, high) => Math.min(high, Math.max(low, v));
 
 // --- snapping ----------------------------------------------------------------------------------
 

@@ -1,12 +1,12 @@
 // The models of all cases: edits with undo, the time spent, autosave, the exchanged file.
 
-import { KINDS, crossesItself, signedArea } from "./geometry.js";
+import { KINDS, clamp, crossesItself, signedArea } from "./geometry.js";
 
 export const LIMITS = { at: 4, least: 0.002, size: 8, parts: 200, corners: 64, sides: 12 };
 const FORMAT = "psgn human study", HISTORY = 200, IDLE = 60;
 
 export const emptyModel = () => ({ turn: 0, x: 0, y: 0, parts: [] });
-const clamp = (v, low, high) => Math.min(high, Math.max(low, v));
+
 function limit(part) {
   part.at = part.at.map(c => clamp(c, -LIMITS.at, LIMITS.at));
   part.size = part.size.map(c => clamp(c, LIMITS.least, LIMITS.size));
