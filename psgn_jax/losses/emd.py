@@ -1,4 +1,4 @@
-"""Earth mover's distance of two clouds of n points: by auction with a certificate, or exact.
+"""Earth mover's distance (EMD) of two clouds of n points: by auction with a certificate, or exact.
 
     EMD(a, b) = min over bijections s of sum_i |a_i - b_{s(i)}|
 
@@ -77,7 +77,7 @@ def matched_distances(
     )
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     square = jnp.square(pred - gt[matched.index]).sum(axis=-1)
-    # Multiplied rather than selected, so that the gradient of a non-finite pair is NaN as well.
+    # A product instead of `where`, so that the gradient of a non-finite pair is NaN as well.
     healthy = jnp.where(jnp.isnan(matched.gap), jnp.nan, 1.0)
     return MatchedDistances(safe_sqrt(square) * healthy, matched)
 

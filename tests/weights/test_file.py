@@ -136,7 +136,7 @@ def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
     refused(path, f"{name} is not finite")
     for figures in ("[1]", "{}", json.dumps({**weights.figures, "step": "9"})):
         forged(weights, path, figures=figures)
-        refused(path, "the figures or sources have a wrong form")
+        refused(path, "the figures or sources do not have the expected fields")
     forged(weights, path, figures="{")
     refused(path, "its metadata")
     forged(weights, path, figures="[" * 200_000)
