@@ -147,9 +147,9 @@ def with_terms(loss: Callable[..., Any]) -> Callable[..., tuple[Array, dict[str,
 def chosen_points(gt: Array, num_points: int) -> Array:
     """Selects `num_points` of the true points, always with the same indices.
 
-    The indices are a fixed random choice. The first `num_points` points would not do: a record
-    stores its points sorted, and a batch that has all of them keeps this order, so the first ones
-    would all lie on one side of the object.
+    The indices are a fixed random choice. The first `num_points` points would be a biased choice: a
+    record stores its points sorted, and a batch with all points of a record keeps their order, so
+    the first ones would lie on one side of the object.
 
     Raises:
       ValueError: gt has fewer than `num_points` points.

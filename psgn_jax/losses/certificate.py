@@ -44,7 +44,7 @@ _ROUNDING = 24 * _UNIT
 def bits(x: Array) -> Array:
     """Reinterprets floats >= 0 as integers, which have the same order.
 
-    Unlike a minimum of floats, a minimum of integers uses vector registers.
+    XLA's minimum of integers uses vector registers; its minimum of floats does not.
     """
     return lax.bitcast_convert_type(x, jnp.int32)
 

@@ -1,4 +1,4 @@
-"""The folder for other programs: its files give JAX's points, its examples run by themselves."""
+"""The folder of `psgn export`: its files give JAX's points, its examples need no clone."""
 
 # ruff: noqa: E402
 
@@ -105,7 +105,7 @@ def test_what_the_folder_says_of_itself(exported):
 
 
 def without_this_package():
-    """The environment of a process that finds what is installed, and nothing of the clone."""
+    """The environment of a process that can import installed packages, but not the clone."""
     installed = str(pathlib.Path(onnx.__file__).parents[1])
     return {**os.environ, "PYTHONPATH": installed, "PYTHONSAFEPATH": "1"}
 

@@ -1,4 +1,4 @@
-"""JAX's operations in ONNX: the graph's results are JAX's, at every number of images."""
+"""Converted graphs give JAX's results for every number of images."""
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ from psgn_jax.portable.graph import STORED, Graph, UnsupportedError  # noqa: E40
 
 
 def build(function, shapes, weights="float32"):
-    """The ONNX model of a function of float32 arrays; sizes may be names."""
+    """The ONNX model of a function of float32 arrays; sizes in `shapes` may be symbols."""
     names = list(dict.fromkeys(s for shape in shapes for s in shape if isinstance(s, str)))
     symbols = dict(zip(names, jax.export.symbolic_shape(", ".join(names)), strict=True))
     arguments = [

@@ -29,8 +29,8 @@ K = 1, in 6 or 7 phases. The passes over all distances at the start of each phas
 pairs of a batch take this time together if the GPU has at least as many multiprocessors. These are
 estimates: the kernel has not been run on a GPU yet.
 
-The kernel returns a matching and prices. The module `certificate` computes the bijection, the cost
-and the proven gap. It relies on nothing else that is computed here.
+The kernel returns a matching and prices, from which the module `certificate` computes the
+bijection, its cost and the proven gap. The proof does not depend on how they were computed.
 """
 
 import functools
