@@ -76,8 +76,8 @@ def align(
         squares = sum(jnp.square(p - mean_p[None]).sum(axis=1).mean() for p, _ in sides)
         ratio = products / jnp.where(squares > 0, squares, 1)
         scale = jnp.clip(jnp.where(squares > 0, ratio, 1), LEAST_SCALE, LARGEST_SCALE)
-        # A non-finite point makes the distances NaN. Adding them makes the scale NaN too, which the
-        # indices of the neighbours alone would not.
+        # A non-finite point makes the distances NaN, but has no effect on the indices. This term
+        # makes the scale NaN too.
         scale = scale + 0 * to_gt.distance_sq.sum()
         return Alignment(scale, mean_g - scale * mean_p)
 

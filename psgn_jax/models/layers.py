@@ -13,7 +13,7 @@ the same scale over some twenty layers (He et al. 2015, "Delving deep into recti
 - `SUMMED`: variance 1 / fan_in, for each of two linear layers whose sum goes through a ReLU (the
   skip connections). The sum then has the variance of one `RELU` layer.
 - The fan-in of a transposed convolution of stride s is k * k * c_in / s^2, because an output is the
-  sum of that many products; the other kernel elements meet inserted zeros.
+  sum of that many products; the other kernel elements are multiplied by inserted zeros.
 - Biases start at zero, except those of the output layers, which start at the middle of an object
   (`cloud_bias`). The points of a deconv branch start on a plane that faces the camera
   (`grid_offset`).
@@ -174,7 +174,7 @@ def cloud_bias(spread: float) -> Initializer:
     """Initial bias of an output layer: coordinates xyz, xyz, ... near the middle of an object.
 
     This is **ours**. A dense output layer has its own bias for each point, so the first clouds can
-    be spread over the object. Most points then soon become the nearest ones of some part of the
+    be spread over the object. Most points then soon become the nearest ones to some part of the
     surface. A convolution has the same bias in all cells; there the spread is 0, and `grid_offset`
     spreads the points.
 
@@ -210,5 +210,5 @@ def grid_offset(height: int, width: int, points_per_cell: int) -> np.ndarray:
 
 
 def small(spread: float) -> Initializer:
-    """Initial kernel of a linear output layer whose outputs have about `spread` times the input."""
+    """Initial kernel of a linear output layer that scales its inputs by about `spread`."""
     return nn.initializers.variance_scaling(spread**2, "fan_in", "truncated_normal")

@@ -15,8 +15,8 @@ convolutions with ReLU unless stated otherwise.
   coordinates of the points of each cell.
 - `hourglass`: encode, decode up to 96x128, encode again, decode to 24x32, then as `two_branch`. The
   fc branch reads both bottlenecks. The first one goes through a dense layer of 2048 with ReLU and a
-  linear layer of 2048 (`carry`), the second one through another linear layer of 2048. Both results
-  are added; a ReLU follows.
+  linear layer of 2048 (`carry`), the second one through another linear layer of 2048. The two
+  results are added; a ReLU follows.
 - `Merge`: ReLU(resampled + skip), then a convolution. "Resampled" is a linear 5x5 transposed
   convolution of stride 2 (up) or a linear strided convolution (down). "Skip" is a linear 3x3
   convolution of the latest features of that level. The width is half of the encoder's width at

@@ -1,4 +1,4 @@
-"""The folder of `psgn export`: a trained network for other programs, described and checked."""
+"""Writes the folder of `psgn export`: exported files, compared with JAX, and their description."""
 
 import dataclasses
 import hashlib

@@ -30,7 +30,7 @@ def reshape(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -
     """`reshape`, `squeeze`, `expand_dims`."""
     if params.get("dimensions") is not None:
         raise UnsupportedError(
-            "reshape in another than row-major order cannot be converted to ONNX"
+            "reshape in an order other than row-major cannot be converted to ONNX"
         )
     x, shape = operands[0], tuple(out.shape)
     if shape == x.shape:

@@ -55,8 +55,8 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
       A tree like `drawn`: NumPy arrays for trained layers, the leaves of `drawn` for the others.
 
     Raises:
-      ConfigError: the shapes of layers differ and the layers are not skipped (the message lists
-        them), or a pattern matches no layer.
+      ConfigError: layers of the two networks differ and are not skipped (the message lists them),
+        or a pattern matches no layer.
     """
     wanted, have = state_lib.named_leaves(drawn), state_lib.named_leaves(trained)
     patterns = config.train.init_skip
