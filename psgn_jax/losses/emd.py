@@ -7,9 +7,9 @@ Object Reconstruction from a Single Image", CVPR 2017, section 4.2. All function
 `pred` and `gt` [n, 3]; use `losses.map_pairs` for batches.
 
 Units: results are in the unit of the caller's clouds. `emd_sum` is the sum of the paper. `emd_mean`
-is the sum divided by n, the mean distance between matched points, which is comparable between
-numbers of points. Distances are square roots of float32 squares: below 1e-19 they become 0, above
-1e19 they overflow.
+is the sum divided by n, which is the mean distance between matched points and can be compared
+between clouds of different sizes. Distances are square roots of float32 squares: below 1e-19 they
+become 0, above 1e19 they overflow.
 
 The first call for a number of points compiles for 3 to 4 seconds on a CPU. Later calls do not
 compile, with or without an enclosing `jax.jit`.
