@@ -60,7 +60,7 @@ STUDIES: Mapping[str, Command] = {
     "networks": Command(
         "psgn_jax.experiments.networks", "vanilla, two-branch and hourglass networks"
     ),
-    "branches": Command("psgn_jax.experiments.branches", "what each branch of a network predicts"),
+    "branches": Command("psgn_jax.experiments.branches", "the points of each branch of a network"),
     "losses": Command("psgn_jax.experiments.losses", "training by CD against training by EMD"),
     "comparison": Command(
         "psgn_jax.experiments.comparison", "predicted volumes, compared with 3D-R2N2"

@@ -79,7 +79,7 @@ class ModelConfig:
       posterior_hidden: width of the posterior network's dense layer.
       compute_dtype: dtype of the arithmetic in the network; parameters are always float32.
       image_size: filled in from `data`; not a key of a configuration file.
-      in_channels: likewise.
+      in_channels: filled in from `data`, like `image_size`.
     """
 
     name: Version = "two_branch"

@@ -14,9 +14,9 @@ normals    Octahedral, 2 x 8 bits, in the order of the points; the error is belo
 occupancy  Bits, deflated, exact.
 extra      Text, absent if empty.
 
-Duplicate points are kept. The order of the points is not kept; it has no meaning. On the authors'
-images WebP takes 9.6 kB per image and PNG 13.7 kB, and WebP decodes in two thirds of the time.
-Slower settings of WebP save another 4 %, but encoding takes three times as long.
+Duplicate points are kept. The order of the points is not kept; it has no meaning. An image of the
+authors takes 9.6 kB as WebP and 13.7 kB as PNG, and WebP decodes in two thirds of the time. Slower
+settings of WebP save another 4 %, but encode three times as long.
 """
 
 import dataclasses
@@ -253,10 +253,8 @@ def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
         codes[:, axis] = (keys >> dtype(shift)).astype(codes.dtype)  # the cast keeps the low bits
     matrix = np.frombuffer(field["matrix"], "<f8").reshape(3, 4).astype(np.float64)
     if not np.isfinite(matrix).all() or np.abs(matrix).max() > _MAX_COORDINATE:
-        raise ValueError(
-            f"points: the matrix has entries from {matrix.min():g} to {matrix.max():g}, expected at "
-            f"most {_MAX_COORDINATE:g} in absolute value"
-        )
+        got = f"{matrix.min():g} to {matrix.max():g}"
+        raise ValueError(f"points: the matrix has {got}, expected at most {_MAX_COORDINATE:g}")
     return PointLattice(codes, matrix)
 
 
@@ -305,8 +303,7 @@ def encode(
 
     Args:
       sample: a valid sample.
-      points: the lattice from which `sample.points` were computed, in the same order; it is stored
-        exactly.
+      points: the lattice of `sample.points`, in the same order; it is stored exactly.
       depth: the codes from which `sample.depth` was computed; they are stored exactly.
       point_bits: resolution of the lattice if `points` is None.
       normal_bits: resolution of normals on each of the two octahedral axes, 1 to 16.

@@ -53,8 +53,9 @@ SMALLEST_BOX = 8
 LARGEST_CHANGE = 2.0
 """A training sample is not placed if its size would change by more than this factor.
 
-In such a case the mask shows little of the object. One of the authors' 64 validation images shows a
-plate edge-on, with a box of 14 x 30 pixels; the rule would enlarge its points by a factor of seven.
+A larger change means that the mask shows little of the object. One of the authors' 64 validation
+images shows a plate edge-on, with a box of 14 x 30 pixels; the rule would enlarge its points by a
+factor of seven.
 """
 
 _TRAINING_SPREAD = 1  # largest deviation of the border of a training rendering from its grey

@@ -113,7 +113,7 @@ class Blobs(dict[str, Any]):
 
 
 def bound_editor(editor: Any) -> None:
-    """Makes an `ImageEditor` check what is sent to it before it decodes or keeps it."""
+    """Makes an `ImageEditor` check the data that it receives before it decodes or stores them."""
     preprocess, accept = editor.preprocess, editor.accept_blobs
     editor.blob_storage = Blobs()
 

@@ -229,7 +229,7 @@ class MetricsWriter:
             folder = self._workdir / "tensorboard"
             self._tensorboard = tensorboardX.SummaryWriter(
                 str(folder),
-                # TensorBoard then hides what a killed run wrote after its checkpoint.
+                # TensorBoard then hides events that a killed run wrote after its last checkpoint.
                 purge_step=self._step + 1 if folder.exists() else None,
             )
             # Events are written in this thread. In the writer's own thread, an error such as a full
