@@ -10,7 +10,7 @@ Expect: the evaluation at step 0 measures the given weights; the improvement was
 WEIGHTS is a file of weights, the name of weights that come with the package
 (`python -m psgn_jax.weights list`) or the folder of a run. Network, input and loss are those of
 `pretrained.py`; for weights of another network, an error names the layers that do not fit. The
-learning rate is a fifth of that of `pretrained.py`, because the network is already trained.
+learning rate is a third of that of `pretrained.py`, because the network is already trained.
 """
 
 import ml_collections
