@@ -1,4 +1,4 @@
-"""The weights that come with the package: two branches, half-size images, the free set and more.
+"""The recipe for the weights that the package will contain: two branches, half-size images.
 
 Command: python data_gen/sets/free.py --packages FOLDER --out records/free
          python -m psgn_jax.convert authors SRC records/authors
@@ -12,17 +12,18 @@ been measured.
 Expect: to be measured. The goals on the authors' validation split are a CD of .0085 (cd_sq_radius2)
 and an EMD of .105 (emd_radius).
 
-Data: 1.6 million samples, drawn evenly from the images of all data sets of `data.path`. If some of
-these are missing, name the others: `--config.data.path=records/free/furniture,records/authors`.
-With `records/authors*10` the few images of the authors' batches count ten times. Only the authors'
-validation batches are used for evaluation (`data.eval_path`). To measure a held-out split of
-another set, use
-`python -m psgn_jax.evaluate --workdir=runs/pretrained --data=records/free/furniture`.
+Data: 1.6 million samples, drawn evenly from the images of all data sets in `data.path`. These are
+the set of free packages (`psgn free-set`) and the authors' batches. If some of the data sets are
+missing, name the others: `--config.data.path=records/free/furniture,records/authors`. With
+`records/authors*10`, each of the few images of the authors' batches counts ten times. Only the
+authors' validation batches are used for evaluation (`data.eval_path`). To measure the held-out
+split of another set, use `python -m psgn_jax.evaluate --workdir=runs/pretrained
+--data=records/free/furniture`.
 
 Loss: the EMD to 1,024 of the true points plus five times the CD to all of them. The table gives CD
 (cd_sq_radius2) / EMD (emd_radius) on the authors' validation batches for the recipe of
-`authors_small.py`, of which this configuration is a longer training. The column "fresh" is for
-images that were not used for any choice:
+`authors_small.py`; this configuration trains the same recipe for longer. The column "fresh" is for
+images that were not used to choose any setting:
 
     loss            800 steps        3,200 steps      3,200 steps, fresh
     CD              .0130 / .296     .01050 / .309    .0114 / .290
@@ -30,8 +31,9 @@ images that were not used for any choice:
     EMD + 5 CD      .0138 / .158     .01062 / .132    .0119 / .131
     EMD             .018  / .156     (600 steps)
 
-A step took 1.5 times as long as with the CD alone. Not tried: other weights than 5 and 20; more
-than 51,200 samples; the free set; a batch of 32, a longer average or a wider network.
+With a sum, a step took 1.5 times as long as with the CD alone. Not tried with a sum: weights other
+than 5 and 20; more than 51,200 samples; the set of free packages; a batch size of 32; a longer
+average of the parameters; a wider network.
 """
 
 import ml_collections
