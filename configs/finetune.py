@@ -7,8 +7,8 @@ Hardware: two CPU cores.
 Time: five minutes, estimated from .45 s per step on otherwise idle cores; not measured.
 Expect: the evaluation at step 0 measures the given weights; the improvement was not measured.
 
-WEIGHTS is a file of weights, the folder of a run, or the name of weights in the package (`python -m
-psgn_jax.weights list` shows them). Network, input and loss are those of `pretrained.py`; if the
+WEIGHTS is a file of weights, the folder of a run, or the name of weights in the package, listed by
+`python -m psgn_jax.weights list`. Network, input and loss are those of `pretrained.py`. If the
 weights are from another network, an error names the layers that do not fit. The learning rate is a
 fifth of that of `pretrained.py`, because the network is already trained.
 """

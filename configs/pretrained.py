@@ -17,8 +17,8 @@ the set of free packages (`psgn free-set`) and the authors' batches. If some of 
 missing, name the others: `--config.data.path=records/free/furniture,records/authors`. With
 `records/authors*10`, each of the few images of the authors' batches counts ten times. Only the
 authors' validation batches are used for evaluation (`data.eval_path`). To measure the held-out
-split of another set, use `python -m psgn_jax.evaluate --workdir=runs/pretrained
---data=records/free/furniture`.
+split of another set, use
+`python -m psgn_jax.evaluate --workdir=runs/pretrained --data=records/free/furniture`.
 
 Loss: the EMD to 1,024 of the true points plus five times the CD to all of them. The table gives CD
 (cd_sq_radius2) / EMD (emd_radius) on the authors' validation batches for the recipe of

@@ -80,7 +80,7 @@ def _main(argv: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    flags.DEFINE_string("data", "", "Folder of records; with `score`: only if it was moved.")
+    flags.DEFINE_string("data", "", "Folder of records; `score` needs it only if it was moved.")
     flags.DEFINE_string("out", "", "Folder for the page; with `score`: for tables and figures.")
     flags.DEFINE_string("split", "validation", "Split of the records.")
     flags.DEFINE_integer("cases", 16, "Number of cases, evenly spaced over the split.")

@@ -224,8 +224,9 @@ def _in_polygon(points: Float[np.ndarray, "n 2"], part: Any) -> Bool[np.ndarray,
 
 _NUDGE = 1e-5
 _ROUNDS = 400
-"""Maximum number of rounds of sampling. The points of a round that are hidden are sampled again in
-the next one, so models are refused of which less than about 2 % of the surface is visible."""
+"""Maximum number of rounds of sampling; each round replaces the hidden points of the previous one.
+
+A model is refused if less than about 2 % of its surface is visible."""
 
 
 class HiddenSurfaceError(ValueError):

@@ -183,7 +183,7 @@ def samples(split):
 
 
 def test_what_is_compared(tmp_path, monkeypatch):
-    """Runs on two samples per category predict the truth, except 3D-R2N2, which predicts nothing."""
+    """Runs on two samples per category predict the truth; 3D-R2N2 predicts empty volumes."""
     monkeypatch.setattr(volumes, "NUM_POINTS", 32)
     monkeypatch.setattr(volumes, "CANDIDATES", 128)
     known = [s for s in samples("test") if s.view < 2]

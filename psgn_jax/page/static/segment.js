@@ -157,7 +157,7 @@ class Mixture {
   }
 }
 
-/** Labels by k-means. The first centre starts at the mean, each further one at the pixel farthest from the others. */
+/** Labels by k-means. The first centre starts at the mean, each further one at the pixel farthest from all previous centres. */
 function clusters(rgb, pixels) {
   const far = (i, [r, g, b]) => (rgb[3 * i] - r) ** 2 + (rgb[3 * i + 1] - g) ** 2 + (rgb[3 * i + 2] - b) ** 2;
   const mean = list => [0, 1, 2].map(c => list.reduce((sum, i) => sum + rgb[3 * i + c], 0) / list.length);
