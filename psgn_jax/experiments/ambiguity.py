@@ -268,7 +268,7 @@ def measure_network(
 def _against_truths(
     points: np.ndarray, truth: np.ndarray, known: Sequence[Truth]
 ) -> dict[str, float]:
-    """Compares the draws for an image of each group with all true shapes of the group."""
+    """For each group of samples with the same image: compares its draws with all true shapes."""
     distance = jax.jit(lambda a, b: sample_metrics.cross_distances(a, b, chamfer_sq_mean))
     matrices = [distance(points[rows[0]], truth[rows]) for rows in groups(known).values()]
     return {
@@ -291,7 +291,7 @@ def spread_of_the_minimiser(num_draws: int) -> float:
     """
     x = jnp.linspace(-1, 1, 201)
     rank = jnp.arange(33) / 32
-    # The probability that the nearest of n draws is the i-th nearest of all.
+    # The probability that the nearest of n draws is the i-th nearest of all 32 numbers.
     weights = -jnp.diff((1 - rank) ** num_draws)
 
     def value(numbers: Array) -> Array:

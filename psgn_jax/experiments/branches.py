@@ -122,7 +122,7 @@ def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
 def measure_sample(
     pred: np.ndarray, gt: np.ndarray, branches: Branches, grid: OutputGrid
 ) -> tuple[dict[str, dict[str, float]], float, dict[str, np.ndarray]]:
-    """Measures of a sample: branch -> measure, "gt_to_pred" of all points, profiles [5].
+    """Measures of a sample by branch; "gt_to_pred" of both branches together; profiles [5].
 
     Args:
       pred: predicted points [n, 3], fc points first.
@@ -164,7 +164,7 @@ def measure_sample(
 
 
 def shares(values: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """Share of true `values` [m] in each fifth of the order by `by` [m], smallest first."""
+    """Share of the booleans `values` [m] that are True in each fifth; sorted by `by` [m]."""
     ranked = values[np.argsort(by, kind="stable")]
     return np.array([part.mean() if len(part) else np.nan for part in _split(ranked)])
 

@@ -344,7 +344,7 @@ def difference(metric: str, values: np.ndarray, others: np.ndarray) -> Differenc
 
     F-score and recall are better if they are larger, all other metrics if they are smaller.
     """
-    # A sample may have no points of a class; then the metric is NaN for both networks.
+    # A sample may have no hidden points, for example; then their metrics are NaN for both networks.
     change = (values - others)[~(np.isnan(values) & np.isnan(others))]
     if not len(change):
         return Difference(math.nan, math.nan, math.nan)
@@ -436,7 +436,7 @@ def table_of_two(
 
 
 def finite(value: Any) -> Any:
-    """The document with None for numbers that are not finite, which JSON lacks."""
+    """The document with None for numbers that are not finite, which JSON cannot represent."""
     if isinstance(value, Mapping):
         return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -27,8 +27,8 @@ The measures are in `volumes`. CD is the sum of the mean squared distances in bo
 are 1/10 of the edge of the grid, as in the paper (the edge is 2 here), and the radius of the
 bounding hemisphere.
 
-`comparison.png` shows bar charts. `cases.png` shows the test model with the most thin cells of each
-category; it is not chosen by result.
+`comparison.png` shows bar charts. `cases.png` shows one test sample for each of up to six
+categories: the sample with the most thin cells, not one chosen by result.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Comparison to state-of-the-art", table and figures;
 Choy et al., "3D-R2N2", ECCV 2016. By default the networks are smaller than theirs; the data differ.
