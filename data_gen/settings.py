@@ -1,4 +1,7 @@
-"""Settings of the data stage: frozen dataclasses that check their fields, to and from mappings."""
+"""Settings of the data stage: frozen dataclasses that check their fields.
+
+They can be converted to and from nested mappings.
+"""
 
 import dataclasses
 from collections.abc import Mapping
@@ -105,8 +108,8 @@ class CheckSettings:
 class JobSettings:
     """How the job runs.
 
-    None of these settings changes the samples of a model, but the two limits, `seconds_per_model`
-    and `megabytes_per_worker`, decide which models are refused.
+    None of these settings changes the samples of a model, but `seconds_per_model` and
+    `megabytes_per_worker` decide which models are refused.
 
     Attributes:
       workers: number of processes, 0 = one per processor.

@@ -185,7 +185,7 @@ def version_of(packages: str | os.PathLike[str], package: str) -> str:
 
 
 def reason_of(text: str) -> str:
-    """The reason for a refusal without names and numbers, so that equal reasons can be counted."""
+    """A reason for a refusal without names and numbers, so that equal reasons can be counted."""
     text = re.sub(r"'[^']*'|\"[^\"]*\"", "...", text)
     return re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", "N", text)[:120]
 
@@ -234,12 +234,12 @@ def row(
 
 
 def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The table as Markdown. It has to accompany the data set and weights trained on it."""
+    """The table as Markdown, to be distributed with the set and with weights trained on it."""
     out = [
         "# Sources of this training set",
         "",
-        "Weights trained on the set carry this table. The packages' own statements of copyright "
-        "are in `licences/`.",
+        "Distribute this table with the set and with weights trained on it. The copyright files of "
+        "the packages are in `licences/`.",
         "",
         "| source | package | models | images | refused | licence | by |",
         "|---|---|---|---|---|---|---|",
@@ -258,6 +258,6 @@ def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
     out.append(f"| all | | {total['models']} | {total['images']} | | | |")
     refused = [(r["source"], text, n) for r in rows for text, n in r["refused"].items()]
     if refused:
-        out += ["", "Refused models, N for any number:", ""]
+        out += ["", "Refused models, by reason (N stands for any number):", ""]
         out += [f"- {source}: {count} x {text}" for source, text, count in refused]
     return "\n".join(out) + "\n"

@@ -388,7 +388,7 @@ def _arc(kit: Kit) -> None:
 
 
 def _pendant(kit: Kit) -> None:
-    """Hanging lamps on cords; the ground is at the edge of the lowest shade."""
+    """Hanging lamps on cords; z = 0 is at the lower edge of the lowest shade."""
     body, shade = _materials(kit)
     cord, lights = kit.uniform("cord", 0.25, 1.3), kit.choose("lights", 1, 1, 1, 2, 3, 5)
     radius, tall = kit.uniform("shade_radius", 0.12, 0.36), kit.uniform("shade_height", 0.1, 0.4)
@@ -900,5 +900,5 @@ _WEIGHTS = {"table": 2, "desk": 2}
 
 
 def lamp(kit: Kit) -> None:
-    """Fourteen subtypes, see `KINDS`. Hidden: the bulb in a closed shade, a recess."""
+    """Fourteen subtypes, see `KINDS`. Hidden: the bulb in a closed shade, or a recess."""
     kit.build_subtype(KINDS, _WEIGHTS)
