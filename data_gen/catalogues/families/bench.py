@@ -657,21 +657,10 @@ def _deacon(kit: Kit) -> None:
 
 
 KINDS: dict[str, Callable[[Kit], None]] = {
-    "park": _park,
-    "slab": _slab,
-    "panel_ends": _panel_ends,
-    "storage": _storage,
-    "pew": _pew,
-    "planter": _planter,
-    "curved": _curved,
-    "picnic": _picnic,
-    "stone": _stone,
-    "gym": _gym,
-    "swing": _swing,
-    "rows": _locker_room,
-    "double": _tete,
-    "settle": _deacon,
-}
+    "park": _park, "slab": _slab, "panel_ends": _panel_ends, "storage": _storage, "pew": _pew,
+    "planter": _planter, "curved": _curved, "picnic": _picnic, "stone": _stone, "gym": _gym,
+    "swing": _swing, "rows": _locker_room, "double": _tete, "settle": _deacon,
+}  # fmt: skip
 
 _WEIGHTS = {"park": 3, "slab": 3}
 

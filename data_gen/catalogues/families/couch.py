@@ -748,21 +748,11 @@ def _settee(kit: Kit) -> None:
 
 
 KINDS: dict[str, Callable[[Kit], None]] = {
-    "straight": _straight,
-    "loveseat": _loveseat,
-    "chesterfield": _chesterfield,
-    "corner": _corner,
-    "chaise": _chaise_end,
-    "longue": _longue,
-    "sofa_bed": _sofa_bed,
-    "daybed": _daybed,
-    "futon": _futon,
-    "modular": _modular,
-    "curved": _curved,
-    "slim": _bench_like,
-    "group": _group,
+    "straight": _straight, "loveseat": _loveseat, "chesterfield": _chesterfield, "corner": _corner,
+    "chaise": _chaise_end, "longue": _longue, "sofa_bed": _sofa_bed, "daybed": _daybed,
+    "futon": _futon, "modular": _modular, "curved": _curved, "slim": _bench_like, "group": _group,
     "settee": _settee,
-}
+}  # fmt: skip
 
 _WEIGHTS = {"straight": 5, "corner": 2, "loveseat": 2}
 

@@ -880,21 +880,10 @@ def _sconce(kit: Kit) -> None:
 
 
 KINDS: dict[str, Callable[[Kit], None]] = {
-    "table": _table,
-    "floor": _floor,
-    "torchiere": _torchiere,
-    "tripod": _tripod,
-    "desk": _desk,
-    "arc": _arc,
-    "pendant": _pendant,
-    "globe": _globe,
-    "chandelier": _chandelier,
-    "lantern": _lantern,
-    "street": _street,
-    "spots": _spots,
-    "turned": _tiffany,
-    "sconce": _sconce,
-}
+    "table": _table, "floor": _floor, "torchiere": _torchiere, "tripod": _tripod, "desk": _desk,
+    "arc": _arc, "pendant": _pendant, "globe": _globe, "chandelier": _chandelier,
+    "lantern": _lantern, "street": _street, "spots": _spots, "turned": _tiffany, "sconce": _sconce,
+}  # fmt: skip
 
 _WEIGHTS = {"table": 2, "desk": 2}
 
