@@ -173,10 +173,10 @@ def build_model(
 
     One function: each step relies on the cleaning of the steps before it.
 
-    Removed are faces with indices out of range, faces without area, faces of fully transparent
-    materials, and unused vertices. Corner normals that are missing, zero or not finite are computed
-    by `crease_normals`. A face whose given normals point to its back is reversed. The model's
-    warnings state how many faces were removed.
+    Faces with indices out of range, faces without area, faces of fully transparent materials and
+    unused vertices are removed. Corner normals that are missing, zero or not finite are computed by
+    `crease_normals`. A face whose given normals point to its back is reversed. The model's warnings
+    state how many faces were removed.
 
     Args:
       vertices: [V, 3].

@@ -28,8 +28,8 @@ def _cut_ears(outlines: np.ndarray) -> np.ndarray:
     """`cut_ears` of a few polygons, one step at a time for all of them.
 
     A corner is an ear if its triangle is convex and contains no other corner. When an ear is cut,
-    the triangles of its two neighbours change and are tested again. For all other corners, the cut
-    corner is no longer a corner that their triangles may contain.
+    the triangles of its two neighbours change and are tested again. The triangles of all other
+    corners stay the same, but the cut corner is no longer considered for them.
     """
     count, corners = outlines.shape[:2]
     rows = np.arange(count)

@@ -23,7 +23,8 @@ class Choice:
     Attributes:
       include: patterns; models that match none of them are left out. () = keep all.
       exclude: patterns; models that match one of them are left out.
-      sample: number of models sampled from those, spread over categories and folders; 0 = all.
+      sample: number of models sampled from the remaining ones, spread over categories and folders;
+        0 = all.
       seed: seed of the sample. With the same seed, a larger sample contains the smaller ones.
     """
 
@@ -56,7 +57,7 @@ def _check_patterns(flag: str, patterns: Sequence[str], entries: Sequence[Entry]
 
 
 def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
-    """The chosen models: a sample in random order, all models in the given order.
+    """The chosen models in the given order; if a sample is taken, in random order.
 
     Raises:
       ValueError: a pattern matches no model, no model is left, or the sample size is negative.

@@ -88,7 +88,7 @@ class FlightGearCatalogue:
 
     Args:
       source: the folder `AI/Aircraft` of FlightGear's data.
-      liveries: largest number of liveries per file, taken at equal distances from the sorted names.
+      liveries: largest number of liveries per file, chosen at equal distances in the sorted list.
       fractions: fractions of the models for training, validation and test, see
         `catalogues.entry.split_of`.
       max_faces: models with more faces are refused.

@@ -2,7 +2,7 @@
 
 A part is `(vertices [V, 3], faces [F, 3])`, with faces counter-clockwise seen from outside. Sizes
 are in the unit in which the model is built; +z is up. The normals of the finished model are
-computed from its crease angle.
+computed by `mesh.crease_normals`.
 """
 
 from collections.abc import Callable, Sequence
