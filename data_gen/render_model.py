@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.spatial
 
-from data_gen import cameras, lights, scene, surroundings
+from data_gen import cameras, lights, missing_faces, scene, surroundings
 from data_gen.backgrounds import draw_background
 from data_gen.catalogues.entry import Entry
 from data_gen.frame import outline, recentre
@@ -93,7 +93,8 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         # Unbalanced, which is faster to build; there are only a few hundred queries per view.
         tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
         laps.end("points")
-        surfaces = scene.flatten(model)
+        drawn, settings = missing_faces.draw(model, settings, seed)
+        surfaces = scene.flatten(drawn)
         extremes = outline(model)
         mesh = Mesh(surfaces.corners)
         laps.end("mesh")

@@ -39,6 +39,8 @@ class ImageSettings:
         "random" = one that fits the surroundings. It appears only in the image, not in mask and
         depth. It is left out if the camera is below it.
       rays: rays per pixel that sample the light, for "photo" shading.
+      missing: fraction of the models that are drawn without some of their faces, see
+        `data_gen.missing_faces`.
     """
 
     shading: str = "local"
@@ -49,6 +51,7 @@ class ImageSettings:
     background_folder: str = ""
     ground: str = "none"
     rays: int = 16
+    missing: float = 0.0
 
     def __post_init__(self) -> None:
         """Checks the fields."""
@@ -67,6 +70,7 @@ class ImageSettings:
             )
         check_one_of("image.ground", self.ground, GROUNDS)
         check_between("image.rays", self.rays, 4, 1024)
+        check_between("image.missing", self.missing, 0, 1)
         if self.shading != "photo":
             for name, value, without in (
                 ("background", self.background == "surroundings", "grey"),

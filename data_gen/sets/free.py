@@ -112,6 +112,12 @@ SOURCES = (
     _procedural("procedural", views=4, models="480"),
     _procedural("procedural_extra", views=3, models="100"),
     _procedural("procedural_groups", views=3, models="4000"),
+    dataclasses.replace(
+        _procedural("procedural_groups", views=3, models="1000"),
+        name="procedural_incomplete",
+        options={"first_seed": 4000},
+        missing=1.0,
+    ),
 )
 """All sources."""
 
@@ -184,6 +190,7 @@ def settings_of(part: Part, options: Options) -> settings.Settings:
     values = config.get_config(part.preset)
     values.views = part.views
     values.centre = options.centre
+    values.image.missing = part.source.missing
     if part.preset == "authors":
         # These textures have few texels per pixel, so that a few samples suffice.
         values.image.samples = 2
