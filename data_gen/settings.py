@@ -39,7 +39,7 @@ class ImageSettings:
         "random" = one that fits the surroundings. It appears only in the image, not in mask and
         depth. It is left out if the camera is below it.
       rays: rays per pixel that sample the light, for "photo" shading.
-      missing: fraction of the models that are drawn without some of their faces, see
+      missing: fraction of the models that are rendered without some of their faces, see
         `data_gen.missing_faces`.
     """
 

@@ -67,7 +67,7 @@ class Source:
       place: source of the catalogue: a path in the unpacked package, or a number of models.
       options: options of the catalogue.
       exclude: pattern of the names of models that are left out.
-      missing: fraction of the models that are drawn without some of their faces, see
+      missing: fraction of the models that are rendered without some of their faces, see
         `data_gen.missing_faces`.
       families: models of a family are in the same split. "name": the family is `family_of(name)`;
         "folder": the family is the first folder of the name; "": no families, the catalogue decides
