@@ -1,9 +1,9 @@
-"""Models of which only a random part is drawn.
+"""Models of which only a random part is rendered in the image.
 
-Some objects of ShapeNet are like this in the authors' images: faces that point away from their
-outside, or materials that could not be read, are not drawn. The points are those of the whole
-object. Of the authors' 1,440 training images, 8 show less than .5 % of the image as object, and in
-.8 % more than a tenth of the points project outside the mask.
+The authors' images show some objects of ShapeNet in this way: faces that point inward, or whose
+materials could not be read, are not rendered. The points are those of the whole object. In 8 of the
+authors' 1,440 training images, the object covers less than .5 % of the image. In .8 % of the
+images, more than a tenth of the points project outside the mask.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ from data_gen.mesh import Model, face_areas, face_normals
 from data_gen.settings import Settings
 
 COVERAGE = 0.0003
-"""Smallest fraction of the image that the drawn part covers."""
+"""Smallest fraction of the image that the rendered part must cover."""
 
 # Makes these random numbers independent of others with the same seed.
 _STREAM = zlib.crc32(b"missing faces")
@@ -23,11 +23,11 @@ _RADII = (0.05, 0.8)
 
 
 def draw(model: Model, settings: Settings, seed: int) -> tuple[Model, Settings]:
-    """The part of a model that is drawn, and the settings with checks that allow it.
+    """The part of a model that is rendered, and settings whose checks accept it.
 
-    A fraction `settings.image.missing` of the models loses faces, in one of three ways: those on
-    one side (a random direction, up in half of the cases), those outside a ball around a point of
-    the surface, or those inside it. The radius is log-uniform in [.05, .8].
+    A fraction `settings.image.missing` of the models loses faces: those on one side (a random
+    direction, up in half of the cases), those outside a ball around a point of the surface, or
+    those inside such a ball. The radius is log-uniform in [.05, .8].
 
     Args:
       model: a normalised model.

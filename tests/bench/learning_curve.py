@@ -2,10 +2,9 @@
 
     python tests/bench/learning_curve.py --out docs/learning_curve.png RUN [RUN ...]
 
-Every `RUN` is the folder of a run, or a folder with its `config.json` and `metrics.jsonl`. A run
-continues the previous one: it was started from it by `train.init`. Samples seen are the samples of
-all previous runs plus step times batch size. Metrics are those on the validation split, of the
-averaged parameters.
+Every `RUN` is the folder of a run, or a folder with its `config.json` and `metrics.jsonl`. Each run
+continues the previous one (`train.init`). The number of samples seen is that of all previous runs
+plus step times batch size. Metrics are those of the averaged parameters on the validation split.
 """
 
 import argparse

@@ -1,10 +1,10 @@
-"""How well the object of a photo is found without a given mask (`psgn_jax.data.masks`).
+"""Measures the segmentation of photos that have no given mask (`psgn_jax.data.masks`).
 
     python tests/bench/masks.py RECORDS... [--count 300] [--seed 0] [--sheet out.png]
     python tests/bench/masks.py RECORDS... --fit        # new weights of the choice between masks
 
-RECORDS are folders of rendered records; models of their split `--split` (default: test, which no
-network was trained on) are put in front of backgrounds of three kinds, in turn:
+RECORDS are folders of rendered records. Models of the split `--split` (default: test, on which no
+network was trained) are composited over backgrounds of three kinds, in turn:
 
 - photo: a random part of a photograph that comes with an installed package (scikit-image,
   scikit-learn, matplotlib or gradio; those that are missing are left out);
@@ -13,9 +13,9 @@ network was trained on) are put in front of backgrounds of three kinds, in turn:
   its shadow.
 
 Objects take 30 to 80 % of the image in one direction and do not touch its border. Edges, exposure,
-blur, noise and JPEG quality vary. The same seed gives the same images. Prints, for each kind, the
-mean and median IoU with the true mask, the share of images below .5, and the processor's
-milliseconds per image; then how often the method warned, and the IoU with and without a warning.
+blur, noise and JPEG quality vary. The same seed gives the same images. The command prints, for each
+kind, the mean and median IoU with the true mask, the share of images with an IoU below .5, and the
+CPU milliseconds per image; then the number of images with and without a warning, and their IoU.
 
 `--fit` prints the least-squares weights of `segmentation.WEIGHTS`. It uses the training split and
 half of the photographs; the figures above are measured on the other half.
@@ -43,7 +43,7 @@ from psgn_jax.data.dataset import RecordReader
 SIZE = (360, 480)
 KINDS = ("photo", "texture", "room")
 
-# Package, file; alternating: for the figures, for the fit.
+# Package, file. The files are used alternately for the figures and for the fit.
 PHOTOGRAPHS = (
     ("skimage", "data/astronaut.png"),
     ("skimage", "data/coffee.png"),
@@ -75,7 +75,7 @@ def photographs(fit):
 
 
 def cropped(rng, picture, size):
-    """A random part of a picture, at least half of it in one direction, at a size."""
+    """A random part of a picture, at least half of it in one direction, resized."""
     height, width = picture.shape[:2]
     share = min(height / size[0], width / size[1]) * rng.uniform(0.5, 1)
     high, wide = int(share * size[0]), int(share * size[1])
@@ -95,7 +95,7 @@ TEXTURES = (
 
 
 def texture(rng, size):
-    """A repeated, tinted and turned texture."""
+    """A repeated, tinted and rotated texture."""
     maker, kinds = TEXTURES[int(rng.integers(len(TEXTURES)))]
     tile = np.asarray(maker(str(rng.choice(kinds)), int(rng.integers(4))))[..., :3]
     tile = Image.fromarray(tile).resize(2 * (int(rng.integers(120, 400)),))
@@ -124,7 +124,7 @@ def room(rng, size, sample, to_canvas):
     down = np.flatnonzero(reach < 60)
     places = (origin[:2] + reach[down, None] * rays[down, :2]).astype(np.float32)
     down, places = down[ground.holds(places)], places[ground.holds(places)]
-    # The shadow: the points of the object, moved along the light onto the ground.
+    # The shadow: the points of the object, projected along the light onto the ground.
     away = rng.normal(0, 0.6, 2)
     fallen = sample.points[:, :2] + sample.points[:, 2:] * away
     edges = np.linspace(-3, 3, 193)
@@ -160,7 +160,7 @@ def composite(rng, sample, kind, pictures):
             np.float64,
         )
 
-    # The grey behind the object has bled into the pixels at its edge.
+    # The grey background of the record is mixed into the pixels at the object's edge.
     behind = ~sample.mask
     nearest = scipy.ndimage.distance_transform_edt(
         behind | ~scipy.ndimage.binary_erosion(sample.mask), return_indices=True
@@ -208,7 +208,7 @@ def iou(one, other):
 
 
 def least_squares(features, targets):
-    """Ridge regression of standardised features; weights of the features as they are."""
+    """Ridge regression of standardised features; returns weights of the original features."""
     scale = np.maximum(features.std(axis=0), 1e-6)
     matrix = features / scale
     penalty = 0.1 * len(targets) * np.eye(matrix.shape[1])
@@ -216,7 +216,7 @@ def least_squares(features, targets):
 
 
 def fit_weights(cases):
-    """Weights of the rank, fitted within images, and of the score, fitted to the chosen ones."""
+    """Fits the weights of the rank (within images) and of the score (of the chosen masks)."""
     from psgn_jax.data import segmentation
 
     seeds = list(segmentation.RANK_OF_SEED)
@@ -231,7 +231,7 @@ def fit_weights(cases):
 
 
 def report_fit(features, targets, groups, places, seeds):
-    """Fits and prints."""
+    """Fits the weights and prints them."""
     from psgn_jax.data import segmentation
 
     def centred(values):
@@ -263,7 +263,7 @@ def report_fit(features, targets, groups, places, seeds):
 
 
 def sheet(cases, path):
-    """Images with the outline of the mask that was found (red) and the true one (green)."""
+    """Writes images with the outlines of the computed mask (red) and the true mask (green)."""
     tiles = []
     for image, mask, found in cases:
         tile = image.astype(float)

@@ -1,4 +1,4 @@
-"""Objects of which only a part is drawn: the image changes, points and volume do not."""
+"""Objects of which only a part is rendered: the image changes, points and volume do not."""
 
 import dataclasses
 
