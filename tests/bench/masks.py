@@ -1,10 +1,12 @@
 """How well the object of a photo is found without a given mask (`psgn_jax.data.masks`).
 
     python tests/bench/masks.py RECORDS... [--count 300] [--seed 0] [--sheet out.png]
+    python tests/bench/masks.py --cutouts FOLDER [--count 105]
     python tests/bench/masks.py RECORDS... --fit        # new weights of the choice between masks
 
 RECORDS are folders of rendered records; models of their split `--split` (default: test, which no
-network was trained on) are put in front of backgrounds of three kinds, in turn:
+network was trained on) are put in front of backgrounds of three kinds, in turn. `--cutouts` takes
+photographs of objects without their background instead (`cutouts.py`), each in turn:
 
 - photo: a random part of a photograph that comes with an installed package (scikit-image,
   scikit-learn, matplotlib or gradio; those that are missing are left out);
@@ -16,18 +18,22 @@ Objects take 30 to 80 % of the image in one direction and do not touch its borde
 blur, noise and JPEG quality vary. The same seed gives the same images. Prints, for each kind, the
 mean and median IoU with the true mask, the share of images below .5, and the processor's
 milliseconds per image; then how often the method warned, and the IoU with and without a warning.
+With `--method single`, the method is a single GrabCut that starts from a band along the border.
+Ctrl-C ends the measurement and prints the table of the images so far.
 
 `--fit` prints the least-squares weights of `segmentation.WEIGHTS`. It uses the training split and
 half of the photographs; the figures above are measured on the other half.
 """
 
 import argparse
+import contextlib
 import importlib.util
 import io
 import pathlib
 import sys
 import time
 
+import cutouts
 import numpy as np
 import scipy.ndimage
 from PIL import Image
@@ -138,12 +144,12 @@ def room(rng, size, sample, to_canvas):
     return (255 * np.clip(seen / max(level, 1e-3) * 0.8, 0, 1) ** (1 / 2.2)).reshape(*size, 3)
 
 
-def composite(rng, sample, kind, pictures):
-    """An image, uint8 [h, w, 3], and the mask of its object."""
+def composite(rng, sample, kind, pictures, enlarged=np.inf):
+    """An image, uint8 [h, w, 3], and the mask of its object, `enlarged` times at most."""
     size = SIZE if rng.random() < 0.75 else SIZE[::-1]
     rows, columns = np.flatnonzero(sample.mask.any(1)), np.flatnonzero(sample.mask.any(0))
     high, wide = np.ptp(rows) + 1, np.ptp(columns) + 1
-    factor = rng.uniform(0.3, 0.8) * min(size[0] / high, size[1] / wide)
+    factor = min(rng.uniform(0.3, 0.8) * min(size[0] / high, size[1] / wide), enlarged)
     free = size[0] - factor * high, size[1] - factor * wide
     top, left = (np.clip(rng.normal(0.5, 0.2), 0.06, 0.94) * each for each in free)
     to_canvas = np.array(
@@ -185,12 +191,27 @@ def composite(rng, sample, kind, pictures):
     return np.asarray(Image.open(stream)), alpha > 0.5
 
 
+def backgrounds(fit):
+    """The kinds of background that there are, and photographs."""
+    pictures = photographs(fit)
+    print(f"photographs: {', '.join(pictures) or 'none'}", file=sys.stderr)
+    return KINDS if pictures else KINDS[1:], list(pictures.values())
+
+
+def composites_of_cutouts(folder, count, seed):
+    """Yields (kind, image, mask); each cut-out in turn, on each kind of background."""
+    kinds, pictures = backgrounds(False)
+    objects = cutouts.samples(folder)
+    for number in range(count):
+        rng = np.random.default_rng((seed, number))
+        kind = kinds[(number + number // len(objects)) % len(kinds)]
+        yield kind, *composite(rng, objects[number % len(objects)], kind, pictures, enlarged=1.5)
+
+
 def composites(folders, split, count, seed, fit):
     """Yields (kind, image, mask)."""
     readers = [RecordReader(folder, split) for folder in folders]
-    pictures = photographs(fit)
-    print(f"photographs: {', '.join(pictures) or 'none'}", file=sys.stderr)
-    kinds = KINDS if pictures else KINDS[1:]
+    kinds, pictures = backgrounds(fit)
     for number in range(count):
         rng = np.random.default_rng((seed, fit, number))
         while True:
@@ -199,7 +220,7 @@ def composites(folders, split, count, seed, fit):
             if sample.mask.mean() > 0.02:
                 break
         kind = kinds[number % len(kinds)]
-        yield kind, *composite(rng, sample, kind, list(pictures.values()))
+        yield kind, *composite(rng, sample, kind, pictures)
 
 
 def iou(one, other):
@@ -279,33 +300,41 @@ def sheet(cases, path):
     Image.fromarray(np.concatenate(rows)).save(path)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("records", nargs="+", type=pathlib.Path)
-    parser.add_argument("--count", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--split", default="")
-    parser.add_argument("--method", default="grabcut", choices=masks.METHODS)
-    parser.add_argument("--sheet", help="PNG of the first 64 images")
-    parser.add_argument("--fit", action="store_true")
-    arguments = parser.parse_args()
-    split = arguments.split or ("train" if arguments.fit else "test")
-    cases = composites(arguments.records, split, arguments.count, arguments.seed, arguments.fit)
-    if arguments.fit:
-        fit_weights(cases)
-        return
-    rows, shown = [], []
+def single(image):
+    """The mask of one GrabCut that starts from a band along the border, or None."""
+    import cv2
+
+    small = masks._small(image)
+    height, width = small.shape[:2]
+    down, across = max(1, round(0.03 * height)), max(1, round(0.03 * width))
+    labels = np.full((height, width), cv2.GC_BGD, np.uint8)
+    labels[down:-down, across:-across] = cv2.GC_PR_FGD
+    back, fore = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.setRNGSeed(0)
+    cv2.grabCut(small, labels, (0, 0, 1, 1), back, fore, 5, cv2.GC_INIT_WITH_MASK)
+    parts, count = scipy.ndimage.label((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD))
+    areas = np.bincount(parts.ravel(), minlength=count + 1)
+    areas[0] = 0
+    return photo.resize_mask((areas >= 0.1 * areas.max())[parts] & (parts > 0), image.shape[:2])
+
+
+def measured(cases, method):
+    """Yields (kind, image, mask, found, milliseconds, in doubt)."""
     for kind, image, mask in cases:
         start = time.process_time()
         try:
-            found = masks.find_mask(image, None, arguments.method)
-            result, doubt = found.mask, bool(found.doubt)
+            if method == "single":
+                result, doubt = single(image), False
+            else:
+                found = masks.find_mask(image, None, method)
+                result, doubt = found.mask, bool(found.doubt)
         except photo.PhotoError:
             result, doubt = np.zeros_like(mask), True
-        spent = time.process_time() - start
-        rows.append((kind, iou(result, mask), 1000 * spent, doubt))
-        if len(shown) < 64:
-            shown.append((image, mask, result))
+        yield kind, image, mask, result, 1000 * (time.process_time() - start), doubt
+
+
+def report(rows):
+    """Prints a table of (kind, IoU, milliseconds, in doubt)."""
     print("background  images  mean IoU  median  below .5  ms")
     for kind in (*KINDS, "all"):
         part = [row[1:] for row in rows if kind in (row[0], "all")]
@@ -323,6 +352,38 @@ def main():
                 f"{text}: {len(part)} images, mean IoU {part.mean():.3f}, "
                 f"{100 * np.mean(part < 0.5):.1f} % below .5"
             )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("records", nargs="*", type=pathlib.Path)
+    parser.add_argument("--cutouts", type=pathlib.Path, help="folder of Tux Paint's stamps")
+    parser.add_argument("--count", type=int, default=0, help="default: 300, of cut-outs 105")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--split", default="")
+    parser.add_argument("--method", default="grabcut", choices=(*masks.METHODS, "single"))
+    parser.add_argument("--sheet", help="PNG of the first 64 images")
+    parser.add_argument("--fit", action="store_true")
+    arguments = parser.parse_args()
+    if bool(arguments.records) == bool(arguments.cutouts):
+        parser.error("expected either RECORDS or --cutouts")
+    if arguments.cutouts:
+        cases = composites_of_cutouts(arguments.cutouts, arguments.count or 105, arguments.seed)
+    else:
+        split = arguments.split or ("train" if arguments.fit else "test")
+        count = arguments.count or 300
+        cases = composites(arguments.records, split, count, arguments.seed, arguments.fit)
+    if arguments.fit:
+        fit_weights(cases)
+        return
+    rows, shown = [], []
+    with contextlib.suppress(KeyboardInterrupt):
+        for kind, image, mask, result, spent, doubt in measured(cases, arguments.method):
+            rows.append((kind, iou(result, mask), spent, doubt))
+            if len(shown) < 64:
+                shown.append((image, mask, result))
+    if rows:
+        report(rows)
     if arguments.sheet:
         sheet(shown, arguments.sheet)
 
