@@ -50,7 +50,7 @@ class FoundMask(NamedTuple):
     Attributes:
       mask: bool [h, w].
       method: one of `METHODS`.
-      doubt: why the mask may be wrong, and what to do, in one line; "" if there is no sign of it.
+      doubt: why the mask is probably wrong, and what to do, in one line; "" if it is not in doubt.
     """
 
     mask: np.ndarray
@@ -122,7 +122,7 @@ def find_mask(
 def looks_inverted(mask: np.ndarray) -> bool:
     """Whether a mask [h, w] looks inverted: it covers the border but not the middle.
 
-    At least 90 % of the border's pixels are on it, and less than half of the middle ninth.
+    The mask contains at least 90 % of the border, and less than half of the middle ninth.
     """
     border = np.concatenate([mask[0], mask[-1], mask[1:-1, 0], mask[1:-1, -1]])
     height, width = mask.shape
@@ -181,7 +181,7 @@ def _overlap(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def grabcut(image: np.ndarray) -> np.ndarray | None:
-    """The object by its colours (`data.segmentation`), or None. Needs OpenCV."""
+    """The mask from the colours (`data.segmentation`), None without an object. Needs OpenCV."""
     found = _by_colours(image)
     return None if found is None else found.mask
 

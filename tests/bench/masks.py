@@ -1,12 +1,14 @@
-"""How well the object of a photo is found without a given mask (`psgn_jax.data.masks`).
+"""Measures the segmentation of photos that have no given mask (`psgn_jax.data.masks`).
 
     python tests/bench/masks.py RECORDS... [--count 300] [--seed 0] [--sheet out.png]
-    python tests/bench/masks.py --cutouts FOLDER [--count 105]
+    python tests/bench/masks.py --cutouts FOLDER [--backdrops] [--count 105]
     python tests/bench/masks.py RECORDS... --fit        # new weights of the choice between masks
 
-RECORDS are folders of rendered records; models of their split `--split` (default: test, which no
-network was trained on) are put in front of backgrounds of three kinds, in turn. `--cutouts` takes
-photographs of objects without their background instead (`cutouts.py`), each in turn:
+RECORDS are folders of rendered records. Models of the split `--split` (default: test, on which no
+network was trained) are composited over backgrounds of three kinds, in turn. With `--cutouts`, the
+objects are photographs without their background (`cutouts.py`), each in turn. With `--backdrops`
+too, the backgrounds are those of product photos, in turn: plain, one colour; and shaded, with a
+gradient, a soft shadow and some noise. The method is then `auto` by default. The backgrounds are:
 
 - photo: a random part of a photograph that comes with an installed package (scikit-image,
   scikit-learn, matplotlib or gradio; those that are missing are left out);
@@ -15,9 +17,9 @@ photographs of objects without their background instead (`cutouts.py`), each in 
   its shadow.
 
 Objects take 30 to 80 % of the image in one direction and do not touch its border. Edges, exposure,
-blur, noise and JPEG quality vary. The same seed gives the same images. Prints, for each kind, the
-mean and median IoU with the true mask, the share of images below .5, and the processor's
-milliseconds per image; then how often the method warned, and the IoU with and without a warning.
+blur, noise and JPEG quality vary. The same seed gives the same images. The command prints, for each
+kind, the mean and median IoU with the true mask, the share of images with an IoU below .5, and the
+CPU milliseconds per image; then the number of images with and without a warning, and their IoU.
 With `--method single`, the method is a single GrabCut that starts from a band along the border.
 Ctrl-C ends the measurement and prints the table of the images so far.
 
@@ -33,12 +35,12 @@ import pathlib
 import sys
 import time
 
-import cutouts
 import numpy as np
 import scipy.ndimage
 from PIL import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+import cutouts
 from data_gen import grounds, surroundings
 from data_gen.catalogues.families import textures
 from data_gen.lights import LightSettings
@@ -48,8 +50,9 @@ from psgn_jax.data.dataset import RecordReader
 
 SIZE = (360, 480)
 KINDS = ("photo", "texture", "room")
+BACKDROPS = ("plain", "shaded")
 
-# Package, file; alternating: for the figures, for the fit.
+# Package, file. The files are used alternately for the figures and for the fit.
 PHOTOGRAPHS = (
     ("skimage", "data/astronaut.png"),
     ("skimage", "data/coffee.png"),
@@ -81,7 +84,7 @@ def photographs(fit):
 
 
 def cropped(rng, picture, size):
-    """A random part of a picture, at least half of it in one direction, at a size."""
+    """A random part of a picture, at least half of it in one direction, resized."""
     height, width = picture.shape[:2]
     share = min(height / size[0], width / size[1]) * rng.uniform(0.5, 1)
     high, wide = int(share * size[0]), int(share * size[1])
@@ -101,7 +104,7 @@ TEXTURES = (
 
 
 def texture(rng, size):
-    """A repeated, tinted and turned texture."""
+    """A repeated, tinted and rotated texture."""
     maker, kinds = TEXTURES[int(rng.integers(len(TEXTURES)))]
     tile = np.asarray(maker(str(rng.choice(kinds)), int(rng.integers(4))))[..., :3]
     tile = Image.fromarray(tile).resize(2 * (int(rng.integers(120, 400)),))
@@ -130,7 +133,7 @@ def room(rng, size, sample, to_canvas):
     down = np.flatnonzero(reach < 60)
     places = (origin[:2] + reach[down, None] * rays[down, :2]).astype(np.float32)
     down, places = down[ground.holds(places)], places[ground.holds(places)]
-    # The shadow: the points of the object, moved along the light onto the ground.
+    # The shadow: the points of the object, projected along the light onto the ground.
     away = rng.normal(0, 0.6, 2)
     fallen = sample.points[:, :2] + sample.points[:, 2:] * away
     edges = np.linspace(-3, 3, 193)
@@ -166,7 +169,7 @@ def composite(rng, sample, kind, pictures, enlarged=np.inf):
             np.float64,
         )
 
-    # The grey behind the object has bled into the pixels at its edge.
+    # The grey background of the record is mixed into the pixels at the object's edge.
     behind = ~sample.mask
     nearest = scipy.ndimage.distance_transform_edt(
         behind | ~scipy.ndimage.binary_erosion(sample.mask), return_indices=True
@@ -189,6 +192,44 @@ def composite(rng, sample, kind, pictures, enlarged=np.inf):
     jpeg = Image.fromarray(image.clip(0, 255).astype(np.uint8))
     jpeg.save(stream, "JPEG", quality=int(rng.integers(70, 96)))
     return np.asarray(Image.open(stream)), alpha > 0.5
+
+
+def backdrop(rng, sample, shaded):
+    """A cut-out on a backdrop, as a JPEG: an image, and the mask of its object."""
+    high, wide = sample.mask.shape
+    factor = min(rng.uniform(0.4, 0.85) * min(SIZE[0] / high, SIZE[1] / wide), 1.5)
+    high, wide = round(factor * high), round(factor * wide)
+    top, left = (SIZE[0] - high) // 2, (SIZE[1] - wide) // 2
+    part = np.s_[top : top + high, left : left + wide]
+    alpha, colours = np.zeros(SIZE), np.zeros((*SIZE, 3))
+    for array, source in ((alpha, 255 * sample.mask.astype(np.uint8)), (colours, sample.image)):
+        array[part] = np.asarray(Image.fromarray(source).resize((wide, high)))
+    alpha /= 255
+    level = rng.choice([255, 255, 245, 225, 191, 120, 30])
+    tint = 1 if level == 255 else rng.uniform(0.92, 1.05, 3)
+    back = np.ones((*SIZE, 3)) * level * tint
+    if shaded:
+        rows, columns = np.meshgrid(*(np.linspace(-1, 1, side) for side in SIZE), indexing="ij")
+        slope = rng.normal(0, 4, 2)
+        vignette = rng.uniform(0, 6) * (rows**2 + columns**2)
+        back += (slope[0] * columns + slope[1] * rows - vignette)[..., None]
+        shadow = scipy.ndimage.gaussian_filter(np.roll(alpha, (8, 20), (0, 1)), 12)
+        back *= 1 - rng.uniform(0, 0.25) * shadow[..., None]
+        back += rng.normal(0, rng.uniform(0, 1.5), back.shape)
+    image = back + alpha[..., None] * (colours - back)
+    stream = io.BytesIO()
+    jpeg = Image.fromarray(image.clip(0, 255).astype(np.uint8))
+    jpeg.save(stream, "JPEG", quality=int(rng.choice([70, 80, 88, 95])))
+    return np.asarray(Image.open(stream)), alpha > 0.5
+
+
+def cutouts_on_backdrops(folder, count, seed):
+    """Yields (kind, image, mask); each cut-out in turn."""
+    objects = cutouts.samples(folder)
+    for number in range(count):
+        rng = np.random.default_rng((seed, number))
+        shaded = (number + number // len(objects)) % 2
+        yield BACKDROPS[shaded], *backdrop(rng, objects[number % len(objects)], shaded)
 
 
 def backgrounds(fit):
@@ -229,7 +270,7 @@ def iou(one, other):
 
 
 def least_squares(features, targets):
-    """Ridge regression of standardised features; weights of the features as they are."""
+    """Ridge regression of standardised features; returns weights of the original features."""
     scale = np.maximum(features.std(axis=0), 1e-6)
     matrix = features / scale
     penalty = 0.1 * len(targets) * np.eye(matrix.shape[1])
@@ -237,7 +278,7 @@ def least_squares(features, targets):
 
 
 def fit_weights(cases):
-    """Weights of the rank, fitted within images, and of the score, fitted to the chosen ones."""
+    """Fits the weights of the rank (within images) and of the score (of the chosen masks)."""
     from psgn_jax.data import segmentation
 
     seeds = list(segmentation.RANK_OF_SEED)
@@ -252,7 +293,7 @@ def fit_weights(cases):
 
 
 def report_fit(features, targets, groups, places, seeds):
-    """Fits and prints."""
+    """Fits the weights and prints them."""
     from psgn_jax.data import segmentation
 
     def centred(values):
@@ -284,7 +325,7 @@ def report_fit(features, targets, groups, places, seeds):
 
 
 def sheet(cases, path):
-    """Images with the outline of the mask that was found (red) and the true one (green)."""
+    """Writes images with the outlines of the computed mask (red) and the true mask (green)."""
     tiles = []
     for image, mask, found in cases:
         tile = image.astype(float)
@@ -336,7 +377,7 @@ def measured(cases, method):
 def report(rows):
     """Prints a table of (kind, IoU, milliseconds, in doubt)."""
     print("background  images  mean IoU  median  below .5  ms")
-    for kind in (*KINDS, "all"):
+    for kind in (*KINDS, *BACKDROPS, "all"):
         part = [row[1:] for row in rows if kind in (row[0], "all")]
         if part:
             values, spent, _ = np.array(part).T
@@ -361,14 +402,16 @@ def main():
     parser.add_argument("--count", type=int, default=0, help="default: 300, of cut-outs 105")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--split", default="")
-    parser.add_argument("--method", default="grabcut", choices=(*masks.METHODS, "single"))
+    parser.add_argument("--backdrops", action="store_true", help="of product photos")
+    parser.add_argument("--method", default="", choices=(*masks.METHODS, "single"))
     parser.add_argument("--sheet", help="PNG of the first 64 images")
     parser.add_argument("--fit", action="store_true")
     arguments = parser.parse_args()
     if bool(arguments.records) == bool(arguments.cutouts):
         parser.error("expected either RECORDS or --cutouts")
     if arguments.cutouts:
-        cases = composites_of_cutouts(arguments.cutouts, arguments.count or 105, arguments.seed)
+        make = cutouts_on_backdrops if arguments.backdrops else composites_of_cutouts
+        cases = make(arguments.cutouts, arguments.count or 105, arguments.seed)
     else:
         split = arguments.split or ("train" if arguments.fit else "test")
         count = arguments.count or 300
@@ -377,8 +420,9 @@ def main():
         fit_weights(cases)
         return
     rows, shown = [], []
+    method = arguments.method or ("auto" if arguments.backdrops else "grabcut")
     with contextlib.suppress(KeyboardInterrupt):
-        for kind, image, mask, result, spent, doubt in measured(cases, arguments.method):
+        for kind, image, mask, result, spent, doubt in measured(cases, method):
             rows.append((kind, iou(result, mask), spent, doubt))
             if len(shown) < 64:
                 shown.append((image, mask, result))

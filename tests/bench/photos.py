@@ -29,7 +29,7 @@ PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
 PANEL = (150, 200)  # height, width
 TURNS = (0, 75)
 GAP, HEAD, LABEL = 10, 40, 24
-LARGEST = 400_000
+LARGEST = 480_000
 OUTSIDE = np.array([60, 90, 160])
 TEXT, PALE = (40, 40, 40), (120, 120, 120)
 

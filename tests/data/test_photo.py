@@ -1,4 +1,4 @@
-"""Photos of any kind give valid inputs of a network, or an error of one line."""
+"""Every photo gives a valid input of a network, or an error of one line."""
 
 import io
 import os
@@ -33,7 +33,7 @@ def saved(tmp_path, image, name="photo.png", **options):
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_exif_orientation_is_honoured_for_image_and_mask(tmp_path, orientation):
     image, mask = scene()
-    image[:20, :30] = (0, 0, 255)  # tells all eight apart
+    image[:20, :30] = (0, 0, 255)  # distinguishes all eight orientations
     undo = {5: 5, 6: 8, 7: 7, 8: 6}.get(orientation, orientation)
     stored = photo._turn(Image.fromarray(image), undo)
     exif = Image.Exif()
@@ -290,7 +290,7 @@ def test_the_map_to_the_view_takes_pixels_along():
     rows, columns = np.flatnonzero(view.mask.any(1)), np.flatnonzero(view.mask.any(0))
     assert corner[0] == pytest.approx(columns[0], abs=0.6)
     assert corner[1] == pytest.approx(rows[0], abs=0.6)
-    # The camera of the photo sees a point where the view's does.
+    # The cameras of the photo and of the view project a point to corresponding pixels.
     points = np.array([[0.1, 0.2, 0.3], [-0.2, 0.5, 0.0]])
     seen, _ = camera.project(points, view.intrinsics, view.extrinsics)
     own, _ = camera.project(points, np.linalg.inv(view.to_view) @ view.intrinsics, view.extrinsics)
@@ -306,7 +306,7 @@ def test_training_renderings_keep_their_frame():
     np.testing.assert_array_equal(view.mask, mask)
     assert not framing.is_framed(image[:, :200])
     assert not framing.is_framed(np.where(mask[..., None], image, np.uint8(180)))
-    with pytest.raises(photo.PhotoError, match="accepted as framed: 4:3"):
+    with pytest.raises(photo.PhotoError, match="accepted without cropping: 4:3"):
         framing.place(image[:, :200], mask[:, :200], move=False)
 
 
