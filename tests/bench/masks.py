@@ -41,6 +41,7 @@ from PIL import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 import cutouts
+
 from data_gen import grounds, surroundings
 from data_gen.catalogues.families import textures
 from data_gen.lights import LightSettings
