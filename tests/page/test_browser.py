@@ -353,7 +353,7 @@ HOSTILE = {
     "notes.txt": (b"no picture at all", "not an image; expected a photo such as JPEG, PNG"),
     "text.jpg": (b"<html>" * 50, "not an image; expected a photo such as JPEG, PNG or WebP"),
     "drawing.svg": (b'<?xml version="1.0"?><svg xmlns="x"></svg>', "SVG drawings cannot be used"),
-    "phone.heic": (b"\0\0\0\x18ftypheic" + b"\0" * 300, "cannot read HEIC photos; save it as JPEG"),
+    "phone.heic": (b"\0\0\0\x18ftypheic" + b"\0" * 300, "read HEIC photos; save the photo as JPEG"),
     "scan.tif": (b"II*\0" + b"\0" * 300, "This browser cannot read TIFF images"),
     "huge.png": (png_header(30_000, 30_000), "30000 x 30000 pixels; up to 100 million"),
     "cut.png": (png_header(300, 300), "This image is damaged and cannot be decoded."),
