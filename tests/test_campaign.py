@@ -3,7 +3,7 @@ import os
 import random
 import signal
 
-from campaign import forks, frame, kills
+from campaign import forks, frame, kills, load
 
 
 def test_a_part_is_seeded_counted_and_written(tmp_path):
@@ -96,3 +96,10 @@ def test_a_command_is_killed_and_compared(tmp_path):
     (finding,) = found["bad"]
     assert finding.held == 0
     assert "without a kill, the second time" in finding.details[0]
+
+
+def test_the_load_that_a_time_allows():
+    # The part starts a moment after its time begins.
+    assert load.scaled(299.999, 0.03, 200, 10_000) == 10_000
+    assert load.scaled(60, 0.03, 200, 10_000) == 2_000
+    assert load.scaled(1, 0.03, 200, 10_000) == 200

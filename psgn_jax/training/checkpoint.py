@@ -270,9 +270,10 @@ def _quiet_threads() -> None:
 
     The threads log the error with a stack trace. If one array cannot be read or written, orbax also
     closes its event loop while operations on other arrays are pending. Each pending operation then
-    ends in an exception that Python prints.
+    ends in an exception that Python prints, or that asyncio logs if the operation ended just before.
     """
     logging.get_absl_logger().addFilter(_is_no_stack_of_orbax)  # adding it again has no effect
+    python_logging.getLogger("asyncio").addFilter(_is_no_future_of_tensorstore)
     before = sys.unraisablehook
     if getattr(before, "__name__", "") == "_ignore_closed_loops":
         return
@@ -286,6 +287,11 @@ def _quiet_threads() -> None:
 
 def _is_no_stack_of_orbax(record: python_logging.LogRecord) -> bool:
     return not (record.exc_info and f"{os.sep}orbax{os.sep}" in record.pathname)
+
+
+def _is_no_future_of_tensorstore(record: python_logging.LogRecord) -> bool:
+    message = record.getMessage()
+    return not ("exception was never retrieved" in message and "tensorstore_spec" in message)
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ MOST_GROWTH = 200_000_000
 
 def scaled(deadline_in: float, each: float, least: int, most: int) -> int:
     """The number of items that the time allows, with `each` seconds for one."""
-    return int(min(most, max(least, deadline_in / each)))
+    return min(most, max(least, round(deadline_in / each)))
 
 
 def wrong(small: frame.Ended, whole: frame.Ended, code: int = 0) -> str:

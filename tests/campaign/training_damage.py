@@ -2,10 +2,13 @@
 
 The run is opened like in `evaluate` and `predict`, and its metrics are read like in a resumed
 training. Either the run must be refused with an error of one line, or the data must be those that
-the training wrote. In every `RESUMED_EVERY`th trial, the training is resumed. It must then end with
-the results of an undamaged run, or be refused with an error of one line.
+the training wrote. Only warnings of one line may be logged. In every `RESUMED_EVERY`th trial, the
+training is resumed. It must then end with the results of an undamaged run, or be refused with an
+error of one line.
 """
 
+import gc
+import logging
 import pathlib
 import random
 import shutil
@@ -47,6 +50,20 @@ def _leaves(tree, prefix=""):
             yield prefix + name, node
 
 
+class _Log(logging.Handler):
+    """Collects what is logged that is not a warning of one line."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.wrong: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Collects a record."""
+        text = record.getMessage()
+        if record.exc_info or "\n" in text or record.levelno > logging.WARNING:
+            self.wrong.append(f"{record.name} logs {text[:300]}")
+
+
 def _read(workdir: pathlib.Path, written: dict) -> str:
     """Opens a damaged run; returns what did not hold."""
     read_metrics(workdir / "metrics.jsonl")
@@ -70,6 +87,8 @@ def _resume(forks, command, workdir: pathlib.Path, reference: pathlib.Path, log)
     ended = forks.run(command, log)
     if ended.code:
         return frame.not_one_line(ended)
+    if "Traceback" in ended.text:
+        return f"a traceback: {ended.text[-300:]}"
     have, want = runs.last_checkpoint(workdir), runs.last_checkpoint(reference)
     if have.step != want.step:
         return f"it ended at step {have.step}"
@@ -98,6 +117,8 @@ def _damage(rng, deadline: float, folder: pathlib.Path, records, forks) -> list[
     files = sorted(p.relative_to(reference) for p in reference.rglob("*") if p.is_file())
     findings = {name: frame.Finding(f"a file of a run: {name}") for name in DAMAGES}
     resumed = frame.Finding("training again after damage")
+    log = _Log()
+    logging.getLogger().addHandler(log)
     number = 0
     while number < 20 or time.monotonic() < deadline:
         number += 1
@@ -114,9 +135,13 @@ def _damage(rng, deadline: float, folder: pathlib.Path, records, forks) -> list[
             wrong = _read(workdir, written)
         except Exception as error:
             wrong = f"{type(error).__name__}: {error}"
+        gc.collect()  # an exception that nobody has seen is logged when it is freed
+        wrong = wrong or "; ".join(log.wrong)
+        log.wrong.clear()
         findings[name].add(wrong and what + wrong)
         if number % RESUMED_EVERY == 0:
             command = runs.training(records, workdir)
             wrong = _resume(forks, command, workdir, reference, folder / "log")
             resumed.add(wrong and what + wrong)
+    logging.getLogger().removeHandler(log)
     return [*findings.values(), resumed]

@@ -39,15 +39,24 @@ def alone(records, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def start(records, tmp_path_factory):
-    """A function that starts a number of processes on the tiny configuration in a workdir."""
+def given(records, tmp_path_factory):
+    """The file of the tiny configuration, and the environment of the processes."""
     folder = tmp_path_factory.mktemp("start")
     file = write_config(folder / "tiny.py", tiny(data__path=str(records)))
-    environment = quick_environment(folder)
+    return file, quick_environment(folder)
+
+
+@pytest.fixture
+def start(given):
+    """A function that starts a number of processes on the tiny configuration in a workdir.
+
+    All of them are ended after the test, because they would slow down the next one.
+    """
+    file, environment = given
     running = []
 
     def run(count, workdir, *flags, command=TRAIN, only={}):  # noqa: B006 - not changed
-        given = [f"--config={file}"] if command is TRAIN else []
+        configured = [f"--config={file}"] if command is TRAIN else []
         with socket.create_server(("127.0.0.1", 0)) as free:
             coordinator = f"127.0.0.1:{free.getsockname()[1]}"
         processes = []
@@ -61,7 +70,7 @@ def start(records, tmp_path_factory):
                             sys.executable,
                             *command,
                             f"--workdir={workdir}",
-                            *given,
+                            *configured,
                             *together,
                             *flags,
                             *only.get(index, []),
@@ -78,6 +87,7 @@ def start(records, tmp_path_factory):
     yield run
     for process in running:
         process.kill()
+        process.wait()
 
 
 def codes(processes, timeout=180):
@@ -93,8 +103,10 @@ def lines(workdir, index):
     return [line for line in text(workdir, index).splitlines() if not line.startswith("[Gloo]")]
 
 
-def wait_for_step(workdir, step):
-    for _ in range(1200):
+def wait_for_step(workdir, step, processes, seconds=300):
+    """Waits until a step has been logged; half a minute is enough, unless the machine is busy."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline and all(process.poll() is None for process in processes):
         steps = [entry["step"] for entry in read_metrics(workdir / "metrics.jsonl")]
         if steps and max(steps) >= step:
             return
@@ -147,7 +159,7 @@ def test_evaluating_is_shared(alone, start, tmp_path):
 def test_a_signal_stops_all_and_another_number_goes_on(alone, start, tmp_path):
     workdir = tmp_path / "run"
     four = start(4, workdir, "--config.train.steps=100000", "--config.train.eval_every=6")
-    wait_for_step(workdir, 8)
+    wait_for_step(workdir, 8, four)
     four[2].send_signal(signal.SIGTERM)
     assert codes(four) == [143] * 4, text(workdir, 0)
     stopped = newest(workdir).step
@@ -169,7 +181,7 @@ def test_a_killed_process_ends_the_other(alone, start, tmp_path, victim):
     workdir = tmp_path / "run"
     endless = ["--config.train.steps=100000", "--config.train.eval_every=0"]
     two = start(2, workdir, *endless)
-    wait_for_step(workdir, 8)
+    wait_for_step(workdir, 8, two)
     two[victim].kill()
     killed = time.monotonic()
     other = 1 - victim
