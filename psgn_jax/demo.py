@@ -1,7 +1,7 @@
 """Serves a web page on which a network can be tried on photos: `python -m psgn_jax.demo`.
 
 The network is read from weights, `--weights=NAME|FILE`, or from a run, `--workdir=W`. Without
-either flag, the package's default weights are used (there are none yet).
+either flag, the package's default weights are used.
 
 Drop a photo, correct the automatic mask with brush and eraser, choose the number of samples and the
 seed, rotate the result, and download its files, which are those of `psgn_jax.predict`. The page is

@@ -1,6 +1,6 @@
 """Evaluates a run, `python -m psgn_jax.evaluate --workdir W`, or weights, `--weights NAME|FILE`.
 
-Without either flag it evaluates the package's default weights (there are none yet). It prints the
+Without either flag it evaluates the package's default weights. It prints the
 table and writes it into the run's folder; for weights, into `eval_<weights>_<split>` in the
 current folder. `--report=DIR` also writes a gallery of all samples. Several processes
 (`training.launch`) divide the split among themselves. `psgn_jax.tasks.runs` describes the metrics

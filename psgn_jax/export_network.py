@@ -1,7 +1,7 @@
 """Exports a network for other programs: `python -m psgn_jax.export_network --out=FOLDER`.
 
 The network is read from weights, `--weights=NAME|FILE`, or from a run, `--workdir=W`. Without
-either flag, the package's default weights are used (there are none yet). The folder will contain
+either flag, the package's default weights are used. The folder will contain
 ONNX files, a StableHLO program, a README on inputs, outputs, frame and framing, and one example
 each in Python and JavaScript. Each file is compared with JAX before it is written: on the images of
 `--data=RECORDS`, or on drawn silhouettes. It is an error if the points of a float32 file differ by

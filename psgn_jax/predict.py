@@ -1,7 +1,7 @@
 """Predicts points from photos: `python -m psgn_jax.predict IMAGE... --out DIR`.
 
 The network is read from weights, `--weights=NAME|FILE`, or from a run, `--workdir=W`. Without
-either flag, the package's default weights are used (there are none yet, see
+either flag, the package's default weights are used (see
 `python -m psgn_jax.weights list`).
 
 Images are files of any common format, or folders of such files. `psgn_jax.prediction.predictor`
