@@ -270,7 +270,7 @@ def _quiet_threads() -> None:
 
     The threads log the error with a stack trace. If one array cannot be read or written, orbax also
     closes its event loop while operations on other arrays are pending. Each pending operation then
-    ends in an exception that Python prints, or that asyncio logs if the operation ended just before.
+    ends in an exception that Python prints, or that asyncio logs if the operation has just ended.
     """
     logging.get_absl_logger().addFilter(_is_no_stack_of_orbax)  # adding it again has no effect
     python_logging.getLogger("asyncio").addFilter(_is_no_future_of_tensorstore)
