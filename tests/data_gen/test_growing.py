@@ -240,7 +240,7 @@ def test_two_processes_do_not_do_the_same_part(tmp_path):
 
     make(out, TEN, part=(0, 2), between=again)
     assert f"another process (pid {os.getpid()}) does part 0/2 in" in refused[0]
-    assert "in 2 parts, not 1" in refused[1]
+    assert "into 2 parts, not 1" in refused[1]
     assert make(out, TEN, part=(1, 2))[0].complete
     make(tmp_path / "once", TEN)
     assert contents(out) == contents(tmp_path / "once")
