@@ -1,4 +1,4 @@
-r"""The full two-branch network on the authors' batches, trained by the EMD.
+r"""The full two-branch network on the authors' batches, trained with the EMD.
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_emd.py --workdir=runs/authors_emd
@@ -7,10 +7,11 @@ Time: a complete run has not been measured.
 Expect: a lower EMD and a higher Chamfer distance than `authors.py`; a complete run has not been
 measured.
 
-The recipe is that of `authors.py`. The EMD compares clouds of equal size, here 1,024 points. The
-half-size network can be trained on two CPU cores, at one second per step. After 600 steps its
-emd_radius is .156 and its cd_sq_radius2 .0179; 3,200 steps with the Chamfer distance give .309 and
-.0105. The command is:
+The recipe is that of `authors.py`. The EMD compares clouds of equal size, here 1,024 points.
+
+The half-size network can be trained with the EMD on two CPU cores, at one second per step. After
+600 steps its emd_radius is .156 and its cd_sq_radius2 .0179; 3,200 steps with the Chamfer distance
+give .309 and .0105. The command for the half-size network is:
     python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small_emd \
     --config.loss.name=emd_mean --config.data.num_points=1024
 """

@@ -1,15 +1,15 @@
-"""A two-branch network on half-size images of the authors' batches: 40 minutes on two CPU cores.
+"""A two-branch network on half-size images of the authors' batches; 40 minutes on two CPU cores.
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small
 Hardware: two CPU cores (5.2 M parameters; about .45 s per step).
-Time: not measured; steps took 1.5 times as long as those of `authors_small_cd.py`, which needed 28
-minutes.
+Time: the 40 minutes are an estimate. `authors_small_cd.py` took 28 minutes, and a step takes 1.5
+times as long.
 Expect: cd_sq_radius2 of .0106 and emd_radius of .132 on the validation split, at the last step.
 
-The loss is the EMD to 1,024 of the true points plus five times the CD to all of them. The clouds
-are even, with nearly the same CD as those of a network trained by the CD alone (the table is in
-`pretrained.py`).
+The loss is the EMD to 1,024 of the true points plus five times the CD to all of them. The points of
+the predicted clouds are evenly spaced. Their CD is nearly the same as that of a network trained
+with the CD alone (the table is in `pretrained.py`).
 """
 
 import ml_collections

@@ -1,4 +1,4 @@
-"""The recipe of `authors_small.py` with the CD alone as its loss, to compare data and losses.
+"""The recipe of `authors_small.py` with the CD alone as its loss, for comparing data and losses.
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_small_cd.py --workdir=runs/by_cd

@@ -1,4 +1,4 @@
-"""Five minutes of further training on your own data, beginning with trained weights.
+"""Five minutes of further training on your own data, starting from trained weights.
 
 Command: python data_gen/render.py --catalogue=folder --source=my_meshes --out=records/mine
          python -m psgn_jax.main --config=configs/finetune.py --workdir=runs/mine
@@ -7,10 +7,10 @@ Hardware: two CPU cores.
 Time: five minutes, estimated from .45 s per step on otherwise idle cores; not measured.
 Expect: the evaluation at step 0 measures the given weights; the improvement was not measured.
 
-WEIGHTS is a file of weights, the name of weights that come with the package
-(`python -m psgn_jax.weights list`) or the folder of a run. Network, input and loss are those of
-`pretrained.py`; for weights of another network, an error names the layers that do not fit. The
-learning rate is a fifth of that of `pretrained.py`, because the network is already trained.
+WEIGHTS is a file of weights, the folder of a run, or the name of weights in the package, listed by
+`python -m psgn_jax.weights list`. Network, input and loss are those of `pretrained.py`. If the
+weights are from another network, an error names the layers that do not fit. The learning rate is a
+third of that of `pretrained.py`, because the network is already trained.
 """
 
 import ml_collections

@@ -7,8 +7,8 @@ Time: not measured.
 Expect: not measured.
 
 The authors published widths of 32 to 512, a deconv branch of 16x16 cells with 9 channels (768
-points) and an fc branch of 256 points. They do not give the number of levels; six, down to 4x4, are
-**ours**. The converted data have the splits `train` and `test` but no validation split.
+points) and an fc branch of 256 points. They do not give the number of levels; six levels, down to
+4x4, are **ours**. The converted data have the splits `train` and `test` but no validation split.
 """
 
 import ml_collections

@@ -1,4 +1,4 @@
-"""3D-R2N2, the baseline of the paper: one to five images to a volume, trained by cross-entropy.
+"""3D-R2N2, the baseline of the paper: one to five images to a volume, trained with cross-entropy.
 
 Command: python -m psgn_jax.main --config=configs/recurrent_volume.py --config.data.path=RECORDS
 Hardware: a GPU; on two CPU cores with --config.voxels.width_multiplier=0.125.

@@ -4,8 +4,8 @@ Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/rgbd_cd.py --workdir=runs/rgbd_cd
 Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: not measured.
-Expect: a lower cd_sq_radius2 than `authors.py`, mostly through visible points. It has not been
-measured at this size; a smaller network had .0107 with depth and .0123 without after 1,000 steps
+Expect: a lower cd_sq_radius2 than that of `authors.py`, mainly because of visible points; not
+measured at this size. A smaller network had .0107 with depth and .0123 without after 1,000 steps
 (docs/experiments.md).
 
 The recipe is that of `authors.py`. All records with depth can be used

@@ -7,15 +7,15 @@ Expect: not measured. Without `--config.data.path` it trains on the default data
 
 Source: paper, section "Generation of Multiple Plausible Shapes". During training, z is sampled from
 a VoxNet-like network that reads the volume of the ground truth (`psgn_jax.models.posterior`); at
-test time it is sampled from N(0, I). The paper gives neither sizes nor the weight of the
+test time it is sampled from N(0, I). The paper gives neither sizes nor the weight of the KL
 divergence. **Ours**:
 
 - z has 128 components, like r.
 - The weight is 0.3. If the sum of squared distances is the negative logarithm of a normal
-  distribution, this is a standard deviation of sqrt(0.3 / 2) = .39 over all distances together, or
-  .005 for each of the 5,120. For the mean CD it corresponds to about 1e-4; in
-  `psgn_jax.experiments.ambiguity` 2e-4 worked, and with 5e-4 z had too little effect.
-- The weight rises over the first 10,000 steps. Otherwise the divergence could make z carry no
+  distribution, this weight corresponds to a standard deviation of sqrt(0.3 / 2) = .39 over all
+  distances together, or .005 for each of the 5,120. For the mean CD, the corresponding weight is
+  about 1e-4. In `psgn_jax.experiments.ambiguity`, 2e-4 worked; with 5e-4, z had too little effect.
+- The weight rises over the first 10,000 steps. Otherwise the KL divergence could make z carry no
   information before the generator has learned to use it.
 """
 

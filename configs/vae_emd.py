@@ -5,9 +5,9 @@ Hardware: a GPU.
 Time: not measured.
 Expect: not measured. Without `--config.data.path` it trains on the default data set.
 
-This is `vae_cd.py` with another loss and another weight of the divergence. The loss is the paper's
-earth mover's distance between the 1,024 predicted points and 1,024 points of the ground truth, to
-1 % by auction. The weight is 1 (**ours**).
+This is `vae_cd.py` with another loss and another weight of the KL divergence. The loss is the
+paper's earth mover's distance between the 1,024 predicted points and 1,024 points of the ground
+truth, to 1 % by auction. The weight is 1 (**ours**).
 """
 
 import ml_collections

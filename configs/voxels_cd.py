@@ -1,13 +1,13 @@
-"""The paper's voxel post-processing of the clouds of one network, trained by the Chamfer distance.
+"""The paper's voxel post-processing of the clouds of one network, which is trained with the CD.
 
 Command: python -m psgn_jax.main --config=configs/voxels_cd.py --config.data.path=RECORDS
              --config.voxels.from_cd=runs/cd
 Hardware: a GPU; two CPU cores with --config.voxels.widths='(8,8,8,8,8)' and a small network in
-    `from_cd`. Then `data.image_size` and `data.inputs` must be the same here as in `from_cd`.
+    `from_cd`. `data.image_size` and `data.inputs` must be those of the run in `from_cd`.
 Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
 
-The records must contain solid volumes. To add the volume channel, train
+The records must contain solid volumes. To add a predicted volume as an input, train
 `configs/voxels_volume.py` and pass --config.voxels.from_volume=runs/voxels_volume.
 """
 

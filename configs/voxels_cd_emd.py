@@ -1,4 +1,4 @@
-"""The paper's best voxel post-processing: clouds trained by CD and by EMD, and a predicted volume.
+"""The paper's best voxel post-processing: clouds of a CD and an EMD network, and a volume.
 
 Command: python -m psgn_jax.main --config=configs/voxels_cd_emd.py --config.data.path=RECORDS
              --config.voxels.from_cd=runs/cd --config.voxels.from_emd=runs/emd
@@ -7,7 +7,7 @@ Hardware: a GPU.
 Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
 
-Without the volume channel: --config.voxels.from_volume="".
+To leave out the predicted volume: --config.voxels.from_volume="".
 """
 
 import ml_collections

@@ -1,4 +1,4 @@
-"""Backgrounds: a grey, noise of two colours, or an image from a folder."""
+"""Backgrounds: grey, noise in two random colours, or an image from a folder."""
 
 import pathlib
 from typing import Any

@@ -24,7 +24,7 @@ class Job:
     Attributes:
       statement: settings, catalogue and renderer: everything that determines the samples of a
         model, besides its name and category.
-      choice: description of the choice of models, for messages.
+      choice: how the models were chosen, as text for messages.
       names: the models, in the order of the catalogue.
       models_per_shard: number of models in a block.
     """

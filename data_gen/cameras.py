@@ -75,7 +75,7 @@ class CameraSettings:
 PRESETS: dict[str, Mapping[str, Any]] = {
     "authors": {},
     # Choy et al. 2016: 137 x 137 pixels, elevation 25 to 30 degrees, a 35 mm lens on a 32 mm
-    # sensor, 0.65 to 1 of a largest distance of 1.75 where the object's longest side is 1.
+    # sensor. The distance is 0.65 to 1 times 1.75, for objects with a longest side of 1.
     "r2n2": {
         "image_size": (137, 137),
         "elevation": (25.0, 30.0),
@@ -83,8 +83,8 @@ PRESETS: dict[str, Mapping[str, Any]] = {
         "focal": (210.0, 210.0),
         "aim": (0.3, 0.3),
     },
-    # Like hand-held photographs: lenses of 28 to 105 mm on 35 mm film, most elevations, not quite
-    # level, the object anywhere in the image.
+    # Like hand-held photographs: lenses of 28 to 105 mm on 35 mm film, a wide range of elevations,
+    # a slight roll, the object off centre.
     "photo": {
         "elevation": (-5.0, 60.0),
         "distance": (3.5, 4.8),
@@ -206,7 +206,7 @@ def draw(
     """Draws a camera. It is moved back until the object fits into the image.
 
     Args:
-      rng: the random generator. The number of values taken from it does not depend on the settings;
+      rng: the random generator. The number of values drawn from it does not depend on the settings;
         settings that were added later use a child generator.
       settings: the ranges.
       vertices: vertices of the object, in the model's frame.
@@ -236,8 +236,8 @@ def draw(
         parameters["distance"] *= _STEP
         if parameters["distance"] > 1000:
             raise ValueError(
-                "camera: the object does not fit into the image, expected a distance up to 1000 "
-                "that shows all of it"
+                "camera: the object does not fit into the image, expected a camera that shows all "
+                "of it from a distance up to 1000"
             )
 
 
@@ -253,7 +253,7 @@ def _moved(
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     size = np.array(settings.image_size[::-1], float)
     want = rng.uniform(-settings.off_centre, settings.off_centre, 2)
-    # In pixels of the image. The camera is panned before it is rolled.
+    # Shifts in pixels. They are rotated by minus the roll, because the pan is applied before it.
     room = np.where(want > 0, size - _MARGIN_PIXELS - high, low - _MARGIN_PIXELS)
     shift = turn_about_vertical(-camera.roll)[:2, :2] @ (want * np.maximum(room, 0))
     for _ in range(12):

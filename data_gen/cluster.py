@@ -8,8 +8,9 @@ rendering process, with the limits of the job's settings, so workers are best st
 thread per processor.
 
 A model whose rendering process dies is tried once more, on another worker if there is one. If a
-Dask worker dies, its models are given to other workers. A model during which several workers died
-(the scheduler's `allowed-failures`) is tried once more and then reported as crashed.
+Dask worker dies, its models are given to other workers. If more workers than the scheduler's
+`allowed-failures` die while they render the same model, the model is tried once more and then
+reported as crashed.
 """
 
 import contextlib
@@ -51,7 +52,10 @@ def _of_this_machine(context: Context) -> Context:
 
 
 def _render(job: str, entry: bytes, context: bytes) -> tuple[dict[str, Any], bytes, str]:
-    """One attempt at a model, in this thread's process: line, content and the worker's address."""
+    """Renders a model once in this thread's rendering process.
+
+    Returns the model's line, its `results.pack_result`, and the address of the worker.
+    """
     import distributed
 
     thread = threading.get_ident()
@@ -153,7 +157,7 @@ def _render_with(
             ) from error
         future.release()
         if line["status"] == "crashed" and attempt < pool.ATTEMPTS:
-            logging.warning("%s: %s; tried again", entry.model_id, line["reason"])
+            logging.warning("%s: %s; trying it again", entry.model_id, line["reason"])
             todo.append((index, entry, attempt + 1, address))
             continue
         yield pool.Result(index, line, content)

@@ -17,7 +17,7 @@ NAME = f"procedural-2-{NUM_PER_CATEGORY}"
 of models or images, so that a data set never mixes versions."""
 
 SETTINGS = settings.Settings(views=1, models_per_shard=64)
-"""The authors' camera and image size, one view of each model."""
+"""Settings: the authors' camera and image size, one view of each model."""
 
 
 def can_build() -> bool:
@@ -33,7 +33,7 @@ def build(
 ) -> str:
     """Renders the default data set or completes it. A complete data set is not changed.
 
-    Progress is logged by absl. LLVM is used if it is available; without it, the data set differs by
+    Progress is logged by absl. LLVM is used if it is available; without it, the images differ by
     rounding.
 
     Args:

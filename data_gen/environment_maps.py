@@ -26,7 +26,7 @@ def load_maps(
     Args:
       settings: settings of the light.
       variant: variant of Mitsuba.
-      detail: whether the maps are large enough for the background of images. Those of the source
+      detail: whether the maps must be large enough for the background of images. Maps of the source
         "mixed" always are.
 
     Raises:

@@ -2,6 +2,9 @@
 
 +z is up, +x is the front, and the origin is on the ground under the object. The unit is the radius
 of the bounding hemisphere.
+
+Parts of a surface may be transparent. A texel or a point of the surface *exists* if its opacity is
+at least `mesh.EXISTS`.
 """
 
 import dataclasses
@@ -66,7 +69,7 @@ def _texel_sums(material: Material) -> Int[np.ndarray, "h w"]:
 def _existing_share(
     sums: Int[np.ndarray, "h w"], uv: Float[np.ndarray, "n 3 2"]
 ) -> Float[np.ndarray, " n"]:
-    """Fraction of the texels that exist in the bounding boxes of triangles."""
+    """For the bounding box of each triangle in the texture, the fraction of existing texels."""
     size = np.array(sums.shape[::-1]) - 1
     places = uv * [1, -1] * size
     first = np.floor(places.min(axis=1) + 1e-4).astype(np.int64)
@@ -96,13 +99,13 @@ def _existing_extremes(
     """For each measure that exceeds `best` on these faces, the existing point with its maximum.
 
     Faces that exist only in part and may contain a larger value are divided into four, recursively.
-    Of parts smaller than `_SMALL` times the extent only the corners are examined.
+    If a part is smaller than `_SMALL` times the extent, only its corners are examined.
 
     Args:
       model: the model.
       faces: faces that may have holes.
       measure: convex functions of points: [n, 3] to [n, k].
-      best: the maxima over the other faces.
+      best: the maxima of the measures over the other faces of the model.
     """
     extent = float(np.ptp(model.vertices, axis=0).max())
     best, chosen = best.copy(), np.full((len(best), 3), np.nan)
@@ -162,9 +165,9 @@ def outline(
 ) -> Float[np.ndarray, "n 3"]:
     """Points with the same extent as the visible surface.
 
-    Without alpha textures these are all vertices. With alpha textures, they are the vertices of the
-    faces without alpha and, for each measure that is larger on a face with alpha, the point of
-    existing surface (opacity at least `EXISTS`) that maximises it.
+    Without alpha textures, the points are all vertices. With alpha textures, they are the vertices
+    of the faces without alpha and, for each measure that is larger on a face with alpha, the
+    existing point that maximises it.
 
     Args:
       model: the model.
@@ -190,10 +193,10 @@ def outline(
     return np.concatenate([points, _existing_extremes(model, faces, measure, best)])
 
 
-# A model has stray parts if an empty gap takes more than the first fraction of its extent and the
-# parts on both sides are smaller than the second. Of FlightGear's 494 models that load, one has a
-# gap above 0.6 (0.93; the next have 0.45 and 0.25); of 82 models of Sweet Home 3D none has more
-# than 0.12.
+# A model is refused if an empty gap along an axis is larger than the first fraction of the model's
+# extent and the parts on both sides of it are smaller than the second fraction. Of 494 models of
+# FlightGear, one has a gap above 0.6 (0.93; the next are 0.45 and 0.25). Of 82 models of Sweet
+# Home 3D, none has a gap above 0.12.
 _STRAY_GAP, _STRAY_SIZE = 0.6, 0.15
 
 
@@ -226,8 +229,8 @@ def _check_strays(model: Model) -> None:
         raise UnusableModelError(
             f"a stray part of {len(sides[0])} faces"
             + (f" (material {', '.join(names[:3])})" if names else "")
-            + f" around ({centre}): the gap between it and the rest is {gaps.max() / extent:.0%} "
-            f"of the model's extent, expected at most {_STRAY_GAP:.0%}"
+            + f" around ({centre}): the gap between it and the other part is "
+            f"{gaps.max() / extent:.0%} of the model's extent, expected at most {_STRAY_GAP:.0%}"
         )
 
 
@@ -240,8 +243,8 @@ def normalize(model: Model) -> Model:
 
     The lowest point is moved to z = 0 and the centre of the bounding box to x = y = 0. The model is
     scaled so that the farthest point is at distance 1 from the origin. Only visible surface counts:
-    parts that are hidden by an alpha texture may lie outside. With alpha textures, the bounds are
-    exact to 0.002 of the extent.
+    transparent parts may lie outside. With alpha textures, the bounds are exact to 0.002 of the
+    extent.
 
     Raises:
       UnusableModelError: the extent is zero or overflows, or a part is so far away that the object
@@ -250,7 +253,7 @@ def normalize(model: Model) -> Model:
     _check_strays(model)
     points = outline(model, lambda points: np.concatenate([points, -points], axis=1))
     if not len(points):
-        raise UnusableModelError("all of its textures are transparent, expected a visible surface")
+        raise UnusableModelError("the model is transparent, expected a visible surface")
     low, high = points.min(axis=0), points.max(axis=0)
     return _with_origin(model, np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]))
 
@@ -258,11 +261,12 @@ def normalize(model: Model) -> Model:
 def recentre(model: Model, centre: str) -> Model:
     """A model of `normalize` with another point at x = y = 0, scaled to radius 1 again.
 
-    "bounds" is the centre of the bounding box, which changes nothing. "vertices" is the mean of the
-    vertices, each counted once. It lies where the mesh is dense: at the head of a guitar, towards
-    the back of a chair. The authors' objects are centred like this. The centre of their bounding
-    boxes is more than 0.1 from the origin in 26 % of the samples, and in 18 to 23 % of furniture
-    and procedural models centred on their vertices (1 to 6 % if centred on their bounds).
+    "bounds" is the centre of the bounding box; the model is not changed. "vertices" is the mean of
+    the vertices, each counted once. It lies where the mesh is dense: near the head of a guitar,
+    near the back of a chair. The authors' objects are centred on their vertices: in 26 % of the
+    samples, the centre of the bounding box is more than 0.1 away from the origin. For furniture and
+    procedural models, this is the case in 18 to 23 % of the samples with "vertices" and in 1 to 6 %
+    with "bounds".
 
     Args:
       model: model in the project's frame.

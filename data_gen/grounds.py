@@ -35,7 +35,7 @@ class Ground:
       levels: float32 [T, T, 3] each, the repeating texture at full, half, ... resolution.
       size: side length of the texture, in units of the frame.
       turn: rotation of texture and edges about the vertical axis, degrees.
-      half: half of its length and width; infinite if it has no edge.
+      half: half of the rectangle's length and width; infinite for a plane.
       gloss: reflectance at normal incidence.
       sweep: distance behind the object from which the plane curves upward and becomes the
         background, like the paper of product photographs; 0 = it stays flat.

@@ -1,10 +1,11 @@
 """The rendering job: renders the models of a catalogue to a data set, in several processes.
 
 A process of a `pool.Pool` renders the samples of a model, which are written to a file. When all
-models of a block are rendered, the block becomes a shard; when all blocks are complete, the data
-set is complete (`job_folder`). The samples of a model depend only on the settings and its name.
-Therefore the data set is identical, byte for byte, for any number of workers, restarts and parts,
-on a cluster, and whether it was rendered at once or extended.
+models of a block are rendered, the block becomes a shard. When all blocks are complete, the data
+set is complete (`job_folder`). For a given model file, the samples depend only on the settings and
+the model's name. The data set is therefore identical, byte for byte, for any number of workers,
+restarts and parts. It is also the same if it is rendered on a cluster, or extended instead of
+rendered at once.
 """
 
 import dataclasses
@@ -84,7 +85,7 @@ class Summary:
             f"{self.models} models: "
             + ", ".join(f"{n} {status}" for status, n in sorted(self.statuses.items())),
             f"{self.samples} samples"
-            + ("" if self.complete else "; other parts of the job are not done"),
+            + ("" if self.complete else "; other parts of the job are not finished"),
         ]
         if self.rendered:
             rate = self.rendered / max(self.seconds, 1e-9)
@@ -93,10 +94,10 @@ class Summary:
         if views:
             mean = sum(v["inside"] for v in views) / len(views)
             out.append(
-                f"points inside the mask grown by a pixel: {100 * mean:.3f} %; depth off the "
-                f"points: {max(v['depth'] for v in views):.4f} at worst; brightness "
+                f"points inside the dilated mask: {100 * mean:.3f} %; median distance of depth "
+                f"from points: at most {max(v['depth'] for v in views):.4f}; brightness: "
                 f"{min(v['luminance'] for v in views):.1f} to "
-                f"{max(v['luminance'] for v in views):.1f}; peak memory of a worker "
+                f"{max(v['luminance'] for v in views):.1f}; peak memory of a worker: "
                 f"{max(line.get('megabytes', 0) for line in self.lines)} MB"
             )
         for line in self.lines:
@@ -161,8 +162,8 @@ def render_catalogue(
 ) -> Summary:
     """Renders a catalogue to a data set; continues an incomplete one or extends a complete one.
 
-    If the folder has a complete data set and all its models are among those of this call, the
-    remaining models are added. Readers see the old state until the new one is complete.
+    If the folder contains a complete data set and all its models are among those of this call, the
+    other models of this call are added. Readers see the old state until the new one is complete.
 
     Args:
       catalogue: source of the models.

@@ -7,9 +7,9 @@
     .work/                                  only while the job is under way
 
 The digest of a block is computed from the settings and the names of its models, and is part of the
-name of the shard. When a data set is extended, new shards are written beside the existing ones, and
-replacing the manifest switches readers to the new state atomically. Shards of unchanged blocks are
-kept; the samples of the others are copied, not rendered again.
+name of the shard. When a data set is extended, new shards are written next to the existing ones,
+and the manifest is then replaced, which switches readers to the new state atomically. Shards of
+unchanged blocks are kept. The samples of other existing shards are copied, not rendered again.
 """
 
 import contextlib
@@ -54,7 +54,7 @@ def _difference(one: Any, two: Any, name: str = "") -> str:
             if text:
                 return text
         return ""
-    return "" if one == two else f"{name}: {one!r} there, {two!r} now"
+    return "" if one == two else f"{name}: {one!r} before, {two!r} now"
 
 
 def _first(names: Sequence[str]) -> str:
@@ -76,7 +76,7 @@ def _lost_models(there: Sequence[Name], now: Sequence[Name]) -> str:
         if other:
             one, two = getattr(old[other[0]], field), getattr(new[other[0]], field)
             return (
-                f"{len(other)} of its models have another {field} ({other[0]!r}: {one!r} there, "
+                f"{len(other)} of its models have another {field} ({other[0]!r}: {one!r} before, "
                 f"{two!r} now)"
             )
     return ""
@@ -199,7 +199,9 @@ def check(out: pathlib.Path, job: Job) -> bool:
             out / MANIFEST  # another part may have written it meanwhile
         ).exists()
     ):
-        raise ValueError(f"--out {str(out)!r}: not empty and not a data set")
+        raise ValueError(
+            f"--out {str(out)!r}: not a data set, expected an empty or new folder or a data set"
+        )
     unfinished = _unfinished(out)
     if unfinished:
         _check_same(out, unfinished[0], unfinished[1], job, "was started with")

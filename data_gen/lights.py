@@ -2,7 +2,7 @@
 
 An environment map is a float array [H, W, 3] of radiance: its first row is the zenith, its last row
 the nadir, its columns go around the horizon. Local shading uses a few directional lights and
-ambient light computed from it (`reduce`); path tracing uses the map itself.
+ambient light, which `reduce` computes from the map. Path tracing uses the map itself.
 """
 
 import dataclasses
@@ -21,7 +21,7 @@ DETAIL = (256, 512)
 """Size of maps that are visible in the image."""
 
 NUM_SUNSKY = 24
-"""Number of skies made with Mitsuba's model of sun and sky."""
+"""Number of skies computed with Mitsuba's model of sun and sky."""
 
 SOURCES = ("procedural", "sunsky", "folder", "mixed")
 """Sources of environment maps."""
@@ -201,9 +201,10 @@ def reduce(
     """Directional lights and ambient light that approximate a map.
 
     The brightest directions are chosen one after the other; each collects the light within 35
-    degrees. The rest is ambient light. Everything is scaled so that the brightest orientation of a
-    white surface visible from above or from the front has brightness `exposure`, of which the
-    fraction `ambient` is ambient light.
+    degrees. The ambient light on surfaces that face up has the mean colour of the map's upper half;
+    that on surfaces that face down has a mixture of the colours of both halves. All light is scaled
+    so that a white surface has the brightness `exposure` in the brightest orientation visible from
+    above or from the front. The fraction `ambient` of this brightness is ambient light.
 
     Args:
       radiance: the map in the view-aligned frame, of size `MAP_SIZE`.
@@ -214,7 +215,7 @@ def reduce(
     size = (radiance.shape[0], radiance.shape[1])
     toward = directions_of(size).reshape(-1, 3)
     energy = (radiance * solid_angles(size)[..., None]).reshape(-1, 3)
-    # The light that every direction would collect. Light from below is rare and is halved.
+    # The light that every direction would collect. Light from below is rare and counts 0.3 times.
     weight = np.where(toward[:, 2] < 0, 0.3, 1.0)
     left = energy * weight[:, None]
     close = _neighbours(size)
@@ -244,7 +245,7 @@ def reduce(
     strongest = (np.clip(seen @ lamp.T, 0, None) @ colour.mean(axis=1)).max()
     colour = plain(colour) * exposure * (1 - ambient) / max(strongest, 1e-9)
     sky_colour = plain(sky / sky.mean()) * exposure * ambient
-    # Light from the ground is light of the sky, reflected once.
+    # Light from the ground is light from the sky, reflected once.
     ground_colour = 0.7 * plain((floor / floor.mean() + sky / sky.mean()) / 2) * exposure * ambient
     return Lights(
         directions=lamp.astype(np.float32),

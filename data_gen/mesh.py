@@ -30,7 +30,7 @@ EXISTS = 0.1
 
 Window glass has a much higher opacity and is part of the object."""
 
-# A face whose area over the squared extent is smaller than this is a line or a point.
+# A face is degenerate (a line or a point) if its area / extent^2 is smaller than this.
 _DEGENERATE = 1e-12
 
 # In the search for edges, vertices nearer than this fraction of the extent are one vertex.
@@ -173,10 +173,10 @@ def build_model(
 
     One function: each step relies on the cleaning of the steps before it.
 
-    It removes faces with indices out of range, faces without area, faces of fully transparent
-    materials, and unused vertices. Corner normals that are missing, zero or not finite are computed
-    by `crease_normals`. A face whose given normals point to its back is turned over. The warnings
-    of the model state how many faces were removed.
+    Faces with indices out of range, faces without area, faces of fully transparent materials and
+    unused vertices are removed. Corner normals that are missing, zero or not finite are computed by
+    `crease_normals`. A face whose given normals point to its back is reversed. The model's warnings
+    state how many faces were removed.
 
     Args:
       vertices: [V, 3].
@@ -214,7 +214,7 @@ def build_model(
         bad = int((~np.isfinite(used)).any(axis=2).sum())
         raise UnusableModelError(f"{bad} corners of faces have coordinates that are not finite")
     if len(used):
-        # Centred, because far from the origin the products below would lose all digits.
+        # Centred, because far from the origin the products below would lose all precision.
         extent = float(np.ptp(used.reshape(-1, 3), axis=0).max())
         cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])
         flat = np.linalg.norm(cross, axis=1) <= _DEGENERATE * extent**2
@@ -247,7 +247,7 @@ def build_model(
         missing = (given == 0).all(axis=2)
         if missing.any():
             if not missing.all():
-                notes.append(f"{int(missing.sum())} corner normals missing or zero, made anew")
+                notes.append(f"{int(missing.sum())} corner normals missing or zero, recomputed")
             given = np.where(
                 missing[..., None], crease_normals(vertices, faces, crease_degrees), given
             )
@@ -343,8 +343,8 @@ def crease_normals(
     order = np.argsort(key, kind="stable")
     links: list[tuple[np.ndarray, np.ndarray]] = []
     limit = np.cos(np.radians(crease_degrees))
-    # An edge of a proper surface has two faces. Where more meet, each is compared with the next
-    # three, which finds the partners without a cost that grows with the square of their number.
+    # An edge of a manifold surface has two faces. If an edge has more, each face is compared with
+    # the next three only, so that the cost grows linearly with their number.
     for offset in (1, 2, 3):
         one, two = order[:-offset], order[offset:]
         same = key[one] == key[two]

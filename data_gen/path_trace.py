@@ -16,8 +16,8 @@ def path_trace(
 
     One function: the description of a scene for Mitsuba, from top to bottom.
 
-    Each material becomes a material of Mitsuba. Therefore every scene is compiled, which takes some
-    seconds per model.
+    Each material becomes a material of Mitsuba. Mitsuba therefore compiles every scene, which takes
+    some seconds per model.
 
     Args:
       scene: the scene; its directional lights are ignored.

@@ -3,7 +3,7 @@
 import numpy as np
 
 MOST_CORNERS = 200
-"""Corners of a polygon up to which ears are cut; above it a fan stays."""
+"""Largest number of corners of a polygon that is triangulated by cutting ears; others use a fan."""
 
 _BLOCK = 1 << 22  # triples of corners that are compared at a time, one byte each
 
@@ -11,8 +11,8 @@ _BLOCK = 1 << 22  # triples of corners that are compared at a time, one byte eac
 def cut_ears(outlines: np.ndarray) -> np.ndarray:
     """Triangulates simple polygons by cutting ears: int [p, n - 2, 3].
 
-    In each polygon the first ear is cut, then the first ear of the rest, and so on. For a polygon
-    that intersects itself the number of triangles is the same, but they may overlap.
+    In each polygon the first ear is cut, then the first ear of the remaining polygon, and so on. If
+    a polygon intersects itself, the number of triangles is the same, but they may overlap.
 
     Args:
       outlines: float [p, n, 2], the corners of p polygons, counter-clockwise.
@@ -28,8 +28,8 @@ def _cut_ears(outlines: np.ndarray) -> np.ndarray:
     """`cut_ears` of a few polygons, one step at a time for all of them.
 
     A corner is an ear if its triangle is convex and contains no other corner. When an ear is cut,
-    the triangles of its two neighbours change and are tested again; for all other triangles the cut
-    corner no longer counts.
+    the triangles of its two neighbours change and are tested again. The triangles of all other
+    corners stay the same, but the cut corner is no longer considered for them.
     """
     count, corners = outlines.shape[:2]
     rows = np.arange(count)
@@ -97,7 +97,7 @@ def triangles(
     first = start[polygon]
     result = np.stack([first, first + number + 1, first + number + 2], axis=1)
     # A fan is correct for convex polygons. If its triangles do not all have the same orientation,
-    # ears are cut instead, except for polygons of several hundred corners: that is too slow.
+    # ears are cut instead. For polygons with several hundred corners this would be too slow.
     if (counts > 3).any():
         a, b, c = (vertices[corners[result[:, k]]] for k in range(3))
         normal = np.cross(b - a, c - a)

@@ -24,7 +24,7 @@ from data_gen.render_model import Context
 from data_gen.results import failure, pack_result
 
 ATTEMPTS = 2
-"""Attempts at a model whose process dies; each uses a new process.
+"""Number of attempts at a model if the rendering process dies; each uses a new process.
 
 A second attempt is made because the model may not be the cause."""
 
@@ -34,7 +34,7 @@ _SECONDS_TO_START = 300.0
 
 
 class Result(NamedTuple):
-    """The result of one model: its number, its line, and its `results.pack_result`."""
+    """The result of one model: its number, its line in the report, its `results.pack_result`."""
 
     number: int
     line: dict[str, Any]
@@ -52,8 +52,8 @@ class Renderer:
 
     The process is started for the first model. It is replaced when it dies, exceeds a limit or has
     rendered `models_per_worker` models. It is not started by `multiprocessing`, because daemonic
-    processes, such as cluster workers, may not start children with it. The loader of a model must
-    be importable.
+    processes, such as cluster workers, may not start children with it. Loaders of models must be
+    importable in the process.
 
     Args:
       context: data that the process needs in addition to the models.
@@ -67,7 +67,7 @@ class Renderer:
         self._ended = False
 
     def render(self, entry: Entry) -> tuple[dict[str, Any], bytes]:
-        """One attempt at a model: its line and its `results.pack_result`.
+        """Renders a model once; returns its line and its `results.pack_result`.
 
         The status of the line is one of those of `render_model.render_model`, "error", or
         "crashed", "timeout" or "memory" if the process has ended.
@@ -75,7 +75,7 @@ class Renderer:
         Raises:
           RuntimeError: the processes end before they are ready.
         """
-        # A process without work for a long time ends by itself.
+        # A process that has been idle for a long time ends by itself.
         if self._process is not None and self._process.poll() is not None:
             self._discard()
         if self._process is None:
@@ -148,8 +148,8 @@ class Renderer:
         self._process = self._connection = None
         if process is None:
             return None
-        # The process is already ending: it was asked to end or killed, or its pipe is closed. Its
-        # own exit code is more informative than that of a kill.
+        # The process is already ending: it was asked to end or killed, or its pipe is closed. It is
+        # given time, because its own exit code is more informative than that of a kill.
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(10)
         process.kill()

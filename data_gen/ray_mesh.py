@@ -1,6 +1,6 @@
 """Intersection of rays with a mesh in Mitsuba.
 
-A model is one merged mesh. Models differ only in data, so that nothing is recompiled.
+A model is one merged mesh. Models differ only in their data, so nothing is recompiled.
 """
 
 import dataclasses

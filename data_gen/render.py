@@ -2,17 +2,17 @@
 
     python data_gen/render.py --catalogue NAME --source PATH --out RECORDS
 
-NAME is one of procedural, folder, shapenet, sh3f, ac3d, flightgear, torcs, pyrogenesis; PATH is its
-source: a folder, a file, or numbers of models. The folder RECORDS becomes a data set for training.
-Its file `models.jsonl` has a line for each model, with status, reason, checks and times.
+NAME is one of procedural, procedural_extra, procedural_groups, folder, shapenet, sh3f, ac3d,
+flightgear, torcs, pyrogenesis. PATH is the source of this catalogue: a folder, a file, or numbers
+of models. The folder RECORDS becomes a data set for training. Its file `models.jsonl` has a line
+for each model: status, reason for a refusal, checks and times.
 
 Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; `--help` lists all
 of them, and the options of the catalogues. If the command is killed and started again, it continues
 where it stopped. The resulting records are identical, byte for byte, for any number of workers,
-restarts or parts. `--shard=i/n` does the i-th of n parts of the work (i from 0), for job arrays
-with a common folder; the part that finishes last completes the data set.
-`--scheduler=tcp://host:8786` sends the models to the workers of a Dask cluster (requirements:
-`data_gen/cluster.py`); everything else is unchanged.
+restarts or parts. `--shard=i/n` renders the i-th of n parts (i from 0), for job arrays with a
+common folder; the part that finishes last completes the data set. `--scheduler=tcp://host:8786`
+renders on the workers of a Dask cluster; `data_gen/cluster.py` describes what they need.
 
 `--include` and `--exclude` choose models by patterns of category, folder and name; `--sample=N`
 takes N of them, spread over categories and folders. A complete data set can be extended: the same
@@ -21,10 +21,10 @@ the old state until the new one is complete.
 
 Exit codes: 0 done, all models have samples; 1 done, some models were refused (normal for
 collections); 2 wrong arguments, or no samples; 3 this part is finished, other parts are not;
-143 and 130 stopped by SIGTERM or Ctrl-C.
+143 stopped by SIGTERM; 130 stopped by Ctrl-C.
 
-Models are identified by their names: if a mesh file has changed but kept its name, its old samples
-stay; use another output folder in that case.
+Models are identified by name. If the content of a mesh file changes but its name does not, its old
+samples are kept; use a new output folder in that case.
 """
 
 import difflib
@@ -40,7 +40,7 @@ if __package__ in (None, ""):  # run as a file: `data_gen` is in the folder abov
 from absl import app, flags, logging
 from ml_collections import config_flags
 
-from data_gen import cameras, cluster, job, manual, pool, settings
+from data_gen import cluster, job, manual, pool, settings
 from data_gen.catalogues.by_name import CATALOGUES, open_catalogue, parse_options
 from data_gen.catalogues.choosing import Choice
 from data_gen.signals import StoppedError, stop_on_signals
@@ -73,7 +73,7 @@ _OPTION = flags.DEFINE_multi_string(
 _SCHEDULER = flags.DEFINE_string(
     "scheduler",
     "",
-    "Address of a Dask scheduler, whose workers render. Empty: this machine renders.",
+    "Address of a Dask scheduler, whose workers render the models; empty = this machine.",
 )
 _CONFIG = config_flags.DEFINE_config_file("config", None, "Settings.", lock_config=True)
 _DEFAULT = pathlib.Path(__file__).with_name("config.py")
@@ -149,8 +149,8 @@ def _help() -> str:
         str(flag.help).partition(";\n")[0] for flag in own if flag.name != "config"
     }  # fmt: skip
     shown["--config=FILE"] = (
-        "Python file whose `get_config` returns the settings; `data_gen/config.py:NAME` begins "
-        f"with one of the cameras {', '.join(sorted(cameras.PRESETS))}."
+        "Python file whose `get_config` returns the settings; `data_gen/config.py:NAME` starts "
+        f"from one of the presets {', '.join(sorted(settings.PRESETS))}."
     )
     return manual.text(__doc__ or "", dict(sorted(shown.items())))
 
@@ -179,7 +179,7 @@ def _check_effects(options: settings.Settings, given: Collection[str]) -> None:
         **{name: no_photo for name in given if name.startswith("film.")},
         "image.rays": no_photo,
         "image.path_samples": options.image.shading != "path" and "without image.shading=path",
-        "job.workers": bool(_SCHEDULER.value) and "with --scheduler, whose workers' threads render",
+        "job.workers": bool(_SCHEDULER.value) and "with --scheduler",
     }
     for name, condition in idle.items():
         if name in given and condition:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.spatial
 
-from data_gen import cameras, lights, scene, surroundings
+from data_gen import cameras, lights, missing_faces, scene, surroundings
 from data_gen.backgrounds import draw_background
 from data_gen.catalogues.entry import Entry
 from data_gen.frame import outline, recentre
@@ -30,7 +30,7 @@ from psgn_jax.data.codec import encode
 
 
 def model_seed(seed: int, source: str, model_id: str) -> int:
-    """The seed of a model, a function of these arguments, not of the order or number of models."""
+    """The seed of a model. It does not depend on the order or number of models."""
     text = f"{seed}/{source}/{model_id}".encode("utf-8", "surrogatepass")
     return int.from_bytes(hashlib.sha256(text).digest()[:8], "big") >> 1
 
@@ -90,10 +90,11 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             "warnings": list(model.warnings),
         }
         surface = sample_surface(model, settings.num_points, seed)
-        # There are only a few hundred queries per view, so the tree is built fast, not balanced.
+        # Unbalanced, which is faster to build; there are only a few hundred queries per view.
         tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
         laps.end("points")
-        surfaces = scene.flatten(model)
+        drawn, settings = missing_faces.draw(model, settings, seed)
+        surfaces = scene.flatten(drawn)
         extremes = outline(model)
         mesh = Mesh(surfaces.corners)
         laps.end("mesh")
@@ -138,7 +139,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
     except UnusableModelError as error:
         line["reason"], done = str(error), []
     except MemoryError:
-        line["reason"], done = "it takes more memory than there is", []
+        line["reason"], done = "it needs more memory than is available", []
     line["samples"] = len(done)
     line["views"] = views
     line["seconds"] = laps.seconds
@@ -185,7 +186,7 @@ def _traced(
     picture: Picture, shown: scene.Scene, radiance: np.ndarray, settings: Settings, seed: int
 ) -> Picture:
     """The picture with path-traced colours."""
-    # Scaled to the brightness of local shading for a white surface in full light.
+    # Scaled so that a white surface in full light is as bright as with local shading.
     strength = shown.lights.colours.sum() + 3 * shown.lights.sky.mean()
     radiance = lights.shrink(radiance)
     flux = (radiance * lights.solid_angles(lights.MAP_SIZE)[..., None]).sum()

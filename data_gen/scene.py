@@ -1,7 +1,7 @@
 """The scene of an image as plain arrays: surfaces, materials and textures of a model.
 
-It contains only data, so that it can be made, tested and pickled without a renderer. The arrays of
-a model are made once; each view adds a camera and lights.
+A scene contains only data and can be made, tested and pickled without a renderer. The arrays of a
+model are made once; each view adds a camera and lights.
 """
 
 import dataclasses
@@ -60,7 +60,7 @@ class Surfaces:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """The contents of an image: surfaces, camera, lights and background.
+    """Everything that determines an image: surfaces, camera, lights and background.
 
     `background` is a grey value, a colour [3] or an image [H, W, 3], in [0, 1].
     """

@@ -1,4 +1,7 @@
-"""Settings of the data stage: frozen dataclasses that check their fields, to and from mappings."""
+"""Settings of the data stage: frozen dataclasses that check their fields.
+
+They can be converted to and from nested mappings.
+"""
 
 import dataclasses
 from collections.abc import Mapping
@@ -36,6 +39,8 @@ class ImageSettings:
         "random" = one that fits the surroundings. It appears only in the image, not in mask and
         depth. It is left out if the camera is below it.
       rays: rays per pixel that sample the light, for "photo" shading.
+      missing: fraction of the models that are rendered without some of their faces, see
+        `data_gen.missing_faces`.
     """
 
     shading: str = "local"
@@ -46,6 +51,7 @@ class ImageSettings:
     background_folder: str = ""
     ground: str = "none"
     rays: int = 16
+    missing: float = 0.0
 
     def __post_init__(self) -> None:
         """Checks the fields."""
@@ -64,6 +70,7 @@ class ImageSettings:
             )
         check_one_of("image.ground", self.ground, GROUNDS)
         check_between("image.rays", self.rays, 4, 1024)
+        check_between("image.missing", self.missing, 0, 1)
         if self.shading != "photo":
             for name, value, without in (
                 ("background", self.background == "surroundings", "grey"),
@@ -105,8 +112,8 @@ class CheckSettings:
 class JobSettings:
     """How the job runs.
 
-    None of these settings changes the samples of a model, but the two limits, `seconds_per_model`
-    and `megabytes_per_worker`, decide which models are refused.
+    None of these settings changes the samples of a model, but `seconds_per_model` and
+    `megabytes_per_worker` decide which models are refused.
 
     Attributes:
       workers: number of processes, 0 = one per processor.

@@ -16,9 +16,10 @@ from data_gen.scene import Surfaces
 def look_up(
     surfaces: Surfaces, face: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Diffuse colour and opacity at points of faces; the opacity is 0 where there is no surface.
+    """Diffuse colour and opacity at points of faces; opacities below `EXISTS` become 0.
 
-    Textures repeat and are read at the nearest texel; several samples per pixel smooth them.
+    Textures repeat and are read at the nearest texel. They are antialiased by several samples per
+    pixel.
     """
     owner = surfaces.material[face]
     colour = surfaces.diffuse[owner]
@@ -94,7 +95,7 @@ def blinn_phong(
     light = lights.ground * (1 - rise) + lights.sky * rise
     facing = np.maximum(normal @ lights.directions.T, 0)
     result = np.maximum(colour, lights.darkest) * (light + facing @ lights.colours)
-    # A reduction over axes of length 3 is slower than a look-up in a table or a matrix product.
+    # Table look-ups and matrix products are faster than reductions over axes of length 3.
     lit = facing @ np.ones(len(lights.directions), np.float32) > 0
     glossy: np.ndarray = np.any(surfaces.specular > 1e-3, axis=1)
     shiny = np.flatnonzero(glossy[owner] & lit)

@@ -1,4 +1,4 @@
-"""Points on the surface of a model, uniform by area, with outward normals."""
+"""Points on the surface of a model, uniform by area, with normals that point outward."""
 
 from typing import NamedTuple
 
@@ -49,7 +49,7 @@ _MAX_BINNED = 3_000_000
 
 
 class _Twins:
-    """Finds coincident faces: of those at a point, only the first one counts."""
+    """Finds coincident faces: if several faces contain a point, only the first one counts."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -77,7 +77,8 @@ class _Twins:
             count = size.prod(axis=1)
             if count.sum() <= _MAX_BINNED:
                 break
-        # Directions of planes. The limits of steps and signs are at directions that are rare.
+        # Quantised directions of planes. The thresholds between steps are at directions that are
+        # rare.
         turned = np.where(normal @ [0.3713, 0.6137, 0.6969] < 0, -1, 1)[:, None] * normal
         step = np.floor((turned + 1) * (_DIRECTIONS / 2) + 0.371).astype(np.int64)
         self._direction = step @ ((_DIRECTIONS + 1) ** np.arange(3))
@@ -146,8 +147,8 @@ def _toward_air(
 ) -> Int[np.ndarray, " n"]:
     """1 if the front of a surface is outside and its back inside, -1 if reversed, else 0.
 
-    The outside is found as in `solid_occupancy`. The first cell along the normal that the surface
-    does not pass through counts, up to a distance of three cells.
+    The outside is found as in `solid_occupancy`. Each side is judged by the first cell along the
+    normal, up to a distance of three cells, that the surface does not pass through.
     """
     size = _AIR_CELLS
     low = model.vertices.min(axis=0)
@@ -175,11 +176,11 @@ def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
     again. The sampling is stratified by cumulative area, which covers the faces more evenly than
     independent points. The same seed gives the same points.
 
-    Coincident faces count as one: a point is kept only if its face is the first of the faces at
-    this place; otherwise another point is sampled. If such faces point in opposite directions and
-    exactly one side is outside, the normal points outside. The normals of a connected part are
-    reversed if the outside is known for at least half of its points and at least nine tenths of
-    these have normals that point inward.
+    Coincident faces count as one: a point is kept only if its face is the first of the faces that
+    contain it; otherwise another point is sampled. If coincident faces point in opposite directions
+    and exactly one side is outside, the normal points to that side. The normals of a connected part
+    are reversed if the outside is known for at least half of its points and the normals of at least
+    nine tenths of these points point inward.
 
     Args:
       model: the model; the points are in its frame.
@@ -220,7 +221,7 @@ def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
             break
     else:
         raise UnusableModelError(
-            "almost all of its textures are transparent, expected a visible surface"
+            "almost all of the model is transparent, expected a visible surface"
         )
     face, weight = np.concatenate(faces), np.concatenate(weights)
     points = np.einsum("nk,nkd->nd", weight, model.vertices[model.faces[face]])

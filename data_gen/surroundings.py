@@ -40,7 +40,7 @@ class Surroundings:
     Attributes:
       radiance: float [H, W, 3], in the view-aligned frame, see `data_gen.lights`.
       kind: "outdoors", "room", "studio", or "map" if that is unknown.
-      room: the room in the map; None = everything in the map is far away.
+      room: the room that the map shows; None = everything in the map is far away.
     """
 
     radiance: Float[np.ndarray, "h w 3"]
@@ -108,7 +108,7 @@ def outdoors(
         for width, share in ((2.0, 0.85), (14.0, 0.15)):
             sharp = 1 / (1 - np.cos(np.deg2rad(width)))
             lobe = np.exp(sharp * (cosine - 1)) * sharp / (2 * np.pi)
-            # The irradiance from the sky is about pi; from the sun up to four times as much.
+            # The irradiance from the sky is about pi, that from the sun up to four times as much.
             result = result + lobe[..., None] * warm * (16 * clear * share)
     else:
         result = scipy.ndimage.zoom(

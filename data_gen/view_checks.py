@@ -1,4 +1,4 @@
-"""Checks of a rendered view: mask, depth and brightness, compared with the points."""
+"""Checks of a rendered view: mask and depth against the surface points, and the brightness."""
 
 from collections.abc import Mapping
 
@@ -43,7 +43,7 @@ def check_view(
     here = ((cells >= 0) & (cells < [width, height])).all(axis=1) & (z > 0)
     column, row = cells[here].T
     grown = scipy.ndimage.binary_dilation(mask, np.ones((3, 3)))
-    # The farthest depth within a pixel, because points near a silhouette may project beside it.
+    # The smallest depth in 3 x 3 pixels, because points near a silhouette may project beside it.
     far = np.where(mask, picture.depth, np.inf)
     near = scipy.ndimage.minimum_filter(far, size=3)
     median = _NO_OBJECT
@@ -70,13 +70,25 @@ def objection_to(checks: Mapping[str, float], settings: Settings) -> str:
     """The reason why a view is refused, "" if it is accepted."""
     limits = settings.checks
     if checks["coverage"] < limits.coverage:
-        return f"the object covers {checks['coverage']:.5f} of the image, under {limits.coverage}"
+        return (
+            f"the object covers {checks['coverage']:.5f} of the image, expected at least "
+            f"{limits.coverage}"
+        )
     if checks["edge"]:
-        return f"{checks['edge']} pixels of the object touch the image's edge"
+        return f"{checks['edge']} pixels of the object touch the border of the image, expected none"
     if checks["inside"] < limits.inside:
-        return f"{checks['inside']:.4f} of the points lie in the mask, under {limits.inside}"
+        return (
+            f"{checks['inside']:.4f} of the points project into the dilated mask, expected at "
+            f"least {limits.inside}"
+        )
     if not checks["depth"] <= limits.depth:
-        return f"the depth is {checks['depth']:.4f} off the points, over {limits.depth}"
+        return (
+            f"the median distance of depth from points is {checks['depth']:.4f}, expected at most "
+            f"{limits.depth}"
+        )
     if checks["luminance"] < limits.luminance:
-        return f"brightness {checks['luminance']:.1f} is under {limits.luminance}: a black image"
+        return (
+            f"the object's brightness is {checks['luminance']:.1f}, expected at least "
+            f"{limits.luminance}"
+        )
     return ""

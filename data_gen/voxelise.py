@@ -10,27 +10,27 @@ from jaxtyping import Bool, Float, Int
 from data_gen.mesh import Model, UnusableModelError, row_dots
 from psgn_jax.data import schema
 
-# Number of small cells along the edge of a cell of the grid. It is odd because with two or four, a
-# cell would count as half full when the surface is still a quarter or an eighth before its middle,
-# and flat objects would become too thick.
+# Number of small cells along the edge of a cell of the grid. With an even number, a cell would
+# already count as half full if the surface is a quarter (of two small cells) or an eighth (of four)
+# of the cell before its middle. Flat objects would then be too thick.
 _FINE = 3
 
 # Tolerance at the border of a triangle, in small cells. It is much larger than the rounding of
 # coordinates, so that no line passes between two triangles that share an edge.
 _TOLERANCE = 1e-6
 
-# Upper bound of the intersections with the lines of an axis, which takes seconds. Only a
-# pathological model has more.
+# Largest number of intersections with the lines of an axis. Computing that many takes seconds. Only
+# pathological models have more.
 _MAX_POINTS = 10_000_000
 
 POINTS_AT_ONCE = 1_000_000
 
-# Distance of the sample points on an edge, in small cells.
+# Distance between the sample points on an edge, in small cells.
 _SPACING = 0.7
 
 
 def repeat_numbers(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For `counts[i]` items of each owner i: the owner and the number from 0 of every item."""
+    """If each owner i has `counts[i]` items: for every item its owner, and its number from 0."""
     owner = np.repeat(np.arange(len(counts)), counts)
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
 
@@ -53,8 +53,8 @@ def _line_hits(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Intersections of triangles with the lines along an axis through the centres of cells.
 
-    Each triangle is divided into rows of lines and each row into lines. The border of a triangle
-    belongs to it, so a line through a common edge intersects at least one of its triangles.
+    For each triangle, the lines are enumerated row by row. The border of a triangle belongs to it,
+    so a line through an edge that two triangles share intersects at least one of them.
 
     Args:
       corners: positions, in units of the edge of a cell.
@@ -82,7 +82,8 @@ def _line_hits(
     bound = rows * (width / 2 + 1)
     if bound.sum() > _MAX_POINTS:
         raise UnusableModelError(
-            f"the surface crosses {bound.sum():.2g} lines of cells, more than the limit of "
+            f"the surface has {bound.sum():.2g} intersections with lines of cells, more than the "
+            "limit of "
             f"{_MAX_POINTS:.2g}"
         )
     group = np.floor(np.cumsum(bound) / POINTS_AT_ONCE).astype(np.int64)
@@ -136,9 +137,9 @@ def mark_surface(
     edges: Int[np.ndarray, "e 2"],
     size: int,
 ) -> tuple[Bool[np.ndarray, "n n n"], list[Bool[np.ndarray, "n n n"]]]:
-    """Cells that a surface passes through. A flood fill of unmarked cells does not cross it.
+    """Marks cells that a surface passes through. A flood fill of unmarked cells does not cross it.
 
-    Marked are the cells that contain
+    A cell is marked if it contains
       - an intersection of the surface with a line along an axis through the centres of cells, or
       - a point of an edge or a corner of a triangle, so that parts thinner than a cell are kept.
 
@@ -146,10 +147,10 @@ def mark_surface(
     two cells with a common face. The segment is on one of the lines and inside these two cells, so
     the intersection is in one of them, and that cell is marked. A step from the centre of an
     unmarked cell to the centre of an unmarked neighbour therefore never crosses the surface,
-    whatever the shape of the triangles. (A segment in the plane of a triangle is no exception: if
-    it enters a closed surface, it also touches the border of a triangle that is not parallel to
-    it.) Rounding moves an intersection by much less than half a cell, which would be needed to mark
-    neither cell.
+    whatever the shape of the triangles. (This also holds for a segment in the plane of a triangle:
+    if it enters a closed surface, it also touches the border of a triangle that is not parallel to
+    it.) Rounding does not invalidate the proof: neither cell would be marked only if it moved an
+    intersection by half a cell, and it is much smaller.
 
     Args:
       corners: positions, in units of the edge of a cell; the grid spans [0, size] on each axis.
@@ -202,8 +203,9 @@ def _with_border(
 ) -> np.ndarray:
     """The outside cells and the marked cells whose centre is outside.
 
-    The centre of a marked cell is outside if that of a neighbour is outside and the surface is not
-    between the two. Two steps suffice, because all neighbours of cells farther inside are marked.
+    The centre of a marked cell is outside if the centre of a neighbour is outside and the surface
+    is not between the two. Two steps suffice, because all neighbours of cells farther inside are
+    marked.
     """
     for _ in range(2):
         reached = np.zeros_like(outside)
@@ -220,7 +222,7 @@ def _with_border(
 def _in_cells(fine: np.ndarray) -> np.ndarray:
     """The number of true small cells in each large cell [x, y, z]."""
     counts = fine.view(np.uint8)
-    # Sums of slices, axis by axis: one reduction over three axes takes fifty times as long.
+    # Sums of slices, axis by axis, are fifty times as fast as one reduction over three axes.
     for axis in range(3):
         first, *others = (counts[*[slice(None)] * axis, start::_FINE] for start in range(_FINE))
         counts = first.copy()
@@ -241,11 +243,11 @@ def solid_occupancy(
     The rule:
       1. The surface is marked without gaps in small cells, a third of a cell wide
          (`mark_surface`).
-      2. A flood fill from the border of the grid that does not cross the surface marks the outside.
-         It does not start at the ground, so an object without a bottom is solid. Everything else is
-         inside. A marked small cell belongs to the side of its centre.
-      3. The same is done with the cells of the grid: parts that are closed at this resolution
-         (with cracks and gaps smaller than a cell) are solid as well.
+      2. A flood fill from the border of the grid, which does not cross the surface, marks the
+         outside. It does not start at the ground, so an object without a bottom is solid.
+         Everything else is inside. A marked small cell belongs to the side of its centre.
+      3. The same is done with the cells of the grid. Parts that are closed at this resolution are
+         therefore solid as well, even if they have cracks and gaps smaller than a cell.
       4. A cell is occupied if at least half of its small cells are inside.
       5. Thin parts are kept: a cell with marked or inside small cells is also occupied if neither
          it nor any of its 26 neighbours is occupied by rule 4. This keeps thin sheets and bars

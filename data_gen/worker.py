@@ -2,7 +2,7 @@
 
     python -m data_gen.worker serve FD
 
-serves through the open pipe with the file descriptor FD.
+communicates through the open pipe with the file descriptor FD.
 """
 
 import signal
@@ -14,7 +14,7 @@ from data_gen import engine
 from data_gen.render_model import Context, render_model
 from data_gen.results import failure, pack_result
 
-# A rendering process ends after this time without a message, because its job may have ended.
+# A rendering process ends after this time without a message, because the job may have been killed.
 _IDLE_SECONDS = 600.0
 
 

@@ -1,4 +1,4 @@
-"""Claims on a job's folder: no two processes do the same part of the work.
+"""Locks in a job's folder, so that no two processes do the same part of the work.
 
     .work/parts.lock       held by all processes; contains the number of parts of the work
     .work/part-00000.lock  held by the process that does the first part
@@ -25,7 +25,7 @@ class ClaimedError(ValueError):
 
 @contextlib.contextmanager
 def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
-    """Context that claims a part of the work in a folder; at the end an empty folder is removed.
+    """Context that claims a part of the work in a folder; at its end, an empty folder is removed.
 
     Args:
       folder: created if missing.
@@ -70,14 +70,14 @@ def _join(path: pathlib.Path, count: int) -> int:
         descriptor = _open_locked(path, fcntl.LOCK_SH, wait=True)
     else:
         _write(descriptor, f"{count}\n")
-        # Another process may hold the lock for a moment between the two.
+        # The change to a shared lock is not atomic: another process may hold it for a moment.
         fcntl.flock(descriptor, fcntl.LOCK_SH)
     said = _read(path)
     if said != str(count):
         os.close(descriptor)
         raise ClaimedError(
-            f"other processes do the work in {str(path.parent.parent)!r} in {said or 'other'} "
-            f"parts, not {count}; wait for them, or end them"
+            f"other processes divide the work in {str(path.parent.parent)!r} into "
+            f"{said or 'other'} parts, not {count}; wait for them, or end them"
         )
     return descriptor
 

@@ -1,4 +1,4 @@
-"""The console script `psgn`, which reaches every command as a subcommand.
+"""The console script `psgn`, with one subcommand for each command of the package.
 
     psgn train --config=quickstart
     psgn predict photo.jpg --workdir=runs/quickstart --out=out
@@ -60,7 +60,7 @@ STUDIES: Mapping[str, Command] = {
     "networks": Command(
         "psgn_jax.experiments.networks", "vanilla, two-branch and hourglass networks"
     ),
-    "branches": Command("psgn_jax.experiments.branches", "what each branch of a network predicts"),
+    "branches": Command("psgn_jax.experiments.branches", "the points of each branch of a network"),
     "losses": Command("psgn_jax.experiments.losses", "training by CD against training by EMD"),
     "comparison": Command(
         "psgn_jax.experiments.comparison", "predicted volumes, compared with 3D-R2N2"
@@ -72,7 +72,7 @@ STUDIES: Mapping[str, Command] = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a subcommand; `argv` are the arguments without the name of the program.
 
-    A command exits the process itself. The returned exit code is for help and wrong names.
+    A command ends the process itself. An exit code is returned only after help or an unknown name.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in ("-h", "--help", "help"):
@@ -112,7 +112,7 @@ def _run(program: str, name: str, commands: Mapping[str, Command], arguments: li
         if stopped.code == 1 and _HELP.intersection(arguments):  # absl exits with 1 after its help
             return 0
         raise
-    except KeyboardInterrupt:  # while its modules were being imported
+    except KeyboardInterrupt:  # while the command's modules were being imported
         sys.stderr.write("stopped by Ctrl-C\n")
         return 130
     return 0

@@ -16,8 +16,8 @@ from psgn_jax.config import ConfigError
 from psgn_jax.files import DISK_FULL, cache_folder, is_disk_full
 from psgn_jax.untrusted import message_line, one_line
 
-# See `keep_compiled`. It has no effect once jaxlib has been imported, so it is set here: the
-# commands import this module before any other that imports JAX.
+# `keep_compiled` gives the reason. The variable has no effect once jaxlib has been imported, so it
+# is set here: the commands import this module before any other that imports JAX.
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
 
 
@@ -81,9 +81,9 @@ def flags_only(argv: Sequence[str]) -> Iterator[flags.FlagValues]:
 def exit_code_of(error: BaseException) -> int | None:
     """The exit code of a command that ends with `error`; None if the user cannot fix it.
 
-    The user can fix errors with an attribute `exit_code`: `UserError`, and `RecordError` of
-    `data.schema`, which does not need the configuration. The others are errors of the operating
-    system: 2, or `DISK_FULL` if the disk is full.
+    The user can fix two kinds of errors: those with an attribute `exit_code` (`UserError`, and
+    `RecordError` of `data.schema`), and errors of the operating system. The exit code of the latter
+    is 2, or `DISK_FULL` if the disk is full.
     """
     if is_disk_full(error):
         return DISK_FULL
@@ -91,9 +91,9 @@ def exit_code_of(error: BaseException) -> int | None:
 
 
 def define_network_flags() -> None:
-    """Defines --workdir, --weights and --checkpoint, the arguments of `weights.open_network`."""
+    """Defines --workdir, --weights and --checkpoint, for `weights.opening.open_network`."""
     flags.DEFINE_string("workdir", None, "Folder of a run, instead of weights.")
-    flags.DEFINE_string("weights", None, "Name or file of weights; default: the package's.")
+    flags.DEFINE_string("weights", None, "Name or file of weights; default: those of the package.")
     flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Checkpoint of the run.")
 
 
@@ -123,10 +123,10 @@ def keep_compiled() -> None:
     instead.
 
     The cache has one folder per type of processor, because a program that was compiled for one may
-    not run on another. When XLA reads a program on a CPU, it wrongly warns (3,000 characters) that
-    the processor lacks two features; these are tuning flags of XLA, not features of a processor.
-    Therefore this module sets TF_CPP_MIN_LOG_LEVEL to 3, unless it is set already: native code then
-    logs only fatal errors.
+    not run on another. When XLA loads a cached program on a CPU, it wrongly warns, in 3,000
+    characters, that the processor lacks two features. These are tuning flags of XLA, not features
+    of a processor. Therefore this module sets TF_CPP_MIN_LOG_LEVEL to 3, unless it is set already:
+    native code then logs only fatal errors.
     """
     import jax  # imported here so that wrong flags are reported before JAX is loaded
 

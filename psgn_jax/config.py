@@ -65,21 +65,21 @@ class ModelConfig:
         least 8.
       fc_points: number of points of the fully connected branch; all points of `vanilla`.
       deconv_level: level at which the deconv branch ends (3 = an eighth of the image size).
-      deconv_channels: number of channels of its last layer, 3 per point of a cell.
+      deconv_channels: number of output channels of the deconv branch, 3 for each point of a cell.
       fc_widths: hidden widths of the fully connected branch.
       random_size: dimension of the random input r; 0 = none.
       random_at: where r enters: "bottleneck" affects the points of both branches; "fc" affects only
         the points of the fully connected branch, which is cheaper (for `vanilla` these are all
         points).
       posterior: train as a conditional variational autoencoder: in training, r is drawn from the
-        distribution that a network predicts from the ground truth (`models.posterior`). Elsewhere
-        it is drawn from the prior N(0, I).
-      posterior_widths: feature maps of that network's 3D convolutions, each of which halves the
-        32^3 grid.
-      posterior_hidden: width of its dense layer.
+        distribution that the posterior network predicts from the ground truth (`models.posterior`).
+        Elsewhere r is drawn from the prior N(0, I).
+      posterior_widths: feature maps of the posterior network's 3D convolutions, each of which
+        halves the 32^3 grid.
+      posterior_hidden: width of the posterior network's dense layer.
       compute_dtype: dtype of the arithmetic in the network; parameters are always float32.
       image_size: filled in from `data`; not a key of a configuration file.
-      in_channels: likewise.
+      in_channels: filled in from `data`, like `image_size`.
     """
 
     name: Version = "two_branch"
@@ -119,9 +119,9 @@ class LossConfig:
         the nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one
         draw.
       kl_weight: with `model.posterior`: weight of the Kullback-Leibler divergence from the prior,
-        in the unit of the loss per nat. It is 1 if the loss is -log p of the truth. For a sum of
-        squared distances it equals 2 sigma^2, where sigma is the assumed standard deviation of the
-        points.
+        in the unit of the loss per nat. The variational bound has weight 1 if the loss is -log p of
+        the truth, and 2 sigma^2 if the loss is a sum of squared distances, where sigma is the
+        assumed standard deviation of the points.
       kl_warmup_steps: number of first steps over which the weight grows linearly from 0.
     """
 
@@ -149,7 +149,7 @@ class OptimConfig:
       eps: Adam's epsilon.
       clip_norm: largest global norm of the gradient; 0 = no clipping.
       ema_decay: decay per step of the averaged parameters, which evaluation uses; 0 = no average.
-        Step t (from 0) uses the smaller of this and (t + 1) / (t + 10).
+        Step t (from 0) uses the smaller of `ema_decay` and (t + 1) / (t + 10).
     """
 
     learning_rate: Positive = 3e-5
@@ -181,7 +181,8 @@ class TrainConfig:
       init: source of the initial parameters, instead of random ones: a file of weights, the name of
         weights in the package, or the folder of a trained run (its best checkpoint). It is read
         only before the first step. The state of the optimiser is not restored.
-      init_skip: patterns (`*` matches any text) of layers that keep random initial parameters.
+      init_skip: patterns of the names of layers that keep random initial parameters; `*` matches
+        any text.
     """
 
     batch_size: Size = 32
@@ -202,9 +203,10 @@ class EvalConfig:
 
     Attributes:
       batch_size: samples per step.
-      max_samples: number of first samples that are evaluated during training; 0 = all.
+      max_samples: number of samples, from the beginning of the split, that are evaluated during
+        training; 0 = all.
       fscore_threshold: distance in units below which a point is correct.
-      emd_tolerance: proven relative error of the earth mover's distance, which compares a
+      emd_tolerance: accepted relative error of the earth mover's distance, which compares a
         prediction with equally many true points; 0 = no EMD.
       visible_tolerance: largest distance in units of a visible true point from a pixel of the
         depth image, see `data.visibility`; 0 = no metrics of visible and hidden points. Records
@@ -225,6 +227,8 @@ class EvalConfig:
 @dataclasses.dataclass(frozen=True)
 class VoxelConfig:
     """Settings of the tasks on solid volumes (see `Config`).
+
+    The description of each field begins with the task that reads it.
 
     Attributes:
       from_cd: "refine": folder of a run trained by CD, whose clouds are an input. One of `from_cd`
@@ -253,7 +257,7 @@ class VoxelConfig:
 
     @property
     def sources(self) -> dict[str, str]:
-        """The runs that a refiner reads, by the names of the fields, without empty ones."""
+        """Folders of the runs that a refiner reads, by field name; empty fields are left out."""
         names = ("from_cd", "from_emd", "from_volume")
         return {name: getattr(self, name) for name in names if getattr(self, name)}
 

@@ -1,4 +1,4 @@
-"""Names of configurations: `--config=quickstart` is the file `configs/quickstart.py`.
+"""Names of configurations: `--config=quickstart` means the file `configs/quickstart.py`.
 
 The files are in `configs/` of a clone, and in `psgn_jax/configs/` of an installed wheel.
 """
@@ -28,7 +28,7 @@ def names() -> list[str]:
 
 
 def load(name: str) -> ml_collections.ConfigDict:
-    """The configuration with this name, whose fields other configurations and studies change."""
+    """The configuration with this name, from which other configurations and studies start."""
     config: ml_collections.ConfigDict = runpy.run_path(str(folder() / f"{name}.py"))["get_config"]()
     return config
 
@@ -65,7 +65,7 @@ def check_file(value: str) -> None:
     """Checks that a file is a configuration, by loading it.
 
     Args:
-      value: its path, possibly with a text after a colon, which is the argument of `get_config`.
+      value: path of the file. A text after a colon is the argument of `get_config`.
 
     Raises:
       ConfigError: the file is not a configuration, or `get_config` fails; the message states what

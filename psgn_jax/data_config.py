@@ -24,11 +24,12 @@ class PhotoEffects:
       erode, dilate: the mask is eroded or dilated by a length uniform in [-erode, dilate].
       ragged: largest random displacement of the edge of the mask.
       holes: probability of one to three holes in the mask, ellipses with semi-axes of 3 to 10 % of
-        the object's bounding box.
-      corners: probability that a corner of the mask is missing, 10 to 35 % of the sides of the box.
-      occluders: probability of an occluder at an edge of the object's box, with sides of 10 to 30 %
-        of those of the box. In half of the cases the mask excludes the occluder, in half it
-        includes it.
+        the sides of the object's bounding box.
+      corners: probability that a corner of the mask is missing, a triangle with legs of 10 to 35 %
+        of the sides of the box.
+      occluders: probability of an occluder at an edge of the box, an ellipse or a rectangle with
+        semi-axes of 10 to 30 % of the sides of the box. In half of the cases the occluder is
+        removed from the mask; otherwise the mask is not changed.
       blur: largest standard deviation of a Gaussian blur, pixels.
       noise: largest standard deviation of Gaussian noise, 1 = full range.
       jpeg: strength of JPEG compression; the quality is uniform in [100 - 90 * jpeg, 100].
@@ -74,27 +75,29 @@ class DataConfig:
         [1 - stretch, 1 + stretch]. Samples with a rolled camera are not changed.
       zoom: largest relative change of scale by cropping; the factor is uniform in
         [1 - zoom, 1 + zoom].
-      shift: largest shift of that crop, over the height and width of the image.
+      shift: largest shift of that crop, as a fraction of the height and width of the image.
       place: probability that the object of a training sample is cropped and placed by the rule of
         `data.framing`, like objects in photos. Image and points are moved together.
       reframe_scale: standard deviation of the logarithm of a further random scale of image and
-        points. It is normal, truncated at two standard deviations, and reduced if the object would
-        leave the image. The deviation of the authors' images from the rule is 0.12.
+        points. The logarithm is normally distributed and clipped at two standard deviations. The
+        scale is reduced if the object would leave the image. The authors' images deviate from the
+        rule with a standard deviation of 0.12.
       reframe_shift: standard deviation of a further random shift along rows and columns, as a
-        fraction of the image height; also truncated and reduced. The deviation of the authors'
-        images is 0.07.
+        fraction of the image height; it is clipped and reduced in the same way. For the authors'
+        images it is 0.07.
       photo: effects of photos, see `PhotoEffects`.
       colour_jitter: strength of random changes of brightness, contrast and channel gains; 0 = off.
       num_workers: number of decoding processes; 0 = threads in this process.
       cache: whether to keep decoded samples in memory.
       on_device: whether to keep the training split in the memory of the accelerator, which makes
         the batches (`data.on_device`): the same records, but other random points and
-        augmentations. If it does not fit, or an augmentation is not supported there (`place`,
-        `reframe_*`, `photo`), the host makes the batches and logs the reason.
+        augmentations. If the split does not fit, or an augmentation is not supported there
+        (`place`, `reframe_*`, `photo`), the host makes the batches and logs the reason.
       occupancy: whether batches contain the solid volume; filled in from `task`.
-      train_views: number of images of the same model in each row of a batch; 0 = one image, without
-        an axis of views. Filled in from `task` and `voxels`.
-      eval_views: likewise, in an evaluation.
+      train_views: largest number of images of the same model in each row of a training batch; 0 =
+        one image, without an axis of views. Filled in from `task` and `voxels`.
+      eval_views: number of images of the same model in each row of an evaluation batch; otherwise
+        like `train_views`.
       eval_frame: "place" = evaluations place every sample as `place` does; "keep" = unchanged.
       default_folder: folder of the default data set, filled in by `default_data.with_default_data`.
     """
@@ -127,7 +130,7 @@ class DataConfig:
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """The folders in `path`, or that of the default data set; empty if it is unknown.
+        """The folders in `path`, or the folder of the default data set; empty if neither is set.
 
         A folder with a factor N is repeated N times.
         """

@@ -33,7 +33,7 @@ def with_default_data(config: Config) -> Config:
 
 
 def default_dataset() -> str:
-    """Returns the folder of the default data set; renders what is missing of it.
+    """Returns the folder of the default data set; renders the missing parts of it.
 
     If the process is killed, the next call continues. If several processes call this, one renders
     and the others wait.

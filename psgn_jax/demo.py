@@ -1,14 +1,14 @@
-"""A page to try a network on photos: `python -m psgn_jax.demo`.
+"""Serves a web page on which a network can be tried on photos: `python -m psgn_jax.demo`.
 
-The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either, the default
-weights of the package (it has none yet).
+The network is read from weights, `--weights=NAME|FILE`, or from a run, `--workdir=W`. Without
+either flag, the package's default weights are used.
 
-Drop a photo, correct the mask that was found with brush and eraser, choose samples and seed, rotate
-the result, and download its files, which are those of `psgn_jax.predict`. The page is served to
-this machine only, unless `--host` is given; nothing is sent anywhere. Other sites that are open in
-the same browser are refused. Files may have up to 25 MB, and one large photo is read at a time. The
-page writes into a temporary folder, which is deleted when the process ends; results are deleted
-after an hour.
+Drop a photo, correct the automatic mask with brush and eraser, choose the number of samples and the
+seed, rotate the result, and download its files, which are those of `psgn_jax.predict`. The page is
+served to this machine only, unless `--host` is given; nothing is sent anywhere. Requests from other
+sites that are open in the same browser are refused. Files may have up to 25 MB, and one large photo
+is read at a time. The page writes into a temporary folder, which is deleted when the process ends;
+results are deleted after an hour.
 """
 
 import contextlib
@@ -86,6 +86,6 @@ if __name__ == "__main__":
     flags.DEFINE_string("host", "127.0.0.1", "Address to listen at.")
     flags.DEFINE_integer("port", 7860, "Port to listen at, 0 for a free one.")
     flags.DEFINE_list(
-        "allowed_hosts", [], "Further names of this server in browsers, such as that of a proxy."
+        "allowed_hosts", [], "Further host names of this server, such as that of a proxy."
     )
     app.run(_main, flags_parser=parse_flags)

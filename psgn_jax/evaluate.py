@@ -1,9 +1,10 @@
 """Evaluates a run, `python -m psgn_jax.evaluate --workdir W`, or weights, `--weights NAME|FILE`.
 
-Without either it evaluates the default weights of the package (it has none yet). It prints the
+Without either flag it evaluates the package's default weights. It prints the
 table and writes it into the run's folder; for weights, into `eval_<weights>_<split>` in the
-current folder. `--report=DIR` also writes a gallery of all cases. Several processes
-(`training.launch`) share the split. `psgn_jax.tasks.runs` describes what is measured.
+current folder. `--report=DIR` also writes a gallery of all samples. Several processes
+(`training.launch`) divide the split among themselves. `psgn_jax.tasks.runs` describes the metrics
+and the files.
 """
 
 import os
@@ -32,7 +33,7 @@ def _main(argv: Sequence[str]) -> None:
         keep_compiled()
         keep_freed_memory()
         if values.compare and not values.report:
-            raise ConfigError(f"--compare={values.compare}: accepted with --report=DIR")
+            raise ConfigError(f"--compare={values.compare}: accepted only with --report=DIR")
         place = place_of(
             os.environ,
             coordinator=values.coordinator,
@@ -40,7 +41,7 @@ def _main(argv: Sequence[str]) -> None:
             process_id=values.process_id,
         )
         if values.report and place is not None:
-            raise ConfigError(f"--report={values.report}: accepted with one process")
+            raise ConfigError(f"--report={values.report}: accepted only with one process")
         names = ("weights", "checkpoint", "split", "data", "out", "draws", "frame")
         options: dict[str, Any] = {name: values[name].value for name in names}
         with joined(place) as group:
@@ -57,14 +58,19 @@ if __name__ == "__main__":
     define_network_flags()
     flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
     flags.DEFINE_string("data", None, "Folder of records in place of the run's data.path.")
-    flags.DEFINE_string("out", None, "Folder for the tables; default: in the workdir.")
+    flags.DEFINE_string("out", None, "Folder for the tables; default: a folder in the workdir.")
     flags.DEFINE_integer(
-        "draws", 0, "Number of draws of each image to measure as well.", lower_bound=0
+        "draws",
+        0,
+        "Number of samples per image for the additional metrics; 0 = none.",
+        lower_bound=0,
     )
-    flags.DEFINE_enum("frame", "keep", list(FRAMES), "Images as framed, or placed as photos are.")
-    flags.DEFINE_string("report", None, "Folder for a gallery of all cases as pages.")
+    flags.DEFINE_enum(
+        "frame", "keep", list(FRAMES), "Keep the images as they are, or place objects as in photos."
+    )
+    flags.DEFINE_string("report", None, "Folder for a gallery of all samples, as web pages.")
     flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")
     flags.DEFINE_string("coordinator", None, "HOST:PORT of the first of several processes.")
     flags.DEFINE_integer("num_processes", None, "Number of processes that share the split.")
-    flags.DEFINE_integer("process_id", None, "Which of them this is, from 0.")
+    flags.DEFINE_integer("process_id", None, "Index of this process, from 0.")
     app.run(_main, flags_parser=parse_flags)

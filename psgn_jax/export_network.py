@@ -1,12 +1,12 @@
-"""A trained network for other programs: `python -m psgn_jax.export_network --out=FOLDER`.
+"""Exports a network for other programs: `python -m psgn_jax.export_network --out=FOLDER`.
 
-The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either, the default
-weights of the package (it has none yet). The folder holds ONNX files, a StableHLO program, a README
-on inputs, outputs, frame and framing, and an example each in Python and JavaScript. Each file is
-compared with JAX before it is written: on the images of `--data=RECORDS`, or on drawn silhouettes.
-It is an error if the points of a float32 file differ by more than 1e-4, or if smaller weights
-change the CD by more than 1 %. Needs the extra `export`. Exit code: 0 done, 2 an error, in one
-line.
+The network is read from weights, `--weights=NAME|FILE`, or from a run, `--workdir=W`. Without
+either flag, the package's default weights are used. The folder will contain
+ONNX files, a StableHLO program, a README on inputs, outputs, frame and framing, and one example
+each in Python and JavaScript. Each file is compared with JAX before it is written: on the images of
+`--data=RECORDS`, or on drawn silhouettes. It is an error if the points of a float32 file differ by
+more than 1e-4, or if float16 or int8 weights change the CD by more than 1 %. The command needs the
+extra `export`. Exit codes: 0 done; 2 an error, reported in one line.
 """
 
 import sys
@@ -51,5 +51,5 @@ if __name__ == "__main__":
     flags.DEFINE_bool("stablehlo", True, "Whether to write the StableHLO program.")
     flags.DEFINE_string("data", "", "Folder of records to check the files on.")
     flags.DEFINE_string("split", "validation", "Split of the records.")
-    flags.DEFINE_integer("images", 64, "Images of the records to check on.")
+    flags.DEFINE_integer("images", 64, "Number of images of the records to check the files on.")
     app.run(_main, flags_parser=parse_flags)

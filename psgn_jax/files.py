@@ -1,4 +1,4 @@
-"""Atomic writing of files, folders that cannot be written, full disks, and the cache folder."""
+"""Atomic writing of files, checks for unwritable folders and full disks, and the cache folder."""
 
 import contextlib
 import errno
@@ -23,8 +23,8 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 def is_disk_full(error: BaseException) -> bool:
     """Whether an error, or one that caused it, means that a file system is full.
 
-    The same holds for a disk quota and for the maximum size of a file. Errors of C++ libraries are
-    recognised by their text.
+    An exceeded disk quota and an exceeded maximum file size count as a full file system. Errors of
+    C++ libraries are recognised by their text.
     """
     seen: BaseException | None = error
     while seen is not None:
@@ -43,7 +43,7 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
 
     Args:
       folder: the folder.
-      name: of the flag or the argument, for the message.
+      name: name of the flag or argument, for the message.
 
     Raises:
       UserError: no file can be written there; one line with the reason.
@@ -118,7 +118,7 @@ def install(temporary: pathlib.Path, path: pathlib.Path) -> None:
 
 
 def remove_temporaries(folder: pathlib.Path) -> None:
-    """Removes what writers that were killed left in a folder: `.NAME.PID.tmp`."""
+    """Removes the temporary files (`.NAME.PID.tmp`) that killed processes left in a folder."""
     for path in folder.glob(".*.tmp"):
         if _TEMPORARY.fullmatch(path.name):
             path.unlink(missing_ok=True)

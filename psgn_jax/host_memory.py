@@ -4,8 +4,9 @@ XLA allocates the temporary memory of a program at each call and frees it at the
 blocks of that size to the operating system, so every call causes a page fault for each 4 KiB. For
 the network of `authors_small.py` and a batch of 16 on one core, forward and backward cause 27,700
 page faults and take 206 ms, of which 53 ms are system time. With the setting they cause 150 page
-faults and take 166 ms. Whole trainings process a third more samples per second, because the faults
-also wait for the loader's allocations (docs/benchmarks.md, "Training step").
+faults and take 166 ms. Whole trainings process a third more samples per second, because without the
+setting the page faults also wait for the loader's allocations (docs/benchmarks.md, "Training
+step").
 """
 
 import ctypes

@@ -2,10 +2,10 @@
 
     python -m psgn_jax.inspect PATH [--sheet FILE.png] [--samples 12] [--check 256]
 
-The command prints splits, counts, fields, sizes and categories. It checks the checksums of the
-shards, and records, cameras and depths of some samples. It writes a contact sheet with one row per
-sample: the image, the cloud seen by the sample's camera, and the cloud from another direction. The
-exit code is 1 if anything is damaged.
+The command prints splits, counts, fields, sizes and categories. It verifies the checksums of all
+shards, and checks the records, cameras and depths of some samples. It writes a contact sheet with
+one row per sample: the image, the cloud seen by the sample's camera, and the cloud from another
+direction. Exit codes: 0 the data set is intact; 1 something is damaged; 2 another error.
 """
 
 import argparse
@@ -24,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         prog="python -m psgn_jax.inspect", description=(__doc__ or "").split("\n")[0]
     )
     parser.add_argument("path", metavar="PATH", help="folder of records")
-    parser.add_argument("--sheet", default="", help="file of the sheet (default: ./<name>.png)")
+    parser.add_argument("--sheet", default="", help="contact sheet (default: ./<name>.png)")
     parser.add_argument("--samples", type=int, default=12, help="samples on the sheet")
     parser.add_argument("--check", type=int, default=256, help="samples to check in each split")
     arguments = parser.parse_args(argv)

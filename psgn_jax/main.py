@@ -1,4 +1,4 @@
-"""Trains: `psgn train --config=base --workdir=runs/base`.
+"""Trains a network: `psgn train --config=base --workdir=runs/base`.
 
 `python -m psgn_jax.main` is the same command. `--config` takes the path of a file or the name of a
 configuration that comes with the package (`psgn_jax.config_files`).
@@ -6,8 +6,8 @@ configuration that comes with the package (`psgn_jax.config_files`).
 Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same command
 resumes a stopped run. Exit codes: 0 done; 2 a wrong configuration (the message names the field) or
 a file that cannot be written; 3 a loss that is not finite; 4 another process of the same training
-has ended; 5 a full disk; 143 and 130 stopped by SIGTERM or Ctrl-C after saving. Several processes:
-`training.launch`.
+has ended; 5 a full disk; 143 stopped by SIGTERM; 130 stopped by Ctrl-C. In the last two cases, a
+checkpoint has been saved. `training.launch` describes training in several processes.
 """
 
 import os
@@ -40,8 +40,8 @@ _WORKDIR = flags.DEFINE_string(
 _COORDINATOR = flags.DEFINE_string(
     "coordinator", None, "HOST:PORT of the first of several processes that train together."
 )
-_NUM_PROCESSES = flags.DEFINE_integer("num_processes", None, "Number of these processes.")
-_PROCESS_ID = flags.DEFINE_integer("process_id", None, "Which of them this is, from 0.")
+_NUM_PROCESSES = flags.DEFINE_integer("num_processes", None, "Number of processes.")
+_PROCESS_ID = flags.DEFINE_integer("process_id", None, "Index of this process, from 0.")
 flags.mark_flag_as_required("config")
 
 
@@ -78,7 +78,7 @@ def main(argv: Sequence[str]) -> None:
 
 
 def _config() -> Any:
-    """The flag's value. If its file could not be loaded, reading the value raises the error."""
+    """The value of `--config`; raises `ConfigError` if the file cannot be read."""
     try:
         _CONFIG.value.to_dict()
     except OSError as error:

@@ -1,15 +1,16 @@
-"""Points from photos: `python -m psgn_jax.predict IMAGE... --out DIR`.
+"""Predicts points from photos: `python -m psgn_jax.predict IMAGE... --out DIR`.
 
-The network is that of `--weights=NAME|FILE` or of a run, `--workdir=W`; without either, the default
-weights of the package (it has none yet, see `python -m psgn_jax.weights list`).
+The network is read from weights, `--weights=NAME|FILE`, or from a run, `--workdir=W`. Without
+either flag, the package's default weights are used (see
+`python -m psgn_jax.weights list`).
 
-Images are files of any usual format, or folders of them. How the object is found and framed is
-described in `psgn_jax.prediction.predictor`, and the output in `psgn_jax.prediction.files`. One bad
-image does not stop the others. Exit code: 0 all images were processed, 1 some failed, 2 all
-failed or an argument is wrong.
+Images are files of any common format, or folders of such files. `psgn_jax.prediction.predictor`
+describes how the object is found and framed, `psgn_jax.prediction.files` describes the output. An
+image that cannot be processed does not stop the others. Exit codes: 0 all images were processed; 1
+some failed; 2 all failed, or an argument is wrong.
 
-In a notebook: `psgn_jax.prediction.predictor.Predictor.from_weights()(image)`, with arrays;
-`from_workdir(workdir)` is the network of a run.
+In a notebook: `predictor = psgn_jax.prediction.predictor.Predictor.from_weights()`, then
+`predictor(image)` with an image array. `Predictor.from_workdir(workdir)` uses the network of a run.
 """
 
 import sys
@@ -45,7 +46,7 @@ def _main(argv: Sequence[str]) -> None:
                 f"--formats={','.join(formats)}: accepted: any of {', '.join(export.FORMATS)}"
             )
         if values.invert_mask and not values.mask:
-            raise ConfigError("--invert_mask: accepted with --mask=FILE|FOLDER")
+            raise ConfigError("--invert_mask: accepted only with --mask=FILE|FOLDER")
         if not argv[1:]:
             raise ConfigError("no image: name files or folders")
         check_folder(values.out, "--out")
@@ -90,14 +91,20 @@ if __name__ == "__main__":
     flags.DEFINE_string("out", None, "Folder for the results.", required=True)
     flags.DEFINE_string("mask", None, "File of the mask, or folder with one for each image.")
     flags.DEFINE_enum("mask_from", "auto", list(masks.METHODS), "How to find a mask.")
-    flags.DEFINE_bool("invert_mask", False, "The given masks are white outside the object.")
+    flags.DEFINE_bool("invert_mask", False, "Whether the given masks are white outside the object.")
     flags.DEFINE_enum(
-        "normal_form", "auto", list(NORMAL_FORMS), "Put the points on the ground, with radius 1."
+        "normal_form",
+        "auto",
+        list(NORMAL_FORMS),
+        "Whether to move the points onto the ground and scale them to radius 1.",
     )
     flags.DEFINE_enum(
-        "frame", "auto", ["auto", "place", "keep"], "Crop the object, or keep the image."
+        "frame",
+        "auto",
+        ["auto", "place", "keep"],
+        "Crop to the object (place), or use the image as it is (keep).",
     )
-    flags.DEFINE_integer("samples", 1, "Clouds for each image.")
+    flags.DEFINE_integer("samples", 1, "Number of clouds per image.")
     flags.DEFINE_integer("seed", 0, "Seed of the random input.")
     flags.DEFINE_list("formats", list(export.FORMATS), "Formats of the clouds.")
     app.run(_main, flags_parser=parse_flags)

@@ -4,8 +4,8 @@ The dataclass is the specification: its field names, annotations (`Annotated[int
 `Literal`, tuples, nested dataclasses) and defaults. A wrong key or value raises a `ConfigError`.
 Its message is one line with the field, its value and the accepted values.
 
-A field with the metadata `{"derived": "..."}` is computed from what the text names.
-Such a field is not accepted as a key and is not written out.
+A field with the metadata `{"derived": "NAMES"}` is computed from the fields or flags in NAMES. It
+is not accepted as a key and is not written out.
 """
 
 import dataclasses

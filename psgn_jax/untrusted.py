@@ -7,10 +7,10 @@ import stat
 from typing import Any
 
 MAX_DEPTH = 32
-"""Nested brackets that `parse_json` accepts."""
+"""Largest depth of nested brackets that `parse_json` accepts."""
 
 MAX_JSON_BYTES = 64 << 20
-"""Size of a file that `read_json` accepts."""
+"""Largest size of a file that `read_json` accepts."""
 
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -26,11 +26,11 @@ def parse_json(text: str | bytes, *, max_depth: int = MAX_DEPTH) -> Any:
 
     Args:
       text: the text; bytes are UTF-8.
-      max_depth: brackets that may be nested. Deeper values would end in a `RecursionError`, here or
-        where the value is shown or compared.
+      max_depth: largest depth of nested brackets. Deeper values would cause a `RecursionError`,
+        here or where the value is shown or compared.
 
     Raises:
-      ValueError: the text is not JSON (NaN and Infinity are not), or too deep; one line.
+      ValueError: the text is not JSON (NaN and Infinity are not JSON), or is nested too deeply.
     """
     deep = ValueError(f"brackets nested more than {max_depth} deep")
     try:
@@ -55,7 +55,7 @@ def read_json(path: str | os.PathLike[str], *, max_bytes: int = MAX_JSON_BYTES) 
 
     Raises:
       ValueError: the errors of `parse_json`, or the file has more than `max_bytes` bytes.
-      OSError: it cannot be read, or is no regular file.
+      OSError: the file cannot be read, or is not a regular file.
     """
     path = pathlib.Path(path)
     kind = kind_of(path)
@@ -71,7 +71,7 @@ def kind_of(path: str | os.PathLike[str]) -> str | None:
     """The kind of a path that is not a regular file, such as "a named pipe"; None for a file.
 
     Raises:
-      OSError: there is nothing, or it cannot be reached.
+      OSError: the path does not exist or cannot be accessed.
     """
     mode = os.stat(path).st_mode
     return next((name for test, name in _KINDS if test(mode)), None)
@@ -91,7 +91,7 @@ def one_line(text: object) -> str:
 def message_line(error: object) -> str:
     """An error's message as one line: its lines joined by spaces, other characters escaped.
 
-    For an error of the operating system, it has the file and the reason.
+    For an error of the operating system, the line contains the file and the reason.
     """
     text = str(error)
     if isinstance(error, OSError) and error.strerror:

@@ -25,7 +25,7 @@ def test_a_claim_ends_with_its_process(tmp_path):
         message = rf"\(pid {process.pid}\) does part 0/2"
         with pytest.raises(ClaimedError, match=message), claim(folder, (0, 2)):
             pass
-        with pytest.raises(ClaimedError, match="in 2 parts, not 1"), claim(folder, (0, 1)):
+        with pytest.raises(ClaimedError, match="into 2 parts, not 1"), claim(folder, (0, 1)):
             pass
         with claim(folder, (1, 2)):
             pass

@@ -1,4 +1,4 @@
-"""Catalogue of folders of AC3D files (`.ac`), the models of flight and racing simulators."""
+"""Catalogue of a folder of AC3D files (`.ac`), the models of flight and racing simulators."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -25,8 +25,8 @@ class AC3DCatalogue(folder.FolderCatalogue):
       fractions: fractions of the models for training, validation and test, see
         `catalogues.entry.split_of`.
       max_faces: models with more faces are refused.
-      leave_out: names of folders at any depth whose files are left out. The default are folders of
-        FlightGear without objects: clouds, the sky, lights and smoke.
+      leave_out: names of folders at any depth whose files are left out. By default, these are
+        FlightGear's folders of clouds, the sky, lights and smoke.
       objects_only: whether to refuse files in other folders that contain no object, see
         `non_objects`.
 

@@ -15,14 +15,16 @@ from data_gen.catalogues.entry import Entry
 class Choice:
     """A choice of models: `include` is applied first, then `exclude`, then the sample.
 
-    A shell pattern (`*`, `?`, `[abc]`) matches a model if it matches its category, its whole name,
-    the beginning of the name up to a slash, or a part between two slashes. For example,
-    `Effects`, `Effects/Birds`, `swarm.*` and `*swarm*` all match `Effects/Birds/swarm.ac`.
+    Patterns are shell patterns (`*`, `?`, `[abc]`). A pattern matches a model if it matches the
+    category, the whole name, one part of the name between slashes, or the beginning of the name up
+    to a slash. For example, `Effects`, `Effects/Birds`, `swarm.*` and `*swarm*` all match
+    `Effects/Birds/swarm.ac`.
 
     Attributes:
       include: patterns; models that match none of them are left out. () = keep all.
       exclude: patterns; models that match one of them are left out.
-      sample: number of models sampled from the rest, spread over categories and folders; 0 = all.
+      sample: number of models sampled from the remaining ones, spread over categories and folders;
+        0 = all.
       seed: seed of the sample. With the same seed, a larger sample contains the smaller ones.
     """
 
@@ -55,13 +57,13 @@ def _check_patterns(flag: str, patterns: Sequence[str], entries: Sequence[Entry]
 
 
 def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
-    """The chosen models, in the given order, or with a sample in random order.
+    """The chosen models in the given order; if a sample is taken, in random order.
 
     Raises:
       ValueError: a pattern matches no model, no model is left, or the sample size is negative.
     """
     if choice.sample < 0:
-        raise ValueError(f"--sample: got {choice.sample}, expected 1 or more")
+        raise ValueError(f"--sample: got {choice.sample}, expected 0 or more")
     _check_patterns("include", choice.include, entries)
     _check_patterns("exclude", choice.exclude, entries)
     left = [
@@ -74,7 +76,7 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
             f"--include, --exclude: none of the {len(entries)} models is left, expected at least 1"
         )
     if choice.sample > len(left):
-        logging.warning("--sample=%d: there are only %d models", choice.sample, len(left))
+        logging.warning("--sample=%d: only %d models match", choice.sample, len(left))
     return _spread(left, choice.seed)[: choice.sample] if choice.sample else left
 
 

@@ -1,11 +1,11 @@
 """Cabinets whose depth is not visible from the front, for the study of ambiguity.
 
-A cabinet consists of a front panel, a body of a hidden depth behind it, and a rail under the body
+A cabinet consists of a front panel, a body of hidden depth behind it, and a rail under the body
 that is always as long as the deepest body. Panel and rail determine the bounding box and the
-bounding hemisphere, so that after normalisation the position of the panel does not depend on the
-depth. The panel is larger than the body: a camera at elevation 0 straight in front of it, aimed at
-a point of the panel, sees only the panel. From there, images of one seed do not depend on the
-depth. There are two kinds, used as categories:
+bounding hemisphere. After normalisation, the position of the panel therefore does not depend on the
+depth. The panel is larger than the body, so a camera straight in front of the panel at elevation 0
+sees only the panel. Images from there depend on the seed, but not on the depth. There are two
+kinds, used as categories:
 
 - `front`: the panel faces +x. From azimuth 0 the depth is ambiguous.
 - `turned`: the same cabinets rotated by `TURN` degrees about the vertical axis. The image shows the

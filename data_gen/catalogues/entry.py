@@ -85,7 +85,7 @@ def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -
         if place < fraction:
             return split
         place -= fraction
-    # Because of rounding the hash may exceed the sum; then it is in the last non-empty split.
+    # Reached only if the hash exceeds the sum of the fractions because of rounding.
     return next(s for s, f in zip(SPLITS[::-1], fractions[::-1], strict=True) if f > 0)
 
 

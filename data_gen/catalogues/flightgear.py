@@ -1,7 +1,8 @@
 """Catalogue of FlightGear's AI aircraft: AC3D files, with liveries defined in XML files.
 
-`A320/A320-AirFrance.xml` names the model `Models/A320.ac`, directly or in a file that it includes,
-and the folder of the textures, `Textures/AirFrance`. Lights, flames and pieces are left out.
+For example, `A320/A320-AirFrance.xml` names the model `Models/A320.ac` and the folder of the
+textures, `Textures/AirFrance`. Both may be named in a file that the XML file includes. Models of
+lights, flames and parts of aircraft are left out.
 """
 
 import functools
@@ -83,11 +84,11 @@ class FlightGearCatalogue:
 
     An example of a name is `A320/Models/A320.ac:AirFrance`; a model without livery has the name of
     its file. All liveries of a model are in the same split. Ships and balloons in the folder are
-    models as well.
+    included.
 
     Args:
       source: the folder `AI/Aircraft` of FlightGear's data.
-      liveries: largest number of liveries per file, spread over their names.
+      liveries: largest number of liveries per file, chosen at equal distances in the sorted list.
       fractions: fractions of the models for training, validation and test, see
         `catalogues.entry.split_of`.
       max_faces: models with more faces are refused.

@@ -1,11 +1,11 @@
 """Catalogue of groups: several procedural models that stand together as one object.
 
-About one in seven of the authors' objects is of this kind: a row of chairs, a table with seats, a
-device with a part that lies apart, a piece of furniture in the corner of a room, a model on a
-plate. Their bounding box is often not centred on the most conspicuous part.
+About one in seven of the authors' objects is a group: a row of chairs, a table with seats, a
+device with a separate part, a piece of furniture in the corner of a room, a model on a plate. The
+bounding box of a group is often not centred on its most conspicuous part.
 
-`group(seed)` makes one. Its members come from all families of `catalogues.procedural`; a third of
-the groups are painted in plain colours, grey, white or saturated, as many models of ShapeNet are.
+`group(seed)` makes one. Its members come from all families of `catalogues.procedural`. A third of
+the groups have plain colours (grey, white or saturated), like many models of ShapeNet.
 """
 
 import dataclasses
@@ -63,7 +63,7 @@ def group(seed: int) -> Model:
 
 
 def _row(rng: np.random.Generator) -> list[Model]:
-    """Two to five copies of one model side by side, or two turned to each other."""
+    """Two to five copies of one model in a straight or bent row, sometimes turned at random."""
     model = _member(rng)
     width = np.ptp(model.vertices[:, 1])
     count = int(rng.choice((2, 2, 3, 3, 4, 5)))
@@ -77,7 +77,7 @@ def _row(rng: np.random.Generator) -> list[Model]:
 
 
 def _pair(rng: np.random.Generator) -> list[Model]:
-    """Two different models, one often smaller, beside or before each other."""
+    """Two different models next to each other, the second one often smaller."""
     first, second = _member(rng), _member(rng)
     scale = float(rng.uniform(0.25, 1.0))
     towards = rng.uniform(0, 360)
@@ -85,7 +85,7 @@ def _pair(rng: np.random.Generator) -> list[Model]:
 
 
 def _around(rng: np.random.Generator) -> list[Model]:
-    """A model with two to six others around it that face it."""
+    """A model with up to six copies of another one around it, which face it."""
     centre = _member(rng, _CENTRES)
     seat = _member(rng, _SEATS)
     count = int(rng.integers(2, 7))
@@ -103,7 +103,7 @@ def _around(rng: np.random.Generator) -> list[Model]:
 
 
 def _stray(rng: np.random.Generator) -> list[Model]:
-    """A model and one to three small parts apart from it."""
+    """A model and one to three small separate parts."""
     model = _member(rng)
     parts = [model]
     for _ in range(int(rng.integers(1, 4))):
@@ -160,7 +160,7 @@ def _angle(rng: np.random.Generator) -> list[Model]:
     side = float(rng.choice((-1, 1)))
     offset = np.array([(x + y * longer) / 2 - x, side * (y / 2 - x / 2), 0.0])
     if rng.random() < 0.4:
-        offset[1] += side * x  # beside the end of the first, not over it
+        offset[1] += side * x  # next to the end of the first copy, without overlap
     return [model, _moved(second, *offset)]
 
 
@@ -233,7 +233,7 @@ def _beside(
     rng: np.random.Generator,
     height: float = 0.0,
 ) -> Model:
-    """The other model, scaled and moved in a direction to a distance from the first's bounds."""
+    """The other model, scaled and moved in a direction until it is `gap` away from the first."""
     along = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
     small = _turned(_scaled(other, (scale,) * 3), rng.uniform(0, 360))
     reach = (model.vertices[:, :2] @ along).max() - (small.vertices[:, :2] @ along).min()

@@ -1,7 +1,7 @@
-"""Files of game data that do not contain an object on its own: billboards, lights, smoke, pieces.
+"""Files of game data without a complete object: billboards, lights, smoke, parts of objects.
 
-`SCENERY`, `AIRCRAFT` and `ACTORS` are regular expressions of file names, one for each collection of
-data. `objection` decides by the shape and the name of a model.
+`SCENERY`, `AIRCRAFT` and `ACTORS` are regular expressions of the names of such files, one for each
+collection of data. `objection` recognises such a file by the shape and name of its model.
 """
 
 import re
@@ -22,15 +22,15 @@ SCENERY = (
     r"|ICE3firstcar|Buildings/(cow|horse)-stable|Geometry/(container_carrier|Ensign)"
     r"|AutoGate|DockingGate|jetway-movable|testpilot|Foxtrot\.|hull\.ac|superstructure|saratoga-"
 )
-"""FlightGear's scenery: lights, clouds, markings, water, pieces, whole towns and copies.
+"""FlightGear's scenery: lights, clouds, markings, water, parts, whole towns and copies of files.
 
-`ICE3firstcar` is a train with a stray sphere."""
+`ICE3firstcar` is a train with a sphere far away from it."""
 
 AIRCRAFT = (
     rf"{_LIGHTS}|flash|toggle|beacon|/nav[a-z]+\.|/taxi\.|exhaust|droptank|bomb-|refueling/"
     r"|banner|wheels\.|tank\.|ssme|omspods"
 )
-"""FlightGear's aircraft: lights and pieces of aircraft, in upper or lower case."""
+"""FlightGear's aircraft: lights and parts of aircraft, in upper or lower case."""
 
 ACTORS = (
     r"decal|fndn|foundation|rubble|scaf|aura|marker|label|water|particle|smoke|fire|blood|fog"
@@ -40,7 +40,7 @@ ACTORS = (
     r"|destruct_|structures/plot|rice_paddy|wall_gate_door|_dest|hero_star|projectile|_pivot|oar"
     r"|rein|rope"
 )
-"""Actors of Pyrogenesis: pieces, markings on the ground, water, construction sites."""
+"""Actors of Pyrogenesis: parts, markings on the ground, water, construction sites."""
 
 # Flat models are billboards that turn toward the viewer, or decals. For comparison: the thinnest
 # solid objects of `flightgear-data-models`, landing stages, are 4 % as thick as long.
@@ -51,7 +51,7 @@ _WORDS = {
     "contrail", "puff", "smoke", "tracer",
 }  # fmt: skip
 
-# Lights consist of a few crossed faces. A street lamp or a signal has more and is an object.
+# Lights consist of a few crossed faces. A street lamp or a signal has more faces and is an object.
 _MAX_FACES = 100
 
 # Light volumes of FlightGear's former renderer, which have more faces.
@@ -75,12 +75,13 @@ def objection(name: str, model: Model) -> str:
       model: the model in the file.
     """
     if thickness(model) < _FLAT:
-        return "no object: it is flat, a billboard or a decal"
+        return "no object: it is flat, like a billboard or a decal"
     stem = name.rpartition("/")[2].rpartition(".")[0]
     words = {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", stem)}
     if _VOLUMES in words or (words & _WORDS and len(model.faces) <= _MAX_FACES):
         word = min(words & (_WORDS | {_VOLUMES}))
         return (
-            f"no object: a light or smoke, by its name ({word!r}) and its {len(model.faces)} faces"
+            f"no object: its name ({word!r}) and its {len(model.faces)} faces are those of a light "
+            "or smoke"
         )
     return ""

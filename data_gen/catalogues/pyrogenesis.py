@@ -59,7 +59,7 @@ def _load(path: str, name: str, variant: int, category: str, model_id: str, max_
         raise UnusableModelError(f"archive {path!r} cannot be read: {error}"[:200]) from error
     notes = Notes()
     arrays = assemble(_game(files), name, variant, TEXTURE_SIDE, max_faces, notes)
-    if category == "building":  # its foundations are below the ground
+    if category == "building":  # buildings have foundations below the ground
         arrays = cut_below_ground(arrays)
     model = build_model(
         **arrays,
@@ -82,8 +82,8 @@ class PyrogenesisCatalogue:
     """Actors in the archive of a game that are objects on their own.
 
     `units/romans/siege_ram.xml` is the model `units/romans/siege_ram`. If an actor has several
-    meshes, the further models are named `...-2`, `...-3`. Models are in the same split if the names
-    of their main meshes differ only in a number or letter at the end.
+    variants, the second model is named `...-2`, the third `...-3`. Models are in the same split if
+    the names of their main meshes differ only in a number or letter at the end.
 
     Args:
       source: the archive, such as 0 A.D.'s `public.zip`, or a folder that contains it.
@@ -146,7 +146,7 @@ class PyrogenesisCatalogue:
                     looks.add(look)
                     yield name, variant, category_of(name), stem_of(shape[0])
             except UnusableModelError:
-                # It stays in the list; its loader raises the error.
+                # The actor stays in the list, and its loader raises the error.
                 yield name, 0, category_of(name), name
 
     def __len__(self) -> int:

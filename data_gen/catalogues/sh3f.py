@@ -29,7 +29,7 @@ _MAX_PROPERTIES_BYTES = 16 << 20
 def parse_properties(text: str) -> dict[str, str]:
     r"""Keys and values of a Java properties file that was decoded as Latin-1.
 
-    Supported are comments (`#`, `!`), the separators `=`, `:` and blank, lines continued by a
+    It may contain comments (`#`, `!`), the separators `=`, `:` and blank, lines continued by a
     backslash, and the escapes `\\uXXXX`, `\\t`, `\\n`.
     """
     escape = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(.))", re.DOTALL)
@@ -132,7 +132,7 @@ def _place(model: Model, rotation: tuple[float, ...], size: tuple[float, float, 
         scale = np.where(known, target / np.where(known, extent, 1), 0)
         # Directions with zero extent or size are not scaled.
         scale = np.where(known, scale, scale[known].mean())
-        # If the aspect ratio would change too much, the size in the library is wrong.
+        # If the aspect ratio would change too much, the size in the library must be wrong.
         if scale.max() < 20 * scale.min():
             matrix = scale[:, None] * matrix
     return model.transformed(np.concatenate([matrix, np.zeros((3, 1))], axis=1))

@@ -42,8 +42,8 @@ class ShapeNetCatalogue:
       source: the folder that contains the folders of the synsets.
       categories: names or synset numbers to keep; () = all in the folder.
       split: "r2n2": in each category, the first 80 % of the models by name are for training and the
-        others for testing, as in 3D-R2N2. It equals their split only for complete categories.
-        "hash": see `catalogues.entry.split_of`.
+        others for testing, as in 3D-R2N2. The split is that of 3D-R2N2 only if the categories are
+        complete. "hash": see `catalogues.entry.split_of`.
       validation: with "r2n2", the fraction of the training models that becomes the validation
         split, by a hash of the name. 0 = as published.
       fractions: with "hash", fractions of the models for training, validation and test.

@@ -1,8 +1,8 @@
 """Parts of procedural models: closed surfaces of few triangles.
 
 A part is `(vertices [V, 3], faces [F, 3])`, with faces counter-clockwise seen from outside. Sizes
-are in the unit in which the model is built; +z is up. The finished model gets smooth normals by its
-crease angle.
+are in the unit in which the model is built; +z is up. The normals of the finished model are
+computed by `mesh.crease_normals`.
 """
 
 from collections.abc import Callable, Sequence
@@ -373,5 +373,5 @@ def pane(grid: np.ndarray, thickness: float) -> Solid:
 
 
 def split(solid: Solid, chosen: np.ndarray) -> tuple[Solid, Solid]:
-    """Two parts: the chosen faces (bool [F]), and the others. Both are open at the cut."""
+    """Two solids: the chosen faces (bool [F]) and the other faces. Both are open at the cut."""
     return Solid(solid.vertices, solid.faces[chosen]), Solid(solid.vertices, solid.faces[~chosen])

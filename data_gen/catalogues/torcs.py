@@ -1,8 +1,9 @@
 """Catalogue of the cars of the racing simulator TORCS, with their wheels.
 
-The folder of a car contains its body (`.acc`: AC3D with several texture layers, of which the first
-is the paint) and a file of parameters with the positions and sizes of the wheels and the name of
-their model below `wheels`. Reduced levels of detail are left out.
+The folder of a car contains its body and a file of parameters. The body is an `.acc` file: AC3D
+with several texture layers, of which the first is the paint. The parameters give the positions and
+sizes of the wheels and the name of their model in the folder `wheels`. Models with fewer details
+are left out.
 """
 
 import os

@@ -23,7 +23,7 @@ def backdrop(
 ) -> Float[np.ndarray, "h w 3"]:
     """The image of ground and surroundings without the object but with its shadow.
 
-    One function: each step handles pixels that the steps before it have left.
+    One function: each step handles pixels that the earlier steps have not set.
 
     Args:
       light: light of the scene.
@@ -84,7 +84,7 @@ def backdrop(
     value = colour * lit
     if ground.gloss > 0:
         view = -along[down]
-        # Floors are worn: reflections are blurred, more so for objects further from the floor.
+        # Floors are worn: reflections are blurred, and more so if the object is far from the floor.
         rough = np.full(len(down), 0.25, np.float32)
         mirror = fresnel(np.full((len(down), 3), ground.gloss, np.float32), view[:, 2], rough)
         uneven = up + light.spread[rows % 4 * 4 + columns % 4] * np.float32(0.06)

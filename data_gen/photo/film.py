@@ -8,7 +8,7 @@ from jaxtyping import Float, UInt8
 
 from data_gen.field_checks import Range, check_ranges
 
-# Values above this multiple of white are clipped before the blur of the lens.
+# Values above this multiple of white are clipped before the lens blur is applied.
 _BRIGHTEST = 6.0
 
 

@@ -26,8 +26,8 @@ _TABLE = (17, 32)
 # the ray. Otherwise coarse meshes with smooth normals would shadow themselves.
 _OFF = 0.002
 
-# First estimate of the irradiance of the model's faces, as a fraction of the unoccluded one. The
-# irradiance of all faces is computed from it.
+# First estimate of the irradiance of the model's faces, as a fraction of the unoccluded irradiance.
+# The light that faces reflect onto each other is computed from it.
 _SEEN_BY_OTHERS = 0.5
 
 # Faces that share their irradiance lie in a cell of edge 1 / this, in units of the frame.
@@ -182,7 +182,7 @@ class Light:
         matt = np.stack(
             [radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - first)], axis=1
         )
-        # Neighbouring points in the list must use different sets.
+        # Points that are neighbours in the list must use different sets of rays.
         self._matt = matt.reshape(-1, PATTERNS, 3).swapaxes(0, 1).astype(np.float32)
         self.spread = np.concatenate(
             [matt[:: len(matt) // PATTERNS][:PATTERNS, :2], np.zeros((PATTERNS, 1))], axis=1
@@ -226,7 +226,7 @@ class Light:
         self._glow = colour[:, None] * self._light_on_faces(surfaces.corners.mean(axis=1) @ turn)
 
     def _light_on_faces(self, middles: Float[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 2 3"]:
-        """Irradiance of both sides of faces; near faces with similar normals share a value."""
+        """Irradiance of both sides of faces; nearby faces with similar normals share a value."""
         cells = np.floor((middles + 2) * np.float32(_CELLS)).astype(np.int64)
         signs = (self._normals > 0) @ np.array([1, 2, 4])
         key = ((cells[:, 0] * 1024 + cells[:, 1]) * 1024 + cells[:, 2]) * 8 + signs

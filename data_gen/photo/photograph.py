@@ -137,7 +137,7 @@ def photograph(
       side: samples along the edge of a pixel, 0 = only its centre.
       soft_edges: whether edges are antialiased.
       rays: number of rays per pixel that sample the light.
-      show_surroundings: whether the surroundings are the background, in place of the scene's.
+      show_surroundings: whether the surroundings replace the background of the scene.
       rng: generator of directions, blur and noise.
     """
     camera = scene.camera

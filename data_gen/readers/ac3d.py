@@ -53,7 +53,7 @@ _STATEMENT = re.compile(
     re.MULTILINE,
 )
 
-# Objects that are not part of the model: water and shadows that move with it.
+# Objects that are not part of the model: wakes and shadows.
 _NO_PARTS = re.compile(r"wake([\W_0-9]|$)|sillage|shadow", re.IGNORECASE)
 
 _NO_PART = "a ship's wake or a painted shadow left out"
@@ -83,7 +83,7 @@ def _count(words: bytes, what: str, limit: int) -> int:
         raise UnusableModelError(f"not readable as AC3D: {what} {text[:40]!r}")
     if int(text) > limit:
         raise UnusableModelError(
-            f"not readable as AC3D: {what} {int(text)}, more than its length permits"
+            f"not readable as AC3D: {what} {int(text)}, more than the file's length permits"
         )
     return int(text)
 
@@ -109,8 +109,9 @@ def read_outline(
 
     One function: a branch for each statement of the format.
 
-    Some exporters count objects that they do not write. With `notes`, a file that ends with a
-    complete object and has more objects than are missing is accepted, with a warning.
+    Some exporters count objects that they do not write. If `notes` is given, such a file is
+    accepted with a warning, provided that its last object is complete and fewer objects are missing
+    than present.
 
     Raises:
       UnusableModelError: this is not an AC3D file, it is truncated, or it has too many faces or
@@ -120,7 +121,7 @@ def read_outline(
         raise UnusableModelError("not readable as AC3D: it does not begin with AC3D")
     size = len(data)
     objects: list[Object] = []
-    open_: list[tuple[int, int]] = []  # objects whose children follow, and their number
+    open_: list[tuple[int, int]] = []  # index of an object, number of its children that follow
     faces = skip = 0
     statements = list(_STATEMENT.finditer(data))
     for number, match in enumerate(statements):
@@ -174,7 +175,7 @@ def read_outline(
     if objects[-1].kids is None or (missing and (notes is None or missing >= len(objects))):
         raise UnusableModelError("not readable as AC3D: the file is truncated: objects are missing")
     if missing and notes is not None:
-        notes.add(f"{missing} of the objects that the file counts are missing")
+        notes.add(f"{missing} objects are missing, compared with the counts in the file")
     if any(o.surfaces_read != o.surfaces for o in objects):
         raise UnusableModelError(
             "not readable as AC3D: the file is truncated: surfaces are missing"
@@ -359,7 +360,7 @@ def read_ac3d(
             vertices = np.concatenate([np.zeros((0, 3)), *parts["vertices"][begin:]])
             normals.append(crease_normals(vertices, faces - start, each.crease))
             if np.linalg.det(turn) < 0:
-                notes.add("mirrored objects turned over")
+                notes.add("faces of mirrored objects reversed")
                 parts["faces"][begin:] = [f[:, ::-1] for f in parts["faces"][begin:]]
                 parts["uv"][begin:] = [u[:, ::-1] for u in parts["uv"][begin:]]
                 normals[-1] = -normals[-1][:, ::-1]

@@ -32,7 +32,7 @@ _MAX_PARTS = 1000
 
 _MAX_DEPTH = 6
 
-# Names of variants that do not occur for an object at rest.
+# Names of variants that show damage or activity; objects are shown intact and at rest.
 _NOT_AT_REST = re.compile(
     r"damage|destr|death|dead|rubble|garrison|carry|gather|attack|build|promot|walk|run|capture"
     r"|despair|flee|ruin|approach|dance|salut|collaps",
@@ -109,7 +109,7 @@ class Game:
         return self._xml[name]
 
     def _root(self, name: str) -> ElementTree.Element:
-        """The element of an actor that contains its groups; of several qualities, the best."""
+        """The element of an actor that contains its groups, at the best quality level."""
         root = self.xml(ACTORS + name)
         for _ in range(4):
             if root.tag != "qualitylevels":
@@ -126,9 +126,9 @@ class Game:
         return root
 
     def _groups(self, name: str) -> list[list[list[ElementTree.Element]]]:
-        """The groups of an actor: for each, the variants that are possible for an object at rest.
+        """For each group of an actor, the variants that are possible for an object at rest.
 
-        A variant is a list of elements: those of the files that it includes, then its own.
+        A variant is a list of XML elements: those of the files that it includes, then its own.
         """
         result = []
         for group in self._root(name).findall("group"):
@@ -137,7 +137,7 @@ class Game:
                 words = f"{variant.get('name', '')} {variant.get('file', '')}"
                 options.append((variant, _frequency(variant), bool(_NOT_AT_REST.search(words))))
             chosen = [v for v, f, active in options if f > 0 and not active]
-            # If all variants have the same frequency, none is preferred.
+            # If no variant has a positive frequency, the first one is used.
             chosen = chosen or [v for v, _, active in options if not active][:1]
             if chosen:
                 result.append([self._with_included(v) for v in chosen])
@@ -198,10 +198,9 @@ class Game:
     def parts(
         self, name: str, variant: int, depth: int = 0
     ) -> Iterator[tuple[str, str, Actor, int]]:
-        """Attach point, name, actor and depth of an actor and of all actors attached to it.
+        """An actor and all actors attached to it, depth first: attach point, name, actor, depth.
 
-        Actors that follow with a greater depth are attached to the actor before them. Missing
-        actors are left out.
+        Missing actors are left out.
         """
         stack = [("", name, depth)]
         count = 0

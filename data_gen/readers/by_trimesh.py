@@ -233,7 +233,7 @@ def _read(
             )
         linear = np.asarray(matrix, np.float64)[:3, :3]
         vertices.append(np.asarray(mesh.vertices, np.float64) @ linear.T + matrix[:3, 3])
-        # Keep only normals from the file: those are in the cache already.
+        # trimesh's cache contains normals only if they come from the file; others are not used.
         given = mesh._cache.cache.get("vertex_normals")
         if given is not None and len(given) == len(mesh.vertices) and np.linalg.det(linear):
             turned = np.asarray(given) @ np.linalg.inv(linear)

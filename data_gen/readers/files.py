@@ -32,7 +32,7 @@ class Files(abc.ABC):
 
         Backslashes, quotes and wrong case are accepted. If the file does not exist, a file of the
         same name directly in `base` is used, because references often contain folders of the
-        author's computer. Of a path that leads out of the root only the last part is used.
+        author's computer. If a path leads out of the root, only its last part is used.
 
         Raises:
           FileNotFoundError: there is no such file.

@@ -51,7 +51,7 @@ def load_model(
       model_id: name of the object; empty = the name of the file.
       parameters: parameters of the model.
       max_faces: largest accepted number of faces.
-      turn: applied in the axes of the file, before `up` and `front`.
+      turn: rotation that is applied in the axes of the file, before `up` and `front`.
       reader: reader of the format; None = chosen by the suffix of the name.
 
     Raises:

@@ -27,8 +27,8 @@ def _colour(words: Sequence[str]) -> tuple[float, float, float] | None:
     return red, green, blue
 
 
-# Options of a map statement and their number of arguments, from the MTL specification. Options
-# with up to three numbers take as many numbers as follow.
+# Options of a map statement and their number of arguments, from the MTL specification. Those of
+# `_MAP_VECTORS` have one to three arguments.
 _MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1,
                 "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2}  # fmt: skip
 

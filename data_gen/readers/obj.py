@@ -1,9 +1,9 @@
 """Reader of Wavefront OBJ files.
 
-The two large collections of training shapes are OBJ files. They contain many features that other
-readers ignore silently: missing and negative indices, several material files, options before the
-names of textures, alpha maps, missing images, concave polygons. Therefore this project has its own
-reader.
+Two large collections of training shapes, ShapeNet and Sweet Home 3D, are OBJ files. They contain
+many features that other readers ignore silently: missing and negative indices, several material
+files, options before the names of textures, alpha maps, missing images, concave polygons. Therefore
+this project has its own reader.
 """
 
 import posixpath
@@ -40,7 +40,7 @@ _V, _VT, _VN, _F, _OTHER = range(5)
 
 _SPACE = 32
 
-_MOST_LIBRARIES = 1000  # material files of one model; further ones are not looked for
+_MOST_LIBRARIES = 1000  # largest number of material files of a model; others are ignored
 
 
 class _Lines:
@@ -214,7 +214,7 @@ def read_obj(
                 changes.append(int(index))
                 owners_here.append(owner)
             elif key == "mtllib" and len(libraries) < _MOST_LIBRARIES:
-                # The name may contain spaces; otherwise there may be several names.
+                # Either one name, which may contain spaces, or several names.
                 for name in [rest.strip()] if _exists(files, base, rest) else rest.split():
                     if name in libraries or len(libraries) == _MOST_LIBRARIES:
                         continue

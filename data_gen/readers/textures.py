@@ -101,7 +101,7 @@ def with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.ndar
 def bounded(materials: Sequence[Material], notes: Notes) -> tuple[Material, ...]:
     """The materials with the largest textures halved until their total size is within the limit."""
     result = list(materials)
-    # Materials may share a texture. It counts once and is halved for all of them.
+    # A texture that several materials share counts once and is halved for all of them.
     distinct = {id(m.texture): m.texture for m in result if m.texture is not None}
 
     def size(key: int) -> int:
@@ -133,7 +133,7 @@ class Textures:
             self._cache[name] = None
             if self._texels > _MAX_DECODED_TEXELS:
                 self._notes.add(
-                    "more textures than a model may have; plain colours are used instead"
+                    "the model has too many textures; plain colours are used for some of them"
                 )
                 return None
             try:

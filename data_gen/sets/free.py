@@ -16,8 +16,8 @@ If the command is stopped and started again, it continues. Unusable models are r
 reported. `--fraction=0.01` renders a small part of the set. `--photo=0.25` renders a quarter of the
 views of each model with the preset `photo`, in `records/free/photo/<source>`.
 
-Exit codes: 0 done; 1 done, except for sources that could not be read; 2 wrong arguments, missing
-packages or no data set; 143 and 130 stopped by SIGTERM or Ctrl-C.
+Exit codes: 0 done; 1 done, except for sources that could not be rendered; 2 wrong arguments,
+missing packages or no data set; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
 """
 
 import dataclasses
@@ -112,8 +112,14 @@ SOURCES = (
     _procedural("procedural", views=4, models="480"),
     _procedural("procedural_extra", views=3, models="100"),
     _procedural("procedural_groups", views=3, models="4000"),
+    dataclasses.replace(
+        _procedural("procedural_groups", views=3, models="1000"),
+        name="procedural_incomplete",
+        options={"first_seed": 4000},
+        missing=1.0,
+    ),
 )
-"""All sources. Sources without a catalogue are left out."""
+"""All sources."""
 
 PHOTO = 0.0
 """Default fraction of each model's views rendered with the preset `photo`."""
@@ -184,12 +190,13 @@ def settings_of(part: Part, options: Options) -> settings.Settings:
     values = config.get_config(part.preset)
     values.views = part.views
     values.centre = options.centre
+    values.image.missing = part.source.missing
     if part.preset == "authors":
-        # These textures have few texels per pixel; nine samples would take a third of the time.
+        # These textures have few texels per pixel, so that a few samples suffice.
         values.image.samples = 2
     values.job.workers = options.workers
     values.job.variant = options.variant
-    # Another seed, so that the cameras differ from those of the same models in the other preset.
+    # Not the seed of the preset "authors", so that the cameras of a source's data sets differ.
     values.seed = 0 if part.preset == "authors" else 1
     return settings.parse(values)
 
@@ -278,7 +285,7 @@ def _define_flags() -> None:
     flags.DEFINE_float("photo", PHOTO, "Fraction of the views rendered with the preset photo.",
                        lower_bound=0.0, upper_bound=1.0)  # fmt: skip
     flags.DEFINE_enum("centre", "vertices", frame.CENTRES,
-                      "Point of a model that stands over the origin.")  # fmt: skip
+                      "Point of a model that is moved to x = y = 0.")  # fmt: skip
     flags.DEFINE_integer("workers", 0, "Processes, 0 = one per processor.", lower_bound=0)
     flags.DEFINE_enum("variant", "auto", settings.VARIANTS, "Variant of Mitsuba.")
     flags.DEFINE_bool("check", False, "Only report missing packages and the number of models.")
@@ -311,7 +318,7 @@ def main(argv: list[str]) -> None:
         commands = sources.missing(chosen, given.packages)
         if commands:
             raise ValueError(
-                "packages are missing; these commands fetch and unpack them:\n  "
+                "packages are missing; these commands download and unpack them:\n  "
                 + "\n  ".join(commands)
             )
         parts = plan(chosen, given.photo)

@@ -67,6 +67,8 @@ class Source:
       place: source of the catalogue: a path in the unpacked package, or a number of models.
       options: options of the catalogue.
       exclude: pattern of the names of models that are left out.
+      missing: fraction of the models that are rendered without some of their faces, see
+        `data_gen.missing_faces`.
       families: models of a family are in the same split. "name": the family is `family_of(name)`;
         "folder": the family is the first folder of the name; "": no families, the catalogue decides
         the split.
@@ -80,6 +82,7 @@ class Source:
     place: str = ""
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     exclude: str = ""
+    missing: float = 0.0
     families: str = "name"
 
     def path(self, packages: str | os.PathLike[str]) -> str:
@@ -185,7 +188,7 @@ def version_of(packages: str | os.PathLike[str], package: str) -> str:
 
 
 def reason_of(text: str) -> str:
-    """The reason for a refusal without names and numbers, so that equal reasons can be counted."""
+    """A reason for a refusal without names and numbers, so that equal reasons can be counted."""
     text = re.sub(r"'[^']*'|\"[^\"]*\"", "...", text)
     return re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", "N", text)[:120]
 
@@ -234,12 +237,12 @@ def row(
 
 
 def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The table as Markdown. It has to accompany the data set and weights trained on it."""
+    """The table as Markdown, to be distributed with the set and with weights trained on it."""
     out = [
         "# Sources of this training set",
         "",
-        "Weights trained on the set carry this table. The packages' own statements of copyright "
-        "are in `licences/`.",
+        "Distribute this table with the set and with weights trained on it. The copyright files of "
+        "the packages are in `licences/`.",
         "",
         "| source | package | models | images | refused | licence | by |",
         "|---|---|---|---|---|---|---|",
@@ -258,6 +261,6 @@ def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
     out.append(f"| all | | {total['models']} | {total['images']} | | | |")
     refused = [(r["source"], text, n) for r in rows for text, n in r["refused"].items()]
     if refused:
-        out += ["", "Refused models, N for any number:", ""]
+        out += ["", "Refused models, by reason (N stands for any number):", ""]
         out += [f"- {source}: {count} x {text}" for source, text, count in refused]
     return "\n".join(out) + "\n"

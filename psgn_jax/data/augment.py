@@ -1,7 +1,7 @@
 """Random changes of a training sample that keep image, mask, depth, camera and points consistent.
 
-After any of them, the points still project onto the object in the image with the sample's camera,
-which stays a proper one (right-handed rotation, positive focal lengths).
+After each change, the sample's camera still projects the points onto the object in the image, and
+the camera is still valid (right-handed rotation, positive focal lengths).
 """
 
 import dataclasses
@@ -65,7 +65,8 @@ def _extend(view: View, rows: tuple[int, int], columns: tuple[int, int]) -> np.n
     """The image with its background extended by `rows` and `columns` pixels (before, after).
 
     The margins mirror the image at its edges. Where a mirrored pixel belongs to the object, the
-    pixel at the edge is repeated instead; where that one does too, the margin is grey.
+    pixel at the edge is repeated instead. Where the pixel at the edge also belongs to the object,
+    the margin is grey.
     """
     margins = (rows, columns)
     image = np.pad(view.image, (*margins, (0, 0)), "symmetric")
@@ -78,7 +79,7 @@ def _extend(view: View, rows: tuple[int, int], columns: tuple[int, int]) -> np.n
 
 
 def _margins(first: float, last: float, size: int) -> tuple[int, int]:
-    """Pixels missing before and after an axis for interpolation from `first` to `last` on it."""
+    """Pixels missing before and after an axis to interpolate at coordinates `first` to `last`."""
     return max(0, math.ceil(1 - first)), max(0, math.ceil(last + 1 - size))
 
 
@@ -109,9 +110,9 @@ def stretch(view: View, factor: float) -> View:
       factor: positive.
 
     Raises:
-      ValueError: the camera is rolled or skewed (in the project's frame, where +y is the image's
-        right, cameras normally are not), so that a stretch would not move columns only; or the view
-        has an occupancy grid, which is not transformed.
+      ValueError: `factor` is not positive; the camera is rolled or skewed, so that stretching the
+        object would move pixels across rows; or the view has an occupancy grid, which this
+        function does not transform.
     """
     if view.occupancy is not None:
         raise ValueError("stretch: the view has an occupancy grid, which is not transformed")
@@ -162,8 +163,8 @@ def stretch(view: View, factor: float) -> View:
 def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     """Scales the image about its middle, then moves it: another crop of the same scene.
 
-    The points stay; the camera's focal length is multiplied by `factor`, its principal point is
-    transformed in the same way. Colours are interpolated, mask and depth take the nearest pixel.
+    The points do not change. The focal length is multiplied by `factor`, and the principal point is
+    moved with the image. Colours are interpolated, mask and depth take the nearest pixel.
     Pixels without a source become background: grey if the image's background is grey, otherwise an
     extension of the image (`_extend`). If part of the object would leave the image, the scale and
     the shift are reduced so that the whole object stays in it.
@@ -174,7 +175,7 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
       shift: (down, right) in pixels.
 
     Raises:
-      ValueError: a factor that is not positive.
+      ValueError: `factor` is not positive.
     """
     if not factor > 0:
         raise ValueError(f"recrop factor: got {factor}, expected a positive number")
@@ -234,9 +235,9 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
 
 
 def follow(view: View, move: framing.Move) -> View:
-    """Moves image, mask, depth and points together; the camera stays (`data.framing`).
+    """Moves image, mask, depth and points together; the camera does not change (`data.framing`).
 
-    The background becomes grey. A view without object stays as it is.
+    The background becomes grey. A view without an object is returned unchanged.
 
     Raises:
       ValueError: the view has an occupancy grid, which this function does not transform.
@@ -261,9 +262,9 @@ def follow(view: View, move: framing.Move) -> View:
 
 
 def place(view: View) -> View:
-    """Moves image and points so that the object's box is where the rule of `data.framing` puts it.
+    """Moves image and points so that the object's box has the position of `data.framing`'s rule.
 
-    A view that shows too little of its object stays as it is (`framing.rule_move_within`).
+    A view that shows too little of its object is returned unchanged (`framing.rule_move_within`).
     """
     move = framing.rule_move_within(view.mask)
     return view if move is None else follow(view, move)
@@ -277,7 +278,7 @@ def reframe(
     scale_deviation: float = 0.0,
     shift_deviation: float = 0.0,
 ) -> View:
-    """Places image and points by the rule with a probability, then scales and shifts at random.
+    """Places image and points by the rule, with a probability; then scales and shifts at random.
 
     If the object would leave the image, the random move is reduced.
 
@@ -285,9 +286,10 @@ def reframe(
       view: the sample.
       rng: source of the random numbers; how many are drawn does not depend on the other arguments.
       place_share: probability of the placement by the rule.
-      scale_deviation: standard deviation of the logarithm of the scale, about the object's middle.
-      shift_deviation: of the shifts along rows and columns, over the image's height (192 of 192x256
-        pixels). All three are normal, cut off at two standard deviations.
+      scale_deviation: standard deviation of the logarithm of the scale about the object's middle.
+      shift_deviation: standard deviation of the shifts along rows and columns, as a fraction of the
+        image's height (192 of 192x256 pixels). The logarithm and both shifts are normally
+        distributed and clipped at two standard deviations.
     """
     placed = rng.random() < place_share
     size, down, right = np.clip(rng.standard_normal(3), -2, 2).tolist()
@@ -323,8 +325,8 @@ def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View
 
     Args:
       view: the sample.
-      rng: source of the draws.
-      strength: 0 (nothing happens) to 1.
+      rng: source of the random numbers.
+      strength: 0 (no change) to 1.
     """
     brightness, contrast = rng.uniform(-strength, strength, 2)
     gains = 1 + rng.uniform(-strength, strength, 3) / 2
@@ -351,17 +353,19 @@ def augment(
     zoom_range: float = 0.0,
     shift_range: float = 0.0,
 ) -> View:
-    """All augmentations in turn, each drawn from `rng`.
+    """Applies all enabled augmentations in turn.
 
     Args:
       view: the sample.
-      rng: source of the random numbers; how many are drawn does not depend on the other arguments.
+      rng: source of the random numbers. Those of one augmentation do not depend on which of the
+        others are enabled.
       flip_half: mirror with probability 1/2.
       stretch_range: a; the factor is uniform in [1 - a, 1 + a]. A view whose camera is rolled or
         skewed is not stretched, see `can_stretch`.
       jitter: strength of the colour jitter.
       zoom_range: a; the scale of a `recrop` is uniform in [1 - a, 1 + a].
-      shift_range: its move is uniform within this share of the image's height and width.
+      shift_range: the shift of a `recrop` is uniform within +- this fraction of the image's height
+        and width.
     """
     mirrored, factor = rng.random(), 1 + stretch_range * rng.uniform(-1, 1)
     zoom, move = rng.uniform(-1, 1), rng.uniform(-1, 1, 2)

@@ -1,4 +1,4 @@
-"""One batch, made of records: decoded, resized, augmented, its points chosen.
+"""Makes a batch from records: decodes, resizes and augments them, and chooses their points.
 
 Row j of the batch of step s is a function of (records, configuration, batch size, seed, s, j) only.
 """
@@ -25,13 +25,13 @@ ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
 CACHE_BYTES = 4 << 30
 """Largest memory that `DataConfig.cache` uses, over all workers of one process. The cache contains
 decoded and resized samples with points in their compact form: about 100 kB for a sample of the
-authors' data at half size, 250 kB at full size. Other samples are decoded each time they are used.
+authors' data at half size, 250 kB at full size. Samples that do not fit are decoded at each use.
 """
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Item:
-    """One record decoded and resized: what does not depend on the step."""
+    """One record, decoded and resized. It does not depend on the training step."""
 
     image: np.ndarray
     mask: np.ndarray
@@ -217,7 +217,7 @@ def _as_a_photo(cfg: DataConfig, view: augment.View, seeds: Sequence[int]) -> au
         depth = None if view.depth is None else np.where(mask, view.depth, np.float32(0))
         view = dataclasses.replace(view, image=image, mask=mask, depth=depth)
     if framed:
-        # The rule reads the disturbed mask, as it does in a prediction.
+        # The framing rule uses the disturbed mask: in a prediction, masks are imperfect too.
         view = augment.reframe(
             view,
             framing_rng,
@@ -243,7 +243,7 @@ def _fill(batch: Batch, row: int, view: augment.View, further: list[augment.View
 class TrainBatch:
     """Maps a step number to this process's rows of the batch.
 
-    `order` has the record of every row of every step.
+    Row j of step s is record `order[s * batch_size + j]`.
     """
 
     cfg: DataConfig
@@ -259,7 +259,7 @@ class TrainBatch:
         cfg = self.cfg
         num_views = 0
         if self.models:
-            # The number of views is that of the whole batch, of which this process makes some rows.
+            # One number for the whole batch, so it must be the same in all processes.
             rng = np.random.default_rng([self.seed, _VIEWS, step])
             num_views = int(rng.integers(1, cfg.train_views + 1))
         batch = _empty_batch(cfg, len(self.rows), cfg.num_points, num_views)

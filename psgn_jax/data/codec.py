@@ -7,16 +7,16 @@ image      Lossless WebP, exact.
 mask       Bits, deflated, exact.
 depth      16-bit codes of the pixels with a depth, z = offset + scale * code. Exact for 16-bit
            sources given as `DepthCodes`; otherwise the error is at most (max - min) / 131070.
-points     Unsigned lattice coordinates and the affine map [3, 4] to the project's frame; sorted,
-           differences deflated. Exact for sources given as `PointLattice`; otherwise the error is
-           at most half a lattice step, extent / 8190 on each axis at 12 bits.
+points     Unsigned lattice coordinates, sorted, stored as deflated differences, and the affine map
+           [3, 4] to the project's frame. Exact for sources given as `PointLattice`; otherwise the
+           error is at most half a lattice step, extent / 8190 on each axis at 12 bits.
 normals    Octahedral, 2 x 8 bits, in the order of the points; the error is below 1 degree.
 occupancy  Bits, deflated, exact.
 extra      Text, absent if empty.
 
-Duplicate points are kept. The order of the points is not kept; it has no meaning. On the authors'
-images WebP takes 9.6 kB and PNG 13.7 kB, and WebP decodes in two thirds of the time. Slower
-settings of WebP save another 4 % but encode three times as long.
+Duplicate points are kept. The order of the points is not kept; it has no meaning. An image of the
+authors takes 9.6 kB as WebP and 13.7 kB as PNG, and WebP decodes in two thirds of the time. Slower
+settings of WebP save another 4 %, but encode three times as long.
 """
 
 import dataclasses
@@ -41,7 +41,7 @@ _MAX_IMAGE_SIDE = 4096
 _MAX_POINTS = 1 << 22
 _MAX_COORDINATE = 1e9  # of points and depths, units of the frame
 
-# Half a percent more bytes than level 9, in a third of the time.
+# Compared with level 9: half a percent more bytes, a third of the time.
 _DEFLATE_LEVEL = 5
 
 
@@ -141,7 +141,7 @@ def _integer(value: Any, low: int, high: int, what: str) -> int:
 
 
 def _byte_planes(values: np.ndarray, count: int) -> np.ndarray:
-    """Bytes of unsigned integers, all lowest bytes first; similar neighbours deflate well."""
+    """The bytes of unsigned integers, first all lowest bytes: similar neighbours deflate well."""
     return np.stack([(values >> (8 * i)) & 255 for i in range(count)]).astype(np.uint8)
 
 
@@ -253,7 +253,8 @@ def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
         codes[:, axis] = (keys >> dtype(shift)).astype(codes.dtype)  # the cast keeps the low bits
     matrix = np.frombuffer(field["matrix"], "<f8").reshape(3, 4).astype(np.float64)
     if not np.isfinite(matrix).all() or np.abs(matrix).max() > _MAX_COORDINATE:
-        raise ValueError(f"points: the matrix holds {matrix.min():g} to {matrix.max():g}")
+        got = f"{matrix.min():g} to {matrix.max():g}"
+        raise ValueError(f"points: the matrix has {got}, expected at most {_MAX_COORDINATE:g}")
     return PointLattice(codes, matrix)
 
 
@@ -302,8 +303,7 @@ def encode(
 
     Args:
       sample: a valid sample.
-      points: the lattice from which `sample.points` were computed, in the same order; it is stored
-        exactly.
+      points: the lattice of `sample.points`, in the same order; it is stored exactly.
       depth: the codes from which `sample.depth` was computed; they are stored exactly.
       point_bits: resolution of the lattice if `points` is None.
       normal_bits: resolution of normals on each of the two octahedral axes, 1 to 16.

@@ -104,7 +104,7 @@ def convert_models(
       source: root of the tree.
       destination: folder for the data set; created if missing.
       num_points: maximum number of points per sample.
-      max_views: maximum number of views per model, from the first one.
+      max_views: maximum number of views per model; the first ones are used.
       strict: whether to stop at the first file, model or view that cannot be read.
 
     Returns:
@@ -112,7 +112,7 @@ def convert_models(
 
     Raises:
       ValueError: `source` does not have the layout, or nothing in it can be read; with `strict`
-        also the first message.
+        also if anything in it cannot be read.
       RecordError: `destination` contains a data set from another source.
     """
     source, destination = pathlib.Path(source), pathlib.Path(destination)
@@ -157,12 +157,12 @@ def _convert(
     per_shard: int,
     strict: bool = False,
 ) -> tuple[Manifest, list[str]]:
-    """Converts items in groups, each to at most one shard per split; continues where it stopped.
+    """Converts items in groups, each to at most one shard per split; resumes a stopped conversion.
 
     Raises:
       ValueError: nothing could be read, or with `strict` something could not be read.
       RecordError: `destination` contains a data set from another source.
-      ClaimedError: another process converts to it.
+      ClaimedError: another process converts to `destination`.
     """
     destination.mkdir(parents=True, exist_ok=True)
     with claim(destination / _WORK, (0, 1)):
@@ -170,7 +170,7 @@ def _convert(
             return _convert_claimed(kind, source, items, destination, per_shard, strict)
         except BaseException:
             if (destination / MANIFEST).exists() and not list(destination.glob("*.arrayrecord")):
-                (destination / MANIFEST).unlink()  # it holds nothing
+                (destination / MANIFEST).unlink()  # it lists no existing shard
             raise
 
 
@@ -182,9 +182,9 @@ def _convert_claimed(
     per_shard: int,
     strict: bool,
 ) -> tuple[Manifest, list[str]]:
-    """`_convert`, when no other process converts to the folder."""
-    # A finished shard is kept if this run would give it the same number and inputs. With another
-    # number it could be overwritten by the group that has that number now.
+    """As `_convert`; no other process converts to the folder meanwhile."""
+    # A finished shard is kept if this conversion would give it the same number and inputs. With
+    # another number, another group of inputs could overwrite it.
     done: dict[tuple[int, tuple[str, ...]], list[Shard]] = {}
     if (destination / MANIFEST).exists():
         previous = load_manifest(destination, allow_incomplete=True)
@@ -205,7 +205,7 @@ def _convert_claimed(
             f"DST {str(destination)!r}: not empty and not a data set; give an empty folder"
         )
     else:
-        # Before the first shard, so that a folder with it is this conversion's after a kill.
+        # Written before the first shard: after a kill it shows that the folder is a conversion's.
         save_manifest(destination, Manifest(kind, False, ()))
     remove_temporaries(destination)
 
@@ -224,13 +224,13 @@ def _convert_claimed(
         logging.info("%d of %d", min(start + per_shard, len(items)), len(items))
     if not shards:
         raise ValueError(
-            f"SRC {str(source)!r}: no file could be read; the first: {(refused or ['none'])[0]}"
+            f"SRC {str(source)!r}: no file could be read; first message: {(refused or ['none'])[0]}"
         )
     manifest = Manifest(kind, True, tuple(shards))
     save_manifest(destination, manifest)
     for left in destination.glob("*.arrayrecord"):
         if left.name not in {shard.file for shard in shards}:
-            left.unlink()  # its inputs no longer exist
+            left.unlink()  # its inputs are gone, or are in another shard
     return manifest, refused
 
 

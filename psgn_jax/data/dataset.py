@@ -4,10 +4,11 @@ A data set is a folder with a `manifest.json` (`data.manifest`) and shards
 `<split>-<number>.arrayrecord`. A shard is an ArrayRecord file with one record (`data.codec`) per
 group. In data sets that can be extended, a tag follows the number in the file name.
 
-Shards are written to a temporary name, fsynced and renamed, and the manifest is written last: if
-its field `complete` is true, the data set is complete. ArrayRecord detects damaged blocks by its
-own hashes and raises an exception (tested with several thousand damaged files: it never aborted the
-process). The CRC-32 of a record also detects changes between encoder and decoder outside the file.
+Shards are written to a temporary name, fsynced and renamed. The manifest is written last; the data
+set is complete if its field `complete` is true. ArrayRecord detects damaged blocks by its own
+hashes and raises an exception (tested with several thousand damaged files: it never aborted the
+process). The CRC-32 of a record also detects changes that happen outside the file, between encoder
+and decoder.
 """
 
 import contextlib
@@ -48,7 +49,7 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
     Args:
       split: split of the records.
       number: number of the shard in the split.
-      tag: end of the name, to tell shards with the same number apart; "" = none.
+      tag: suffix that distinguishes shards with the same number; "" = none.
     """
     if not SPLIT_NAME.fullmatch(split):
         raise ValueError(f"split {split!r}: expected lower-case letters, digits and _")
@@ -58,8 +59,8 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
 class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
     """Context that writes one shard; the file gets its name when the block ends without error.
 
-    After the block, `shard` describes the file. Where it cannot be written, for instance on a full
-    disk, `write` or the end of the block raises `OSError`, and no file is left.
+    After the block, `shard` describes the file. If the file cannot be written, for instance because
+    the disk is full, `write` or the end of the block raises `OSError`, and no file is left.
     """
 
     def __init__(
@@ -139,7 +140,7 @@ def write_dataset(
       splits: samples of each split.
       source: name of the source, for the manifest.
       records_per_shard: maximum number of records per file.
-      point_bits: resolution of the lattice of the points, see `lattice_of`.
+      point_bits: resolution of the lattice of the points, see `codec.lattice_of`.
       overwrite: whether to replace an existing data set.
 
     Raises:
@@ -175,8 +176,8 @@ def write_dataset(
 class RecordReader:
     """Random access to the records of one split; it can be pickled and shared between threads.
 
-    Opening it checks that every shard exists and has the size in the manifest. Reading a record
-    checks its CRC-32.
+    The constructor checks that every shard exists and has the size stated in the manifest. Reading
+    a record checks its CRC-32.
     """
 
     def __init__(self, folder: str | os.PathLike[str], split: str) -> None:
@@ -259,7 +260,7 @@ class RecordReader:
         """The bytes of one record.
 
         Raises:
-          RecordError: the file is damaged there; the message names file and record.
+          RecordError: the record cannot be read; the message names file and record.
           IndexError: `index` is not in [0, len).
         """
         path, position = self.locate(index)
@@ -317,10 +318,10 @@ class RecordReader:
 
 
 def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
-    """The bytes of all records of one file; it needs no manifest.
+    """The bytes of all records of one file; no manifest is needed.
 
     Raises:
-      RecordError: it is missing or damaged.
+      RecordError: the file is missing or damaged.
     """
     _check_readable(pathlib.Path(path), "write the data set again")
     try:
@@ -392,7 +393,7 @@ def _check_readable(path: pathlib.Path, remedy: str) -> None:
     """Distinguishes a shard that is missing or cannot be read from a damaged one.
 
     Raises:
-      RecordError: it is missing, no file, or cannot be read.
+      RecordError: the shard is missing, is not a file, or cannot be read.
     """
     try:
         kind = kind_of(path)

@@ -8,12 +8,12 @@ images (192x256), the bounding box of the mask, `h` x `w` pixels, is near the cu
 
 (standard deviation of the scale 12 %): wide objects are about 220 pixels wide, tall ones about 125
 pixels high. The centre of the box is at column 128 (sd 11) and row 63 + 0.224 w (sd 14): a tall
-object stands on the ground at row 124, the row of the origin; a wide object extends below it.
-`rule_move` maps the box of an object to this curve and this centre. The rule was fitted with
-`((1.8 h)^4 + w^4)^(1/4)` and least squares to the images in which both sides have at least 20
-pixels.
+object stands on the ground at row 124, the row of the origin; a wide object extends below this row.
+`rule_move` maps the box of an object to this curve and this centre. The rule was fitted by least
+squares on `((1.8 h)^4 + w^4)^(1/4)`, over the images in which both sides of the box have at least
+20 pixels.
 
-**Images and points together.** A photo shows neither the size of its object nor its position.
+**Images and points together.** A photo determines neither the size nor the position of its object.
 Therefore a move of the image, from column and row `p` to `s p + (right, down)`, moves the points of
 a training sample as well, and the camera (K, R, T) does not change: `move_points`. In the frame of
 the camera, with rays `q = (x, y) / z`, the move is `q -> s q + (u, v)`, where (u, v) is the last
@@ -53,8 +53,9 @@ SMALLEST_BOX = 8
 LARGEST_CHANGE = 2.0
 """A training sample is not placed if its size would change by more than this factor.
 
-In such a case the mask shows little of the object. One of the authors' 64 validation images shows a
-plate edge-on, with a box of 14 x 30 pixels; the rule would enlarge its points by a factor of seven.
+A larger change means that the mask shows little of the object. One of the authors' 64 validation
+images shows a plate edge-on, with a box of 14 x 30 pixels; the rule would enlarge its points by a
+factor of seven.
 """
 
 _TRAINING_SPREAD = 1  # largest deviation of the border of a training rendering from its grey
@@ -127,7 +128,7 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
 
 
 def rule_move(box: tuple[float, float, float, float]) -> Move:
-    """The move of an object's box to its position in a view of 192x256 pixels.
+    """The move of an object's box to the rule's position in a view of 192x256 pixels.
 
     Args:
       box: (top, bottom, left, right) as returned by `box_of`, in an image with square pixels.
@@ -166,7 +167,7 @@ def rule_move_within(mask: np.ndarray) -> Move | None:
 def keep_inside(move: Move, mask: np.ndarray) -> Move:
     """The move, reduced so that the object stays inside the array [h, w].
 
-    The scale is reduced if the moved object would be larger than the array, then the shift.
+    First the scale is reduced, if the moved object would be larger than the array; then the shift.
     """
     top, bottom, left, right = box_of(mask)
     (height, width), scale = mask.shape, move.scale
@@ -301,7 +302,7 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> View:
     else:
         if not same_proportions(image.shape[:2], VIEW_SIZE):
             raise PhotoError(
-                f"the image is {image.shape[1]}x{image.shape[0]}: accepted as framed: 4:3, "
+                f"the image is {image.shape[1]}x{image.shape[0]}: accepted without cropping: 4:3, "
                 f"such as {width}x{height}"
             )
         to_view = np.diag([width / image.shape[1], height / image.shape[0], 1.0])

@@ -2,9 +2,9 @@
 
 The batch of step s depends only on (records, configuration, batch size, seed, s). Row j of the
 global batch is record `order[s * B + j]`, where `order` is an endless concatenation of permutations
-of the split, one per epoch; its randomness comes from the seeds (seed, s, j). A run that resumes at
-step s therefore need not repeat earlier batches. Rows are bit-identical for any number of threads,
-worker processes and training processes.
+of the split, one per epoch. The random numbers of the row come from the seeds (seed, s, j). A run
+that resumes at step s therefore need not repeat earlier batches. Rows are bit-identical for any
+number of threads, worker processes and training processes.
 
 Each batch is made by one worker: a thread of this process (decoding releases Python's lock most of
 the time), or one of `num_workers` processes.
@@ -29,7 +29,7 @@ from psgn_jax.data.dataset import JoinedReader, RecordReader, open_split
 from psgn_jax.data.schema import RecordError
 
 MAX_THREADS = 8
-"""Decoding threads in one process, at most; no more than there are cores."""
+"""Largest number of decoding threads in one process, which is also limited by the cores."""
 
 
 def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader | JoinedReader:
@@ -95,7 +95,7 @@ def _remove_shared_memory() -> None:
     gc.collect()
     pool = getattr(SharedMemoryArray, "_del_thread_pool", None)
     if pool is not None:
-        pool.apply(int)  # the pool has one thread, so that all earlier work is done
+        pool.apply(int)  # the pool has one thread, so this waits for all earlier work
 
 
 def _iterate(
@@ -122,8 +122,8 @@ def _iterate(
         begun = _start(iterator, cfg.num_workers)
         while begun:
             yield begun.pop(0)
-        # Workers hand arrays over in shared memory, which must not outlive the iterator (and a
-        # device may alias a host array): the consumer gets its own copy.
+        # Workers pass arrays in shared memory, which is freed at the end, while a device may still
+        # alias a host array. Therefore the consumer gets its own copy.
         yield from map(_plain, iterator)
     finally:
         iterator.close()
@@ -176,11 +176,11 @@ def train_batches(
     the configuration.
 
     Args:
-      cfg: where the samples come from and what a batch holds.
-      batch_size: B of the global batch.
-      seed: of the order, the choice of points and the augmentations.
-      start_step: first step; earlier ones are not replayed.
-      process_index: which contiguous part of each global batch is yielded.
+      cfg: the section `data` of the configuration.
+      batch_size: size B of the global batch.
+      seed: seed of the order, the choice of points and the augmentations.
+      start_step: first step; earlier steps are not replayed.
+      process_index: index of the contiguous part of each global batch that is yielded.
       process_count: number of parts; divides B.
 
     Yields:
@@ -224,21 +224,21 @@ def eval_batches(
     """Every sample of a split exactly once, in the order of the records, never augmented.
 
     Args:
-      cfg: where the samples come from and what a batch holds.
+      cfg: the section `data` of the configuration.
       split: name of the split.
-      batch_size: B; the last batch is padded to it with copies of the last sample.
-      seed: of the choice of points.
+      batch_size: size B; the last batch is padded to it with copies of the last sample.
+      seed: seed of the choice of points.
       visible_tolerance: see `data.visibility`; 0 = no visibility.
       process_index: yields batches number process_index, process_index + process_count, ...
       process_count: number of processes that share the split.
 
     Yields:
-      as `train_batches` with num_eval_points points, and valid bool [B] (False on padding),
-      category and model_id (lists of B strings), view (list of B integers); with a
-      `visible_tolerance`, if all records of the split have depth, visible bool
-      [B, num_eval_points], which points their depth images show. With `cfg.eval_views` = v, image
-      and mask have v views: the sample's own and the next v - 1 views of its model in the order of
-      the records, cyclically. Every model must have at least v views.
+      the arrays of `train_batches`, with num_eval_points points; also valid bool [B] (False on
+      padding), category and model_id (lists of B strings) and view (list of B integers). With a
+      `visible_tolerance`, if all records of the split have depth: also visible bool
+      [B, num_eval_points], whether the depth image of the record shows a point. With
+      `cfg.eval_views` = v, image and mask have v views: the sample's own and the next v - 1 views
+      of its model in the order of the records, cyclically. Every model must have at least v views.
 
     Raises:
       ValueError: an argument is out of range.

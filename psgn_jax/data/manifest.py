@@ -36,7 +36,8 @@ class Shard:
       crc32: CRC-32 of the whole file.
       categories: number of records of each category.
       fields: the fields that all its records have.
-      inputs: identifiers of its inputs, for a converter that is started again.
+      inputs: identifiers of the inputs that were converted to it. A converter that is started again
+        compares them.
     """
 
     file: str

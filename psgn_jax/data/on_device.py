@@ -1,4 +1,4 @@
-"""A whole split in the memory of the accelerator, which makes its own batches.
+"""Keeps a whole split in the memory of the accelerator, which makes the batches there.
 
 Images are kept as bytes, masks as bits and points on their lattice. The batch of step s holds the
 same records in the same rows as that of `data.loader`; the random choices of points and
@@ -30,7 +30,7 @@ MEMORY_SHARE = 0.6
 
 # Purpose of random keys; 0 to 3 are those of `training.state`.
 _PURPOSE = 4
-_MANY = 256  # records that are decoded before they go to the devices
+_MANY = 256  # records that are decoded at a time
 
 
 def train_batches(
@@ -47,18 +47,18 @@ def train_batches(
     """Endless training batches on the devices of `mesh`, like those of `loader.train_batches`.
 
     Args:
-      cfg: where the samples come from and what a batch holds.
-      mesh: of all devices of all processes, one axis `data`.
-      keys: which arrays of a batch are wanted.
-      batch_size: of the global batch.
-      seed: of all draws.
-      start_step: first step; earlier ones are not replayed.
-      process_index: of this process.
+      cfg: the section `data` of the configuration.
+      mesh: mesh of all devices of all processes, with one axis `data`.
+      keys: names of the arrays that a batch contains.
+      batch_size: size of the global batch.
+      seed: seed of all random numbers.
+      start_step: first step; earlier steps are not replayed.
+      process_index: index of this process.
       process_count: number of processes.
 
     Returns:
-      None if the split does not fit into the device's memory or an augmentation is not supported on
-      the device; the reason is logged.
+      The batches; None if the split does not fit into the device's memory or an augmentation is not
+      supported on the device. The reason is logged.
 
     Raises:
       RecordError: the data set is missing or damaged.

@@ -1,4 +1,4 @@
-"""Photos read from files of any usual format, and their masks.
+"""Reads photos and their masks from files of any common format.
 
 `psgn_jax.data.framing` describes how the object is placed in the input of the network.
 """
@@ -21,7 +21,7 @@ MAX_PIXELS = 150_000_000
 """Larger images are refused before they are decoded: a small file can decode to gigabytes."""
 
 MAX_SIDE = 2048
-"""A photo is reduced by a whole factor until its longer side is below twice this."""
+"""A photo is reduced by an integer factor, so that its longer side is below twice this."""
 
 MIN_SIDE = 16
 
@@ -33,7 +33,7 @@ SUFFIXES = frozenset(
         "avif",
     )
 )
-"""Names of the files that are taken from a folder."""
+"""Suffixes of the files that are read from a folder."""
 _ORIENTATION = 0x0112  # of EXIF
 _TURNED = (5, 6, 7, 8)  # orientations that exchange width and height
 
@@ -60,12 +60,13 @@ class Photo:
 
 
 def read_photo(path: str | os.PathLike[str]) -> Photo:
-    """Reads an image file of any usual format: the first frame, upright, as 8-bit RGB.
+    """Reads an image file of any common format: the first frame, upright, as 8-bit RGB.
 
     EXIF's orientation is honoured; CMYK, palettes, grey and 16 bits are converted.
 
     Raises:
-      PhotoError: no file, no image, damaged, larger than 150 million pixels or smaller than 16x16.
+      PhotoError: the path is no file or no image, or the image is damaged, larger than 150 million
+        pixels or smaller than 16x16.
     """
     stored, orientation, size = _decode(path)
     picture, alpha = _to_rgb(stored)
@@ -84,12 +85,12 @@ def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
     """Reads the mask of a photo: bool [h, w] of `photo.image`'s shape, True on the object.
 
     Pixels brighter than half of the largest value are object, so masks with 0/1 and with 0/255 both
-    work. In a file with transparency the alpha takes the place of the brightness. The mask may have
-    another size in the same proportions. If it has the size of the photo before its rotation by
-    EXIF, it is rotated too.
+    work. In a file with transparency, alpha is used instead of brightness. The mask may have
+    another size in the same proportions. If EXIF rotates the photo, and the mask has the
+    proportions of the unrotated photo, the mask is rotated too.
 
     Raises:
-      PhotoError: as `read_photo`; other proportions than the photo's; no object in it.
+      PhotoError: as `read_photo`; or the mask has other proportions than the photo, or is empty.
     """
     stored, orientation, size = _decode(path)
     picture, alpha = _to_rgb(stored)

@@ -1,7 +1,8 @@
 """Augmentation of training images with the effects of photos and of their masks: `disturb`.
 
 The settings and their units are described in `psgn_jax.data_config.PhotoEffects`; lengths are in
-pixels of an image with 192 rows. The effects are applied in the order in which a photo has them:
+pixels of an image with 192 rows. The effects are applied in the order in which they arise in a
+photo:
 
 1. An occluder in front of an edge of the object's box.
 2. A background of smooth colours instead of plain grey, because masks of photos include pixels of
@@ -11,8 +12,8 @@ pixels of an image with 192 rows. The effects are applied in the order in which 
 5. JPEG compression.
 6. The mask: eroded or dilated, with a ragged edge, a missing corner, holes.
 
-The points do not change: they are the truth for the whole object. At the end, pixels outside the
-mask are grey again.
+The points do not change: they are the ground truth of the whole object. At the end, pixels outside
+the mask are grey again.
 """
 
 import io
@@ -28,7 +29,7 @@ LEAST_LEFT = 0.4
 """A step that would reduce the mask to less than this share of its area is skipped."""
 
 _GAMMA = 2.2
-_GRAIN = 8  # distance of the nodes of the random field of ragged edges, in pixels of 192
+_GRAIN = 8  # node distance of the random field of ragged edges, for 192 rows
 
 
 def disturb(

@@ -1,12 +1,12 @@
 """The definition of a sample: fields, shapes, dtypes, units and frames.
 
-This module needs no package but numpy, so that the renderer (`data_gen`) can use it too.
+The only package that this module needs is numpy, so the renderer (`data_gen`) can use it too.
 
 **Frame** (of every data set, prediction and export): right-handed, +z up, +y to the right of the
 image, +x horizontally toward the camera, origin on the ground under the object. The unit of length
 is the radius of the object's bounding hemisphere.
 
-**Camera**: `extrinsics` [3,4] maps a point from that frame to the frame of the camera. This is
+**Camera**: `extrinsics` [3,4] maps a point from this frame to the frame of the camera, which is
 OpenCV's: x to the right of the image, y down, z forward along the optical axis. `intrinsics` [3,3]
 projects a point X of the camera frame to the image, `(column, row) = (K @ X)[:2] / (K @ X)[2]`.
 
@@ -125,7 +125,8 @@ def validate(sample: Sample) -> Sample:
     """Checks every field of a sample and returns the sample.
 
     Raises:
-      ValueError: a field is wrong; the message names the first one, its value and what is expected.
+      ValueError: a field is wrong; the message names the first such field, its value and what is
+        expected.
     """
     _check_array("image", sample.image, np.uint8, (None, None, 3))
     size = sample.image.shape[:2]
@@ -150,7 +151,7 @@ def validate(sample: Sample) -> Sample:
         _check_array("occupancy", sample.occupancy, np.bool_, (OCCUPANCY_SIZE,) * 3)
     check_labels(sample)
     if sample.extra and not _is_json_object(sample.extra):
-        _fail("extra", repr(sample.extra[:80]), "a JSON object in text, or nothing")
+        _fail("extra", repr(sample.extra[:80]), "the text of a JSON object, or ''")
     return sample
 
 
@@ -185,7 +186,7 @@ def check_content(sample: Sample) -> None:
         raise ValueError("the mask is empty: no pixel shows the object")
     extent = float(np.ptp(sample.points, axis=0).max())
     if extent < _SMALLEST_EXTENT:
-        raise ValueError(f"all points are in one place: they extend over {extent:g} of the unit")
+        raise ValueError(f"all points are in one place: their extent is {extent:g} units")
     if sample.occupancy is not None and not sample.occupancy.any():
         raise ValueError("the volume is empty")
 
@@ -210,4 +211,4 @@ def check_camera(intrinsics: np.ndarray, extrinsics: np.ndarray) -> None:
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > _ROTATION_TOLERANCE:
         _fail("extrinsics", rotation.tolist(), "a rotation in the first three columns")
     if np.linalg.det(rotation) < 0:
-        _fail("extrinsics", "a mirroring (determinant -1)", "a right-handed rotation")
+        _fail("extrinsics", "a reflection (determinant -1)", "a right-handed rotation")

@@ -1,10 +1,10 @@
-"""How the loader's worker processes end when the training is stopped or killed.
+"""Ends the loader's worker processes when the training is stopped or killed.
 
-A worker gets no SIGTERM and no SIGINT: batch systems and terminals send them to every process of a
-group, and the training process stops the workers, after its last step. A worker whose training
+Batch systems and terminals send SIGTERM and SIGINT to every process of a group. Workers block both
+signals, because the training process stops them after its last step. A worker whose training
 process was killed ends by itself. After the last worker has ended, Python's resource tracker frees
-their shared memory. The tracker does not belong to the group, so it does this also after a SIGKILL
-of the whole group. A block that a worker is just creating at that moment can remain.
+the workers' shared memory. The tracker does not belong to the group, so it also does this after a
+SIGKILL of the whole group. Only a block that a worker is creating at that moment can remain.
 """
 
 import concurrent.futures
@@ -23,12 +23,12 @@ T = TypeVar("T")
 
 
 def start_sheltered(start: Callable[[], T]) -> T:
-    """Calls `start`; processes that it starts never see SIGTERM or SIGINT.
+    """Calls `start`; the processes that it starts never receive SIGTERM or SIGINT.
 
-    It is called in a thread that blocks both signals: new processes and threads inherit the blocked
-    signals from their start, before they run any code. This process still handles signals as usual.
+    `start` is called in a thread that blocks both signals. New processes and threads inherit the
+    blocked signals before they run any code. This process still handles signals as usual.
     """
-    # If it were started later, it would unblock the signals of the thread that starts it.
+    # A tracker that is started later would unblock the signals of the thread that starts it.
     _start_tracker()
     # At exit Python sends SIGTERM to the workers that are still there and waits for their end.
     multiprocessing.util.Finalize(None, _kill_children, exitpriority=0)
@@ -44,8 +44,8 @@ def end_with_parent(*_: int) -> None:
 def _wait_for_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
-        # The end of a pipe that the parent holds open: it closes when the parent ends, or has
-        # closed already. (PR_SET_PDEATHSIG would act at the end of the parent's *thread*.)
+        # `sentinel` becomes ready when the parent ends, and is ready if it has ended already.
+        # (PR_SET_PDEATHSIG would act at the end of the parent's *thread*.)
         multiprocessing.connection.wait([parent.sentinel])
         os._exit(1)
 
@@ -64,7 +64,7 @@ def _start_tracker() -> None:
 def _spawn_in_session(path: bytes, arguments: Sequence[str], files: Sequence[int]) -> int:
     """`multiprocessing.util.spawnv_passfds`, in a new session."""
     process = subprocess.Popen(arguments, executable=path, pass_fds=files, start_new_session=True)
-    process.returncode = 0  # the caller of this function waits for its end
+    process.returncode = 0  # the caller of this function waits for the process
     return process.pid
 
 

@@ -1,3 +1,3 @@
-"""The experiments of the paper; each has a file and a command."""
+"""The experiments of the paper; each one is a module and a command."""
 
-import psgn_jax.command_line  # noqa: F401  # it has to be imported before JAX
+import psgn_jax.command_line  # noqa: F401  # must be imported before JAX

@@ -1,30 +1,32 @@
 """Several plausible shapes for one image: `python -m psgn_jax.experiments.ambiguity --workdir DIR`.
 
 Do the samples of a network cover the possible shapes of an ambiguous image? Do they agree on an
-unambiguous image? The data are cabinets with a hidden depth (`data_gen.catalogues.doubt`). Straight
-from the front, the depth is invisible; if the cabinet is rotated, the depth is visible. Four
-networks of the same architecture are trained on both kinds, for the same number of steps: a
-deterministic one (without random input), Mo2 and Mo8 (the best of 2 and of 8 draws of r), and the
-conditional variational autoencoder. On the cabinets of a validation split, the study measures
+unambiguous image? The data are cabinets of different depths (`data_gen.catalogues.doubt`). The
+depth cannot be seen straight from the front, but can be seen if the cabinet is rotated. Four
+networks of the same architecture are trained on both kinds of images, for the same number of steps:
+a deterministic one (without random input), Mo2 and Mo8 (the best of 2 and of 8 draws of the random
+input r), and the conditional variational autoencoder. On the cabinets of a validation split, the
+study measures
 
 - the Chamfer distance of a prediction, and of the best of K draws, from the truth;
-- the spread of the output points over draws along the hidden direction (x, the depth) and along
-  the visible directions (y, z), on ambiguous images;
+- the spread (standard deviation over draws) of the output points along the hidden direction (x, the
+  depth) and along the visible directions (y, z), on ambiguous images;
 - the spread on unambiguous images;
 - the spread of the marginals (`metrics.samples.marginal_spread`), which does not change if points
   exchange places or slide along the surface;
-- the distribution of the depth of the drawn clouds, measured from their points (`measured_depth`),
-  compared with that of the cabinets with this image: Wasserstein-1 distance, coverage of the range,
-  and spread, beside that of the minimiser of the objective (`spread_of_the_minimiser`);
+- the depths of the predicted cabinets, measured from their points (`measured_depth`). Their
+  distribution is compared with that of the true cabinets with the same image: Wasserstein-1
+  distance, coverage of the range, and spread. The spread is also compared with that of the
+  minimiser of the Mo-n objective (`spread_of_the_minimiser`);
 - minimum matching distance and coverage of the true shapes that share an image, and the total
   mutual difference of the draws (`psgn_jax.metrics.samples`).
 
-`DIR/data` is the data set. `ambiguity.png` shows predictions of one image from the half side, the
-side and the back, as in the paper.
+`DIR/data` is the data set. `ambiguity.png` shows predictions for one image, rotated by 45, 90 and
+180 degrees, as in the paper.
 
 Source: Fan, Su, Guibas, CVPR 2017, sections "Generation of Multiple Plausible Shapes" and
-"Predicting Multiple Plausible Shapes", which show images and no numbers. Data, measures and the
-goals in `GOALS` are **ours**. Unit of lengths: the radius of the bounding hemisphere.
+"Predicting Multiple Plausible Shapes", which show images and no numbers. Data, measures and
+`GOALS` are **ours**. Unit of lengths: the radius of the bounding hemisphere.
 """
 
 import dataclasses
@@ -86,7 +88,7 @@ class Size:
       random_size: dimension of r and z.
       kl_weight: weight of the KL divergence; the loss is the squared Chamfer distance.
       num_draws: K, the number of draws that are compared.
-      num_measured: number of draws per image whose depth is measured, at least K.
+      num_measured: number of draws per image whose depth is measured; at least K.
     """
 
     seeds: tuple[int, int] = (80, 8)
@@ -266,7 +268,7 @@ def measure_network(
 def _against_truths(
     points: np.ndarray, truth: np.ndarray, known: Sequence[Truth]
 ) -> dict[str, float]:
-    """Compares the draws for an image of each group with all true shapes of the group."""
+    """For each group of samples with the same image: compares its draws with all true shapes."""
     distance = jax.jit(lambda a, b: sample_metrics.cross_distances(a, b, chamfer_sq_mean))
     matrices = [distance(points[rows[0]], truth[rows]) for rows in groups(known).values()]
     return {
@@ -289,7 +291,7 @@ def spread_of_the_minimiser(num_draws: int) -> float:
     """
     x = jnp.linspace(-1, 1, 201)
     rank = jnp.arange(33) / 32
-    # The probability that the nearest of n draws is the i-th nearest of all.
+    # The probability that the nearest of n draws is the i-th nearest of all 32 numbers.
     weights = -jnp.diff((1 - rank) ** num_draws)
 
     def value(numbers: Array) -> Array:
@@ -334,7 +336,7 @@ def measure(options: Any) -> tuple[dict[str, Any], Shown]:
     """Measures all networks; returns the numbers and the data of the figure."""
     data, size = options.workdir / "data", FULL if options.full else DEFAULT
     known = truths(data)
-    # The first ambiguous image, and the depths that are possible for it.
+    # The samples that share the first ambiguous image, sorted by depth.
     columns = min(6, size.num_draws)
     sharing = sorted(min(groups(known).items())[1][: columns - 1], key=lambda i: known[i].depth)
     results: dict[str, dict[str, Any]] = {}
@@ -381,7 +383,7 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 
 def panels(shown: Shown, angle: float) -> dict[str, dict[str, np.ndarray]]:
-    """Network -> the image, and its draws seen from an angle; if there is one draw, true shapes."""
+    """Network -> panels: image and draws, seen from an angle; after a single draw, true shapes."""
     sample, shapes, by_network = shown
     # Rotated shapes are wider than those in the image.
     zoom = np.array([[0.85, 1, 1], [1, 0.85, 1], [1, 1, 1]])
@@ -401,7 +403,7 @@ def panels(shown: Shown, angle: float) -> dict[str, dict[str, np.ndarray]]:
 
 
 def _from_above(extrinsics: np.ndarray) -> np.ndarray:
-    """The camera, moved 15 degrees higher, where shapes are easier to recognise."""
+    """The camera, raised by 15 degrees, because shapes are easier to recognise from there."""
     tilt = np.deg2rad(15)
     turn = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
     middle = np.array([0, 0, 0.4])
@@ -411,7 +413,7 @@ def _from_above(extrinsics: np.ndarray) -> np.ndarray:
 
 
 def figure(_: Any, shown: Shown) -> dict[str, Any]:
-    """Predictions of one image, sorted by depth: half side, side and back for each network."""
+    """Predictions for one image, sorted by depth; three views for each network."""
     views = {angle: panels(shown, angle) for angle in (45, 90, 180)}
     keys = [(name, angle) for name in shown[2] for angle in views]
     rows = [views[angle][name] for name, angle in keys]
@@ -426,7 +428,7 @@ STUDY = common.Study(
     table,
     figure,
     options={"full": False},
-    note="front: ambiguous images; turned: unambiguous ones. share: of the largest depth.",
+    note="front: ambiguous images; turned: unambiguous images. [share]: of the largest depth.",
 )
 
 if __name__ == "__main__":

@@ -3,23 +3,24 @@
 A two-branch or hourglass network predicts some points by a fully connected (fc) branch and the
 others, as an image of coordinates, by a deconvolutional (deconv) branch. The paper shows the
 channels of this image and both sets of points. It states that the deconv branch learns a surface
-wrapped around the object, while fc points are unordered, and that deconv points form the main body
-and fc points the details ("tip of gun, tail of plane, arms of a sofa"). This study shows both and
-measures
+wrapped around the object, while fc points are unordered. It also states that deconv points form the
+main body and fc points the details ("tip of gun, tail of plane, arms of a sofa"). This study draws
+the channels and the points, and measures
 
-- order: the mean distance of points that are neighbours in the output (fc: consecutive numbers;
+- order: the mean distance of points that are neighbours in the output (fc: consecutive points;
   deconv: adjacent cells), divided by that of two random points of the branch; 1 = no order;
 - squared distances from the points of each branch to the truth and back, and the spread of each
   branch;
-- the share of true points whose nearest predicted point belongs to the fc branch, compared with the
-  share of fc points. Also for fifths of the true points of a sample, sorted by their distance from
-  the centre of the object, and by the amount of surface around them (within `AROUND`), which is
-  small at tips and thin parts. If the fc branch predicted the details, its share would be larger in
-  the outermost fifth and in the fifth with the least surface.
+- the share of true points whose nearest predicted point belongs to each branch;
+- the share of the fc branch in each fifth of the true points of a sample. The points are sorted by
+  their distance from the centre of the object, or by the amount of surface around them (within
+  `AROUND`), which is small at tips and thin parts. If the fc branch predicts the details, its share
+  is larger in the outermost fifth and in the fifth with the least surface.
 
 RUN is the folder of any run of `psgn_jax.main` with both branches. Without it, a network is trained
-in `DIR/two_branch` with the recipe of `configs/authors_small.py`: some 40 minutes on two CPU cores.
-The samples of `branches.png` are evenly spaced in the split, not chosen by result.
+in `DIR/two_branch` with the recipe of `configs/authors_small.py`; this takes an estimated 40
+minutes on two CPU cores. The samples of `branches.png` are evenly spaced in the split, not chosen
+by result.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figures of the channels and the points of
 both branches, which show images and no numbers; the measures are **ours**. Unit of lengths: the
@@ -41,10 +42,10 @@ from psgn_jax.models.point_layout import Branches, OutputGrid, branch_of_point, 
 from psgn_jax.viewing import spheres
 
 RUN = "two_branch"
-"""Folder of the training of this study."""
+"""Folder of the run that the study trains."""
 
 AROUND = 0.2
-"""Radius, in units, of the neighbourhood of a true point."""
+"""Radius of the neighbourhood of a true point, unit of the frame."""
 
 FIFTHS = 5
 _SAMPLED = 2048  # true points of a sample whose neighbourhoods are counted
@@ -65,13 +66,13 @@ MEASURES: Mapping[str, Row] = {
     "extent": Row("rms distance from the object's centre [radius]", 4),
     "pred_to_gt": Row("predicted points to truth [radius^2]", 5),
     "gt_to_pred": Row("truth to the points of only this branch [radius^2]", 5),
-    "share": Row("true points to which it is nearest [%]", 1),
+    "share": Row("true points nearest to this branch [%]", 1),
 }
 """Measures of each branch, with one number per sample."""
 
 PROFILES: Mapping[str, str] = {
     "by_distance": "distance from the object's centre, near to far",
-    "by_surroundings": "surface around, much to little",
+    "by_surroundings": "surface nearby, most to least",
 }
 """Quantities by which the true points are sorted into fifths."""
 
@@ -89,7 +90,7 @@ def configs(options: Any) -> Iterable[tuple[str, Config]]:
         path = common.find_data(options.data)
         return [(RUN, configuration(path, full=options.full, steps=options.steps))]
     if options.full or options.steps:
-        raise ConfigError("--full, --steps: they change the training, expected them without --run")
+        raise ConfigError("--full, --steps apply only to a training; expected them without --run")
     model = common.finished_run(options.run, options.data).model
     branches = branch_of_point(model)
     if not (branches.fc and branches.deconv):
@@ -121,12 +122,12 @@ def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
 def measure_sample(
     pred: np.ndarray, gt: np.ndarray, branches: Branches, grid: OutputGrid
 ) -> tuple[dict[str, dict[str, float]], float, dict[str, np.ndarray]]:
-    """Measures of a sample: branch -> measure, "gt_to_pred" of all points, profiles [5].
+    """Measures of a sample by branch; "gt_to_pred" of both branches together; profiles [5].
 
     Args:
       pred: predicted points [n, 3], fc points first.
       gt: true points [m, 3], uniform on the surface.
-      branches: the ranges of points of the branches.
+      branches: the indices of the points of each branch.
       grid: the grid of the deconv branch.
     """
     clouds = {"fc": pred[list(branches.fc)], "deconv": pred[list(branches.deconv)]}
@@ -163,7 +164,7 @@ def measure_sample(
 
 
 def shares(values: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """Share of true `values` [m] in each fifth of the order by `by` [m], smallest first."""
+    """Share of the booleans `values` [m] that are True in each fifth; sorted by `by` [m]."""
     ranked = values[np.argsort(by, kind="stable")]
     return np.array([part.mean() if len(part) else np.nan for part in _split(ranked)])
 
@@ -203,7 +204,7 @@ def gather(
 
 
 def measure(options: Any) -> tuple[dict[str, Any], tuple[dict[int, Sample], Config]]:
-    """Numbers; samples and network of the figure."""
+    """Measures the run; returns the numbers, and the samples and configuration of the figure."""
     folder = pathlib.Path(options.run or options.workdir / RUN)
     config = common.finished_run(folder, options.data if options.run else None)
     branches, grid = branch_of_point(config.model), output_grid(config.model)
@@ -225,7 +226,7 @@ def measure(options: Any) -> tuple[dict[str, Any], tuple[dict[int, Sample], Conf
 
 
 def table(numbers: Mapping[str, Any]) -> list[Lines]:
-    """The measures of both branches, and the share of fc in fifths of the true points."""
+    """The measures of both branches, and the share of fc in each fifth of the true points."""
 
     def cell(entry: Mapping[str, float], digits: int, scale: float = 1, sign: str = "") -> str:
         mean, error = scale * entry["mean"], scale * entry["error"]
@@ -247,12 +248,12 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 
 def channel_maps(pred: np.ndarray, branches: Branches, grid: OutputGrid) -> np.ndarray:
-    """The deconv branch as an image of coordinates [h, w, 3]; of each cell the first point."""
+    """The deconv branch as an image of coordinates [h, w, 3]: the first point of each cell."""
     return pred[list(branches.deconv)].reshape(*grid, 3)[:, :, 0]
 
 
 def panels(case: Sample, config: Config) -> dict[str, np.ndarray]:
-    """Image; maps of x, y, z; points by branch from the camera and turned; truth."""
+    """Image; maps of x, y, z; points coloured by branch, and truth, from two directions."""
     branches, grid = branch_of_point(config.model), output_grid(config.model)
     branch = np.repeat([0, 1], [len(branches.fc), len(branches.deconv)])
     pred = case["pred"]
@@ -287,7 +288,7 @@ STUDY = common.Study(
     figure,
     options={"data": None, "full": False, "steps": 0, "cases": 6, "run": None},
     note="Means over samples with their standard errors, from one training. Fifths: of the true "
-    f"points of each sample; surface around: within {AROUND:g} radius.",
+    f"points of each sample. Surface nearby: within {AROUND:g} radius.",
 )
 
 if __name__ == "__main__":

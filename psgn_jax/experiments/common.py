@@ -1,11 +1,11 @@
 """The common structure of all studies: configurations, trainings, measures, tables and figures.
 
-A study is a `Study`: `configs` returns the configurations of the trainings, `measure` returns
+Each study is a `Study`: `configs` returns the configurations of the trainings, `measure` returns
 numbers, `table` and `figure` present them, and `Study.run` executes all steps. The trainings are
 ordinary runs in subfolders of the study's folder. If the command is stopped and started again, it
-continues. The last checkpoints are measured, because the best ones were chosen on the samples that
-are measured here. Each study writes `NAME.txt`, `NAME.md`, `NAME.json` (all numbers) and figures as
-PNG.
+continues. The last checkpoints are measured, not the best: those were chosen on the same samples
+that are measured here. Each study writes `NAME.txt`, `NAME.md`, `NAME.json` (all numbers) and
+figures as PNG.
 """
 
 import dataclasses
@@ -36,7 +36,7 @@ from psgn_jax.training.log import read_metrics
 from psgn_jax.training.run_folder import load_config, open_run
 
 USUAL_DATA = "records/authors"
-"""Folder of the authors' records in README.md; used if no data are named and it exists."""
+"""The usual folder of the authors' records; used if it exists and `--data` is not given."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,8 +47,8 @@ class Study:
       name: name of the result files.
       configs: maps the options to (folder, configuration) of each training, in order. It is
         iterated while the trainings run, so a later configuration may depend on an earlier run.
-      measure: maps the options to the numbers, which are a document for JSON, and further data for
-        the figures.
+      measure: maps the options to the numbers, which are saved as JSON, and to further data for the
+        figures.
       table: maps the numbers to the tables.
       figure: maps the numbers and the further data to figures by file name, without ".png".
       options: names and default values of the flags besides `--workdir`.
@@ -133,9 +133,9 @@ def _define_flags(names: Sequence[str]) -> None:
         text = f"Folder of records; default: {USUAL_DATA}, or the default data set."
         flags.DEFINE_string("data", None, text)
     if "full" in names:
-        flags.DEFINE_bool("full", False, "Full-size images and networks: for a GPU.")
+        flags.DEFINE_bool("full", False, "Use full-size images and networks, for a GPU.")
     if "steps" in names:
-        flags.DEFINE_integer("steps", 0, "Steps of each training; 0 = as usual.", lower_bound=0)
+        flags.DEFINE_integer("steps", 0, "Steps of each training; 0 = default.", lower_bound=0)
     if "cases" in names:
         flags.DEFINE_integer("cases", 6, "Samples in the figure.", lower_bound=1)
 
@@ -175,9 +175,9 @@ def recipe(
     usual_steps: int = 0,
     changes: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Config:
-    """The configuration of `configs/authors_small.py`, or `configs/authors.py`, shortened.
+    """The configuration of `configs/authors_small.py` or, if `full`, of `configs/authors.py`.
 
-    The first has the sum of EMD and CD as its loss, the second the CD.
+    The loss of the former is the sum of EMD and CD, that of the latter the CD.
 
     Args:
       path: folder of records.
@@ -344,7 +344,7 @@ def difference(metric: str, values: np.ndarray, others: np.ndarray) -> Differenc
 
     F-score and recall are better if they are larger, all other metrics if they are smaller.
     """
-    # A sample may have no points of a class; then the metric is NaN for both networks.
+    # A sample may have no hidden points, for example; then their metrics are NaN for both networks.
     change = (values - others)[~(np.isnan(values) & np.isnan(others))]
     if not len(change):
         return Difference(math.nan, math.nan, math.nan)
@@ -360,7 +360,7 @@ def differences(metrics: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, An
 
 
 def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Squared distances [n, m] of two clouds."""
+    """Squared distances [n, m] between the points of two clouds."""
     a, b = a.astype(np.float64), b.astype(np.float64)
     products = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)[None] - 2 * a @ b.T
     return np.maximum(products, 0)
@@ -387,7 +387,7 @@ def cost(folder: pathlib.Path) -> tuple[float, float]:
 def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:
     """Applies `function` to `size` rows of the arrays at a time; returns trees of numpy arrays.
 
-    The last part is padded, so that all parts have the same shape.
+    The last part is padded to the same shape as the others.
     """
     parts = []
     for start in range(0, len(arrays[0]), size):
@@ -436,7 +436,7 @@ def table_of_two(
 
 
 def finite(value: Any) -> Any:
-    """The document with None for numbers that are not finite, which JSON lacks."""
+    """The document with None for numbers that are not finite, which JSON cannot represent."""
     if isinstance(value, Mapping):
         return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

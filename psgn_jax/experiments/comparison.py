@@ -2,22 +2,24 @@
 
 The study trains on the same records, with the same images:
 
-- the point networks `cd` and `emd`, the network that predicts the object's `volume`, and the voxel
-  head with four inputs: only the cloud of `cd`; with the predicted volume; both clouds; all;
+- the point networks `cd` and `emd`, and the network that predicts the object's `volume`;
+- the voxel head (the paper's post-processing network, which predicts a volume) with four sets of
+  inputs: the cloud of `cd`; this cloud and the predicted volume; both clouds; both clouds and the
+  predicted volume;
 - 3D-R2N2 (`r2n2`) on one to five views, for the total training time of the last of these heads and
-  of all networks that it reads. The number of steps is calculated from a few timed steps and from
-  the times in the logs of these trainings (without compilation and evaluations). It is stored in
-  `budget.json`.
+  of the three networks that it reads. The number of steps is calculated from a few timed steps and
+  from the times in the logs of these trainings (without compilation and evaluations). It is stored
+  in `budget.json`.
 
 It then measures on the test split (the evaluation split if there is none), per category:
 
-- IoU of 32^3 solid volumes: of the head, and of 3D-R2N2 with 1, 3 and 5 views. Thresholds were
+- IoU of 32^3 solid volumes: of the head, and of 3D-R2N2 with 1, 3 and 5 views. Thresholds are
   chosen on the evaluation split;
 - CD and EMD of 1,024 points by the paper's protocol: predicted and true volumes of 3D-R2N2 are
   converted to clouds by farthest point sampling, here from 4,096 points on the surface of the
   occupied cells (**ours**: the paper does not state which points of a volume are sampled). The
-  truth for both systems is the cloud of the true volume. The same is measured with the surface
-  points of the records as truth (**ours**);
+  truth for both systems is the cloud of the true volume. CD and EMD are also measured with the
+  surface points of the records as truth (**ours**);
 - recall of thin parts (**ours**): thin cells are true cells that belong to no 2x2x2 block of
   occupied cells; the recall is the share of them that a predicted volume contains.
 
@@ -25,8 +27,8 @@ The measures are in `volumes`. CD is the sum of the mean squared distances in bo
 are 1/10 of the edge of the grid, as in the paper (the edge is 2 here), and the radius of the
 bounding hemisphere.
 
-`comparison.png` shows bar charts. `cases.png` shows the test model with the most thin cells of each
-category; it is not chosen by result.
+`comparison.png` shows bar charts. `cases.png` shows one test sample for each of up to six
+categories: the sample with the most thin cells, not one chosen by result.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Comparison to state-of-the-art", table and figures;
 Choy et al., "3D-R2N2", ECCV 2016. By default the networks are smaller than theirs; the data differ.
@@ -81,10 +83,10 @@ PAPER: Mapping[str, tuple[float, float, float, float]] = {
     "watercraft": (0.611, 0.513, 0.596, 0.610),
     "mean": (0.640, 0.560, 0.617, 0.631),
 }
-"""IoU in the paper's table: of the paper, and of 3D-R2N2 with 1, 3 and 5 views, on ShapeNet."""
+"""IoU in the paper's table: the paper's network, and 3D-R2N2 with 1, 3 and 5 views, on ShapeNet."""
 
 _TRUTHS = {"": "CD, EMD to the true volume", "_surface": "CD, EMD to the true surface"}
-"""Part of the name of a metric -> the truth with which it is measured."""
+"""End of a metric's name -> title, which says with which truth the metric is measured."""
 
 
 class Size(NamedTuple):
@@ -94,9 +96,10 @@ class Size(NamedTuple):
       models: models of each category in the data set that is rendered if no data are named.
       image_size: (height, width).
       model: fields of `ModelConfig` of the point networks.
-      num_points: true points per sample and step under the CD.
-      batch: batch size and learning rate, of the point networks and of the others.
-      steps: steps of each run except 3D-R2N2, in the order of `runs`: cd, emd, volume, a head.
+      num_points: true points per sample and step when training with the CD.
+      batch: batch size of the point networks and the volume network, and of the heads and 3D-R2N2.
+      learning_rate: learning rate; that of the heads is five times as large.
+      steps: steps of the runs cd, emd and volume, and of each head.
       widths: widths of the heads.
       width_multiplier: width multiplier of 3D-R2N2.
     """
@@ -140,7 +143,7 @@ FULL = Size(
 
 
 def build_data(models: int) -> str:
-    """Renders five views of `models` procedural models of each category; completes old data."""
+    """Renders five views of `models` procedural models per category, or completes the data set."""
     from data_gen import default, settings
 
     if not default.can_build():
@@ -210,7 +213,10 @@ def configuration(
 
 
 def step_seconds(config: Config, workdir: pathlib.Path) -> float:
-    """Mean duration of a step of 3D-R2N2 over the numbers of views, in which it is linear."""
+    """Mean duration of a step of 3D-R2N2 over the possible numbers of views, in seconds.
+
+    The duration is linear in the number of views, so only the smallest and the largest are timed.
+    """
     task = tasks.create(config, workdir)
     mesh = step_lib.data_mesh()
     tx = state_lib.optimizer(config.optim, config.train.steps)
@@ -236,7 +242,10 @@ def step_seconds(config: Config, workdir: pathlib.Path) -> float:
 
 
 def budget(config: Config, workdir: pathlib.Path, names: Sequence[str], steps: int) -> int:
-    """Steps of 3D-R2N2: `steps`, or as many as take the time of the other runs; stored."""
+    """Steps of 3D-R2N2: those stored in `budget.json`, or `steps`, or as many as the time allows.
+
+    Without `steps`, 3D-R2N2 is trained for as long as the runs `names` took together.
+    """
     path = workdir / "budget.json"
     if path.exists():
         return int(json.loads(path.read_text())["steps"])
@@ -250,7 +259,7 @@ def budget(config: Config, workdir: pathlib.Path, names: Sequence[str], steps: i
 
 
 def configs(options: Any) -> Iterator[tuple[str, Config]]:
-    """The configurations of all trainings; the last one depends on the time of the others.
+    """The configurations of all trainings; the last one depends on the duration of earlier ones.
 
     Raises:
       ConfigError: the data do not exist, or have no volumes or views.
@@ -275,7 +284,7 @@ def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     splits = set().union(*(load_manifest(f).splits() for f in config.data.eval_folders))
     split = "test" if "test" in splits else config.data.eval_split
     if split == config.data.eval_split:
-        logging.warning("no test split: measuring on the split on which thresholds were chosen")
+        logging.warning("no test split: measuring on the split that thresholds were chosen on")
     numbers, cases = compare(options.workdir, split)
     spent = {
         name: common.cost(options.workdir / name)[1] for name in (*POINTS, "volume", *HEADS, PEER)
@@ -342,7 +351,7 @@ def bars(numbers: Mapping[str, Any]) -> figures.Figure:
 
 
 def panels(case: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Image, our cloud, our volume, that of 3D-R2N2, the true volume; then the same, rotated.
+    """Image, our cloud, our volume, that of 3D-R2N2, the true volume; then the last four, rotated.
 
     Volumes are shown as spheres at the centres of the occupied cells.
     """
@@ -372,18 +381,19 @@ STUDY = common.Study(
     figure,
     options={"data": None, "full": False, "scale": 1.0, "peer_steps": 0},
     note="""* printed in the paper: other data (renderings of ShapeNet), networks and trainings.
-mean: over categories. u = 1/10 of the grid's edge (the paper's unit; edge 2 r), r = radius of the
-bounding hemisphere. CD of the CD-trained network, EMD of the EMD-trained one. True volume: 1,024
-farthest points of its surface, the paper's truth, without what is inside a solid. True surface:
-that of the model, on which our networks were trained. Difference of IoU: with its standard error
-over models, from one training of each. Seconds of 3D-R2N2: with its compilation for two to five
-views.""",
+Means are over categories. r: radius of the bounding hemisphere. u: a tenth of the grid's edge, the
+paper's unit; the edge is 2 r. CD is measured for the network trained with the CD, EMD for the one
+trained with the EMD. True volume: the truth is 1,024 points on the surface of the solid volume,
+chosen by farthest point sampling, as in the paper. True surface: the truth is sampled from the
+surface of the model, as in the training of our networks. Differences of IoU have their standard
+error over models; each network was trained once. The seconds of 3D-R2N2 include its compilation
+for two to five views.""",
 )
 
 if __name__ == "__main__":
     flags.DEFINE_string(
         "data", None, "Records with volumes and five views; default: procedural models, rendered."
     )
-    flags.DEFINE_float("scale", 1.0, "Factor of the numbers of steps.", lower_bound=1e-3)
+    flags.DEFINE_float("scale", 1.0, "Factor for the numbers of steps.", lower_bound=1e-3)
     flags.DEFINE_integer("peer_steps", 0, "Steps of 3D-R2N2; 0 = equal time.", lower_bound=0)
     STUDY.main()

@@ -52,7 +52,7 @@ VISIBLE, HIDDEN = (40, 95, 190), (225, 120, 30)
 
 def configuration(inputs: Sequence[str], path: str, *, full: bool, steps: int = 0) -> Config:
     """The configuration of `common.recipe` with the given inputs."""
-    # 1,800 steps: both trainings in an hour on two CPU cores.
+    # 1,800 steps: both trainings take about an hour on two CPU cores.
     changes = {"data": {"inputs": tuple(inputs)}}
     return common.recipe(path, full=full, steps=steps, usual_steps=1_800, changes=changes)
 
@@ -123,8 +123,8 @@ STUDY = common.Study(
     measure,
     table,
     figure,
-    note="Visible: within `visible_tolerance` of what the depth image measured. Difference: mean "
-    "over samples with its standard error, from one training of each network.",
+    note="Visible: within `visible_tolerance` of a surface point in the depth image. Difference: "
+    "mean over samples with its standard error, from one training of each network.",
 )
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ else:
 
 COLOURS = ("#969696", "#c5b096", "#4682b4", "#e2723e")
 HEIGHT = 192
-"""Size of a panel in pixels."""
+"""Height of a panel in pixels."""
 
 _DPI = 100
 

@@ -1,4 +1,4 @@
-"""Data of the study `ambiguity`, cabinets with a visible or hidden depth, and measures of it."""
+"""Data of the study `ambiguity`, which are cabinets, and measures of their depth."""
 
 import pathlib
 from collections.abc import Sequence
@@ -74,7 +74,7 @@ def truths(data: pathlib.Path) -> list[Truth]:
         except (ValueError, KeyError, TypeError) as error:
             raise RecordError(
                 f"data set {str(data)!r}: {sample.model_id!r} lacks the study's parameters "
-                f"({error!r}); remove the folder, the study renders it again"
+                f"({error!r}); remove the folder, and the study will render it again"
             ) from None
     return known
 
@@ -83,7 +83,7 @@ def measured_depth(points: np.ndarray, scale: float) -> float:
     """The hidden depth of a cabinet seen from the front, measured from its points [n, 3].
 
     The far end of the body is the 5 % quantile of x over the points above the rail. The rear panel
-    has more points than that, and there are fewer stray points.
+    has more than 5 % of these points, and less than 5 % are stray points.
 
     Args:
       points: points in the frame of a sample of the kind `front`.
@@ -116,12 +116,12 @@ def check_measure(data: pathlib.Path) -> dict[str, float]:
 
 
 def calibration(depths: np.ndarray, known: Sequence[Truth]) -> dict[str, float]:
-    """Compares drawn depths [samples, draws] of ambiguous images with the true distribution."""
+    """Compares depths of draws [samples, draws] for ambiguous images with the true distribution."""
     low, high = DEPTH_RANGE
     uniform = np.linspace(low, high, 1001)
     rows = [i for i, t in enumerate(known) if t.kind == DOUBT]
     apart = [sample_metrics.wasserstein_1(depths[i], uniform) for i in rows]
-    # The same for as many draws from the true distribution.
+    # For comparison: as many draws from the true distribution.
     exact = np.random.default_rng(0).uniform(low, high, (200, depths.shape[1]))
     return {
         "Wasserstein-1 of the depth, one image [share]": float(np.mean(apart)),

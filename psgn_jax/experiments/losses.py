@@ -2,18 +2,21 @@
 
 The study trains a network twice on the same data, in the same order, with the same augmentations,
 number of steps and number of true points. One training minimises the squared Chamfer distance (CD),
-the other the earth mover's distance (EMD). Both networks are measured with both distances and with
-two effects that the paper describes. A network trained by CD "tends to scatter a few points in its
-uncertain area": stray points are predicted points farther than `FAR` from any true point. A network
-trained by EMD is "more compact" but "sometimes overly shrinks local structures": missed points are
-true points farther than `FAR` from any predicted point.
+the other the earth mover's distance (EMD). Both distances are measured for both networks. The paper
+also describes two effects, which are measured by two shares:
+
+- A network trained with the CD "tends to scatter a few points in its uncertain area": the share of
+  stray points, which are predicted points farther than `FAR` from any true point.
+- A network trained with the EMD is "more compact" but "sometimes overly shrinks local structures":
+  the share of missed points, which are true points farther than `FAR` from any predicted point.
 
 The runs are `DIR/cd` and `DIR/emd`; `--cd=RUN --emd=RUN` uses two finished runs of one network
 instead. `losses.png` shows the samples whose two predictions differ most (by the squared CD between
 them). They are chosen to show the difference and are not typical.
 
-Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure of predictions of networks trained by
-CD and EMD, which shows an example and no numbers; networks, sizes and measures here are **ours**.
+Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure of predictions of networks trained
+with CD and EMD, which shows an example and no numbers; networks, sizes and measures here are
+**ours**.
 """
 
 import pathlib
@@ -32,7 +35,7 @@ from psgn_jax.metrics.table import Lines
 LOSSES: Mapping[str, str] = {"cd": "chamfer_sq_mean", "emd": "emd_mean"}
 """Folder of a training -> the loss that it minimises."""
 
-TITLES = {"cd": "trained by CD", "emd": "trained by EMD"}
+TITLES = {"cd": "trained with CD", "emd": "trained with EMD"}
 
 FAR = 0.1
 """Distance in radii from which a point counts as stray or missed."""
@@ -46,18 +49,18 @@ METRICS = {
     "cd_sq_gt_to_pred_radius2": "truth to predicted points [radius^2]",
     "stray": "predicted points farther than .1 from the truth [%]",
     "missed": "true points farther than .1 from the prediction [%]",
-    "unevenness": "unevenness: deviation over mean of the distance to the next point",
+    "unevenness": "unevenness: std over mean of the distance to the nearest other point",
 }
 """Rows of the table; only this study measures the last three."""
 
 COLOURS = {"cd": (70, 130, 180), "emd": (90, 165, 90), "truth": (165, 165, 165)}
-"""Blue and green as in the paper."""
+"""Colours of the predictions as in the paper, and of the truth."""
 
 
 def configuration(loss: str, path: str, *, full: bool, steps: int = 0) -> Config:
     """The configuration of `common.recipe` with a loss of `losses.by_name.LOSSES`."""
-    # 1,100 steps: both trainings in 40 minutes on two CPU cores. An EMD requires as many true
-    # points as predicted ones.
+    # 1,100 steps: both trainings take an estimated 40 minutes on two CPU cores. An EMD requires as
+    # many true points as predicted ones.
     changes: dict[str, dict[str, Any]] = {
         "data": {"num_points": 1024},
         "loss": {"name": loss},
@@ -73,7 +76,7 @@ def configs(options: Any) -> Iterable[tuple[str, Config]]:
     if options.cd:
         if options.full or options.steps:
             raise ConfigError(
-                "--full, --steps: they change trainings, expected them without --cd and --emd"
+                "--full, --steps apply only to trainings; expected them without --cd and --emd"
             )
         runs(options)
         return []
@@ -180,7 +183,7 @@ def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 
 
 def compare(metrics: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, Any]:
-    """Means of both runs, and differences: trained by EMD minus trained by CD."""
+    """Means of both runs, and differences: trained with EMD minus trained with CD."""
     means = {
         name: {key: common.mean_and_error(values[key])[0] for key in METRICS if key in values}
         for name, values in metrics.items()
@@ -215,10 +218,10 @@ STUDY = common.Study(
     table,
     figure,
     options={"data": None, "full": False, "steps": 0, "cases": 6, "cd": None, "emd": None},
-    note="Difference: mean over samples with its standard error, from one training of each.",
+    note="Difference: mean over samples with its standard error. Each network was trained once.",
 )
 
 if __name__ == "__main__":
-    flags.DEFINE_string("cd", None, "Folder of a finished run trained by CD; default: train one.")
-    flags.DEFINE_string("emd", None, "Folder of a finished run trained by EMD.")
+    flags.DEFINE_string("cd", None, "Folder of a finished run trained with CD; default: train one.")
+    flags.DEFINE_string("emd", None, "Folder of a finished run trained with EMD.")
     STUDY.main()

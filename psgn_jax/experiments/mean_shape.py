@@ -34,7 +34,7 @@ PLACES = (-0.25, 0.25)
 BAR = (0.4, 0.06)  # half lengths
 SIDE = 0.14  # side of the square
 DISK, DISK_CENTRE = 0.1, (0.0, 0.26)
-# A point farther than this from a shape is outside: half the width of the end of the bar.
+# A point farther than this from a shape counts as outside: a quarter of the bar's width.
 NEAR = 0.03
 
 
@@ -115,7 +115,7 @@ def _outside_box(points: np.ndarray, centre: Sequence[float], half: Sequence[flo
 
 
 def measure_circle(mean: np.ndarray) -> dict[str, float]:
-    """Radius of the points: mean (E[r] = .325) and spread, which is 0 for a circle."""
+    """Mean and spread of the points' radius; for the circle of mean radius they are .325 and 0."""
     radius = np.linalg.norm(mean, axis=1)
     return {"mean radius": float(radius.mean()), "spread of the radius": float(radius.std())}
 
@@ -150,7 +150,7 @@ def measure_squares(mean: np.ndarray) -> dict[str, float]:
 
 
 def measure_disk(mean: np.ndarray) -> dict[str, float]:
-    """Like `measure_squares`, for the disk, which has 24.7 % of the points of a shape with it."""
+    """Like `measure_squares`. Where there is a disk, it has 24.7 % of the points of the shape."""
     distance = np.linalg.norm(mean - np.asarray(DISK_CENTRE), axis=1)
     return _measure_parts(mean, np.maximum(distance - DISK, 0), "disk")
 

@@ -3,16 +3,16 @@
 The study trains `vanilla` (all points by a fully connected branch), `two_branch` and `hourglass`
 with the squared Chamfer distance (CD) and with the earth mover's distance (EMD), on the same data,
 in the same order, for the same number of steps. With layers of the same widths, the networks have
-different numbers of parameters. Therefore there is a fourth one: `fc_equal` is `vanilla` with
-hidden widths scaled so that it has as many parameters as `two_branch`.
+different numbers of parameters. A fourth network therefore allows a comparison at equal size:
+`fc_equal` is `vanilla` with its hidden layers scaled to as many parameters as `two_branch`.
 
 The runs are `DIR/two_branch_cd`, ...: `psgn_jax.experiments.branches --run=DIR/two_branch_cd` and
 `.losses --cd=DIR/two_branch_cd --emd=DIR/two_branch_emd` accept them. `networks.png` shows the CD
-of the networks trained by CD and the EMD of those trained by EMD, divided by that of `vanilla`.
+of the networks trained with CD and the EMD of those trained with EMD, divided by that of `vanilla`.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure comparing networks: "the introduction
 of deconvolution significantly improves performance. Stacking another hourglass level also gives
-performance gain." It trains for 300,000 steps; sizes and measures here are **ours**.
+performance gain." The paper trains for 300,000 steps; sizes and measures here are **ours**.
 """
 
 import itertools
@@ -57,7 +57,7 @@ _SMALL: Mapping[str, Mapping[str, Any]] = {
 
 
 def configuration(network: str, loss: str, path: str, *, full: bool, steps: int = 0) -> Config:
-    """`common.recipe` with quarter-size images and 24x32 deconv points; with `full` unchanged.
+    """`common.recipe` with quarter-size images and 24x32 deconv points, or at full size if `full`.
 
     Args:
       network: one of `NETWORKS`.
@@ -66,8 +66,8 @@ def configuration(network: str, loss: str, path: str, *, full: bool, steps: int 
       full: see `common.recipe`.
       steps: see `common.recipe`.
     """
-    # An EMD requires as many true points as predicted ones. 450 steps: all eight trainings in 40
-    # minutes on two CPU cores without much other work.
+    # An EMD requires as many true points as predicted ones. 450 steps: all eight trainings take
+    # about 40 minutes on two CPU cores that run little else.
     small = {"data": {"num_points": 1024}, "train": {"eval_every": 0}} if full else _SMALL
 
     def build(name: str, **model: Any) -> Config:
@@ -154,7 +154,7 @@ def measure(options: Any) -> tuple[dict[str, Any], None]:
 def compare(
     metrics: Mapping[str, Mapping[str, np.ndarray]], one: str, other: str
 ) -> dict[str, dict[str, float]]:
-    """Loss -> `one` minus `other`, both trained by this loss, in its metric."""
+    """Loss -> `one` minus `other`, both trained with this loss, in the metric of the loss."""
     return {
         loss: common.difference(
             metric, metrics[f"{one}_{loss}"][metric], metrics[f"{other}_{loss}"][metric]
@@ -164,7 +164,7 @@ def compare(
 
 
 def table(numbers: Mapping[str, Any]) -> list[Lines]:
-    """Both tables."""
+    """The results of all networks, and the differences between some of them."""
     head = ["network", "parameters"]
     head += [f"{m.upper()} after {t.upper()}" for t in LOSSES for m in METRICS]
     lines = [[*head, *(f"s a step, {t.upper()}" for t in LOSSES), "minutes in all"]]
@@ -200,7 +200,7 @@ def figure(numbers: Mapping[str, Any], _: Any) -> dict[str, Any]:
     pairs = ratios(numbers)
     chart = figures.Bars(
         "Error divided by that of vanilla; lower is better",
-        [f"{TITLES[loss]}, trained by {loss.upper()}" for loss in LOSSES],
+        [f"{TITLES[loss]}, trained with {loss.upper()}" for loss in LOSSES],
         {NETWORKS[name]: [value for value, _ in pair] for name, pair in pairs.items()},
         {NETWORKS[name]: [error for _, error in pair] for name, pair in pairs.items()},
     )
@@ -214,8 +214,8 @@ STUDY = common.Study(
     table,
     figure,
     options={"data": None, "full": False, "steps": 0},
-    note="CD: squared, radius^2; EMD: radius; after CD: of the network trained by it. Difference: "
-    "mean over samples with its standard error, from one training of each.",
+    note="CD squared is in radius^2, EMD in radius. After CD: of the network trained with the CD. "
+    "Difference: mean over samples with its standard error, from one training of each network.",
 )
 
 if __name__ == "__main__":

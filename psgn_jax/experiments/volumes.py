@@ -1,6 +1,6 @@
-"""The measures of the study `comparison`: IoU, CD, EMD and thin parts of predicted volumes.
+"""The measures of the study `comparison`, whose docstring describes them.
 
-They are described in the docstring of that study.
+They are IoU, CD, EMD and the recall of thin parts of predicted volumes.
 """
 
 import pathlib
@@ -29,7 +29,7 @@ HEADS: Mapping[str, tuple[str, ...]] = {
 """Folder of a voxel head -> the runs that it reads."""
 
 OURS = "head_cd_emd_volume"
-"""The head that is compared with 3D-R2N2: the best one of the paper."""
+"""The head that is compared with 3D-R2N2. In the paper it is the best one."""
 
 PEER = "r2n2"
 VIEWS = (1, 3, 5)
@@ -40,7 +40,7 @@ GAINS: Mapping[str, tuple[str, str]] = {
     "gain_volume_one_cloud": ("head_cd_volume", "head_cd"),
     "gain_volume": ("head_cd_emd_volume", "head_cd_emd"),
 }
-"""Name of a difference of IoU -> the two runs that are compared."""
+"""Name of a difference of IoU -> the minuend and the subtrahend."""
 
 NUM_POINTS = 1024
 CANDIDATES = 4096
@@ -118,7 +118,10 @@ def compare(folder: pathlib.Path, split: str) -> tuple[dict[str, Any], list[dict
     names = runs[OURS].evaluation.names
     for run in runs.values():
         if run.evaluation.names != names:
-            raise ConfigError(f"the runs in {folder} see different samples of {split!r}")
+            raise ConfigError(
+                f"{folder}: the runs were measured on different samples of {split!r}; expected the "
+                "same samples"
+            )
     thresholds = {
         OURS: runs[OURS].evaluation.chosen["threshold_of_iou"],
         PEER: runs[PEER].evaluation.chosen["threshold_of_iou_1_views"],
@@ -172,7 +175,7 @@ def ious(runs: Mapping[str, Run]) -> dict[str, np.ndarray]:
 def distances(
     runs: Mapping[str, Run], volumes: Sequence[np.ndarray], samples: Mapping[str, list[Any]]
 ) -> dict[str, np.ndarray]:
-    """CD and EMD per sample of the point networks and the `volumes` of 3D-R2N2, to both truths."""
+    """CD and EMD to both truths for each sample: the point networks, and `volumes` of 3D-R2N2."""
     surfaces = []
     for i, points in enumerate(samples["points"]):
         # A random subset, because the points of a record are ordered by position.
@@ -190,7 +193,7 @@ def distances(
 
 
 def _mean(key: str, values: np.ndarray) -> float:
-    """The mean; for the recall of thin parts without NaN, since some objects have none."""
+    """The mean; that of the recall of thin parts is over the objects that have thin parts."""
     if key.startswith("thin_recall"):
         values = values[~np.isnan(values)]
     return float(values.mean()) if len(values) else float("nan")

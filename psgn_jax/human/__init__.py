@@ -1,1 +1,1 @@
-"""The paper's study of human ability: a page for modelling objects, and the comparison."""
+"""The paper's study of human ability: a page for modelling objects, and their scores."""

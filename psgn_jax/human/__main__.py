@@ -6,12 +6,14 @@
 The first command writes a page, `study/index.html`, which can be opened in a browser as a file.
 There a person models the object of each image from boxes, cylinders, cones, spheres, prisms and
 extruded outlines, and saves all models as `human.json`. The page sends no requests and does not
-contain the true points.
+contain the true points of the objects.
 
 The second command reads `study/human.json` (or `--answers=FILE`) and compares the models with the
 networks: `scores.md` and `scores.json` (CD and EMD of each case), `scores.png` (the paper's figure)
-and `worst.png` (the cases with the person's largest errors). It needs the extra `experiments`. Exit
-code: 0 done, 2 an error, in one line.
+and `worst.png` (the cases with the person's largest errors). It needs the extra `experiments`.
+
+Exit code: 0, or 2 after an error, which is reported in one line; `docs/reliability.md` lists the
+exit codes of a full disk and of Ctrl-C.
 """
 
 import pathlib
@@ -74,17 +76,17 @@ def _main(argv: Sequence[str]) -> None:
         elif arguments[0] == "score" and len(arguments) == 2:
             _score(pathlib.Path(arguments[1]), values)
         else:
-            raise ConfigError(f"{' '.join(arguments)}: accepted: nothing, or `score STUDY`")
+            raise ConfigError(f"{' '.join(arguments)}: expected no arguments, or `score STUDY`")
 
 
 if __name__ == "__main__":
-    flags.DEFINE_string("data", "", "Folder of records; of `score`: where they are now.")
-    flags.DEFINE_string("out", "", "Folder for the page; of `score`: for tables and figures.")
+    flags.DEFINE_string("data", "", "Folder of records; `score` needs it only if it was moved.")
+    flags.DEFINE_string("out", "", "Folder for the page; with `score`: for tables and figures.")
     flags.DEFINE_string("split", "validation", "Split of the records.")
     flags.DEFINE_integer("cases", 16, "Number of cases, evenly spaced over the split.")
     flags.DEFINE_string("answers", "", "File saved by the page; default: STUDY/human.json.")
     flags.DEFINE_multi_string("workdir", [], "Folder of a run to compare with; repeatable.")
     flags.DEFINE_multi_string("weights", [], "Name or file of weights; repeatable.")
-    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Which checkpoint of the runs.")
+    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Checkpoint of the runs.")
     flags.DEFINE_integer("points", 1024, "Points of each cloud.", lower_bound=16)
     app.run(_main, flags_parser=parse_flags)

@@ -1,4 +1,4 @@
-"""Reads the models that the page has saved. The file comes from outside and is not trusted."""
+"""Reads the file of models that the page saves. The file is not trusted."""
 
 import dataclasses
 import os
@@ -34,7 +34,7 @@ class Part:
     Attributes:
       kind: the primitive; an outline is extruded along its own z.
       size: extents along its own axes.
-      at: position of its middle.
+      at: position of its centre.
       turn: angles a, b, c in degrees; its rotation is Rz(c) Ry(b) Rx(a).
       mirror: "x", "y" or "xy": copies with the opposite signs of these coordinates; "" = none.
       taper: scale of the upper end, 0 = a tip.
@@ -60,7 +60,7 @@ class Answer:
       case: name of the case.
       seconds: time that the person spent on it.
       done: whether the person marked it as done.
-      turn: direction of the object's x axis about the vertical, degrees. The object's frame is the
+      turn: rotation of the object's x axis about the vertical, degrees. The object's frame is the
         project's frame, rotated by this angle and moved by (x, y, 0).
       x: see `turn`; unit of the frame.
       y: see `turn`; unit of the frame.
@@ -90,7 +90,8 @@ def read_answers(path: str | os.PathLike[str], study: StudyFile) -> tuple[Answer
     """The models of all cases, in the order of the study.
 
     Raises:
-      AnswersError: the file is missing, damaged, out of bounds, or of another study.
+      AnswersError: the file is missing or damaged, belongs to another study, or has values out of
+        bounds.
     """
     shown = one_line(path)
     try:
@@ -106,7 +107,7 @@ def read_answers(path: str | os.PathLike[str], study: StudyFile) -> tuple[Answer
         raise AnswersError(f"{shown}: {why}; expected the file that the page saves") from None
     if answers.study != study.id:
         raise AnswersError(
-            f"{shown}: models of the study {one_line(answers.study)[:40]!r}, expected {study.id!r}"
+            f"{shown}: saved for the study {one_line(answers.study)[:40]!r}, expected {study.id!r}"
         )
     names = [case.name for case in study.cases]
     if [answer.case for answer in answers.cases] != names:

@@ -1,7 +1,7 @@
 """Builds the page of a study: one HTML file that contains its scripts, images and cameras.
 
-Browsers refuse to load JavaScript modules for a page that is opened as a file. Each module
-therefore becomes a function that returns its exports. The functions are in the order of `MODULES`.
+Browsers refuse to load JavaScript modules for a page that is opened as a file. Therefore the page
+has one script, in which each module is a function that returns the module's exports.
 """
 
 import os
@@ -33,7 +33,7 @@ MODULES = (
     "inspector",
     "app",
 )
-"""Each imports only from those before it."""
+"""Modules in the order of the script; each imports only from those before it."""
 
 PAGE = "index.html"
 

@@ -1,4 +1,4 @@
-"""The cases of a study: which records they are, and the file `study.json` that names them."""
+"""The cases of a study: the choice of records, and the file `study.json` that lists them."""
 
 import dataclasses
 import hashlib
@@ -26,7 +26,7 @@ _MAX_BYTES = 1 << 20
 
 @dataclasses.dataclass(frozen=True)
 class CaseRecord:
-    """The record of a case: its name on the page, its number in the split, its object."""
+    """The record of a case: name on the page, number in the split, object and view."""
 
     name: str
     record: Count
@@ -36,7 +36,7 @@ class CaseRecord:
 
 @dataclasses.dataclass(frozen=True)
 class StudyFile:
-    """The content of `study.json`; it has no points.
+    """The content of `study.json`; it contains no points.
 
     Attributes:
       format: always "psgn human study".
@@ -122,7 +122,7 @@ def open_cases(study: StudyFile, data: str = "") -> list[Sample]:
         samples.append(reader[case.record])
     if checksum(samples) != study.id:
         raise ConfigError(
-            f"--data={data or study.data}: other images or cameras than those of the study; "
-            "expected the records that it was written from"
+            f"--data={data or study.data}: images or cameras differ from those of the study; "
+            "expected the records from which the study was written"
         )
     return samples

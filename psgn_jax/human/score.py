@@ -3,8 +3,8 @@
 The points of each model and of each network are compared with the points of the record by the
 metrics of `metrics.clouds`. The points of a model are uniform on the surface of the union of its
 parts: surfaces that are inside other parts, or where parts touch, have no points. As in the paper,
-models are not aligned with the truth: the person builds them in the frame of the record, seen
-through the camera of the image.
+models are not aligned with the truth afterwards: the person builds them in the frame of the record,
+seen through the camera of the image.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Analysis of human ability for single view 3D
 reconstruction". The paper uses 16 cases and 1,024 points, and shows the figure without numbers. The
@@ -40,7 +40,7 @@ NUM_POINTS = 1024
 """Points of each model in the paper."""
 
 MAX_NETWORKS = 3
-"""The figure has this many colours, besides that of the person."""
+"""The figure has colours for this many networks, besides that of the person."""
 
 PERSON = "person"
 METRICS = {"cd_sq_radius2": "CD squared [radius^2]", "emd_radius": "EMD [radius]"}
@@ -84,7 +84,9 @@ def label_networks(runs: Sequence[Run]) -> dict[str, Run]:
         require_points_task(run.config, "psgn human score")
         label = one_line(pathlib.Path(run.source).resolve().name)
         if label in labelled or label == PERSON:
-            raise ConfigError(f"--workdir={run.source}: a second network called {label!r}")
+            raise ConfigError(
+                f"--workdir={run.source}: the name {label!r} is already used; expected another one"
+            )
         labelled[label] = run
     return labelled
 
@@ -105,8 +107,8 @@ def predict(run: Run, samples: Sequence[Sample], records: Sequence[int]) -> list
         if with_depth:
             if sample.depth is None:
                 raise ConfigError(
-                    f"--workdir={run.source}: a network with depth, but record {record} has none; "
-                    "expected one with the inputs 'rgb' and 'mask'"
+                    f"--workdir={run.source}: the network needs depth, but record {record} has "
+                    "none; expected a network with the inputs 'rgb' and 'mask'"
                 )
             batch["depth"] = resize.resize_depth(sample.depth, mask)[None]
         r = sampling.sample_latents(config, record, 1, 1, 0) if config.model.random_size else None
@@ -258,9 +260,10 @@ def markdown_text(numbers: Mapping[str, Any], scored: Sequence[Scored]) -> str:
     return f"""{markdown(table(scored))}
 {numbers["cases_modelled"]} of {numbers["cases_in_study"]} cases have a model. Each cloud has
 {numbers["num_points"]} points. Those of a model are uniform by area on the surface of the union of
-its parts. Nothing is aligned. radius = that of an object's bounding hemisphere.{trained}
+its parts. Models and predictions are not aligned with the truth. radius: that of the object's
+bounding hemisphere.{trained}
 
-Worst for the person, {worst}.
+Cases with the largest errors of the person, {worst}.
 """
 
 

@@ -1,8 +1,8 @@
-"""Primitives as meshes, the same as `static/geometry.js` builds in the page.
+"""Primitives as meshes, equal to those that `static/geometry.js` builds in the page.
 
 A part is a primitive inside the cube of edge 1 about the origin, scaled by its size, rotated and
 moved into the object's frame. There it may have copies mirrored across x = 0 and y = 0. The
-object's frame is the project's frame, turned about the vertical and moved over the ground.
+object's frame is the project's frame, rotated about the vertical and moved along the ground.
 """
 
 import functools
@@ -224,7 +224,9 @@ def _in_polygon(points: Float[np.ndarray, "n 2"], part: Any) -> Bool[np.ndarray,
 
 _NUDGE = 1e-5
 _ROUNDS = 400
-"""Rounds of drawing points; solids with less than 1/400 of their surface visible are refused."""
+"""Maximum number of rounds of sampling; each round replaces the hidden points of the previous one.
+
+A model is refused if less than about 2 % of its surface is visible."""
 
 
 class HiddenSurfaceError(ValueError):

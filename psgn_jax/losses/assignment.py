@@ -1,4 +1,4 @@
-"""A nearly optimal bijection of two clouds with a proven gap; chooses the solver for the device."""
+"""Finds a nearly optimal bijection between two clouds, with a proven gap; chooses the solver."""
 
 import functools
 from typing import Any, Literal, NamedTuple
@@ -17,17 +17,18 @@ Schedule = Literal["scaling", "authors"]
 
 # The paper (section 4.2) reports an error of about 1 %.
 TOLERANCE = 0.01
-# Default budget, in bids per point. Real pairs of 1,024 points need 5 to 40 bids per point at 1 %.
+# Default budget, in bids per point. Clouds of 1,024 points from the authors' data need 5 to 40 bids
+# per point for a gap of 1 %.
 BIDS_PER_POINT = 2000
 
 
 class Assignment(NamedTuple):
-    """A bijection of two clouds, its certificate, and the statistics of the solver.
+    """A bijection between two clouds, its certificate, and the statistics of the solver.
 
-    `a[i]` is matched with `b[index[i]]`. `prices` are the dual prices of the points of b that prove
-    the gap (unit; the smallest is 0). `gap` is a proven bound on (cost - OPT) / OPT; it is infinite
-    if no positive lower bound on OPT is known. `converged` is gap <= tolerance. `iterations` is the
-    number of bids.
+    `a[i]` is matched with `b[index[i]]`. `prices` are dual prices of the points of b, in the unit
+    of the clouds; the smallest is 0. They prove the gap. `gap` is a proven bound on
+    (cost - OPT) / OPT; it is infinite if no positive lower bound on OPT is known. `converged` is
+    gap <= tolerance. `iterations` is the number of bids.
     """
 
     index: Int[Array, " n"]  # type: ignore[assignment]  # hides tuple.index
@@ -38,7 +39,11 @@ class Assignment(NamedTuple):
 
 
 def _for_platform(solver: Any, n: int, schedule: Schedule) -> Any:
-    """The Pallas kernel where it applies (CUDA, "scaling", few enough points), else `solver`."""
+    """The Pallas kernel if it is enabled and accepts the problem, else `solver`.
+
+    It is enabled by `PSGN_KERNELS=on` (`kernels.dispatch`) and is used on CUDA only. It accepts the
+    schedule "scaling" and up to `MAX_POINTS` points.
+    """
     if schedule != "scaling" or not use_kernels():
         return solver
     # Imported here because Pallas is slow to import and not needed on a CPU.
@@ -60,18 +65,19 @@ def assign(
     schedule: Schedule = "scaling",
     names: tuple[str, str] = ("a", "b"),
 ) -> Assignment:
-    """A bijection of a and b whose sum of Euclidean distances is nearly minimal, with its proof.
+    """A bijection between a and b with a nearly minimal sum of Euclidean distances, and its gap.
 
-    The algorithm is described in `auction`, the proof in `certificate`. The solver stops as soon as
-    `gap` <= tolerance. When half of the budget is spent, it raises epsilon step by step (the
-    paper's "error ratio raised until it ends"). The result is always a bijection, and `gap` is
-    always valid for it.
+    The algorithm is described in `auction`, the proof of the gap in `certificate`. The solver stops
+    as soon as `gap` <= tolerance. When half of the budget is spent, it raises epsilon step by step,
+    so that the auction ends. The paper does this too (section 4.2). The result is always a
+    bijection, and `gap` is always valid for it.
 
-    It has no gradient; `emd` has the distance and its gradient.
+    The result has no gradient; the module `emd` has the distance and its gradient.
 
-    Devices: on a CPU, pairs are solved one after another, under `vmap` too. On a CUDA GPU, pairs of
-    up to 4,096 points are solved by one kernel launch (`kernels.auction`). Larger clouds and the
-    schedule "authors" use the plain path there, which launches kernels for every bid and is slow.
+    Devices: on a CPU, pairs are solved one after another, under `vmap` too. On a GPU the auction
+    launches several kernels for every bid and is slow. With `PSGN_KERNELS=on`, a CUDA GPU solves
+    pairs of up to 4,096 points by one kernel launch (`kernels.auction`), except with the schedule
+    "authors".
 
     Args:
       a: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
@@ -79,9 +85,10 @@ def assign(
       tolerance: >= 0, accepted (cost - OPT) / OPT. In float32 gaps below about 1e-4 cannot be
         proven.
       max_bids: >= 0, the budget; None: 2000 n. One bid is a pass over the n distances of a point.
-      schedule: "scaling", or "authors" for the later kernel of the paper's group: no phases;
-        epsilon starts at 1e-4 (unit of the clouds) and is multiplied by 100 after every 40 n bids,
-        up to 1. It stops after 40 n bids at epsilon 1. Its `gap` may exceed the tolerance by far.
+      schedule: "scaling", or "authors", the schedule of a later CUDA kernel of the paper's group.
+        "authors" has no phases: epsilon starts at 1e-4 (unit of the clouds) and is multiplied by
+        100 after every 40 n bids, up to 1. It stops after 40 n bids at epsilon 1. Its `gap` may
+        exceed the tolerance by far.
       names: the caller's names for a and b, used in error messages.
 
     Raises:

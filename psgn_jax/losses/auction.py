@@ -14,14 +14,14 @@ With a large epsilon the auction ends fast, with a small one it ends near the op
 runs in phases with decreasing epsilon (epsilon scaling). A phase starts from the prices of the
 previous phase and from the pairs that already satisfy the slackness condition of the new epsilon.
 
-`certificate` bounds the distance of the result from the optimum. It also improves the prices
-between phases.
+The module `certificate` bounds how far the cost of the result is above the optimum. It also
+improves the prices between phases.
 
 Sources: Bertsekas, "A Distributed Algorithm for the Assignment Problem", MIT LIDS working paper,
 1979; Bertsekas, "Auction Algorithms for Network Flow Problems: A Tutorial Introduction",
-Computational Optimization and Applications 1, 1992 (epsilon scaling, reverse auctions). Fan, Su,
-Guibas, CVPR 2017, section 4.2, use it with a fixed time per instance and raise the error ratio
-until it ends.
+Computational Optimization and Applications 1, 1992 (epsilon scaling, reverse auctions). Fan, Su and
+Guibas, CVPR 2017, section 4.2, use the auction with a fixed time per instance; they raise the
+accepted error step by step, so that the auction ends.
 """
 
 import functools
@@ -94,7 +94,7 @@ def _put(x: Array, i: Array, value: Array) -> Array:
 
 
 def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) -> _Bidding:
-    """Lets the bidder on top of the stack bid; the bidder it displaces replaces it there."""
+    """Lets the bidder on top of the stack bid; a bidder that it displaces replaces it there."""
     top = state.waiting - 1
     bidder = _take(state.stack, top)
     point = lax.dynamic_slice(a, (bidder, 0), (1, 3))[0]
@@ -265,8 +265,8 @@ def _solve(
         return lax.cond(s.waiting == 0, end_phase, hurry, s)
 
     state = lax.while_loop(unfinished, phase, state)
-    # The budget ran out within a phase. Completed in order, this matching may still be better than
-    # the best bijection so far.
+    # If the budget ran out within a phase, the matching is incomplete. `end_phase` completes it and
+    # keeps the result if it is better than the best bijection so far.
     state = lax.cond(state.waiting > 0, end_phase, lambda s: s, state)
     gap = jnp.where(problem.finite, state.gap, jnp.nan)
     return state.index, state.proof * problem.unit, state.bids, gap
@@ -289,4 +289,4 @@ def _solver(authors: bool) -> Any:
 
 
 SOLVERS = {authors: _solver(authors) for authors in (False, True)}
-"""Key: whether the schedule is the authors'. Value: the solvers for a CPU and for other devices."""
+"""Key: whether the schedule is "authors". Value: the solvers for a CPU and for other devices."""

@@ -46,7 +46,7 @@ class LossTerm:
       name: an entry of `LOSSES`.
       weight: its factor in the sum.
       num_points: number of true points that the loss uses; 0 = all.
-      text: as written.
+      text: the term as written in the configuration.
     """
 
     name: str
@@ -64,8 +64,8 @@ def parse_terms(text: str) -> tuple[LossTerm, ...]:
     """The terms of a loss, in their order.
 
     Raises:
-      ConfigError: a term that is not of the form `WEIGHT*NAME@POINTS`, an unknown name, or one
-        that occurs twice; one line with the term.
+      ConfigError: a term is not of the form `WEIGHT*NAME@POINTS`, its name is unknown, or a name
+        occurs twice. The message is one line and quotes the term.
     """
     parts = [part.strip() for part in text.split("+")]
     terms: list[LossTerm] = []
@@ -94,7 +94,7 @@ def parse_terms(text: str) -> tuple[LossTerm, ...]:
 def configured_terms(config: LossConfig) -> list[tuple[LossTerm, Callable[..., Any]]]:
     """The terms of `loss.name`, each with its unweighted loss of one pair of clouds.
 
-    A loss raises ValueError for clouds that it does not take.
+    A loss raises ValueError for clouds that it does not accept.
 
     Raises:
       ConfigError: as `parse_terms`.
@@ -120,7 +120,7 @@ def configured_loss(config: LossConfig) -> Callable[..., Any]:
 class WeightedSum:
     """The sum over k of w_k d_k(pred, gt_k): a loss of one pair (pred [n, 3], gt [m, 3]).
 
-    gt_k are the true points that `chosen_points` takes for the term.
+    gt_k are the true points that `chosen_points` selects for term k.
     """
 
     terms: tuple[tuple[LossTerm, Callable[..., Any]], ...]
@@ -138,7 +138,7 @@ class WeightedSum:
 
 
 def with_terms(loss: Callable[..., Any]) -> Callable[..., tuple[Array, dict[str, Array]]]:
-    """(pred, gt) -> the loss and, if it is a sum, the values of its terms by name."""
+    """Returns (pred, gt) -> the loss and the values of its terms by name, {} if it is not a sum."""
     if isinstance(loss, WeightedSum):
         return loss.with_terms
     return lambda pred, gt: (loss(pred, gt), {})
@@ -147,9 +147,9 @@ def with_terms(loss: Callable[..., Any]) -> Callable[..., tuple[Array, dict[str,
 def chosen_points(gt: Array, num_points: int) -> Array:
     """Selects `num_points` of the true points, always with the same indices.
 
-    The indices are a fixed random choice. If a batch has all points of a record, they are in the
-    order of the record, which is sorted: the first `num_points` would lie on one side of the
-    object.
+    The indices are a fixed random choice. The first `num_points` points would be a biased choice: a
+    record stores its points sorted, and a batch with all points of a record keeps their order, so
+    the first ones would lie on one side of the object.
 
     Raises:
       ValueError: gt has fewer than `num_points` points.

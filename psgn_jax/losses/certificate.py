@@ -42,7 +42,10 @@ _ROUNDING = 24 * _UNIT
 
 
 def bits(x: Array) -> Array:
-    """Floats >= 0 as integers in the same order; integer minima use vector registers."""
+    """Reinterprets floats >= 0 as integers, which have the same order.
+
+    XLA's minimum of integers uses vector registers; its minimum of floats does not.
+    """
     return lax.bitcast_convert_type(x, jnp.int32)
 
 
@@ -93,7 +96,7 @@ def sum_rounding(n: int) -> float:
 
 
 def front(chosen: Array) -> Array:
-    """The indices of the chosen entries, in order, at the front of an array [n]."""
+    """The indices of the chosen entries, in order, at the front of an array [n]; then zeros."""
     n = len(chosen)
     place = jnp.where(chosen, jnp.cumsum(chosen.astype(jnp.int32)) - 1, n)
     numbers = lax.iota(jnp.int32, n)
@@ -101,7 +104,10 @@ def front(chosen: Array) -> Array:
 
 
 def bijection(owner: Array) -> Array:
-    """Turns owners into a bijection; bidders and objects without a partner are paired in order."""
+    """The bijection bidder -> object of a matching, in which `owner[j]` is object j's bidder or -1.
+
+    Bidders and objects that are not matched are paired in order.
+    """
     n = len(owner)
     numbers = lax.iota(jnp.int32, n)
     free = owner < 0
@@ -131,7 +137,7 @@ def prepare(a: Array, b: Array) -> Problem:
     # The scale is a power of two, so that scaling is exact.
     extent = (high - low).max()
     finite &= jnp.isfinite(extent)
-    # The extent underflows although the points differ: no distances, hence no bound.
+    # If the extent underflows although the points differ, all distances are 0 and prove nothing.
     finite &= (extent > 0) | (low == high).all()
     extent = jnp.where(finite, extent, 0)
     _, exponent = jnp.frexp(jnp.where(extent > 0, extent, 1))

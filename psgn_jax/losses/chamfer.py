@@ -1,8 +1,9 @@
 """Nearest neighbours between two point clouds, and the Chamfer distances computed from them.
 
-All functions take one pair, `pred` [n, 3] and `gt` [m, 3], with any n, m >= 1. On a CPU, use
-`map_pairs` for batches: for 32 pairs with gradient on one core, `lax.map` took .033 s at
-1024 x 1024 and .45 s at 1024 x 16384, `vmap` .051 and .63 s (tests/bench/losses.py).
+All functions take one pair, `pred` [n, 3] and `gt` [m, 3], with any n, m >= 1. For batches on a
+CPU, use `map_pairs`, which computes one pair after another. For 32 pairs with gradient on one core,
+this took .033 s at 1024 x 1024 points and .45 s at 1024 x 16384; `vmap` took .051 and .63 s
+(tests/bench/losses.py).
 
 Units: "unit" is the unit of the caller's coordinates (in this project the radius of the bounding
 hemisphere). Functions with `sq` in their name return unit^2, the others unit.
@@ -32,9 +33,10 @@ class Nearest(NamedTuple):
 
 
 def _first_min(x: Array) -> tuple[Array, Array]:
-    """Minimum over the last axis and its lowest position; both are undefined if there is a NaN.
+    """Minimum over the last axis and its first position; both are undefined if there is a NaN.
 
-    On a CPU, XLA's argmin is two to four times slower than a minimum and a pass for equality.
+    On a CPU, XLA's argmin takes two to four times as long as computing the minimum and then
+    searching for it.
     """
     smallest = x.min(axis=-1)
     position = jax.lax.broadcasted_iota(jnp.int32, x.shape, x.ndim - 1)
@@ -43,8 +45,8 @@ def _first_min(x: Array) -> tuple[Array, Array]:
 
 
 def _pad(points: Array, multiple: int) -> Array:
-    # Pads with copies of the last point. They tie with it, and the lowest index wins a tie, so no
-    # padded point is ever chosen.
+    # Pads with copies of the last point. They tie with the last point, and the lowest index wins a
+    # tie, so no padded point is ever chosen.
     return jnp.pad(points, ((0, -len(points) % multiple), (0, 0)), mode="edge")
 
 
@@ -73,7 +75,7 @@ def _search(rows: Array, cols: Array) -> tuple[Array, Array, Array, Array]:
     start = vary_with(jnp.full_like(cols[:, 0], jnp.inf), here), vary_with(0, here)
     numbers = jnp.arange(len(tiles), dtype=jnp.int32)
     (col_min, tile), (row_min, row_index) = jax.lax.scan(step, start, (numbers, tiles))
-    # The scan recorded only the best tile of each column: recompute that tile to find the row.
+    # For each column, the scan recorded only the best tile. Recompute that tile to find the row.
     d = jnp.sum(jnp.square(tiles[tile] - cols[:, None, :]), axis=-1)
     _, offset = _first_min(d)
     row_index = jnp.minimum(row_index.reshape(-1)[:n], m - 1)
@@ -135,12 +137,12 @@ def nearest_both(
 
     Both directions come from one pass over the distances. Squared distances are sums of squared
     coordinate differences; the expansion |a|^2 - 2ab + |b|^2 is not used. They are accurate to a
-    few units in the last place at every offset and scale that neither overflows nor underflows.
-    Among points at equal distance (in float arithmetic) the lowest index is returned.
+    few units in the last place at every offset and scale, as long as nothing overflows or
+    underflows. Among points at equal distance (in float arithmetic) the lowest index is returned.
 
-    Gradient of `distance_sq`, with the neighbours held fixed: 2 (a_i - b_index) for a_i and its
-    negative for b_index, so 0 where they coincide. `index` has no gradient. The backward pass
-    stores the clouds and the indices, not the distances.
+    The gradient of `distance_sq` is computed with the neighbours held fixed: 2 (a_i - b_index) for
+    a_i and its negative for b_index, so 0 where they coincide. `index` has no gradient. The clouds
+    and the indices are stored for the backward pass, but not the distances.
 
     Memory beyond inputs and outputs: about 64 min(n, m) numbers per pair.
 
@@ -225,14 +227,14 @@ def chamfer_sq_mean(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float
 def chamfer_sq_pred_to_gt_mean(
     pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]
 ) -> Float[Array, ""]:
-    """1/n sum_i min_j |pred_i - gt_j|^2 (unit^2): are the predicted points on the object?"""
+    """1/n sum_i min_j |pred_i - gt_j|^2 (unit^2): how far predicted points are from the object."""
     return nearest_both(pred, gt, names=_PAIR)[0].distance_sq.mean()
 
 
 def chamfer_sq_gt_to_pred_mean(
     pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]
 ) -> Float[Array, ""]:
-    """1/m sum_j min_i |pred_i - gt_j|^2 (unit^2): is the object covered by predictions?"""
+    """1/m sum_j min_i |pred_i - gt_j|^2 (unit^2): how well the prediction covers the object."""
     return nearest_both(pred, gt, names=_PAIR)[1].distance_sq.mean()
 
 
@@ -263,7 +265,7 @@ def chamfer_authors(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float
 
     10^4 (1/m sum_j min_i |pred_i - gt_j|^2 + 1/2 1/n sum_i min_j |pred_i - gt_j|^2)
 
-    The term that measures coverage of gt has twice the weight of the other one. Use it for
+    The term that measures coverage of gt has twice the weight of the other one. Use this loss for
     training, not for comparisons.
     """
     to_gt, to_pred = nearest_both(pred, gt, names=_PAIR)

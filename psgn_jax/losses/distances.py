@@ -64,12 +64,12 @@ def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
 
 
 def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
-    """Maps a function of one pair over a batch of pairs, in the way that suits the platform.
+    """Maps a function of one pair over a batch of pairs, by the method that suits the platform.
 
-    On a CPU the pairs are processed one after another (`jax.lax.scan`), so that the tile of a pair
-    stays in the cache. On accelerators they are processed together (`jax.vmap`; not measured
-    there). The results agree up to rounding. The auction of the EMD runs pair by pair on a CPU
-    under `jax.vmap` too, because in lock step every pair would wait for the slowest one.
+    On a CPU the pairs are processed one after another (`jax.lax.scan`), so that the data of a pair
+    stay in the cache. On accelerators they are processed together (`jax.vmap`); this choice has not
+    been timed there. The results agree up to rounding. On a CPU the auction of the EMD runs pair by
+    pair under `jax.vmap` too, because in lock step every pair would wait for the slowest one.
 
     Args:
       function: (pred [n, 3], gt [m, 3]) -> any pytree of arrays, for one pair.
@@ -87,8 +87,8 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
       [6.0, 6.0]
     """
 
-    # Defined here, not in `over_batch`: JAX's cache then recognises it, and it is compiled once
-    # even without an enclosing `jit`.
+    # Defined here, not in `over_batch`, so that every call passes the same function to `scan`. JAX
+    # then finds it in its cache and compiles it only once, even without an enclosing `jit`.
     def one_pair(_: None, arrays: tuple[Array, ...]) -> tuple[None, Any]:
         return None, function(*arrays)
 

@@ -1,4 +1,4 @@
-"""Earth mover's distance of two clouds of n points: by auction with a certificate, or exact.
+"""Earth mover's distance (EMD) of two clouds of n points: by auction with a certificate, or exact.
 
     EMD(a, b) = min over bijections s of sum_i |a_i - b_{s(i)}|
 
@@ -7,9 +7,9 @@ Object Reconstruction from a Single Image", CVPR 2017, section 4.2. All function
 `pred` and `gt` [n, 3]; use `losses.map_pairs` for batches.
 
 Units: results are in the unit of the caller's clouds. `emd_sum` is the sum of the paper. `emd_mean`
-is the sum divided by n, the mean distance between matched points, which is comparable between
-numbers of points. Distances are square roots of float32 squares: below 1e-19 they become 0, above
-1e19 they overflow.
+is the sum divided by n, which is the mean distance between matched points and can be compared
+between clouds of different sizes. Distances are square roots of float32 squares: below 1e-19 they
+become 0, above 1e19 they overflow.
 
 The first call for a number of points compiles for 3 to 4 seconds on a CPU. Later calls do not
 compile, with or without an enclosing `jax.jit`.
@@ -77,7 +77,7 @@ def matched_distances(
     )
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     square = jnp.square(pred - gt[matched.index]).sum(axis=-1)
-    # Multiplied rather than selected, so that the gradient of a non-finite pair is NaN as well.
+    # A product instead of `where`, so that the gradient of a non-finite pair is NaN as well.
     healthy = jnp.where(jnp.isnan(matched.gap), jnp.nan, 1.0)
     return MatchedDistances(safe_sqrt(square) * healthy, matched)
 

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 from psgn_jax.losses.distances import check_points
 from psgn_jax.types import Array, Float, Int
 
-# Points per block. The maximum of each block is computed first, and the index of the winner is then
-# searched in one block only. For 1,024 of 16,384 points, two clouds under vmap, this takes 14 ms
+# Points per block. The maximum of each block is computed first; then the farthest point is searched
+# in one block only. To choose 1,024 of 16,384 points, for two clouds under vmap, this takes 14 ms
 # per cloud instead of 23.
 _BLOCK = 128
 

@@ -1,4 +1,4 @@
-"""Intersection over union of two volumes: a soft form for training, a thresholded one for reports.
+"""Intersection over union of two volumes: soft for training, at a threshold for evaluation.
 
 Volumes are occupancies in [0, 1] on the same grid, of any shape. All functions take one pair. IoU
 has no unit. The grid of this project (`data.schema`) is [32, 32, 32], indexed [x, y, z], over

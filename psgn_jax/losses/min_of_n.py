@@ -2,10 +2,11 @@
 
     MoN(S_1, ..., S_n; S_gt) = min over j of d(S_j, S_gt)
 
-With S_j = G(I, r_j), r_j ~ N(0, I), it trains a network to sample: one of the n clouds must be near
-the ground truth, the others may be other shapes that fit the image. If an image allows several
-shapes, the plain loss (n = 1) is minimal at their mean; MoN is minimal when different samples
-predict different shapes.
+With the predictions S_j = G(image, r_j) for random r_j ~ N(0, I), MoN trains the network G to
+sample. Only one of the n clouds must be near the ground truth; the others may be other shapes that
+fit the image. If an image allows several shapes, the plain loss (n = 1) is minimal at their mean;
+MoN is minimal when different samples predict different shapes.
+
 Source: Fan, Su, Guibas, "A Point Set Generation Network for 3D Object Reconstruction from a Single
 Image", CVPR 2017, section "Generation of Multiple Plausible Shapes". They report that n = 2
 suffices.
@@ -22,10 +23,10 @@ from psgn_jax.types import Array, Float, Int
 
 
 class MinOfN(NamedTuple):
-    """The smallest of n distances, the index of its sample, and all n distances.
+    """The smallest of n distances, the index of its sample (the winner), and all n distances.
 
     `value` and `distances` are in the unit of the distance. Only `value` has a gradient. `aux` is
-    the auxiliary output of the winner, or () without `has_aux`.
+    the auxiliary output for the winner, or () without `has_aux`.
     """
 
     value: Float[Array, ""]
@@ -43,11 +44,11 @@ def min_of_n(
     winner and 0 for every other sample. A NaN distance wins, so that it is not hidden; an infinite
     distance loses to every finite one.
 
-    Every distance is computed once, with its gradient; the gradients of the losers get weight 0, so
-    they must be finite (those of `losses` are). The alternative, to compute the distance of the
-    winner a second time with gradient, took 1.9 times as long for the EMD of 1,024 points (n = 2,
-    on a CPU), where the auction dominates. For the CD of 1,024 and 4,096 points it took 1.3 and .85
-    times as long, in two runs on a busy machine.
+    Every distance is computed once, with its gradient. The gradients for the other samples are
+    multiplied by 0, so they must be finite (those of `losses` are). The alternative is to compute
+    the winner's distance a second time, with gradient. For the EMD of 1,024 points (n = 2, on a
+    CPU) this took 1.9 times as long, because the auction takes most of the time. For the CD between
+    1,024 and 4,096 points it took 1.3 and .85 times as long, in two runs on a busy machine.
 
     Args:
       distance: (pred [n, 3], gt [m, 3]) -> scalar, such as `chamfer_sq` or `emd_sum`; it may close

@@ -1,4 +1,4 @@
-"""Hints for the XLA compiler. None of them changes a value; each states why it is used.
+"""Hints for the XLA compiler. None of them changes a value. Each docstring gives the reason.
 
 Functions of `jax.experimental` may disappear in a new version of JAX. If one is missing, the losses
 still work, but slower.
@@ -30,8 +30,8 @@ step copies the state of all pairs. For the auction on a CPU, a loop over the pa
 def write_once(x: Array) -> Array:
     """Returns `x` and makes XLA write it to memory once instead of recomputing it at every use.
 
-    It is used for arrays that are read twice: the tile of distances in `chamfer`, and the sums of
-    distance and price of a bidder in `auction`.
+    Used for arrays that are read twice: the tile of distances in `chamfer`, and a bidder's sums of
+    distance and price in `auction`.
     """
     return lax.optimization_barrier(x)
 
@@ -40,7 +40,7 @@ def vary_with(value: Any, data: Array) -> Array:
     """Broadcasts `value` to the shape of `data`, as a computed array instead of a constant.
 
     Inside `jax.shard_map` a constant does not vary along the axes of the mesh, but the state of a
-    loop over sharded data must. XLA removes the selection.
+    loop over sharded data must. XLA optimises the `where` away.
     """
     return jnp.where(data == data, value, value)
 
@@ -48,8 +48,8 @@ def vary_with(value: Any, data: Array) -> Array:
 def as_one_function(function: Callable[..., Any]) -> Callable[..., Any]:
     """Makes XLA's CPU compiler emit `function` as a single function.
 
-    Its operations are then not launched one by one. One bid of the auction is a dozen small
-    operations that take a microsecond together. Launching them one by one takes 1.4 to 2.2 times as
+    Otherwise the operations are launched one by one. One bid of the auction is a dozen small
+    operations that take a microsecond together; launched one by one, they take 1.4 to 2.2 times as
     long.
     """
     if set_xla_metadata is None:

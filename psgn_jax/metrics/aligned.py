@@ -1,14 +1,14 @@
 """Metrics of one pair of clouds after the best scale and shift of the prediction.
 
-An image shows neither the size of its object nor its distance. These metrics do not depend on
-either, only on the shape.
+An image shows neither the size of an object nor its distance from the camera. These metrics do not
+depend on either, only on the shape.
 
     aligned CD  = min over s in [0.8, 1.25] and t of CD(s pred + t, gt)
 
-with the squared Chamfer distance of `losses.chamfer_sq_mean`, in the unit of gt; no rotation. The
-minimum is computed by iterated nearest neighbours (`align`), starting from the identity. It is
-local and never above the CD itself. The aligned EMD is that of the prediction moved by the same s
-and t, or the EMD itself if that is smaller.
+CD is the squared Chamfer distance `losses.chamfer_sq_mean`, in the unit of gt. There is no
+rotation. The minimum is a local one, computed by iterated nearest neighbours (`align`) that start
+from s = 1 and t = 0. The aligned EMD is that of the prediction moved by the same s and t. If a
+distance is smaller without alignment, that value is used.
 """
 
 from typing import Any, NamedTuple
@@ -25,11 +25,13 @@ LEAST_SCALE, LARGEST_SCALE = 0.8, 1.25
 
 ITERATIONS = 30
 
-_MOST_POINTS = 1024  # points of gt in the iterations, if pred has fewer; the result uses all
+# The iterations use at most this many points of gt, or as many as pred has if that is more. The
+# metrics use all points.
+_MOST_POINTS = 1024
 
 
 class Alignment(NamedTuple):
-    """The similarity `scale * points + shift`; shift in the unit of the points."""
+    """The transformation `scale * points + shift`; `shift` is in the unit of the points."""
 
     scale: Float[Array, ""]
     shift: Float[Array, "3"]
@@ -47,7 +49,8 @@ def align(
 
         s = clip(sum w (p - mean p) . (g - mean g) / sum w |p - mean p|^2),  t = mean g - s mean p
 
-    No iteration increases the CD. At most max(n, 1024) points of gt are used, always the same ones.
+    At most max(n, 1024) points of gt are used, always the same ones. No iteration increases the CD
+    to these points.
 
     Args:
       pred: [n, 3].
@@ -73,7 +76,8 @@ def align(
         squares = sum(jnp.square(p - mean_p[None]).sum(axis=1).mean() for p, _ in sides)
         ratio = products / jnp.where(squares > 0, squares, 1)
         scale = jnp.clip(jnp.where(squares > 0, ratio, 1), LEAST_SCALE, LARGEST_SCALE)
-        # A non-finite point makes the distances NaN; the choice of neighbours alone would hide it.
+        # A non-finite point makes the distances NaN, but has no effect on the indices. This term
+        # makes the scale NaN too.
         scale = scale + 0 * to_gt.distance_sq.sum()
         return Alignment(scale, mean_g - scale * mean_p)
 
@@ -97,8 +101,8 @@ def aligned_metrics(
       known_emd: the EMD without alignment, if known, which saves an auction.
 
     Returns:
-      `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s; 1 if alignment does not reduce the CD)
-      and, with `emd_tolerance`, `aligned_emd_radius` (unit, a mean over the points).
+      `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s, or 1 if alignment does not reduce the
+      CD) and, with `emd_tolerance`, `aligned_emd_radius` (unit, a mean over the points).
 
     Raises:
       ValueError: the errors of `align` and `metrics.clouds.emd`.

@@ -3,9 +3,9 @@
 The name of a distance contains its unit; the other metrics are fractions. Metrics of several
 predictions of one image are in `metrics.samples`.
 
-`pred` [n, 3] and `gt` [m, 3], n, m >= 1, in one frame. Distances are in the unit of the
-coordinates; in the project's frame that is the radius of the object's bounding hemisphere (the
-suffix `_radius` only names this unit; values are not converted). All functions raise `ValueError`
+The clouds `pred` [n, 3] and `gt` [m, 3], n, m >= 1, must be in the same frame. Distances are in the
+unit of the coordinates. In the project's frame that is the radius of the object's bounding
+hemisphere, hence the suffix `_radius`; values are not converted. All functions raise `ValueError`
 for the same reasons as `losses.nearest_both`. Batch them with `losses.map_pairs`.
 """
 
@@ -32,10 +32,10 @@ def to_grid_units(distance: float | Array, *, grid_edge: float | Array = 2.0) ->
 
     Args:
       distance: in the unit of the coordinates (EMD, Chamfer-L1).
-      grid_edge: edge of the voxel grid in the same unit. 2 is the schema's grid, whose unit is the
-        radius of the bounding hemisphere; the grid of 3D-R2N2 is the cube on the longest edge of
-        the object's bounding box, and is smaller than 2 for most objects. Always report which grid
-        was used.
+      grid_edge: edge of the voxel grid in the same unit. The grid of `data.schema` has the edge 2,
+        in units of the radius of the bounding hemisphere. The edge of 3D-R2N2's grid is the longest
+        edge of the object's bounding box, which is less than 2 for most objects. Always report
+        which grid was used.
     """
     return distance * (GRID_EDGE_UNITS / grid_edge)
 
@@ -43,7 +43,7 @@ def to_grid_units(distance: float | Array, *, grid_edge: float | Array = 2.0) ->
 def sq_to_grid_units(
     distance_sq: float | Array, *, grid_edge: float | Array = 2.0
 ) -> float | Array:
-    """A squared distance (the squared Chamfer distances) in the paper's unit, squared."""
+    """A squared distance, such as a squared Chamfer distance, in the square of the paper's unit."""
     return distance_sq * (GRID_EDGE_UNITS / grid_edge) ** 2
 
 
@@ -67,7 +67,7 @@ def _fscore(to_gt: Nearest, to_pred: Nearest, threshold: float | Array) -> FScor
     limit_sq = jnp.square(jnp.asarray(threshold, to_gt.distance_sq.dtype))
 
     def share(distance_sq: Array) -> Array:
-        # A comparison would count NaN as "too far" without notice. Return NaN instead.
+        # The comparison is False for NaN, which would count as too far away. Return NaN instead.
         near = (distance_sq <= limit_sq).astype(distance_sq.dtype)
         return jnp.where(jnp.isnan(distance_sq), distance_sq, near).mean()
 
@@ -122,10 +122,11 @@ def emd(
     """Earth mover's distance per point (unit): `losses.emd_mean` with its certificate.
 
     A bijection needs equal sizes. If gt has more points, n of them are drawn, always the same ones
-    for the same n and m. Even a perfect prediction then has a positive value, the distance between
+    for the same n and m. Even a perfect prediction then has a positive EMD: the distance between
     two random samples of the object. It depends on n, so report n.
 
-    `gap` >= (emd - optimum) / optimum, at most `tolerance` unless the budget ran out.
+    `gap` is an upper bound on (emd - optimum) / optimum. It is at most `tolerance`, unless the
+    budget of the auction ran out.
 
     Raises:
       ValueError: pred has more points than gt, or the errors of `losses.assign`.
@@ -150,8 +151,8 @@ def by_visibility(
 ) -> dict[str, Float[Array, ""]]:
     """Distances from the true points to the prediction, for visible and for hidden points.
 
-    Means over the points of each class; NaN for a class without points. `data.visibility` defines
-    which points are visible, and explains why predicted points have no class.
+    The results are means over the points of each class, or NaN if it has none. `data.visibility`
+    defines which points are visible, and explains why predicted points have no class.
 
     Args:
       distance_sq: of every true point to the nearest predicted one, unit^2.
@@ -159,11 +160,10 @@ def by_visibility(
       threshold: as for `fscore`.
 
     Returns:
-      `visible_share`, the fraction of true points that are visible, and of each class, C =
-      "visible" and "hidden": `cd_sq_gt_to_pred_C_radius2` (unit^2), `cd_l1_gt_to_pred_C_radius`
-      (unit), and `recall_C`, the fraction within the threshold. With share s, the squared distance
-      over all true points is s * visible + (1 - s) * hidden, and the same holds for the other
-      metrics.
+      `visible_share`, the fraction s of true points that are visible, and for each class C
+      ("visible", "hidden"): `cd_sq_gt_to_pred_C_radius2` (unit^2), `cd_l1_gt_to_pred_C_radius`
+      (unit), and `recall_C`, the fraction within the threshold. The mean of each of these metrics
+      over all true points is s * visible + (1 - s) * hidden.
     """
     visible = jnp.asarray(visible)
     share = visible.astype(distance_sq.dtype).mean()

@@ -14,7 +14,7 @@ OVER_SAMPLES, OVER_CATEGORIES = "mean over samples", "mean over categories"
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One line of the table: a category (or an average), its samples, its mean metrics."""
+    """One row of the table: a category (or an average), its number of samples, its mean metrics."""
 
     name: str
     count: int
@@ -22,7 +22,7 @@ class Row:
 
 
 class SampleName(NamedTuple):
-    """Identifies the sample of a row of `samples.csv`; `record` is its number in the split."""
+    """Identifies the sample of a row of `samples.csv`; `record` is its index in the split."""
 
     record: int
     category: str
@@ -38,13 +38,15 @@ class Evaluation:
       split: the split's name.
       names: one per sample.
       metrics: name -> float64 [samples].
-      threshold: the F-score's distance, unit.
-      num_points: points of a prediction, points of a truth; most metrics depend on both.
-      visible_tolerance: what "visible" means, see `data.visibility`; unit.
+      threshold: distance threshold of the F-score, in units.
+      num_points: numbers of points of a predicted and of a true cloud; most metrics depend on both.
+      visible_tolerance: largest distance of a visible true point from a point that the depth image
+        measured, in units (`data.visibility`).
       note: text below the table, in place of the default text about points; "" = default text.
       frame: "place" if images were placed by the rule of `data.framing` and the true points were
         moved with them; "keep" if not.
-      chosen: values that were chosen on a split and are used in the evaluation, such as thresholds.
+      chosen: values that were chosen on a split (this or an earlier one) and used in the
+        evaluation, such as thresholds.
     """
 
     split: str
@@ -61,15 +63,18 @@ class Evaluation:
     def means(self) -> dict[str, float]:
         """Every metric's mean over samples.
 
-        Samples without visible (hidden) points are left out of the mean of the visible (hidden)
-        metrics; if there is no such sample, the mean is NaN. In all other metrics a NaN makes the
-        mean NaN.
+        Samples without visible points are left out of the means of the metrics of visible points;
+        if no sample has any, the mean is NaN. The same holds for hidden points. In all other
+        metrics a NaN makes the mean NaN.
         """
         everything = range(len(self.names))
         return {name: _mean(self._counted(name, everything)) for name in self.metrics}
 
     def _counted(self, name: str, indices: Sequence[int]) -> np.ndarray:
-        """A metric of some samples, without those that have no such points."""
+        """A metric of some samples.
+
+        A metric of visible (hidden) points leaves out samples without visible (hidden) points.
+        """
         values, share = self.metrics[name][list(indices)], self.metrics.get("visible_share")
         if share is not None and "_visible" in name:
             return values[share[list(indices)] > 0]
@@ -78,7 +83,7 @@ class Evaluation:
         return values
 
     def rows(self) -> list[Row]:
-        """A row per category by name, then the mean over samples and over categories."""
+        """A row per category, sorted by name, then the mean over samples and over categories."""
         members: dict[str, list[int]] = {}
         for i, name in enumerate(self.names):
             members.setdefault(name.category or "(none)", []).append(i)

@@ -1,9 +1,8 @@
 """Metrics of several predictions for one image, compared with one or several true shapes.
 
-"Samples" are the predictions for one image with different random inputs.
-Distances between clouds are functions of one pair from `losses` or `metrics.clouds`.
-`cross_distances` computes a matrix of them, from which the metrics of sets are computed. Results
-are in the unit of the distance.
+In this module, "samples" or "draws" are the predictions for one image with different random inputs.
+An argument `distance` is a function of one pair of clouds from `losses` or `metrics.clouds`. An
+argument `distances` is a matrix from `cross_distances`. Results are in the unit of the distance.
 """
 
 from collections.abc import Callable
@@ -42,8 +41,9 @@ def best_and_mean(
     """Best-of-K and mean-of-K: min and mean over i of d(draw_i, gt).
 
     The best of K measures how near the samples come to the truth if the best one can be chosen. It
-    does not increase with K, so K must be reported. The mean is the expected distance of one
-    sample.
+    decreases or stays the same as K grows, so K must be reported. The mean is the expected distance
+    of one sample.
+
     Source: paper, equation of the MoN loss, here used as a metric.
     """
     each = cross_distances(draws, gt[None], distance)[:, 0]
@@ -56,6 +56,7 @@ def minimum_matching_distance(distances: Float[Array, "k t"]) -> Float[Array, ""
     MMD = mean over j of min over i of d(draw_i, truth_j)
 
     It is small if every true shape is near some sample.
+
     Source: Achlioptas et al., "Learning Representations and Generative Models for 3D Point Clouds",
     ICML 2018, section 2.2. There the mean is over all shapes of a category, here over the true
     shapes that fit one image.
@@ -67,8 +68,8 @@ def coverage(distances: Float[Array, "k t"]) -> Float[Array, ""]:
     """Fraction of the true shapes that are the nearest true shape of some sample.
 
     If several true shapes are equally near, the first one counts. Coverage measures whether the
-    samples reach all true shapes, not how near they come. If each of K samples hits one of T true
-    shapes at random, the expected coverage is 1 - (1 - 1/T)^K: .66 for K = T = 8.
+    samples reach all true shapes, not how near they come. If each of K samples equals one of T true
+    shapes chosen at random, the expected coverage is 1 - (1 - 1/T)^K: .66 for K = T = 8.
 
     Source: Achlioptas et al. 2018, section 2.2.
     """
@@ -125,10 +126,11 @@ class Spread(NamedTuple):
 def spread(draws: Float[Array, "k n 3"]) -> Spread:
     """Standard deviation of each output point over the samples of one image.
 
-    Points correspond by their index, because one network predicts all samples and a small change of
-    its random input moves a point only a little. Source: paper, section "Predicting Multiple
-    Plausible Shapes": certain points move little, and points move more along directions of
-    ambiguity.
+    Points with the same index correspond, because one network predicts all samples and a small
+    change of its random input moves a point only a little. Points of which the network is certain
+    should have a small spread, and the others a larger one along the directions of ambiguity.
+
+    Source: paper, section "Predicting Multiple Plausible Shapes".
     """
     variance = jnp.var(draws, axis=0)
     return Spread(jnp.sqrt(variance), jnp.sqrt(variance.sum(axis=-1)))
@@ -138,8 +140,8 @@ def marginal_spread(draws: Float[Array, "k n 3"]) -> Float[Array, "3"]:
     """How much the samples differ along each axis, independently of the order of their points.
 
     The coordinates of each sample along an axis are sorted. The result is the square root of the
-    mean over ranks of the variance over samples, in the unit of the points. Points that exchange
-    positions, or that move to where other points were, increase `spread` but not this measure.
+    mean over ranks of the variance over samples, in the unit of the points. Unlike `spread`, it
+    does not increase if points exchange their positions.
 
     This is **ours**: the variance of the samples in the Wasserstein-2 metric of their marginals.
     """
@@ -150,8 +152,9 @@ def wasserstein_1(drawn: Float[np.ndarray, " k"], true: Float[np.ndarray, " t"])
     """Wasserstein-1 distance of two sets of numbers: the integral of |F - G|, in their unit.
 
     F and G are the empirical distribution functions. Even for K exact samples of the true
-    distribution the distance is not 0 but of the order of its width / sqrt(K). Source: Vallender,
-    Theory of Probability 18(4), 1974.
+    distribution, the result is not 0 but of the order of the distribution's width / sqrt(K).
+
+    Source: Vallender, Theory of Probability 18(4), 1974.
 
     Raises:
       ValueError: a set is empty or has numbers that are not finite.
@@ -166,7 +169,7 @@ def wasserstein_1(drawn: Float[np.ndarray, " k"], true: Float[np.ndarray, " t"])
 
 
 def range_coverage(drawn: Float[np.ndarray, " k"], low: float, high: float) -> float:
-    """Fraction of the true range [low, high] between the smallest and the largest sampled number.
+    """Fraction of the range [low, high] that lies between the smallest and largest sampled number.
 
     K uniform samples of that range cover (K - 1) / (K + 1) of it on average.
 

@@ -32,7 +32,7 @@ Lines = Sequence[Sequence[str]]
 
 
 def aligned(lines: Lines, *, apart: int = 0) -> str:
-    """A table as text, first column left-aligned, with a line before the last `apart` rows."""
+    """A table as text: the first column left-aligned, a rule before the last `apart` rows."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     text = [
         "  ".join(
@@ -139,8 +139,9 @@ def _note_on_points(evaluation: Evaluation) -> str:
     emd = visibility = aligned = frame = ""
     if "emd_gap" in evaluation.metrics:
         gap = 100 * float(np.max(evaluation.metrics["emd_gap"]))
-        emd = f""" EMD: mean distance of matched points,
-each used once, of the prediction and as many true points; at most {gap:.2f} % above the least."""
+        emd = f""" EMD: mean distance
+between matched points of the prediction and of as many true points, each of which is used once; it
+is at most {gap:.2f} % above the minimum."""
     if "visible_share" in evaluation.metrics:
         tolerance = evaluation.visible_tolerance
         visibility = f"""
@@ -149,12 +150,12 @@ hidden: the others. Their columns: mean over such points of the squared distance
 predicted one."""
     if "aligned_cd_sq_radius2" in evaluation.metrics:
         aligned = f"""
-Aligned: the same after a scale in [{LEAST_SCALE:g}, {LARGEST_SCALE:g}] and a shift of each
-prediction that bring it nearest to its truth, by {ITERATIONS} rounds of nearest neighbours."""
+Aligned: the same distances after a scale in [{LEAST_SCALE:g}, {LARGEST_SCALE:g}] and a shift of
+each prediction that bring it nearest to its truth ({ITERATIONS} nearest-neighbour iterations)."""
     if evaluation.frame == "place":
         frame = """
-Images were cropped and placed as photos are, and the true points moved along: the unit is that of
-the frame, in which an object's radius is 1 as framed and some 0.8 to 1.2 once placed."""
+Images were cropped and placed like photos, and the true points were moved accordingly. The unit is
+that of the frame; an object has radius 1 before it is placed and about 0.8 to 1.2 afterwards."""
     num_pred, num_gt = evaluation.num_points
     return f"""
 Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones.

@@ -5,16 +5,16 @@ depend on the platform. Arithmetic is in the dtype of the arguments. The formula
 rounding, and each of them is deterministic.
 
 On a GPU or TPU these functions call XLA's convolutions. On a CPU, XLA computes convolutions without
-dilation about as fast as PyTorch. But transposed convolutions, the input gradients of strided
-convolutions (both have dilation) and kernel gradients are up to a hundred times slower. On a CPU,
-`conv2d` and `conv2d_transpose` therefore use three building blocks:
+dilation about as fast as PyTorch. It is up to a hundred times slower for convolutions with dilation
+(transposed convolutions, and the input gradients of strided convolutions) and for kernel gradients.
+On a CPU, `conv2d` and `conv2d_transpose` therefore use three building blocks:
 
 - `_correlate`, a convolution by XLA. With few channels XLA does not choose its fast routine; adding
   unused output channels makes it do so.
 - `_spread`, the adjoint of `_correlate`: the input gradient of `conv2d` and the value of
-  `conv2d_transpose`. The larger image is divided into cells of `stride x stride` pixels. The pixels
-  at the same position in all cells are the result of a convolution of stride 1 with every
-  `stride`-th kernel element. This avoids products with inserted zeros.
+  `conv2d_transpose`. The larger image is divided into cells of `stride x stride` pixels. For each
+  position within a cell, one convolution of stride 1 with every `stride`-th kernel element computes
+  the pixels at that position in all cells. This avoids products with inserted zeros.
 - `_kernel_gradient`, a product of two matrices. At stride 1 one matrix holds the horizontally
   shifted pixels and the other the vertically shifted pixels: `kw + kh` copies of the image instead
   of the `kh * kw` of an im2col. It processes a few rows of the image at a time, which stay in the
@@ -27,8 +27,8 @@ the times.
 
 Volumes (`conv3d`): on a CPU, XLA's 3D routine is about ten times slower than its 2D routine. There
 a volume is computed as a batch of slices: each slice and its neighbours are concatenated along the
-channels of one `conv2d`. CPU seconds for kernels of 3x3x3, forward and then forward with both
-gradients, compared with XLA's own (`tests/bench/convolution3d.py`):
+channels of one `conv2d`. The table compares it with XLA's own 3D convolution. It gives CPU seconds
+for kernels of 3x3x3: forward, then forward with both gradients (`tests/bench/convolution3d.py`):
 
     volumes   channels      here            XLA
     2 x 32^3  16 to 16      .017, .094      .27, .96
@@ -36,8 +36,8 @@ gradients, compared with XLA's own (`tests/bench/convolution3d.py`):
     4 x 32^3  16 to 1       .027, .12       .56, 1.41
     4 x 8^3   128 to 128    .026, .077      .064, .29
 
-An alternative, concatenating the three depths along the output channels, is faster forward at 32^3
-and mostly slower backward.
+The slices could also be concatenated along the output channels. That is faster forward at 32^3, and
+mostly slower backward.
 
 The platform is determined when a function is traced. On a CPU there is no forward-mode derivative.
 With `PSGN_CONVOLUTIONS=xla` in the environment, or within `plain_convolutions()`, XLA's own
@@ -59,7 +59,8 @@ from psgn_jax.types import Array, Float
 _LAYOUT = ("NHWC", "HWIO", "NHWC")
 _LAYOUT_3D = ("NDHWC", "DHWIO", "NDHWC")
 
-# Measured on AVX-512 with jax 0.10; `_narrow`, `_is_small` and `_rows_of_block` explain them.
+# Thresholds measured on AVX-512 with jax 0.10, explained in `_narrow`, `_is_small` and
+# `_rows_of_block`.
 _NARROW_CHANNELS = 16
 _SMALL_PIXELS = 4
 _BLOCK_PIXELS = 512
@@ -68,7 +69,8 @@ _BLOCK_PIXELS = 512
 class _Geometry(NamedTuple):
     """Stride and padding of a convolution; the padded size is `(out - 1) * stride + k`.
 
-    The padding is ((top, bottom), (left, right)). It is negative if the last pixels are not read.
+    The padding is ((top, bottom), (left, right)). It is negative on a side where the convolution
+    does not read the outermost pixels.
     """
 
     stride: int
@@ -82,8 +84,8 @@ _plain: contextvars.ContextVar[bool] = contextvars.ContextVar("plain_convolution
 def plain_convolutions() -> Iterator[None]:
     """Context in which XLA's own convolutions are traced on every platform.
 
-    It is for exported programs, which run elsewhere. It has no effect on functions that `jax.jit`
-    has already traced.
+    It is for exported programs, which run on other machines. It has no effect on functions that
+    `jax.jit` has already traced.
     """
     token = _plain.set(True)
     try:
@@ -93,9 +95,9 @@ def plain_convolutions() -> Iterator[None]:
 
 
 def uses_xla() -> bool:
-    """Returns whether to use XLA's convolutions: on GPU and TPU, or where they were asked for.
+    """Returns whether to use XLA's convolutions: always on GPU and TPU, on a CPU on request.
 
-    They are asked for by `PSGN_CONVOLUTIONS=xla` in the environment or by `plain_convolutions`.
+    They are requested by `PSGN_CONVOLUTIONS=xla` in the environment or by `plain_convolutions`.
     """
     asked = _plain.get() or os.environ.get("PSGN_CONVOLUTIONS") == "xla"
     return asked or jax.default_backend() != "cpu"
@@ -159,7 +161,7 @@ def conv3d(
 ) -> Float[Array, "b xo yo zo c_out"]:
     """Convolution (cross-correlation) of volumes without bias, SAME padding as in `conv2d`.
 
-    On a CPU a volume is computed as a batch of slices, as the module describes.
+    On a CPU a volume is computed as a batch of slices; see the module's docstring.
 
     Args:
       x: a batch of volumes.
@@ -217,7 +219,7 @@ _conv_adjoint.defvjp(
 
 
 def _is_small(num_pixels: int, kernel: Array) -> bool:
-    """Returns whether an im2col is faster: there are few pixels per number of the kernel.
+    """Returns whether an im2col is faster, because the kernel is large compared with the images.
 
     Milliseconds with an im2col and without, for a batch of 32 on one core: 5x5 of stride 2 from
     6x8x512, 83 and 146 forward, 62 and 112 backward; 3x3 at 6x8x512, 122 and 107 forward, 73 and
@@ -227,7 +229,10 @@ def _is_small(num_pixels: int, kernel: Array) -> bool:
 
 
 def _narrow(kernel: Array) -> bool:
-    """Returns whether XLA would use its slow routine: 54 instead of 33 ms for 8 x 192x256x16."""
+    """Returns whether XLA would use its slow routine.
+
+    For a batch of 8 images, 192x256x16, it takes 54 ms instead of 33.
+    """
     return max(kernel.shape[2:]) <= _NARROW_CHANNELS
 
 
@@ -235,7 +240,7 @@ def _rows_of_block(b: int, h: int, w: int) -> int:
     """Number of rows that `_kernel_gradient` processes at a time: the fewest with enough work.
 
     It is all h rows if XLA may split the batch over several devices, because then every iteration
-    of the loop would sum over the devices. Within `jax.shard_map` XLA does not.
+    of the loop would sum over the devices. Within `jax.shard_map` XLA does not split the batch.
     """
     if jax.device_count() > 1 and not jax.sharding.get_abstract_mesh().manual_axes:
         return h
@@ -254,7 +259,8 @@ def _correlate(x: Array, kernel: Array, geometry: _Geometry) -> Array:
     y = jax.lax.conv_general_dilated(
         x, kernel, (stride, stride), padding, dimension_numbers=_LAYOUT
     )
-    # Without the barrier XLA would move the slice into the convolution and undo the padding.
+    # Without the barrier, XLA would move the slice into the convolution, which would undo the
+    # padding with output channels.
     return y if y.shape[3] == c_out else jax.lax.optimization_barrier(y)[..., :c_out]
 
 

@@ -13,8 +13,8 @@ from psgn_jax.types import Array, Bool, Float, UInt8
 
 # Background colour in the authors' files (github.com/fanhqme/PointSetGeneration).
 BACKGROUND = 191 / 255
-# Depth of the frame's origin in the authors' camera, along the optical axis. It was fitted on the
-# silhouettes (`data.camera.default_camera`) and is used if no camera is given.
+# Depth of the frame's origin in the authors' camera, along the optical axis. It was fitted to the
+# silhouettes in their images (`data.camera.default_camera`) and is used if no camera is given.
 DEFAULT_DISTANCE = 3.6
 
 
@@ -30,11 +30,12 @@ def stack_channels(
 
     - "rgb", three channels: colour / 255; every background pixel is 191 / 255.
     - "mask", one channel: the **background** mask, 1 = background, 0 = object.
-    - "depth", two channels. The first is `distance - z`: how much nearer the surface is than the
-      frame's origin, in units. It is in [-1, 1] on the object, because the unit is the bounding
-      radius; it is not clipped. The second is 1 where depth was measured. Both are 0 on the
-      background and in holes of the sensor (z <= 0 or not finite). The mask distinguishes a hole
-      from the background; the second channel distinguishes it from a surface at the origin's depth.
+    - "depth", two channels. The first is `distance - z`: how much nearer to the camera the surface
+      is than the frame's origin, in units. It is in [-1, 1] on the object, because the unit is the
+      bounding radius; it is not clipped. The second is 1 where depth was measured. Both are 0 on
+      the background and where the sensor measured nothing on the object (z <= 0 or not finite). The
+      "mask" channel distinguishes these holes from the background; the second depth channel
+      distinguishes them from a surface at the depth of the origin.
 
     Args:
       image: RGB.
@@ -50,8 +51,8 @@ def stack_channels(
         uint8 or the mask not bool.
 
     Source: the authors' published code and data, which store colours as BGR. Their files store
-    depth as 16-bit integers, (5.4 - z) / 3.6 * 65535. Neither the files nor the paper say how it is
-    passed to a network; the two depth channels are **ours**.
+    depth as 16-bit integers, (5.4 - z) / 3.6 * 65535. Neither the files nor the paper say how depth
+    is passed to a network; the two depth channels are **ours**.
     """
     _check(image, mask, depth, channels)
     image, mask = jnp.asarray(image), jnp.asarray(mask)

@@ -1,12 +1,13 @@
 """Layers of the networks (convolution, transposed convolution, dense) and their initial values.
 
 Every layer has float32 parameters named `kernel` and `bias`, with the axes that
-`models.cpu_convolution` describes. It casts input, kernel and bias to its `dtype` and computes in
-it.
+`models.cpu_convolution` describes. It casts input, kernel and bias to its `dtype`, in which it also
+computes.
 
 Initial values (**ours**: choices of this implementation; the paper gives none). The networks have
-no normalisation, so the initial variances alone must keep the size of the activations over some
-twenty layers (He et al. 2015, "Delving deep into rectifiers", section 2.2):
+no normalisation layers. The variances of the initial kernels must therefore keep the activations at
+the same scale over some twenty layers (He et al. 2015, "Delving deep into rectifiers", section
+2.2):
 
 - `RELU`: variance 2 / fan_in, for a layer followed by a ReLU.
 - `SUMMED`: variance 1 / fan_in, for each of two linear layers whose sum goes through a ReLU (the
@@ -37,8 +38,8 @@ DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
 RELU: Initializer = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal")
 SUMMED: Initializer = nn.initializers.variance_scaling(1.0, "fan_in", "truncated_normal")
 
-# Rounded mean of the ground-truth points in 384 samples of the authors' batches (mean -.002, .008,
-# .324; standard deviations .33, .33, .26), in the project's frame and unit.
+# Rounded mean and standard deviation of the ground-truth points in 384 samples of the authors'
+# batches (mean -.002, .008, .324; standard deviations .33, .33, .26), in the project's frame.
 CLOUD_CENTRE = (0.0, 0.0, 0.32)
 CLOUD_SPREAD = 0.3
 
@@ -114,7 +115,8 @@ class ConvTranspose(nn.Module):
       features: output channels.
       kernel_size: side of the square kernel.
       stride: factor of both sizes.
-      kernel_init: initial values; their variance is multiplied by stride^2, as the module explains.
+      kernel_init: initial values; their variance is multiplied by stride^2 (see the module's
+        docstring on the fan-in).
       dtype: dtype of the arithmetic and the output.
     """
 
@@ -171,10 +173,10 @@ class Dense(nn.Module):
 def cloud_bias(spread: float) -> Initializer:
     """Initial bias of an output layer: coordinates xyz, xyz, ... near the middle of an object.
 
-    This is **ours**. A dense output layer has one bias per point, so its cloud can start spread
-    over the object. Most points are then soon the nearest to some part of the surface. The bias of
-    a convolution is the same in all cells; there the spread is 0, and `grid_offset` spreads the
-    points.
+    This is **ours**. A dense output layer has its own bias for each point, so the first clouds can
+    be spread over the object. Most points then soon become the nearest ones to some part of the
+    surface. A convolution has the same bias in all cells; there the spread is 0, and `grid_offset`
+    spreads the points.
 
     Args:
       spread: standard deviation of each coordinate in units.
@@ -208,5 +210,5 @@ def grid_offset(height: int, width: int, points_per_cell: int) -> np.ndarray:
 
 
 def small(spread: float) -> Initializer:
-    """Initial kernel of a linear output layer; outputs are about `spread` times the input."""
+    """Initial kernel of a linear output layer that scales its inputs by about `spread`."""
     return nn.initializers.variance_scaling(spread**2, "fan_in", "truncated_normal")

@@ -45,7 +45,8 @@ def padded_size(image_size: tuple[int, int], num_levels: int) -> tuple[int, int]
     """Image size after padding: the next multiples of `2 ** (num_levels - 1)`.
 
     Raises:
-      ValueError: a side is smaller than half of that, so that padding would exceed the image.
+      ValueError: a side is smaller than half of `2 ** (num_levels - 1)`; there would be more
+        padding than image.
     """
     divisor = 2 ** (num_levels - 1)
     if min(image_size) < divisor / 2:

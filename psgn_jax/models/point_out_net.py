@@ -7,14 +7,16 @@ Level l has 1 / 2^l of the image size; the last level, 3x4, is the bottleneck. L
 convolutions with ReLU unless stated otherwise.
 
 - `Encoder`: two convolutions at full size; then at each level a strided convolution, followed by
-  two more (three at the last level before the bottleneck, none at the bottleneck).
+  two convolutions of stride 1 (three at the last level before the bottleneck, none at the
+  bottleneck).
 - `vanilla`: encoder, flatten, dense 2048 and 1024 (ReLU), then 3 numbers per point (linear).
 - `two_branch`: the same for 256 points (fc branch), and in parallel a deconv branch: a `Merge` at
   each level from the bottleneck up to 24x32, one more convolution, and a linear convolution to the
   coordinates of the points of each cell.
 - `hourglass`: encode, decode up to 96x128, encode again, decode to 24x32, then as `two_branch`. The
-  first bottleneck goes through a dense layer of 2048 with ReLU and a linear layer of 2048
-  (`carry`). The result is added to a linear layer of 2048 of the second bottleneck; a ReLU follows.
+  fc branch reads both bottlenecks. The first one goes through a dense layer of 2048 with ReLU and a
+  linear layer of 2048 (`carry`), the second one through another linear layer of 2048. The two
+  results are added; a ReLU follows.
 - `Merge`: ReLU(resampled + skip), then a convolution. "Resampled" is a linear 5x5 transposed
   convolution of stride 2 (up) or a linear strided convolution (down). "Skip" is a linear 3x3
   convolution of the latest features of that level. The width is half of the encoder's width at
@@ -29,19 +31,21 @@ disagree:
 - Strided kernels are 3x3, except 5x5 into the bottleneck (`vanilla`, `two_branch`) or at the last
   three levels (`hourglass`). The authors published these sizes; we count the levels from the
   bottleneck, so that the rule also applies to fewer levels.
-- The two-branch network of the authors has a ReLU after the last transposed convolution; their
-  hourglass does not. Here that layer is linear in both.
-- `vanilla` was never published. Here it is the two-branch network without the deconv branch. All of
-  its points are `fc_points`; set this to 1024 to predict as many points as the other versions.
+- In the authors' two-branch network a ReLU follows the last transposed convolution, in their
+  hourglass it does not. Here that layer is linear in both networks.
+- The authors never published `vanilla`. Here it is the two-branch network without the deconv
+  branch, so it predicts only `fc_points` points; set this field to 1024 to get as many points as
+  from the other versions.
 - Between its two passes the hourglass goes up to level 1, or to level 0 if `deconv_level` is 0.
 - The random input r: with `random_at` "bottleneck", a dense layer without bias maps r to the shape
   of the bottleneck, and the result is added before the ReLU of the bottleneck; each pass has its
   own dense layer. With `random_at` "fc", r is added to the first hidden layer of the fc branch,
   before its ReLU; the points of the deconv branch then depend only on the image.
 - Several samples of r per image: the layers before r, and the skip convolutions that read them, are
-  computed once per image. These are the whole encoder (`vanilla`, `two_branch`), the encoder of the
-  first pass (`hourglass`), or everything but the fc branch (`random_at` "fc"). The other layers
-  have a batch of b * draws, in which the samples of one image are next to each other.
+  computed once per image. Before r are the encoder up to the bottleneck (`vanilla`, `two_branch`),
+  the encoder of the first pass (`hourglass`), or everything but the fc branch (`random_at` "fc").
+  The other layers have a batch of b * draws, in which the samples of one image are next to each
+  other.
 - `width_multiplier` scales all hidden widths, of convolutions and of dense layers. They are rounded
   to multiples of 8 and are at least 8.
 - Padding: if a side of the image is not a multiple of 2^(levels - 1), it is padded to the next one
@@ -142,7 +146,7 @@ class Merge(nn.Module):
 
     @nn.compact
     def __call__(self, x: Array, skip: Array) -> Array:
-        """Returns features of the size of `skip`; x may hold several samples per row of `skip`."""
+        """Returns features of the size of `skip`; x may have several samples for each image."""
         init, dtype = layers.SUMMED, self.dtype
         if self.down_size:
             x = Conv(
@@ -211,7 +215,7 @@ class FullyConnected(nn.Module):
 
     Attributes:
       num_points: number of points.
-      widths: hidden widths; the first layer takes the bottleneck of each pass.
+      widths: hidden widths; the first layer reads the bottleneck of each pass.
       dtype: dtype of the arithmetic in the hidden layers.
     """
 
@@ -252,7 +256,8 @@ class FullyConnected(nn.Module):
 class PointOutNet(nn.Module):
     """Maps one image, and optionally a random vector r, to a point cloud.
 
-    The architecture is described in the module. Use `build`, which validates the fields.
+    The architecture is described in the module's docstring. To create a network, use `build`, which
+    validates the fields.
 
     Attributes:
       version: "vanilla", "two_branch" or "hourglass".
@@ -400,7 +405,7 @@ def _pad(x: Array, size: tuple[int, int]) -> Array:
 
 
 def _add(x: Array, per_image: Array) -> Array:
-    """`x + per_image`; x may hold several rows per row of `per_image`, next to each other."""
+    """`x + per_image`; x may have several rows for each row of `per_image`, next to each other."""
     if x.shape == per_image.shape:
         return x + per_image
     # `shape[0]`, not `len`: the number of images may be symbolic (`psgn_jax.portable`).

@@ -3,10 +3,10 @@
 Source: paper, section "Generation of Multiple Plausible Shapes" and its figure on the conditional
 variational autoencoder (after Doersch, "Tutorial on Variational Autoencoders", 2016, section 3).
 During training, a 3D convolutional network Q maps the volume Y of the true shape to a normal
-distribution of z, and the generator G maps the image I and a sample of z to a cloud. The objective,
-with the ground truth S, is
+distribution of z, and the generator G maps the image and a sample of z to a cloud. The objective,
+with the ground truth S and a distance d between clouds, is
 
-    E over z ~ Q(z | Y) of d(G(I, z), S)  +  weight * KL(Q(z | Y) || N(0, I)).
+    E over z ~ Q(z | Y) of d(G(image, z), S)  +  weight * KL(Q(z | Y) || N(0, I)).
 
 At test time z is sampled from N(0, I). The generator is the network of `point_out_net`; z is passed
 to it as its random input r.
@@ -15,13 +15,13 @@ The authors did not publish code for this version, and the paper gives no sizes.
 (Maturana and Scherer, IROS 2015). The following is **ours**:
 
 - VoxNet has a 5^3 convolution of stride 2, a 3^3 convolution, pooling and a dense layer of 128.
-  Here convolutions of stride 2 (5^3, then 3^3), each with ReLU, replace the pooling, as in the
-  image network of the paper. A dense layer of 128 with ReLU and a linear layer to mean and
-  log-variance follow.
+  Here all convolutions have stride 2 and a ReLU (three by default: 5^3, 3^3, 3^3), and there is no
+  pooling, as in the paper's network for images. A dense layer of 128 with ReLU and a linear layer
+  to mean and log-variance follow.
 - The volume is computed from the ground-truth points of the sample (`occupied`), not from the solid
   occupancy in the records. It therefore includes the augmentation of the sample (flip, stretch),
-  and it also works for data sets without occupancy, such as the authors' batches. It is VoxNet's
-  "hit grid": the cells that contain points of the surface.
+  and it exists for data sets without occupancy too, such as the authors' batches. VoxNet calls this
+  a "hit grid": the cells that contain points of the surface.
 - The last layer has small initial values, so that Q starts near N(0, I) and the divergence near 0.
 """
 
@@ -58,7 +58,7 @@ class Gaussian(NamedTuple):
 
 
 class Posterior(nn.Module):
-    """Maps volumes to distributions of z; the module describes the layers.
+    """Maps volumes to distributions of z; the module's docstring describes the layers.
 
     Attributes:
       widths: feature maps of the convolutions.
@@ -94,8 +94,8 @@ def build(config: ModelConfig) -> Posterior:
 def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:
     """1 in the cells of `GRID` that contain a point, 0 in the others; it has no gradient.
 
-    Points outside the grid count for the nearest cell (a stretched sample may be wider than the
-    grid). The result does not depend on the order of the points.
+    A point outside the grid counts for the nearest cell, because stretching may make an object
+    wider than the grid. The result does not depend on the order of the points.
     """
     place = (points - jnp.asarray(_LOW, points.dtype)[None, :]) / _CELL
     cell = jnp.clip(jnp.floor(place), 0, OCCUPANCY_SIZE - 1).astype(jnp.int32)

@@ -23,9 +23,9 @@ The network has 35,968,706 parameters for images of 127 or 128 pixels. A leaky R
 every convolution of the encoder and decoder, except shortcuts and the last convolution. The loss is
 the softmax cross-entropy, averaged over the cells.
 
-**Ours**: He initialisation with the mean of fan-in and fan-out, which their code uses elsewhere,
-also for the dense layers of `VolumeCell` (theirs start larger). The axes of the grid are those of
-the ground truth, [x, y, z] of `data.schema`.
+**Ours**: all kernels start with He initialisation, with the mean of fan-in and fan-out. In their
+code those of the dense layers of `VolumeCell` start larger. The axes of the grid are those of the
+ground truth, [x, y, z] of `data.schema`.
 """
 
 from typing import Any, NamedTuple
@@ -63,7 +63,7 @@ class State(NamedTuple):
 
 
 class ImageEncoder(nn.Module):
-    """Maps an image to a vector; the module describes the layers."""
+    """Maps an image to a vector; the module's docstring describes the layers."""
 
     widths: tuple[int, ...]
     dense: int
@@ -108,7 +108,7 @@ class _Gate(nn.Module):
 
 
 class VolumeCell(nn.Module):
-    """The recurrent unit; the module describes it.
+    """The recurrent unit, described in the module's docstring.
 
     Attributes:
       kind: "gru" or "lstm".
@@ -135,7 +135,7 @@ class VolumeCell(nn.Module):
 
 
 class VolumeDecoder(nn.Module):
-    """Maps a grid of 4^3 to one of 32^3 with two numbers per cell; the module describes it."""
+    """Maps a grid of 4^3 cells to one of 32^3 with two numbers per cell (see the module)."""
 
     widths: tuple[int, ...]
     dtype: Any
@@ -184,9 +184,9 @@ class RecurrentVolume(nn.Module):
         """Returns the logits (empty, occupied) after the last view.
 
         Args:
-          views: v >= 1 images of each object, such as RGB in [0, 1] of 127x127 pixels. The
-            parameters do not depend on v. If the network is trained with views in random order,
-            their order has little influence.
+          views: v >= 1 images of each object, for example RGB in [0, 1] of 127x127 pixels. The
+            shapes of the parameters do not depend on v. After training with views in random order,
+            the order of the views has little influence.
 
         Raises:
           ValueError: v is 0.

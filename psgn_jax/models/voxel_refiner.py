@@ -2,17 +2,17 @@
 
 Source: paper, implementation details, "Post processing":
 
-- `splat`: the cloud is "registered into the 32x32x32 grid with bilinear interpolation", as if the
-  points were 1x1x1 cubes.
+- `splat`: the cloud is "registered into the 32x32x32 grid with bilinear interpolation", as if each
+  point were a cube of the size of a cell.
 - `VoxelRefiner`: "6 layers of 3x3x3 convolutions" over local neighbourhoods, "trained by IoU"
   (`losses.soft_iou_loss`). The best result of the paper uses two input channels: the cloud of a
   network trained by CD and the cloud of a network trained by EMD.
 - `VolumeNet`: "another network to predict the object's volume", whose output "is concatenated with
   the registered occupancy".
 
-**Ours**, because the paper does not say: the sum of the intersections is clipped to [0, 1]; the
-widths of the hidden layers, ReLU, and a sigmoid at the end; the volume is given to the refiner as
-its logarithm, as a channel with the same number in every cell.
+**Ours**, because the paper does not say: in a splat, the sum of the intersections is clipped to
+[0, 1]. The refiner has hidden layers of 16 channels, ReLUs and a final sigmoid. It reads the
+logarithm of the volume, as a channel with the same number in every cell.
 
 Frame: the grid of `data.schema`, indexed [x, y, z], over [-1, 1] x [-1, 1] x [0, 2].
 """
@@ -32,8 +32,8 @@ from psgn_jax.types import Array, Bool, Float
 GRID_ORIGIN = (-1.0, -1.0, 0.0)
 GRID_EDGE = 2.0
 
-# Initial bias of `VolumeNet`: .37 unit^3, about a tenth of the bounding box of the hemisphere. The
-# exact value does not matter.
+# Initial bias of `VolumeNet`: e^-1 = .37 unit^3, about a tenth of the bounding box of the
+# hemisphere. The exact value does not matter.
 _LOG_VOLUME = -1.0
 # Initial bias of `VoxelRefiner`: a probability of 5 % everywhere, because few cells are occupied.
 _FIRST_LOGIT = -3.0
@@ -91,7 +91,8 @@ class VoxelRefiner(nn.Module):
     13 cells along each axis. It works for any grid size.
 
     Attributes:
-      num_clouds: channels of the input: 1, or 2 for a CD-trained and an EMD-trained cloud.
+      num_clouds: number of splats in the input: 1, or 2 for a network trained by CD and one trained
+        by EMD.
       with_volume: whether log-volumes are an input too.
       widths: widths of the five hidden layers.
       dtype: dtype of the arithmetic; the last layer computes in float32.

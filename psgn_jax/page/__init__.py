@@ -1,1 +1,1 @@
-"""A web page that runs a trained network in the browser: one static folder."""
+"""A static web page that runs a trained network in the browser."""

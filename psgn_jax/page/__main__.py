@@ -2,10 +2,13 @@
 
 The network is given by `--weights=NAME|FILE` or by a run, `--workdir=W`; without either, the
 default weights of the package are used, if it has any. Any file server can serve the folder, for
-example `python -m http.server`. The page loads nothing from elsewhere: photos are read, masked and
-predicted on the visitor's device. ONNX Runtime Web is downloaded by npm the first time and kept in
-the cache folder; `--runtime=FOLDER|TGZ` reads it from another place. Needs the extra `export`. Exit
-code: 0 done, 2 an error, in one line.
+example `python -m http.server`. The page loads nothing from other hosts: reading a photo, finding
+the mask and predicting the points all run on the visitor's device. ONNX Runtime Web is downloaded
+by npm the first time and kept in the cache folder; `--runtime=FOLDER|TGZ` reads it from another
+place. The command needs the extra `export`.
+
+Exit code: 0, or 2 after an error, which is reported in one line; `docs/reliability.md` lists the
+exit codes of a full disk and of Ctrl-C.
 """
 
 import sys
@@ -39,7 +42,7 @@ def _main(argv: Sequence[str]) -> None:
         )
         sys.stdout.write(
             f"{values.out}: {size / 1e6:.1f} MB; "
-            f"look at it: python -m http.server --directory {values.out}\n"
+            f"to open it: python -m http.server --directory {values.out}\n"
         )
 
 
@@ -47,9 +50,9 @@ if __name__ == "__main__":
     define_network_flags()
     flags.DEFINE_string("out", None, "Folder for the page.", required=True)
     flags.DEFINE_enum(
-        "weights_as", "float16", ["float32", "float16", "int8"], "How the page stores weights."
+        "weights_as", "float16", ["float32", "float16", "int8"], "Format of the page's weights."
     )
-    flags.DEFINE_string("runtime", "", "Folder or .tgz with onnxruntime-web; default: by npm.")
-    flags.DEFINE_string("data", "", "Folder of records to check the network's file on.")
+    flags.DEFINE_string("runtime", "", "Folder or .tgz with onnxruntime-web; default: from npm.")
+    flags.DEFINE_string("data", "", "Folder of records for checking the exported network.")
     flags.DEFINE_string("split", "validation", "Split of the records.")
     app.run(_main, flags_parser=parse_flags)

@@ -1,8 +1,8 @@
 """ONNX Runtime Web, which runs the network in the browser. It is not part of the repository.
 
 It is downloaded once with `npm pack` from the package `onnxruntime-web` of the npm registry, and
-kept in the cache folder. On a machine without npm or network it is read from a folder or an archive
-with the same version. Every file is compared with its checksum, wherever it comes from.
+kept in the cache folder. On a machine without npm or network, `--runtime` names a folder or an
+archive of the same version. The checksum of every file is verified, wherever the file comes from.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ FILES = {
 _SECONDS = 300
 _MAX_BYTES = 64 << 20  # of one file
 _REMEDY = (
-    f"run `npm pack onnxruntime-web@{VERSION}` where there is a network and give "
+    f"run `npm pack onnxruntime-web@{VERSION}` on a machine with network access and give "
     "--runtime=onnxruntime-web-" + VERSION + ".tgz"
 )
 
@@ -42,7 +42,7 @@ def runtime_files(given: str | os.PathLike[str] = "") -> dict[str, bytes]:
     """The runtime's files by name.
 
     Args:
-      given: folder or `.tgz` with the files; "" for the cache, which npm fills if it is empty.
+      given: folder or `.tgz` with the files; "" = the cache, which npm fills if needed.
 
     Raises:
       ConfigError: the files are not available, or a checksum differs.
@@ -60,11 +60,11 @@ def runtime_files(given: str | os.PathLike[str] = "") -> dict[str, bytes]:
 
 
 def _packed(folder: pathlib.Path) -> pathlib.Path:
-    """The package's archive, fetched into a folder."""
+    """The package's archive, downloaded into a folder."""
     npm = shutil.which("npm")
     if npm is None:
         raise ConfigError(f"onnxruntime-web: npm is not installed; {_REMEDY}")
-    logging.info("fetching onnxruntime-web %s (33 MB) by npm", VERSION)
+    logging.info("downloading onnxruntime-web %s (33 MB) with npm", VERSION)
     command = [npm, "pack", "--silent", f"onnxruntime-web@{VERSION}"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_SECONDS, cwd=folder)

@@ -1,4 +1,4 @@
-"""Builds the page's folder: its modules, a network, the runtime, examples."""
+"""Builds the page's folder: JavaScript modules, the network, the runtime and example photos."""
 
 import hashlib
 import os
@@ -13,7 +13,7 @@ from psgn_jax.training.run_folder import Run
 
 STATIC = pathlib.Path(__file__).resolve().parent / "static"
 LARGEST = 30_000_000
-"""Bytes; a larger page may not open well on a phone, and a warning is logged."""
+"""Size in bytes above which a warning is logged: a larger page may not open well on a phone."""
 
 _LICENCE = f"""ONNX Runtime Web {VERSION}, MIT License
 
@@ -66,7 +66,7 @@ def build_page(
         if path.is_file():
             files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
     written = write_network(run, out, weights=(weights,), stablehlo=False, data=data, split=split)
-    # The page compares the description with this, and the network with the description.
+    # The page checks the description against this, and the network against the description.
     digest = hashlib.sha256((out / "network.json").read_bytes()).hexdigest()
     files["network.sha256"] = f"{digest}\n".encode()
     for name, content in files.items():
@@ -75,7 +75,7 @@ def build_page(
     size = sum((out / name).stat().st_size for name in names)
     if size > LARGEST:
         logging.warning(
-            "%s has %.1f MB, more than the %d MB that open well on a phone; "
+            "%s has %.1f MB; more than %d MB may not open well on a phone; "
             "--weights_as=int8 --data=RECORDS makes the network smaller",
             out,
             size / 1e6,

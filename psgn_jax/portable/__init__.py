@@ -1,1 +1,1 @@
-"""Trained networks for programs other than this one: ONNX, StableHLO, and a folder with both."""
+"""Exports trained networks for other programs: ONNX, StableHLO, and a folder with both."""

@@ -1,4 +1,4 @@
-"""Compares exported files with JAX, on images of records or on drawn silhouettes."""
+"""Compares exported files with JAX, on images of records or on random images."""
 
 import dataclasses
 import os
@@ -17,7 +17,7 @@ LARGEST_DIFFERENCE = 1e-4
 """Largest accepted difference between a coordinate of the float32 file and JAX's (unit)."""
 
 LARGEST_CD_CHANGE = 0.01
-"""Largest accepted relative change of the mean CD for smaller weights."""
+"""Largest accepted change of the mean CD, relative to that of JAX's clouds."""
 
 Arrays = dict[str, np.ndarray]
 
@@ -27,8 +27,8 @@ class Samples:
     """Inputs of a network, and the true clouds, if known.
 
     Attributes:
-      inputs: arrays by the name of the input; the first axis counts the images.
-      truth: float32 [n, m, 3], or None for drawn silhouettes.
+      inputs: arrays by the name of the input; the first axis is that of the images.
+      truth: float32 [n, m, 3], or None for random images.
     """
 
     inputs: Arrays
@@ -58,7 +58,7 @@ class Check:
 def recorded_samples(
     network: PortableNetwork, path: str | os.PathLike[str], split: str, count: int
 ) -> Samples:
-    """The first samples of a split of records.
+    """The first `count` samples of a split of records.
 
     Raises:
       RecordError: `path` contains no records of this split.
@@ -75,7 +75,7 @@ def recorded_samples(
 
 
 def drawn_samples(network: PortableNetwork, count: int = 8) -> Samples:
-    """Coloured ellipses, for use without records; always the same."""
+    """Random images whose masks are ellipses, for use without records; always the same images."""
     rng = np.random.default_rng(0)
     height, width = network.config.data.image_size
     rows, columns = np.mgrid[:height, :width] / np.array([height, width]).reshape(2, 1, 1) - 0.5
@@ -94,7 +94,7 @@ def _inputs(network: PortableNetwork, images: np.ndarray, masks: np.ndarray) -> 
 
 
 def expected(network: PortableNetwork, samples: Samples) -> np.ndarray:
-    """JAX's clouds [n, m, 3] of the samples."""
+    """The clouds [n, m, 3] that JAX predicts for the samples."""
     return _clouds(lambda arrays: np.asarray(network.compiled(*arrays.values())), samples)
 
 
@@ -103,7 +103,13 @@ def measure(
     samples: Samples,
     clouds: np.ndarray,
 ) -> Check:
-    """Compares a file, `run(inputs) -> points`, with JAX's clouds of `expected`."""
+    """Compares the points of an exported file with JAX's.
+
+    Args:
+      run: maps inputs by name to the points that the file predicts.
+      samples: the inputs.
+      clouds: JAX's clouds, from `expected`.
+    """
     own = _clouds(run, samples)
     difference = float(np.abs(own - clouds).max())
     if samples.truth is None:

@@ -1,4 +1,4 @@
-"""The folder of `psgn export`: a trained network for other programs, described and checked."""
+"""Writes the folder of `psgn export`: exported files, compared with JAX, and their description."""
 
 import dataclasses
 import hashlib
@@ -25,7 +25,7 @@ from psgn_jax.training.run_folder import Run
 
 FORMAT = "psgn_jax network 1"
 LATENTS = 16
-"""Random inputs in `network.json`: the first ones that `psgn predict --seed=0` uses."""
+"""Number of random inputs in `network.json`: the first ones that `psgn predict --seed=0` uses."""
 
 ONNX_NAMES = {
     "float32": "network.onnx",
@@ -50,11 +50,11 @@ RULE = {
 
 
 class ExportError(UserError):
-    """A network cannot be converted for other programs, or the written file gives wrong results."""
+    """A network cannot be exported, or an exported file gives wrong results."""
 
 
 def write_folder(run: Run, out: str | os.PathLike[str], **options: Any) -> dict[str, Any]:
-    """`write_network`, with a README and examples; returns the content of `network.json`."""
+    """Calls `write_network`, adds a README and examples; returns the content of `network.json`."""
     write_network(run, out, **options)
     description: dict[str, Any] = json.loads((pathlib.Path(out) / "network.json").read_text())
     _write_texts(pathlib.Path(out), description)
@@ -78,18 +78,20 @@ def write_network(
     Args:
       run: the network.
       out: folder, created if missing.
-      weights: how ONNX files store weights, any of `ONNX_NAMES`. "int8" needs `data`.
+      weights: the types in which weights are stored, any of `ONNX_NAMES`; each gives one ONNX file.
+        "int8" needs `data`.
       stablehlo: whether to write the StableHLO program.
-      data: folder of records for the check; "" = drawn silhouettes, which have no ground truth.
+      data: folder of records for the check; "" = random images, which have no ground truth.
       split: split of the records.
-      images: number of images for the check.
+      images: number of images of the records for the check.
 
     Returns:
       names of the files.
 
     Raises:
       ConfigError: packages are missing, or an argument is wrong.
-      ExportError: an operation has no ONNX form, or a file's clouds differ from JAX's.
+      ExportError: an operation cannot be converted to ONNX, or a file's clouds differ too much from
+        JAX's.
     """
     runtime.require_packages()
     _check_arguments(weights, data, images)
@@ -174,7 +176,8 @@ def _check_arguments(weights: Sequence[str], data: str, images: int) -> None:
         )
     if "int8" in weights and not data:
         raise ConfigError(
-            "--weights_as=int8: accepted with --data=RECORDS, on which its error is measured"
+            "--weights_as=int8: accepted only with --data=RECORDS, because its error must be "
+            "measured on records"
         )
     if images < 1:
         raise ConfigError(f"--images={images}: accepted: 1 or more")

@@ -1,11 +1,11 @@
-"""An ONNX graph under construction: values, constants, symbolic sizes. Only this file imports onnx.
+"""Builds an ONNX graph from nodes, constants and symbolic sizes. Only this file imports onnx.
 
 **Layouts.** The network's convolutions read images as [b, h, w, c] in JAX and as [b, c, h, w] in
 ONNX. A `Value` therefore records the order in which its axes are stored. Elementwise operators keep
 this order, so a chain of convolutions is transposed only at its beginning and end.
 
 **Repeated axes.** An axis that `broadcast_in_dim` repeats keeps the size 1 in the stored tensor as
-long as possible, because ONNX operators broadcast and need no copies.
+long as possible, because ONNX operators broadcast their arguments without copies.
 
 **Symbolic sizes.** The number of images is not known before the graph runs. A size such as
 `batch*draws` is computed within the graph from the shapes of its inputs.
@@ -22,16 +22,16 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 OPSET, IR_VERSION = 17, 8
-"""Versions that onnxruntime reads since 1.12 (2022), in browsers too."""
+"""Versions that onnxruntime has supported since 1.12 (2022), in browsers too."""
 
 STORED = ("float32", "float16", "int8")
-"""How weights may be stored; arithmetic is float32 in every case.
+"""The types in which weights may be stored; arithmetic is float32 in every case.
 
-"float16" halves the file. "int8" quarters it: 8-bit numbers with one scale for each output channel.
-Both are turned into float32 when a runtime loads the graph.
+"float16" halves the size of the file. "int8" reduces it to a quarter: 8-bit integers with one scale
+for each output channel. The graph converts both to float32; runtimes do this once, at loading.
 """
 
-_LEAST_WEIGHTS = 512  # smaller constants stay float32
+_LEAST_WEIGHTS = 512  # constants with fewer numbers stay float32
 _TYPES = {
     "float32": TensorProto.FLOAT,
     "float16": TensorProto.FLOAT16,
@@ -50,7 +50,7 @@ Size = Any
 
 
 class UnsupportedError(ValueError):
-    """An operation that has no ONNX form here."""
+    """An operation that this exporter cannot convert to ONNX."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class Value:
 
 
 def constant(array: Any, shape: tuple[Size, ...] | None = None) -> Value:
-    """A constant, repeated to `shape` where that differs."""
+    """A constant, broadcast to `shape` if that is given."""
     array = np.asarray(array)
     dtype = "float32" if array.dtype.name == "bfloat16" else array.dtype.name
     array = array.astype(dtype)
@@ -115,7 +115,7 @@ class Graph:
         return name
 
     def input(self, name: str, shape: tuple[Size, ...], dtype: str) -> Value:
-        """Declares an input; a symbolic size that stands alone can be read from it."""
+        """Declares an input; an axis whose size is a single symbol defines that symbol."""
         for axis, size in enumerate(shape):
             if not isinstance(size, int) and str(size).isidentifier():
                 self._symbols.setdefault(str(size), (name, axis))
@@ -127,20 +127,20 @@ class Graph:
         return dataclasses.replace(like, name=name, dtype=dtype or like.dtype, array=None)
 
     def fresh(self, name: str, shape: tuple[Size, ...], dtype: str) -> Value:
-        """The value of a node whose output has its full size, in JAX's axis order.
+        """The value of a node whose output has JAX's axis order and its full size.
 
-        No repeated axis is left at size 1.
+        None of its repeated axes is stored with size 1.
         """
         return Value(shape, dtype, name, tuple(range(len(shape))), shape)
 
     def tensor(self, value: Value, order: Sequence[int] | None = None, channel: int = -1) -> str:
-        """Name of a tensor with the value in the given order of axes; repeated sizes stay 1.
+        """Name of a tensor with the value in the given order of axes; repeated axes keep size 1.
 
         Args:
           value: may be a constant.
           order: order of the axes; None = JAX's order.
-          channel: if the constant is a layer's kernel: index of the output-channel axis in `order`.
-            -1 for other constants, which are not quantised.
+          channel: for the kernel of a layer, the index of the output-channel axis in `order`; -1
+            for other values. Only kernels are stored as float16 or int8.
         """
         order = tuple(range(value.rank)) if order is None else tuple(order)
         if value.array is not None:
@@ -150,7 +150,7 @@ class Graph:
         return self.node("Transpose", [value.name], perm=[value.order.index(a) for a in order])
 
     def whole(self, value: Value, order: Sequence[int] | None = None, channel: int = -1) -> str:
-        """As `tensor`, with repeated axes expanded to their full size."""
+        """Like `tensor`, but with repeated axes expanded to their full size."""
         order = tuple(range(value.rank)) if order is None else tuple(order)
         name = self.tensor(value, order, channel)
         if value.stored == value.shape:
@@ -165,7 +165,7 @@ class Graph:
         return self.node("Concat", [self._size(size) for size in sizes], axis=0)
 
     def shape_to_reshape(self, sizes: Sequence[Size]) -> str:
-        """As `shape`, for Reshape, which can infer one unknown size."""
+        """Like `shape`, for Reshape: a single symbolic size becomes -1, which Reshape infers."""
         unknown = [i for i, size in enumerate(sizes) if not isinstance(size, int)]
         if len(unknown) == 1 and 0 not in sizes:
             return self.shape([-1 if i in unknown else size for i, size in enumerate(sizes)])
@@ -241,7 +241,11 @@ class Graph:
         return self._sizes[text]
 
     def _evaluate(self, tree: ast.expr, text: str) -> str:
-        """A symbolic size from its text: sums, products, `floordiv`, `mod` of positive sizes."""
+        """Computes a symbolic size from its expression `tree`; returns the tensor's name.
+
+        The expression may contain sums, differences, products, powers, `floordiv` and `mod`, of
+        positive sizes.
+        """
         if isinstance(tree, ast.Constant) and isinstance(tree.value, int):
             return self._constant(np.array([tree.value], np.int64))
         if isinstance(tree, ast.UnaryOp) and isinstance(tree.op, ast.USub):
@@ -258,19 +262,19 @@ class Graph:
         elif isinstance(tree, ast.Call) and isinstance(tree.func, ast.Name):
             operands, operator = tree.args, {"floordiv": "Div", "mod": "Mod"}.get(tree.func.id)
         if operator is None or len(operands) != 2:
-            raise UnsupportedError(f"the size {text} cannot be computed in an ONNX graph here")
+            raise UnsupportedError(f"the symbolic size {text} cannot be converted to ONNX")
         return self.node(operator, [self._evaluate(operand, text) for operand in operands])
 
 
 def is_empty(value: Any) -> bool:
-    """Whether something with a `shape` has a size 0."""
+    """Whether an object with a `shape` has an axis of size 0."""
     return any(isinstance(size, int) and size == 0 for size in value.shape)
 
 
 def cast_target(dtype: str) -> int:
-    """ONNX's number of a type."""
+    """ONNX's number for a dtype."""
     if dtype not in _TYPES:
-        raise UnsupportedError(f"no ONNX type here for {dtype}")
+        raise UnsupportedError(f"the dtype {dtype} cannot be converted to ONNX")
     return int(_TYPES[dtype])
 
 

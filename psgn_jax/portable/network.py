@@ -1,11 +1,11 @@
 """A trained network as one function of arrays, traced for any number of images.
 
-Inputs and output of the function, the ONNX graph and the StableHLO program alike:
+The function, the ONNX graph and the StableHLO program have the same inputs and output:
 
-    image   uint8 [batch, H, W, 3]       RGB, as framed by `data.framing`; its background is ignored
+    image   uint8 [batch, H, W, 3]       RGB, framed by `data.framing`; its background is ignored
     mask    bool [batch, H, W]           True on the object
     r       float32 [batch, draws, k]    random inputs N(0, 1), if the network has a random input
-    points  float32 [batch, n, 3]        [batch, draws, n, 3] with r; the project's frame
+    points  float32 [batch, n, 3]        [batch, draws, n, 3] with r; in the project's frame
 
 The normalisation of colours is part of the function.
 """
@@ -29,7 +29,7 @@ PLATFORMS = ("cpu", "cuda", "rocm", "tpu")
 
 @dataclasses.dataclass(frozen=True)
 class Input:
-    """An input of the network; a size is a number, or the name of a symbolic size."""
+    """An input of the network; a size in `shape` is a number or the name of a symbolic size."""
 
     name: str
     dtype: str
@@ -52,16 +52,16 @@ class PortableNetwork:
 
     @classmethod
     def from_run(cls, run: Run) -> "PortableNetwork":
-        """An opened network, see `weights.opening.open_network`.
+        """The network of an opened run, see `weights.opening.open_network`.
 
         Raises:
-          ConfigError: the network does not predict points, or reads more than colour and mask.
+          ConfigError: the network does not predict points, or reads depth.
         """
         require_points_task(run.config, "a network for other programs")
         if "depth" in run.config.data.inputs:
             raise ConfigError(
-                f"data.inputs={run.config.data.inputs!r}: accepted for other programs: a network "
-                "of 'rgb' and 'mask'"
+                f"data.inputs={run.config.data.inputs!r}: accepted for export: a network with the "
+                "inputs 'rgb' and 'mask'"
             )
         model = dataclasses.replace(run.config.model, compute_dtype="float32")
         config = dataclasses.replace(run.config, model=model)
@@ -76,11 +76,11 @@ class PortableNetwork:
 
     @property
     def num_points(self) -> int:
-        """Points of a cloud."""
+        """Number of points of a cloud."""
         return point_layout.num_points(self.config.model)
 
     def __call__(self, image: Any, mask: Any, r: Any = None) -> jax.Array:
-        """The network, with XLA's own convolutions: `points`."""
+        """Predicts `points`, with XLA's own convolutions on every platform."""
         model = point_out_net.build(self.config.model)
         with cpu_convolution.plain_convolutions():
             batch = {"image": image, "mask": mask}
@@ -88,7 +88,7 @@ class PortableNetwork:
 
     @functools.cached_property
     def compiled(self) -> Any:
-        """The function, compiled by this process's JAX."""
+        """The function, compiled by `jax.jit` in this process."""
         return jax.jit(lambda *arrays: self(*arrays))
 
     def trace(self) -> Any:

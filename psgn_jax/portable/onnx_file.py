@@ -12,15 +12,15 @@ STORED = graph_lib.STORED
 def to_onnx(
     network: PortableNetwork, weights: str = "float32", texts: Mapping[str, str] | None = None
 ) -> bytes:
-    """The content of the file; inputs and output are described in `portable.network`.
+    """The content of an ONNX file; its inputs and output are described in `portable.network`.
 
     Args:
       network: the network to convert.
-      weights: how weights are stored, one of `STORED`.
+      weights: the type in which weights are stored, one of `STORED`.
       texts: metadata of the file.
 
     Raises:
-      UnsupportedError: the network has an operation without an ONNX form here.
+      UnsupportedError: an operation of the network cannot be converted.
     """
     traced = network.trace()
     graph = graph_lib.Graph(weights)

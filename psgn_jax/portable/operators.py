@@ -1,9 +1,9 @@
-"""JAX's primitives in ONNX: `convert` appends the equations of a traced function to a graph.
+"""Converts JAX's primitives to ONNX: `convert` appends a traced function to a graph.
 
 The conversion works on operations, not on particular networks: every function that consists of the
 primitives below can be converted. Any other primitive raises `UnsupportedError` with its name.
-Equations whose arguments are all known are computed by JAX and stored as constants, and equations
-whose results are not used are left out.
+Equations whose arguments are all known are computed by JAX and stored as constants. Equations whose
+results are not used are left out.
 """
 
 import functools
@@ -74,10 +74,10 @@ def convert(graph: Graph, closed: Any, inputs: Sequence[Value]) -> list[Value]:
       inputs: arguments of the function.
 
     Returns:
-      results of the function.
+      the results of the function.
 
     Raises:
-      UnsupportedError: the function contains an operation that is not supported here.
+      UnsupportedError: the function contains an operation that cannot be converted.
     """
     return _convert(graph, closed.jaxpr, [constant(c) for c in closed.consts], inputs)
 
@@ -121,7 +121,7 @@ def _apply(graph: Graph, equation: Any, operands: list[Value]) -> list[Value]:
         results = equation.primitive.bind(*arrays, **params)
         results = results if equation.primitive.multiple_results else [results]
         return [constant(np.asarray(result)) for result in results]
-    if is_empty(out):  # omitted when it is concatenated with other values
+    if is_empty(out):  # needs no name, because `concatenate` leaves out empty values
         return [graph.fresh("", tuple(out.shape), np.dtype(out.dtype).name)]
     if name in _SAME:
         return list(operands)
@@ -130,12 +130,14 @@ def _apply(graph: Graph, equation: Any, operands: list[Value]) -> list[Value]:
     if name in _BINARY:
         return [_binary(graph, name, operands, out)]
     if name not in OPERATORS:
-        raise UnsupportedError(f"the operation {name!r} of this network has no ONNX form here")
+        raise UnsupportedError(
+            f"the operation {name!r} of this network cannot be converted to ONNX"
+        )
     return [OPERATORS[name](graph, operands, out, params)]
 
 
 def _are_known(values: Sequence[Value]) -> bool:
-    """Whether all are constants of known sizes."""
+    """Whether all values are constants of known sizes."""
     return all(value.array is not None and _is_static(value.shape) for value in values)
 
 
@@ -143,11 +145,11 @@ def _is_static(shape: Sequence[Any]) -> bool:
     return all(isinstance(size, int) for size in shape)
 
 
-# --- element by element ----------------------------------------------------------------------
+# --- elementwise operations ------------------------------------------------------------------
 
 
 def _together(graph: Graph, values: Sequence[Value]) -> tuple[list[str], Value]:
-    """Names of values in one order of axes, and a value with that order and the stored sizes."""
+    """Names of tensors with the same order of axes, and a value with the layout of their result."""
     rank = max(value.rank for value in values)
     plain = tuple(range(rank))
     full = [value for value in values if value.rank == rank]
@@ -169,7 +171,7 @@ def _unary(graph: Graph, name: str, x: Value) -> Value:
 def _binary(graph: Graph, name: str, operands: Sequence[Value], out: Any) -> Value:
     kind = operands[0].dtype
     if (name in _LOGICAL and kind != "bool") or (name == "div" and not kind.startswith("float")):
-        raise UnsupportedError(f"the operation {name!r} of {kind} has no ONNX form here")
+        raise UnsupportedError(f"the operation {name!r} of {kind} cannot be converted to ONNX")
     if name == "max" and (zero := _is_zero(operands)) is not None:
         x = operands[1 - zero]
         return graph.result(graph.node("Relu", [graph.tensor(x, x.order)]), x)
@@ -179,7 +181,7 @@ def _binary(graph: Graph, name: str, operands: Sequence[Value], out: Any) -> Val
 
 
 def _is_zero(operands: Sequence[Value]) -> int | None:
-    """Index of the operand that is the constant 0, of two floats; None if there is none."""
+    """Index of the operand that is the float32 constant 0 if the other is not constant, or None."""
     for i, value in enumerate(operands):
         is_number = value.array is not None and value.array.size == 1
         if is_number and value.dtype == "float32" and not np.any(value.array):
@@ -199,7 +201,7 @@ def _cast(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> 
 def _where(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Value:
     which, *cases = operands
     if which.dtype != "bool" or len(cases) != 2:
-        raise UnsupportedError("select_n of more than two cases has no ONNX form here")
+        raise UnsupportedError("select_n of more than two cases cannot be converted to ONNX")
     names, like = _together(graph, [*cases, which])
     like = Value(out.shape, cases[0].dtype, "", like.order, like.stored)
     return graph.result(graph.node("Where", [names[2], names[1], names[0]]), like)
@@ -233,7 +235,7 @@ def _erfc(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> 
 def _shifted(
     inner: str, before: float, after: float, graph: Graph, operands: Sequence[Value], *_: Any
 ) -> Value:
-    """`inner(x + before) + after`: log1p, expm1."""
+    """`inner(x + before) + after`, for log1p and expm1."""
     (x,) = operands
     name = graph.tensor(x, x.order)
     if before:

@@ -1,4 +1,4 @@
-"""JAX's matrix products, convolutions and pooling in ONNX."""
+"""Converts JAX's matrix products, convolutions and pooling to ONNX."""
 
 import math
 import string
@@ -11,7 +11,7 @@ from psgn_jax.portable.graph import Graph, Params, UnsupportedError, Value, cons
 
 
 def dot(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Value:
-    """`dot_general`: MatMul for a layer, Einsum for the rest."""
+    """`dot_general`: MatMul for the product `x @ y` with a matrix y, Einsum for all others."""
     x, y = operands
     (sum_x, sum_y), (batch_x, batch_y) = params["dimension_numbers"]
     plain = not batch_x and y.rank == 2 and tuple(sum_y) == (0,)
@@ -43,13 +43,17 @@ def convolution(graph: Graph, operands: Sequence[Value], out: Any, params: Param
     numbers = params["dimension_numbers"]
     dilation, groups = tuple(params["lhs_dilation"]), params["feature_group_count"]
     if params["batch_group_count"] != 1:
-        raise UnsupportedError("a convolution over groups of images has no ONNX form here")
+        raise UnsupportedError(
+            "a convolution with batch_group_count > 1 cannot be converted to ONNX"
+        )
     image = graph.whole(x, numbers.lhs_spec)
     options: dict[str, Any] = {"group": groups}
     if set(dilation) == {1}:
         low, high = zip(*params["padding"], strict=True)
         if min(*low, *high) < 0:
-            raise UnsupportedError("a convolution that crops its image has no ONNX form here")
+            raise UnsupportedError(
+                "a convolution with negative padding cannot be converted to ONNX"
+            )
         options |= {
             "strides": list(params["window_strides"]),
             "dilations": list(params["rhs_dilation"]),
@@ -78,8 +82,8 @@ def _transposed_kernel(graph: Graph, kernel: Value, params: Params) -> tuple[str
         or kernel.array is None
     ):
         raise UnsupportedError(
-            "a transposed convolution with strides, holes, groups or a computed kernel has no ONNX "
-            "form here"
+            "a convolution with input dilation cannot be converted to ONNX if it also has strides, "
+            "kernel dilation, groups or a computed kernel"
         )
     outs, ins, *places = numbers.rhs_spec
     taps = [kernel.shape[axis] for axis in places]
@@ -88,7 +92,9 @@ def _transposed_kernel(graph: Graph, kernel: Value, params: Params) -> tuple[str
         for side in (0, 1)
     ]
     if min(pads[0]) < 0:
-        raise UnsupportedError("this padding of a transposed convolution has no ONNX form here")
+        raise UnsupportedError(
+            "this padding of a transposed convolution cannot be converted to ONNX"
+        )
     extra = [max(0, -amount) for amount in pads[1]]
     turned = np.flip(np.asarray(kernel.array), places)
     weight = graph.whole(constant(turned), [ins, outs, *places], channel=1)
@@ -101,14 +107,14 @@ def _transposed_kernel(graph: Graph, kernel: Value, params: Params) -> tuple[str
 
 
 def pool(operator: str, graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Value:
-    """`reduce_window_max`, `reduce_window_sum` over images; sums are averages times their count."""
+    """`reduce_window_max`, `reduce_window_sum` over images; a sum is the average times a count."""
     (x,) = operands[:1]
     window, strides = params["window_dimensions"], params["window_strides"]
     places = [axis for axis, size in enumerate(window) if size > 1]
     others = [axis for axis in range(x.rank) if axis not in places]
     dilated = {*params["base_dilation"], *params["window_dilation"]} != {1}
     if dilated or len(others) != 2 or any(strides[a] != 1 for a in others):
-        raise UnsupportedError("this pooling has no ONNX form here")
+        raise UnsupportedError("this pooling cannot be converted to ONNX")
     order = (*others, *places)
     pads = [params["padding"][axis][side] for side in (0, 1) for axis in places]
     options: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""ONNX graphs run by onnxruntime on the CPU. Only this file imports onnxruntime."""
+"""Runs ONNX graphs by onnxruntime on the CPU. Only this file imports onnxruntime."""
 
 import importlib.util
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from psgn_jax.config import ConfigError
 
 
 def require_packages() -> None:
-    """Raises `ConfigError` where the packages of the extra `export` are missing."""
+    """Raises `ConfigError` if packages of the extra `export` are missing."""
     names = ("onnx", "onnxruntime", "flatbuffers")  # jax.export needs flatbuffers
     missing = [name for name in names if importlib.util.find_spec(name) is None]
     if missing:
@@ -18,14 +18,14 @@ def require_packages() -> None:
 
 
 class Session:
-    """A graph, ready to be run.
+    """An ONNX graph that is loaded and can be called.
 
     Args:
-      model: content of the file.
+      model: content of the ONNX file.
       threads: number of threads for one operation.
 
     Raises:
-      ValueError: onnxruntime refuses the model.
+      ValueError: onnxruntime cannot load the model.
     """
 
     def __init__(self, model: bytes, threads: int = 1):
@@ -39,9 +39,9 @@ class Session:
                 model, options, providers=["CPUExecutionProvider"]
             )
         except Exception as error:  # onnxruntime does not export its error classes
-            raise ValueError(f"no ONNX graph that runs: {str(error)[:200]}") from None
+            raise ValueError(f"onnxruntime cannot load the model: {str(error)[:200]}") from None
 
     def __call__(self, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
-        """The first output for inputs by name."""
+        """The first output of the graph, for inputs given by name."""
         results: Any = self._session.run(None, dict(arrays))
         return np.asarray(results[0])

@@ -1,4 +1,4 @@
-"""Operations of JAX that move numbers without changing them, and sums over axes, in ONNX."""
+"""Converts JAX's operations that move numbers without changing them, and reductions, to ONNX."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +9,7 @@ from psgn_jax.portable.graph import Graph, Params, UnsupportedError, Value, cons
 
 
 def broadcast(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Value:
-    """`broadcast_in_dim`: new axes, and sizes that stay 1 in what is stored."""
+    """`broadcast_in_dim`: new and repeated axes have size 1 in the stored tensor."""
     x, axes = operands[0], tuple(params["broadcast_dimensions"])
     rank = len(out.shape)
     stored: list[Any] = [1] * rank
@@ -19,7 +19,7 @@ def broadcast(graph: Graph, operands: Sequence[Value], out: Any, params: Params)
         return constant(x.array.reshape(stored), tuple(out.shape))
     if x.rank == rank:
         return Value(tuple(out.shape), x.dtype, x.name, x.order, tuple(stored))
-    # New axes have the stored size 1; JAX has them before or between the existing ones.
+    # JAX may place new axes before or between the existing ones.
     name, added = graph.tensor(x), [axis for axis in range(rank) if axis not in axes]
     if added:
         name = graph.node("Unsqueeze", [name, graph.shape(added)])
@@ -29,7 +29,9 @@ def broadcast(graph: Graph, operands: Sequence[Value], out: Any, params: Params)
 def reshape(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Value:
     """`reshape`, `squeeze`, `expand_dims`."""
     if params.get("dimensions") is not None:
-        raise UnsupportedError("reshape of other than row-major order has no ONNX form here")
+        raise UnsupportedError(
+            "reshape in an order other than row-major cannot be converted to ONNX"
+        )
     x, shape = operands[0], tuple(out.shape)
     if shape == x.shape:
         return x
@@ -88,11 +90,11 @@ def reverse(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -
 
 
 def pad(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Value:
-    """`pad` at the edges."""
+    """`pad` at the borders; interior padding is not supported."""
     x, value = operands
     config = params["padding_config"]
     if any(inside for _, _, inside in config):
-        raise UnsupportedError("pad with holes inside has no ONNX form here")
+        raise UnsupportedError("pad with interior padding cannot be converted to ONNX")
     low = [config[axis][0] for axis in x.order]
     high = [config[axis][1] for axis in x.order]
     names = [graph.whole(x, x.order), graph.shape([*low, *high]), graph.tensor(value)]
@@ -119,14 +121,14 @@ def reduce(
 def gather(graph: Graph, operands: Sequence[Value], out: Any, params: Params) -> Value:
     """`gather` with known indices: one window, or rows along one axis.
 
-    This is what indexing with numbers, slices and arrays of numbers gives.
+    Indexing with integers, slices and arrays of integers gives these two kinds.
     """
     x, indices = operands
     numbers, sizes = params["dimension_numbers"], params["slice_sizes"]
     axes, dropped = numbers.start_index_map, numbers.collapsed_slice_dims
     others_whole = all(sizes[a] == x.shape[a] for a in range(x.rank) if a not in axes)
     if indices.array is None or numbers.operand_batching_dims or not others_whole:
-        raise UnsupportedError("gather of computed indices has no ONNX form here")
+        raise UnsupportedError("gather with computed indices cannot be converted to ONNX")
     if indices.rank == 1:
         name = graph.whole(x)
         for axis, first in zip(axes, indices.array.tolist(), strict=True):
@@ -138,7 +140,7 @@ def gather(graph: Graph, operands: Sequence[Value], out: Any, params: Params) ->
     (axis,) = axes if len(axes) == 1 else (-1,)
     kept = [a for a in range(len(out.shape)) if a not in numbers.offset_dims]
     if indices.rank != 2 or tuple(dropped) != (axis,) or len(kept) != 1:
-        raise UnsupportedError("this gather has no ONNX form here")
+        raise UnsupportedError("this gather cannot be converted to ONNX")
     rows = graph.tensor(constant(indices.array[:, 0].astype(np.int64)))
     name = graph.node("Gather", [graph.whole(x), rows], axis=axis)
     places = [a for a in range(len(out.shape)) if a != kept[0]]

@@ -16,7 +16,7 @@ from psgn_jax.data import photo
 EDITOR_SIZE = (600, 800)
 """Height and width of the canvas that the mask is painted on, whatever the photo's shape.
 
-The photo is scaled to fit its middle. The prediction reads the whole photo.
+The photo is scaled to fit the canvas and centred. The prediction uses the photo at its own size.
 """
 
 PAINT = (226, 70, 40, 150)
@@ -26,7 +26,7 @@ MAX_LAYERS = 4
 """Largest number of layers of the editor's value."""
 
 KEPT_VALUES = 16
-"""Number of editor values that are kept until they are used."""
+"""Largest number of editor values that are kept until they are used."""
 
 MAX_LAYER_BYTES = 4_000_000
 
@@ -43,7 +43,7 @@ def place_in_editor(shape: tuple[int, ...]) -> tuple[slice, slice]:
 def shows_photo(edited: Any) -> bool:
     """Whether the editor's value has a background image.
 
-    Clearing removes the whole background, and a background always fills the canvas.
+    If the editor was cleared, there is no background; otherwise the background covers the canvas.
 
     Raises:
       PhotoError: the value was refused, see `check_pictures`.
@@ -113,7 +113,7 @@ class Blobs(dict[str, Any]):
 
 
 def bound_editor(editor: Any) -> None:
-    """Makes an `ImageEditor` check what is sent to it before it decodes or keeps it."""
+    """Makes an `ImageEditor` check the data that it receives before it decodes or stores them."""
     preprocess, accept = editor.preprocess, editor.accept_blobs
     editor.blob_storage = Blobs()
 

@@ -55,18 +55,20 @@ QUEUE = 64
 """Requests that may wait."""
 
 KEPT_SECONDS = 3600.0
-ADVICE = '<p style="opacity:.7">The points appear here: drop a photo, check its mask, Predict.</p>'
+ADVICE = (
+    '<p style="opacity:.7">The points appear here: drop a photo, check its mask, press Predict.</p>'
+)
 """HTML that is shown instead of a result."""
 
 _MARGIN_GREY = 232
 _PAGE_HEIGHT = 600
 _FOUND = {
-    "alpha": "Object found by the file's transparency.",
+    "alpha": "Object found by the transparency of the file.",
     "plain": "Object found: it stands out from a plain background.",
     "rembg": "Object found by a segmentation network (rembg).",
     "grabcut": "Object guessed from the photo's colours (GrabCut), often wrong at the edges.",
 }
-_DOUBT = "Object guessed from the photo's colours, in doubt: the mask is probably wrong."
+_DOUBT = "Object guessed from the photo's colours; the mask is probably wrong."
 _CORRECT = "Red is object: correct it with brush and eraser, then press Predict."
 
 
@@ -110,8 +112,8 @@ class Demo:
 
     def _open_photo(self, path: str, method: str) -> tuple[dict[str, Any], str]:
         read = photo.read_photo(path)
-        # Both have exactly the size of the canvas, because the editor moves and scales images and
-        # layers of other sizes differently.
+        # Background and layer have exactly the size of the canvas: the editor moves and scales
+        # images and layers of other sizes differently.
         rows, columns = place_in_editor(read.image.shape)
         size = (columns.stop - columns.start, rows.stop - rows.start)
         background = np.full((*EDITOR_SIZE, 3), _MARGIN_GREY, np.uint8)
@@ -220,7 +222,7 @@ class Demo:
             yield
             return
         if not self._waiting.acquire(blocking=False):
-            raise photo.PhotoError("others' large photos are being read: try again in a moment")
+            raise photo.PhotoError("other large photos are being read: try again in a moment")
         try:
             with self._large:
                 yield
@@ -286,7 +288,7 @@ def build(demo: Demo) -> Any:
     with gradio.Blocks(
         title="psgn_jax", analytics_enabled=False, delete_cache=(600, int(KEPT_SECONDS))
     ) as blocks:
-        gradio.Markdown("## From one photo to points\nA photo of one object, nothing cut off.")
+        gradio.Markdown("## From one photo to points\nDrop a photo that shows one whole object.")
         examples = gradio.Gallery(
             [(str(path), example_photos.title(path)) for path in example_photos.example_photos()],
             label="examples: click one",
@@ -313,7 +315,7 @@ def build(demo: Demo) -> Any:
                     [
                         ("auto", "auto"),
                         ("place: crop and scale the object", "place"),
-                        ("keep: the photo is framed as the training images", "keep"),
+                        ("keep: the photo is framed like the training images", "keep"),
                     ],
                     value="auto",
                     label="frame",
@@ -324,7 +326,7 @@ def build(demo: Demo) -> Any:
                 line = gradio.HTML("", elem_id="line")
             with gradio.Column(scale=2, min_width=420):
                 editor = gradio.ImageEditor(
-                    label="mask: what is painted is object",
+                    label="mask: painted pixels are object",
                     type="numpy",
                     image_mode="RGBA",
                     format="png",
@@ -345,7 +347,7 @@ def build(demo: Demo) -> Any:
                 bound_editor(editor)
         viewer = gradio.HTML(ADVICE, elem_id="viewer")
         files = gradio.HTML("", elem_id="files")
-        # Not `source.change`, which an example also causes.
+        # Not `source.change`, which an example also triggers.
         for changed in (source.upload, source.clear, method.change):
             # No prediction while the mask is being computed.
             locked = changed(
@@ -437,7 +439,7 @@ def _whole(name: str, value: Any) -> int:
             return int(value)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise ConfigError(f"{name}={value}: accepted: a whole number")
+    raise ConfigError(f"{name}={value}: accepted: an integer")
 
 
 def _failed(error: Exception | str, path: str | None = None) -> str:

@@ -1,7 +1,7 @@
 """Serves the demo's page: checks which requests are accepted, and how large they may be.
 
 A page of another site that is open in the same browser must not reach this server. Two checks
-prevent it, for pages and web sockets alike:
+prevent this, for HTTP requests and for web sockets:
 
 - The `Host` of a request must be a name of this server. A site that points its own name at this
   address (DNS rebinding) still sends its own name and is refused.
@@ -64,7 +64,7 @@ class Guard:
             return 403, "this server has another name; see --allowed_hosts"
         for name, value in headers:
             if name == "origin" and urllib.parse.urlsplit(value.lower()).netloc != hosts[0]:
-                return 403, "another site may not use this server"
+                return 403, "requests from other sites are refused"
             if name == "content-length" and not _is_count(value, _MAX_BODY_BYTES):
                 return 413, f"files of up to {MAX_UPLOAD_BYTES:,} bytes are accepted"
         return None
@@ -174,7 +174,7 @@ def guard(app: _App, host: str, allowed_hosts: Iterable[str] = ()) -> Guard:
 
 
 def _host_name(host: str) -> str:
-    """The name in a `Host` header, without port and brackets; "" if it is no such header."""
+    """The name in a `Host` header, without port and brackets; "" if the header is invalid."""
     try:
         parts = urllib.parse.urlsplit(f"//{host}")
         _ = parts.port  # raises for a wrong one

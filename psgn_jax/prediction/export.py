@@ -1,4 +1,4 @@
-"""Predicted clouds as files, with colours from the image.
+"""Writes predicted clouds as files, with colours from the image.
 
 All formats use the project's frame (`data.schema`): right-handed, **+z up**, +y to the right of the
 image, +x toward the camera, origin on the ground, unit = radius of the bounding hemisphere. In
@@ -93,7 +93,7 @@ def ply(points: np.ndarray, colours: np.ndarray) -> bytes:
 
 
 def xyz(points: np.ndarray, colours: np.ndarray | None = None) -> bytes:
-    """A line `x y z` for each point, without header and colours, which all programs can read."""
+    """A line `x y z` for each point, without header or colours; most programs can read this."""
     return "".join(f"{x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points.tolist()).encode()
 
 
@@ -140,7 +140,8 @@ def write_clouds(
     if not formats or not set(formats) <= set(FORMATS):
         raise ValueError(f"formats={formats!r}: accepted: any of {', '.join(FORMATS)}")
     if not np.isfinite(points).all():
-        raise ValueError(f"points: got {np.size(points) - np.isfinite(points).sum()} not finite")
+        bad = np.size(points) - np.isfinite(points).sum()
+        raise ValueError(f"points: got {bad} values that are not finite, expected finite values")
     files = []
     for suffix in formats:
         if suffix == "npz":

@@ -30,7 +30,7 @@ FC, DECONV = 0, 1
 NORMAL_FORMS = ("auto", "yes", "no")
 
 INVERTED = (
-    "the mask covers the image's border and not its middle: it is probably inverted (white outside "
+    "the mask covers the image's border but not its middle: it is probably inverted (white outside "
     "the object); --invert_mask exchanges object and background"
 )
 
@@ -256,13 +256,13 @@ class Predictor:
         if not size:
             return None
         if not -(2**31) <= seed < 2**31:
-            raise ConfigError(f"seed={seed}: accepted: a whole number of 32 bits")
+            raise ConfigError(f"seed={seed}: accepted: an integer of 32 bits")
         # Every image is sample 0, so that its clouds do not depend on other images.
         return np.asarray(sampling.sample_latents(self.config, 0, 1, samples, seed))[0]
 
 
 class Clock:
-    """Seconds between laps."""
+    """Measures the seconds between laps."""
 
     def __init__(self) -> None:
         self.laps: dict[str, float] = {}

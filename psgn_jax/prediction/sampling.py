@@ -1,8 +1,8 @@
 """Several predictions for one image, by sampling the random input.
 
-For a network trained with Min-of-N, r is sampled as in training; for a variational autoencoder, z
-is sampled from its prior. Both distributions are N(0, I) (paper, section "Predicting Multiple
-Plausible Shapes").
+For a network trained with Min-of-N, the random input r is sampled as in training. For a variational
+autoencoder, it is the latent variable z and is sampled from the prior. Both distributions are
+N(0, I) (paper, section "Predicting Multiple Plausible Shapes").
 """
 
 import functools

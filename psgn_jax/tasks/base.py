@@ -1,7 +1,8 @@
 """The interface of a task: what a run trains and measures. `tasks.create` creates a task.
 
-`training.loop.train` and `tasks.runs.evaluate_run` only use the methods below. A task defines which
-arrays of a batch go to the device, the initial parameters, the objective and the metrics.
+`training.loop.train` and `tasks.runs.evaluate_run` use only the attributes and methods below. A
+task defines which arrays of a batch go to the device, the initial parameters, the objective and the
+metrics.
 """
 
 from collections.abc import Callable, Mapping
@@ -58,8 +59,8 @@ class Task(Protocol):
           split: name of the split; None: the evaluation split.
           max_samples: evaluate only this many samples, from the start of the split; 0 = all.
           on_batch: called with (index of the batch, batch, predictions).
-          chosen: thresholds from `Evaluation.chosen` of an earlier evaluation. Thresholds that are
-            missing there are chosen on this split.
+          chosen: thresholds from `Evaluation.chosen` of an earlier evaluation. Missing thresholds
+            are chosen on this split.
         """
 
     def picture(self, params: Any) -> np.ndarray | None:

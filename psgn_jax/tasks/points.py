@@ -1,4 +1,4 @@
-"""The task "points": a cloud from an image, the paper's networks and losses."""
+"""The task "points": predicts a cloud from an image, with the paper's networks and losses."""
 
 import functools
 import pathlib
@@ -72,7 +72,11 @@ class Points:
         chosen: Mapping[str, float] | None = None,
         draws: int = 0,
     ) -> Evaluation:
-        """Metrics of clouds on a split, without chosen thresholds; `draws`: see `with_draws`."""
+        """Computes metrics of clouds on a split.
+
+        With `draws`, the metrics of `with_draws` are added. `chosen` is not used, because this task
+        has no thresholds to choose.
+        """
         eval_step = self._eval_step
         if draws:
             eval_step = with_draws(self._config, self._model, eval_step, draws)
@@ -86,7 +90,7 @@ class Points:
         )
 
     def picture(self, params: Any) -> np.ndarray:
-        """Predictions of the first evaluation samples beside the truth."""
+        """An image of the first evaluation samples: predictions beside the true clouds."""
         config = self._config
         batches = loader.eval_batches(
             config.data,
@@ -102,10 +106,11 @@ class Points:
 
 
 def make_eval_step(config: Config, model: Any) -> Callable[..., Any]:
-    """The compiled evaluation step, over the local devices if they divide the batch."""
+    """The compiled evaluation step, see `training.evaluation.over_devices`."""
 
     def pair(pred: Any, gt: Any, visible: Any = None) -> Any:
-        # A bijection needs at least as many true points; otherwise the EMD is left out.
+        # If there are fewer true points than predicted ones, no bijection exists and the EMD is
+        # left out.
         emd_tolerance = config.eval.emd_tolerance if len(pred) <= len(gt) else 0
         metrics = metrics_lib.evaluate_pair(
             pred,
@@ -133,12 +138,12 @@ def make_eval_step(config: Config, model: Any) -> Callable[..., Any]:
 def with_draws(
     config: Config, model: Any, eval_step: Callable[..., Any], num_draws: int
 ) -> Callable[..., Any]:
-    """An evaluation step that also measures `num_draws` draws of each image.
+    """An evaluation step that also measures K = `num_draws` draws for each image.
 
-    Added to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, of the EMD
-    if `eval.emd_tolerance` is set, and `total_mutual_difference_radius2`, see
-    `metrics.samples`. The draws are those of `prediction.sampling.predict_samples` with the
-    configuration's seed.
+    It adds to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, the same
+    of the EMD if `eval.emd_tolerance` is set, and `total_mutual_difference_radius2` if K > 1. They
+    are defined in `metrics.samples`. The draws are those of `prediction.sampling.predict_samples`
+    with the configuration's seed.
 
     Raises:
       ConfigError: the network has no random input.

@@ -28,7 +28,7 @@ class Views(VoxelTask):
     """3D-R2N2 (`models.r2n2`): from one or more images to a volume, trained by cross-entropy.
 
     Metrics: `iou_1_views`, `iou_3_views`, ..., one for each number of views in `voxels.eval_views`.
-    The predictions that `evaluate` passes on use the first of these numbers.
+    The predictions that `evaluate` passes to `on_batch` are those for the first of these numbers.
     """
 
     def __init__(self, config: Config, workdir: pathlib.Path) -> None:

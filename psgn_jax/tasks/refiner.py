@@ -1,12 +1,13 @@
 """The task "refine": maps the clouds of trained networks to a solid volume.
 
-Source: paper, implementation details, "Post processing". For comparison, the IoU of the plain splat
-of each cloud is measured too; its threshold is chosen in the same way.
+Source: paper, implementation details, "Post processing". For comparison, the IoU of each cloud's
+splat without the refiner is measured too; its threshold is chosen in the same way as that of the
+refiner.
 
 The networks that predict the clouds (and the log-volume) are frozen. They run inside the training
-step of the refiner, so that augmentation applies to their inputs. They are better on their own
-training split than on new images, so the refiner is trained on better clouds than it sees at test
-time.
+step of the refiner, so that augmentation applies to their inputs. They are better on the images
+that they were trained on than on new ones, so during training the refiner sees better clouds than
+at test time.
 """
 
 import pathlib
@@ -80,7 +81,7 @@ def keep_source(workdir: pathlib.Path, name: str, source: Run) -> None:
 class Refine(VoxelTask):
     """Maps clouds of one or two trained networks to a volume (`models.voxel_refiner.VoxelRefiner`).
 
-    Metrics: `iou` of the refiner, and `iou_splat_cd`, `iou_splat_emd` of the plain splats.
+    Metrics: `iou` of the refiner; `iou_splat_cd`, `iou_splat_emd` of the splats without refiner.
     """
 
     metric = "iou"

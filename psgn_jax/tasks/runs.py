@@ -1,8 +1,8 @@
-"""Evaluates trained runs: writes tables, and a gallery of all samples.
+"""Evaluates trained runs, and writes tables and a gallery of all samples.
 
-Every sample of a split is evaluated once. The metrics are those of the run's task (`Config.task`),
-for clouds `metrics.clouds.evaluate_pair`. The unit is the radius of an object's bounding
-hemisphere.
+Every sample of a split is evaluated once. The metrics are those of the run's task (`Config.task`);
+for clouds they are defined in `metrics.clouds.evaluate_pair`. The unit is the radius of an object's
+bounding hemisphere.
 
 Files in `W/eval_<split>_<best|last>/`, where W is the folder of the run: `table.txt`, `table.csv`
 and `table.json` with one row per category and the two averages; `samples.csv` with one row per
@@ -51,7 +51,8 @@ def evaluate_run(
       workdir: the folder of the run; None: evaluate `weights`.
       weights: name or file of weights, instead of a run. If `workdir` is None too, the weights of
         the package are used.
-      checkpoint: "best" (by the validation metric; the last one if none was evaluated) or "last".
+      checkpoint: "last", or "best" by the validation metric. If no checkpoint was evaluated, "best"
+        is the last one.
       split: name of the split; None: `data.eval_split` of the configuration.
       data: folder of records that replaces `data.path` of the configuration.
       out: folder for the files; None: `workdir/eval_<split>_<checkpoint>`, or for weights
@@ -59,7 +60,7 @@ def evaluate_run(
       draws: number of samples per image for the additional metrics of `tasks.points.with_draws`;
         0 = none.
       frame: "keep": use the images of the records as they are. "place": crop and place every image
-        like a photo, and move its points accordingly (`data.framing`).
+        like a photo, and move its true points accordingly (`data.framing`).
       on_batch: called with (index of the batch, batch, predictions).
 
     Raises:
@@ -126,13 +127,13 @@ def report_runs(
       The evaluation of the first run.
 
     Raises:
-      ConfigError, CheckpointError: the errors of `evaluate_run`, or the two runs are evaluated on
-        different samples.
+      ConfigError, CheckpointError, WeightsError: the errors of `evaluate_run`, or the two runs are
+        evaluated on different samples.
     """
     runs: list[Any] = []
     samples: Sequence[Any] = ()
     if weights and None not in workdirs:
-        raise ConfigError(f"--weights={weights}: accepted without --workdir (one network)")
+        raise ConfigError(f"--weights={weights}: accepted only without --workdir")
     check_folder(folder, "--report")
     configs = [load_config(w) if w else open_network(None, weights).config for w in workdirs]
     for config in configs:

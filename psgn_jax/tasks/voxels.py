@@ -1,9 +1,9 @@
 """Base class of the tasks on solid volumes: training step, evaluation and thresholds.
 
 The ground truth is the occupancy in the records, a 32^3 grid in the frame of the image. IoU is
-defined in `losses.iou`. A cell counts as occupied if its probability reaches a threshold. The
-threshold, of .05 to .95, is the one with the best mean IoU on the split that is evaluated during
-training. Later evaluations, on any split, use the same threshold.
+defined in `losses.iou`. A cell counts as occupied if its probability reaches a threshold. Of the
+thresholds .05, .10, ..., .95, the one with the best mean IoU on the split that is evaluated during
+training is chosen. Later evaluations, on any split, use the same threshold.
 """
 
 import dataclasses
@@ -60,7 +60,7 @@ class VoxelTask:
     def _measure(
         self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
     ) -> tuple[Array, dict[str, Array]]:
-        """Returns predictions and metrics [B], or [B, thresholds] of which one will be chosen."""
+        """Returns predictions, and metrics [B], or [B, thresholds] if a threshold is chosen."""
         raise NotImplementedError
 
     def _sample_latents(self, index: Array | int, batch_size: int) -> Any:

@@ -70,7 +70,7 @@ class Channel:
       index: index of this process.
       links: connections by the index of the other process. The first process has one to every other
         process, each other process only one to the first.
-      on_lost: called once, from a thread, with one line on the process that was lost or failed.
+      on_lost: called once, in a thread, with a line that names the process that was lost or failed.
     """
 
     def __init__(self, index: int, links: dict[int, _Link], on_lost: OnLost) -> None:
@@ -83,7 +83,7 @@ class Channel:
         threading.Thread(target=self._send_heartbeats, daemon=True).start()
 
     def exchange(self, text: str) -> list[str]:
-        """Waits until every process has called it; returns the texts of all, by process."""
+        """Waits until every process has called this; returns their texts, in order."""
         if self._index:
             link = self._links[0]
             link.send(_TEXT, text)
@@ -100,7 +100,7 @@ class Channel:
         self._tell(f"process {self._index} failed: {text}")
 
     def await_loss(self, seconds: float) -> None:
-        """Waits up to `seconds` for the loss of another process; does not return if it comes."""
+        """Waits `seconds`; never returns if another process is lost: `on_lost` handles that."""
         if self._lost.wait(seconds):
             threading.Event().wait()
 
@@ -122,7 +122,7 @@ class Channel:
         self._wait_for_others()
 
     def _wait_for_others(self) -> None:
-        """Lets the first process end last, because the others need JAX's service in it."""
+        """Lets the first process end last, because the others need JAX's service, which it runs."""
         until = time.monotonic() + _LEAVING_SECONDS
         for link in self._links.values() if not self._index else ():
             link.over.wait(max(0.0, until - time.monotonic()))
@@ -154,7 +154,7 @@ class Channel:
     def _send_heartbeats(self) -> None:
         while not self._leaving.wait(HEARTBEAT_SECONDS):
             for link in self._links.values():
-                with contextlib.suppress(OSError):  # the listening thread reports it
+                with contextlib.suppress(OSError):  # the listening thread reports the error
                     link.send(_ALIVE)
 
 

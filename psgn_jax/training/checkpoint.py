@@ -1,4 +1,4 @@
-"""Checkpoints of a run: saved in the background, complete or absent, the newest and the best kept.
+"""Checkpoints of a run, written in the background; the newest ones and the best one are kept.
 
 Only this module imports orbax. In the given folder, `<step>/` contains a checkpoint: the arrays by
 dotted name, and a JSON item `meta` with the caller's data and a checksum of every array.
@@ -259,20 +259,20 @@ def _read_scores(path: pathlib.Path) -> dict[int, dict[str, float]]:
         return {}
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
         logging.warning(
-            "%s is damaged (%s): which checkpoint is the best is unknown", path, _one_line(error)
+            "%s is damaged (%s): the best checkpoint is unknown", path, _one_line(error)
         )
         return {}
     return scores
 
 
 def _quiet_threads() -> None:
-    """Suppresses what orbax's threads print about an error; the error is raised here anyway.
+    """Suppresses messages of orbax's threads about an error, which is raised here anyway.
 
-    The threads log it with a stack trace. If one array cannot be read or written, orbax also closes
-    its event loop while operations on other arrays are pending. Each of these ends in an exception
-    that Python prints, or that asyncio logs if the operation ended just before.
+    The threads log the error with a stack trace. If one array cannot be read or written, orbax also
+    closes its event loop while operations on other arrays are pending. Each pending operation then
+    ends in an exception that Python prints, or that asyncio logs if the operation has just ended.
     """
-    logging.get_absl_logger().addFilter(_is_no_stack_of_orbax)  # once, however often it is added
+    logging.get_absl_logger().addFilter(_is_no_stack_of_orbax)  # adding it again has no effect
     python_logging.getLogger("asyncio").addFilter(_is_no_future_of_tensorstore)
     before = sys.unraisablehook
     if getattr(before, "__name__", "") == "_ignore_closed_loops":

@@ -1,6 +1,7 @@
 """Evaluation on a split: every sample is predicted and counted once.
 
-Several processes (`training.processes`) divide the batches among them; each gets the whole result.
+Several processes (`training.processes`) divide the batches among themselves; each gets the whole
+result.
 """
 
 import contextlib

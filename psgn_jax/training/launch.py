@@ -1,9 +1,10 @@
-"""Determines the place of this process in a training of several, from flags or the environment.
+"""Determines which of several processes this one is, from flags or the environment.
 
 In order of precedence:
 
 1. The flags `--coordinator`, `--num_processes` and `--process_id`. A flag that is not given is read
-   from JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES or JAX_PROCESS_ID, then taken from 2 or 3.
+   from JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES or JAX_PROCESS_ID; if that variable is not set,
+   2 or 3 applies.
 2. Open MPI: `mpirun` sets OMPI_COMM_WORLD_SIZE and OMPI_COMM_WORLD_RANK.
 3. SLURM: `srun` sets SLURM_PROCID and SLURM_STEP_NUM_TASKS.
 
@@ -95,7 +96,7 @@ def _open_mpi(environment: Mapping[str, str]) -> _Launcher | None:
 
 
 def _slurm(environment: Mapping[str, str]) -> _Launcher | None:
-    # Set for the tasks of `srun`, not for the batch script around it.
+    # SLURM sets this variable for the tasks of `srun`, not for the batch script around them.
     nodes = environment.get("SLURM_STEP_NODELIST")
     index = _number(environment, "SLURM_PROCID")
     count = _number(environment, "SLURM_STEP_NUM_TASKS")
@@ -150,7 +151,7 @@ def _checked(
     coordinator: str, count: int | None, index: int | None, devices: tuple[int, ...] | None
 ) -> Place:
     if count is None:
-        raise ConfigError("--num_processes: missing; accepted: how many processes train together")
+        raise ConfigError("--num_processes: missing; accepted: the number of all processes")
     if index is None or not 0 <= index < count:
         raise ConfigError(f"--process_id={index}: accepted: 0 to {count - 1}")
     host, _, port = coordinator.rpartition(":")

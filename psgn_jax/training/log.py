@@ -141,10 +141,10 @@ class TrainingLog:
 
 
 def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
-    """The lines of a `metrics.jsonl`; without a file there are none.
+    """The lines of a `metrics.jsonl`; an empty list if the file does not exist.
 
-    Lines that are incomplete because the process was killed are skipped, as are damaged ones, with
-    a warning.
+    An incomplete last line, as a killed process leaves it, is skipped. Damaged lines are skipped
+    with a warning.
     """
     entries, damaged = [], 0
     with contextlib.suppress(FileNotFoundError), open(path, "rb") as file:
@@ -155,7 +155,7 @@ def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
             elif line.endswith(b"\n"):
                 damaged += 1
     if damaged:
-        logging.warning("%s: %d lines are damaged and left out", path, damaged)
+        logging.warning("%s: %d lines are damaged and were skipped", path, damaged)
     return entries
 
 
@@ -229,11 +229,11 @@ class MetricsWriter:
             folder = self._workdir / "tensorboard"
             self._tensorboard = tensorboardX.SummaryWriter(
                 str(folder),
-                # TensorBoard then hides what a killed run wrote after its checkpoint.
+                # TensorBoard then hides events that a killed run wrote after its last checkpoint.
                 purge_step=self._step + 1 if folder.exists() else None,
             )
-            # Events are written here: in the writer's thread, an error (a full disk) would end the
-            # thread, and this one would wait forever for the queue to be emptied.
+            # Events are written in this thread. In the writer's own thread, an error such as a full
+            # disk would end that thread, and this one would wait forever for it to empty the queue.
             events = self._tensorboard.file_writer.event_writer
             events.add_event = events._ev_writer.write_event
         return self._tensorboard

@@ -92,7 +92,7 @@ def available(root: pathlib.Path = pathlib.Path("/")) -> float:
 
 
 def _reclaimable(path: pathlib.Path) -> int:
-    """Bytes of a group that cache files; the system frees them when memory is needed."""
+    """Bytes of a group's file cache; the system frees them when memory is needed."""
     fields = dict(line.split() for line in path.read_text().splitlines())
     return sum(int(fields.get(name, 0)) for name in ("inactive_file", "active_file"))
 

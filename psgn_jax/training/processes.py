@@ -1,9 +1,10 @@
 """Several processes that train together, each on its own accelerators, on one or more machines.
 
-Every process runs the same program. Batches are split between them (`data.loader`), gradients are
-averaged by `training.step`. Only the first process reads and writes the folder of the run, so only
-the first process needs access to it; all processes need access to the records. `current()` is the
-group of processes that this one belongs to: a single process, except in the context of `joined`.
+Every process runs the same program. `data.loader` splits the batches between the processes, and
+`training.step` averages the gradients. Only the first process reads and writes the folder of the
+run, so only the first process needs access to it; all processes need access to the records.
+`current()` is the group of processes that this one belongs to: a single process, except in the
+context of `joined`.
 """
 
 import collections
@@ -48,7 +49,7 @@ class OtherProcessError(UserError):
 
 
 class Group:
-    """The processes of a training; this is number `index` of `count`."""
+    """The processes of a training: `count` processes, of which this one has the index `index`."""
 
     def __init__(
         self, index: int = 0, count: int = 1, channel: channel_lib.Channel | None = None
@@ -62,7 +63,7 @@ class Group:
         return not self.index
 
     def exchange(self, value: Any) -> list[Any]:
-        """The values (JSON) of all processes, by process; every process must call it.
+        """The values (JSON) of all processes, in their order; every process must call this.
 
         Raises:
           OtherProcessError: another process has left an `agreement` with an error instead.
@@ -82,7 +83,7 @@ class Group:
         return [other.get("value") for other in entries]
 
     def wait(self) -> None:
-        """Waits until every process has called it."""
+        """Waits until every process has called this."""
         self.exchange(None)
 
     @contextlib.contextmanager
@@ -125,7 +126,7 @@ class Group:
         result: dict[str, np.ndarray] = {}
         for name, dtype, shape in kinds:
             own = given[name] if self.is_first else np.zeros(shape, dtype)
-            # As integers: a sum of floats with zeros would lose the sign of -0.
+            # Sent as integers: the broadcast adds zeros, and -0.0 + 0.0 is +0.0.
             flat = np.ascontiguousarray(own).reshape(-1)
             integers: Any = np.uint32 if flat.dtype.itemsize % 4 == 0 else np.uint8
             sent = np.asarray(multihost_utils.broadcast_one_to_all(flat.view(integers)))
@@ -191,8 +192,8 @@ def _connected(place: Place) -> channel_lib.Channel:
         )
     except RuntimeError as error:  # raised by XLA if the connection fails
         raise ConfigError(
-            f"--coordinator={place.coordinator}: process {place.index} of {place.count} found no "
-            f"other processes there: {_one_line(error)}"
+            f"--coordinator={place.coordinator}: process {place.index} of {place.count} could not "
+            f"connect to the others: {_one_line(error)}"
         ) from error
     # The token prevents other programs from connecting as a process of this training.
     listener = channel_lib.Listener() if not place.index else None

@@ -50,7 +50,7 @@ def check_batch_size(config: Config, mesh: Mesh) -> None:
 
 
 def put_batch(batch: Batch, mesh: Mesh, keys: tuple[str, ...]) -> dict[str, jax.Array]:
-    """This process's share of a batch -> arrays split over the mesh along their first axis."""
+    """Puts this process's share of a batch on the mesh, split along the first axis."""
     sharding = NamedSharding(mesh, P("data"))
     return {k: jax.make_array_from_process_local_data(sharding, batch[k]) for k in keys}
 
@@ -65,7 +65,7 @@ def put_batches(
 
 
 def put_replicated(tree: Any, sharding: NamedSharding) -> Any:
-    """Copies arrays of the host, equal in every process, to all devices of all processes."""
+    """Copies host arrays, which are equal in every process, to all devices of all processes."""
     if jax.process_count() == 1:
         return jax.device_put(tree, sharding)
 
@@ -78,7 +78,7 @@ def put_replicated(tree: Any, sharding: NamedSharding) -> Any:
 
 
 def input_keys(config: Config) -> tuple[str, ...]:
-    """Keys of a batch that the device needs."""
+    """Keys of the arrays of a batch that the training step reads."""
     depth = ("depth", "extrinsics") if "depth" in config.data.inputs else ()
     return ("image", "mask", "points", *depth)
 
@@ -107,15 +107,16 @@ def predict(config: Config, model: nn.Module, params: Any, batch: Batch, r: Arra
 def min_of_n_loss(
     config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, r: Array
 ) -> tuple[Array, MinOfN]:
-    """Batch mean of the MoN distance over the draws of r [B,draws,k].
+    """Batch mean of the Min-of-N distance over the draws of r [B,draws,k].
 
-    Value and gradient equal those of `min_of_n` over `predict` with all draws, up to rounding, at
-    less cost. Only the best draw of each sample has a gradient. All draws are therefore computed
-    without storing activations, and only the best draw of each sample is computed again for the
-    backward pass. The parts that do not depend on r (the encoder; in `hourglass` the encoder of the
-    first pass) are the same in both passes, and XLA computes them once. The loss is not computed
-    twice: its derivative with respect to the points is kept from the first pass and used in the
-    backward pass of the second. The gain is measured by `tests/bench/step.py --draws`.
+    Value and gradient equal those of `min_of_n` applied to `predict` with all draws, up to
+    rounding, at less cost. Only the best draw of each sample has a gradient. All draws are
+    therefore computed without storing activations, and only the best draw of each sample is
+    computed again for the backward pass. The parts that do not depend on r (the encoder; in
+    `hourglass` the encoder of the first pass) are the same in both passes, and XLA computes them
+    once. The loss is not computed twice: its derivative with respect to the points is kept from the
+    first pass and used in the backward pass of the second. `tests/bench/step.py --draws` measures
+    the gain.
     """
     frozen = jax.lax.stop_gradient(params)
     preds = predict(config, model, frozen, batch, r)
@@ -127,7 +128,7 @@ def min_of_n_loss(
     (value, best), by_points = jax.value_and_grad(total, has_aux=True)(preds)
     rows = jnp.arange(len(r))
     pred = predict(config, model, params, batch, r[rows, best.winner])
-    # Its value is zero, its gradient that of the loss, by the chain rule through the points.
+    # The value is zero; the gradient is that of the loss, by the chain rule through the points.
     carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))
     best = jax.lax.stop_gradient(best)
     return (jax.lax.stop_gradient(value) + jnp.sum(carried)) / len(r), best
@@ -148,7 +149,7 @@ def make_train_step(
     - `loss`: mean of `loss_step` over the steps since the last multiple of `train.log_every`.
     - `loss_<name>`, if the loss is a sum: each term of `loss_step`, without its weight.
     - `loss_of_draws`, if `loss.min_of_n` > 1: mean of the distances over all draws. `loss_step` is
-      the mean of the least ones; the difference shows how much the draws differ.
+      the mean of the smallest distances; the difference shows how much the draws differ.
     - `l2`, unless `loss.l2` is "none": the L2 term.
     - `grad_norm`: norm of the gradient before clipping.
     - `learning_rate`.
@@ -236,9 +237,9 @@ def compile_train_step(
       tx: the optimiser.
       mesh: mesh of devices.
       frozen: constant arrays that the objective reads, such as other networks.
-      sample_latents: step -> (latents, replicated_inputs), the random inputs of the objective.
-        `latents` are arrays with a row for each sample of the batch, which are split over the
-        devices; `replicated_inputs` are equal on all devices.
+      sample_latents: step -> (latents, replicated_inputs), inputs of the objective. `latents` are
+        random arrays with a row for each sample of the batch, which are split over the devices;
+        `replicated_inputs` are equal on all devices.
       extra_metrics: (metrics, replicated_inputs) -> metrics to add.
 
     The metrics are those of the objective, averaged over the devices, those of `extra_metrics`, and
@@ -305,7 +306,7 @@ def _updated(
     params = optax.apply_updates(state.params, updates)
     ema: Any = ()
     if config.optim.ema_decay:
-        # The horizon grows with the run, so that the initial parameters soon lose their weight.
+        # The averaging window grows with the run: the initial parameters soon lose their weight.
         decay = jnp.minimum(config.optim.ema_decay, (state.step + 1) / (state.step + 10))
         ema = jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
     first = state.step % config.train.log_every == 0

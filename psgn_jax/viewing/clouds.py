@@ -2,8 +2,8 @@
 
 A picture of one case has five panels: the input image; prediction and ground truth from the camera
 of the image; prediction and ground truth from the side, rotated by 90 degrees about the vertical
-axis. The colour is the height of a point (blue at the ground, red at z = 1). It gets darker with
-the distance from the camera.
+axis. The colour of a point shows its height (blue at the ground, red at z = 1). Points farther from
+the camera are darker.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The samples and predictions of an evaluation, kept on disk while its pages are made."""
+"""Keeps the samples and predictions of an evaluation on disk until its pages are written."""
 
 import dataclasses
 import pathlib
@@ -46,7 +46,7 @@ class StoredArrays(Sequence[np.ndarray]):
         if (array.shape, array.dtype) != (self._shape, self._dtype):
             raise ValueError(
                 f"an array {array.dtype} {list(array.shape)}, expected {self._dtype} "
-                f"{list(self._shape)} as the ones before"
+                f"{list(self._shape)}, like the first one"
             )
         self._file.seek(self._count * self._size)
         self._file.write(np.ascontiguousarray(array).data)
@@ -99,8 +99,8 @@ class StoredSamples(Sequence[Sample]):
 class Collector:
     """Collects samples and clouds; an instance is the hook `on_batch` of `evaluate_run`.
 
-    Only as many true points are kept as the pages show: about as many as there are predicted
-    points.
+    Of the true points, only those that the pages show are kept: about as many as there are
+    predicted points.
 
     Args:
       folder: folder of the temporary files, which are removed with the collector; created if

@@ -15,8 +15,8 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.viewing.clouds import render_cloud, turned
 from psgn_jax.viewing.page import nearest_distances
 
-# A sample is flagged if a smaller fraction of its points is within 2 pixels of the mask. Its image
-# then does not show its whole surface, or its camera is wrong. 2.5 % of the authors' samples are
+# A sample is flagged if a smaller fraction of its points is within 2 pixels of the mask. Either its
+# image does not show the whole object, or its camera is wrong. 2.5 % of the authors' samples are
 # flagged.
 FLAG_BELOW = 0.99
 NEAR_PIXELS = 2

@@ -1,10 +1,10 @@
 """A viewer for point clouds: one HTML file that needs no network and no other files.
 
-It shows the image, the predicted cloud and the ground truth, with a slider for several samples. The
-clouds can be rotated with a mouse or a finger. Points are coloured by height, branch, error, spread
-of the samples, or by the colours of the image. `page.html` contains the code of the page, which
-draws on a canvas; a content security policy forbids all requests. Coordinates are stored as int16
-and have an error below 1e-4 units.
+It shows the image, the predicted cloud and the ground truth. If there are several samples, a slider
+chooses one. The clouds can be rotated with a mouse or a finger. Points are coloured by height,
+branch, error, spread of the samples, or by the colours of the image. `page.html` contains the code
+of the page, which draws on a canvas; a content security policy forbids all requests. Coordinates
+are stored as int16 and have an error below 1e-4 units.
 
 The command for the files that `psgn_jax.predict` writes is:
 
@@ -32,7 +32,7 @@ from psgn_jax.viewing import spheres
 from psgn_jax.viewing.predictions import read_prediction
 
 MAX_BYTES = 5_000_000
-"""Maximum size of a page; further cases are on further pages, with links at the bottom."""
+"""Maximum size of a page in bytes; further cases are on further pages, linked at the bottom."""
 
 _TEMPLATE = pathlib.Path(__file__).with_name("page.html")
 _PLACE_OF_DATA = "/*DATA*/"
@@ -77,7 +77,7 @@ def write_pages(
 
     Args:
       path: path of the first page.
-      cases: at least one case; names must be unique. One is in memory at a time, and one page.
+      cases: at least one case; names must be unique. One case at a time is in memory, and one page.
       title: title of the pages.
       max_bytes: maximum size of a page, unless a single case is larger.
 
@@ -200,7 +200,7 @@ def _encode(case: Case) -> dict[str, Any]:
 
 
 def to_json(value: Any) -> str:
-    """JSON in one line, escaped so that it cannot close the script element that contains it."""
+    """JSON in one line, escaped because a "<" could end the script element that contains it."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 

@@ -11,11 +11,11 @@ from psgn_jax.config import UserError
 from psgn_jax.data import schema
 from psgn_jax.untrusted import kind_of, one_line
 
-_BROKEN = (zipfile.BadZipFile, zlib.error)  # NotImplementedError is a RuntimeError
+_BROKEN = (zipfile.BadZipFile, zlib.error)
 
 _MAX_BYTES = 1 << 28  # of an array
 
-# dtype's kind and shape of each field; letters stand for any size, equal ones for the same size.
+# Kinds of dtypes and shape of each field; a letter stands for any size, the same in all fields.
 _FIELDS = {
     "points": ("f", "kn3"),
     "colours": ("u", "kn3"),
@@ -58,6 +58,7 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
         raise PredictionFileError(f"{shown}: no such file") from None
     except OSError as error:
         raise PredictionFileError(f"{shown}: {error.strerror or error}") from None
+    # RuntimeError includes the NotImplementedError of an unknown compression.
     except (ValueError, KeyError, TypeError, EOFError, RuntimeError, *_BROKEN) as error:
         why = one_line(error.args[0] if error.args else error)[:160]
         raise PredictionFileError(f"{shown} is damaged, or not a prediction: {why}") from None

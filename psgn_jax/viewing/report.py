@@ -38,7 +38,7 @@ SHEET_CASES = 160
 
 _TEMPLATE = pathlib.Path(__file__).with_name("report.html")
 _TABLE = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
-_PICTURES = 600  # with more cases the gallery has no pictures; they are in the viewer
+_PICTURES = 600  # with more cases, pictures are only in the viewer
 _THUMB = (96, 128)
 _BARS = 16
 _EXTREMES = 5  # number of best cases, of median cases and of worst cases
@@ -84,7 +84,7 @@ def write_report(
     for run in runs:
         if run.evaluation.names != names or len(run.preds) != len(samples):
             raise ValueError(
-                f"run {run.label!r} saw other samples: accepted: the same split of the same data"
+                f"run {run.label!r} has other samples: accepted: the same split of the same data"
             )
     errors = [run.evaluation.metrics[ERROR] for run in runs]
     titles = [
@@ -201,7 +201,7 @@ def _thumbs(sample: Sample, clouds: Sequence[np.ndarray]) -> list[str]:
 
 
 def _table(runs: Sequence[Run]) -> list[list[str]]:
-    """The header and the rows as text, the averages last; the columns of two runs side by side."""
+    """The header and the rows as text, averages last; two runs have their columns side by side."""
     metrics = [name for name in _TABLE if name in runs[0].evaluation.metrics]
     head = ["category", "samples"]
     body = [[row.name, str(row.count)] for row in runs[0].evaluation.rows()]

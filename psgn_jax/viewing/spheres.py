@@ -8,8 +8,8 @@ The command for the files that `psgn_jax.predict` writes is:
 
     python -m psgn_jax.viewing.spheres OUT/*.npz --out=sheet.png [--turntable=turn.mp4]
 
-Only this file imports `av` (extra `video`). Videos are H.264, because all browsers play it, and
-OpenCV's wheels have no H.264 encoder.
+Only this file imports PyAV (`av`, extra `video`). Videos are H.264, because all browsers play it.
+OpenCV's wheels could not be used instead: they have no H.264 encoder.
 """
 
 import argparse
@@ -33,13 +33,13 @@ from psgn_jax.viewing.predictions import read_prediction
 RADIUS = 0.028
 """Radius of a sphere in units of the frame.
 
-It is half the distance between neighbouring points if 1,024 points are spread over a typical
+It is half the distance between neighbouring points if 1,024 points are spread evenly over a typical
 surface."""
 
 BRANCH_COLOURS = ((226, 114, 62), (70, 130, 180))
 """Colours of points from the fully connected branch and from the deconvolution branch."""
 
-# By height, from the ground up. The pictures of the paper have a single hue.
+# By height, from the ground up; in the pictures of the paper all points have the same hue.
 HEIGHT_COLOURS = np.array(
     [[61, 82, 120], [66, 128, 150], [110, 170, 148], [205, 190, 120], [224, 134, 88]], np.float64
 )
@@ -230,7 +230,8 @@ def check_turntable(path: str | pathlib.Path, size: tuple[int, int] = (240, 320)
 def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
     """Reads a case from each NPZ file of `psgn_jax.predict`.
 
-    It shows the first two samples, coloured by height, or a single one by height and by branch.
+    A case shows the first two samples, coloured by height. If there is only one sample, it is shown
+    twice: coloured by height and by branch.
 
     Raises:
       PredictionFileError: a file is not a prediction.
@@ -261,7 +262,7 @@ def _gif(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
 def _mp4(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
     """H.264 in yuv420p, the pixel format that all browsers decode, with four turns.
 
-    Players may not loop a video, and a single turn lasts only three seconds.
+    There are four because players may not loop a video, and one turn lasts only three seconds.
     """
     import av
 

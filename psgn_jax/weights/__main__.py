@@ -5,10 +5,10 @@
         [--checkpoint=best|last] [--ema|--no-ema] [--dtype=float16|float32]
         [--sources=sources.json,more.json]
 
-`list` shows the weights in the package, or the given ones: network, metrics, data and licences.
-`export` writes a checkpoint of a run as a file, for `--weights=FILE` of the other commands and for
-`--config.train.init=FILE`. The format is described in `psgn_jax.weights.file`. Exit code: 0 done,
-2 error.
+`list` shows the network, metrics, data and licences of the weights in the package, or of the given
+ones. `export` writes a checkpoint of a run as a file, for `--weights=FILE` of the other commands
+and for `--config.train.init=FILE`. The format is described in `psgn_jax.weights.file`. Exit codes:
+0 done, 2 error, 5 disk full.
 """
 
 import argparse
@@ -29,11 +29,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         prog="python -m psgn_jax.weights", description=(__doc__ or "").split("\n")[0]
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    command = commands.add_parser("list", help="show weights: network, figures, data, licences")
+    command = commands.add_parser("list", help="show the network, metrics, data and licences")
     command.add_argument(
-        "names", nargs="*", metavar="NAME|FILE", help="default: all in the package"
+        "names", nargs="*", metavar="NAME|FILE", help="default: all weights in the package"
     )
-    command = commands.add_parser("export", help="a checkpoint of a run as a file of weights")
+    command = commands.add_parser("export", help="write a checkpoint of a run to a file of weights")
     command.add_argument("--workdir", required=True, help="folder of the run")
     command.add_argument("--out", required=True, help="file to be written, *.safetensors")
     command.add_argument("--checkpoint", default="best", choices=("best", "last"))
@@ -41,11 +41,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--ema",
         default=True,
         action=argparse.BooleanOptionalAction,
-        help="the averaged parameters, where the run has some",
+        help="export the averaged parameters, if the run has them",
     )
     command.add_argument("--dtype", default="float16", choices=tuple(DTYPES))
     command.add_argument(
-        "--sources", default="", help="JSON files on data and licences, separated by commas"
+        "--sources", default="", help="JSON files that list data and licences, separated by commas"
     )
     arguments = parser.parse_args(argv)
     log_to_terminal()

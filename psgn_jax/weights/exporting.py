@@ -29,7 +29,7 @@ def export_run(
       checkpoint: "best" or "last", see `training.run_folder.open_run`.
       averaged: whether to export the averaged parameters, if the run has them.
       dtype: "float16" or "float32".
-      sources: files with data and licences (`weights.file.read_sources`).
+      sources: JSON files that list data and licences (`weights.file.read_sources`).
 
     Raises:
       ConfigError, CheckpointError, WeightsError: the run, an argument or the weights are invalid.

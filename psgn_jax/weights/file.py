@@ -1,19 +1,19 @@
 """The file format of weights: safetensors with configuration, metrics, data and licences.
 
-This is the only module that imports safetensors. A file contains the parameters of a network under
-the names of the leaves of a checkpoint (`params.<layer>.kernel`), as float16 or float32, and these
-texts as metadata:
+This is the only module that imports safetensors. A file contains the parameters of a network, as
+float16 or float32. Their names are those of the leaves of a checkpoint (`params.<layer>.kernel`).
+The metadata consist of these texts:
 
     format    "psgn_jax weights 1"
-    config    the configuration of the training, as `config.json`; without paths of that machine
-    figures   JSON: step, samples_seen, parameters, averaged, metrics (name -> number), data (name,
-              source and number of samples of each training set)
-    sources   JSON: the data and their licences, rows like those of `sources.json`
+    config    the configuration of the training, like `config.json` but without local paths
+    figures   JSON: step, samples_seen, parameters (their number), averaged, metrics (name ->
+              number), data (name, source and number of samples of each training set)
+    sources   JSON: the data and their licences, in the format of a data set's `sources.json`
     sha256    checksum of all of the above and of every array
 
-The reader checks, in this order: the sizes, before it reads the data; names, dtypes and shapes;
-the checksum; that all numbers are finite; and that the network of the configuration has exactly
-these parameters.
+The reader checks, in this order: the size of the file and of its header, before it reads more; the
+format and the dtypes; the checksum; that all numbers are finite; the metadata; and that the network
+of the configuration has exactly these parameters, with the same shapes.
 """
 
 import dataclasses
@@ -64,7 +64,8 @@ class Weights:
     Attributes:
       config: configuration of the training.
       params: nested dict of float32 arrays.
-      figures: `step`, `samples_seen`, `parameters`, `averaged`, `metrics`, `data`; see the module.
+      figures: `step`, `samples_seen`, `parameters`, `averaged`, `metrics` and `data`, described in
+        the module's docstring.
       sources: the data and their licences, a row for each source; () = not stated.
       dtype: dtype in the file.
     """
@@ -79,12 +80,13 @@ class Weights:
 def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
     """Writes a file of weights atomically.
 
-    Paths in the configuration (`data.path`, `data.eval_path`, `train.init`) are reduced to their
-    last part or removed, because they do not exist on other machines.
+    Paths in the configuration do not exist on other machines. `train.init` is reduced to its last
+    part; the paths in `data` are removed.
 
     Raises:
-      ConfigError: the task is not "points", or the parameters do not belong to the network.
-      WeightsError: a parameter is not finite, or too large for float16.
+      ConfigError: the task is not "points".
+      WeightsError: the suffix is wrong, the parameters do not belong to the network, a parameter is
+        not finite or too large for float16, or the file would be larger than the limit.
     """
     path = pathlib.Path(path)
     require_points_task(weights.config, "a file of weights")
@@ -112,7 +114,8 @@ def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
     content = save(stored, metadata)
     if int.from_bytes(content[:8], "little") > MAX_HEADER_BYTES or len(content) > MAX_FILE_BYTES:
         raise WeightsError(
-            f"{path}: {len(content)} bytes, more than the limit of a file of weights"
+            f"{path}: {len(content)} bytes, expected at most {MAX_FILE_BYTES}, of which at most "
+            f"{MAX_HEADER_BYTES} for the header"
         )
     write_atomic(path, content)
 
@@ -149,18 +152,20 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
         require_points_task(config, "a file of weights")
         figures, sources = parse_json(metadata["figures"]), parse_json(metadata["sources"])
     except (KeyError, ValueError) as error:
-        raise WeightsError(f"{path}: its metadata: {_one_line(error)}") from None
+        raise WeightsError(f"{path}: error in its metadata: {_one_line(error)}") from None
     if not _are_figures(figures) or not _are_rows(sources):
-        raise WeightsError(f"{path}: its metadata: the figures or sources have a wrong form")
+        raise WeightsError(
+            f"{path}: error in its metadata: the figures or sources do not have the expected fields"
+        )
     params = _check_fits(config, leaves, path)
     return Weights(config, params, figures, sources, dtype)
 
 
 def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
-    """The data and licences in a file: a JSON list of objects with `source` and `licences`.
+    """The data and licences that a JSON file lists, as objects with `source` and `licences`.
 
     Raises:
-      ConfigError: the file has another form.
+      ConfigError: the file cannot be read or does not contain such a list.
     """
     try:
         rows = read_json(path)
@@ -183,7 +188,7 @@ def figures_of(
     metrics: Mapping[str, float],
     data: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """The figures of a training for a file of weights."""
+    """The metadata `figures` of a training, described in the module's docstring."""
     return {
         "step": step,
         "samples_seen": step * config.train.batch_size,
@@ -206,7 +211,7 @@ def _check_sizes(path: pathlib.Path) -> None:
     except OSError as error:
         raise WeightsError(f"{path}: {error.strerror or error}") from None
     if size > MAX_FILE_BYTES:
-        raise WeightsError(f"{path}: {size} bytes, more than the limit of a file of weights")
+        raise WeightsError(f"{path}: {size} bytes, expected at most {MAX_FILE_BYTES}")
     if size < 8 or header > min(MAX_HEADER_BYTES, size - 8):
         raise WeightsError(
             f"{path}: not a file of weights, or truncated: {size} bytes with a header of {header} "
@@ -225,7 +230,7 @@ def _common_dtype(path: pathlib.Path, dtypes: Mapping[str, str]) -> str:
 
 
 def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.Path) -> Any:
-    """The parameters as a tree, after checking that the network has exactly these."""
+    """The parameters as a tree, after a check that the network has exactly these parameters."""
     try:
         shapes = jax.eval_shape(
             lambda: (

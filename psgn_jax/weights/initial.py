@@ -1,6 +1,6 @@
 """Initial parameters of a training from a trained network: `train.init`.
 
-A training that resumes from its own checkpoints does not read them again.
+A training that resumes from its own checkpoints does not read the trained network again.
 """
 
 import fnmatch
@@ -18,10 +18,10 @@ from psgn_jax.weights.opening import open_weights, shipped
 
 
 def open_initial(config: Config) -> Run:
-    """The network in `train.init`: the folder of a run, a file of weights, or a name.
+    """Opens the network that `train.init` names: the folder of a run, a file of weights, or a name.
 
     Raises:
-      ConfigError: there is no such network, or it has another task.
+      ConfigError: there is no such network, or its task differs.
       CheckpointError, WeightsError: it cannot be read.
     """
     init = config.train.init
@@ -55,8 +55,8 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
       A tree like `drawn`: NumPy arrays for trained layers, the leaves of `drawn` for the others.
 
     Raises:
-      ConfigError: layers have other shapes and are not skipped, or a pattern matches no layer; the
-        message lists them.
+      ConfigError: layers of the two networks differ and are not skipped (the message lists them),
+        or a pattern matches no layer.
     """
     wanted, have = state_lib.named_leaves(drawn), state_lib.named_leaves(trained)
     patterns = config.train.init_skip
@@ -81,7 +81,7 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
         )
     if left := [name for name in wanted if name.rpartition(".")[0] in skipped]:
         names = sorted({name.rpartition(".")[0] for name in left})
-        logging.info("not taken from %s: %s", config.train.init, ", ".join(names))
+        logging.info("random parameters, not those of %s: %s", config.train.init, ", ".join(names))
     taken = [
         leaf if name.rpartition(".")[0] in skipped else np.array(have[name])
         for name, leaf in wanted.items()

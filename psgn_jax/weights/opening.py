@@ -1,6 +1,6 @@
 """Opens a trained network: from the folder of a run, from a file of weights, or by name.
 
-Names are those of the files in `psgn_jax/weights/`, which are part of the package.
+The names are those of the files of weights in `psgn_jax/weights/`, which are part of the package.
 """
 
 import os
@@ -16,9 +16,9 @@ FOLDER = pathlib.Path(__file__).resolve().parent
 
 
 def shipped() -> dict[str, pathlib.Path]:
-    """The files in the package by name; the last one is the default.
+    """The files of weights in the package by name; the last one is the default.
 
-    They are sorted with numbers as numbers: `small-2` comes before `small-10`.
+    They are sorted by name. Digits are compared as numbers: `small-2` comes before `small-10`.
     """
     paths = {path.stem: path for path in FOLDER.glob(f"*{SUFFIX}")}
     return {name: paths[name] for name in sorted(paths, key=_natural)}
@@ -44,13 +44,13 @@ def weights_path(name_or_file: str = "") -> pathlib.Path:
     if path.suffix == SUFFIX or path.is_file():
         return path
     raise ConfigError(
-        f"--weights={name_or_file}: {suggestion(name_or_file, known)}accepted: a file of weights, "
-        + (f"or one of {', '.join(known)}" if known else "as this version has no weights")
+        f"--weights={name_or_file}: {suggestion(name_or_file, known)}accepted: a file of weights"
+        + (f", or one of {', '.join(known)}" if known else " (this version contains no weights)")
     )
 
 
 def open_weights(name_or_file: str = "") -> Run:
-    """The network in a file of weights, see `weights_path`.
+    """Opens the network in a file of weights; the name or file is described in `weights_path`.
 
     Raises:
       ConfigError: there is no such file.
@@ -65,7 +65,7 @@ def open_network(
     weights: str | None = None,
     checkpoint: str = "best",
 ) -> Run:
-    """A trained network, from the folder of a run or from weights; by default the package's.
+    """Opens a trained network from a run or from weights; by default, the default of the package.
 
     Args:
       workdir: folder of a run.
@@ -82,7 +82,7 @@ def open_network(
 
 
 def as_run(weights: Weights, name: str) -> Run:
-    """Weights as an opened run; `scores` are the metrics in the file."""
+    """Converts weights to an opened run, whose `scores` are the metrics in the file."""
     scores = {k: float(v) for k, v in weights.figures["metrics"].items() if v is not None}
     step = weights.figures["step"]
     return Run(weights.config, step, weights.params, scores, name, "weights", weights.sources)

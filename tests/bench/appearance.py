@@ -4,19 +4,20 @@
     python data_gen/render.py --catalogue=procedural --source=16 --out=RENDERED --config.views=1
     python tests/bench/appearance.py AUTHORS RENDERED [--split train] [--limit 400]
 
-Prints a column for each folder of records; the others are compared with the first one. Each figure
-is a share of the object's pixels, averaged over images. The mask is eroded by 2 pixels, so that the
-outline does not count.
+Prints a column for each folder of records. The first folder is the reference of the distances. Each
+figure is a share of the object's pixels, averaged over images. The mask is eroded by 2 pixels, so
+that the outline does not count.
 
 Fine detail: the share of pixels where the Laplacian of the luminance (.299 R + .587 G + .114 B, 0
-to 255, four neighbours) is above 15 in absolute value. It is far smaller on flat and smoothly
-shaded surfaces, and larger at texture, seams, small parts and hard edges. The share is .335 for the
+to 255, four neighbours) is above 15 in absolute value. The Laplacian is small on flat and smoothly
+shaded surfaces, and large at textures, seams, small parts and hard edges. The share is .335 for the
 authors' images.
 
 Hue: the share of all object pixels in each twelfth of the colour circle. Only pixels with a
 saturation of at least .2 and a value of at least .15 (HSV) have a hue; the others count as grey.
 Purple: hues of 270 to 330 degrees. Distance: half the sum of absolute differences from the
-histogram of the first folder, 0 = equal, 1 = nothing in common; saturation and value have ten bins.
+histogram of the first folder, 0 = equal, 1 = disjoint. The histograms of saturation and value have
+ten bins.
 """
 
 import argparse
@@ -64,13 +65,13 @@ def hue_saturation_value(rgb: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def appearance(image: np.ndarray, mask: np.ndarray) -> Appearance | None:
-    """The figures of one image; None where nothing is left of the mask."""
+    """The figures of one image; None if the eroded mask is empty."""
     core = scipy.ndimage.binary_erosion(mask, iterations=2)
     if not core.any():
         return None
     hue, saturation, value = hue_saturation_value(image[core])
     coloured = (saturation >= LEAST_SATURATION) & (value >= LEAST_VALUE)
-    # Each twelfth lies around its name's angle: red from -15 to 15 degrees.
+    # Each twelfth is centred on the angle of its name: red is -15 to 15 degrees.
     number = np.where(coloured, (hue + 15) % 360 // 30, len(HUES)).astype(int)
     count = len(hue)
     return Appearance(
@@ -99,7 +100,7 @@ def of_folder(folder: str, split: str, limit: int) -> tuple[Appearance, int]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("folders", nargs="+", help="of records; the first is compared with")
+    parser.add_argument("folders", nargs="+", help="of records; the first is the reference")
     parser.add_argument("--split", default="train")
     parser.add_argument("--limit", type=int, default=400, help="images of each folder")
     arguments = parser.parse_args()

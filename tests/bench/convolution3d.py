@@ -1,10 +1,10 @@
-"""Times 3x3x3 convolutions on a CPU: XLA's, and slices as batches of images.
+"""Times 3x3x3 convolutions on a CPU: XLA's, and convolutions of slices as batches of images.
 
     python tests/bench/convolution3d.py [--batch 2]
 
 Prints CPU seconds of the process (the least of three calls), for the value alone and for the value
-with both gradients. `lax` is `conv_general_dilated`, `ours` is what the package uses, and `outputs`
-is the same with the three depths in the output channels.
+with both gradients. `lax` is `conv_general_dilated`. `ours` is the function that the package uses.
+`outputs` is a variant of it in which the three depths of the kernel become output channels.
 """
 
 import argparse

@@ -1,11 +1,11 @@
-"""Times farthest point sampling beside loops in NumPy: 1,024 of 16,384 points.
+"""Times farthest point sampling, compared with loops in NumPy: 1,024 of 16,384 points.
 
     python tests/bench/farthest_points.py [--batch 32] [--rounds 3]
 
-Rows alternate in one run. `naive` is the straightforward loop, `tuned` a loop with separate
+All methods are measured in alternation. `naive` is a simple loop, `tuned` is a loop with separate
 coordinates and no allocation. Seconds are the CPU seconds of the process for the whole batch, which
 other programs affect less than the wall clock. The NumPy loops are timed on `--loops` clouds and
-extrapolated. Ours uses several cores, so its wall-clock time is shorter.
+extrapolated. This package uses several cores, so its wall-clock time is shorter than its CPU time.
 """
 
 import argparse

@@ -12,10 +12,10 @@ d  the host's loader against data on the device
 e  memory of the training steps
 
 Each part runs in a separate process, which is ended after --limit seconds. It appends each figure
-to WORK/rows.jsonl as soon as it is measured; later calls append to the same file. All figures so
-far are written as a Markdown table to OUT/gpu.md. The table also lists measurements for which there
-was no time: run the part again (compiled programs are kept), or restrict c and e with --networks
-and --batches. --data names a folder of records; without it, synthetic samples are used.
+to WORK/rows.jsonl as soon as it is measured; later calls append to the same file. OUT/gpu.md is a
+Markdown table of the latest figures of all calls. The table also lists measurements for which there
+was no time. To get them, run the part again (compiled programs are kept), or restrict c and e with
+--networks and --batches. --data names a folder of records; without it, synthetic samples are used.
 """
 
 import argparse
@@ -51,7 +51,7 @@ TINY_MODEL = {
 
 
 class Part:
-    """Writes the figures of one part, and knows how long it may take."""
+    """Writes the figures of one part, and keeps its time limit."""
 
     def __init__(self, name, arguments):
         self.arguments, self.tiny = arguments, arguments.tiny
@@ -67,13 +67,13 @@ class Part:
 
     @property
     def left(self):
-        """Seconds; cases that would begin after that are left out, with a row that says so."""
+        """Seconds that are left; cases that would begin later become rows "not measured"."""
         return self._until - time.monotonic()
 
 
 @contextlib.contextmanager
 def failing_softly(part, what):
-    """Context that turns an error into a row: one case that fails must not end the others."""
+    """Context that turns an error into a row, so that the other cases are still measured."""
     try:
         yield
     except Exception as error:
@@ -81,7 +81,7 @@ def failing_softly(part, what):
 
 
 def seconds_of(call, budget, least=5):
-    """Median, least and largest seconds of a call, after one that compiles."""
+    """Median, least and largest seconds of a call, after a first call that compiles."""
     import jax
 
     jax.block_until_ready(call())
@@ -191,7 +191,7 @@ def configuration(part, name, batch, dtype="float32", loss="chamfer_sq_mean"):
     if part.tiny:
         model |= TINY_MODEL
         data = {"image_size": (16, 32)}
-        data["num_points"] = 144 if "emd" in loss else 64  # 8 x 16 cells and 16 more
+        data["num_points"] = 144 if "emd" in loss else 64  # 144: as many as predicted (8 x 16 + 16)
     tree = {"model": model, "data": data, "train": {"batch_size": batch, "steps": 1000},
             "loss": {"name": loss}, "optim": {"ema_decay": 0.999}}  # fmt: skip
     return parse(tree)
@@ -221,7 +221,7 @@ def prepared_step(config):
 
 
 def matmul_rate(precision, size):
-    """Operations a second of a matrix product, the peak to compare with."""
+    """Operations per second of a matrix product, as the peak of the device."""
     import jax
     import jax.numpy as jnp
 
@@ -310,7 +310,7 @@ def memory(part):
 
 
 def records(part):
-    """A folder of records: --data, or one that is drawn once."""
+    """A folder of records: --data, or synthetic samples that are written once."""
     if part.arguments.data:
         return part.arguments.data
     from helpers import drawn_solids
@@ -402,12 +402,12 @@ def training(part):
         try:
             process.wait(max(20.0, part.left - 40))
         except subprocess.TimeoutExpired:
-            process.send_signal(signal.SIGTERM)  # it saves and ends
+            process.send_signal(signal.SIGTERM)  # the training saves a checkpoint and ends
             process.wait()
     entries = read_metrics(metrics)
     after = max((entry["step"] for entry in entries), default=0)
     speeds = [e["samples_per_second"] for e in entries if "samples_per_second" in e]
-    state = {0: "done", 143: "goes on with the next call"}.get(process.returncode, "failed")
+    state = {0: "done", 143: "continues at the next call"}.get(process.returncode, "failed")
     part.row(f"training {config}, steps {before} to {after}", state,
              f"median {np.median(speeds or [np.nan]):.0f} samples/s; {log.name}")  # fmt: skip
     for entry in [e for e in entries if e["kind"] == "eval"][-1:]:
@@ -419,7 +419,7 @@ def training(part):
 
 
 def export(part, run, out):
-    """The best weights as one file of half precision, or in pieces of --piece_mb."""
+    """Exports the best weights in half precision, as one file or in pieces of --piece_mb."""
     path = run / "weights.safetensors"
     subprocess.run([sys.executable, "-m", "psgn_jax.weights", "export", f"--workdir={run}",
                     f"--out={path}"], check=True, cwd=ROOT, capture_output=True)  # fmt: skip
@@ -442,7 +442,7 @@ PARTS = {"a": device, "b": kernels, "c": steps, "d": data, "e": memory, "f": tra
 
 
 def table(rows):
-    """Markdown: the last figure of everything that was measured, in the order of the parts."""
+    """The latest figures as a Markdown table, in the order of the parts."""
     latest = {(row["part"], row["what"]): row for row in rows}
     lines = ["| | measured | figure | remark |", "|---|---|---|---|"]
     for row in sorted(latest.values(), key=lambda row: row["part"]):
@@ -452,7 +452,7 @@ def table(rows):
 
 
 def run_part(name, argv, limit):
-    """Runs a part in a process of its own; returns whether it came to its end."""
+    """Runs a part in a separate process; returns whether it ended by itself."""
     command = [sys.executable, str(pathlib.Path(__file__).resolve()), *argv, "--one", name]
     process = subprocess.Popen(command, start_new_session=True)
     try:
@@ -466,7 +466,7 @@ def run_part(name, argv, limit):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--parts", nargs="*", default=list(ORDER), choices=ORDER)
-    parser.add_argument("--tiny", action="store_true", help="small cases, also on a CPU")
+    parser.add_argument("--tiny", action="store_true", help="small cases, for a test on a CPU")
     parser.add_argument("--work", default="build/gpu", help="kept between calls: rows, the run")
     parser.add_argument("--out", default="", help="the table, logs and weights; default: WORK/out")
     parser.add_argument("--limit", type=float, default=480.0, help="seconds of a part, at most")
@@ -476,8 +476,8 @@ def main():
     parser.add_argument("--config", default="authors", help="configuration of f")
     parser.add_argument("--train_flags", nargs="*", default=[], metavar="config.NAME=VALUE",
                         type=lambda text: f"--{text}", help="fields of f")  # fmt: skip
-    parser.add_argument("--piece_mb", type=float, default=0.0, help="f: weights in such pieces")
-    parser.add_argument("--pieces", default="0:99", help="f: which of them are written")
+    parser.add_argument("--piece_mb", type=float, default=0.0, help="f: size of a piece of weights")
+    parser.add_argument("--pieces", default="0:99", help="f: the pieces that are written")
     parser.add_argument("--one", default="", choices=["", *ORDER], help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     arguments.out = arguments.out or str(pathlib.Path(arguments.work) / "out")

@@ -1,14 +1,14 @@
-"""The losses on a GPU: plain XLA path against Pallas kernels, one command, one table.
+"""Times the losses on a GPU: the plain XLA path against the Pallas kernels.
 
     python tests/bench/kernels.py [--pairs 32] [--sizes 1024x16384] [--emd_sizes 1024 4096]
 
 Prints wall-clock milliseconds per batch under `jax.vmap`, the least of several calls, without
-compilation. A separate column has the seconds of compilation, which show an unusable kernel. The
-floor of the Chamfer distance is the lower bound of its arithmetic: every distance once, in 8
-instructions per lane (3 differences, a product, 2 fused multiply-adds, a minimum for each
-direction), on all lanes at the highest clock, which `nvidia-smi` reports. Clouds: near = two noisy
-subsets of one surface, far = subsets of two surfaces, init = predictions within 1e-3 of the origin,
-grid = far, rounded to a lattice.
+compilation. A separate column has the seconds of compilation, because a kernel that compiles for
+minutes is unusable. The floor of the Chamfer distance is the lower bound of its arithmetic: every
+distance once, in 8 instructions per lane (3 differences, a product, 2 fused multiply-adds, a
+minimum for each direction), on all lanes at the highest clock that `nvidia-smi` reports. Clouds:
+near = two noisy subsets of one surface, far = subsets of two surfaces, init = predictions within
+1e-3 of the origin, grid = far, rounded to a lattice.
 
 Without a GPU the command ends with a message. With `--interpret` it runs the kernels as plain JAX,
 to test the command itself (the times have no meaning).
@@ -50,7 +50,7 @@ def clouds(kind, pairs, n, m, rng):
 
 
 def lane_rate():
-    """Instructions a second of all lanes, or None where the driver does not tell the clock."""
+    """Instructions per second of all lanes; None if `nvidia-smi` does not report the clock."""
     device = jax.devices()[0]
     try:
         clock = subprocess.run(
@@ -77,7 +77,7 @@ def measure(function, arguments, budget):
 
 
 def path(kernels, interpret):
-    """Makes what is traced from now on take the kernels or not."""
+    """Selects the kernels or the plain path for all functions that are traced afterwards."""
     os.environ["PSGN_KERNELS"] = "on" if kernels else "off"
     jax.clear_caches()
     if kernels and interpret:
@@ -101,7 +101,7 @@ def main():
     parser.add_argument("--emd_sizes", nargs="*", type=int, default=[1024, 2048, 4096])
     parser.add_argument("--emd_kinds", nargs="*", default=["near", "far", "init", "grid"])
     parser.add_argument("--budget", type=float, default=2.0, help="seconds spent on each figure")
-    parser.add_argument("--interpret", action="store_true", help="try the command without a GPU")
+    parser.add_argument("--interpret", action="store_true", help="test the command without a GPU")
     args = parser.parse_args()
     if jax.default_backend() != "gpu" and not args.interpret:
         raise SystemExit(f"no GPU: JAX runs on {jax.default_backend()} (see --interpret)")

@@ -2,10 +2,11 @@
 
     python tests/bench/loader.py [PATH] [--seconds 3] [--workers 2] [--step_samples 16]
 
-PATH is a folder of records; without it, the default data set. Prints, for full and half-size
-images, samples/s and samples per second of CPU time (the figure per core) with threads, with worker
-processes and from the cache, and the time of each part of one sample. With `--step_samples`, the
-samples/s that a training step consumes, it prints the ratio.
+PATH is a folder of records; without it, the default data set is used. For full and half-size
+images, the command prints samples/s with threads, with worker processes and from the cache, the
+same per second of CPU time (the figure per core), and the time of each step of loading one sample.
+`--step_samples` is the number of samples that a training uses per second; the command then also
+prints the ratio of both numbers.
 """
 
 import argparse
@@ -71,7 +72,7 @@ def parts(cfg):
         add("resize image", lambda s=stored: resize.resize_image(s.image, cfg.image_size))
         add("resize mask", lambda s=stored: resize.resize_mask(s.mask, cfg.image_size))
         add(
-            "choose points",
+            "sample points",
             lambda s=stored: batches._subset(rng, len(s.points.codes), cfg.num_points),
         )
         add("points to the frame", lambda s=stored, c=chosen: s.points.points(c))

@@ -3,23 +3,23 @@
     python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32] [--only cd emd]
         [--sizes 1024x1024 ..] [--emd_sizes 1024 ..] [--emd_kinds near far init dup grid]
 
-All rows use the same clouds in the same run. `cKDTree` is scipy's, both directions, forward only,
-one thread; every time is also given as a ratio to it. Seconds are the CPU seconds of the process
+All rows use the same clouds in the same run. `cKDTree` is SciPy's, both directions, forward only,
+with one thread; every time is also given relative to it. Seconds are the CPU seconds of the process
 (the least of several calls), which other programs on the machine affect less than the wall clock;
-on one core (`taskset -c 0`) both are nearly equal. Rows that run on a GPU (ours, ott and torch, if
-they find one) are measured by the wall clock. Memory is what XLA reserves beyond arguments and
-results. For libraries that do not report it, it is the size of their arrays (the tree and its
-results, matrices, plans), marked with ~.
+on one core (`taskset -c 0`) both are nearly equal. Libraries that run on a GPU (this package, ott
+and torch, if there is a GPU) are measured by the wall clock. Memory is the memory that XLA reserves
+in addition to arguments and results. For libraries that do not report it, it is the size of their
+arrays (the tree and its results, matrices, plans), marked with ~.
 
 Kinds: near = two disjoint subsets of one cloud, far = clouds of two objects, init = all predictions
-within 1e-3 of the origin, dup = far with eight copies of every point on average, grid = far on a
-lattice of step 1/8 (ties).
+within 1e-3 of the origin, dup = far with eight copies of every point on average, grid = far,
+rounded to a lattice of step 1/8, which gives ties.
 
-The table of the EMD: the optimum is that of scipy's `linear_sum_assignment`. Its time does not
+In the table of the EMD, the optimum is that of SciPy's `linear_sum_assignment`. Its time does not
 include the cost matrices, whose time is shown by `cdist` and `torch.cdist` (forward, and with the
-gradient of their sum); torch has no EMD. Errors are (sum of distances) / optimum - 1, for Sinkhorn
-with the cost of its transport plan. Libraries that are not installed are left out with a message.
-Because the other libraries are slow, they are measured on `--emd_pairs` of the pairs.
+gradient of their sum). PyTorch has no EMD. Errors are (sum of distances) / optimum - 1; for
+Sinkhorn, the sum is the cost of its transport plan. Libraries that are not installed are left out
+with a message. The other libraries are slow and are measured on `--emd_pairs` of the pairs only.
 """
 
 import argparse
@@ -52,7 +52,7 @@ def real_clouds(folder, pairs):
 
 
 def default_clouds(pairs):
-    """Clouds of the default data set, where the authors' are absent."""
+    """Clouds of the default data set, used if those of the authors are missing."""
     from psgn_jax import default_data
     from psgn_jax.data.dataset import RecordReader
 
@@ -104,7 +104,7 @@ def jax_rows(name, batch, a, b, budget):
 def torch_device():
     import torch
 
-    torch.set_num_threads(1)  # as all others; its threads spin while they wait
+    torch.set_num_threads(1)  # like the others; PyTorch's threads use CPU time while they wait
     return "cuda" if torch.cuda.is_available() else "cpu"
 
 
@@ -163,7 +163,7 @@ def torch_matrix(a, b, budget):
 
 
 def import_seconds():
-    """Time of `import psgn_jax.losses` once jax is imported, in a fresh interpreter."""
+    """Time of `import psgn_jax.losses` in a fresh interpreter that has imported jax."""
     code = (
         "import jax, jax.numpy, time; t = time.perf_counter(); import psgn_jax.losses;"
         "print(time.perf_counter() - t)"
@@ -201,7 +201,7 @@ def clocked(call, arguments, gpu=False):
 
 
 def emd_ours(version, a, b, budget):
-    """(forward s, forward+backward s, sums, gaps, bids, extra bytes) of one way to batch."""
+    """(forward s, forward+backward s, sums, gaps, bids, extra bytes) of `vmap` or `map_pairs`."""
     batch = {
         "map": lambda f: losses.map_pairs(f, platform="cpu"),
         "vmap": jax.vmap,
@@ -253,7 +253,7 @@ def emd_sinkhorn(a, b, relative):
 
 
 def pot_emd(d):
-    import ot  # the first import takes a while: call it once before it counts
+    import ot  # slow at first: this function is called once before it is timed
 
     weights = np.full(len(d), 1 / len(d))
     return ot.emd2(weights, weights, d, numItermax=10**7) * len(d)
@@ -277,7 +277,7 @@ def emd_table(args, whole):
           + "|" + "---|" * 11)  # fmt: skip
     for n in args.emd_sizes:
         for kind in args.emd_kinds:
-            # The truth grows like n^3: fewer pairs of the larger sizes.
+            # The time of the exact solution grows like n^3, so larger sizes have fewer pairs.
             pairs = max(min(args.emd_pairs, len(whole)), len(whole) * 1024**2 // max(n, 1024) ** 2)
             a, b = make_pairs(whole, pairs, n, n, kind, np.random.default_rng(0))
             k = min(args.emd_pairs, pairs)
@@ -328,7 +328,7 @@ def emd_table(args, whole):
             if "ott" not in missing and "ott" not in args.skip:
                 for relative in args.sinkhorn:
                     total, rounds, spent, memory = emd_sinkhorn(a[:k], b[:k], relative)
-                    # Iterations are passes over the matrix, n rows: one a point.
+                    # One iteration is a pass over the n rows of the matrix: one row per point.
                     name = f"ott Sinkhorn {relative:g}"
                     show(name, spent / k, None, total, None, rounds * n, memory)
 
@@ -343,7 +343,7 @@ def main():
     parser.add_argument("--emd_sizes", nargs="+", type=int, default=[1024, 2048, 4096])
     every = ["near", "far", "init", "dup", "grid"]
     parser.add_argument("--emd_kinds", nargs="+", default=every, choices=every)
-    parser.add_argument("--emd_pairs", type=int, default=4, help="pairs given to slow peers")
+    parser.add_argument("--emd_pairs", type=int, default=4, help="pairs for the slow libraries")
     parser.add_argument("--sinkhorn", nargs="*", type=float, default=[0.02, 0.005])
     parser.add_argument("--kinds", nargs="+", default=every, choices=every)
     parser.add_argument("--budget", type=float, default=2.0, help="seconds spent on each figure")
@@ -382,7 +382,7 @@ def cd_table(args, whole):
                       f" | {both / tree:.2f} | {extra} | {error.mean():.0e} | {error.max():.0e} |",
                       flush=True)  # fmt: skip
 
-            # One pair at a time: points in float64, their order, answers.
+            # Memory for one pair at a time: points in float64, their order, the results.
             needs = (n + m) * (24 + 8 + 16) / 1e6
             print(f"| {size} | {kind} | cKDTree | {tree:.3f} | | 1 | | ~{needs:.1f} | | |",
                   flush=True)  # fmt: skip

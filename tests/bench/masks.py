@@ -1,10 +1,14 @@
-"""How well the object of a photo is found without a given mask (`psgn_jax.data.masks`).
+"""Measures the segmentation of photos that have no given mask (`psgn_jax.data.masks`).
 
     python tests/bench/masks.py RECORDS... [--count 300] [--seed 0] [--sheet out.png]
+    python tests/bench/masks.py --cutouts FOLDER [--backdrops] [--count 105]
     python tests/bench/masks.py RECORDS... --fit        # new weights of the choice between masks
 
-RECORDS are folders of rendered records; models of their split `--split` (default: test, which no
-network was trained on) are put in front of backgrounds of three kinds, in turn:
+RECORDS are folders of rendered records. Models of the split `--split` (default: test, on which no
+network was trained) are composited over backgrounds of three kinds, in turn. With `--cutouts`, the
+objects are photographs without their background (`cutouts.py`), each in turn. With `--backdrops`
+too, the backgrounds are those of product photos, in turn: plain, one colour; and shaded, with a
+gradient, a soft shadow and some noise. The method is then `auto` by default. The backgrounds are:
 
 - photo: a random part of a photograph that comes with an installed package (scikit-image,
   scikit-learn, matplotlib or gradio; those that are missing are left out);
@@ -13,15 +17,18 @@ network was trained on) are put in front of backgrounds of three kinds, in turn:
   its shadow.
 
 Objects take 30 to 80 % of the image in one direction and do not touch its border. Edges, exposure,
-blur, noise and JPEG quality vary. The same seed gives the same images. Prints, for each kind, the
-mean and median IoU with the true mask, the share of images below .5, and the processor's
-milliseconds per image; then how often the method warned, and the IoU with and without a warning.
+blur, noise and JPEG quality vary. The same seed gives the same images. The command prints, for each
+kind, the mean and median IoU with the true mask, the share of images with an IoU below .5, and the
+CPU milliseconds per image; then the number of images with and without a warning, and their IoU.
+With `--method single`, the method is a single GrabCut that starts from a band along the border.
+Ctrl-C ends the measurement and prints the table of the images so far.
 
 `--fit` prints the least-squares weights of `segmentation.WEIGHTS`. It uses the training split and
 half of the photographs; the figures above are measured on the other half.
 """
 
 import argparse
+import contextlib
 import importlib.util
 import io
 import pathlib
@@ -33,6 +40,8 @@ import scipy.ndimage
 from PIL import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+import cutouts
+
 from data_gen import grounds, surroundings
 from data_gen.catalogues.families import textures
 from data_gen.lights import LightSettings
@@ -42,8 +51,9 @@ from psgn_jax.data.dataset import RecordReader
 
 SIZE = (360, 480)
 KINDS = ("photo", "texture", "room")
+BACKDROPS = ("plain", "shaded")
 
-# Package, file; alternating: for the figures, for the fit.
+# Package, file. The files are used alternately for the figures and for the fit.
 PHOTOGRAPHS = (
     ("skimage", "data/astronaut.png"),
     ("skimage", "data/coffee.png"),
@@ -75,7 +85,7 @@ def photographs(fit):
 
 
 def cropped(rng, picture, size):
-    """A random part of a picture, at least half of it in one direction, at a size."""
+    """A random part of a picture, at least half of it in one direction, resized."""
     height, width = picture.shape[:2]
     share = min(height / size[0], width / size[1]) * rng.uniform(0.5, 1)
     high, wide = int(share * size[0]), int(share * size[1])
@@ -95,7 +105,7 @@ TEXTURES = (
 
 
 def texture(rng, size):
-    """A repeated, tinted and turned texture."""
+    """A repeated, tinted and rotated texture."""
     maker, kinds = TEXTURES[int(rng.integers(len(TEXTURES)))]
     tile = np.asarray(maker(str(rng.choice(kinds)), int(rng.integers(4))))[..., :3]
     tile = Image.fromarray(tile).resize(2 * (int(rng.integers(120, 400)),))
@@ -124,7 +134,7 @@ def room(rng, size, sample, to_canvas):
     down = np.flatnonzero(reach < 60)
     places = (origin[:2] + reach[down, None] * rays[down, :2]).astype(np.float32)
     down, places = down[ground.holds(places)], places[ground.holds(places)]
-    # The shadow: the points of the object, moved along the light onto the ground.
+    # The shadow: the points of the object, projected along the light onto the ground.
     away = rng.normal(0, 0.6, 2)
     fallen = sample.points[:, :2] + sample.points[:, 2:] * away
     edges = np.linspace(-3, 3, 193)
@@ -138,12 +148,12 @@ def room(rng, size, sample, to_canvas):
     return (255 * np.clip(seen / max(level, 1e-3) * 0.8, 0, 1) ** (1 / 2.2)).reshape(*size, 3)
 
 
-def composite(rng, sample, kind, pictures):
-    """An image, uint8 [h, w, 3], and the mask of its object."""
+def composite(rng, sample, kind, pictures, enlarged=np.inf):
+    """An image, uint8 [h, w, 3], and the mask of its object, `enlarged` times at most."""
     size = SIZE if rng.random() < 0.75 else SIZE[::-1]
     rows, columns = np.flatnonzero(sample.mask.any(1)), np.flatnonzero(sample.mask.any(0))
     high, wide = np.ptp(rows) + 1, np.ptp(columns) + 1
-    factor = rng.uniform(0.3, 0.8) * min(size[0] / high, size[1] / wide)
+    factor = min(rng.uniform(0.3, 0.8) * min(size[0] / high, size[1] / wide), enlarged)
     free = size[0] - factor * high, size[1] - factor * wide
     top, left = (np.clip(rng.normal(0.5, 0.2), 0.06, 0.94) * each for each in free)
     to_canvas = np.array(
@@ -160,7 +170,7 @@ def composite(rng, sample, kind, pictures):
             np.float64,
         )
 
-    # The grey behind the object has bled into the pixels at its edge.
+    # The grey background of the record is mixed into the pixels at the object's edge.
     behind = ~sample.mask
     nearest = scipy.ndimage.distance_transform_edt(
         behind | ~scipy.ndimage.binary_erosion(sample.mask), return_indices=True
@@ -185,12 +195,65 @@ def composite(rng, sample, kind, pictures):
     return np.asarray(Image.open(stream)), alpha > 0.5
 
 
+def backdrop(rng, sample, shaded):
+    """A cut-out on a backdrop, as a JPEG: an image, and the mask of its object."""
+    high, wide = sample.mask.shape
+    factor = min(rng.uniform(0.4, 0.85) * min(SIZE[0] / high, SIZE[1] / wide), 1.5)
+    high, wide = round(factor * high), round(factor * wide)
+    top, left = (SIZE[0] - high) // 2, (SIZE[1] - wide) // 2
+    part = np.s_[top : top + high, left : left + wide]
+    alpha, colours = np.zeros(SIZE), np.zeros((*SIZE, 3))
+    for array, source in ((alpha, 255 * sample.mask.astype(np.uint8)), (colours, sample.image)):
+        array[part] = np.asarray(Image.fromarray(source).resize((wide, high)))
+    alpha /= 255
+    level = rng.choice([255, 255, 245, 225, 191, 120, 30])
+    tint = 1 if level == 255 else rng.uniform(0.92, 1.05, 3)
+    back = np.ones((*SIZE, 3)) * level * tint
+    if shaded:
+        rows, columns = np.meshgrid(*(np.linspace(-1, 1, side) for side in SIZE), indexing="ij")
+        slope = rng.normal(0, 4, 2)
+        vignette = rng.uniform(0, 6) * (rows**2 + columns**2)
+        back += (slope[0] * columns + slope[1] * rows - vignette)[..., None]
+        shadow = scipy.ndimage.gaussian_filter(np.roll(alpha, (8, 20), (0, 1)), 12)
+        back *= 1 - rng.uniform(0, 0.25) * shadow[..., None]
+        back += rng.normal(0, rng.uniform(0, 1.5), back.shape)
+    image = back + alpha[..., None] * (colours - back)
+    stream = io.BytesIO()
+    jpeg = Image.fromarray(image.clip(0, 255).astype(np.uint8))
+    jpeg.save(stream, "JPEG", quality=int(rng.choice([70, 80, 88, 95])))
+    return np.asarray(Image.open(stream)), alpha > 0.5
+
+
+def cutouts_on_backdrops(folder, count, seed):
+    """Yields (kind, image, mask); each cut-out in turn."""
+    objects = cutouts.samples(folder)
+    for number in range(count):
+        rng = np.random.default_rng((seed, number))
+        shaded = (number + number // len(objects)) % 2
+        yield BACKDROPS[shaded], *backdrop(rng, objects[number % len(objects)], shaded)
+
+
+def backgrounds(fit):
+    """The kinds of background that there are, and photographs."""
+    pictures = photographs(fit)
+    print(f"photographs: {', '.join(pictures) or 'none'}", file=sys.stderr)
+    return KINDS if pictures else KINDS[1:], list(pictures.values())
+
+
+def composites_of_cutouts(folder, count, seed):
+    """Yields (kind, image, mask); each cut-out in turn, on each kind of background."""
+    kinds, pictures = backgrounds(False)
+    objects = cutouts.samples(folder)
+    for number in range(count):
+        rng = np.random.default_rng((seed, number))
+        kind = kinds[(number + number // len(objects)) % len(kinds)]
+        yield kind, *composite(rng, objects[number % len(objects)], kind, pictures, enlarged=1.5)
+
+
 def composites(folders, split, count, seed, fit):
     """Yields (kind, image, mask)."""
     readers = [RecordReader(folder, split) for folder in folders]
-    pictures = photographs(fit)
-    print(f"photographs: {', '.join(pictures) or 'none'}", file=sys.stderr)
-    kinds = KINDS if pictures else KINDS[1:]
+    kinds, pictures = backgrounds(fit)
     for number in range(count):
         rng = np.random.default_rng((seed, fit, number))
         while True:
@@ -199,7 +262,7 @@ def composites(folders, split, count, seed, fit):
             if sample.mask.mean() > 0.02:
                 break
         kind = kinds[number % len(kinds)]
-        yield kind, *composite(rng, sample, kind, list(pictures.values()))
+        yield kind, *composite(rng, sample, kind, pictures)
 
 
 def iou(one, other):
@@ -208,7 +271,7 @@ def iou(one, other):
 
 
 def least_squares(features, targets):
-    """Ridge regression of standardised features; weights of the features as they are."""
+    """Ridge regression of standardised features; returns weights of the original features."""
     scale = np.maximum(features.std(axis=0), 1e-6)
     matrix = features / scale
     penalty = 0.1 * len(targets) * np.eye(matrix.shape[1])
@@ -216,7 +279,7 @@ def least_squares(features, targets):
 
 
 def fit_weights(cases):
-    """Weights of the rank, fitted within images, and of the score, fitted to the chosen ones."""
+    """Fits the weights of the rank (within images) and of the score (of the chosen masks)."""
     from psgn_jax.data import segmentation
 
     seeds = list(segmentation.RANK_OF_SEED)
@@ -231,7 +294,7 @@ def fit_weights(cases):
 
 
 def report_fit(features, targets, groups, places, seeds):
-    """Fits and prints."""
+    """Fits the weights and prints them."""
     from psgn_jax.data import segmentation
 
     def centred(values):
@@ -263,7 +326,7 @@ def report_fit(features, targets, groups, places, seeds):
 
 
 def sheet(cases, path):
-    """Images with the outline of the mask that was found (red) and the true one (green)."""
+    """Writes images with the outlines of the computed mask (red) and the true mask (green)."""
     tiles = []
     for image, mask, found in cases:
         tile = image.astype(float)
@@ -279,35 +342,43 @@ def sheet(cases, path):
     Image.fromarray(np.concatenate(rows)).save(path)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("records", nargs="+", type=pathlib.Path)
-    parser.add_argument("--count", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--split", default="")
-    parser.add_argument("--method", default="grabcut", choices=masks.METHODS)
-    parser.add_argument("--sheet", help="PNG of the first 64 images")
-    parser.add_argument("--fit", action="store_true")
-    arguments = parser.parse_args()
-    split = arguments.split or ("train" if arguments.fit else "test")
-    cases = composites(arguments.records, split, arguments.count, arguments.seed, arguments.fit)
-    if arguments.fit:
-        fit_weights(cases)
-        return
-    rows, shown = [], []
+def single(image):
+    """The mask of one GrabCut that starts from a band along the border, or None."""
+    import cv2
+
+    small = masks._small(image)
+    height, width = small.shape[:2]
+    down, across = max(1, round(0.03 * height)), max(1, round(0.03 * width))
+    labels = np.full((height, width), cv2.GC_BGD, np.uint8)
+    labels[down:-down, across:-across] = cv2.GC_PR_FGD
+    back, fore = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.setRNGSeed(0)
+    cv2.grabCut(small, labels, (0, 0, 1, 1), back, fore, 5, cv2.GC_INIT_WITH_MASK)
+    parts, count = scipy.ndimage.label((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD))
+    areas = np.bincount(parts.ravel(), minlength=count + 1)
+    areas[0] = 0
+    return photo.resize_mask((areas >= 0.1 * areas.max())[parts] & (parts > 0), image.shape[:2])
+
+
+def measured(cases, method):
+    """Yields (kind, image, mask, found, milliseconds, in doubt)."""
     for kind, image, mask in cases:
         start = time.process_time()
         try:
-            found = masks.find_mask(image, None, arguments.method)
-            result, doubt = found.mask, bool(found.doubt)
+            if method == "single":
+                result, doubt = single(image), False
+            else:
+                found = masks.find_mask(image, None, method)
+                result, doubt = found.mask, bool(found.doubt)
         except photo.PhotoError:
             result, doubt = np.zeros_like(mask), True
-        spent = time.process_time() - start
-        rows.append((kind, iou(result, mask), 1000 * spent, doubt))
-        if len(shown) < 64:
-            shown.append((image, mask, result))
+        yield kind, image, mask, result, 1000 * (time.process_time() - start), doubt
+
+
+def report(rows):
+    """Prints a table of (kind, IoU, milliseconds, in doubt)."""
     print("background  images  mean IoU  median  below .5  ms")
-    for kind in (*KINDS, "all"):
+    for kind in (*KINDS, *BACKDROPS, "all"):
         part = [row[1:] for row in rows if kind in (row[0], "all")]
         if part:
             values, spent, _ = np.array(part).T
@@ -323,6 +394,41 @@ def main():
                 f"{text}: {len(part)} images, mean IoU {part.mean():.3f}, "
                 f"{100 * np.mean(part < 0.5):.1f} % below .5"
             )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("records", nargs="*", type=pathlib.Path)
+    parser.add_argument("--cutouts", type=pathlib.Path, help="folder of Tux Paint's stamps")
+    parser.add_argument("--count", type=int, default=0, help="default: 300, of cut-outs 105")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--split", default="")
+    parser.add_argument("--backdrops", action="store_true", help="of product photos")
+    parser.add_argument("--method", default="", choices=(*masks.METHODS, "single"))
+    parser.add_argument("--sheet", help="PNG of the first 64 images")
+    parser.add_argument("--fit", action="store_true")
+    arguments = parser.parse_args()
+    if bool(arguments.records) == bool(arguments.cutouts):
+        parser.error("expected either RECORDS or --cutouts")
+    if arguments.cutouts:
+        make = cutouts_on_backdrops if arguments.backdrops else composites_of_cutouts
+        cases = make(arguments.cutouts, arguments.count or 105, arguments.seed)
+    else:
+        split = arguments.split or ("train" if arguments.fit else "test")
+        count = arguments.count or 300
+        cases = composites(arguments.records, split, count, arguments.seed, arguments.fit)
+    if arguments.fit:
+        fit_weights(cases)
+        return
+    rows, shown = [], []
+    method = arguments.method or ("auto" if arguments.backdrops else "grabcut")
+    with contextlib.suppress(KeyboardInterrupt):
+        for kind, image, mask, result, spent, doubt in measured(cases, method):
+            rows.append((kind, iou(result, mask), spent, doubt))
+            if len(shown) < 64:
+                shown.append((image, mask, result))
+    if rows:
+        report(rows)
     if arguments.sheet:
         sheet(shown, arguments.sheet)
 

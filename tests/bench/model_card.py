@@ -1,12 +1,13 @@
-"""Fills the figures and sheets of docs/model_card.md from a file of weights.
+"""Writes the figures and pictures of docs/model_card.md for a file of weights.
 
     python tests/bench/model_card.py --weights FILE --data records/authors \\
         [--data records/free/furniture:test ...] --out docs
 
 Every `--data` is a folder of records, with the split after a colon (default: validation). Each is
-evaluated as framed and placed (`psgn evaluate --frame=place`): metrics over all samples, by
-category if the records have categories, and by elevation of the camera. For each frame, a sheet
-shows the first `--cases` cases of the first folder, in the order of the records.
+evaluated twice: with the images as they are (`--frame=keep` of `psgn evaluate`) and with the object
+placed in them (`--frame=place`). The metrics are means over all samples, by category if the records
+have categories, and by elevation of the camera. For each frame, a sheet shows the first `--cases`
+cases of the first folder, in the order of the records.
 
 The command replaces the text between `<!-- begin NAME -->` and `<!-- end NAME -->` (weights,
 sources, figures) of docs/model_card.md, and writes it with the sheets into `--out`. A sheet has at
@@ -54,7 +55,7 @@ def elevation(extrinsics):
 
 
 def number(metric, value):
-    """A cell."""
+    """The text of a cell."""
     return f"{100 * value:.1f} %" if metric == "fscore" else f"{value:.4f}"
 
 

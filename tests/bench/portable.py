@@ -2,9 +2,10 @@
 
     python tests/bench/portable.py --workdir=RUN [--threads=2]
 
-Each is called with one image at a time, in turns. Prints milliseconds of wall-clock time (the
-median and the fastest) and of CPU time for each, and the largest difference of a coordinate. JAX
-uses one thread per core of the machine; to use fewer, run the command under `taskset`.
+All runtimes are called in alternation, with one image at a time. The command prints milliseconds of
+wall-clock time (the median and the fastest) and of CPU time for each, and the largest difference of
+a coordinate from this package. JAX uses one thread per core of the machine; to use fewer, run the
+command under `taskset`.
 """
 
 import statistics

@@ -1,12 +1,12 @@
-"""Time from an image file to its clouds: the first result from the shell, and later ones.
+"""Times predictions from image files: the first result of the command, and further images.
 
     python tests/bench/predict.py                        # the full network, untrained
     python tests/bench/predict.py --workdir runs/mine    # a trained one
 
-Makes a run of the full network if none is named, then starts the command twice: first with an empty
-compilation cache, then with the programs that the first call compiled. Prints the wall-clock and
-CPU seconds of the whole command for one image, and the milliseconds of each further image (read,
-mask, place, network, colours, files) with the median of each part.
+If no run is given, one of the full network is made. The command is started twice: first with an
+empty compilation cache, then with the programs that the first call compiled. Prints the wall-clock
+and CPU seconds of the whole command for one image. For further images, it prints milliseconds per
+image and the median of each step (read, mask, place, network, colours, files).
 """
 
 import json
@@ -23,7 +23,7 @@ import numpy as np
 from absl import app, flags
 from PIL import Image
 
-_WORKDIR = flags.DEFINE_string("workdir", "", "run to take; default: the full network, untrained")
+_WORKDIR = flags.DEFINE_string("workdir", "", "a run; default: the full network, untrained")
 _IMAGES = flags.DEFINE_integer("images", 20, "further images")
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -86,16 +86,16 @@ def main(_: list[str]) -> None:
             subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
         make_images(folder / "images", _IMAGES.value + 1)
         one = folder / "images" / "000.png"
-        for label in ("nothing compiled yet", "compiled before"):
+        for label in ("empty compilation cache", "programs in the cache"):
             wall, used = run(one, workdir, folder / "cache")
-            print(f"first result from the shell, {label}: {wall:.1f} s ({used:.1f} s of processor)")
+            print(f"first result of the command, {label}: {wall:.1f} s ({used:.1f} s of CPU time)")
         run(folder / "images", workdir, folder / "cache")
         documents = sorted((folder / "cache" / "out").glob("*.json"))[1:]
         seconds = [json.loads(path.read_text())["seconds"] for path in documents]
         totals = sorted(1000 * sum(s.values()) for s in seconds)
         parts = {k: 1000 * statistics.median(s[k] for s in seconds) for k in seconds[0]}
         print(
-            f"later ones ({len(totals)}): median {statistics.median(totals):.0f} ms, "
+            f"further images ({len(totals)}): median {statistics.median(totals):.0f} ms, "
             f"fastest {totals[0]:.0f} ms, slowest {totals[-1]:.0f} ms"
         )
         print("  " + ", ".join(f"{name} {value:.1f}" for name, value in parts.items()))

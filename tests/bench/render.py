@@ -1,4 +1,4 @@
-"""Images per second of the data stage on one processor, and a worker's peak memory.
+"""Images per second of the data stage on one core, and a worker's peak memory.
 
     python tests/bench/render.py [--catalogue procedural] [--source 4] [--models 30] [--views 4]
                                  [--variant auto]
@@ -38,7 +38,7 @@ def main():
     context = Context(
         settings.Settings(views=arguments.views), arguments.catalogue, variant, None, []
     )
-    render_model(chosen[0], context)  # what is compiled or loaded once
+    render_model(chosen[0], context)  # compiles and loads what is needed only once
     parts, models, images = {}, [], 0
     wall, cpu = time.perf_counter(), time.process_time()
     for entry in chosen:
@@ -50,8 +50,8 @@ def main():
             parts[name] = parts.get(name, 0) + seconds
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     print(f"{images} images of {len(chosen)} models")
-    print(f"{images / wall:.2f} images/s of wall time, {images / cpu:.2f} of processor time")
-    print("ms an image:", ", ".join(f"{k} {1000 * v / images:.0f}" for k, v in parts.items()))
+    print(f"{images / wall:.2f} images/s of wall-clock time, {images / cpu:.2f} of CPU time")
+    print("ms per image:", ", ".join(f"{k} {1000 * v / images:.0f}" for k, v in parts.items()))
     for seconds, name, faces in sorted(models)[-3:]:
         print(f"slowest: {name}, {faces} faces: {seconds:.2f} s for {arguments.views} views")
     print(f"peak memory {peak_megabytes():.0f} MB")

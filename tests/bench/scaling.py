@@ -29,7 +29,7 @@ def parameter_bytes():
 
 
 def training(args, params):
-    """Rows by number of accelerators."""
+    """Prints a row for each number of accelerators."""
     pixels = SIDES[0] * SIDES[1]
     sent = 3 * pixels + pixels + 4096 * 12
     print("| GPUs | samples/s | cores, plain | cores, augmented | cores, cached | records read "
@@ -45,7 +45,7 @@ def training(args, params):
 
 
 def data(args):
-    """Rows of what is made once."""
+    """Prints the one-time cost of preparing the data."""
     images = args.models * args.views
     pixels = SIDES[0] * SIDES[1]
     on_device = 3 * pixels + pixels // 8 + POINTS * 3 * 2 + 4 * 34 + 1
@@ -65,7 +65,7 @@ def data(args):
 
 
 def checkpoints(args, params):
-    """Rows by the interval between checkpoints."""
+    """Prints a row for each interval between checkpoints."""
     print("| `train.checkpoint_every` | every | written, Adam | with an average of the parameters |"
           "\n|---|---|---|---|")  # fmt: skip
     for every in (1_000, 5_000, 20_000):

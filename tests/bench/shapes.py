@@ -4,13 +4,14 @@
 
 BATCHES is the folder of the authors' published batches. The distance of two models is the CD-L1
 (half the sum of both mean nearest-neighbour distances) of 1,536 surface points each, at the best
-rotation about z; both are in units of their bounding hemisphere's radius. A model's *isolation* is
-its distance to the nearest other one of a group of 12, minus the distance between two samples of
-points of the same model. The table gives the mean isolation of our models divided by that of the
-authors' models of the category: 1 = as different from each other as theirs.
+rotation about z. Models are in units of the radius of their bounding hemisphere. The *isolation* of
+a model is its distance to the nearest other model in a group of 12, minus the distance between two
+samples of points of the same model. The table gives the mean isolation of the procedural models
+divided by that of the authors' models of the same category. A ratio of 1 means that the procedural
+models differ from each other as much as those of the authors.
 
-The categories of the authors' models were determined from their images; the numbers below are
-positions in their files (32 * file + position in the file).
+The categories of the authors' models were determined from their images. The models are given by
+their number: 32 * (number of the batch file) + position in the file.
 """
 
 import argparse
@@ -86,10 +87,10 @@ def aligned_distance(one, two):
 
 
 def isolation(first, second, group, rng, groups=20):
-    """Mean and spread over random groups of the distance to the nearest model less the floor.
+    """Mean and spread of the isolation over random groups, and the distance of equal models.
 
     Args:
-      first, second: two draws of points of each model.
+      first, second: two samples of points of each model.
     """
     count = len(first)
     floor = np.mean(
@@ -110,14 +111,14 @@ def isolation(first, second, group, rng, groups=20):
 
 
 def _normalized(points):
-    """In units of the radius of the bounding hemisphere, on the ground."""
+    """The points on the ground, in units of the radius of the bounding hemisphere."""
     low, high = points.min(axis=0), points.max(axis=0)
     moved = points - [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]
     return moved / np.linalg.norm(moved, axis=1).max()
 
 
 def authors_clouds(folder, numbers, rng):
-    """Two draws of points of each of the authors' models."""
+    """Two samples of points of each of the authors' models."""
     result = []
     for number in sorted(numbers):
         entry = next(
@@ -131,7 +132,7 @@ def authors_clouds(folder, numbers, rng):
 
 
 def our_clouds(category, count, first_seed):
-    """Two draws of points of each of a number of procedural models."""
+    """Two samples of points of each of `count` procedural models."""
     first, second = [], []
     for seed in range(first_seed, first_seed + count):
         model = procedural.generate(category, seed)

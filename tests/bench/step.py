@@ -2,12 +2,13 @@
 
 One step is forward and backward with respect to all parameters; the loss is a fixed linear function
 of the points, whose cost is negligible. Each implementation runs in a separate process, so that its
-peak memory can be measured. They take turns, so that other work on the machine affects all alike.
+peak memory can be measured. They are measured in alternation, so that other work on the machine
+affects all of them alike.
 
     python tests/bench/step.py                  # the full network, batch 32
     python tests/bench/step.py --small          # the half-size network of configs/authors_small.py
     python tests/bench/step.py --layers         # a table of layers instead
-    python tests/bench/step.py --draws          # Min-of-N over the plain step instead (batch 4)
+    python tests/bench/step.py --draws          # the cost of Min-of-N instead (batch 4)
 
 Prints seconds per step (the median and the fastest), the ratio to PyTorch channels last, samples
 per second, the latency of one image forward, and the peak memory of each process.
@@ -25,13 +26,17 @@ from absl import app, flags
 
 _BATCH = flags.DEFINE_integer("batch", 0, "images in a batch; 0 = 32, or 16 with --small")
 _SMALL = flags.DEFINE_bool("small", False, "the network and image size of authors_small.py")
-_REPEATS = flags.DEFINE_integer("repeats", 5, "timed steps of each competitor")
+_REPEATS = flags.DEFINE_integer("repeats", 5, "timed steps of each implementation")
 _THREADS = flags.DEFINE_integer("threads", 2, "threads that PyTorch uses")
 _LAYERS = flags.DEFINE_bool("layers", False, "time the convolutions one by one instead")
 _DRAWS = flags.DEFINE_bool("draws", False, "time steps with Min-of-N against plain ones instead")
 _FLOPS = flags.DEFINE_bool("flops", False, "with --draws: count operations, run nothing")
-_RETURN_MEMORY = flags.DEFINE_bool("return_memory", True, "without `keep_freed_memory` as well")
-_DEFAULT_LAYOUT = flags.DEFINE_bool("default_layout", True, "PyTorch's default layout as well")
+_RETURN_MEMORY = flags.DEFINE_bool(
+    "return_memory", True, "also measure this package without `keep_freed_memory`"
+)
+_DEFAULT_LAYOUT = flags.DEFINE_bool(
+    "default_layout", True, "also measure PyTorch with its default layout"
+)
 
 FULL: dict[str, Any] = {
     "image_size": (192, 256),
@@ -49,14 +54,14 @@ IN_CHANNELS, FC_POINTS, DECONV_CHANNELS = 4, 256, 3
 
 
 class Competitor:
-    """A process that takes a step when told to."""
+    """A process that runs a step on request."""
 
     def __init__(self, build: Callable[..., Any], *args: Any):
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, build, args), daemon=True)
         self._process.start()
-        theirs.close()  # so that the end of a process that failed is noticed
+        theirs.close()  # so that `recv` raises an error if the process has failed
         self.num_params: int = self._pipe.recv()
         self.seconds: list[float] = []
 
@@ -85,7 +90,7 @@ def _serve(pipe: Any, build: Callable[..., Any], args: tuple[Any, ...]) -> None:
 
 
 def build_jax(network: dict[str, Any], batch: int, keep_memory: bool = True) -> dict[str, Any]:
-    """The step of this project's network; `keep_memory`: as the commands do."""
+    """The step of this package's network; `keep_memory` calls `keep_freed_memory`."""
     from psgn_jax.host_memory import keep_freed_memory
 
     if keep_memory:
@@ -168,14 +173,14 @@ def compare(network: dict[str, Any], batch: int) -> None:
         )
     sizes = {name: c.num_params for name, c in competitors.items()}
     if len(set(sizes.values())) > 1:
-        raise ValueError(f"parameters={sizes}: accepted: the same number in every network")
+        raise ValueError(f"parameters: got {sizes}, expected the same number in every network")
     print(f"{sizes['psgn_jax']:,} parameters, images {network['image_size']}, batch {batch}")
     for _ in range(_REPEATS.value):
         for competitor in competitors.values():
             competitor.seconds.append(competitor.ask("step"))
     print(f"{'':24}{'median s':>9}{'fastest':>9}{'ratio':>7}{'samples/s':>11}", end="")
     print(f"{'1 image':>10}{'peak GB':>9}")
-    # Ratios within a round, since the load of the machine changes between rounds.
+    # Ratios are computed within a round, because the load of the machine changes between rounds.
     reference = competitors["PyTorch channels last"].seconds
     for name, c in competitors.items():
         ratio = statistics.median(t / r for t, r in zip(c.seconds, reference, strict=True))
@@ -209,7 +214,7 @@ def layers(network: dict[str, Any]) -> Iterator[tuple[str, int, int, int, int, i
 
 
 def compare_layers(network: dict[str, Any], batch: int) -> None:
-    """Prints, by layer, milliseconds of the three passes here and in PyTorch channels last."""
+    """Prints milliseconds of the three passes of each layer, here and in PyTorch channels last."""
     import jax
     import torch
 
@@ -253,10 +258,11 @@ def compare_layers(network: dict[str, Any], batch: int) -> None:
 
 
 def compare_draws(network: dict[str, Any], batch: int) -> None:
-    """Prints, for each network, the cost of a step with Min-of-N over that of the plain step.
+    """Prints the cost of a step with Min-of-N relative to a plain step, for each network.
 
-    "all": every draw goes forward and backward; "winners": `training.step.min_of_n_loss`. The loss
-    is the CD of 1,024 and 4,096 points. Competitors take turns in one process.
+    "all" computes forward and backward for every sample; "winners" is
+    `training.step.min_of_n_loss`. The loss is the CD of 1,024 and 4,096 points. The variants are
+    measured in alternation in one process.
     """
     import jax
     import jax.numpy as jnp
@@ -275,7 +281,7 @@ def compare_draws(network: dict[str, Any], batch: int) -> None:
     }
     image = np.zeros((1, height, width, IN_CHANNELS), np.float32)
     one = np.zeros((1, 128), np.float32)
-    print(f"steps with Min-of-N over the plain step, images {(height, width)}, batch {batch}")
+    print(f"Min-of-N relative to a plain step, images {(height, width)}, batch {batch}")
     for name in ("two_branch", "hourglass"):
         fields = {k: v for k, v in network.items() if k != "image_size"}
         config = parse(

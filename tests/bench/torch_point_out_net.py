@@ -1,7 +1,7 @@
 """The two-branch network in PyTorch, layer for layer, for comparison in `step.py`.
 
-The package does not use it. Padding is symmetric where TensorFlow's SAME pads one side: the number
-of operations is the same, and PyTorch is fastest in this form.
+Only the benchmark uses it. Padding is symmetric, unlike TensorFlow's SAME, which pads one side
+more: the number of operations is the same, and PyTorch is fastest with symmetric padding.
 """
 
 import itertools
@@ -13,7 +13,7 @@ from torch.nn import functional
 
 
 class TwoBranch(nn.Module):
-    """`psgn_jax.models.point_out_net` of the version "two_branch", without random input."""
+    """The network "two_branch" of `psgn_jax.models.point_out_net`, without random input."""
 
     def __init__(
         self,

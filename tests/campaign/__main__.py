@@ -1,9 +1,9 @@
 """The reliability campaign: `python -m tests.campaign --seed=0 --minutes=60 [--part=NAME]`.
 
-Tests the commands under kills, full disks, damage and untrusted files, and counts how often they
-behaved as promised ("held"). The time is divided equally among the parts. Writes `<part>.json` for
-each part and `table.md` into `--out` (default: campaign-<seed>, which must not exist). The same
-seed repeats a failure. The exit code is 1 if something did not hold.
+Kills the commands, simulates full disks, damages files and supplies hostile input. Counts the
+trials after which all requirements were met ("held"). The time is divided equally among the parts.
+Writes `<part>.json` for each part and `table.md` into `--out` (default: campaign-<seed>, which must
+not exist). The same seed repeats the same trials. The exit code is 1 if a requirement was not met.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Kills of fine-tuning, prediction, evaluation and studies, at random moments.
 
-The same command, started again, gives the results of an undisturbed one: bit-identical parameters,
-the same clouds and the same tables.
+If the same command is started again, it must give the results of an undisturbed run: bit-identical
+parameters, the same clouds and the same tables.
 """
 
 import json
@@ -34,7 +34,7 @@ def of_run(folder: pathlib.Path) -> dict[str, object]:
 
 
 def of_files(folder: pathlib.Path) -> dict[str, object]:
-    """Every file with a name; times are left out, archives are compared by their arrays."""
+    """The contents of all files, without times; archives are represented by their arrays."""
     return {
         name: _content(folder / name)
         for name in kills.files_of(folder)
@@ -69,7 +69,7 @@ def _photos(folder: pathlib.Path) -> pathlib.Path:
 
 
 def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[frame.Finding]:
-    """Each of the commands in turn."""
+    """Kills each of the commands in turn."""
     records = runs.make_records(folder / "records")
     base = folder / "base"
     photos = _photos(folder / "photos")

@@ -1,4 +1,4 @@
-"""Kills of conversions: the same bytes at the end, and nothing left over."""
+"""Kills of conversions: the final bytes must be the same, and no temporary files may be left."""
 
 import pathlib
 import random
@@ -14,7 +14,7 @@ FILES = 10  # two shards
 
 
 def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Finding]:
-    """Batches of noise in the layout of the authors' files."""
+    """Kills the conversion of batches of noise in the layout of the authors' files."""
     source = folder / "authors"
     source.mkdir()
     for number in range(FILES):

@@ -31,7 +31,7 @@ SECONDS = 300
 
 
 def leaves(step):
-    """Arrays of a checkpoint, all made from its step."""
+    """Arrays of a checkpoint, which depend only on its step."""
     rng = np.random.default_rng(step)
     return {f"params.layer{n}.kernel": rng.normal(size=(50, n + 1)) for n in range(4)}
 

@@ -1,8 +1,11 @@
-/* File operations that fail, for the campaign: preloaded into a process, armed by `arm`.
+/* File operations that fail, for the campaign: preloaded into a process, enabled by `arm`.
 
-   Every operation that changes a file below a folder is counted. At the `at`-th one:
-   'e' fails once with `error`; 'f' this one and all later ones that need room fail with `error`;
-   's' a write takes half of its bytes, once; 'k' the process is killed after it. */
+   Every operation that changes a file below `folder` is counted. The fault begins at operation
+   number `at` and depends on `kind`:
+   'e' the operation fails with `error_number`;
+   'f' the operation and all later ones fail with `error_number` if they need room on the disk;
+   's' the operation, a write, writes half of its bytes;
+   'k' the process is killed after the operation. */
 
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -57,7 +60,7 @@ static int file_below(int file) { return path_below(file, "."); }
 
 enum { GO, FAIL, HALF, KILL };
 
-/* What happens to the next operation; `room` says that it needs room on the disk. */
+/* The fault of the next operation; `room` is 1 if the operation needs room on the disk. */
 static int next_operation(int room) {
   long number = __sync_add_and_fetch(&count, 1);
   if (kind == 'e' && number == at) return FAIL;

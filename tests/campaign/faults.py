@@ -1,9 +1,9 @@
 """Faults at every file operation of a checkpoint, a result, a data set and a manifest.
 
-Each operation fails in turn: with EIO, with a disk that is full from then on, with an incomplete
-write, and with the end of the process after it. Everything that was finished before must still be
-there, bit by bit. Everything that is there afterwards must be correct. The same command must then
-succeed.
+Each operation is made to fail in turn: by EIO, by a disk that is full from then on, by an
+incomplete write, and by the end of the process after the operation. Everything that was finished
+before must still exist, bit for bit. Everything that exists after the fault must be correct. The
+same command must then succeed.
 """
 
 import contextlib
@@ -65,7 +65,7 @@ class Server:
 
 
 def check_checkpoint(folder: pathlib.Path, done: int) -> str:
-    """What is wrong with the checkpoints of a folder where step `done` had been finished."""
+    """What is wrong with the checkpoints of a folder; that of step `done` was finished before."""
     found = Checkpoints(folder / "checkpoints", read_only=True).restore_newest()
     if found is None or found.step < done:
         return f"the checkpoint of step {done} is lost: {found and found.step}"
@@ -97,7 +97,7 @@ def check_records(folder: pathlib.Path, done: int) -> str:
 
 
 def check_manifest(folder: pathlib.Path, done: int) -> str:
-    """What is wrong with a data set of `done` shards that may have got one more."""
+    """What is wrong with a data set of `done` shards, or `done` + 1 if one has been added."""
     reader = RecordReader(folder / "extended", "train")
     reader.verify()
     count = len(list(reader))
@@ -115,7 +115,7 @@ CHECKS = {
 def _trial(
     server: Server, writer: str, name: str, at: int, base: pathlib.Path, folder: pathlib.Path
 ) -> str:
-    """One fault in a copy of `base`, where step 1 is finished; returns what did not hold."""
+    """Makes one fault in a copy of `base`, where step 1 is finished; returns what did not hold."""
     kind, error = KINDS[name]
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(base, folder)

@@ -1,4 +1,4 @@
-"""Starts commands quickly: forks them from a process that has imported what they import.
+"""Starts commands quickly: forks them from a process that has imported their modules.
 
 A command that is started here skips its imports, which take most of the time of a small command. In
 all other respects it is an ordinary process: it leads its own process group, runs the module as
@@ -56,7 +56,7 @@ class Forks(contextlib.AbstractContextManager["Forks"]):
     """The process that forks; `started` and `run` are those of `frame`.
 
     Args:
-      modules: what it imports. No module may start a thread, or hold the flags of a command.
+      modules: the modules that it imports. They may neither start threads nor define flags.
       **variables: environment of all commands.
     """
 
@@ -98,7 +98,7 @@ class Forks(contextlib.AbstractContextManager["Forks"]):
             process.wait()
 
     def run(self, command: Sequence[str], log: pathlib.Path, timeout: float = 600) -> frame.Ended:
-        """Runs `python COMMAND` to its end; too long = exit code 124."""
+        """Runs `python COMMAND` to its end; after the timeout, the exit code is 124."""
         return frame.ended(self.started(command, log), log, timeout)
 
 
@@ -136,7 +136,7 @@ def _serve() -> list[str] | None:
 
 
 def main() -> None:
-    """Imports, then serves."""
+    """Imports the modules, then answers questions."""
     # Printed text must not be mixed with the answers.
     answers = os.dup(1)
     os.dup2(2, 1)

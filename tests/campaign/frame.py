@@ -1,13 +1,13 @@
-"""What the parts of the campaign have in common: findings, the list of parts, the table.
+"""Code that the parts of the campaign share: findings, the list of parts, the table.
 
 A part is a file of this folder with a function
 
     def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Finding]
 
-Parts import this module as `campaign.frame`, and the tests' helpers as `helpers`, since `tests` is
-on the path. A part tries things until `time.monotonic()` reaches `deadline`, each at least once,
-and writes only below `folder`, which is empty and its own. All of its choices come from `rng`, so
-that the same seed tries the same things in the same order.
+Parts import this module as `campaign.frame`, and the tests' helpers as `helpers`, because `tests`
+is on the path. A part repeats its trials until `time.monotonic()` reaches `deadline`; each kind of
+trial is made at least once. It writes only below `folder`, which is empty and used by no other
+part. All random choices come from `rng`, so the same seed makes the same trials in the same order.
 """
 
 import contextlib
@@ -31,13 +31,13 @@ _FRAME = ("__init__", "__main__", "frame")
 
 @dataclasses.dataclass
 class Finding:
-    """How often one kind of trial was made, and how often the program held.
+    """The number of trials of one kind, and after how many of them all requirements were met.
 
     Attributes:
-      kind: what was tried and what had to hold, such as "SIGKILL in training: same bits".
+      kind: the trial and the requirement, such as "SIGKILL in training: same bits".
       tried: number of trials.
-      held: number of trials after which everything that must hold did.
-      details: one line for each trial that did not hold, enough to try it again.
+      held: number of trials after which all requirements were met.
+      details: one line for each other trial, with the information that is needed to repeat it.
     """
 
     kind: str

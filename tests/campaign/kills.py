@@ -1,4 +1,4 @@
-"""Kills of a command at random moments; started again, it must end with the same files."""
+"""Kills of a command at random moments. When it is started again, it must write the same files."""
 
 import contextlib
 import dataclasses
@@ -35,10 +35,10 @@ class Command:
     """A command that is killed.
 
     Attributes:
-      name: what it does.
+      name: name of the trial.
       words: its arguments for Python; "{out}" is the folder of its results.
-      results: maps that folder to what must be the same after any kills, by file.
-      codes: exit codes of a run that is complete.
+      results: returns the contents of that folder, by file, that must be the same after kills.
+      codes: exit codes of a complete run.
     """
 
     name: str
@@ -52,11 +52,11 @@ class Command:
 
 
 class Killer:
-    """Kills one command again and again, and counts what did not hold.
+    """Kills one command repeatedly, and counts the trials after which it met the requirements.
 
     Args:
       command: the command.
-      forks: starts it; None = `frame.started`.
+      forks: starts the command; None = `frame.started`.
       folder: an empty folder of its own.
     """
 
@@ -112,7 +112,7 @@ class Killer:
             shutil.rmtree(out)
 
     def _kill(self, command: list[str], send: Callable[[int, int], None]) -> tuple[str, bool]:
-        """Kills a run; returns (what did not hold, whether the run was still going on)."""
+        """Kills a run; returns (what did not hold, whether the run had not ended before)."""
         with self._start.started(command, self._log) as process:
             time.sleep(self._rng.uniform(0, 1.05 * self._seconds))
             running = process.poll() is None

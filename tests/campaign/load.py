@@ -1,4 +1,4 @@
-"""What the parts about load have in common: a bound of memory that does not depend on the load."""
+"""Code that the parts about load share: a bound of memory that does not depend on the load."""
 
 from campaign import frame
 
@@ -21,7 +21,7 @@ def wrong(small: frame.Ended, whole: frame.Ended, code: int = 0) -> str:
 
 
 def title(what: str, small: frame.Ended, whole: frame.Ended) -> str:
-    """`what`, with the memory that was measured."""
+    """The title of a finding: `what`, with the measured memory."""
     return (
         f"{what}: {whole.memory / 1e6:.0f} MB, {(whole.memory - small.memory) / 1e6:+.0f} MB to a "
         f"small one (bound {MOST_GROWTH / 1e6:.0f} MB), {whole.seconds:.0f} s"

@@ -1,7 +1,8 @@
 """Fifty users of the demo at the same time, some of them hostile; on this machine only.
 
-Every answer is a result or an error of one line. A page is served within `SLOW` seconds while
-others predict. The memory of the server is bounded; it prints no traceback and ends with Ctrl-C.
+Every answer must be a result or an error of one line. While other users predict, pages must be
+served within `SLOW` seconds. The memory of the server must be bounded. It must print no traceback
+and end with Ctrl-C.
 """
 
 import collections
@@ -84,7 +85,7 @@ def _memory(pid: int) -> int:
 
 
 class _Crowd:
-    """The users, a thread each."""
+    """The users, with one thread each."""
 
     def __init__(self, port: int, findings: dict[str, frame.Finding]) -> None:
         self._port, self._findings = port, findings
@@ -93,7 +94,7 @@ class _Crowd:
         self._functions = self._predict_function()
 
     def run(self, rng: random.Random, end: float) -> None:
-        """Lets all of them work until the end."""
+        """Runs all users until the end."""
         seeds = [rng.randrange(2**32) for _ in range(USERS)]
         threads = [threading.Thread(target=self._user, args=(seed, end)) for seed in seeds]
         for thread in threads:

@@ -1,4 +1,4 @@
-"""A prediction of 10,000 images: each intact image is predicted, and memory is bounded."""
+"""A prediction of 10,000 images: every intact image has a result, and memory is bounded."""
 
 import pathlib
 import random
@@ -21,7 +21,7 @@ def _write(folder: pathlib.Path, count: int, rng: random.Random) -> pathlib.Path
     folder.mkdir()
     for number in range(count):
         path = folder / f"{number:05d}.png"
-        if number >= 50:  # copies: the time is for the predictions
+        if number >= 50:  # copies, because encoding takes time
             shutil.copyfile(folder / f"{number % 50:05d}.png", path)
             if number % DAMAGED_EVERY == 0:
                 path.write_bytes(path.read_bytes()[:100])

@@ -1,4 +1,4 @@
-"""A data set of 100,000 records: `inspect` passes, a training reads each, memory is bounded."""
+"""A data set of 100,000 records: `inspect` succeeds, a training reads all, memory is bounded."""
 
 import itertools
 import pathlib

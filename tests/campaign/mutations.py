@@ -37,9 +37,9 @@ from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
 
 SECONDS = 20
 MOST = 2000
-"""Most inputs of one kind in a part, so that quick kinds leave time for slow ones."""
+"""Largest number of inputs of one kind in a part, so that fast kinds leave time for slow ones."""
 MOST_MEMORY = 2 << 30
-"""Growth of this process's largest resident memory over one input, bytes."""
+"""Largest growth of this process's peak resident memory while it reads one input, bytes."""
 
 _WORDS = (
     b"0", b"-1", b"1e300", b"nan", b"inf", b"99999999999999999999", b"[" * 2000, b"\0", b"\xff",
@@ -142,7 +142,7 @@ def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Finding]:
-    """As many mutated inputs of each kind as there is time for."""
+    """Tries as many mutated inputs of each kind as there is time for."""
     makers = (_meshes, _images, _records, _manifests, _predictions, _weights)
     findings = []
     for number, maker in enumerate(makers):
@@ -235,7 +235,7 @@ def _records(rng: random.Random, folder: pathlib.Path) -> Iterator[str]:
 
 
 def _packed(rng: random.Random, tree: Any) -> bytes:
-    """A mutated tree that msgpack can hold: its integers have 64 bits."""
+    """The msgpack bytes of a mutated tree whose integers fit into 64 bits."""
     while True:
         with contextlib.suppress(OverflowError):
             return msgpack.packb(mutated_tree(rng, tree))

@@ -16,7 +16,7 @@ SIZE = (24, 32)
 
 
 def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Finding]:
-    """Each property with new examples until the time is over."""
+    """Tests each property with new examples until the time is over."""
     if importlib.util.find_spec("hypothesis") is None:
         return [Finding("properties: hypothesis is installed", 1, 0, ["pip install hypothesis"])]
     import hypothesis
@@ -44,7 +44,7 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Find
 
 
 def _counted(check: Callable[[np.random.Generator], None]) -> tuple[Callable, list[int]]:
-    """`check` of a seed, and how often it was called."""
+    """`check` as a function of a seed, and a counter of its calls."""
     tried = [0]
 
     def counted(seed: int) -> None:
@@ -86,7 +86,7 @@ def codec(rng: np.random.Generator) -> None:
         assert getattr(back, field) == getattr(sample, field)
     top = np.ptp(sample.points, axis=0).astype(np.float64) / 4095
     near = np.abs(back.points[:, None] - sample.points).max(axis=2)
-    # Every point has one within half a step on each axis, up to the rounding of float32.
+    # Every point is within half a step of a stored point on each axis, up to float32 rounding.
     limit = top.max() / 2 * 1.001 + 1e-5 * (1 + np.abs(sample.points).max())
     assert near.min(axis=1).max() <= limit
     assert near.min(axis=0).max() <= limit
@@ -113,7 +113,7 @@ def depth(rng: np.random.Generator) -> None:
 
 
 def projection(rng: np.random.Generator) -> None:
-    """Resizing an image scales the intrinsics alone: projections move by the same factors."""
+    """Resizing an image changes only the intrinsics: projected pixels are scaled like the image."""
     intrinsics, extrinsics = camera.default_camera(SIZE)
     points = rng.uniform(-1, 1, (20, 3)).astype(np.float32)
     new = tuple(int(n) for n in rng.integers(8, 300, 2))
@@ -127,7 +127,7 @@ def projection(rng: np.random.Generator) -> None:
 
 
 def moves(rng: np.random.Generator) -> None:
-    """A move and its composition agree with matrices; a move kept inside leaves nothing outside."""
+    """A move and compositions of moves agree with matrices; a move kept inside crops nothing."""
     one, two = (
         framing.Move(rng.uniform(0.3, 3), *(float(x) for x in rng.uniform(-50, 50, 2)))
         for _ in range(2)

@@ -1,4 +1,4 @@
-"""Kills of renderings: the same bytes at the end, and nothing left over."""
+"""Kills of renderings: the final bytes must be the same, and no temporary files may be left."""
 
 import pathlib
 import random
@@ -12,12 +12,12 @@ IMPORTS = ("absl.app", "ml_collections.config_flags", "trimesh", "data_gen.job",
 
 
 def contents(out: pathlib.Path) -> dict[str, bytes]:
-    """Every file; of the report only the name, because it contains times."""
+    """The contents of all files; only the name of the report, because it contains times."""
     return {n: b"" if n == "models.jsonl" else c for n, c in kills.files_of(out).items()}
 
 
 def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Finding]:
-    """A tiny job of three procedural models, a shard each, with one rendering process."""
+    """Kills a tiny job: three procedural models in three shards, with one rendering process."""
     words = ["data_gen/render.py", "--catalogue=procedural", "--source=chair=3", "--out={out}",
              "--config.views=1", "--config.job.workers=1", "--config.models_per_shard=1",
              "--config.num_points=500", "--config.job.variant=scalar", "--config.image.samples=1",

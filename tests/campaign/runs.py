@@ -26,7 +26,7 @@ NETWORK = {
     "eval.emd_tolerance": 0.0,
     "eval.visible_tolerance": 0.0,
 }
-"""As small as it can be, since most of a small training is compiling."""
+"""As small as possible, because a small training mostly compiles."""
 # Compile fast, as in the tests: the trials concern files and signals.
 QUICK = {"XLA_FLAGS": "--xla_backend_optimization_level=0", "TF_CPP_MIN_LOG_LEVEL": "3"}
 
@@ -44,9 +44,9 @@ def make_records(folder: pathlib.Path) -> pathlib.Path:
 def training(
     records: pathlib.Path, workdir: pathlib.Path, workers: int = 0, **more: Any
 ) -> list[str]:
-    """Arguments of Python for the debug configuration, with many checkpoints.
+    """Arguments of Python that train the debug configuration with many checkpoints.
 
-    `more` are further fields, with `__` for a point.
+    `more` are further fields of the configuration, with `__` in place of a dot.
     """
     fields = NETWORK | {
         "data.path": records,
@@ -79,7 +79,7 @@ def debug_configuration(records: str, steps: int) -> dict[str, Any]:
 
 
 def quick(folder: pathlib.Path) -> dict[str, str]:
-    """The environment of the commands of a part; all parts share what is compiled."""
+    """The environment of the commands of a part; all parts share a compilation cache."""
     compiled = os.environ.get("JAX_COMPILATION_CACHE_DIR", str(folder.parent / "compiled"))
     return QUICK | {
         "JAX_COMPILATION_CACHE_DIR": compiled,

@@ -10,7 +10,7 @@ NAMES = ("zero", "one")
 
 
 def configs(options):
-    """Two seeds, which share what is compiled."""
+    """Two seeds, which share compiled programs."""
     for seed, name in enumerate(NAMES):
         config = parse(runs.debug_configuration(options.data, steps=16))
         yield name, dataclasses.replace(config, seed=seed)
@@ -24,7 +24,7 @@ def measure(options):
 
 
 def table(numbers):
-    """One row for each."""
+    """One row for each training."""
     return [[["run", "CD"], *([k, common.number("CD", v)] for k, v in numbers["means"].items())]]
 
 

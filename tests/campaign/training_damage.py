@@ -1,10 +1,10 @@
 """Damage to each of the files that a run consists of.
 
-The run is opened as `evaluate` and `predict` open it, and its metrics are read as by a resumed
-training. Either the run is refused with an error of one line, or the data read are those that the
-training wrote. Nothing is logged but warnings of one line. Every `RESUMED_EVERY`th time the
-training is resumed. It must then end like an undamaged one, or be refused with an error of one
-line.
+The run is opened like in `evaluate` and `predict`, and its metrics are read like in a resumed
+training. Either the run must be refused with an error of one line, or the data must be those that
+the training wrote. Only warnings of one line may be logged. In every `RESUMED_EVERY`th trial, the
+training is resumed. It must then end with the results of an undamaged run, or be refused with an
+error of one line.
 """
 
 import gc

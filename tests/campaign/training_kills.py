@@ -1,8 +1,8 @@
 """Trainings that are killed at random moments, with and without worker processes.
 
-A run that was killed and resumed ends with the same bits as an undisturbed one. Neither a process
-nor a file in /dev/shm is left. After a signal to the whole group, the trainer ends with the exit
-code of the signal and one line.
+A run that was killed and resumed must end with the same bits as an undisturbed one. Neither a
+process nor a file in /dev/shm may be left. After a signal to the whole group, the trainer must end
+with the exit code of the signal and one line.
 """
 
 import contextlib

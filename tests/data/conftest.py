@@ -1,4 +1,4 @@
-"""Small samples, data sets and batch files that the tests make themselves."""
+"""Small synthetic samples, data sets and batch files."""
 
 import pathlib
 import zlib
@@ -41,7 +41,7 @@ def sample(rng):
 
 @pytest.fixture(scope="session")
 def dataset(tmp_path_factory) -> pathlib.Path:
-    """37 training samples in 4 shards and 11 for validation, drawn solids, 48x64 pixels."""
+    """Drawn solids at 48x64 pixels: 37 training samples in 4 shards, 11 validation samples in 2."""
     folder = tmp_path_factory.mktemp("solids")
     splits = {
         "train": solids.samples(37, seed=0, image_size=(48, 64)),
@@ -52,7 +52,7 @@ def dataset(tmp_path_factory) -> pathlib.Path:
 
 
 def authors_content(seed=0, validation=False):
-    """What one of the authors' files holds: a torus seen by their camera, in their layout."""
+    """The content of a file in the authors' layout: a torus, seen by their camera."""
     rng = np.random.default_rng(seed)
     angle, cosine, sine = 0.3 + seed, np.cos(np.deg2rad(20)), np.sin(np.deg2rad(20))
     tilt = np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
@@ -60,11 +60,11 @@ def authors_content(seed=0, validation=False):
         [[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]]
     )
     rotation = (turn @ tilt).astype(np.float32)
-    # The model's frame: axis 0 points down, the ground is where it is 0 (points / 255 = 0.7).
+    # In the model's frame axis 0 points down. Its value is 0 on the ground (points / 255 = 0.7).
     points, _ = solids.torus(0.7, 0.2).sample(rng, 16384)
     model = np.stack([-0.2 - points[:, 2], points[:, 0], points[:, 1]], axis=1)
     codes = np.clip(np.rint((model * 0.4 + [0.7, 0.5, 0.5]) * 255), 0, 255).astype(np.uint8)
-    # Splat the exact points, by the formulas of the reference and not by the package's.
+    # Draw the exact points, by the formulas of the reference instead of the package's functions.
     p = (codes / 255 - [0.7, 0.5, 0.5]) / 0.4 @ rotation @ np.linalg.inv(tilt) + [1, 0, 0]
     q = (p - [1, 0, 0]) @ tilt
     z = 3.6 - q[:, 2]
@@ -109,7 +109,7 @@ def damage(shard, record):
 
 @pytest.fixture(scope="session")
 def make():
-    """The makers above, for tests that want variations."""
+    """The functions above, for tests that need variations."""
 
     class Make:
         sample = staticmethod(random_sample)

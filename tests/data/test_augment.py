@@ -32,7 +32,7 @@ def assert_consistent(view):
     shown = (pixels[:, 0] > 0) & (pixels[:, 0] < width)
     assert camera.inside_mask(pixels, view.mask).mean() > 0.9
     assert camera.inside_mask(pixels, view.mask, 1)[shown].all()
-    # And no pixel of the mask is far from every point.
+    # Conversely, every pixel of the mask is near a point.
     rows, columns = np.nonzero(view.mask)
     centres = np.stack([columns, rows], 1)[::37] + 0.5
     gaps = np.linalg.norm(centres[:, None] - pixels, axis=2).min(axis=1)
@@ -124,7 +124,7 @@ def test_samples_of_rolled_cameras_are_not_stretched():
     view = rolled(view_of("box"))
     same = augment.augment(view, np.random.default_rng(0), stretch_range=0.3)
     assert same is view
-    # All other changes are made, with the draws that they have without a stretch.
+    # All other changes are made, with the same random numbers as without a stretch.
     others = {"flip_half": True, "jitter": 0.3, "zoom_range": 0.1, "shift_range": 0.1}
     for seed in range(4):
         one = augment.augment(view, np.random.default_rng(seed), stretch_range=0.3, **others)
@@ -134,7 +134,7 @@ def test_samples_of_rolled_cameras_are_not_stretched():
 
 
 def with_picture(view):
-    """The view before a background that brightens to the right, without any grey."""
+    """The view in front of a background that brightens to the right and is nowhere grey 191."""
     ramp = np.broadcast_to(np.linspace(20, 120, view.mask.shape[1]), view.mask.shape)
     image = np.where(view.mask[..., None], 250, ramp[..., None]).astype(np.uint8)
     return dataclasses.replace(view, image=np.repeat(image[..., :1], 3, axis=-1))
@@ -161,7 +161,7 @@ def test_pictures_behind_the_object_are_continued(change):
 
 
 def assert_no_grey_and_no_object_behind(view):
-    # Two pixels at the silhouette are blended with the object by the interpolation.
+    # The interpolation blends two pixels at the silhouette with the object.
     behind = view.image[..., 0][~scipy.ndimage.binary_dilation(view.mask, iterations=2)]
     assert behind.min() >= 20
     assert behind.max() <= 120
@@ -170,7 +170,7 @@ def assert_no_grey_and_no_object_behind(view):
 def test_a_continued_picture_does_not_show_the_object_again():
     view = with_picture(view_of("box"))
     _, columns = np.nonzero(view.mask)
-    # The object stands at the image's right edge; what is beyond it would mirror it.
+    # The object is at the right edge: pixels mirrored beyond the edge would show it again.
     shift = view.mask.shape[1] - 1 - columns.max()
     moved = augment.recrop(view, 1.0, (0, shift - 2))
     again = augment.recrop(moved, 0.7, (0, -20))
@@ -268,13 +268,13 @@ def test_depth_with_holes_stays_on_the_surface(change):
     assert changed.depth.dtype == np.float32
     measured = changed.depth > 0
     assert not (measured & ~changed.mask).any()
-    # No depth is made up, and the hole is about as large a part of the object as before.
+    # There are no new depth values, and the hole is about the same fraction of the object.
     assert set(changed.depth[measured]) <= set(depth[depth > 0])
     share, before = measured.sum() / changed.mask.sum(), (depth > 0).sum() / view.mask.sum()
     assert share == pytest.approx(before, abs=0.03)
-    # What it measures lies on the surface that the points sample.
+    # The measured depths lie on the surface that the points sample.
     surface = camera.back_project(changed.depth, changed.intrinsics, changed.extrinsics)
     nearest = np.linalg.norm(surface[::7, None] - changed.points, axis=2).min(axis=1)
     assert np.median(nearest) < 0.02
-    # The channels of the network do not lose the distance: the camera keeps it.
+    # The distance of the origin, which the network's depth channel is relative to, is the same.
     assert changed.extrinsics[2, 3] == view.extrinsics[2, 3]

@@ -49,7 +49,7 @@ def test_optional_fields_stay_absent(make, rng):
 def test_point_error_is_half_a_lattice_step(make, rng, bits):
     sample = make.sample(rng, num_points=500)
     back = decode(encode(sample, point_bits=bits, normal_bits=16))
-    # Normals came along in the same order: they identify the points.
+    # The normals are stored in the order of the points, so they identify the points.
     distance = np.linalg.norm(back.normals[:, None] - sample.normals, axis=2)
     match = distance.argmin(axis=1)
     assert sorted(match) == list(range(500))
@@ -259,7 +259,7 @@ def test_no_damage_goes_unseen_or_ends_the_process(copied):
     for trial in range(150):
         bad = bytearray(data)
         at = choose.randrange(len(bad))
-        if trial % 3 == 0:  # keep the size: a truncated file is seen before it is opened
+        if trial % 3 == 0:  # zeros at the end; the size stays valid
             bad[at:] = bytes(len(bad) - at)
         elif trial % 3 == 1:
             bad[at] ^= 1 << choose.randrange(8)

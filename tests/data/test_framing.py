@@ -1,4 +1,4 @@
-"""Images and points that are moved together, with the same camera."""
+"""Moves of images and points together, while the camera does not change."""
 
 import dataclasses
 
@@ -39,11 +39,11 @@ def test_points_stay_on_the_object(category, numbers, size):
     np.testing.assert_array_equal(moved.extrinsics, view.extrinsics)
     pixels, _ = camera.project(moved.points, moved.intrinsics, moved.extrinsics)
     assert camera.inside_mask(pixels, moved.mask, 1).mean() > 0.9
-    # The stated error of the move (below) is at most 3.6 pixels for these objects.
+    # For these objects, the error of the move (next test) is at most 3.6 pixels.
     assert camera.inside_mask(pixels, moved.mask, 3).mean() > 0.999
     assert camera.inside_mask(pixels, moved.mask, 4).all()
     assert moved.mask.sum() == pytest.approx(numbers[0] ** 2 * view.mask.sum(), rel=0.05)
-    # The depth moves along: its surface lies among the moved points.
+    # The depth map is moved too: its surface is near the moved points.
     surface = camera.back_project(moved.depth, moved.intrinsics, moved.extrinsics)[::97]
     nearest = np.linalg.norm(surface[:, None] - moved.points, axis=2).min(axis=1)
     assert np.median(nearest) < 0.03
@@ -66,7 +66,7 @@ def test_the_error_of_the_projection_is_the_one_stated(numbers, rng):
     stated = 400 * move.scale * d / (z0 + move.scale * d) * ((1 - move.scale) * rays - u)
     np.testing.assert_allclose(error, stated, atol=2e-3)
     assert np.sqrt((error**2).sum(1).mean()) < 1.5
-    # At the centre's depth there is none.
+    # At the depth of the centre, there is no error.
     at_centre = np.abs(depth - z0) < 0.02
     assert np.abs(error[at_centre]).max() < 0.1
 
@@ -92,7 +92,7 @@ def test_moves_follow_each_other():
 @pytest.mark.parametrize("size", [(192, 256), (96, 128), (48, 64)])
 @pytest.mark.parametrize("category", solids.CATEGORIES)
 def test_a_sample_is_placed_as_a_photo_is(category, size):
-    """The rule within a sample of any size is the rule of a prediction from the same image."""
+    """A sample of any size is placed as a prediction places the same image."""
     view = view_of(category, size)
     placed = augment.place(view)
     want = framing.place(view.image, view.mask)
@@ -133,8 +133,9 @@ def test_reframe_scatters_as_configured():
         scales.append(np.log(spread[0]))
         top, bottom, *_ = framing.box_of(moved.mask)
         rows.append((top + bottom) / 2)
-    assert np.std(scales) == pytest.approx(0.088, abs=0.02)  # 0.88 of 0.1: cut off at two
-    assert np.std(rows) == pytest.approx(0.88 * 0.03 * 96, abs=0.6)
+    # Clipping at two standard deviations reduces the standard deviation by 4 %.
+    assert np.std(scales) == pytest.approx(0.96 * 0.1, abs=0.02)
+    assert np.std(rows) == pytest.approx(0.96 * 0.03 * 96, abs=0.6)
     assert np.abs(scales).max() < 0.201
 
 
@@ -179,5 +180,5 @@ def test_no_object_no_box():
     small[3:6, 3:6] = True
     assert framing.rule_move_within(small) is None
     sliver = np.zeros((96, 128), bool)
-    sliver[66:71, 34:49] = True  # a plate seen edge-on: its size would be seven times as large
+    sliver[66:71, 34:49] = True  # a plate seen edge-on, which the rule would enlarge by far
     assert framing.rule_move_within(sliver) is None

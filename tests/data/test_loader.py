@@ -65,7 +65,6 @@ def test_batches_are_consistent(cfg):
                 *(batch[k][row] for k in ("points", "intrinsics", "extrinsics"))
             )
             assert camera.inside_mask(pixels, batch["mask"][row], 1).mean() > 0.97
-            # A pixel's depth may come from a quarter of it, and a stretch moves by half a column.
             assert (batch["depth"][row] > 0).tolist() == batch["mask"][row].tolist()
 
 
@@ -74,7 +73,7 @@ def test_resume_replays_nothing_and_changes_nothing(cfg):
     for start in (1, 7, 19):
         for got, want in zip(take(20 - start, cfg, start_step=start), whole[start:], strict=True):
             assert_same(got, want)
-    # Far into the run: nothing is replayed, so this is immediate.
+    # Even far into a run this is immediate, because nothing is replayed.
     take(1, cfg, start_step=10**7)
 
 
@@ -254,7 +253,7 @@ def test_augmentation_reaches_the_batches(cfg):
     plain = dataclasses.replace(cfg, flip=False, stretch=0.0, colour_jitter=0.0)
     mirrored = stretched = 0
     for clean, full in zip(take(8, plain), take(8, cfg), strict=True):
-        scale = full["points"][:, :, 1] / clean["points"][:, :, 1]  # one number for each row
+        scale = full["points"][:, :, 1] / clean["points"][:, :, 1]  # constant within each row
         np.testing.assert_allclose(scale, np.median(scale, 1)[:, None] * np.ones(100), rtol=1e-4)
         np.testing.assert_array_equal(full["points"][:, :, 2], clean["points"][:, :, 2])
         mirrored += (scale[:, 0] < 0).sum()
@@ -298,7 +297,7 @@ def test_records_without_depth_have_no_visibility(cfg, make, rng, tmp_path):
 
 
 def test_several_folders_are_joined(cfg, dataset, tmp_path, make, rng):
-    """The second has no validation split; its records follow those of the first."""
+    """The second folder has no validation split; its records follow those of the first folder."""
     extra = [make.sample(rng, num_points=120, model_id=f"extra{i}") for i in range(3)]
     write_dataset(tmp_path / "more", {"train": extra}, source="test")
     joined = dataclasses.replace(cfg, path=f"{dataset}, {tmp_path / 'more'}")
@@ -336,7 +335,7 @@ def test_a_run_is_evaluated_on_data_of_its_own(cfg, dataset, tmp_path, make, rng
 
 
 def test_rolled_cameras_are_trained_on_with_a_stretch(cfg, dataset, tmp_path):
-    """All other samples are stretched as ever; those of rolled cameras keep their points' width."""
+    """Samples of rolled cameras keep the width of their points; all others are stretched."""
     samples = list(RecordReader(dataset, "train"))
     turn = np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]], np.float32)
     mixed = [

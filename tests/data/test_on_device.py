@@ -1,4 +1,4 @@
-"""A split in the accelerator's memory: the host loader's samples, and its augmentations."""
+"""A split in the accelerator's memory has the samples and augmentations of the host's loader."""
 
 import dataclasses
 
@@ -53,7 +53,7 @@ def take(count, cfg, **changes):
 
 
 def views(category="box", *, photo=False, seed=0):
-    """A sample for the host and for the device; `photo` = with a background."""
+    """The same sample for the host and for the device; `photo` adds a background."""
     rng = np.random.default_rng(seed)
     s = solids.draw(solids.random_solid(category, rng), rng, image_size=(48, 64))
     image = s.image.copy()
@@ -67,13 +67,16 @@ def views(category="box", *, photo=False, seed=0):
 
 
 def assert_same(host, device, pixels=0.0, level=0):
-    """Equal views; `pixels` = share of pixels of a mask's edge, `level` of colours elsewhere."""
+    """Compares views.
+
+    Up to a fraction `pixels` of the pixels may differ in mask, or by more than `level` in colour.
+    """
     mask = np.asarray(device.mask)
     assert (mask != host.mask).mean() <= pixels
     both = mask == host.mask
     difference = np.abs(np.asarray(device.image).astype(int) - host.image)[both]
     assert (difference > level).mean() <= pixels
-    # The nearest pixel differs where two are equally near.
+    # Where two pixels are equally near, rounding decides which depth is taken.
     assert (np.abs(device.depth - host.depth) > 1e-6).mean() <= 6 * pixels
     for name in ("points", "intrinsics", "extrinsics"):
         mine, theirs = getattr(device, name), getattr(host, name)

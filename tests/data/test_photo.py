@@ -1,5 +1,6 @@
-"""Photos of any kind give valid inputs of a network, or an error of one line."""
+"""Every photo gives a valid input of a network, or an error of one line."""
 
+import io
 import os
 
 import numpy as np
@@ -32,7 +33,7 @@ def saved(tmp_path, image, name="photo.png", **options):
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_exif_orientation_is_honoured_for_image_and_mask(tmp_path, orientation):
     image, mask = scene()
-    image[:20, :30] = (0, 0, 255)  # tells all eight apart
+    image[:20, :30] = (0, 0, 255)  # distinguishes all eight orientations
     undo = {5: 5, 6: 8, 7: 7, 8: 6}.get(orientation, orientation)
     stored = photo._turn(Image.fromarray(image), undo)
     exif = Image.Exif()
@@ -155,9 +156,65 @@ def test_plain_background_exact_and_noisy(rng):
     np.testing.assert_array_equal(found, mask)
     image, mask = scene(back=(240, 240, 235))
     noisy = np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
-    found, how, _ = masks.find_mask(noisy)
+    found, how, _ = masks.find_mask(noisy, method="plain")
     assert how == "plain"
     assert (found != mask).mean() < 0.01
+
+
+def as_jpeg(image, quality=75):
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, "JPEG", quality=quality)
+    return np.asarray(Image.open(stream))
+
+
+def overlap(one, other):
+    return (one & other).sum() / (one | other).sum()
+
+
+def test_the_ripples_of_a_jpeg_around_an_object_are_background():
+    rows, columns = np.mgrid[:180, :240]
+    away = (rows - 90) ** 2 + (columns - 120) ** 2
+    mask = (away < 50**2) & (away > 15**2)  # the background is visible through a hole
+    image = np.full((180, 240, 3), 255, np.uint8)
+    image[mask] = (150, 30, 40)
+    found, how, _ = masks.find_mask(as_jpeg(image))
+    assert how == "plain"
+    assert overlap(found, mask) > 0.9
+
+
+def test_an_object_that_differs_little_from_a_shaded_background():
+    pytest.importorskip("cv2")
+    rows, columns = np.mgrid[:180, :240]
+    mask = (rows - 90) ** 2 + (columns - 120) ** 2 < 50**2
+    shade = 196 + 10.0 * columns / 240 - 0.06 * np.abs(rows - 90)
+    image = np.repeat(shade[..., None], 3, axis=2)
+    image[mask] += (18, 18, 6)
+    jpeg = as_jpeg(image.astype(np.uint8))
+    found, how, doubt = masks.find_mask(jpeg)
+    assert (how, doubt) == ("grabcut", "")
+    assert overlap(found, mask) > 0.93
+    assert overlap(masks.plain(jpeg), mask) < 0.9
+
+
+def test_two_methods_that_disagree_on_a_shaded_background_are_in_doubt(monkeypatch):
+    image, mask = scene()
+    image[:, :100] += 4
+    for other, expected in ((mask, ""), (~mask, "doubtful")):
+        other = masks.FoundMask(other, "grabcut", "doubtful")
+        monkeypatch.setattr(masks, "_by_colours", lambda image, other=other: other)
+        monkeypatch.setattr(masks, "_has_opencv", lambda: True)
+        found, how, doubt = masks.find_mask(image)
+        assert (how, doubt) == ("plain", expected)
+        assert overlap(found, mask) > 0.95
+
+
+def test_a_shaded_background_without_opencv(monkeypatch):
+    monkeypatch.setattr(masks, "_has_opencv", lambda: False)
+    image, mask = scene()
+    image[:, :100] += 4
+    found, how, _ = masks.find_mask(image)
+    assert how == "plain"
+    assert overlap(found, mask) > 0.95
 
 
 def test_grabcut_on_a_busy_background(rng):
@@ -233,7 +290,7 @@ def test_the_map_to_the_view_takes_pixels_along():
     rows, columns = np.flatnonzero(view.mask.any(1)), np.flatnonzero(view.mask.any(0))
     assert corner[0] == pytest.approx(columns[0], abs=0.6)
     assert corner[1] == pytest.approx(rows[0], abs=0.6)
-    # The camera of the photo sees a point where the view's does.
+    # The cameras of the photo and of the view project a point to corresponding pixels.
     points = np.array([[0.1, 0.2, 0.3], [-0.2, 0.5, 0.0]])
     seen, _ = camera.project(points, view.intrinsics, view.extrinsics)
     own, _ = camera.project(points, np.linalg.inv(view.to_view) @ view.intrinsics, view.extrinsics)
@@ -249,7 +306,7 @@ def test_training_renderings_keep_their_frame():
     np.testing.assert_array_equal(view.mask, mask)
     assert not framing.is_framed(image[:, :200])
     assert not framing.is_framed(np.where(mask[..., None], image, np.uint8(180)))
-    with pytest.raises(photo.PhotoError, match="accepted as framed: 4:3"):
+    with pytest.raises(photo.PhotoError, match="accepted without cropping: 4:3"):
         framing.place(image[:, :200], mask[:, :200], move=False)
 
 

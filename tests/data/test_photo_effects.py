@@ -83,7 +83,7 @@ def test_the_edge_moves_by_so_many_pixels():
     assert ragged[64:116, 84:176].all()
     assert not (ragged & ~photo_effects._move_edge(mask, 3.0, 0.0, rng)).any()
     assert len(np.unique(ragged.argmax(axis=0)[90:170])) > 2
-    # An object cut off by the image's border does not shrink there.
+    # Where the image border cuts the object off, the mask is not eroded.
     mask[:, 0:90] = True
     assert photo_effects._move_edge(mask, -3, 0.0, rng)[:, :80].all()
 
@@ -120,7 +120,7 @@ def cfg(dataset):
 
 
 def test_with_defaults_a_batch_is_what_the_older_augmentations_make(cfg, dataset):
-    """Row by row from the generator (seed, stream, step, row), with no draw more or less."""
+    """Each row equals `augment` with the generator of (seed, stream, step, row)."""
     batch = a_batch(cfg)
     items = batches.Items(cfg, RecordReader(dataset, "train"))
     everything = [items[i] for i in range(37)]

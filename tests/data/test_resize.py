@@ -32,7 +32,7 @@ def test_mask_by_majority():
 def test_uneven_masks_by_majority_and_ties():
     mask = np.zeros((3, 4), np.bool_)
     mask[:, 0] = mask[0, 2] = True
-    # Cells of 1.5 x 2: half of the left ones; 1 (then 0) of 3 of the right ones.
+    # New cells are 1.5 x 2 old ones. The left cells are half covered; the right ones 1/3 and 0.
     assert resize.resize_mask(mask, (2, 2)).tolist() == [[True, False], [True, False]]
 
 
@@ -50,7 +50,7 @@ def test_depth_is_never_averaged_and_ends_at_the_mask(rng):
     got = resize.resize_depth(depth, mask)
     assert set(got[got > 0]) <= set(depth[depth > 0])
     assert not got[~mask].any()
-    assert (got[mask] > 0).all()  # a mask by majority always has a depth in one of four quarters
+    assert (got[mask] > 0).all()  # where the majority is object, a quarter has a depth
     whole = resize.resize_depth(depth, depth > 0)
     np.testing.assert_array_equal(whole, depth)
 
@@ -59,7 +59,7 @@ def test_holes_of_a_sensor_stay_holes_and_are_never_spread(rng):
     mask = np.zeros((32, 48), np.bool_)
     mask[8:28, 10:40] = True
     depth = np.where(mask, rng.uniform(3, 4, mask.shape), 0).astype(np.float32)
-    depth[12:20, 20:28] = 0  # wide
+    depth[12:20, 20:28] = 0  # wider than a new pixel
     depth[24, 14] = np.nan  # narrower than a new pixel
     depth[26:28, 30:34] = np.inf
     small = resize.resize_mask(mask, (16, 24))

@@ -1,4 +1,4 @@
-"""Objects found by their colours: which of several is chosen, and when a warning is given."""
+"""Segmentation by colours: the choice among several objects, and warnings."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_any_shape_of_image(size):
 
 
 def test_barrier_distance_is_the_range_on_the_best_path():
-    """A ring around a plateau: the path to the middle has to cross it."""
+    """A ring surrounds a plateau, so every path to the middle crosses the ring."""
     values = np.zeros((30, 30, 1), np.float32)
     values[8:22, 8:22] = 10
     values[12:18, 12:18] = 4

@@ -1,4 +1,4 @@
-"""The classes of true points, against a slow reference and solids with known visibility."""
+"""Visible and hidden points, compared with a slow reference and with known visibility."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ TOLERANCE = EvalConfig().visible_tolerance
 
 
 def slow(points, depth, intrinsics, extrinsics, tolerance):
-    """The rule as it is written: every point against every pixel."""
+    """The definition without optimisation: every point is compared with every pixel."""
     seen = []
     for row, column in np.argwhere(np.isfinite(depth) & (depth > 0)):
         ray = np.linalg.inv(intrinsics.astype(float)) @ [column + 0.5, row + 0.5, 1]
@@ -57,7 +57,7 @@ def test_equals_the_slow_rule_for_any_camera_and_scattered_depth(rng):
     extrinsics = np.concatenate([rotation, [[0.1], [-0.2], [1.4]]], axis=1).astype(np.float32)
     depth = np.where(rng.random((24, 40)) < 0.3, rng.uniform(0.6, 2, (24, 40)), 0)
     depth[3, 4:8] = [np.nan, np.inf, -1, 0.2]
-    # Near measured pixels, anywhere, behind the camera, out of the image, not finite.
+    # Points near measured pixels, anywhere, behind the camera, outside the image, not finite.
     near = camera.back_project(np.where(np.isfinite(depth), depth, 0), intrinsics, extrinsics)
     near = near + rng.normal(0, 0.03, near.shape)
     points = np.concatenate([near, rng.uniform(-3, 3, (300, 3)), [[np.nan, 0, 0], [0, np.inf, 0]]])
@@ -77,7 +77,7 @@ def test_convex_solids_show_the_points_that_face_the_camera(category):
         eye = -s.extrinsics[:, :3].T @ s.extrinsics[:, 3]
         toward = (eye - s.points) / np.linalg.norm(eye - s.points, axis=1, keepdims=True)
         cosine = (toward * s.normals).sum(axis=1)
-        clear = (cosine < 0) | (cosine > 0.2)  # what is steeper has gaps between its pixels
+        clear = (cosine < 0) | (cosine > 0.2)  # steeper surfaces have gaps between pixels
         wrong.append(np.mean((classes(s) != (cosine > 0))[clear]))
     assert np.mean(wrong) < 0.05
 

@@ -59,7 +59,7 @@ def wait_for(moment, process, log):
         if moment == "starting":
             return (
                 len(processes.of_group(process.pid)) > 1
-            )  # itself and one; the tracker is outside
+            )  # itself and a worker; the tracker has its own group
         return log.read_text().count("batch") > 3
 
     assert processes.wait_until(lambda: reached() or process.poll() is not None)
@@ -74,7 +74,7 @@ def test_workers_end_with_a_killed_trainer_and_leave_no_memory(start, moment, ki
     wait_for(moment, process, log)
     files = processes.shared_memory(process.pid)
     assert files
-    # A block that is created at the moment of the kill is unknown to the resource tracker.
+    # The resource tracker does not know a block that is being created at the moment of the kill.
     time.sleep(0.1)
     kill(process.pid, signal.SIGKILL)
     process.wait()

@@ -4,9 +4,9 @@ import numpy as np
 
 
 def _hits(model, azimuth, distance, elevation, size, focal):
-    """Of all pixels of all opaque faces: pixel, 1 / z, face, weights / z; the nearest come last.
+    """Hits of all opaque faces: pixel, 1 / z, face, weights / z, sorted from far to near.
 
-    The camera stands at `azimuth` degrees from +x toward +y and looks at (0, 0, 0.25).
+    The camera is at `azimuth` degrees from +x toward +y and looks at (0, 0, 0.25).
     """
     turn, tilt = np.radians(-azimuth), np.radians(elevation)
     rotation = np.array(
@@ -56,7 +56,7 @@ def inverse_depth(model, azimuth, *, distance=3.6, elevation=20.0, size=(96, 128
 def texture_coordinates(
     model, azimuth, *, distance=3.6, elevation=20.0, size=(96, 128), focal=200.0
 ):
-    """Texture coordinates [H, W, 2] of what is seen, 0 = background."""
+    """Texture coordinates [H, W, 2] of the visible surface, 0 = background."""
     pixel, value, face, weights = _hits(model, azimuth, distance, elevation, size, focal)
     result = np.zeros((size[0] * size[1], 2))
     result[pixel] = np.einsum("nk,nkd->nd", weights, model.uv[face]) / value[:, None]

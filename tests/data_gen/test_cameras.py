@@ -28,7 +28,7 @@ def test_azimuth_turns_the_object_toward_the_camera():
     )  # fmt: skip
     toward = np.array([np.cos(np.deg2rad(30)), np.sin(np.deg2rad(30)), 0])
     np.testing.assert_allclose(made.rotation @ toward, [1, 0, 0], atol=1e-12)
-    # The camera is above the horizon at its elevation, seen from the origin's height of aim.
+    # In the view-aligned frame, the camera is in the plane y = 0.
     place = made.position
     assert place[0] > 3
     assert abs(place[1]) < 1e-9

@@ -37,7 +37,7 @@ def test_splits_are_stable_and_of_the_sizes_asked_for():
     count = collections.Counter(split_of(n) for n in names)
     assert count["train"] == pytest.approx(2400, abs=80)
     assert count["test"] == pytest.approx(300, abs=60)
-    # This must never change: data sets made before would be split differently.
+    # The splits must never change, because existing data sets depend on them.
     assert "".join(split_of(n)[1] for n in names[:12]) == "errrrraarrrr"
     assert {split_of(n, (0.0, 0.0, 1.0)) for n in names[:50]} == {"test"}
     assert {split_of(n, (1.0, 0.0, 0.0)) for n in names[:50]} == {"train"}
@@ -63,7 +63,7 @@ def test_unique_names():
 
 
 def check(catalogue):
-    """What holds for every catalogue; returns its entries."""
+    """Checks the properties that every catalogue must have; returns its entries."""
     entries = list(catalogue.entries())
     assert len(entries) == len(catalogue)
     assert len({e.model_id for e in entries}) == len(entries)
@@ -96,7 +96,7 @@ def test_folder(tmp_path):
         ("top.glb", ""),
     }
     by_name = {e.model_id: e.load() for e in entries}
-    # STL is z up and looks toward -y, glTF is y up and looks toward +z.
+    # In STL files, up is +z and the front is -y. In glTF files, up is +y and the front is +z.
     np.testing.assert_allclose(
         np.ptp(by_name["top.STL"].vertices, axis=0)[2],
         3 * by_name["top.STL"].vertices[:, 1].max() * 2,
@@ -193,7 +193,7 @@ def test_sweet_home(tmp_path):
     model = entries[0].load()
     assert model.category == "Chairs"
     assert model.parameters["name"] == "Grüner Stuhl"
-    # Width runs to the side, depth to the front: x is the front here.
+    # Depth is along x (the front), width along y.
     extent = np.ptp(model.vertices, axis=0)
     np.testing.assert_allclose(extent / extent[0], [1, 2, 4])
     extent = np.ptp(entries[1].load().vertices, axis=0)
@@ -211,7 +211,7 @@ def test_sweet_home_turns_as_its_rotation_says():
 
     box = build_model(*loading_box())
     marked = _place(box, (1, 0, 0, 0, 0, 1, 0, -1, 0), (0, 0, 0))
-    # y of the turned model is z of the file.
+    # The y axis of the rotated model is the z axis of the file.
     assert np.ptp(marked.vertices, axis=0).tolist() == pytest.approx([1, 3, 2])
 
 
@@ -294,7 +294,7 @@ def test_extra_procedural_catalogue():
     assert len(extra) == len(procedural.EXTRA_CATEGORIES) >= 10
     assert [e.category for e in extra.entries()] == list(procedural.EXTRA_CATEGORIES)
     check(open_catalogue("procedural_extra", "plant=2, vase=1"))
-    # Neither catalogue has what is in the other.
+    # The two catalogues have no common category.
     assert not set(procedural.CATEGORIES) & set(procedural.EXTRA_CATEGORIES)
     with pytest.raises(ValueError, match="category 'chair': expected one of"):
         open_catalogue("procedural_extra", "chair=1")

@@ -68,5 +68,5 @@ def test_a_larger_sample_begins_with_the_smaller_one_and_seeds_differ():
     assert names(choose(listed(), Choice(sample=25, seed=4))) == large[:25]
     other = names(choose(listed(), Choice(sample=60, seed=5)))
     assert len(set(other) & set(large)) < 40
-    # Another sample takes another part of a category, not its beginning.
+    # A sample contains models of all parts of a category, not only the first ones.
     assert max(name for name in large if name.startswith("Weather")) > "Weather/m070"

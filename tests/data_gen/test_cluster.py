@@ -19,7 +19,7 @@ from psgn_jax.data.manifest import MANIFEST, load_manifest
 distributed = pytest.importorskip("distributed")
 pytestmark = [
     pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed"),
-    # Dask's own: it warns of ports, of the log and of processes that were killed.
+    # Dask's own warnings: of ports, of the log and of processes that were killed.
     pytest.mark.filterwarnings("ignore"),
 ]
 
@@ -39,7 +39,7 @@ OPTIONS = settings.parse(
 
 @pytest.fixture(scope="module")
 def dask():
-    """A cluster of two worker processes with a thread each."""
+    """A cluster of two worker processes with one thread each."""
     before = os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = str(ROOT)
     with (

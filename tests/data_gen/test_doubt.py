@@ -1,4 +1,4 @@
-"""Cabinets with a hidden depth: their common properties; the front does not show the depth."""
+"""Cabinets with a hidden depth: the depth changes neither the front view nor the normalisation."""
 
 import numpy as np
 import pytest

@@ -57,7 +57,7 @@ def test_normalize(rng):
 
 @pytest.mark.parametrize("size", [(64, 64), (50, 333)])
 def test_normalize_counts_only_what_is_drawn(size):
-    # A leaf of radius 0.7 on a sheet that reaches under the ground and far out.
+    # A leaf of radius 0.7 on a transparent sheet that is larger and extends below the ground.
     v, u = ((np.arange(n) + 0.5) / n * 2 - 1 for n in size)
     texture = np.full((*size, 4), 255, np.uint8)
     texture[..., 3] = 255 * (u**2 + v[:, None] ** 2 < 0.49)
@@ -72,7 +72,7 @@ def test_normalize_counts_only_what_is_drawn(size):
     got = normalize(model)
     want = (model.vertices - origin) / radius
     np.testing.assert_allclose(got.vertices, want, atol=0.006)
-    # And the texels' borders exactly: the lowest row that exists, seen from the sheet's corner.
+    # The borders of texels are exact: here the lowest row that exists.
     row = np.flatnonzero(exists.any(axis=1)).max() + 1
     ground = 3 - 4 * row / size[0]
     np.testing.assert_allclose(
@@ -101,14 +101,14 @@ def test_normalize_of_sheets_that_exist_nowhere_or_repeat():
         model, faces=model.faces[-2:], uv=model.uv[-2:], normals=model.normals[-2:],
         face_material=model.face_material[-2:],
     )  # fmt: skip
-    with pytest.raises(UnusableModelError, match="textures are transparent"):
+    with pytest.raises(UnusableModelError, match="the model is transparent"):
         normalize(alone)
-    # Stripes, three times repeated and shifted: v from -1.4 to 1.6.
+    # Stripes, repeated three times and shifted: v from -1.4 to 1.6.
     texture[8:] = 255
     striped = dataclasses.replace(alone, materials=(Material(), Material(texture=texture)),
                                   uv=(alone.uv * 3 - [0, 1.4]).astype(np.float32))  # fmt: skip
     got = normalize(striped).vertices
-    # It exists for v in [-1, -.5], [0, .5] and [1, 1.5]; one of v is a third of the height of 4.
+    # The sheet exists for v in [-1, -.5], [0, .5] and [1, 1.5]. Its height of 4 spans 3 units of v.
     scale = np.ptp(got[:, 0]) / 4
     assert got[:, 2].min() == pytest.approx(-0.4 / 3 * 4 * scale, abs=0.005)
 
@@ -126,7 +126,7 @@ def test_normalize_refuses_strays_by_name():
     model = build_model(vertices, faces, face_material=owner, materials=materials)
     with pytest.raises(UnusableModelError, match=r"stray part .*marker.*\(.*20, 0\.5.*gap"):
         normalize(model)
-    # A pair of things half an extent apart is one object.
+    # Two parts with a gap of half the extent are accepted.
     pair = joined(cube(), cube().at(2.5, 0, 0))
     assert len(normalize(build_model(*pair)).faces) == 24
 
@@ -137,7 +137,7 @@ def test_a_railway_car_with_a_stray_sphere_is_refused():
 
 
 def test_recentre_brings_the_mean_of_the_vertices_over_the_origin():
-    # A cube with a finely divided ball of the same size beside it.
+    # A cube next to a ball of the same size with many vertices.
     model = normalize(build_model(*joined(cube(), solids.ball(1, 1, 1).at(2.5, 0, 0))))
     moved = recentre(model, "vertices")
     used = np.unique(moved.vertices[np.unique(moved.faces)], axis=0)

@@ -1,4 +1,4 @@
-"""The set of free packages: its catalogues of aircraft and cars, its choice, splits and table."""
+"""The set of free packages: catalogues of aircraft and cars, choice of models, splits and table."""
 
 import gzip
 import json
@@ -125,7 +125,7 @@ def test_cars_stand_on_their_wheels(tmp_path):
         wheel = model.vertices[model.faces[12 * number : 12 * number + 12]].reshape(-1, 3) * scale
         np.testing.assert_allclose(np.ptp(wheel, axis=0), [2 * radius, 0.2, 2 * radius], rtol=1e-5)
         places.append((wheel.min(axis=0) + wheel.max(axis=0)) / 2)
-        assert wheel[:, 2].min() == pytest.approx(0, abs=1e-6)  # the car stands on them
+        assert wheel[:, 2].min() == pytest.approx(0, abs=1e-6)  # the car stands on its wheels
     front = np.array(places)[:, 0] - np.array(places)[:, 0].mean()
     np.testing.assert_allclose(front, [1.25, 1.25, -1.25, -1.25], rtol=1e-5)
     np.testing.assert_allclose(np.array(places)[:, 1], [-0.8, 0.8, -0.8, 0.8], rtol=1e-5)
@@ -171,7 +171,7 @@ def test_objects_that_an_exporter_left_out_are_a_warning(tmp_path):
     (tmp_path / "a.ac").write_text(text.replace("kids 2", "kids 4"))
     arrays, notes = read(tmp_path / "a.ac")
     assert len(arrays["faces"]) == 24
-    assert notes == ["2 of the objects that the file counts are missing"]
+    assert notes == ["2 objects are missing, compared with the counts in the file"]
 
 
 # --- Choice, splits, table --------------------------------------------------------------------
@@ -225,7 +225,7 @@ def test_a_larger_part_holds_a_smaller_one():
     assert parts[0] < parts[1] < parts[2]
     rest = sources.Selection(small(exclude="^lamp"), "")
     assert len(rest) == 30
-    # All chairs are of one family, so they share a split; as the catalogue splits them, not.
+    # All chairs are in one family and therefore in one split, unlike in the catalogue's own splits.
     assert len({e.split for e in rest.entries()}) == 1
     assert len({e.split for e in sources.Selection(small(families=""), "").entries()}) == 3
     with pytest.raises(ValueError, match="no model is left"):
@@ -246,7 +246,7 @@ def test_missing_packages_are_said_with_the_commands(tmp_path):
 
 
 def test_the_whole_set_is_large_enough():
-    # As rendered from Debian 12's packages, without the refused models.
+    # Numbers of models in Debian 12's packages, without the refused ones.
     models = {"furniture": 809, "scenery": 287, "aircraft": 292, "cars": 17, "ancient": 2450,
               "procedural": 6240, "procedural_extra": 2000}  # fmt: skip
     known = free.known_sources()

@@ -1,4 +1,4 @@
-"""Data sets that are extended, and jobs that are killed; models are drawn, not rendered."""
+"""Data sets that are extended, and jobs that are killed. Random samples replace the renderer."""
 
 import json
 import os
@@ -24,7 +24,7 @@ from psgn_jax.files import write_atomic
 
 
 class Listed:
-    """A catalogue of given names: "a" is refused, others are not."""
+    """A catalogue of given names."""
 
     name = "listed"
 
@@ -51,7 +51,10 @@ def sample_of(entry):
 
 
 class Pool:
-    """Draws models, writes down which, and stops after a number of them."""
+    """Makes samples of models, records their names, and stops after a number of models.
+
+    A model with "refused" in its name is refused.
+    """
 
     def __init__(self, stop_after=None, between=lambda: None):
         self.made, self._stop, self._between = [], stop_after, between
@@ -125,7 +128,7 @@ def make(out, names, *, options=OPTIONS, stop_after=None, between=lambda: None, 
 
 
 def contents(folder):
-    """All files but the report, whose lines are compared without their order of keys."""
+    """The contents of all files except the report and `job.json`."""
     return {
         p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
         if p.name not in (job.REPORT, job_folder.JOB)
@@ -200,7 +203,7 @@ def test_a_job_that_was_begun_grows(tmp_path):
     _, made = make(out, TEN)
     assert made == TEN[4:]
     assert contents(out) == contents(tmp_path / "once")
-    # A growth that was begun may become a larger one, too.
+    # An extension that has begun can be extended, too.
     more = [*TEN, "n0", "n1", "n2"]
     with pytest.raises(KeyboardInterrupt):
         make(out, [*TEN, "n0", "n1"], stop_after=1)
@@ -237,7 +240,7 @@ def test_two_processes_do_not_do_the_same_part(tmp_path):
 
     make(out, TEN, part=(0, 2), between=again)
     assert f"another process (pid {os.getpid()}) does part 0/2 in" in refused[0]
-    assert "in 2 parts, not 1" in refused[1]
+    assert "into 2 parts, not 1" in refused[1]
     assert make(out, TEN, part=(1, 2))[0].complete
     make(tmp_path / "once", TEN)
     assert contents(out) == contents(tmp_path / "once")
@@ -290,7 +293,7 @@ def test_what_has_changed_is_named(tmp_path):
         if begun:
             with pytest.raises(KeyboardInterrupt):
                 make(out, TEN[:8], stop_after=1)
-        with pytest.raises(job.OtherSettingsError, match=r"settings \(views: 1 there, 2 now\)"):
+        with pytest.raises(job.OtherSettingsError, match=r"settings \(views: 1 before, 2 now\)"):
             make(out, TEN, options=settings.parse({"models_per_shard": 3, "views": 2}))
         with pytest.raises(job.OtherSettingsError, match=r"2 of its \d models .* \('m1', 'm2'\)"):
             make(out, [name for name in TEN if name not in ("m1", "m2")])
@@ -299,10 +302,10 @@ def test_what_has_changed_is_named(tmp_path):
         with pytest.raises(job.OtherSettingsError, match=match):
             make(out, renamed)
         moved = Listed(TEN, split=lambda name: "train")
-        match = r"1 of its models have another split \('m3': 'test' there, 'train' now\)"
+        match = r"1 of its models have another split \('m3': 'test' before, 'train' now\)"
         with pytest.raises(job.OtherSettingsError, match=match):
             make(out, moved)
-    with pytest.raises(job.OtherSettingsError, match=r"limit: 6 there, 2 now"):
+    with pytest.raises(job.OtherSettingsError, match=r"limit: 6 before, 2 now"):
         make(out, TEN, limit=2)
     assert models_of(out) == TEN[:6]
 
@@ -340,5 +343,5 @@ def test_a_larger_sample_holds_the_smaller_one(tmp_path):
     _, second = make(tmp_path / "grown", TEN, choice=Choice(sample=8, seed=3))
     assert (len(first), len(second)) == (4, 4)
     assert contents(tmp_path / "grown") == contents(tmp_path / "once")
-    with pytest.raises(job.OtherSettingsError, match=r"seed: 3 there, 4 now"):
+    with pytest.raises(job.OtherSettingsError, match=r"seed: 3 before, 4 now"):
         make(tmp_path / "grown", TEN, choice=Choice(sample=8, seed=4))

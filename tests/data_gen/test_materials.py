@@ -48,14 +48,14 @@ def kit(seed=0):
 def test_textures_are_small_images_that_differ_by_variant(name):
     function, kind = {**TEXTURES, **PICTURES}[name]
     images = [function(kind, v) for v in (0, 1, 2, 3)]
-    assert images[0] is function(kind, 0)  # one copy serves all models
+    assert images[0] is function(kind, 0)  # cached
     for image in images:
         assert image.dtype == np.uint8
         assert image.shape[2] == 4
         assert 32 <= min(image.shape[:2]) <= max(image.shape[:2]) <= 256
         assert not image.flags.writeable
         assert (image[..., 3] == 255).all()
-        # A pattern of a grid, or one that is nearly even, is still something to see.
+        # Regular and nearly uniform patterns have a visible contrast, too.
         assert image[..., :3].std() > 1.5
     if name not in ("metal tread", "metal mesh"):
         assert any(not np.array_equal(images[0], image) for image in images[1:])
@@ -125,13 +125,13 @@ def test_textures_are_no_finer_than_the_pixels():
 
 # --- Mappings -------------------------------------------------------------------------------------
 
-# Red, green in the upper row, blue, white in the lower one.
+# Upper row: red, green. Lower row: blue, white.
 QUARTERS = np.full((2, 2, 4), 255, np.uint8)
 QUARTERS[0, 0, 1:3], QUARTERS[0, 1, [0, 2]], QUARTERS[1, 0, :2] = 0, 0, 0
 
 
 def colour_at(model, point, direction):
-    """The texture's colour where a ray from outside meets a convex model's face at a point."""
+    """The texture's colour where a ray from `point` in `direction` enters a model."""
     surfaces = scene.flatten(model)
     corners = surfaces.corners.astype(float)
     facing = surfaces.face_normals @ np.asarray(direction) < 0
@@ -220,7 +220,7 @@ def test_a_wrapped_label_has_no_face_across_its_seam():
     model = one.model("x", "x", {})
     side = np.abs(model.normals[:, 0, 2]) < 0.5
     assert np.ptp(model.uv[side][..., 0], axis=1).max() < 0.06
-    # Its middle looks toward +x, and it can be read from there.
+    # Its middle is at +x, and it is not mirrored.
     low = model.vertices[:, 2].max() * 0.25
     assert colour_at(model, (5, 0.05, low), (-1, 0, 0)) == WHITE
     assert colour_at(model, (5, -0.05, low), (-1, 0, 0)) == BLUE
@@ -254,9 +254,9 @@ EXTRA = pytest.mark.parametrize("category", procedural.EXTRA_CATEGORIES)
 
 
 def faults(solid):
-    """What keeps a surface from being closed and facing outward."""
+    """The reasons why a surface is not closed or does not face outward."""
     vertices, faces = solid
-    # Tips are rings of radius 0: one vertex, and faces without area that `build` drops.
+    # Tips are rings of radius 0. They count as one vertex; `build_model` drops their empty faces.
     _, first, place = np.unique(
         vertices.round(9) + 0.0, axis=0, return_index=True, return_inverse=True
     )

@@ -74,7 +74,7 @@ def test_crease_normals_do_not_need_shared_vertices():
 
 
 def test_crease_normals_with_many_faces_on_one_edge():
-    # A book of 200 pages: linear cost, unit normals.
+    # A book of 200 pages: the cost is linear, and the normals have length 1.
     angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
     tips = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     vertices = np.concatenate([[[0, 0, -1.0], [0, 0, 1.0]], tips])

@@ -100,7 +100,7 @@ def test_off_centre_moves_the_object_and_cuts_nothing_off(rng):
         turn = drawn.extrinsics[:, :3]
         np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
         middles.append(cameras.project(turned, drawn)[0].mean(axis=0))
-        # The camera stays where it was: it looks elsewhere.
+        # The position of the camera is the same; only its direction changes.
         still = cameras.draw(
             np.random.default_rng(seed), dataclasses.replace(chosen, off_centre=0.0), points
         )
@@ -238,11 +238,11 @@ def test_contact_shadow_of_a_black_box():
     lit = (
         light.gather(places, up, np.arange(192) % 16, far=True).reshape(3, 64, 3).mean(axis=(1, 2))
     )
-    # Half of the sky is gone at the foot of a wall (but for what is above a wall of this size).
+    # At the foot of a wall, about half of the sky is hidden; the wall is finite.
     assert 0.48 < lit[0] < 0.65
     assert lit[0] < lit[1] < lit[2]
     assert lit[2] == pytest.approx(1, abs=0.04)
-    # What looks down at the ground has the ground's light.
+    # A surface that faces down gets the light of the ground.
     down = light.in_the_open(np.array([[0, 0, -1.0]], np.float32))
     assert down.mean() == pytest.approx(0.5 * 0.8, abs=0.05)
 
@@ -363,7 +363,7 @@ def test_views_from_all_heights(elevation):
     )  # fmt: skip
     around = Surroundings(np.ones((8, 16, 3)))
     ground = draw_ground(np.random.default_rng(0), "random", around, camera)
-    # There is no ground where the camera would see it from below.
+    # There is no ground if the camera would see it from below.
     assert (ground is None) == (elevation < -3)
 
 

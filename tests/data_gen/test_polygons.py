@@ -20,7 +20,7 @@ def test_ears_of_a_star():
 
 
 def cut_one_by_one(outline):
-    """The first ear of what is left, found by looking at every corner anew."""
+    """Cuts the first ear again and again, testing every corner each time."""
     rest, result = list(range(len(outline))), []
 
     def cross(o, a, b):

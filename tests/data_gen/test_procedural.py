@@ -95,7 +95,7 @@ def _name_of(module):
 
 
 def _extremes_of_kind(module, kind, seed):
-    """Two models of one of a family's kinds, their hidden parameters lowest and highest."""
+    """Two models of a subtype: with the lowest and the highest values of hidden parameters."""
     spans = {}
     for end in (None, 0, 1):
         hidden = {k: (s.low, s.high - s.whole)[end or 0] for k, s in spans.items()}
@@ -107,7 +107,7 @@ def _extremes_of_kind(module, kind, seed):
 
 
 def _pictures(model, azimuth):
-    """Depth and material [48, 64] from as near and as low as is promised."""
+    """Depth and material [48, 64], seen from the smallest promised distance and elevation."""
     return rasteriser.inverse_depth(
         model, azimuth, distance=2.5, elevation=15.0, size=(48, 64), focal=74.0
     )
@@ -138,7 +138,7 @@ def test_backs_are_closed(category):
     for seed in range(10):
         models = [procedural.generate(category, seed, hidden_seed=h) for h in (1, 2)]
         if models[0].parameters.get("pose") in ("lying", "sideways"):
-            continue  # its lower end shows, and the socket in it
+            continue  # the socket in the lower end is visible
         for azimuth in (180.0, 120.0 if seed % 2 else -120.0):
             pictures = [_pictures(m, azimuth) for m in models]
             np.testing.assert_allclose(pictures[0][0], pictures[1][0], atol=1e-7)
@@ -157,7 +157,7 @@ def test_a_box_is_solid_from_front_to_back(category, kind):
             )
             middle = inverse[:, 29:35]
             reach.append(np.median(8 - 1 / middle[middle > 0]))  # from the origin to the camera
-        # A cornice or a grille reaches farther.
+        # Less than the whole length, because a cornice or a grille may extend beyond the box.
         assert sum(reach) > 0.75 * length
 
 
@@ -210,7 +210,7 @@ def test_hidden_parameters_cannot_be_seen_and_matter(category):
             *(np.stack([m.vertices.min(0), m.vertices.max(0)]) for m in models), atol=1e-9
         )
         low, high = ranges[seed % len(ranges)]
-        # The ends of the range, from as near and as low as is promised.
+        # The ends of the range, from the smallest promised distance and elevation.
         for azimuth in (low, high) if high - low < 360 else (-60.0, 120.0):
             (depth, material), (other_depth, other_material) = (
                 rasteriser.inverse_depth(
@@ -221,14 +221,14 @@ def test_hidden_parameters_cannot_be_seen_and_matter(category):
             assert (depth > 0).sum() > 100
             np.testing.assert_allclose(depth, other_depth, atol=1e-7)
             np.testing.assert_array_equal(material, other_material)
-        # The geometry does differ.
+        # The geometry differs.
         clouds = [sample_surface(m, 4000, 0).points for m in models]
         assert len(models[0].faces) != len(models[1].faces) or not np.array_equal(*clouds)
 
 
 @pytest.mark.parametrize("category", ["plane", "bench", "firearm", "watercraft"])
 def test_the_authors_camera_sees_nothing_of_what_is_hidden(category):
-    # At full size, from the ends of the ranges: there a few pixels look past an edge first.
+    # At full size, from the ends of the ranges, where hidden parts would become visible first.
     models = [procedural.redraw_hidden(f"{category}-0", h) for h in (1, 2)]
     for azimuth in models[0].parameters["hidden_azimuth"][0]:
         one, two = (
@@ -269,7 +269,7 @@ def test_hidden_parameters_are_drawn_from_their_ranges(category):
     for key, span in ranges.items():
         values = np.array([m.parameters["hidden"][key] for m in draws])
         assert span.low <= values.min() < values.max() <= span.high
-        # Far from a corner of the range: 8 draws lie within a quarter once in 65536.
+        # The probability that 8 draws lie within one quarter of the range is 1 in 65536.
         assert np.ptp(values) > 0.25 * (span.high - span.low - span.whole)
 
 
@@ -357,7 +357,7 @@ PARTS = {
 @pytest.mark.parametrize("name", PARTS)
 def test_parts_are_closed_and_face_outward(name):
     vertices, faces = PARTS[name]
-    # Tips are rings of radius 0: one vertex, and faces without area that `build` drops.
+    # Tips are rings of radius 0. They count as one vertex; `build_model` drops their empty faces.
     _, first, place = np.unique(
         vertices.round(9) + 0.0, axis=0, return_index=True, return_inverse=True
     )
@@ -421,6 +421,6 @@ def test_vehicles_differ_in_kind(category, kinds):
     models = [procedural.generate(category, s) for s in range(60)]
     assert len({m.parameters["subtype"] for m in models}) >= kinds
     size = np.array([np.ptp(m.vertices, axis=0) for m in models])
-    # Length to width to height: far from one shape in many colours.
+    # The proportions of length, width and height vary, not only the colours.
     for ratio in (size[:, 1] / size[:, 0], size[:, 2] / size[:, 0]):
         assert np.percentile(ratio, 90) > 1.3 * np.percentile(ratio, 10)

@@ -35,7 +35,7 @@ def pmd(low=(0, 0, 0), size=(1, 1, 1), *, bones=(), bone=255, props=(), version=
         faces += [(count, count + 1, count + 2), (count, count + 2, count + 3)]
         count += 4
     data = struct.pack("<I", count) + (struct.pack("<I", 2) if version == 4 else b"") + data
-    if version == 4:  # the number of texture coordinates stands before the vertices
+    if version == 4:  # the number of texture coordinates precedes the vertices
         data = struct.pack("<II", count, 2) + data[8:]
     data += struct.pack("<I", len(faces)) + b"".join(struct.pack("<3H", *f) for f in faces)
     data += struct.pack("<I", len(bones)) + b"".join(struct.pack("<7f", *b) for b in bones)
@@ -84,7 +84,7 @@ RED_AND_HALF = [[[200, 0, 0, 255], [200, 0, 0, 0]]]
 
 def archive(path, **changes):
     files = {
-        # A body with a bone that turns, and a hat at a prop point on it.
+        # A body whose bone is rotated by the pose, with a hat at a prop point on the bone.
         "art/meshes/body.dae.cached.pmd": pmd(
             size=(1, 2, 3), bones=[IDENTITY], bone=0, props=[("head", (0, 2, 0, 0, 0, 0, 1), 0)]
         ),
@@ -133,7 +133,7 @@ def test_which_actors_are_models(tmp_path):
         "structures/rome/house-2": "building",
         "units/rome/soldier": "person",
     }
-    # Meshes that are alike in all but a number share a split.
+    # Meshes whose names differ only in a number are in the same split.
     assert len({e.split for n, e in found.items() if "house" in n}) == 1
     assert len(open_catalogue("pyrogenesis", tmp_path)) == len(found)
     assert len(models(tmp_path / "public.zip", shapes=1)) == len(found) - 1
@@ -186,7 +186,7 @@ def test_alpha_means_what_the_material_says(tmp_path):
 
 def test_buildings_have_no_foundations(tmp_path):
     model = models(archive(tmp_path / "public.zip"))["structures/rome/house"].load()
-    # Of 6 units of height 4 are in the ground.
+    # 4 of the 6 units of height are below the ground.
     extent = np.ptp(model.vertices, axis=0)
     np.testing.assert_allclose(extent / extent[2], 1, atol=1e-6)
     area = face_areas(model.vertices, model.faces).sum() / extent[2] ** 2

@@ -1,4 +1,4 @@
-"""Rendering end to end. Skipped without Mitsuba; without LLVM all of it runs in scalar mode."""
+"""Rendering end to end. Skipped without Mitsuba; runs in scalar mode without LLVM."""
 
 import json
 import os
@@ -36,7 +36,7 @@ SMALL = {
     "models_per_shard": 2,
     "camera": {"image_size": (48, 64)},
     "job": {"variant": "scalar", "workers": 1, "seconds_per_model": 60.0},
-    # So few pixels and points are further apart than those of a full image.
+    # With few pixels and points, the distances between depth and points are larger.
     "checks": {"depth": 0.1, "inside": 0.9},
 }
 
@@ -47,7 +47,7 @@ def started():
 
 
 def square(x, size=0.5, material=None, z=0.0):
-    """A square at a given x, that looks to +x."""
+    """A square at a given x that faces +x."""
     corners = np.array(
         [[x, -size, z], [x, size, z], [x, size, z + 2 * size], [x, -size, z + 2 * size]]
     )
@@ -57,7 +57,7 @@ def square(x, size=0.5, material=None, z=0.0):
 
 
 def build(*parts):
-    """A model of squares, each with its own material, in place as given."""
+    """A model of squares, each with its own material, which is not normalised."""
     offset = 4 * np.arange(len(parts))
     return build_model(
         np.concatenate([p[0] for p in parts]),
@@ -146,7 +146,7 @@ def test_holes_show_what_is_behind_and_glass_is_part_of_the_object(started):
     # A hole with nothing behind it is background.
     alone = shot(build(near), camera)
     assert 0 < alone.mask.sum() < 0.7 * shot(build(square(0.4, 0.4)), camera).mask.sum()
-    # Glass tints what is behind it, and is the surface that depth tells.
+    # Glass tints the surfaces behind it, and depth is that of the glass.
     glass = Material(diffuse=(0, 0, 1), opacity=0.5)
     picture = shot(build(square(0.4, 0.4, glass), far), camera)
     assert (picture.image[picture.mask] == [0, 128, 128]).all(axis=1).any()
@@ -207,7 +207,7 @@ def test_path_traced_textures_are_upright(started, what):
     if what == "colour":
         assert (traced[upper, 32, 0] > 2 * traced[upper, 32, 2]).all()
         assert (traced[lower, 32, 2] > 2 * traced[lower, 32, 0]).all()
-    # What shines through is the same as with local shading, at edges of a texel's width, too.
+    # Opacity is the same as with local shading, including edges as narrow as a texel.
     agree = np.abs(traced[..., 3] - local.opacity) < 0.5
     assert agree.mean() > 0.97
     if what == "hole":
@@ -258,7 +258,7 @@ def contents(folder):
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory):
-    """A data set made at one go by one worker."""
+    """A data set rendered by one worker without interruption."""
     out = tmp_path_factory.mktemp("render") / "whole"
     source = open_catalogue("procedural", "chair=2,table=2,lamp=1")
     return out, job.render_catalogue(source, out, options())
@@ -280,7 +280,7 @@ def test_data_set_is_sound(whole):
             assert project_camera.inside_mask(pixels, sample.mask, 1).mean() > 0.94
             extra = json.loads(sample.extra)
             assert extra["parameters"]["hidden"] is not None
-            # The rotation takes the model's frame to the sample's.
+            # The rotation is from the model's frame to the sample's frame.
             model = {e.model_id: e for e in open_catalogue("procedural", "3").entries()}[
                 sample.model_id
             ].load()
@@ -419,7 +419,7 @@ def test_choice_of_the_variant(monkeypatch, tmp_path):
         choose_variant("llvm")
 
 
-# Runs the command once for each list of arguments; the imports are made once.
+# Runs the command once for each list of arguments, in a fork, so that modules are imported once.
 COMMANDS = """
 import json, os, sys
 from absl import app
@@ -456,7 +456,7 @@ def test_command_refuses_wrong_arguments(tmp_path):
         ("--limit=-1", "limit"),
         ("--config=nowhere.py", "--config=nowhere.py: there is no such file"),
         (f"--config={CONFIG}:nobody", "preset 'nobody': expected one of"),
-        # A flag that the user sets has an effect, or is refused.
+        # Flags without effect are refused.
         ("--config.image.path_samples=9", f"image.path_samples: {no_effect} image.shading=path"),
         ("--config.image.rays=9", f"image.rays: {no_effect} image.shading=photo"),
         ("--config.film.grain=(0.,.1)", f"film.grain: {no_effect} image.shading=photo"),
@@ -465,7 +465,7 @@ def test_command_refuses_wrong_arguments(tmp_path):
             "--exclude=lmap",
             "--exclude: no category and no name matches 'lmap' (did you mean 'lamp'?)",
         ),
-        # The fields may come before the file that they change.
+        # Fields may precede --config.
         ("--config.camera.aim=(7.,1.) --config={CONFIG}:r2n2", "camera.aim: got (7.0, 1.0)"),
     )
     arguments = [

@@ -38,7 +38,7 @@ def test_blinn_phong_by_hand():
     want = 0.5 * (0.1 + 0.8 * 0.8) + 0.3 * 0.8 * half[2] ** 7
     got = shade(surfaces, one_light(toward), [0, 0, 1], view, [0.5] * 3)
     np.testing.assert_allclose(got, want, rtol=1e-5)
-    # Turned away from the light, what is left is the ground's ambient light.
+    # A surface that faces away from the light has only the ground's ambient light.
     got = shade(surfaces, one_light(toward), [0, 0, -1], -view, [0.5] * 3)
     np.testing.assert_allclose(got, 0.5 * 0.05, rtol=1e-5)
 
@@ -59,7 +59,7 @@ def test_textures_are_read_as_points_are():
     weights = np.array([[0.9, 0.05, 0.05], [0.1, 0.45, 0.45]], np.float32)
     colour, opacity = shading.look_up(surfaces, np.zeros(2, np.int64), weights)
     np.testing.assert_allclose(colour[0], [1, 0, 0])
-    np.testing.assert_allclose(opacity, [1, 0])  # under a tenth is a hole
+    np.testing.assert_allclose(opacity, [1, 0])  # an opacity under a tenth is a hole
 
 
 def test_normals_face_the_viewer():

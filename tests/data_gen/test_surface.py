@@ -15,7 +15,7 @@ def test_samples_are_uniform_by_area():
     area = face_areas(model.vertices, model.faces)
     got = np.bincount(sample.face, minlength=len(area)) / 7000
     np.testing.assert_allclose(got, area / area.sum(), atol=2e-3)
-    # Inside the faces, too: the centroid of a face's points is the face's.
+    # Points are uniform within faces, too: their centroid is that of the face.
     for face in range(len(area)):
         points = sample.points[sample.face == face]
         np.testing.assert_allclose(points.mean(0), model.corners()[face].mean(0), atol=0.08)
@@ -64,7 +64,7 @@ def test_glass_has_points_and_a_clear_texture_has_none():
 
 @pytest.mark.parametrize("back", [False, True])
 def test_doubled_faces_have_one_density(back):
-    # A box and, beside it, one with every face twice.
+    # A box and, next to it, a box with every face twice.
     here, there = solids.box(1, 1, 1), solids.box(1, 1, 1).at(1.5, 0, 0)
     vertices, faces = joined(here, there)
     again = faces[12:, ::-1] if back else faces[12:]
@@ -77,7 +77,7 @@ def test_doubled_faces_have_one_density(back):
 
 
 def test_surfaces_that_lie_on_one_another_have_one_density():
-    # The same square by two triangles, and turned over by a grid of many.
+    # The same square twice: as two triangles, and reversed as a grid of many triangles.
     grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 8)] * 2, [0.0], indexing="ij"), -1)
     index = np.arange(64).reshape(8, 8)
     a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
@@ -142,7 +142,7 @@ def test_an_inner_wall_keeps_its_normals():
 def test_furniture_with_doubled_faces_has_one_density(name):
     model = free_meshes.model("sh3f", name)
     sample = sample_surface(model, 16_384, 0)
-    # Doubled or not, by exact geometry: the same corners again.
+    # Duplicate faces are found by comparing their corners.
     key = np.sort(np.round(model.corners(), 5).view("f8,f8,f8").reshape(-1, 3), axis=1)
     _, number, count = np.unique(
         key.view(np.uint8).reshape(len(key), -1), axis=0, return_inverse=True, return_counts=True

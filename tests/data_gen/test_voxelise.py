@@ -1,4 +1,4 @@
-"""Solid voxels against winding numbers, and the marking of surfaces against exact geometry."""
+"""Solid voxels compared with winding numbers, and marked surfaces with exact geometry."""
 
 import free_meshes
 import numpy as np
@@ -59,7 +59,7 @@ def test_marked_cells_hold_the_surface_and_leave_no_part_out(rng):
     size = 20
     for corners in slivers(rng, 60, size).clip(0.1, size - 0.1):
         marked, _ = mark_surface(corners, FACE, EDGES, size)
-        # Half of the points on the edges.
+        # Half of the points are on the edges.
         weights = rng.dirichlet([1, 1, 1], 20_000)
         weights[::2, 0] = 0
         weights[::2] = rng.permuted(weights[::2], axis=1)
@@ -73,7 +73,7 @@ def test_marked_cells_hold_the_surface_and_leave_no_part_out(rng):
 
 @pytest.mark.parametrize("angle", [0.0, 20.0, 45.0, 77.0])
 def test_a_body_of_slivers_is_solid(angle):
-    # A flat cushion whose lid is a fan of slivers, as furniture has them.
+    # A flat cushion whose lid is a fan of slivers, which is common in furniture models.
     around = np.linspace(0, 2 * np.pi, 240, endpoint=False)
     rim = np.stack([np.cos(around), 0.6 * np.sin(around), np.zeros(240)], axis=1)
     vertices = np.concatenate([rim, rim + np.array([0, 0, 0.25]), [[0.9, 0, 0], [0.9, 0, 0.32]]])
@@ -95,11 +95,14 @@ def test_a_body_of_slivers_is_solid(angle):
 
 
 def compare(model):
-    """IoU with the winding numbers, and least volume over largest of two views: ours, and theirs.
+    """Compares a model's voxels in two views with winding numbers.
 
-    The IoU is the lesser of the two views. Thick parts alone count, see `winding.thick_parts`, and
-    no air behind narrow gaps, see `winding.sheltered`; both are the same part of space in both
-    views.
+    Only thick parts (`winding.thick_parts`) are compared, without the air behind narrow gaps
+    (`winding.sheltered`). Both are the same parts of space in both views.
+
+    Returns:
+      The smaller IoU of the two views, and the ratio of the smaller to the larger volume of the two
+      views: of the voxels, and of the winding numbers.
     """
     turns = [watertight.turn(view) for view in range(2)]
     views = [winding.fields(model, turn) for turn in turns]
@@ -126,7 +129,8 @@ def test_a_car_agrees_with_winding_numbers():
 
 
 def test_walls_thinner_than_the_points_close_a_room():
-    # Panes of glass: winding numbers at points alone would let air in through them.
+    # Panes of glass, thinner than the distance between the sample points of the winding numbers.
+    # The numbers at the points alone would not separate the inside from the outside.
     outer, inner = solids.box(1.0, 1.0, 0.8), solids.box(0.996, 0.996, 0.796)
     vertices = np.concatenate([outer.vertices, inner.vertices])
     vertices[:, 2] -= vertices[:, 2].min()
@@ -157,7 +161,7 @@ def test_models_agree_with_winding_numbers(source):
         )
         for figure, value in (("IoU", iou), ("volumes", volumes)):
             if missed == figure:
-                # No worse than stated, and no longer stated once it holds.
+                # Known deviations: not larger than stated, and to be removed once the test holds.
                 assert watertight.MISSES[name][1] - 0.005 < value < 0.95, name
             else:
                 assert value >= 0.95, (name, figure)
@@ -172,7 +176,7 @@ def test_a_mattress_of_slivers_holds_no_air():
 
 
 def test_the_volume_of_a_flat_box_has_no_bias():
-    # Tops between the middle and the border of cells, and below the middle: half a cell decides.
+    # Tops above and below the middle of cells: a cell counts if at least half of it is full.
     for height, layers in ((0.46, 7), (0.49, 8), (0.52, 8)):
         box = build_model(*_box(1.6, 0.9, height))
         got = solid_occupancy(box, np.eye(3))
@@ -218,7 +222,7 @@ def test_occupancy_fills_through_cracks_and_an_open_bottom():
     without_bottom = normalize(build_model(box.vertices, box.faces[normal[:, 2] > -0.5]))
     want = solid_occupancy(closed, np.eye(3))
     np.testing.assert_array_equal(solid_occupancy(without_bottom, np.eye(3)), want)
-    # Faces drawn apart by half a cell leak nothing.
+    # Gaps of half a cell between faces are closed.
     corners = closed.corners() + 0.012 * face_normals(closed.vertices, closed.faces)[:, None]
     cracked = build_model(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3))
     got = solid_occupancy(cracked, np.eye(3))
@@ -247,7 +251,7 @@ def test_occupancy_keeps_thin_parts():
     got = solid_occupancy(model, np.eye(3))
     points = sample_surface(model, 5000, 0).points
     cell = np.clip(np.floor((points + np.array([1, 1, 0])) * 16).astype(int), 0, 31)
-    # A sheet on the border of two layers of cells is in one of them.
+    # A sheet on the border between two layers of cells is in one of them.
     assert got[tuple(cell.T)].mean() > 0.85
     assert scipy.ndimage.maximum_filter(got, size=3)[tuple(cell.T)].all()
     assert got.sum() < 3000

@@ -1,4 +1,4 @@
-"""The study of several plausible shapes: its measures, its table, and a tiny run if possible."""
+"""The study of several plausible shapes: measures, table, a tiny run if Mitsuba is installed."""
 
 import json
 

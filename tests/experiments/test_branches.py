@@ -1,4 +1,4 @@
-"""What each branch does: order, nearest points, fifths, maps; a run that has no second branch."""
+"""The study of both branches: order, nearest points, fifths, maps; a run with only one branch."""
 
 import json
 
@@ -18,7 +18,7 @@ BRANCHES, GRID = branch_of_point(CONFIG.model), output_grid(CONFIG.model)
 
 
 def sheet_and_tips(rng):
-    """A flat sheet, which the grid lies on, with two thin rods, which the fc points lie on."""
+    """A sheet and two thin rods: deconv points lie on the sheet, fc points on the rods."""
     row, column = np.mgrid[: GRID.height, : GRID.width]
     sheet = np.stack([row / GRID.height, column / GRID.width, 0 * row], axis=-1) - [0.5, 0.5, 0]
     along = rng.permutation(np.concatenate([np.linspace(-1.0, -0.6, 15), np.linspace(0.6, 1, 15)]))
@@ -40,7 +40,7 @@ def test_a_sheet_with_rods_is_told_from_the_rods(rng):
     assert both <= min(measures[name]["gt_to_pred"] for name in measures)
     assert profiles["by_distance"][-1] > 0.4 > 0.1 > profiles["by_distance"][0]
     assert profiles["by_surroundings"][-1] > profiles["by_surroundings"][0]
-    # The distances, slowly.
+    # The same distances, computed directly.
     gaps = np.linalg.norm(gt[:, None] - pred[None, 30:], axis=-1) ** 2
     assert measures["deconv"]["gt_to_pred"] == pytest.approx(gaps.min(axis=1).mean(), rel=1e-5)
 

@@ -1,4 +1,4 @@
-"""The frame of the studies: files, options, stopped trainings; charts and grids."""
+"""The common structure of the studies: files, options, stopped trainings; charts and grids."""
 
 import dataclasses
 import importlib.util
@@ -73,6 +73,6 @@ def test_a_grid_of_images_and_values():
     rows = [{"image": image, "map": values}, {"image": image}]
     sheet = figures.grid(rows, labels=["a", "b"], scale=(0.0, 1.0), scale_title="radius")
     titles = [axes.get_title() for axes in sheet.axes[:4]]
-    assert titles == ["image", "map", "", ""]  # not again below the same title
+    assert titles == ["image", "map", "", ""]  # no title below the same title
     assert [axes.get_ylabel() for axes in sheet.axes[:4]] == ["a", "", "b", ""]
     assert figures.png(sheet).startswith(b"\x89PNG")

@@ -1,4 +1,4 @@
-"""The comparison with 3D-R2N2: its tables, its pictures and the parts of its protocol."""
+"""The comparison with 3D-R2N2: tables, pictures and the parts of the protocol."""
 
 import json
 import pathlib
@@ -97,7 +97,7 @@ def test_seconds_and_budget(tmp_path):
     (tmp_path / "cd" / "metrics.jsonl").write_text("".join(json.dumps(x) + "\n" for x in lines))
     assert common.cost(tmp_path / "cd") == pytest.approx((0.5, 5.0))
     assert lib.budget(config, tmp_path, ["cd"], 77) == 77
-    assert lib.budget(config, tmp_path, ["cd"], 5) == 77  # decided once
+    assert lib.budget(config, tmp_path, ["cd"], 5) == 77  # stored by the first call
     assert json.loads((tmp_path / "budget.json").read_text())["seconds"] == pytest.approx(5.0)
 
 
@@ -128,7 +128,7 @@ def test_tables():
     iou, volume, surface, thin, heads, gains, times = lib.table(document())
     assert " ".join(iou[1]) == "chair 3 0.500 0.400 0.400 0.400 0.544 0.466 0.533 0.550"
     assert [line[1] for line in iou[1:]] == ["3", "2", "5"]
-    # 0.01 radius^2 is 0.25 of the paper's unit squared, 0.01 radius 0.05 of it.
+    # 0.01 radius^2 is 0.25 u^2 and 0.01 radius is 0.05 u, where u is the paper's unit.
     assert volume[2][1:7] == ["0.250", "0.250", "0.01000", "0.01000", "0.050", "0.050"]
     assert surface[2][1:7] == ["0.500", "0.500", "0.02000", "0.02000", "0.100", "0.100"]
     assert thin[2] == ["pillow", "0.300", "0.300"]
@@ -161,7 +161,7 @@ def test_pictures(rng):
 
 
 def samples(split):
-    """Boxes of two categories, five views that all show the same."""
+    """Boxes of two categories, with five identical views."""
     for number in range(2):
         occupancy = np.zeros((32, 32, 32), bool)
         occupancy[8:24, 8 : 20 + 4 * number, : 8 + 8 * number] = True
@@ -183,7 +183,7 @@ def samples(split):
 
 
 def test_what_is_compared(tmp_path, monkeypatch):
-    """Runs that predict the truth, or for 3D-R2N2 nothing, of two samples of each category."""
+    """Runs on two samples per category predict the truth; 3D-R2N2 predicts empty volumes."""
     monkeypatch.setattr(volumes, "NUM_POINTS", 32)
     monkeypatch.setattr(volumes, "CANDIDATES", 128)
     known = [s for s in samples("test") if s.view < 2]
@@ -213,14 +213,14 @@ def test_what_is_compared(tmp_path, monkeypatch):
     assert mean[f"iou:{lib.OURS}"] == pytest.approx(0.7)
     assert document["gain_volume"] == pytest.approx({"mean": 0.1, "error": 0})
     assert document["gain_over_splat"]["mean"] == pytest.approx(0.1)
-    # 3D-R2N2's likeliest cells are the true ones: its cloud is the truth's.
+    # The most probable cells of 3D-R2N2 are the true ones, so its cloud is that of the truth.
     assert mean[f"cd_sq_radius2:{lib.PEER}"] == pytest.approx(0, abs=1e-9)
     assert mean["cd_sq_radius2:cd"] > 0
     assert mean["cd_sq_radius2_surface:cd"] > 0
     assert document["categories"]["box"][f"thin_recall:{lib.OURS}"] == 1
     assert np.isnan(document["categories"]["chair"][f"thin_recall:{lib.OURS}"])
     assert [case["category"] for case in cases] == ["chair", "box"]
-    assert (cases[1]["truth"] == truth[0]).all()  # that with the thin rod
+    assert (cases[1]["truth"] == truth[0]).all()  # the sample with the thin rod
     lib.table({**document, "seconds": {}})
 
 

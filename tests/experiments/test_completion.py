@@ -1,4 +1,4 @@
-"""RGB against RGB-D: two runs that differ in their input alone, resumed, measured, drawn."""
+"""RGB against RGB-D: two runs that differ only in their inputs are resumed, measured and drawn."""
 
 import dataclasses
 import json
@@ -79,7 +79,7 @@ def test_differences_are_paired_and_leave_out_what_no_sample_has():
     assert hidden.mean == pytest.approx(change.mean())
     assert hidden.error == pytest.approx(change.std(ddof=1) / np.sqrt(3))
     assert hidden.better == pytest.approx(2 / 3)
-    assert changes["fscore"]["better"] == pytest.approx(3 / 4)  # the larger the better
+    assert changes["fscore"]["better"] == pytest.approx(3 / 4)  # larger is better
     assert changes["fscore"]["mean"] == pytest.approx(0.05)
     means = {name: found.means for name, found in both.items()}
     assert means["rgb"]["fscore"] == pytest.approx(0.25)
@@ -125,7 +125,7 @@ def test_the_whole_study_and_again(tmp_path, monkeypatch):
     assert "5 samples of 'validation', 20 predicted points, 60 true points, rgb: 2 steps" in text
     with Image.open(work / "completion.png") as picture:
         assert picture.size[0] > 8 * 256
-    # What is done is not trained again, and gives the same numbers.
+    # A finished run is not trained again and gives the same numbers.
     before = {name: (work / name / "metrics.jsonl").read_bytes() for name in lib.INPUTS}
     assert lib.STUDY.run(work, data=str(data), cases=2) == text
     assert before == {name: (work / name / "metrics.jsonl").read_bytes() for name in lib.INPUTS}

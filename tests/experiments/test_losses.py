@@ -1,4 +1,4 @@
-"""CD against EMD: strays, paired differences, runs that cannot be compared, a picture."""
+"""CD against EMD: stray points, paired differences, runs that cannot be compared, a picture."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def test_the_table_and_its_numbers():
     assert found.error == pytest.approx(change.std(ddof=1) / 2)
     assert found.better == 0.75
     assert found.mean == pytest.approx(-0.5)
-    assert numbers["emd_minus_cd"]["fscore"]["better"] == 0.75  # the larger the better
+    assert numbers["emd_minus_cd"]["fscore"]["better"] == 0.75  # larger is better
     assert numbers["mean_over_samples"]["cd"]["stray"] == pytest.approx(0.1)
     (lines,) = lib.table(numbers)
     assert ["EMD [radius]", "2.50000", "2.00000", "-0.50000 +- 0.35355", "75 %"] in lines
@@ -72,7 +72,7 @@ def test_runs_that_cannot_be_compared(tmp_path):
 
     emd, cd = make("emd"), make("cd", loss={"name": "chamfer_sq_mean"})
     other = make("other", model={"name": "hourglass"})
-    with pytest.raises(ConfigError, match=r"--cd=.*expected a run trained by CD"):
+    with pytest.raises(ConfigError, match=r"--cd=.*expected a run trained with CD"):
         lib.STUDY.run(tmp_path, cd=emd, emd=emd)
     with pytest.raises(ConfigError, match=r"model\.name: 'two_branch' in --cd, 'hourglass'"):
         lib.STUDY.run(tmp_path, cd=cd, emd=other)

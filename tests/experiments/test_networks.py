@@ -1,4 +1,4 @@
-"""The networks compared: equal parameters, costs, differences, bars; the study, resumed."""
+"""The comparison of networks: equal parameters, costs, differences, bars; a resumed study."""
 
 import dataclasses
 import json
@@ -127,7 +127,7 @@ def test_the_whole_study_again_and_what_takes_its_runs(tmp_path, monkeypatch):
     def configuration(network, loss, path, *, full, steps):
         return tiny(path, network, loss)
 
-    # Two trainings; the whole set differs in nothing but its number.
+    # Only two of the eight trainings, which are all alike.
     monkeypatch.setattr(lib, "configuration", configuration)
     monkeypatch.setattr(lib, "NETWORKS", {"two_branch": "two-branch"})
     monkeypatch.setattr(lib, "PAIRS", (("two_branch", "two_branch"),))

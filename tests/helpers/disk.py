@@ -6,7 +6,7 @@ import resource
 
 @contextlib.contextmanager
 def without_room(largest=1000):
-    """Every write of this process fails that would make a file larger than `largest` bytes."""
+    """Writes of this process fail if they would make a file larger than `largest` bytes."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, before[1]))
     try:

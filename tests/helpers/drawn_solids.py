@@ -85,7 +85,8 @@ def ellipsoid(half: np.ndarray) -> Solid:
     """An ellipsoid of half axes `half` [3]."""
 
     def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-        # A patch of the unit sphere around u grows by abc * |u / half|: accept in proportion.
+        # The map from the unit sphere scales the area around u by abc |u / half|. Points are
+        # accepted with a probability proportional to this factor.
         kept: list[np.ndarray] = []
         while sum(map(len, kept)) < n:
             u = _unit(rng.normal(size=(2 * n, 3)))
@@ -154,7 +155,7 @@ def cone(radius: float, height: float) -> Solid:
 
     def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
         on_side = rng.random(n) < slant / (slant + radius)
-        disc = _disc(rng, n)  # the side's projection to the ground is uniform, too
+        disc = _disc(rng, n)  # uniform points of the side are uniform on the ground as well
         reach = np.linalg.norm(disc, axis=1)
         z = np.where(on_side, height / 2 - reach * height, -height / 2)
         outward = _unit(np.concatenate([_unit(disc), np.full((n, 1), slope)], axis=1))
@@ -162,7 +163,7 @@ def cone(radius: float, height: float) -> Solid:
         return np.concatenate([radius * disc, z[:, None]], axis=1), normals
 
     def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        # x^2 + y^2 = slope^2 (z - tip)^2, of which only the lower half is the cone.
+        # x^2 + y^2 = slope^2 (z - tip)^2 is a double cone; only its lower half counts.
         o = origin - [0, 0, height / 2]
         metric = np.array([1, 1, -(slope**2)])
         a, b = (directions**2) @ metric, directions @ (metric * o)
@@ -204,7 +205,7 @@ def torus(ring: float, tube: float) -> Solid:
         return ring * centre + tube * normals, normals
 
     def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        # Sphere tracing: the distance to the surface is known exactly, so it may always be walked.
+        # Sphere tracing: each step is as long as the exact distance to the surface.
         speed = np.linalg.norm(directions, axis=1)
         start = max(float(np.linalg.norm(origin)) - ring - tube, 0) / speed
         end = (np.linalg.norm(origin) + ring + tube) / speed
@@ -231,7 +232,7 @@ CATEGORIES = ("box", "cone", "cylinder", "ellipsoid", "torus")
 
 
 def random_solid(category: str, rng: np.random.Generator) -> Solid:
-    """A solid of random proportions; its size means nothing yet."""
+    """A solid of random proportions; `draw` normalises its size."""
     if category == "box":
         return box(rng.uniform(0.25, 1.0, 3))
     if category == "ellipsoid":
@@ -248,7 +249,7 @@ def random_solid(category: str, rng: np.random.Generator) -> Solid:
 def _window(
     points: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray, size: tuple[int, int]
 ) -> tuple[slice, slice]:
-    """Rows and columns that the projection of a cloud's bounding box, a tenth larger, covers."""
+    """Rows and columns of the projection of a cloud's bounding box, enlarged by a tenth."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * (high - low) + 0.01
     ends = np.stack([low - margin, high + margin])
@@ -267,26 +268,27 @@ def draw(
     num_points: int = NUM_POINTS,
     model_id: str = "",
 ) -> schema.Sample:
-    """One sample: the solid upright or lying, turned, on the ground, lit from a random side.
+    """One sample: the solid on the ground, upright or lying, rotated, lit from a random side.
 
     Lambert shading without shadows: colour = albedo * (0.35 + 0.65 max(n . l, 0)). The unit is the
-    distance from the origin to the farthest of the drawn points.
+    distance from the origin to the farthest of the sampled points.
 
     Args:
-      solid: what to draw.
-      rng: source of pose, colour, light and points.
+      solid: the solid.
+      rng: generator of pose, colour, light and points.
       image_size: (H, W).
-      num_points: points on the surface.
-      model_id: for the sample.
+      num_points: number of points on the surface.
+      model_id: name of the model in the sample.
     """
     turn = rng.uniform(0, 2 * np.pi)
     cosine, sine = np.cos(turn), np.sin(turn)
     rotation = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     points, normals = solid.sample(rng, num_points)
-    # A cone does not lie on its side without tipping.
+    # A lying cone would have to be tilted to rest on its side.
     if solid.category != "cone" and rng.random() < 0.3:
         rotation = rotation @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-        # Half the extent along the new vertical, the solid's y, along which all are symmetric.
+        # Half the extent along the solid's y axis, which becomes vertical. All solids are symmetric
+        # along y.
         lift = float(np.abs(points[:, 1]).max())
     else:
         lift = solid.height / 2
@@ -298,7 +300,7 @@ def draw(
     window = _window(world * scale, intrinsics, extrinsics, image_size)
     rows, columns = np.mgrid[window]
     pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(rows.shape)], axis=-1)
-    # Directions with a component of 1 along the optical axis: the ray's parameter is the depth.
+    # Directions have a component of 1 along the optical axis, so the ray's parameter is the depth.
     in_camera = pixels.reshape(-1, 3) @ np.linalg.inv(intrinsics.astype(np.float64)).T
     turned = extrinsics[:, :3].astype(np.float64)
     directions = in_camera @ turned
@@ -331,7 +333,7 @@ def draw(
 def samples(
     count: int, *, seed: int, image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE
 ) -> Iterator[schema.Sample]:
-    """`count` samples, the categories in turn; the same seed draws the same samples."""
+    """`count` samples with alternating categories; the same seed gives the same samples."""
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         category = CATEGORIES[number % len(CATEGORIES)]

@@ -3,7 +3,7 @@
     python tests/helpers/durations.py [FOLDER ...]
 
 Runs the tests of each folder of `tests/` (`.` = the files directly in it) in a separate process.
-CPU seconds, which include child processes, depend little on other work of the machine.
+CPU seconds include child processes and depend little on other work of the machine.
 """
 
 import pathlib

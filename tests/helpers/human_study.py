@@ -7,18 +7,18 @@ from psgn_jax.data import camera, schema
 TURN = 25
 """Direction of the table, degrees."""
 
-# Middle and extents of each box, in the table's own directions.
+# Centre and extents of each box, along the axes of the table.
 TOP = ((0, 0, 0.66), (0.8, 1.2, 0.08))
 LEG = ((0.34, 0.52, 0.31), (0.08, 0.08, 0.62))
 LEGS = [((x * LEG[0][0], y * LEG[0][1], LEG[0][2]), LEG[1]) for x in (1, -1) for y in (1, -1)]
 
-# A part as the page saves it.
+# A part in the format in which the page saves it.
 PART = {
     "kind": "box", "size": [1, 1, 1], "at": [0, 0, 0], "turn": [0, 0, 0], "mirror": "", "taper": 1,
     "sides": 3, "outline": [],
 }  # fmt: skip
 
-# Expression of the page: its controls without a name.
+# JavaScript expression: the controls of the page without an accessible name.
 UNNAMED = """[...document.querySelectorAll("button, input, canvas.top, textarea, img")]
   .filter(e => e.checkVisibility() && !e.getAttribute("aria-label") && !e.textContent.trim()
     && !e.closest("label")?.textContent.trim() && !e.hasAttribute("alt"))
@@ -36,7 +36,7 @@ def box_points(middle, size, count, rng):
 
 
 def table_points(count, seed=0):
-    """Points on the table, without those where the legs meet the top."""
+    """Points on the table, except where the legs meet the top."""
     rng = np.random.default_rng(seed)
     boxes = [TOP, *LEGS]
     areas = [2 * (a * b + b * c + a * c) for _, (a, b, c) in boxes]

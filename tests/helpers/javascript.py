@@ -1,4 +1,4 @@
-"""Functions of JavaScript modules, called in node."""
+"""Runs functions of JavaScript modules in node."""
 
 import base64
 import json
@@ -14,10 +14,10 @@ def node(body, modules, **values):
     """Runs the body of an async function of `input` in node; returns its result.
 
     Args:
-      body: of the function.
-      modules: name in the body -> file.
-      **values: `input`. Arrays of bytes and booleans arrive as Uint8Array, of floats as
-        Float32Array; arrays come back as flat lists.
+      body: body of the function, as text.
+      modules: files of the modules, by the names that the body uses.
+      **values: fields of `input`. Arrays of bytes and booleans become Uint8Array, arrays of floats
+        Float32Array. Arrays in the result become flat lists.
     """
 
     def plain(value):

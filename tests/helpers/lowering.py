@@ -12,12 +12,13 @@ _TYPES = {"f": jnp.float32, "i": jnp.int32}
 def kernels(function, *arguments, **options):
     """Names of the Triton kernels in the lowered module; arguments are (shape, "f" or "i")."""
     if jax.__version_info__ > (0, 10, 1):
-        # Later versions compile Triton while they lower, with a compiler only the CUDA plugin has.
+        # Later versions of jax compile Triton kernels while they lower them. Only the CUDA plugin
+        # contains that compiler.
         try:
             if not any(d.platform == "gpu" for d in jax.devices("gpu")):
-                pytest.skip("this jax lowers Triton kernels only beside a GPU")
+                pytest.skip("this jax lowers Triton kernels only with a GPU")
         except RuntimeError:
-            pytest.skip("this jax lowers Triton kernels only beside a GPU")
+            pytest.skip("this jax lowers Triton kernels only with a GPU")
     arguments = [jax.ShapeDtypeStruct(shape, _TYPES[kind]) for shape, kind in arguments]
     lowered = jax.jit(function).trace(*arguments).lower(lowering_platforms=("cuda",), **options)
     text = lowered.as_text()

@@ -51,7 +51,10 @@ def fscore(pred, gt, threshold):
 
 
 def by_visibility(pred, gt, visible, threshold):
-    """{"visible"/"hidden": (mean square, mean distance, recall) of those true points, or NaN}."""
+    """(mean square, mean distance, recall) of the "visible" and of the "hidden" true points.
+
+    The values of an empty subset are NaN.
+    """
     found = {}
     for name, wanted in (("visible", True), ("hidden", False)):
         squares = [
@@ -104,7 +107,7 @@ def distances(a, b):
 
 
 def emd_sum(pred, gt):
-    """The least sum of distances of all bijections, by scipy."""
+    """The least sum of distances over all bijections, by SciPy."""
     from scipy.optimize import linear_sum_assignment
 
     d = distances(pred, gt)
@@ -116,7 +119,7 @@ def matching_cost(pred, gt, index):
 
 
 def emd_lower_bound(pred, gt, prices):
-    """What prices of gt prove, whoever found them: sum_i min_j (c_ij + p_j) - sum_j p_j."""
+    """The lower bound that prices p of gt prove: sum_i min_j (c_ij + p_j) - sum_j p_j."""
     prices = np.asarray(prices, np.float64)
     return (distances(pred, gt) + prices[None]).min(1).sum() - prices.sum()
 

@@ -1,4 +1,4 @@
-"""Small trees in the published layouts of 3D-R2N2 and Occupancy Networks, drawn by the tests.
+"""Small folders in the published layouts of 3D-R2N2 and Occupancy Networks, written by tests.
 
 The object consists of boxes in ShapeNet's axes (+y up) and has no symmetry. The pictures are made
 with the camera matrices of those projects, not with the camera of the package.
@@ -23,7 +23,7 @@ COLOUR = (180, 60, 20)
 
 
 def voxels(size=32):
-    """The solid voxels and the grid's placement, the cube on the longest edge of the object."""
+    """The solid voxels, and the placement of their grid: a cube over the object's longest side."""
     low = CENTRE - LONGEST / 2
     x = low[:, None] + (np.arange(size) + 0.5) * LONGEST / size
     solid = np.zeros((size,) * 3, bool)

@@ -19,7 +19,7 @@ def sphere(sides=32):
 
 
 def joined(*solids_):
-    """One solid of several, as arrays."""
+    """Several solids as one, as arrays."""
     sizes = np.cumsum([0, *(len(p.vertices) for p in solids_)])
     return (
         np.concatenate([p.vertices for p in solids_]),

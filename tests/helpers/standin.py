@@ -2,9 +2,9 @@
 
     python tests/helpers/standin.py FLAGS
 
-A configuration that names a `data.path` is trained on those records.
+If the configuration names a `data.path`, the command trains on those records instead.
 
-Samples are coloured boxes: images and points follow from the sample's number alone.
+Samples are coloured boxes. Their images and points depend only on the sample's number.
 """
 
 import os
@@ -111,14 +111,14 @@ _LOADER = {}
 
 
 def _loader(name):
-    """A function of the loader that this source took the place of."""
+    """The function of the loader that this source replaces."""
     from psgn_jax.data import loader
 
     return _LOADER.get(name) or getattr(loader, name)
 
 
 def install(monkeypatch):
-    """Puts this source in place of the loader, for what trains or evaluates in this process."""
+    """Replaces the loader by this source for trainings and evaluations in this process."""
     from psgn_jax import default_data
     from psgn_jax.data import loader
 
@@ -129,7 +129,7 @@ def install(monkeypatch):
 
 
 def config(**changes):
-    """A `Config` whose step takes milliseconds; changes as `section__field=value`."""
+    """A `Config` whose step takes milliseconds, with changes given as `section__field=value`."""
     from psgn_jax.config import parse
 
     tree = {

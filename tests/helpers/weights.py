@@ -16,7 +16,7 @@ SOURCES = [
 
 
 def config(**changes):
-    """Of the tiny network; changes as for `standin.config`."""
+    """The configuration of the tiny network, with changes as in `standin.config`."""
     tiny = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
     return standin.config(**{"loss__l2": "none", **tiny, **changes})
 
@@ -30,7 +30,7 @@ def random_params(config, seed=0):
 
 
 def weights(config, dtype="float16"):
-    """Weights with figures and sources."""
+    """Weights with metrics and sources of data."""
     params = random_params(config)
     scores = {"cd_sq_radius2": 0.0123, "emd_radius": float("nan")}
     data = [{"name": "chairs", "source": "meshes", "samples": 84}]

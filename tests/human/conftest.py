@@ -1,4 +1,4 @@
-"""A study of two cases: a table whose parts are known, and a drawn solid."""
+"""A study of two cases: a table with known parts, and a drawn solid."""
 
 import pytest
 from helpers import drawn_solids

@@ -1,4 +1,4 @@
-"""The page in a real browser: a table of five boxes by its controls, kept, saved, and scored."""
+"""The page in a real browser: a table of five boxes is modelled, saved, restored and scored."""
 
 import json
 
@@ -14,7 +14,7 @@ from psgn_jax.human.solids import solids_of
 
 @pytest.fixture
 def opened(browser, study_folder, tmp_path):
-    """Opens the page as a file; at the end it complained of nothing and asked for nothing."""
+    """Opens the page as a file; checks at the end that it logged nothing and sent no requests."""
     complaints, requests, contexts = [], [], []
 
     def open_page(**options):
@@ -63,7 +63,7 @@ def fill(page, label, value):
 
 
 def add_box(page, middle, size):
-    """A box, by the fields of its position and size."""
+    """Adds a box with the fields for position and size."""
     page.get_by_role("button", name="Box", exact=True).click()
     for axis, place, extent in zip(("front", "right", "up"), middle, size, strict=True):
         fill(page, f"Position, {axis}", place)
@@ -71,7 +71,7 @@ def add_box(page, middle, size):
 
 
 def insert(page, *parts, turn=0):
-    """Adds parts without the controls, for tests of other things."""
+    """Adds parts without using the controls, for tests of other features."""
     page.evaluate(
         """([parts, turn]) => {
           human.study.model.turn = turn;
@@ -82,7 +82,7 @@ def insert(page, *parts, turn=0):
 
 
 def model_table(page):
-    """The top and one leg, which is mirrored and then split into four."""
+    """Models the table: the top, and one leg, which is mirrored twice."""
     fill(page, "Direction of the object in degrees, as a number", TURN)
     add_box(page, *TOP)
     add_box(page, (LEG[0][0], LEG[0][1], 0.6), LEG[1])
@@ -110,7 +110,7 @@ _HANDLE = """([view, kind, axis, sign]) => {
   const same = h => h.kind === kind && h.axis === axis && (sign === null || h.sign === sign);
   const found = human.views[view].handles().find(same);
   const box = human.views[view].top.getBoundingClientRect();
-  // On a ring, a point that is on no other ring.
+  // On a ring, a point that is not on another ring.
   const p = found.at ?? (kind === "turn" ? found.path[6] : found.path.at(-1));
   return [box.left + p[0], box.top + p[1]];
 }"""
@@ -131,12 +131,12 @@ _FRAME = """(() => {
 
 
 def handle(page, view, kind, axis, sign=None):
-    """Where a handle is in the window: its end."""
+    """Position of a handle's end in the window."""
     return np.array(page.evaluate(_HANDLE, [view, kind, axis, sign]))
 
 
 def pixel_of(page, view, point):
-    """Where a point of the record's frame is in the window."""
+    """Position of a point of the record's frame in the window."""
     return np.array(page.evaluate(_PIXEL, [view, [float(c) for c in point]]))
 
 
@@ -174,14 +174,14 @@ def test_a_table_of_five_boxes_is_modelled_kept_saved_and_scored(opened, study_f
     assert_same_obj(obj, answers[0])
     scored = score.score(study, answers, open_cases(study), {})
     metrics = scored[0].metrics["person"]
-    # Of n random points on an area A, A / (pi n) is the mean squared distance of a point to the
-    # nearest: 0.00094 from the truth, an eighth of it from the 8,192 true points.
+    # The mean squared distance to the nearest of n random points on an area A is A / (pi n). This
+    # is 0.00094 for the 1,024 points of the model, and an eighth of it for the 8,192 true points.
     assert metrics["cd_sq_radius2"] < 0.002
     assert metrics["emd_radius"] < 0.1
 
 
 def assert_same_obj(text, answer):
-    """The OBJ of the page is the mesh that Python builds."""
+    """The page's OBJ file contains the mesh that Python builds."""
     lines = [line.split() for line in text.splitlines()]
     vertices = np.array([line[1:] for line in lines if line[0] == "v"], float)
     faces = np.array([line[1:] for line in lines if line[0] == "f"], int) - 1
@@ -209,7 +209,7 @@ def test_every_primitive_is_the_same_mesh_in_python(opened, study_folder, tmp_pa
         "box", "cylinder", "cone", "sphere", "prism", "outline"
     ]  # fmt: skip
     assert_same_obj(obj, answer)
-    # Split, the copies are the same surface, though their corners are in another order.
+    # After splitting, the copies have the same surface; only the order of their corners differs.
     page.get_by_role("button", name="Separate copies").click()
     split = saved(page, "OBJ", tmp_path / "split.obj").read_text()
     corners = [
@@ -221,7 +221,7 @@ def test_every_primitive_is_the_same_mesh_in_python(opened, study_folder, tmp_pa
 
 
 def draw_outline(page):
-    """An L, clicked in the image."""
+    """An L is clicked in the image."""
     page.get_by_role("button", name="Outline", exact=True).click()
     corners = [(0, 0), (0.5, 0), (0.5, 0.2), (0.2, 0.2), (0.2, 0.6), (0, 0.6), (0, 0)]
     turn = np.deg2rad(model_of(page)["turn"])
@@ -274,7 +274,7 @@ def test_handles_move_turn_and_resize(opened, view):
 def test_a_drag_follows_the_pointer_and_snaps_to_the_ground(opened):
     page = opened()
     page.get_by_role("button", name="Box", exact=True).click()
-    # The body, over the ground: what was under the pointer stays under it.
+    # Dragging the part itself along the ground: the grabbed point stays under the pointer.
     start, end = pixel_of(page, 0, (0.2, -0.15, 0.1)), pixel_of(page, 0, (0.2, 0.25, 0.1))
     drag(page, start, end - start)
     assert part_of(page)["at"] == pytest.approx([0, 0.4, 0.2], abs=0.01)
@@ -302,7 +302,7 @@ def test_a_click_selects_and_empty_space_selects_nothing(opened):
 
 
 def test_the_overlay_lies_on_the_image(opened):
-    """The image's own pixels: a box in place of the table's top covers it."""
+    """A box in place of the table's top covers the pixels of the top in the image."""
     page = opened()
     parts = [{**PART, "at": at, "size": size} for at, size in (TOP, *LEGS)]
     insert(page, *parts, turn=TURN)
@@ -313,7 +313,7 @@ def test_the_overlay_lies_on_the_image(opened):
     expected = homogeneous[:2] / homogeneous[2] * frame["scale"] + frame["corner"]
     expected += [frame["left"], frame["top"]]
     np.testing.assert_allclose(corner, expected, atol=0.01)
-    # The silhouette, point by point: each pixel of the mask is met by a ray through the model.
+    # The silhouette: the ray through a pixel meets the model if the pixel is in the mask.
     rows, columns = np.nonzero(sample.mask)
     hits = page.evaluate(
         "points => points.map(p => human.views[0].pick(p) !== null)",
@@ -325,7 +325,7 @@ def test_the_overlay_lies_on_the_image(opened):
 
 @pytest.mark.slow
 def test_a_second_window_takes_over(opened):
-    """What an old window holds does not replace newer work; numbers stay in their bounds."""
+    """An old window does not overwrite newer work; numbers stay within their bounds."""
     page = opened()
     insert(page, PART)
     page.evaluate("human.study.save()")  # otherwise it is saved 250 ms later
@@ -336,7 +336,7 @@ def test_a_second_window_takes_over(opened):
     assert part_of(second)["at"][2] == 4
     second.evaluate("human.study.save()")
     page.locator("#problem").wait_for(state="visible")
-    assert "goes on in another window" in page.text_content("#problem")
+    assert "is open in another window" in page.text_content("#problem")
     insert(page, PART, PART, PART)
     page.evaluate("human.study.save()")
     page.reload()

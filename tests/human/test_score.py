@@ -1,4 +1,4 @@
-"""Scores: files from outside, tables and figures, and the commands."""
+"""Scores: files that are not trusted, tables and figures, and the commands."""
 
 import copy
 import dataclasses
@@ -31,7 +31,7 @@ def box(at, size, **fields):
 
 
 def saved(study_id, parts=None):
-    """What the page saves: the table, and nothing for the second case."""
+    """The content of a saved file: a model of the table, and none for the second case."""
     own = [box(*TOP), box(*LEG, mirror="xy")] if parts is None else parts
     case = {"seconds": 90, "done": True, "turn": TURN, "x": 0, "y": 0}
     return {
@@ -61,7 +61,7 @@ def answers(study, tmp_path):
     return read_answers(tmp_path / "human.json", study)
 
 
-# --- files from outside ------------------------------------------------------------------------
+# --- files that are not trusted ----------------------------------------------------------------
 
 
 def changed(document, path, value):
@@ -146,7 +146,7 @@ def test_other_records_are_refused(study, tmp_path, records):
     known, other = open_cases(study, str(records))
     assert known.model_id == "known"
     write_dataset(tmp_path / "other", {"validation": [other, known]}, source="test")
-    with pytest.raises(ConfigError, match="other images or cameras than those of the study"):
+    with pytest.raises(ConfigError, match="images or cameras differ from those of the study"):
         open_cases(study, str(tmp_path / "other"))
     write_dataset(tmp_path / "few", {"validation": [known]}, source="test")
     with pytest.raises(ConfigError, match="has 1 records, Case 2 is number 1"):
@@ -189,7 +189,7 @@ def test_what_cannot_be_compared_is_refused(study, answers, records):
     empty = [answers[1], answers[1]]
     with pytest.raises(AnswersError, match="no case has a model yet"):
         score.score(study, empty, samples, {})
-    with pytest.raises(ConfigError, match="a second network called 'a'"):
+    with pytest.raises(ConfigError, match="the name 'a' is already used"):
         score.label_networks([network("x/a"), network("y/a")])
     with pytest.raises(ConfigError, match="4 networks: accepted: at most 3"):
         score.label_networks([network("a")] * 4)
@@ -243,7 +243,7 @@ def test_the_commands(records, tmp_path):
     assert done.stdout == f"{out / 'index.html'}: 2 cases; open it in a browser\n"
     for arguments, message in [
         (["score", out], f"error: {out / 'human.json'}: no such file; press `Save all`"),
-        (["skore", out], "accepted: nothing, or `score STUDY`"),
+        (["skore", out], "expected no arguments, or `score STUDY`"),
     ]:
         done = run(*arguments)
         assert (done.returncode, done.stdout) == (2, "")

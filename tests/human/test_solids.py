@@ -1,4 +1,4 @@
-"""Primitives and the surface of their union, against areas and volumes known in closed form."""
+"""Primitives and the surface of their union, compared with areas and volumes in closed form."""
 
 import dataclasses
 
@@ -93,7 +93,7 @@ def test_points_are_uniform_on_the_table():
     for low, high in ((0, 0.3), (0.3, 0.61), (0.61, 0.63), (0.69, 0.71)):
         share = [np.mean((c[:, 2] >= low) & (c[:, 2] < high)) for c in (points, truth)]
         assert share[0] == pytest.approx(share[1], abs=0.012)
-    # Under the top, where the legs are, there is nothing.
+    # There are no points under the top where the legs touch it.
     angle = np.deg2rad(TURN)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     own = points[:, :2] @ turn
@@ -135,7 +135,7 @@ def test_polygons():
 
 @pytest.mark.skipif(javascript.NODE is None, reason="no node")
 def test_polygons_are_cut_as_in_the_page(rng):
-    """Random stars: the same triangles in both languages."""
+    """Random star polygons: Python and JavaScript give the same triangles."""
     stars = []
     for corners in (3, 5, 9, 40):
         angles = np.sort(rng.uniform(0, 2 * np.pi, corners)) + np.pi

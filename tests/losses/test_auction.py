@@ -23,7 +23,7 @@ solve_map = jax.jit(
 
 
 def check(a, b, found, tolerance=0.01, *, converged=True):
-    """A bijection whose true gap is at most the stated one, which is at most the tolerance."""
+    """Requires a bijection whose true gap is at most `gap`, which is at most the tolerance."""
     index = np.asarray(found.index)
     np.testing.assert_array_equal(np.sort(index), np.arange(len(a)))
     best, cost = reference.emd_sum(a, b), reference.matching_cost(a, b, index)
@@ -43,7 +43,7 @@ def clouds(rng, n, scale=1.0, offset=0.0):
 
 
 def pairs_of(whole, kind, n, rng):
-    """Pairs of the kinds a training meets, from whole clouds [pairs, 16384, 3]."""
+    """Pairs like those during a training, drawn from complete clouds [pairs, 16384, 3]."""
     a, b = [], []
     for cloud in whole:
         order = rng.permutation(len(cloud))
@@ -122,7 +122,7 @@ def test_authors_schedule(rng, n):
     a, b = clouds(rng, n)
     found = solve(a, b, schedule="authors")
     check(a, b, found, converged=False)
-    # Their epsilon of 1e-4 a point is the error where it ends before the first raise.
+    # If the auction ends before epsilon is raised, the error is at most epsilon = 1e-4 per point.
     assert float(found.iterations) > 40 * n or (
         reference.matching_cost(a, b, found.index) <= reference.emd_sum(a, b) + 1.1e-4 * n
     )
@@ -134,13 +134,14 @@ def test_prices_prove_the_gap(rng):
     lower = reference.emd_lower_bound(a, b, found.prices)
     cost = reference.matching_cost(a, b, found.index)
     assert cost / lower - 1 <= float(found.gap)
-    assert cost / lower - 1 > float(found.gap) - 2e-3  # the allowance for rounding is small
+    # The part of the gap that covers rounding errors is small.
+    assert cost / lower - 1 > float(found.gap) - 2e-3
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
 def test_any_scale_and_offset(rng, scale, offset):
-    # Where the offset swallows the digits, the clouds are full of coincident points or one point.
+    # A large offset leaves few significant digits: many points then coincide, or all of them.
     a, b = clouds(rng, 128, scale, offset * scale)
     check(a, b, solve(a, b))
     a, b = clouds(rng, 128, scale, offset)
@@ -277,7 +278,7 @@ for function in (losses.assign, jax.value_and_grad(losses.emd_mean)):
 
 
 def test_lock_step_version(rng):
-    # What an accelerator without a kernel of its own runs.
+    # The solver for accelerators without the Pallas kernel.
     a = rng.normal(size=(3, 40, 3)).astype(np.float32)
     b = rng.normal(size=(3, 40, 3)).astype(np.float32)
     tolerance, max_bids = jnp.float32(0.01), jnp.int32(10_000)
@@ -292,7 +293,7 @@ def test_lock_step_version(rng):
 def test_memory_is_linear():
     a = jnp.zeros((16384, 3))
     memory = solve.lower(a, a).compile().memory_analysis()
-    assert memory.temp_size_in_bytes < 16e6  # the matrix would be 1 GB
+    assert memory.temp_size_in_bytes < 16e6  # the distance matrix would take 1 GB
 
 
 def test_same_bits_every_time(rng):

@@ -1,4 +1,4 @@
-"""Names select losses; the error for an unknown name lists the choices."""
+"""Losses and weighted sums by name, and the errors for wrong names."""
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,7 @@ from psgn_jax.losses.by_name import (
 
 @pytest.mark.parametrize("name", list(LOSSES))
 def test_every_loss_is_a_number_of_one_pair(name):
-    # A bijection wants equal sizes.
+    # The EMD needs clouds of equal size.
     others = 4 if name.startswith("emd") else 5
     value = configured_loss(LossConfig(name=name))(jnp.zeros((4, 3)), jnp.ones((others, 3)))
     assert value.shape == ()

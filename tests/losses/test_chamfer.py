@@ -49,12 +49,13 @@ def test_nearest_equals_reference(rng, n, m):
 @pytest.mark.parametrize("scale", [1e-6, 1e-3, 1.0, 1e6])
 @pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
 def test_nearest_at_any_scale_and_offset(rng, scale, offset):
-    # Also where the offset swallows all digits: then the clouds are full of coincident points.
+    # At the largest offsets few significant digits are left, and many points coincide.
     check_nearest(*clouds(rng, 100, 210, scale, offset))
 
 
 def test_near_points_keep_their_digits(rng):
-    # Neighbours at 1e-6 in a cloud of radius 1: an expansion would return noise of 1e-7.
+    # Neighbours at a distance of 1e-6 in a cloud of radius 1. The expansion |a|^2 - 2ab + |b|^2
+    # would return errors of 1e-7.
     a, _ = clouds(rng, 500, 1)
     check_nearest(a, a[rng.permutation(500)] + np.float32(1e-6))
 
@@ -93,7 +94,7 @@ def test_gradient_equals_directional_difference(rng, name):
     slow = getattr(reference, name)
     for _ in range(3):
         u, v = clouds(rng, 70, 33)
-        h = 1e-6  # in float64; small enough that no neighbour changes
+        h = 1e-6  # so small that no point gets another neighbour
         a64, b64 = a.astype(np.float64), b.astype(np.float64)
         want = (slow(a64 + h * u, b64 + h * v) - slow(a64 - h * u, b64 - h * v)) / (2 * h)
         got = np.vdot(grads[0], u) + np.vdot(grads[1], v)
@@ -126,13 +127,13 @@ def test_invariances(rng, name):
     loss = getattr(losses, name)
     a, b = clouds(rng, 60, 90)
     value = loss(a, b)
-    # The order of the points.
+    # Permutation of the points.
     np.testing.assert_allclose(loss(rng.permutation(a), rng.permutation(b)), value, rtol=1e-5)
     # Rigid motion.
     rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     moved = [(x @ rotation + [1, -2, 3]).astype(np.float32) for x in (a, b)]
     np.testing.assert_allclose(loss(*moved), value, rtol=1e-4)
-    # A point more of the same place changes no distance of the other cloud.
+    # Duplicates of points do not change the distances from the other cloud.
     np.testing.assert_allclose(
         losses.chamfer_sq_gt_to_pred_mean(np.concatenate([a, a]), b),
         losses.chamfer_sq_gt_to_pred_mean(a, b),
@@ -200,7 +201,7 @@ def test_non_finite(rng, bad, argument, name):
     pair[argument][33, 1] = bad
     with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
         loss(**pair)
-    # Inside jit the values are not at hand: the loss must not look healthy.
+    # Inside jit the values are not known; the loss must be NaN, not a finite number.
     assert np.isnan(jax.jit(loss)(pair["pred"], pair["gt"]))
 
 
@@ -225,7 +226,7 @@ def test_wrong_type():
 
 
 def test_memory_is_bounded():
-    # 1024 x 16384 distances are 64 MB a pair.
+    # The 1024 x 16384 distances of one pair would take 64 MB.
     a, b = jnp.zeros((4, 1024, 3)), jnp.zeros((4, 16384, 3))
     step = jax.jit(jax.grad(lambda a, b: losses.map_pairs(losses.chamfer_sq_mean)(a, b).sum()))
     memory = step.lower(a, b).compile().memory_analysis()
@@ -253,7 +254,7 @@ def test_import_is_light():
 
 
 def test_search_never_returns_padding(rng):
-    # Two and three points: the rest of their tile and block are copies of the last one.
+    # Clouds of two and three points: tile and block are filled up with copies of the last point.
     a, b = clouds(rng, 2, 3)
     search = jax.jit(chamfer._search)
     for got, limit in zip(search(a, b)[1::2], (3, 2), strict=True):

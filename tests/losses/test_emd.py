@@ -62,7 +62,7 @@ def test_invariances(rng):
     value = float(mean(a, b))
 
     def near(x, y, factor=1.0):
-        # Each side is between the optimum and 1.01 times it.
+        # Each value is between the optimum and 1.01 times the optimum.
         assert value * factor / 1.0101 <= float(mean(x, y)) <= value * factor * 1.0101
 
     near(rng.permutation(a), rng.permutation(b))
@@ -70,7 +70,7 @@ def test_invariances(rng):
     rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     near(*((x @ rotation + [1, -2, 3]).astype(np.float32) for x in (a, b)))
     near(1000 * a, 1000 * b, 1000)
-    # A power of two changes no bit but the exponent.
+    # A factor that is a power of two changes only the exponents.
     np.testing.assert_allclose(mean(a / 1024, b / 1024), value / 1024, rtol=1e-6)
 
 
@@ -79,13 +79,14 @@ def test_triangle_inequality(rng):
     c = rng.uniform(-1, 2, (N, 3)).astype(np.float32)
     assert float(mean(a, c)) <= 1.0101 * (float(mean(a, b)) + float(mean(b, c)))
     assert float(mean(a, a)) == 0
-    # A translation of everything is an optimal match.
+    # If b is a moved by a translation, matching every point with its copy is optimal.
     shift = np.float32([0.3, -0.4, 0])
     np.testing.assert_allclose(mean(a, a + shift), 0.5, rtol=1e-2)
 
 
 def test_gradient_equals_directional_difference(rng):
-    # Well separated partners: the bijection of the optimum is stable, and the auction finds it.
+    # The points of a are far apart and those of b near them. Small changes therefore do not change
+    # the optimal bijection, and the auction finds it.
     a = 10 * np.stack(np.meshgrid(*[np.arange(5)] * 3), -1).reshape(-1, 3)[:N].astype(np.float64)
     b = a + rng.normal(size=a.shape)
     order = rng.permutation(N)
@@ -127,7 +128,7 @@ def test_non_finite(rng, bad, argument):
     assert np.isnan(mean(pair["pred"], pair["gt"]))
     if (argument, bad) != ("pred", np.inf):
         return
-    # Also where the values are not at hand without `jit`; the other pairs of a batch stay whole.
+    # `grad` and `vmap` trace the values too. The other pairs of a batch are not affected.
     fine = clouds(rng)
     for grad in jax.grad(losses.emd_mean, argnums=(0, 1))(pair["pred"], pair["gt"]):
         assert np.isnan(grad).all()
@@ -175,5 +176,5 @@ def test_registry_and_metrics(rng):
     assert 0 <= found["emd_gap"] <= 0.01
     assert "emd_radius" not in metrics_lib.evaluate_pair(a, b)
     subset = jax.jit(metrics_lib.emd)(a, more)
-    assert subset.emd > 10  # about half of the points are drawn from the far copy
+    assert subset.emd > 10  # about half of the chosen points are from the distant copy
     np.testing.assert_allclose(jax.jit(metrics_lib.emd)(a, more).emd, subset.emd)

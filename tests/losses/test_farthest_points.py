@@ -31,7 +31,7 @@ def test_batch_under_jit_equals_single_clouds(rng):
 
 def test_ties_go_to_the_lowest_index():
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
-    # From corner 0 the opposite one; all others are then equally far.
+    # The corner opposite to corner 0 is chosen first; all others are then equally far.
     np.testing.assert_array_equal(losses.farthest_point_indices(corners, 4)[:3], [0, 7, 1])
     np.testing.assert_array_equal(
         losses.farthest_point_indices(corners, 8), reference.farthest_points(corners, 8)
@@ -85,7 +85,7 @@ def test_wrong_arguments(rng, arguments, message):
 
 
 def test_memory_is_linear():
-    """No [n, k] matrix: at 16,384 points and 1,024 samples that would be 67 MB."""
+    """No [n, k] matrix is stored; for 16,384 points and 1,024 samples it would take 67 MB."""
     compiled = (
         jax.jit(lambda p: losses.farthest_point_indices(p, 1024))
         .lower(jax.ShapeDtypeStruct((16384, 3), jnp.float32))

@@ -67,7 +67,7 @@ def test_grids_that_differ():
 
 
 def test_the_papers_unit():
-    """A tenth of the grid's edge: 2 units over 10 is .2."""
+    """The paper's unit is a tenth of the grid's edge: .2 for the default edge of 2."""
     assert metrics_lib.to_grid_units(0.2) == pytest.approx(1)
     assert metrics_lib.sq_to_grid_units(0.04) == pytest.approx(1)
     assert metrics_lib.to_grid_units(1.0, grid_edge=1.0) == 10

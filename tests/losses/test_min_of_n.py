@@ -9,7 +9,7 @@ import pytest
 from psgn_jax import losses
 
 CD, EMD = losses.chamfer_sq, losses.emd_sum
-# Compiling takes most of the time of these tests, running them almost none.
+# Most of the time of these tests is compilation.
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 
 
@@ -113,10 +113,11 @@ def test_wrong_shapes(rng):
 
 
 def test_two_draws_share_out_two_equally_likely_truths(rng):
-    """One image, two shapes: the plain loss settles between them, MoN sorts the draws to either.
+    """One image, two true shapes: the plain loss predicts their mean, MoN predicts both.
 
-    The cloud is a function of r alone (tanh layers of 16); the truths are one cloud, moved to
-    either side of the middle. The distance, |pred_i - gt_i|^2, is least at their mean.
+    The cloud is a function of r alone (two layers of 16 with tanh, one linear layer). The two
+    truths are the same cloud, moved to either side of the origin. Their mean minimises the plain
+    loss, the mean of |pred_i - gt_i|^2.
     """
 
     def distance(pred, gt):

@@ -1,4 +1,4 @@
-"""Distances after the best scale and shift."""
+"""Metrics after the best scale and shift of the prediction."""
 
 import jax
 import numpy as np
@@ -11,7 +11,7 @@ metrics = jax.jit(aligned.aligned_metrics)
 
 
 def surface(rng, count):
-    """An ellipsoid of three different axes with a bump, so that no scale or shift is a symmetry."""
+    """An ellipsoid with three different axes and a bump, so that the best alignment is unique."""
     points = rng.normal(size=(count, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     points *= [0.8, 0.5, 0.3]

@@ -113,7 +113,8 @@ def test_visible_and_hidden_points_equal_reference(pair, rng, kind):
         np.testing.assert_allclose(values, want[name], rtol=1e-5)
     share = got["visible_share"]
     np.testing.assert_allclose(share, visible.mean(), rtol=1e-6)
-    # Both classes together are the whole; what was there before is as it was.
+    # The weighted mean of both classes is the metric of all points. The other metrics are the same
+    # as without `visible`.
     for key, whole in zip(NAMES, ("cd_sq_gt_to_pred_radius2", None, "recall"), strict=True):
         parts = [np.nan_to_num(got[key.format(name)]) for name in metrics_lib.VISIBILITY]
         if whole:

@@ -1,4 +1,4 @@
-"""Every formulation is the same map, with the same gradients, as the definition in float64."""
+"""Values and gradients of every formulation are those of the definition in float64."""
 
 import os
 import pathlib
@@ -14,7 +14,7 @@ from psgn_jax.models import cpu_convolution
 
 
 def correlate(x, kernel, dy, stride):
-    """Valid correlation by its definition in float64: y, and for dy the gradients of x, kernel."""
+    """VALID correlation by its definition in float64: y, and with dy the gradients dx, dkernel."""
     x, kernel = x.astype(np.float64), kernel.astype(np.float64)
     kh, kw = kernel.shape[:2]
     ho, wo = (1 + (n - k) // stride for n, k in zip(x.shape[1:3], (kh, kw), strict=True))
@@ -31,7 +31,7 @@ def correlate(x, kernel, dy, stride):
 
 
 def reference(x, kernel, dy, stride, transposed):
-    """y, dx, dk of `conv2d` or `conv2d_transpose`."""
+    """y, dx and dkernel of `conv2d` or `conv2d_transpose`, by `correlate`."""
     pads = []
     if transposed:
         dilated = np.zeros((x.shape[0], *(stride * (n - 1) + 1 for n in x.shape[1:3]), x.shape[3]))
@@ -73,7 +73,10 @@ def run(x, kernel, dy, stride, transposed):
 
 
 def assert_close(ours, expected, relative=3e-6):
-    """Errors relative to the size of the array: sums of products round like their largest."""
+    """Requires small errors relative to the largest number of an array.
+
+    The rounding error of a sum of products depends on its largest terms.
+    """
     for name, a, b in zip(("output", "dx", "dkernel"), ours, expected, strict=True):
         assert a.shape == b.shape, name
         error = np.abs(np.asarray(a, np.float64) - b).max() / np.abs(b).max()
@@ -81,7 +84,7 @@ def assert_close(ours, expected, relative=3e-6):
 
 
 CASES = {
-    # batch, height, width, channels in and out, kernel, stride, transposed
+    # batch, height, width, input channels, output channels, kernel size, stride, transposed
     "narrow input": (2, 6, 8, 4, 16, 3, 1, False),
     "narrow output": (2, 6, 8, 64, 3, 3, 1, False),
     "one channel": (1, 5, 6, 1, 1, 3, 1, False),
@@ -195,7 +198,7 @@ for case in ((16, 16, 64, 16, 16, 3, 1, False), (8, 6, 8, 16, 16, 5, 2, False),
     assert len(re.findall(r" all-reduce(?:-start)?\\(", text)) == 1, text
     assert " while(" not in text
 
-# Within `jax.shard_map` XLA splits nothing, and the loop over rows is the faster way.
+# Within `jax.shard_map` XLA does not split the batch, so the faster loop over rows is used.
 arrays = t.make(0, 16, 16, 64, 16, 16, 3, 1, False)
 def kernel_gradient(x, kernel, dy):
     (gradient,) = jax.vjp(lambda k: cpu_convolution.conv2d(x, k), kernel)[1](dy)
@@ -229,7 +232,7 @@ def test_environment_switch_takes_xlas_own_convolutions(rng, monkeypatch):
     x = rng.normal(size=(1, 6, 8, 3)).astype(np.float32)
     kernel = rng.normal(size=(3, 3, 3, 20)).astype(np.float32)
     want = cpu_convolution.conv2d(x, kernel)
-    # A new function each time: JAX keeps the traces of an old one.
+    # A new function each time, because JAX caches the traces of a function.
     assert "custom_vjp" in str(jax.make_jaxpr(lambda k: cpu_convolution.conv2d(x, k))(kernel))
     monkeypatch.setenv("PSGN_CONVOLUTIONS", "xla")
     assert "custom_vjp" not in str(jax.make_jaxpr(lambda k: cpu_convolution.conv2d(x, k))(kernel))

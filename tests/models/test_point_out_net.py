@@ -11,12 +11,12 @@ from psgn_jax.models import layers, point_layout
 from psgn_jax.models.point_layout import branch_of_point, num_points, output_grid
 from psgn_jax.models.point_out_net import build
 
-# Compiling takes most of the time of these tests, running them almost none.
+# Most of the time of these tests is compilation.
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 
-# Layers of the authors' published networks, in order: (kind, kernel, inputs, outputs). Read off the
-# layer lists of github.com/fanhqme/PointSetGeneration: demo/runsingleimage.py (two branches) and
-# depthestimate/train_nn.py (hourglass).
+# Layers of the authors' published networks, in order: (kind, kernel size, input channels, output
+# channels). Source: github.com/fanhqme/PointSetGeneration, demo/runsingleimage.py (two branches)
+# and depthestimate/train_nn.py (hourglass).
 _TO_24X32 = [
     ("conv", 3, 4, 16),
     ("conv", 3, 16, 16),
@@ -82,7 +82,7 @@ _DOWN_AGAIN = [
     ("conv", 3, 256, 256),
     ("conv", 5, 256, 512),
 ]
-_UP_AGAIN = [  # the skips now carry the decoder's widths
+_UP_AGAIN = [  # the skip convolutions now read features with the decoder's widths
     ("transposed", 5, 512, 256),
     ("conv", 3, 256, 256),
     ("conv", 3, 256, 256),
@@ -99,7 +99,7 @@ _FC_HIDDEN = ("dense", 1, 2048, 1024)
 _FC_OUT = ("dense", 1, 1024, 256 * 3)
 
 PUBLISHED = {
-    # Never published: the two-branch network without its deconv branch, all points from fc.
+    # Not published: the two-branch network without its deconv branch; all points are from fc.
     "vanilla": [*_ENCODER_TWO_BRANCH, _FC_IN, _FC_HIDDEN, ("dense", 1, 1024, 1024 * 3)],
     "two_branch": [*_ENCODER_TWO_BRANCH, _FC_IN, _FC_HIDDEN, _FC_OUT, *_UP_TO_24X32, *_HEAD],
     "hourglass": [
@@ -120,7 +120,7 @@ FULL_COUNT = {"vanilla": 34_608_384, "two_branch": 38_910_019, "hourglass": 70_1
 
 
 def versions(*fast: str):
-    """Parameters: all versions, of which those not named are compiled by `-m slow` alone."""
+    """Test parameters: all versions; those that are not in `fast` are marked slow."""
     return [
         pytest.param(v, marks=[pytest.mark.slow] * (v not in fast)) for v in point_layout.VERSIONS
     ]
@@ -131,7 +131,7 @@ def full_config(name: str, **changes) -> ModelConfig:
 
 
 def tiny_config(name: str = "two_branch", **changes) -> ModelConfig:
-    """Five levels at 32x48, widths of 8 to 16, deconv branch 8x12: quick to compile."""
+    """A network that compiles fast: five levels, 32x48 pixels, widths 8 to 16, deconv grid 8x12."""
     small = {
         "widths": (8, 8, 8, 16, 16),
         "image_size": (32, 48),
@@ -151,9 +151,10 @@ def arguments(config: ModelConfig, batch: int = 2, seed: int = 0):
 
 @functools.cache
 def initialised(config: ModelConfig):
-    """The network and random parameters, drawn by numpy: compiling the init of each takes long.
+    """The network and random parameters.
 
-    No bias is zero, lest a test miss its use.
+    They are drawn by NumPy, because compiling the initialisation of every network takes long. The
+    biases are random too, because a test would not notice that a zero bias is not added.
     """
     network = build(config)
     shapes = jax.eval_shape(network.init, jax.random.key(1), *arguments(config, batch=1))["params"]
@@ -309,7 +310,7 @@ def test_random_input_of_the_fc_branch_alone_moves_its_points_alone():
     np.testing.assert_array_equal(fc[:, 0], fc[:, 1])
     assert jnp.all(jnp.any(fc[:, 0] != fc[:, 2], axis=-1))
     np.testing.assert_array_equal(deconv, jnp.broadcast_to(deconv[:, :1], deconv.shape))
-    assert jnp.abs(deconv[0] - deconv[1]).max() > 1e-3  # of each image its own
+    assert jnp.abs(deconv[0] - deconv[1]).max() > 1e-3  # they depend on the image
     one = jax.eval_shape(build(config).apply, {"params": params}, x, r)
     assert one.shape == (2, num_points(config), 3)
 
@@ -429,7 +430,7 @@ def test_several_draws_are_as_many_separate_calls(name):
 
 
 def multiplications(function, *args) -> int:
-    """Of all convolutions and matrix products of a function."""
+    """Number of multiplications in all convolutions and matrix products of a function."""
 
     def count(jaxpr):
         total = 0
@@ -452,7 +453,7 @@ def multiplications(function, *args) -> int:
     ("name", "most"), [("vanilla", 1.1), ("two_branch", 1.85), ("hourglass", 3.3)]
 )
 def test_eight_draws_cost_no_eight_encoders(name, most):
-    """At full size; the hourglass repeats all that follows its first bottleneck."""
+    """Counts at full size. The hourglass repeats all layers after its first bottleneck."""
     config = full_config(name, random_size=128)
     network, x = build(config), jax.ShapeDtypeStruct((1, 192, 256, 4), jnp.float32)
     one, eight = (jax.ShapeDtypeStruct((1, *n, 128), jnp.float32) for n in ((), (8,)))
@@ -475,7 +476,7 @@ def test_first_clouds_are_around_the_object_and_repeat_with_the_key():
 
 
 def test_initial_variances():
-    """A unit input gives the variances that `blocks` states, also where a stride spreads it."""
+    """For inputs of variance 1, the outputs have the variances that `layers` states."""
     x = jax.random.normal(jax.random.key(0), (2, 16, 16, 64))
     cases = [
         (layers.Conv(64, 3, kernel_init=layers.RELU), 2.0),

@@ -1,4 +1,4 @@
-"""The posterior's network, its divergence, and the volume it reads."""
+"""The posterior network, its divergence, and the volume that it reads."""
 
 import functools
 
@@ -97,5 +97,5 @@ def test_shapes_start_and_gradients(rng):
     (_, q), grads = quick_jit(jax.value_and_grad(total, has_aux=True))(params)
     assert q.mean.shape == q.log_variance.shape == (3, 5)
     assert float(posterior.kl_of_dims(q).max()) < 0.1  # near the prior
-    assert np.abs(q.mean[0] - q.mean[1]).max() > 0  # but it tells the shapes apart
+    assert np.abs(q.mean[0] - q.mean[1]).max() > 0  # but different for different shapes
     assert all(np.abs(g).max() > 0 for g in jax.tree.leaves(grads))

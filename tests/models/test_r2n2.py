@@ -23,7 +23,7 @@ def test_sizes_of_the_published_network(size):
     params, out = shapes(build("gru"), size)
     assert out.shape == (3, 32, 32, 32, 2)
     encoder, cell, decoder = params["encoder"], params["cell"], params["decoder"]
-    # 127 pixels after six poolings: 3x3 of 256.
+    # After six poolings, 127 and 128 pixels become 3x3 cells with 256 channels.
     assert encoder["dense"]["kernel"].shape == (3 * 3 * 256, 1024)
     assert encoder["level1_conv0"]["kernel"].shape == (7, 7, 3, 96)
     assert {n for n in encoder if "shortcut" in n} == {f"level{i}_shortcut" for i in (2, 3, 5)}
@@ -31,7 +31,7 @@ def test_sizes_of_the_published_network(size):
     assert cell["update"]["view"]["kernel"].shape == (1024, 4**3 * 128)
     assert decoder["level2_shortcut"]["kernel"].shape == (1, 1, 1, 128, 64)
     assert "level1_shortcut" not in decoder
-    # Layer by layer as their definition lists them, weights and biases.
+    # (kernel size, input channels, output channels) of the layers, in the order of their code.
     convs = [
         (7, 3, 96), (3, 96, 96),
         (3, 96, 128), (3, 128, 128), (1, 96, 128),
@@ -78,7 +78,7 @@ def test_cross_entropy_is_optaxs(rng):
 
 @pytest.mark.parametrize("kind", r2n2.CELLS)
 def test_cell_against_the_equations(rng, kind):
-    """One step written out with numpy, at one cell of the grid and without the neighbours."""
+    """Compares one step with the equations in NumPy; the kernels ignore neighbouring cells."""
     cell = r2n2.VolumeCell(kind, jnp.float32)
     x = rng.normal(size=(1, 6)).astype(np.float32)
     hidden, memory = rng.normal(size=(2, 1, 4, 4, 4, 5)).astype(np.float32)
@@ -114,7 +114,8 @@ def test_every_view_counts_and_gradients_flow(rng):
     module = build("gru", 1 / 16)
     views = rng.random((1, 2, 16, 16, 3)).astype(np.float32)
     gt = rng.random((32, 32, 32)) < 0.1
-    # Drawn with numpy: to initialise one layer after the other takes longer than all the rest.
+    # Parameters are drawn with NumPy, because the initialisation takes longer than the rest of the
+    # test.
     shapes = jax.eval_shape(module.init, jax.random.key(0), views)
     params = jax.tree.map(
         lambda leaf: (0.3 * rng.normal(size=leaf.shape)).astype(np.float32), shapes

@@ -16,7 +16,7 @@ from psgn_jax.models.voxel_refiner import (
 
 
 def naive_splat(points, size=32):
-    """Intersection of every cell with every point's cube, one by one."""
+    """`splat` by loops over points and cells: the intersections with each point's cube."""
     grid = np.zeros((size,) * 3)
     for u in np.add(points, [1, 1, 0], dtype=np.float64) * size / 2:
         overlap = []
@@ -109,7 +109,7 @@ def test_six_layers_of_27_taps():
 
 @pytest.mark.slow
 def test_local_and_of_any_size(rng):
-    """Each answer sees 6 cells in every direction, and no further."""
+    """Each output depends on the cells up to a distance of 6 in every direction, and no others."""
     module = VoxelRefiner(widths=(4,) * 5)
     x = rng.random((1, 16, 16, 16, 1)).astype(np.float32)
     params = module.init(jax.random.key(0), x)
@@ -133,7 +133,7 @@ def test_wrong_inputs():
 
 @pytest.mark.slow
 def test_learns_to_fill_a_shell(rng):
-    """Solid boxes from clouds of their surface: better than the splat at any threshold."""
+    """Maps surface clouds of boxes to solid boxes, better than the splat at any threshold."""
     size, batch = 8, 6
     solids, splats = [], []
     for _ in range(batch):

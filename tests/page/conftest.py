@@ -1,4 +1,4 @@
-"""A page with a small network, served, and a browser to open it in."""
+"""A page with a small network, and a server for it."""
 
 import functools
 import http.server

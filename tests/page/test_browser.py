@@ -1,6 +1,7 @@
-"""The page in a real browser: photos to points, equal to Python's; errors are shown.
+"""The page in a real browser: it predicts the same points as Python, and shows errors.
 
-The page forbids itself `eval`, so tests wait by asking again, not by Playwright's functions.
+The page's content security policy forbids `eval`, which Playwright's `wait_for_function` needs.
+Tests therefore evaluate expressions repeatedly.
 """
 
 import json
@@ -30,7 +31,7 @@ def address(site, serve):
 
 @pytest.fixture
 def opened(browser, address):
-    """Opens the page; at the end nothing was complained of, and all requests went to its server."""
+    """Opens the page; checks at the end that it logged nothing and used only its own server."""
     complaints, requests, contexts = [], [], []
 
     def open_page(at=address, complain=True, **options):
@@ -56,7 +57,7 @@ def opened(browser, address):
 
 
 def wait(page, expression):
-    """Until an expression is true."""
+    """Waits until an expression is true."""
     end = time.monotonic() + SECONDS
     while not page.evaluate(expression):
         assert time.monotonic() < end, (expression, status(page), problem(page))
@@ -78,7 +79,7 @@ SETTLED = (
 
 
 def give(page, path):
-    """Chooses a file, and waits for what comes of it."""
+    """Chooses a file and waits for points or an error."""
     page.evaluate("document.getElementById('status').textContent = ''")
     page.evaluate("document.getElementById('problem').hidden = true")
     page.set_input_files("#file", str(path))
@@ -86,7 +87,7 @@ def give(page, path):
 
 
 def predict_again(page, action):
-    """Waits for the points after an action."""
+    """Performs an action and waits for points or an error."""
     page.evaluate("document.getElementById('status').textContent = ''")
     action()
     wait(page, SETTLED)
@@ -107,7 +108,7 @@ def mask_of(page, shape):
 
 
 def cut_out(path, size=(300, 220)):
-    """A PNG with a transparent background, of an object of several colours; returns its array."""
+    """Writes a PNG of a coloured object on a transparent background; returns its array."""
     rng = np.random.default_rng(0)
     rgba = rng.integers(0, 256, (size[1] // 4, size[0] // 4, 4), dtype=np.uint8).repeat(4, 0)
     rgba = rgba.repeat(4, 1)
@@ -120,7 +121,7 @@ def cut_out(path, size=(300, 220)):
 
 
 def on_a_plain_ground(path, **options):
-    """An object on white; returns the array."""
+    """Writes an image of an object on white; returns its array."""
     picture = Image.new("RGB", (320, 240), (250, 250, 250))
     drawing = ImageDraw.Draw(picture)
     drawing.rectangle((80, 60, 200, 180), fill=(180, 60, 40))
@@ -336,11 +337,11 @@ def test_a_phone(opened, predictor, tmp_path):
     assert page.evaluate("psgn.viewer.view.turn") > view + 0.3
 
 
-# --- what is wrong -----------------------------------------------------------------------------
+# --- errors ------------------------------------------------------------------------------------
 
 
 def png_header(width, height):
-    """A PNG that says it has this size, without pixels."""
+    """A PNG whose header states this size, without pixels."""
     head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     chunk = b"IHDR" + head
     crc = struct.pack(">I", zlib.crc32(chunk))
@@ -352,7 +353,7 @@ HOSTILE = {
     "notes.txt": (b"no picture at all", "not an image; expected a photo such as JPEG, PNG"),
     "text.jpg": (b"<html>" * 50, "not an image; expected a photo such as JPEG, PNG or WebP"),
     "drawing.svg": (b'<?xml version="1.0"?><svg xmlns="x"></svg>', "SVG drawings cannot be used"),
-    "phone.heic": (b"\0\0\0\x18ftypheic" + b"\0" * 300, "cannot read HEIC photos; save it as JPEG"),
+    "phone.heic": (b"\0\0\0\x18ftypheic" + b"\0" * 300, "read HEIC photos; save the photo as JPEG"),
     "scan.tif": (b"II*\0" + b"\0" * 300, "This browser cannot read TIFF images"),
     "huge.png": (png_header(30_000, 30_000), "30000 x 30000 pixels; up to 100 million"),
     "cut.png": (png_header(300, 300), "This image is damaged and cannot be decoded."),
@@ -364,7 +365,7 @@ def test_hostile_files_end_in_a_sentence_and_the_page_goes_on(opened, tmp_path):
     on_a_plain_ground(tmp_path / "good.png")
     Image.new("RGB", (5, 900)).save(tmp_path / "ribbon.png")
     Image.new("RGBA", (90, 90)).save(tmp_path / "nothing.png")
-    files = {"ribbon.png": "at least 16 a side", "nothing.png": "transparent all over"}
+    files = {"ribbon.png": "at least 16 per side", "nothing.png": "fully transparent"}
     for name, (content, sentence) in HOSTILE.items():
         (tmp_path / name).write_bytes(content)
         files[name] = sentence
@@ -417,7 +418,7 @@ def test_wrong_or_damaged_weights_are_refused(name, opened, site, serve, tmp_pat
     copy = shutil.copytree(site, tmp_path / "site")
     file, change = DAMAGE[name]
     content = (copy / file).read_bytes()
-    if change is None:  # with the checksum of what is there
+    if change is None:  # not a network, but with the right checksum
         content = b"\x08\x08" + b"\x00" * 100
         about = json.loads((copy / "network.json").read_text())
         digest = hashlib.sha256(content).hexdigest()

@@ -1,4 +1,4 @@
-"""The page's folder and where its runtime comes from."""
+"""The page's folder, and the sources of its runtime."""
 
 import io
 import logging
@@ -15,7 +15,7 @@ from psgn_jax.page import build
 
 @pytest.fixture
 def small_runtime(monkeypatch):
-    """Files of a few bytes in place of the runtime's; returns them."""
+    """Replaces the runtime's files by files of a few bytes; returns these."""
     import hashlib
 
     files = {name: name.encode() * 3 for name in lib.FILES}
@@ -118,7 +118,7 @@ def test_a_page_that_is_too_large_is_said(tmp_path, runtime, run, monkeypatch, c
     with caplog.at_level(logging.WARNING):
         size = build.build_page(run, tmp_path, runtime=runtime)
     assert size > 14_000_000
-    assert "more than the 5 MB that open well on a phone" in caplog.text
+    assert "more than 5 MB may not open well on a phone" in caplog.text
 
 
 def test_no_address_outside_the_page_is_named():

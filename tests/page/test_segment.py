@@ -1,4 +1,4 @@
-"""Cuts and masks of the page's JavaScript, beside SciPy's, OpenCV's and this package's."""
+"""Cuts and masks of the page's JavaScript, compared with SciPy, OpenCV and this package."""
 
 import hashlib
 
@@ -25,7 +25,7 @@ def modules(tmp_path_factory):
 
 
 def test_cuts_are_least(modules):
-    """The cut's cost is the maximum flow that SciPy finds."""
+    """The cost of the cut equals the maximum flow that SciPy finds."""
     sparse = pytest.importorskip("scipy.sparse")
     from scipy.sparse.csgraph import maximum_flow
 
@@ -76,7 +76,7 @@ return input.cases.map(c => maxflow.cut({width}, {height},
 
 
 def textured(seed, size=(240, 320)):
-    """An object with several colours on a background with others; returns image and mask."""
+    """An object and a background, each with its own set of colours; returns image and mask."""
     rng = np.random.default_rng(seed)
     picture = Image.new("L", size[::-1])
     drawing = ImageDraw.Draw(picture)
@@ -114,7 +114,7 @@ return [segment.grabCut(photo, hints), segment.grabCut(photo, hints)];
 
 
 def test_strokes_say_what_is_object(modules):
-    """Two equal discs: without strokes both are found, a stroke takes one away."""
+    """Two equal discs: without strokes, both are found; a stroke removes one."""
     image, _ = textured(1)
     rows, columns = np.mgrid[:240, :320]
     discs = [(rows - 120) ** 2 + (columns - c) ** 2 < 45**2 for c in (90, 230)]

@@ -1,4 +1,4 @@
-"""The folder for other programs: its files give JAX's points, its examples run by themselves."""
+"""The folder of `psgn export`: its files give JAX's points, its examples need no clone."""
 
 # ruff: noqa: E402
 
@@ -105,7 +105,7 @@ def test_what_the_folder_says_of_itself(exported):
 
 
 def without_this_package():
-    """The environment of a process that finds what is installed, and nothing of the clone."""
+    """The environment of a process that can import installed packages, but not the clone."""
     installed = str(pathlib.Path(onnx.__file__).parents[1])
     return {**os.environ, "PYTHONPATH": installed, "PYTHONSAFEPATH": "1"}
 
@@ -175,7 +175,7 @@ def test_a_file_that_differs_is_refused(stored, check_result, message):
 
 def test_wrong_arguments(tmp_path):
     run = make_run()
-    with pytest.raises(ConfigError, match=r"--weights_as=int8: accepted with --data=RECORDS"):
+    with pytest.raises(ConfigError, match=r"--weights_as=int8: accepted only with --data=RECORDS"):
         folder.write_folder(run, tmp_path, weights=("int8",))
     with pytest.raises(ConfigError, match=r"--weights_as=int4: accepted: any of float32, float16"):
         folder.write_folder(run, tmp_path, weights=("int4",))
@@ -183,7 +183,7 @@ def test_wrong_arguments(tmp_path):
     with pytest.raises(folder.ExportError, match="not finite"):
         folder.write_folder(run._replace(params=broken), tmp_path)
     deep = make_run(data__inputs=("rgb", "mask", "depth"))
-    with pytest.raises(ConfigError, match="accepted for other programs: a network of 'rgb'"):
+    with pytest.raises(ConfigError, match="accepted for export: a network with the inputs 'rgb'"):
         folder.write_folder(deep, tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -1,4 +1,4 @@
-"""Framing, normal form and colours in JavaScript: the same pixels and points as in Python."""
+"""Framing, normal form and colours in JavaScript give the same pixels and points as in Python."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def about(image_size=(96, 128)):
 
 
 def photos(rng):
-    """Photos with masks: noise of many sizes, holes, objects at borders and of a few pixels."""
+    """Photos and masks: noise in many sizes; masks with holes, at borders and of a few pixels."""
     for height, width in ((480, 640), (97, 333), (700, 200), (60, 80), (31, 29), (192, 256)):
         for _ in range(3):
             image = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
@@ -79,7 +79,7 @@ def test_inputs_at_the_size_of_the_network(size):
     )
     own = np.reshape(result["image"], (*size, 3))
     expected = resize.resize_image(image, size)
-    if size in ((64, 64), (100, 130)):  # Python averages in float32
+    if size in ((64, 64), (100, 130)):  # Python averages in float32, JavaScript in float64
         assert np.abs(own - expected.astype(int)).max() <= 1
         assert (own != expected).mean() < 0.001
     else:
@@ -126,7 +126,7 @@ return [framing.normalForm(input.points), framing.coloursFromView(input.points, 
     expected, seen = export.colours_from_view(points, view)
     assert 0.2 < seen.mean() < 0.9
     own = np.reshape(colours, (-1, 3))
-    assert (own != expected).any(axis=1).mean() < 0.005  # a point on the border of a pixel
+    assert (own != expected).any(axis=1).mean() < 0.005  # points on a pixel's border
 
 
 def test_what_cannot_be_framed_is_said_in_a_sentence():
@@ -143,5 +143,5 @@ return input.masks.map(m => {
     results = run_node(body, photo=photo, masks=[empty, small], about=about())
     assert results == [
         [True, "The mask is empty: paint the object first."],
-        [True, "The object is 6 x 3 pixels; it has to have 8 or more."],
+        [True, "The object is 6 x 3 pixels; its longer side must have at least 8."],
     ]

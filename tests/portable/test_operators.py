@@ -1,4 +1,4 @@
-"""JAX's operations in ONNX: the graph's results are JAX's, at every number of images."""
+"""Converted graphs give JAX's results for every number of images."""
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ from psgn_jax.portable.graph import STORED, Graph, UnsupportedError  # noqa: E40
 
 
 def build(function, shapes, weights="float32"):
-    """The ONNX model of a function of float32 arrays; sizes may be names."""
+    """The ONNX model of a function of float32 arrays; sizes in `shapes` may be symbols."""
     names = list(dict.fromkeys(s for shape in shapes for s in shape if isinstance(s, str)))
     symbols = dict(zip(names, jax.export.symbolic_shape(", ".join(names)), strict=True))
     arguments = [
@@ -171,9 +171,9 @@ def test_small_weights(weights):
 @pytest.mark.parametrize(
     ("function", "message"),
     [
-        (lambda x: jnp.sort(x), "'sort' of this network has no ONNX form"),
-        (lambda x: jax.lax.fori_loop(0, 3, lambda i, y: y * x, x), "no ONNX form"),
-        (lambda x: (x.astype(jnp.int32) // 2).astype(jnp.float32), "no ONNX form"),
+        (lambda x: jnp.sort(x), "'sort' of this network cannot be converted to ONNX"),
+        (lambda x: jax.lax.fori_loop(0, 3, lambda i, y: y * x, x), "cannot be converted to ONNX"),
+        (lambda x: (x.astype(jnp.int32) // 2).astype(jnp.float32), "cannot be converted to ONNX"),
     ],
 )
 def test_what_has_no_form_is_named(function, message):

@@ -1,4 +1,4 @@
-"""Every format keeps the frame: read by trimesh, axes, handedness and scale agree."""
+"""Every format keeps the frame: axes, handedness and scale agree when trimesh reads it."""
 
 import io
 
@@ -9,8 +9,8 @@ import trimesh
 from psgn_jax.data import camera, framing
 from psgn_jax.prediction import export
 
-# A cloud whose every axis is told from the others and from its mirror: an origin, one unit along
-# +x (to the camera), two along +y (image right), three along +z (up).
+# A cloud that shows any exchange or mirroring of axes: the origin, one unit along +x (to the
+# camera), two along +y (image right), three along +z (up).
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [-0.125, 0.25, -0.5]], np.float32)
 COLOURS = np.array([[0, 0, 0], [255, 0, 0], [0, 255, 0], [0, 0, 255], [10, 20, 30]], np.uint8)
 
@@ -30,7 +30,8 @@ def test_axes_handedness_and_scale_come_back(tmp_path, suffix):
         with np.load(files[0]) as archive:
             points, colours = archive["points"][0], archive["colours"][0]
     elif suffix == "obj":
-        # trimesh drops vertices without faces; the lines themselves are the standard's.
+        # trimesh drops vertices without faces. So the lines are read here, and trimesh reads a copy
+        # with faces.
         rows = [line.split() for line in files[0].read_text().splitlines()]
         vertices = np.array([row[1:] for row in rows if row[0] == "v"], float)
         points, colours = vertices[:, :3], np.rint(vertices[:, 3:] * 255)
@@ -43,7 +44,7 @@ def test_axes_handedness_and_scale_come_back(tmp_path, suffix):
         points = np.asarray(cloud.vertices)
         colours = np.asarray(cloud.colors)[..., :3]
     np.testing.assert_allclose(points, POINTS, atol=1e-6)
-    # x cross y is z: not mirrored.
+    # The determinant is positive: not mirrored.
     assert np.linalg.det(points[1:4]) == pytest.approx(6)
     if suffix != "xyz":
         np.testing.assert_array_equal(colours, COLOURS)
@@ -66,7 +67,7 @@ def test_what_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(ValueError, match="accepted: any of ply, xyz, obj, npz"):
         export.write_clouds(tmp_path, "a", POINTS[None], COLOURS[None], ("stl",))
     broken = np.where(np.arange(5)[:, None] == 1, np.nan, POINTS)
-    with pytest.raises(ValueError, match="3 not finite"):
+    with pytest.raises(ValueError, match="3 values that are not finite"):
         export.write_clouds(tmp_path, "a", broken[None], COLOURS[None])
     assert not list(tmp_path.iterdir())
 

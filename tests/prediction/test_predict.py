@@ -94,7 +94,7 @@ def test_draws_are_those_of_an_evaluation_and_of_the_first_ones(predictor, confi
 
 
 def test_known_cloud_lies_where_the_image_shows_it(predictor, monkeypatch):
-    """Right side up: what the network calls right, up and near is drawn right, high and large."""
+    """Points that are right, up or near project to the right, to the top, or to smaller depth."""
     cloud = np.array([[0, 0.4, 0.2], [0, -0.4, 0.2], [0, 0, 0.9], [0.9, 0, 0.2]], np.float32)
     cloud = np.concatenate([cloud, np.zeros((193, 3), np.float32)])
     monkeypatch.setattr(predictor, "_network", lambda *_: cloud[None])
@@ -171,7 +171,7 @@ def test_a_doubtful_mask_is_said_to_be_one(predictor, monkeypatch):
 def test_wrong_arguments(predictor, config, params):
     with pytest.raises(ConfigError, match="samples=0: accepted: 1 or more"):
         predictor(photo_of_a_box(), samples=0)
-    with pytest.raises(ConfigError, match="seed=2147483648: accepted: a whole number of 32"):
+    with pytest.raises(ConfigError, match="seed=2147483648: accepted: an integer of 32"):
         predictor(photo_of_a_box(), seed=2**31)
     with pytest.raises(ConfigError, match="frame='x': accepted: auto, place, keep"):
         predictor(photo_of_a_box(), frame="x")
@@ -196,7 +196,8 @@ def test_files_and_folders(predictor, tmp_path):
     assert [path.name for path, _ in results] == ["A.bmp", "a.png", "b.jpg", "a.png"]
     assert all(isinstance(result, Prediction) for _, result in results)
     alone = predictor(photo_of_a_box(), samples=2, seed=5)
-    np.testing.assert_array_equal(results[1][1].points, alone.points)  # whatever its place
+    # The clouds do not depend on the other images.
+    np.testing.assert_array_equal(results[1][1].points, alone.points)
     names = {p.name for p in out.iterdir()}
     assert len(names) == 4 * 9
     assert {"A.json", "a-2.json", "b.json", "a-3.json", "b_0.ply", "b_1.obj", "b.npz"} <= names
@@ -297,7 +298,7 @@ def test_the_command(config, params, tmp_path):
     assert len(some.stdout.splitlines()) == 4
     nothing = run(tmp_path / "in" / "text.png", *flags, cache=tmp_path)
     assert nothing.returncode == 2
-    # From the shell in seconds: what the first run compiled is kept.
+    # Compiled programs are cached, so that later runs start quickly.
     assert list((tmp_path / "compiled").rglob("*"))
 
 
@@ -307,7 +308,7 @@ def test_the_command(config, params, tmp_path):
         ((), "no image: name files or folders"),
         (("a.png", "--formats=stl"), "--formats=stl: accepted: any of ply, xyz, obj, npz"),
         (("a.png", "--workdir=/no/such"), "no run there"),
-        (("a.png", "--invert_mask"), "--invert_mask: accepted with --mask=FILE|FOLDER"),
+        (("a.png", "--invert_mask"), "--invert_mask: accepted only with --mask=FILE|FOLDER"),
         (("a.png", "--workdir=", "--weights=none"), "--weights=none: accepted: a file of weights"),
     ],
 )
@@ -319,7 +320,7 @@ def test_wrong_commands_end_in_one_line(arguments, message, tmp_path):
 
 
 def in_a_larger_photo(sample):
-    """The object cut out and pasted off the middle of a white photo: image and mask."""
+    """The object pasted into a white photo, not in its middle: image and mask."""
     image = np.full((300, 500, 3), 255, np.uint8)
     mask = np.zeros((300, 500), bool)
     image[100:292, 5:261][sample.mask] = sample.image[sample.mask]
@@ -328,11 +329,11 @@ def in_a_larger_photo(sample):
 
 
 def shares_on_the_mask(predictor, samples):
-    """Mean share of the predicted points that re-project onto the mask, by how it was framed.
+    """Mean fraction of the predicted points that project onto the mask, in several cases.
 
-    Of the images as framed strictly and within 2 pixels (of 192x256); of cones alone, as predicted
-    and turned upside down; and of the objects pasted into a photo, through the photo's own camera
-    onto the photo's mask.
+    The cases are: images whose framing is kept, with a tolerance of 0 and of 2 pixels (of 192x256);
+    cones only, as predicted and upside down; and objects pasted into a photo, with the camera and
+    the mask of the photo.
     """
     shares = {}
     for sample in samples:
@@ -360,7 +361,7 @@ def shares_on_the_mask(predictor, samples):
 
 @pytest.mark.slow
 def test_a_trained_network_predicts_right_side_up(tmp_path):
-    """Over 90 % of the points fall on the masks of images as framed, nearly as many in photos."""
+    """Over 90 % of the points project onto the mask; with a pasted object nearly as many."""
     trained_on, new = (list(solids.samples(n, seed=n)) for n in (60, 20))
     splits = {"train": trained_on, "validation": new}
     write_dataset(tmp_path / "records", splits, source="solids")
@@ -380,10 +381,10 @@ def test_a_trained_network_predicts_right_side_up(tmp_path):
     for samples in (trained_on, new):
         shares = shares_on_the_mask(predictor, samples)
         print(shares)
-        # Measured: .969, .919, .920 or more; the margins are for other processors' rounding.
+        # Measured: at least .969, .919, .920. The margins allow for other processors' rounding.
         assert shares["kept, 2 px"] > 0.93
         assert shares["kept, 0 px"] > 0.88
         assert shares["placed, 2 px"] > 0.88
-        # The measure tells up from down: .42 of the turned cones' points still fall on the mask.
+        # The measure detects a wrong orientation: upside down, only .42 are on the mask.
         assert shares["cones, 2 px"] > 0.9
         assert shares["cones upside down, 2 px"] < 0.6

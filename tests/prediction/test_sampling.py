@@ -1,4 +1,4 @@
-"""Draws at evaluation: seeded, the same in any batch; the spread of the draws."""
+"""Draws outside training depend on seed and sample, not on the batch; their spread is measured."""
 
 import functools
 import pathlib

@@ -1,4 +1,4 @@
-"""Tasks on volumes, end to end on boxes of which every number is known."""
+"""Tasks on volumes, end to end, on boxes whose volumes are known."""
 
 import dataclasses
 import json
@@ -30,7 +30,7 @@ VIEWS = 3
 
 
 def box(number, view):
-    """A box whose image is its number, so that a batch tells which record a picture is of."""
+    """A box whose image encodes its number and view, so that a test can identify the record."""
     rng = np.random.default_rng(number)
     low, high = rng.integers([6, 6, 0], [12, 12, 2]), rng.integers([18, 18, 6], [27, 27, 18])
     occupancy = np.zeros((32, 32, 32), bool)
@@ -116,7 +116,7 @@ def test_batches_of_views(data):
     batches.close()
     assert counts == {1, 2, 3}
     assert sorted(seen) == sorted(4 * [(n, v) for n in range(4) for v in range(VIEWS)])
-    # The same from the middle, and in parts of two processes.
+    # The batches are the same if reading starts in the middle, and if two processes share them.
     for part in range(2):
         again = loader.train_batches(
             cfg, batch_size=4, seed=1, start_step=5, process_index=part, process_count=2
@@ -197,7 +197,7 @@ def test_the_variant_for_images_of_128_pixels():
     )
     assert points.shape == (2, 256 + 768, 3)
     shapes = {leaf.shape for leaf in jax.tree.leaves(variables)}
-    assert (3, 3, 3, 32) in shapes  # three channels to 32 maps
+    assert (3, 3, 3, 32) in shapes  # three input channels, 32 feature maps
     assert any(shape[:2] == (3, 3) and shape[-1] == 9 for shape in shapes if len(shape) == 4)
 
 
@@ -337,8 +337,8 @@ def test_3d_r2n2_on_one_to_three_views_and_going_on(data, tmp_path):
 
 def test_thresholds_are_chosen_or_taken():
     sweep = np.zeros((2, 19))
-    sweep[:, 7] = (0.5, 0.7)  # .40
-    sweep[0, 3] = 1.0  # .20, better for one sample
+    sweep[:, 7] = (0.5, 0.7)  # threshold .40
+    sweep[0, 3] = 1.0  # threshold .20: better for one sample only
     names = [SampleName(i, "c", "m", 0) for i in range(2)]
     found = Evaluation("test", names, {"iou": sweep, "x": np.ones(2)}, 0.01, (0, 0))
     fresh = lib.at_thresholds(found, {}, best="iou")

@@ -1,4 +1,4 @@
-"""Messages between processes, here between threads of one."""
+"""Messages between processes; here, threads of one process take their place."""
 
 import contextlib
 import queue
@@ -14,7 +14,7 @@ from psgn_jax.training.processes import Group, OtherProcessError
 
 @pytest.fixture
 def channels():
-    """A function that makes the channels of so many processes; news of losses go to `lost`."""
+    """A function that makes the channels of `count` processes, each with a queue for losses."""
     opened = []
 
     def make(count):
@@ -125,7 +125,7 @@ def test_all_leave_an_agreement_or_none(channels):
     def agree(group, error=None):
         with group.agreement():
             if group is a:
-                group.from_first(lambda: 1)  # where the others no longer are
+                group.from_first(lambda: 1)  # the others are at the end of the block
             if error:
                 raise error
         return "left"

@@ -1,4 +1,4 @@
-"""Checkpoints: what is read is what was saved, damage is found, newest and best are kept."""
+"""Checkpoints are read as saved, damage is detected, the newest and the best are kept."""
 
 import asyncio
 import gc

@@ -1,4 +1,4 @@
-"""The place of a process among several, from flags and the variables of SLURM and Open MPI."""
+"""The index of a process among several, from flags and variables of SLURM and Open MPI."""
 
 import pytest
 
@@ -46,7 +46,7 @@ def test_slurm_has_one_accelerator_for_each_task_of_a_machine():
     assert 61_440 <= int(port) < 65_536
     assert place_of(SLURM | {"SLURM_JOB_ID": "78"}).coordinator != place.coordinator
     assert place_of(SLURM | {"SLURM_PROCID": "1"}).coordinator == place.coordinator
-    # `--gpus-per-task=1` shows each task its own; one task on a machine has all of it.
+    # With `--gpus-per-task=1`, a task sees only its own GPU; a task alone on a machine uses all.
     assert place_of(SLURM | {"CUDA_VISIBLE_DEVICES": "5"}).devices is None
     assert place_of(SLURM | {"SLURM_STEP_NUM_NODES": "8"}).devices is None
     assert place_of(SLURM | {"JAX_LOCAL_DEVICE_IDS": "0,1"}).devices == (0, 1)

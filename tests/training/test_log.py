@@ -83,7 +83,7 @@ def test_damaged_lines_are_left_out_with_a_warning(tmp_path, caplog):
     assert path.read_bytes() == good
     assert f"metrics.jsonl: {len(wrong)} lines are damaged" in caplog.text
     caplog.clear()
-    path.write_bytes(good + b'{"step": 2, "ki')  # of a kill: expected
+    path.write_bytes(good + b'{"step": 2, "ki')  # left by a kill: no warning
     assert len(read_metrics(path)) == 1
     assert not caplog.text
 

@@ -64,7 +64,7 @@ def test_evaluating_the_workdir_repeats_the_evaluation_of_training(run):
     result = evaluate_run(workdir, checkpoint="last", out=workdir / "again")
     scores = json.loads((workdir / "checkpoints" / "scores.json").read_text())["12"]
     first = {name: float(np.mean(values[:6])) for name, values in result.metrics.items()}
-    # The command measures aligned predictions too.
+    # Unlike training, the command also measures aligned predictions.
     own = {name: first.pop(name) for name in list(first) if name.startswith("aligned_")}
     assert set(own) >= {"aligned_cd_sq_radius2", "aligned_scale"}
     assert first == pytest.approx(scores, rel=1e-6)
@@ -92,7 +92,7 @@ def test_missing_split_is_named_before_anything_is_written(tmp_path):
 
 
 def test_batches_that_the_devices_do_not_divide(tmp_path):
-    """A training batch is refused before anything is written; an evaluation uses one device."""
+    """Training refuses the batch before anything is written; an evaluation uses one device."""
     code = f"""
 import jax, pytest, sys
 jax.config.update("jax_num_cpu_devices", 2)
@@ -147,7 +147,7 @@ def test_durations():
 
 def test_clouds_are_drawn_where_the_camera_sees_them():
     camera = (standin.INTRINSICS.astype(float), standin.EXTRINSICS.astype(float))
-    # Two points on one ray: the nearer one, higher up, hides the other.
+    # Two points are on one ray; the nearer one, which is higher up, hides the other.
     centre = np.linalg.inv(camera[1][:, :3]) @ (np.array([0, 0, 3.0]) - camera[1][:, 3])
     nearer = np.linalg.inv(camera[1][:, :3]) @ (np.array([0, 0, 2.0]) - camera[1][:, 3])
     both = render_cloud(np.stack([nearer, centre]), *camera, (48, 64))
@@ -165,7 +165,7 @@ def test_clouds_are_drawn_where_the_camera_sees_them():
 
 @pytest.mark.parametrize("name", [pytest.param("authors_emd", marks=pytest.mark.slow), "mo2_emd"])
 def test_the_emd_configurations_train(tmp_path, name):
-    """As they are but for sizes: three steps, killed by nothing, with an evaluation."""
+    """The configurations with smaller sizes train for three steps and are evaluated."""
     settings = runpy.run_path(str(ROOT / "configs" / f"{name}.py"))["get_config"]()
     small = standin.config()
     settings.data.path = ""

@@ -51,7 +51,7 @@ def test_the_networks_fit(task, tmp_path, monkeypatch):
 
 
 def test_the_parts_are_what_training_holds(tmp_path, monkeypatch):
-    """Parameters, gradients, two moments, and the average where there is one."""
+    """Parameters, gradients, two moments of Adam, and averaged parameters if enabled."""
     limits = []
     monkeypatch.setattr(memory, "available", lambda: 0.0)
     for decay in (0.0, 0.5):
@@ -99,7 +99,7 @@ def test_available_is_the_least_of_machine_and_group(tmp_path):
 
 
 def test_every_size_has_a_bound():
-    """A number that no machine can hold is refused by the configuration."""
+    """The configuration refuses a number that no machine has enough memory for."""
     flat = {
         (section.name, field.name): getattr(getattr(Config(), section.name), field.name)
         for section in dataclasses.fields(Config)

@@ -1,4 +1,4 @@
-"""Several CPU processes train together (gloo), as one does; resumed by another number; killed."""
+"""Several CPU processes (gloo) train as one process does; resuming with another number; kills."""
 
 import json
 import pathlib
@@ -48,7 +48,7 @@ def given(records, tmp_path_factory):
 
 @pytest.fixture
 def start(given):
-    """A function that starts so many processes on the tiny configuration in a workdir.
+    """A function that starts a number of processes on the tiny configuration in a workdir.
 
     All of them are ended after the test, because they would slow down the next one.
     """
@@ -99,7 +99,7 @@ def text(workdir, index):
 
 
 def lines(workdir, index):
-    """What a process printed, without gloo's line."""
+    """The lines that a process printed, without gloo's."""
     return [line for line in text(workdir, index).splitlines() if not line.startswith("[Gloo]")]
 
 
@@ -188,7 +188,7 @@ def test_a_killed_process_ends_the_other(alone, start, tmp_path, victim):
     code = two[other].wait(60)
     assert time.monotonic() - killed < 60
     said = [line for line in lines(workdir, other) if line.startswith("error:")]
-    if victim:  # with the first process JAX's service ends, which may abort the others first
+    if victim:  # JAX's service ends with the first process and may abort the other one earlier
         assert code == 4
         assert said == [
             "error: process 1 has ended unexpectedly, so this process ends too; run the same "

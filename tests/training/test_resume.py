@@ -1,4 +1,4 @@
-"""A run that is killed at any moment and resumed ends with the bits of an uninterrupted run."""
+"""A run that is killed at any moment and resumed ends bit-identical to an uninterrupted run."""
 
 import json
 import pathlib
@@ -115,7 +115,7 @@ def being_written(workdir):
 
 
 def disturb(command, workdir, kills, seed):
-    """Kills runs until `kills` are done, then lets one end. Returns what was done."""
+    """Starts and kills a run for each of `kills`, then lets it end. Returns a list of the kills."""
     choice = random.Random(seed)
     done = []
     for kill in kills:
@@ -176,7 +176,7 @@ def test_killed_many_times_ends_bit_identical(command, undisturbed, tmp_path, se
 
 @pytest.mark.slow
 def test_killed_run_on_records_ends_bit_identical(command, tmp_path):
-    """The real loader: decoding, augmentation and the choice of points go on where they were."""
+    """With the real loader, decoding, augmentation and the choice of points are resumed too."""
     splits = {
         "train": solids.samples(20, seed=0, image_size=(48, 64)),
         "validation": solids.samples(5, seed=1, image_size=(48, 64)),

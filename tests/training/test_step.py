@@ -26,7 +26,7 @@ QUICK = {"xla_backend_optimization_level": 0}
 
 @functools.cache
 def compiled(config, devices):
-    """The initial state's function and the training step, compiled once for all tests."""
+    """The function that creates the state, the training step (both compiled once), and the mesh."""
     mesh = step.data_mesh(list(devices) if devices else None)
     model = point_out_net.build(config.model)
     tx = state.optimizer(config.optim, config.train.steps)
@@ -226,7 +226,7 @@ def test_training_with_a_posterior():
     create, _, _ = compiled(config, None)
     started = create()
     moved = jax.tree.map(lambda a, b: not np.array_equal(a, b), started.params, final.params)
-    assert all(jax.tree.leaves(moved))  # z reaches the generator, the truth reaches z
+    assert all(jax.tree.leaves(moved))  # gradients reach the generator and the posterior
 
 
 def test_evaluation_takes_z_from_the_prior_and_the_generator_uses_it():

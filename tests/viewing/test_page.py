@@ -1,4 +1,4 @@
-"""The page in a real browser: it draws, rotates, slides, without errors and without requests."""
+"""The page in a real browser: it draws and rotates clouds, without errors and without requests."""
 
 import io
 import json
@@ -103,7 +103,7 @@ def test_the_command(tmp_path):
     (tmp_path / "cut.npz").write_bytes(whole[: len(whole) // 2])
     assert lib.main([str(tmp_path / "cut.npz"), f"--out={out}"]) == 2
     (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "a.npz").write_bytes(whole)  # another network's of the same photo
+    (tmp_path / "other" / "a.npz").write_bytes(whole)  # of another network
     both = [str(tmp_path / "a.npz"), str(tmp_path / "other" / "a.npz")]
     assert lib.main([*both, f"--out={out}"]) == 0
     assert [item["name"] for item in data_of(out)["cases"]] == both
@@ -114,7 +114,7 @@ def test_the_command(tmp_path):
 
 @pytest.fixture
 def opened(browser, tmp_path):
-    """Opens a page; at the end nothing was complained of and nothing asked for."""
+    """Opens a page; checks at the end that it logged nothing and sent no requests."""
     complaints, requests = [], []
     context = browser.new_context(viewport={"width": 1200, "height": 640}, has_touch=True)
 
@@ -160,7 +160,7 @@ def test_it_draws_and_turns(opened):
     drag(page)
     turned = pixels(page)
     assert (np.abs(turned - first).max(axis=2) > 30).mean() > 0.02
-    assert (np.abs(pixels(page, "truth") - truth).max(axis=2) > 30).mean() > 0.02  # both turn
+    assert (np.abs(pixels(page, "truth") - truth).max(axis=2) > 30).mean() > 0.02  # it rotates too
     page.click("#reset")
     np.testing.assert_array_equal(pixels(page), first)
     page.locator("#prediction").press("ArrowLeft")

@@ -1,4 +1,4 @@
-"""Files of predictions, and other files, which are refused."""
+"""Prediction files are read; other files are refused."""
 
 import io
 import os
@@ -36,7 +36,7 @@ def test_a_prediction_is_read(tmp_path):
 
 
 def hostile(folder):
-    """File -> what must be said of it."""
+    """Writes unusable files; returns the name of each, with its error message."""
     Image.new("RGB", (8, 8)).save(folder / "x.png")
     (folder / "text.npz").write_text("nothing")
     (folder / "empty.npz").write_bytes(b"")
@@ -94,7 +94,7 @@ def test_what_is_no_prediction_is_refused_in_one_line(tmp_path, capsys):
         assert "pickle" not in str(error.value).replace(name, ""), name
         assert "\n" not in str(error.value)
         for command in (page.main, spheres.main):
-            if name in ("shape.npz", "camera.npz"):  # one of them does not read that field
+            if name in ("shape.npz", "camera.npz"):  # one of the readers does not read that field
                 continue
             assert command([str(tmp_path / name), "--out", str(tmp_path / "out")]) == 2
             assert capsys.readouterr().err.count("\n") == 1

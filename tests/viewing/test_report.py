@@ -1,4 +1,4 @@
-"""The gallery of an evaluation: its numbers, its links, its order; pages that work in a browser."""
+"""The gallery of an evaluation: numbers, links and order; the pages work in a browser."""
 
 import json
 import weakref
@@ -76,7 +76,7 @@ def test_refusals(tmp_path):
     with pytest.raises(ValueError, match="0 runs over 13 samples: accepted: 1 or 2"):
         lib.write_report(tmp_path, samples, [])
     _, other = made(count=12, label="other")
-    with pytest.raises(ValueError, match="'other' saw other samples"):
+    with pytest.raises(ValueError, match="'other' has other samples"):
         lib.write_report(tmp_path, samples, [run, other])
 
 
@@ -124,7 +124,7 @@ def test_what_is_collected_is_on_disk(tmp_path):
     for number, batch in enumerate(batches):
         collector(number, batch, preds[number])
     assert len(collector.samples) == len(collector.preds) == 11
-    assert not list((tmp_path / "pages").iterdir())  # without a name
+    assert not list((tmp_path / "pages").iterdir())  # the temporary files have no name
     for index in (0, 5, 10, -1, 3):
         place = np.unravel_index(index % 11, (3, 4))
         sample, batch = collector.samples[index], batches[place[0]]
@@ -135,7 +135,7 @@ def test_what_is_collected_is_on_disk(tmp_path):
     assert len(collector.preds[2:5]) == len(collector.samples[2:5]) == 3
     with pytest.raises(IndexError):
         collector.preds[11]
-    with pytest.raises(ValueError, match="as the ones before"):
+    with pytest.raises(ValueError, match="like the first one"):
         collector.preds.append(np.zeros((41, 3), np.float32))
 
 
@@ -148,7 +148,7 @@ def test_shown_points_are_thinned_once(true):
 
 
 def test_many_cases_are_not_held(tmp_path, monkeypatch):
-    """Of an evaluation with many cases one is in memory at a time, and one page."""
+    """With many cases, only one case and one page are in memory at a time."""
     alive, most = weakref.WeakSet(), [0]
     original = page_lib._encode
 

@@ -1,4 +1,4 @@
-"""Spheres are where the camera sees their points; near ones cover far ones; light from above."""
+"""Spheres are drawn where the camera sees their points; near ones cover far ones; shadows."""
 
 import itertools
 

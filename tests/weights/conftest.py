@@ -23,7 +23,7 @@ def file(weights, tmp_path):
 
 @pytest.fixture
 def shipped(monkeypatch, tmp_path):
-    """An empty folder in place of that of the files that come with the package."""
+    """An empty folder that replaces the folder of the weights in the package."""
     folder = tmp_path / "shipped"
     folder.mkdir()
     monkeypatch.setattr(opening, "FOLDER", folder)

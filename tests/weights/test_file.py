@@ -1,4 +1,4 @@
-"""A file of weights gives back what was written; damaged or foreign files are refused."""
+"""A file of weights can be written and read back; damaged and foreign files are refused."""
 
 import dataclasses
 import json
@@ -73,7 +73,7 @@ def test_every_flipped_bit_is_noticed(file, tmp_path):
     flipped = tmp_path / "flipped.safetensors"
     rng = np.random.default_rng(0)
     header = 8 + int.from_bytes(content[:8], "little")
-    # The header may end in spaces, of which a different one means the same.
+    # The header may end in spaces; other white space there is valid too and means the same.
     used = len(content[:header].rstrip())
     places = [*rng.integers(0, used, 150), *rng.integers(header, len(content), 50)]
     for place in places:
@@ -104,7 +104,7 @@ def test_foreign_files_are_refused(tmp_path):
 
 
 def forged(weights, path, *, leaves=None, config=None, figures=None):
-    """A file whose checksum is right, whatever it holds."""
+    """Writes a file with the given content and a correct checksum."""
     stored = {f"params.{k}": v for k, v in named_leaves(weights.params).items()}
     stored = {k: np.asarray(v) for k, v in (stored | (leaves or {})).items() if v is not None}
     metadata = {
@@ -136,7 +136,7 @@ def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
     refused(path, f"{name} is not finite")
     for figures in ("[1]", "{}", json.dumps({**weights.figures, "step": "9"})):
         forged(weights, path, figures=figures)
-        refused(path, "the figures or sources have a wrong form")
+        refused(path, "the figures or sources do not have the expected fields")
     forged(weights, path, figures="{")
     refused(path, "its metadata")
     forged(weights, path, figures="[" * 200_000)

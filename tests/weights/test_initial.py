@@ -1,4 +1,4 @@
-"""`train.init`: a training begins where another one ended."""
+"""`train.init`: a training starts from the parameters of another one."""
 
 import dataclasses
 import json
@@ -37,13 +37,13 @@ def test_a_training_begins_with_the_trained_network(tmp_path, monkeypatch):
     assert first["step"] == 0
     for name, value in want.items():
         assert first[name] == pytest.approx(value, rel=1e-5), name
-    # Nearly nothing was learned, so that it still is that network, averaged and not.
+    # The learning rate is almost 0, so both the parameters and their averages are still the same.
     trained = named_leaves(weights.params)
     for tree in (outcome.state.params, outcome.state.ema):
         for name, leaf in named_leaves(tree).items():
             np.testing.assert_allclose(leaf, trained[name], atol=1e-7, err_msg=name)
     assert from_json((tmp_path / "run" / "config.json").read_text()).train.init == str(path)
-    # It goes on with its own checkpoint, whatever became of the file.
+    # The run resumes from its own checkpoint, even if the file no longer exists.
     path.unlink()
     again = train(config, tmp_path / "run")
     assert int(again.state.step) == 2

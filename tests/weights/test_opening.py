@@ -1,4 +1,4 @@
-"""Networks are opened by names, files and folders; the commands list and export them."""
+"""Networks are opened by name, from files and from folders; the commands list and export them."""
 
 import json
 import shutil
@@ -19,7 +19,7 @@ from psgn_jax.weights.opening import shipped as shipped_files
 
 @pytest.fixture
 def run(config, weights, tmp_path):
-    """A folder of a run with averaged parameters that differ from the others."""
+    """The folder of a run whose averaged parameters differ from the current ones."""
     folder = tmp_path / "run"
     checkpoints = Checkpoints(folder / "checkpoints")
     doubled = jax.tree.map(lambda leaf: 2 * leaf, weights.params)

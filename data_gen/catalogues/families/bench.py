@@ -81,7 +81,7 @@ def _back(
 
 
 def _park(kit: Kit) -> None:
-    """Slats on cast ends."""
+    """A park bench: slats on cast-iron ends."""
     main, iron = _materials(kit)
     length, depth, seat = _size(kit)
     count = kit.choose("slats", 3, 4, 5, 7)
@@ -293,7 +293,7 @@ def _pew(kit: Kit) -> None:
 
 
 def _planter(kit: Kit) -> None:
-    """Between two planters, or around a tree."""
+    """A bench between two planters or around a tree."""
     main, _ = _materials(kit)
     pot = pick(kit.rng, (STONE, wood(kit.rng), metal(kit.rng)))
     length, depth, seat = _size(kit)
@@ -320,7 +320,7 @@ def _planter(kit: Kit) -> None:
 
 
 def _curved(kit: Kit) -> None:
-    """Around a corner or all around a tree."""
+    """A curved bench, around a corner or all around a tree."""
     main, iron = _materials(kit)
     full = kit.chance("full", 0.4)
     radius, depth = kit.uniform("radius", 0.6, 1.6), kit.uniform("depth", 0.3, 0.5)
@@ -524,7 +524,7 @@ def _swing(kit: Kit) -> None:
 
 
 def _locker_room(kit: Kit) -> None:
-    """Long and narrow, in rows or steps."""
+    """Long and narrow benches, in rows or steps."""
     main, iron = _materials(kit)
     length, depth = kit.uniform("length", 1.2, 2.6), kit.uniform("depth", 0.2, 0.34)
     seat = kit.uniform("seat_height", 0.38, 0.48)
@@ -609,7 +609,7 @@ def _drum(share: float, radius: float, height: float) -> Solid:
 
 
 def _deacon(kit: Kit) -> None:
-    """A long spindle settle with arms."""
+    """A deacon's bench: long, with arms and a back of spindles."""
     main = pick(kit.rng, (wood, lacquer))(kit.rng)
     length, depth, seat = _size(kit)
     kit.add(
@@ -657,25 +657,14 @@ def _deacon(kit: Kit) -> None:
 
 
 KINDS: dict[str, Callable[[Kit], None]] = {
-    "park": _park,
-    "slab": _slab,
-    "panel_ends": _panel_ends,
-    "storage": _storage,
-    "pew": _pew,
-    "planter": _planter,
-    "curved": _curved,
-    "picnic": _picnic,
-    "stone": _stone,
-    "gym": _gym,
-    "swing": _swing,
-    "rows": _locker_room,
-    "double": _tete,
-    "settle": _deacon,
-}
+    "park": _park, "slab": _slab, "panel_ends": _panel_ends, "storage": _storage, "pew": _pew,
+    "planter": _planter, "curved": _curved, "picnic": _picnic, "stone": _stone, "gym": _gym,
+    "swing": _swing, "rows": _locker_room, "double": _tete, "settle": _deacon,
+}  # fmt: skip
 
 _WEIGHTS = {"park": 3, "slab": 3}
 
 
 def bench(kit: Kit) -> None:
-    """Fourteen kinds, see `KINDS`. Hidden: a hollow seat, or supports behind a solid end."""
+    """Fourteen subtypes, see `KINDS`. Hidden: the depth of a recess, or supports behind an end."""
     kit.build_subtype(KINDS, _WEIGHTS)

@@ -32,7 +32,7 @@ def _windows(
 
 
 def building(kit: Kit) -> None:
-    """Gabled and hipped houses, tower blocks, church, barn, castle, windmill, lighthouse, hut."""
+    """Gabled or hipped house, tower block, church, barn, castle, windmill, lighthouse, hut."""
     kind = kit.choose(
         "subtype",
         "house",

@@ -318,7 +318,7 @@ def _books(kit: Kit, depth: float, y0: float, y1: float, z: float, room: float) 
 
 
 def _bookcase(kit: Kit) -> None:
-    """Shelves with books, with doors below, with steps, or open on all sides."""
+    """A bookcase: with doors below, in steps, or open on all sides."""
     look = _Look(kit)
     depth = kit.uniform("depth", 0.22, 0.42)
     width, height = kit.uniform("width", 0.5, 1.6), kit.uniform("height", 0.8, 2.2)
@@ -399,7 +399,7 @@ def _ladder_shelf(kit: Kit) -> None:
 
 
 def _display(kit: Kit) -> None:
-    """Glass on all sides, with small objects on glass shelves."""
+    """A glass cabinet with small objects on glass shelves."""
     look = _Look(kit)
     width, depth = kit.uniform("width", 0.45, 1.3), kit.uniform("depth", 0.35, 0.5)
     height, base = kit.uniform("height", 1.2, 2.1), kit.uniform("base", 0.1, 0.7)

@@ -43,7 +43,7 @@ Span = tuple[float, float]
 
 
 class Form(NamedTuple):
-    """Ranges of the parameters of a car body. `a / b` in a comment means a as a fraction of b."""
+    """Ranges of the parameters of a car body. In comments, `a / b` is the ratio of a to b."""
 
     length: Span
     width: Span

@@ -4,6 +4,7 @@ import numpy as np
 
 from data_gen.catalogues import bodies, solids
 from data_gen.catalogues.bodies import body
+from data_gen.catalogues.families import materials
 from data_gen.catalogues.families.kit import (
     BLACK,
     CHROME,
@@ -12,12 +13,8 @@ from data_gen.catalogues.families.kit import (
     RED_LIGHT,
     WHITE,
     Kit,
-    fabric,
-    metal,
-    paint,
     pick,
     rect,
-    wood,
 )
 from data_gen.catalogues.families.wheels import wheel
 from data_gen.catalogues.solids import (
@@ -92,7 +89,8 @@ def lorry(kit: Kit, skin: Material) -> None:
                              (back - 0.12, half * 0.8, tall + 0.4), 0.09, 10))
     start = back - 0.25
     long, middle = start - rear, (start + rear) / 2
-    cover = pick(kit.rng, (paint, lambda _: WHITE, lambda _: WHITE, metal))(kit.rng)
+    cover = pick(kit.rng, (materials.paint, lambda _: WHITE, lambda _: WHITE,
+                           materials.metal))(kit.rng)
     deck = frame + 0.12
     if load != "none":
         kit.add(chassis, box(long, half * 0.8, 0.2).at(middle, 0, frame + 0.05))
@@ -108,13 +106,13 @@ def lorry(kit: Kit, skin: Material) -> None:
             for x in np.linspace(rear + 0.3, start - 0.3, int(kit.choose("ribs", 2, 6, 12))):
                 kit.both(cover, box(0.07, 0.04, high - 0.1).at(x, half + 0.015, deck + high / 2))
     elif load == "flatbed":
-        kit.add(wood(kit.rng), box(long, 2 * half, 0.14, 0.02).at(middle, 0, deck))
+        kit.add(materials.wood(kit.rng), box(long, 2 * half, 0.14, 0.02).at(middle, 0, deck))
         side_height = kit.uniform("sides", 0.15, 0.6)
         kit.both(cover, box(long, 0.06, side_height, 0.01).at(middle, half - 0.03,
                                                               deck + side_height / 2))
         kit.add(cover, box(0.06, 2 * half, side_height * 1.6).at(start - 0.03, 0,
                                                                  deck + side_height * 0.8))
-        timber = wood(kit.rng)
+        timber = materials.wood(kit.rng)
         for k in range(kit.choose("logs", 0, 0, 3, 6)):
             y, up = ((k % 3) - 1) * 0.62 * half, 0.32 + 0.5 * (k // 3)
             kit.add(timber, cylinder(0.28, long * 0.9, 14).turned("y", 90).at(middle, y, deck + up))
@@ -140,7 +138,7 @@ def lorry(kit: Kit, skin: Material) -> None:
         kit.add(cover, body(drum, 2.0, 3, 24).at(rear + 0.05, 0, deck + 1.15))
         kit.add(BLACK, box(0.3, half, 1.0).at(start - 0.15, 0, deck + 0.5),
                 box(0.2, half, 1.2).at(rear + 0.4, 0, deck + 0.55))
-    hub = pick(kit.rng, (CHROME, metal(kit.rng), BLACK))
+    hub = pick(kit.rng, (CHROME, materials.metal(kit.rng), BLACK))
     axles = [front - (1.3 if not hooded else 0.9) - 0.3 * radius]
     rows = kit.choose("rear_axles", 1, 2) if length < 8 else kit.choose("rear_axles", 2, 3)
     axles += [rear + 1.3 * radius + 0.05 + k * 2.25 * radius for k in range(rows)]
@@ -202,7 +200,7 @@ def formula(kit: Kit, skin: Material, accent: Material) -> None:
     else:
         kit.both(CHROME, tube(smooth_path([(0, wide, z), (-0.3, wide + 0.12, z - 0.05),
                                            (rear + 0.3, wide + 0.05, z - 0.05)], 4), 0.05, 8))
-    hub = pick(kit.rng, (CHROME, BLACK, metal(kit.rng)))
+    hub = pick(kit.rng, (CHROME, BLACK, materials.metal(kit.rng)))
     for x, tyre, r in ((front - 0.95, 0.28 if not old else 0.16, radius),
                        (rear + 0.55, 0.38 if not old else 0.18, radius * 1.08)):
         for material, part in wheel(r, tyre, 10 if old else 5, hub):
@@ -243,7 +241,7 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
     high = kit.uniform("cabin_height", 0.55, 0.8)
     end = tail + 0.15 if kind != "half" else (cabin + tail) / 2
     if kind == "open":
-        leather = fabric(kit.rng)
+        leather = materials.fabric(kit.rng)
         for x in (cabin - 0.75, tail + 0.55):
             kit.add(leather, pillow(0.2, wide * 1.6, 0.5, 0.08, 2).turned("y", -10).at(x - 0.2, 0,
                                                                                        belt + 0.12),
@@ -266,8 +264,8 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
                 wide * 0.92, belt + high / 2 - 0.02))
         kit.add(skin, box(0.08, wide * 1.7, high * 0.5).at(end + 0.04, 0, belt + high * 0.2))
         if kind == "half" and kit.chance("dickey_seat", 0.5):
-            kit.add(fabric(kit.rng), pillow(0.2, wide * 1.4, 0.45, 0.08, 2).at(tail + 0.35, 0,
-                                                                               belt + 0.15))
+            kit.add(materials.fabric(kit.rng),
+                    pillow(0.2, wide * 1.4, 0.45, 0.08, 2).at(tail + 0.35, 0, belt + 0.15))
     # Mudguards: sheets around the wheels, joined by the running board.
     for x, reach in ((axle, (150, -5)), (back_axle, (185, 30))):
         angles = np.radians(np.linspace(*reach, 10))
@@ -281,7 +279,7 @@ def vintage(kit: Kit, skin: Material, accent: Material) -> None:
                          0.01).at((axle + back_axle) / 2, half - 0.15, radius * 0.85))
     kit.both(BLACK, box(0.1, half - narrow * 0.6, 0.06).at(axle - radius,
                                                            (half + narrow) / 2 * 0.8, radius))
-    hub = pick(kit.rng, (wood(kit.rng), CHROME, skin))
+    hub = pick(kit.rng, (materials.wood(kit.rng), CHROME, skin))
     for x in (axle, back_axle):
         for material, part in wheel(radius, 0.15, 12, hub):
             kit.both(material, part.at(x, half - 0.13, radius))
@@ -312,7 +310,7 @@ def buggy(kit: Kit, skin: Material, accent: Material) -> None:
     roof = floor + (0.3 if kart else kit.uniform("height", 1.05, 1.3))
     wide = half * 0.55
     _underside(kit, length * 0.72, wide * 2, floor - 0.05, floor + 0.05, BLACK)
-    leather = fabric(kit.rng)
+    leather = materials.fabric(kit.rng)
     for y in ((0,) if kart else (-wide * 0.5, wide * 0.5)):
         kit.add(leather, pillow(0.45, wide * 0.85, 0.16, 0.06, 2).at(-0.05, y, floor + 0.12),
                 pillow(0.14, wide * 0.85, 0.62 if not kart else 0.45, 0.06, 2).turned("y",
@@ -343,7 +341,7 @@ def buggy(kit: Kit, skin: Material, accent: Material) -> None:
             kit.add(accent, box(front * 0.15 + 0.3, wide * 1.8, 0.03).at((front * 0.15 - 0.3) / 2,
                                                                          0, roof))
         kit.both(LIGHT, ball(0.1, 0.2, 0.2, 12).at(front * 0.62, wide * 0.75, floor + 0.48))
-    metal_ = metal(kit.rng)
+    metal_ = materials.metal(kit.rng)
     kit.add(metal_, box(0.5, wide * 1.1, 0.4 if not kart else 0.2,
                         0.05).at(rear + (0.45 if not kart else 0.3), 0, floor + 0.22),
             cylinder(0.16 if not kart else 0.08, 0.3, 14).at(rear + 0.4, 0,

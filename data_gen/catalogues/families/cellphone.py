@@ -214,7 +214,7 @@ def _smartphone(kit: Kit) -> None:
 
 
 def _bar(kit: Kit) -> None:
-    """Keys below a small screen."""
+    """A bar phone: keys below a small screen."""
     look = _Look(kit, 0.04, 0.08, *_ANY)
     tall, deep = (
         look.width * kit.uniform("aspect", 2.0, 3.2),
@@ -350,7 +350,7 @@ def _slider(kit: Kit) -> None:
 
 
 def _keyboard(kit: Kit) -> None:
-    """A screen above a keyboard with letters."""
+    """A phone with a screen above a keyboard with letters."""
     look = _Look(kit, 0.058, 0.08, *_ANY)
     tall, deep = (
         look.width * kit.uniform("aspect", 1.45, 1.9),

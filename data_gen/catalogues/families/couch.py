@@ -109,7 +109,7 @@ def _arm(kit: Kit, s: _Seat, style: str, depth: float) -> list[tuple[Material, S
             box(0.02, 0.03, high - low).at(x * depth, 0, (high + low) / 2) for x in (-0.2, 0, 0.2)
         ]
         return [(s.foot, part) for part in (*parts, rail)]
-    # "tube": a loop of steel
+    # "tube": a loop of steel tube
     half = depth * 0.45
     loop = [(-half, 0, 0.02), (half, 0, 0.02), (half, 0, high), (-half, 0, high)]
     closed = [*loop, loop[0], loop[1]]
@@ -748,21 +748,11 @@ def _settee(kit: Kit) -> None:
 
 
 KINDS: dict[str, Callable[[Kit], None]] = {
-    "straight": _straight,
-    "loveseat": _loveseat,
-    "chesterfield": _chesterfield,
-    "corner": _corner,
-    "chaise": _chaise_end,
-    "longue": _longue,
-    "sofa_bed": _sofa_bed,
-    "daybed": _daybed,
-    "futon": _futon,
-    "modular": _modular,
-    "curved": _curved,
-    "slim": _bench_like,
-    "group": _group,
+    "straight": _straight, "loveseat": _loveseat, "chesterfield": _chesterfield, "corner": _corner,
+    "chaise": _chaise_end, "longue": _longue, "sofa_bed": _sofa_bed, "daybed": _daybed,
+    "futon": _futon, "modular": _modular, "curved": _curved, "slim": _bench_like, "group": _group,
     "settee": _settee,
-}
+}  # fmt: skip
 
 _WEIGHTS = {"straight": 5, "corner": 2, "loveseat": 2}
 

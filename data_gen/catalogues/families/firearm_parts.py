@@ -218,7 +218,7 @@ def add_barrel(kit: Kit, steel: Material, start: float, end: float, radius: floa
 
 
 def add_scope(kit: Kit, x: float, z: float, long: float, radius: float) -> None:
-    """A telescopic sight on two mounts above z; a short one is a box with a lens."""
+    """A telescopic sight on two mounts above z, or a box with a lens if it is short."""
     up = z + radius * 1.6 + 0.014
     if long < 0.1:
         kit.add(BLACK, box(long, radius * 2.2, radius * 2.4, 0.004).at(x, 0, up),

@@ -38,7 +38,7 @@ def body(
     name: str = "base_recess",
     share: float = 0.85,
 ) -> Solid:
-    """A body through outlines at heights (see `solids.stack`), with a recess in its lowest face.
+    """A body through outlines at given heights (`solids.stack`), with a recess in its lowest face.
 
     Args:
       kit: the model.
@@ -61,7 +61,7 @@ def turned(
     deepest: float = 0.02,
     name: str = "base_recess",
 ) -> Solid:
-    """A body of revolution (see `solids.lathe`) with a recess; its first point is the lowest."""
+    """A body of revolution (`solids.lathe`) with a recess; the profile's first point is lowest."""
     radius, low = profile[0]
     top = low + kit.hide(name, *RANGE) * deepest
     return solids.lathe([(0.85 * radius, top), (0.85 * radius, low), *profile], sides)

@@ -34,6 +34,8 @@ from data_gen.catalogues.solids import (
     tube,
 )
 
+CLOCKS = ("wall", "alarm", "grandfather", "mantel", "cuckoo", "digital", "watch", "hourglass")
+
 
 def _dial(kit: Kit, radius: float, at: tuple[float, float, float]) -> None:
     face = cylinder(radius, 0.02, 32).turned("y", 90)
@@ -41,18 +43,8 @@ def _dial(kit: Kit, radius: float, at: tuple[float, float, float]) -> None:
 
 
 def clock(kit: Kit) -> None:
-    """Wall, alarm, grandfather, mantel, cuckoo, digital, watch, hourglass."""
-    kind = kit.choose(
-        "subtype",
-        "wall",
-        "alarm",
-        "grandfather",
-        "mantel",
-        "cuckoo",
-        "digital",
-        "watch",
-        "hourglass",
-    )
+    """A clock, watch or hourglass; see `CLOCKS`."""
+    kind = kit.choose("subtype", *CLOCKS)
     rng = kit.rng
     body = pick(rng, (wood, wood, metal, lacquer))(rng)
     trim = pick(rng, (metal, wood))(rng)

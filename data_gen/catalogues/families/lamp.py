@@ -388,7 +388,7 @@ def _arc(kit: Kit) -> None:
 
 
 def _pendant(kit: Kit) -> None:
-    """Hanging lamps on cords; the ground is at the edge of the lowest shade."""
+    """Hanging lamps on cords; z = 0 is at the lower edge of the lowest shade."""
     body, shade = _materials(kit)
     cord, lights = kit.uniform("cord", 0.25, 1.3), kit.choose("lights", 1, 1, 1, 2, 3, 5)
     radius, tall = kit.uniform("shade_radius", 0.12, 0.36), kit.uniform("shade_height", 0.1, 0.4)
@@ -880,25 +880,14 @@ def _sconce(kit: Kit) -> None:
 
 
 KINDS: dict[str, Callable[[Kit], None]] = {
-    "table": _table,
-    "floor": _floor,
-    "torchiere": _torchiere,
-    "tripod": _tripod,
-    "desk": _desk,
-    "arc": _arc,
-    "pendant": _pendant,
-    "globe": _globe,
-    "chandelier": _chandelier,
-    "lantern": _lantern,
-    "street": _street,
-    "spots": _spots,
-    "turned": _tiffany,
-    "sconce": _sconce,
-}
+    "table": _table, "floor": _floor, "torchiere": _torchiere, "tripod": _tripod, "desk": _desk,
+    "arc": _arc, "pendant": _pendant, "globe": _globe, "chandelier": _chandelier,
+    "lantern": _lantern, "street": _street, "spots": _spots, "turned": _tiffany, "sconce": _sconce,
+}  # fmt: skip
 
 _WEIGHTS = {"table": 2, "desk": 2}
 
 
 def lamp(kit: Kit) -> None:
-    """Fourteen subtypes, see `KINDS`. Hidden: the bulb in a closed shade, a recess."""
+    """Fourteen subtypes, see `KINDS`. Hidden: the bulb in a closed shade, or a recess."""
     kit.build_subtype(KINDS, _WEIGHTS)

@@ -1,9 +1,10 @@
 """Texture mappings of the parts of a model.
 
-The input of a mapping are faces of parts, in units of the model's radius with the origin on the
-ground, and the bounding boxes of the parts. It uses nothing else of a part, so a hidden parameter
-of a part does not change the texture on the rest of it. Images are upright and not mirrored for a
-viewer in front of the face; on a face that points up, the bottom of the image is toward +x.
+The input of a mapping are faces of parts and the bounding boxes of these parts. Lengths are in
+units of the model's radius, with the origin on the ground. Because a mapping depends on nothing
+else, a hidden parameter of a part does not change the texture on the visible faces. Images are
+upright and not mirrored for a viewer in front of the face. On a face that points up, the bottom of
+the image is toward +x.
 """
 
 import dataclasses
@@ -40,7 +41,7 @@ _SIGN = np.array([1.0, -1.0, 1.0])
 
 
 def _dominant(normals: np.ndarray) -> np.ndarray:
-    """The axis of the largest component of each normal; of equal ones the later axis."""
+    """The axis of the largest component of each normal; the last one if several are equal."""
     return np.argmax(np.abs(normals) * [1, 1.001, 1.002], axis=1)
 
 
@@ -75,7 +76,7 @@ class Tiled:
         axis = _dominant(normals)
         u, v = _planar(corners, normals, axis)
         if self.along_grain:
-            # For a square front, the horizontal direction.
+            # If the height equals the longest horizontal side, the horizontal direction.
             grain = np.argmax((high - low).round(6) * [1, 1, 0.999], axis=1)
             turned = (_V[axis] == grain)[:, None]
             u, v = np.where(turned, v, u), np.where(turned, u, v)
@@ -88,7 +89,8 @@ class Fitted:
 
     Attributes:
       repeats: number of repeats in u and v.
-      only: an axis, "x", "y" or "z", along which all faces are projected; "" = each along its own.
+      only: an axis, "x", "y" or "z", along which all faces are projected; "" = each face along the
+        axis nearest to its normal.
     """
 
     repeats: tuple[float, float] = (1.0, 1.0)

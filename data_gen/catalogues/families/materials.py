@@ -63,7 +63,7 @@ _COLOURS: dict[str, tuple[tuple[float, float, float], ...]] = {
     ),
 }
 # fmt: on
-"""Mean colours of the materials that have several."""
+"""For each kind of material, the mean colours from which one is chosen."""
 
 _ONCE: UVMapping = Tiled()
 
@@ -90,7 +90,7 @@ def pick(rng: np.random.Generator, choices: Sequence[Any]) -> Any:
 
 
 def lively(rng: np.random.Generator) -> tuple[float, float, float]:
-    """A saturated colour."""
+    """A random saturated colour."""
     weights = np.array([w for _, _, w in _HUES])
     low, high, _ = _HUES[int(rng.choice(len(_HUES), p=weights / weights.sum()))]
     saturation = 1.0 if rng.random() < 0.2 else rng.uniform(0.5, 0.95)
@@ -183,7 +183,7 @@ def metal(rng: np.random.Generator) -> Material:
 
 
 def paint(rng: np.random.Generator) -> Material:
-    """Paint of vehicles, grey or saturated, with panel seams, dirt, or clean."""
+    """Paint of vehicles, grey or saturated: clean, dirty, or with panel seams."""
     colour = grey(rng) if rng.random() < 0.5 else lively(rng)
     kind = pick(rng, ("clean", "panels", "panels", "panels", "worn", "worn"))
     texture = textures.painted(kind, _variant(rng))

@@ -631,16 +631,9 @@ def _tablet(kit: Kit) -> None:
 
 
 KINDS: dict[str, Callable[[Kit], None]] = {
-    "desk": _desk,
-    "tv": _tv,
-    "tube": _tube,
-    "curved": _curved,
-    "laptop": _laptop,
-    "several": _dual,
-    "computer": _all_in_one,
-    "sign": _sign,
-    "small": _tablet,
-}
+    "desk": _desk, "tv": _tv, "tube": _tube, "curved": _curved, "laptop": _laptop, "several": _dual,
+    "computer": _all_in_one, "sign": _sign, "small": _tablet,
+}  # fmt: skip
 
 _WEIGHTS = {"desk": 2, "tv": 3, "tube": 2}
 

@@ -134,7 +134,7 @@ def add_nacelle(kit: Kit, skin: Material, x: float, y: float, z: float, radius: 
 
 def add_propeller(kit: Kit, accent: Material, x: float, y: float, z: float, radius: float,
                   hub: float, blades: int, back: bool = False) -> None:
-    """A spinner with blades in front of x (or behind)."""
+    """A spinner with blades in front of or behind x."""
     turn = kit.rng.uniform(0, 180)
     way = -1 if back else 1
     spinner = lathe([(hub, 0), (hub * 0.85, hub * 0.6), (hub * 0.45, hub * 1.3), (0.0, hub * 1.6)],

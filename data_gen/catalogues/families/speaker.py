@@ -174,8 +174,8 @@ def _tripod(
       kit: the model.
       material: material of legs and braces.
       height: height of the column; the legs begin at half of it.
-      leg: reach over `height`, height of the foot, radius.
-      brace: height at the column and reach, both over `height`, and radius.
+      leg: reach as a fraction of `height`, height of the foot, radius.
+      brace: height at the column and reach, both as fractions of `height`, and radius.
     """
     for angle in around(3, 60):
         kit.add(
@@ -255,7 +255,7 @@ def _subwoofer(kit: Kit) -> None:
 
 
 def _bar(kit: Kit) -> None:
-    """Long and low: a sound bar or a centre speaker."""
+    """A long and low speaker: a sound bar or a centre speaker."""
     body, cone = _materials(kit)
     width, height = kit.uniform("width", 0.4, 1.2), kit.uniform("height", 0.06, 0.2)
     depth, section = (
@@ -437,7 +437,7 @@ def _horn(kit: Kit) -> None:
 
 
 def _round(kit: Kit) -> None:
-    """A cylinder, a ball, an egg, a ring: often wireless."""
+    """A speaker in the shape of a cylinder, a ball, an egg or a ring."""
     body, cone = pick(kit.rng, (plastic, paint, lacquer))(kit.rng), pick(kit.rng, CONES)
     size = kit.uniform("size", 0.08, 0.2)
     style = kit.choose("style", "upright", "lying", "ball", "egg", "puck", "dome", "ring")

@@ -370,8 +370,8 @@ def _panel_desk(kit: Kit) -> None:
     )
     under = height - thick + 0.002
     kit.both(frame, box(depth * 0.94, 0.03, under, 0.004).at(0, length / 2 - 0.03, under / 2))
-    # Seen from the front, parts behind the panel are invisible if they do not reach below its
-    # edge, because cameras are above the horizon.
+    # Cameras are above the horizon. Parts behind the panel are therefore invisible from the front
+    # if they do not extend below its edge.
     edge = under * kit.uniform("panel_edge", 0.25, 0.5)
     kit.add(main, box(0.025, length - 0.06, under - edge).at(depth * 0.36, 0, (under + edge) / 2))
     count = kit.hide_count("pedestals", 3)

@@ -1,9 +1,9 @@
 """Procedural textures: small periodic uint8 RGBA arrays, determined by their arguments.
 
-There are two sorts. A *shade* is the reflectance of a surface relative to its brightest part and is
-multiplied by the diffuse colour of the material (wood, weave, leather, metal, stone). A *picture*
-has its own colours (screens, labels, carpets). Both are cached: `variant` is the number of a random
-version, and all models of a process share the few versions.
+There are two kinds. A *shade* (wood, weave, leather, metal, stone) is the reflectance of a surface
+relative to its brightest part and is multiplied by the diffuse colour of the material. A *picture*
+(screens, labels, carpets) has its own colours. Each texture exists in a few random versions, which
+are numbered by `variant` and cached.
 
 The smallest period of a texture is `size / TEXELS_PER_RADIUS` radii of the model. With the default
 camera this is 1.3 texels per pixel, which the samples of a pixel smooth without moiré.
@@ -20,7 +20,7 @@ VARIANTS = 8
 """Number of random versions of each kind of texture."""
 
 TEXELS_PER_RADIUS = 145.0
-"""Highest density at which a texture is used."""
+"""Largest number of texels per radius of the model."""
 
 Colour = Sequence[float] | np.ndarray
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from data_gen.catalogues import solids
 from data_gen.catalogues.families import materials, shapes
 from data_gen.catalogues.families.kit import (
     BLACK,
@@ -19,20 +20,7 @@ from data_gen.catalogues.families.kit import (
 )
 from data_gen.catalogues.families.mapping import Fitted, Wrapped
 from data_gen.catalogues.families.materials import Material
-from data_gen.catalogues.solids import (
-    Solid,
-    ball,
-    box,
-    cylinder,
-    lathe,
-    loft,
-    pillow,
-    prism,
-    rod,
-    smooth_path,
-    stack,
-    tube,
-)
+from data_gen.catalogues.solids import Solid, ball, box, cylinder, lathe, prism, rod
 
 
 def _wheels(kit: Kit, places: list[float], radius: float, gauge: float, rim: Material) -> None:
@@ -210,7 +198,7 @@ def train(kit: Kit) -> None:
                         (centre + length / 2, 0.3),
                     )
                 ]
-                kit.add(skin, loft(rings))
+                kit.add(skin, solids.loft(rings))
                 kit.add(
                     DARK_GLASS,
                     ball(0.7 * nose, 0.75, 0.4, 16).at(
@@ -462,10 +450,12 @@ def rocket(kit: Kit) -> None:
         eight = np.stack(
             [np.cos(np.radians(around(8, 22.5))), np.sin(np.radians(around(8, 22.5)))], axis=1
         )
-        kit.add(foil, stack([(0.9 * eight, 0.6), (eight, 0.7), (eight, 1.2), (0.9 * eight, 1.3)]))
+        kit.add(
+            foil, solids.stack([(0.9 * eight, 0.6), (eight, 0.7), (eight, 1.2), (0.9 * eight, 1.3)])
+        )
         kit.add(
             skin,
-            stack(
+            solids.stack(
                 [(0.6 * eight, 1.3), (0.75 * eight, 1.6), (0.6 * eight, 2.1), (0.3 * eight, 2.3)]
             ),
         )
@@ -509,7 +499,7 @@ def _spoked(kit: Kit, x: float, radius: float, tyre: float, rim: Material, spoke
             r * a + thick * (np.cos(angle)[:, None] * a + np.sin(angle)[:, None] * [0.0, 1, 0])
             for a in away
         ]
-        return loft(rings, loop=True)
+        return solids.loft(rings, loop=True)
 
     kit.add(RUBBER, torus(radius - tyre, tyre).at(x, 0, radius))
     kit.add(rim, torus(radius - 2.2 * tyre, 0.6 * tyre).at(x, 0, radius))
@@ -533,7 +523,7 @@ def _mudguard(
     profile = (
         (inner, -half_width), (inner, half_width), (outer, half_width), (outer, -half_width)
     )  # fmt: skip
-    return loft(
+    return solids.loft(
         [
             np.array([[x + r * np.cos(a), y, axle + r * np.sin(a)] for r, y in profile])
             for a in angles
@@ -588,7 +578,7 @@ def cycle(kit: Kit) -> None:
             head + np.array([-0.05, 0.2, 0.13]),
             head + np.array([-0.2, 0.38, kit.uniform("bars", 0.02, 0.3)]),
         ]
-        kit.both(BLACK, tube(smooth_path(bars, 4), 0.018, 8))
+        kit.both(BLACK, solids.tube(solids.smooth_path(bars, 4), 0.018, 8))
         kit.add(LIGHT, ball(0.12, 0.2, 0.2, 16).at(head[0] + 0.1, 0, head[2] - 0.05))
         if kind == "motorcycle":
             kit.add(metal(rng), box(0.42, 0.3, 0.34, 0.05).at(0.02, 0, 0.42))
@@ -612,7 +602,7 @@ def cycle(kit: Kit) -> None:
                     18,
                 ),
             )
-            kit.add(seat, pillow(0.7, 0.26, 0.13, 0.06).at(-0.42, 0, 0.8))
+            kit.add(seat, solids.pillow(0.7, 0.26, 0.13, 0.06).at(-0.42, 0, 0.8))
             kit.both(
                 CHROME,
                 shapes.swept(
@@ -668,7 +658,7 @@ def cycle(kit: Kit) -> None:
                     0.05,
                 ),
             )
-            kit.add(seat, pillow(0.62, 0.3, 0.12, 0.05).at(-0.38, 0, 0.74))
+            kit.add(seat, solids.pillow(0.62, 0.3, 0.12, 0.05).at(-0.38, 0, 0.74))
         for x in (front, rear):
             kit.add(skin, _mudguard(x, r, np.linspace(0.5, 2.6, 9), 1.1 * r, 1.16 * r, 0.1))
         kit.add(RED_LIGHT, box(0.06, 0.12, 0.07, 0.01).at(rear - 0.12, 0, 0.68))
@@ -688,11 +678,11 @@ def cycle(kit: Kit) -> None:
             ),
         )
         kit.both(skin, rod((0.2, 0.07, big), (0.14, 0.06, 2 * big + 0.03), 0.015, 8))
-        kit.add(seat, pillow(0.26, 0.2, 0.07, 0.03).at(-0.1, 0, 2 * big + 0.04))
+        kit.add(seat, solids.pillow(0.26, 0.2, 0.07, 0.03).at(-0.1, 0, 2 * big + 0.04))
         kit.both(
             steel,
-            tube(
-                smooth_path(
+            solids.tube(
+                solids.smooth_path(
                     [
                         (0.14, 0, 2 * big + 0.08),
                         (0.1, 0.2, 2 * big + 0.05),
@@ -771,10 +761,10 @@ def cycle(kit: Kit) -> None:
             head + np.array([0.02, 0.15, 0.2]),
             head + np.array([-0.2, 0.28, 0.18]),
         ]
-    kit.both(BLACK, tube(smooth_path(np.asarray(bar).tolist(), 4), 0.014, 8))
+    kit.both(BLACK, solids.tube(solids.smooth_path(np.asarray(bar).tolist(), 4), 0.014, 8))
     kit.add(
         seat,
-        pillow(0.27, 0.15 if kind == "racing" else 0.2, 0.06, 0.028).at(
+        solids.pillow(0.27, 0.15 if kind == "racing" else 0.2, 0.06, 0.028).at(
             saddle[0], 0, saddle[2] + 0.02
         ),
     )

@@ -148,8 +148,8 @@ def read_batch(path: str | pathlib.Path) -> Iterator[Entry]:
     defect = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max()
     if defect > 1e-3 or (np.linalg.det(rotation) < 0).any():
         raise ValueError(
-            f"{path}: a rotation is not one (defect {defect:.3g}), expected an orthonormal matrix"
-            " of determinant 1"
+            f"{path}: a matrix is not a rotation (|R R^T - 1| up to {defect:.3g}), expected "
+            "orthonormal matrices of determinant 1"
         )
     intrinsics, extrinsics = camera.default_camera((HEIGHT, WIDTH), tilt_degrees=TILT_DEGREES)
 

@@ -64,9 +64,11 @@ def read(path: str | os.PathLike[str], *, max_dim: int = MAX_DIM) -> Binvox:
         dims = fields["dim"]
         dim = int(dims[0])
         if len(set(dims)) > 1 or dim != dims[0] or not 1 <= dim <= max_dim:
-            raise ValueError(f"{path}: dim {dims}, expected a cube of 1 to {max_dim} cells an edge")
+            raise ValueError(
+                f"{path}: dim {dims}, expected a cube of 1 to {max_dim} cells per edge"
+            )
         total = dim**3
-        # Every run has at least one cell, so that more bytes cannot be valid.
+        # Every run has at least one cell, so more than 2 bytes per cell cannot be valid.
         raw = np.frombuffer(file.read(2 * total + 1), np.uint8)
     if len(raw) % 2:
         raise ValueError(f"{path}: cut off, or bytes after the end of the data")

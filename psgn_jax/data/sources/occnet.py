@@ -9,14 +9,14 @@ The published layout (github.com/autonomousvision/occupancy_networks, `im2mesh/d
     <synset>/<model>/img_choy2016/cameras.npz        camera_mat_<i> [3, 3], world_mat_<i> [3, 4]
 
 `points` are normalised; ShapeNet's coordinates (y up) are `points * scale + loc`. `world_mat` maps
-ShapeNet's coordinates to the camera frame, `camera_mat` maps these to pixels of the 137x137 image
-(their `get_camera_args`). The voxels fill the cube [-1/2, 1/2]^3 of the normalised points (their
-`VoxelGrid`). The split `val` is called `validation` here.
+ShapeNet's coordinates to the camera's frame, and `camera_mat` maps camera coordinates to pixels of
+the 137x137 image (`get_camera_args` there). The voxels fill the cube [-1/2, 1/2]^3 of the
+normalised points (`VoxelGrid` there). The split `val` is called `validation` here.
 
-The images have no mask. **Ours**: the mask is the set of pixels that the points project to, with
-gaps of one pixel closed; it does not depend on the colour of the object. 100,000 points leave no
-gap of a pixel. At least 80 % of the pixels that are clearly not white must be in the mask,
-otherwise the view is left out.
+The images have no mask. Here the mask is the set of pixels that the points project to, with gaps of
+one pixel closed; it does not depend on the colour of the object. The 100,000 points of a file leave
+no wider gaps. At least 80 % of the pixels that are clearly not white must be in the mask, otherwise
+the view is left out.
 """
 
 import io
@@ -107,7 +107,9 @@ def read_npz(path: pathlib.Path, limits: dict[str, int]) -> dict[str, np.ndarray
                     continue
                 size = archive.getinfo(f"{key}.npy").file_size
                 if size > 8 * limit + 4096:
-                    raise ValueError(f"{key} takes {size} bytes")
+                    raise ValueError(
+                        f"{key} takes {size} bytes, expected at most {8 * limit + 4096}"
+                    )
                 # `read` without a length would inflate everything, even beyond the stated size.
                 with archive.open(f"{key}.npy") as member:
                     arrays[key] = _read_npy(member.read(size), key, limit)
@@ -125,7 +127,7 @@ def _read_npy(data: bytes, key: str, limit: int) -> np.ndarray:
         (2, 0): np.lib.format.read_array_header_2_0,
     }
     if version not in readers:
-        raise ValueError(f"{key}: npy version {version}")
+        raise ValueError(f"{key}: npy version {version}, expected (1, 0) or (2, 0)")
     shape, _, dtype = readers[version](file)
     count = math.prod(shape)
     if (
@@ -133,7 +135,9 @@ def _read_npy(data: bytes, key: str, limit: int) -> np.ndarray:
         or count > limit
         or len(data) - file.tell() != count * dtype.itemsize
     ):
-        raise ValueError(f"{key}: {dtype} {list(shape)} in {len(data)} bytes")
+        raise ValueError(
+            f"{key}: {dtype} {list(shape)} in {len(data)} bytes, expected at most {limit} numbers"
+        )
     return np.load(io.BytesIO(data), allow_pickle=False)
 
 

@@ -12,9 +12,9 @@ distance ratio, field of view. The camera is described in `shapenet`.
 Splits: the models of a category are sorted by name; the first 80 % (rounded down) are `train`, the
 others `test`. This is the rule of 3D-R2N2 (`lib/data_io.py`), applied to the models in the folder.
 
-The data set has no surface points. **Ours**: `points` are sampled uniformly from the outer faces of
-the voxels; the header of the binvox file gives the position of the voxels. The points are therefore
-as coarse as the voxels (1/32 of the longest edge), and there are no `normals`. `occupancy` is the
+The data set has no surface points. Here `points` are sampled uniformly from the outer faces of the
+voxels; the header of the binvox file gives the position of the voxels. The points are therefore as
+coarse as the voxels (1/32 of the longest edge), and there are no `normals`. `occupancy` is the
 volume resampled to the frame of the view; the original volume is in `extra`.
 """
 

@@ -39,7 +39,7 @@ TO_WORLD = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 _MAX_FILE_SIZE = 1 << 24
 _MAX_IMAGE_SIDE = 4096
 _FINE = 4
-_LARGEST = 1e4  # coordinates of a model, and the inverse of its least radius
+_LARGEST = 1e4  # of a model's coordinates and of 1 / radius
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -98,8 +98,8 @@ def place(points: np.ndarray) -> Placement:
     """Computes the placement of an object from all its points [n, 3] in the world.
 
     Raises:
-      ValueError: the points have no extent, are not finite, or of another order of magnitude than
-        models, which have edges of about 1.
+      ValueError: the points have no extent, are not finite, or are orders of magnitude larger or
+        smaller than ShapeNet's models, which have edges of about 1.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     if not np.abs([low, high]).max() <= _LARGEST:

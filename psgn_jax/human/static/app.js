@@ -1,4 +1,4 @@
-// The page: tools, keys, cases, files. State is in `study`, what is drawn in the two views.
+// The page: tools, keys, cases, files. `study` has the state; the two views draw it.
 
 import { about, add, anglesOf, clamp, copiesOf, multiply, objText, rotation } from "./geometry.js";
 import { LIMITS, Study } from "./study.js";
@@ -99,7 +99,7 @@ function showCases() {
   $("case-name").textContent = `${cases[at].name} of ${cases.length}`;
   $("previous").disabled = at === 0;
   $("next").disabled = at === cases.length - 1;
-  $("done").textContent = entries[at].done ? "Not done yet" : at < cases.length - 1 ? "Done, next case" : "Done";
+  $("done").textContent = entries[at].done ? "Mark as not done" : at < cases.length - 1 ? "Done, next case" : "Done";
   [...$("strip").children].forEach((button, i) => {
     button.setAttribute("aria-current", i === at);
     button.className = entries[i].done ? "done" : entries[i].model.parts.length ? "begun" : "";
@@ -163,7 +163,7 @@ function remove() {
   editor.say("Deleted.");
 }
 
-/** Symmetric copies become parts of their own. A mirrored solid is the solid itself turned, except for outlines, whose corners are mirrored. */
+/** Turns symmetric copies into separate parts. A mirrored primitive is a rotated one, except for an outline: its corners are mirrored. */
 function split() {
   const { part } = editor;
   if (!part?.mirror) return;
@@ -208,7 +208,7 @@ function undo(back) {
   editor.say(back ? "Undone." : "Redone.");
 }
 
-/** A step of the arrow keys for the selected part, in the mode of the handles. */
+/** Moves, turns or resizes the selected part by one step of the arrow keys. */
 function nudge(axis, sign, large) {
   const key = `nudge ${editor.mode} ${axis}`, far = large ? 5 : 1;
   editor.editPart(part => {
@@ -245,7 +245,7 @@ async function openFile(file) {
 
 study.onchange = () => editor.show();
 study.onsaved = good => {
-  $("saved").textContent = good ? "Kept in this browser" : "This browser keeps nothing: press Save all before you leave";
+  $("saved").textContent = good ? "Saved in this browser" : "This browser cannot save your work: press Save all before you leave";
 };
 const actions = {
   previous: () => open(study.at - 1), next: () => open(study.at + 1),
@@ -289,7 +289,7 @@ document.addEventListener("visibilitychange", () => document.hidden && study.sav
 addEventListener("storage", event => {
   if (event.key !== study.key) return;
   study.stale = true;
-  editor.complain("This study goes on in another window. Nothing is kept from this one; load it again to go on here.");
+  editor.complain("This study is open in another window. This window no longer saves your work; reload it to continue here.");
 });
 let seconds = 0;
 setInterval(() => {
@@ -325,9 +325,9 @@ addEventListener("keydown", event => {
   act();
 });
 
-if (!views[0].renderer.gl) editor.complain("This browser cannot draw by WebGL; open the page in a current Firefox, Chrome, Edge or Safari.");
+if (!views[0].renderer.gl) editor.complain("This browser cannot draw with WebGL; open the page in a current Firefox, Chrome, Edge or Safari.");
 const restored = study.restore();
 open(study.at);
-if (restored) editor.say("Going on where you left.");
+if (restored) editor.say("Continuing where you left off.");
 else $("about").showModal();
 globalThis.human = { study, editor, views };

@@ -11,7 +11,7 @@ export function recordCamera({ intrinsics: k, extrinsics: e }, scale, [left, top
   };
 }
 
-/** A camera that looks at a target from `turn` about the vertical, counted from +x, down by `tilt`, both in radians. */
+/** A camera that looks at a target: `turn` is its azimuth from +x, `tilt` its elevation, both in radians. */
 export function orbitCamera({ turn, tilt, distance, target }, width, height) {
   const forward = [-Math.cos(tilt) * Math.cos(turn), -Math.cos(tilt) * Math.sin(turn), -Math.sin(tilt)];
   const right = [-Math.sin(turn), Math.cos(turn), 0], focal = 1.75 * Math.min(width, height * 1.15);
@@ -50,7 +50,7 @@ export function alongAxis({ origin, direction }, point, axis) {
 }
 
 const NEAR = 0.05, FAR = 60;
-/** The matrix to clip coordinates of WebGL, column by column, for a canvas of this size. */
+/** The matrix from the record's frame to WebGL's clip coordinates, column by column, for a canvas of this size. */
 export function clipMatrix({ focal, skew, centre, rotation: r, shift }, width, height) {
   const rows = [0, 3, 6].map((at, k) => [r[at], r[at + 1], r[at + 2], shift[k]]), [x, y, z] = rows;
   const mix = (a, b, c) => [0, 1, 2, 3].map(k => a * x[k] + b * y[k] + c * z[k]);

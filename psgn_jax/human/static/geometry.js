@@ -53,7 +53,7 @@ function isEar(polygon, left, at) {
     || area(a, b, polygon[i]) < 0 || area(b, c, polygon[i]) < 0 || area(c, a, polygon[i]) < 0);
 }
 
-/** Triangles of a simple polygon whose corners go round counter-clockwise, by cutting off ears; null if it has none. */
+/** Triangles of a simple polygon with counter-clockwise corners, by ear clipping; null if no ear is found. */
 export function triangulate(polygon) {
   const left = polygon.map((_, i) => i), faces = [];
   while (left.length > 2) {
@@ -67,7 +67,7 @@ export function triangulate(polygon) {
   return faces;
 }
 
-/** Whether two edges of a polygon cross or touch, other than neighbours in their corner. */
+/** Whether two edges of a polygon that are not neighbours cross or touch. */
 export function crossesItself(polygon) {
   const n = polygon.length, ends = i => [polygon[i], polygon[(i + 1) % n]];
   for (let i = 0; i < n; i++) {

@@ -87,7 +87,7 @@ export function handleAt(handles, [x, y], reach) {
     const points = handle.path ?? [handle.at];
     for (let i = 0; i < points.length; i++) {
       const gap = i ? toSegment([x, y], points[i - 1], points[i]) : Math.hypot(x - points[0][0], y - points[0][1]);
-      // The arrows meet in the middle, where the middle itself counts.
+      // All arrows begin at the round handle, which has priority there.
       const far = handle.kind === "move" && i === 0 ? Infinity : handle.kind === "slide" ? gap - 5 : gap;
       if (far < least) { least = far; best = handle; }
     }
@@ -102,7 +102,7 @@ function toSegment([x, y], [ax, ay], [bx, by]) {
 
 // --- drags -----------------------------------------------------------------------------------
 
-/** Begins a drag; returns a function from a pixel to the changed part, or to null where there is none.
+/** Begins a drag; returns a function from a pixel to the changed part, or to null if the pixel gives none.
  *  `grabbed`: the point of the part under the pointer, for "slide" and "lift". */
 export function beginDrag({ model, number, handle, camera, pixel, snap, grabbed }) {
   const part = JSON.parse(JSON.stringify(model.parts[number])), centre = toWorld(model, part.at), axes = axesOf(model);
@@ -154,7 +154,7 @@ function turning({ part }, k, axis, centre, camera, pixel, snap) {
     const facing = sub(rayThrough(camera, [x, y]).origin, centre), way = unit(facing);
     const open = way[0] * axis[0] + way[1] * axis[1] + way[2] * axis[2];
     if (hit && Math.abs(open) > 0.25) return arc(hit, centre, axis);
-    return Math.atan2(to[1] - y, to[0] - x) * (open > 0 ? -1 : 1); // the ring is seen from its edge
+    return Math.atan2(to[1] - y, to[0] - x) * (open > 0 ? -1 : 1); // the ring is seen edge-on
   };
   const start = angleAt(pixel), before = rotation(part.turn);
   return to => {
@@ -189,7 +189,7 @@ function levels(model, number, k) {
   return list;
 }
 
-/** The shift from a value to the nearest level, or 0 if none is near. */
+/** The shift from a value to the nearest level within `near`, or 0. */
 function nearest(value, list, near) {
   let best = 0, least = near;
   for (const level of list) {
@@ -205,5 +205,5 @@ function snapOf(part, model, number, k, near) {
   return shifts.sort((a, b) => Math.abs(a) - Math.abs(b))[0] ?? 0;
 }
 
-/** How far a part is above the ground: its lowest point. */
+/** Height of the lowest point of a part. */
 export const lowestPoint = part => extent(placed(part)).low[2];

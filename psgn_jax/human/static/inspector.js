@@ -62,7 +62,7 @@ export class Inspector {
     for (const button of document.querySelectorAll("[data-mirror]")) button.addEventListener("click", () => editor.toggleMirror(button.dataset.mirror));
   }
 
-  /** Edits while a number is typed or stepped; one step of undo for each stay in the field. */
+  /** Applies a number while it is typed or stepped; these edits are one step of undo until the field is left. */
   number(input, key, change) {
     input.addEventListener("input", () => { if (input.value !== "" && input.checkValidity()) change(+input.value); });
     input.addEventListener("change", () => { this.editor.study.settle(); this.show(true); });
@@ -80,12 +80,12 @@ export class Inspector {
   readCorners() {
     const { editor } = this, corners = $("corners").value.trim().split(/\n+/).map(line => line.trim().split(/[\s,;]+/).map(Number));
     const draft = { ...editor.part, outline: corners };
-    if (partProblem(draft)) editor.complain("These corners are no outline: expected 3 to 64 lines of two numbers from -0.5 to 0.5, counter-clockwise and without crossings.");
+    if (partProblem(draft)) editor.complain("These corners are not an outline; expected 3 to 64 lines of two numbers from -0.5 to 0.5, counter-clockwise and without crossings.");
     else editor.editPart(part => { part.outline = corners; });
     this.show();
   }
 
-  /** Shows the state; `force` also in the field that is being typed in. */
+  /** Shows the state; with `force` also in the field that has the focus. */
   show(force = false) {
     const { editor } = this, { model } = editor.study, { part, selected } = editor;
     this.list(model, selected);

@@ -1,10 +1,10 @@
-// Drawing an outline: points clicked in a plane of the object, then extruded.
+// An outline: points that are clicked in a plane of the object, and then extruded.
 
 import { crossesItself, normalised, signedArea, sub, toObject, toWorld, triangulate } from "./geometry.js";
 import { meetPlane, project, rayThrough } from "./camera.js";
 import { LIMITS } from "./study.js";
 
-/** Normal of the plane -> the two coordinates in it, and the angles that lay the part's z along the normal. */
+/** Plane -> its normal, the two coordinates in it, and the angles that turn the part's z axis to the normal. */
 const PLANES = {
   x: { normal: [1, 0, 0], along: [1, 2], turn: [90, 0, 90] },
   y: { normal: [0, 1, 0], along: [0, 2], turn: [90, 0, 0] },

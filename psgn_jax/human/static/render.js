@@ -1,4 +1,4 @@
-// Draws solids and lines by WebGL. Lines are flat strips, as WebGL's own are one pixel wide.
+// Draws solids and lines with WebGL. Lines are flat strips, because WebGL's own lines are one pixel wide.
 
 import { apply, cross, rotation, sub, toWorld, unit } from "./geometry.js";
 
@@ -29,7 +29,7 @@ void main() {
 const LINE_FRAGMENT = `precision mediump float; varying vec4 c; uniform float alpha;
 void main() { gl_FragColor = vec4(c.rgb, 1.) * c.a * alpha; }`;
 
-/** Triangles of a model, nine numbers a corner: position, normal, colour. */
+/** Triangles of a model, nine numbers per corner: position, normal, colour. */
 export function triangles(meshes) {
   const out = [];
   for (const mesh of meshes) {
@@ -42,7 +42,7 @@ export function triangles(meshes) {
   return new Float32Array(out);
 }
 
-/** Normals of round parts at their corners, so that they look round; null for the others. */
+/** Normals at the corners of a round part, for smooth shading; null for other parts. */
 function smoothNormals({ part, vertices, number }) {
   if (!["sphere", "cylinder", "cone"].includes(part.kind) || number < 0) return null;
   const normals = vertices.map(() => [0, 0, 0]), n = (vertices.length - (part.taper === 0 ? 1 : 0)) / (part.taper === 0 ? 1 : 2);
@@ -63,7 +63,7 @@ function strip(out, a, b, colour, opacity) {
   corner(a, b, 1); corner(b, a, 1); corner(b, a, -1);
 }
 
-/** Strips of the edges of a model, eleven numbers a corner. */
+/** Strips of the edges of a model, eleven numbers per corner. */
 export function edgeStrips(meshes, selected) {
   const out = [];
   for (const { edges, vertices, number } of meshes) {

@@ -1,4 +1,4 @@
-// The models of all cases: edits with undo, the time spent, autosave, the exchanged file.
+// The models of all cases: edits with undo, the time spent, saving in the browser and as a file.
 
 import { KINDS, clamp, crossesItself, signedArea } from "./geometry.js";
 
@@ -29,7 +29,7 @@ export class Study {
   get entry() { return this.entries[this.at]; }
   get model() { return this.entry.model; }
 
-  /** Changes the model. Edits in a row with the same `key` are one step of undo. */
+  /** Changes the model. Consecutive edits with the same `key` are undone in one step. */
   edit(change, key = null) {
     const entry = this.entry, before = JSON.stringify(entry.model);
     change(entry.model);
@@ -44,7 +44,7 @@ export class Study {
     this.changed();
   }
 
-  /** Ends a row of edits. */
+  /** The next edit is a new step of undo. */
   settle() { this.last = null; }
 
   undo() { this.step(this.entry.undo, this.entry.redo); }
@@ -67,10 +67,10 @@ export class Study {
 
   // --- time ------------------------------------------------------------------------------------
 
-  /** The person did something. */
+  /** Notes that the person has done something. */
   touch() { this.active = performance.now(); }
 
-  /** Adds a second to the case that is open, unless nobody has done anything for a minute. */
+  /** Adds seconds to the open case, unless nothing was done for a minute; returns whether it did. */
   tick(seconds) {
     const works = !document.hidden && performance.now() - this.active < 1000 * IDLE;
     if (works) this.entry.seconds += seconds;
@@ -91,7 +91,7 @@ export class Study {
 
   save() {
     clearTimeout(this.waiting);
-    if (this.stale) return; // another window goes on with this study
+    if (this.stale) return; // another window saves this study
     try {
       localStorage.setItem(this.key, JSON.stringify({ ...this.toJSON(), open: this.at }));
       this.onsaved?.(true);
@@ -100,7 +100,7 @@ export class Study {
     }
   }
 
-  /** Goes on where the page was left. */
+  /** Restores what this browser has saved; returns whether there was anything. */
   restore() {
     let text = null;
     try { text = localStorage.getItem(this.key); } catch { return false; }
@@ -113,7 +113,7 @@ export class Study {
     return true;
   }
 
-  /** Replaces all models by those of a file. Throws an `Error` with one sentence if the file is not one of this study. */
+  /** Replaces all models by those of a file. Throws an `Error` with one sentence if the file cannot be used for this study. */
   read(text) {
     let value;
     try { value = JSON.parse(text); } catch { throw new Error("This file is not JSON; expected one that this page has saved."); }
@@ -148,7 +148,7 @@ function modelOf(item, fail) {
   return { turn: item.turn, x: item.x, y: item.y, parts };
 }
 
-/** The first field of a part that is not acceptable, or "". */
+/** The name of the first invalid field of a part, or "". */
 export function partProblem(part) {
   const three = (v, low, high) => Array.isArray(v) && v.length === 3 && v.every(c => finite(c, low, high));
   if (!KINDS.includes(part?.kind)) return "kind";

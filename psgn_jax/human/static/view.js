@@ -8,7 +8,7 @@ import { Renderer, edgeStrips, groundStrips, triangles } from "./render.js";
 const START = { turn: 0.7, tilt: 0.42, distance: 5.2, target: [0, 0, 0.3] };
 const FINGER = 20, MOUSE = 10, STILL = 4;
 
-/** What both views draw, made again where the model or the selection has changed. */
+/** The geometry that both views draw; rebuilt if the model or the selection has changed. */
 export class Scene {
   update(editor) {
     const { study, selected } = editor, stamp = [study.at, study.version, selected].join();
@@ -23,7 +23,7 @@ export class Scene {
 }
 
 export class View {
-  /** `record`: whether it shows the image; `editor`: the state and the actions of the page. */
+  /** `record`: whether the view shows the image; `editor`: the state and the actions of the page. */
   constructor(root, record, editor) {
     Object.assign(this, { root, record, editor, pointers: new Map(), orbit: { ...START }, zoom: 1, pan: [0, 0] });
     this.top = root.querySelector("canvas.top");
@@ -39,7 +39,7 @@ export class View {
     this.editor.redraw();
   }
 
-  /** The camera, for a canvas of `dense` pixels to a CSS pixel. */
+  /** The camera, for a canvas with `dense` pixels per CSS pixel. */
   camera(dense = 1) {
     const { clientWidth: w, clientHeight: h } = this.root;
     if (!this.record) return orbitCamera(this.orbit, w * dense, h * dense);

@@ -1,34 +1,36 @@
 """The auction on a GPU: a Pallas kernel (Triton) that solves one pair of clouds per program.
 
-The algorithm is that of `losses.auction`: Bertsekas' auction with epsilon scaling, whose phases
-keep the pairs that still satisfy epsilon-complementary slackness. Here the whole solve is one
-launch instead of one launch per bid. The coordinates, prices and owners of the objects are in the
-registers of one program (4 warps for 1,024 points, 8 objects per thread). The coordinates of the
-bidders are in the first-level cache. Under `vmap` the batch is an axis of the launch, with one
-program per pair; the programs end independently.
+The algorithm is that of `losses.auction`: Bertsekas' auction with epsilon scaling. A phase keeps
+the pairs of the previous one that still satisfy epsilon-complementary slackness. Here the whole
+solve is one launch instead of several launches per bid. The coordinates, prices and owners of the
+objects are in the registers of one program (4 warps for 1,024 points, 8 objects per thread). The
+coordinates of the bidders are in the first-level cache. Under `vmap` the batch is an axis of the
+launch, with one program per pair; the programs end independently.
 
-A round. Each of K lanes holds one bidder without an object. The tile [K, n] of distances is
-computed from coordinates. Each lane computes the minimum of distance plus price, the first object
-that attains it, and the minimum over all other objects (so an exact tie has margin 0). If several
-lanes chose the same object, the highest bid wins, and among equal bids the lowest lane. Both rules
-are minima and maxima over the same registers; no float is computed twice and compared. An object
-therefore has one winner, and the owners remain a matching. A lane continues with the bidder it
-displaced. If the object was free, the lane takes the next bidder from the list of those still
-without an object in this phase. K decreases from 8 to 2 to 1 as the list runs out: few bidders are
-left at the end of a phase, so most lanes of a wide tile would be idle.
+In a round of bids, each of K lanes holds one bidder without an object. The tile [K, n] of distances
+is computed from coordinates. Each lane computes the minimum of distance plus price, the first
+object that attains it, and the minimum over all other objects (so an exact tie has margin 0). If
+several lanes choose the same object, the highest bid wins; among equal bids, the lowest lane wins.
+Bids are compared in the registers in which they were computed; none is computed a second time for
+the comparison, where it could be rounded differently. An object therefore has exactly one winner,
+and the owners remain a matching. A lane continues with the bidder it displaced. If the object was
+free, the lane takes the next bidder from the list of those still without an object in this phase. K
+decreases from 8 to 2 to 1 as the list runs out: few bidders are left at the end of a phase, so most
+lanes of a wide tile would be idle.
 
 Cost of a round at 1,024 points and 4 warps, from the machine code of Triton 3.6 for sm_90: 2,630
 instructions per warp for K = 8, 641 for K = 2, 340 for K = 1, and 12 to 16 barriers, without spills
 inside the rounds. With one warp per scheduler at most one instruction is issued per cycle. Four
-reductions across the program depend on each other (about 150 cycles each). This gives about 3,400,
-1,500 and 1,100 cycles. Real pairs of 1,024 points at 1 % took, in interpret mode, 2,500 to 3,600
-rounds with K = 8, 300 to 1,400 with K = 2 and 700 to 4,600 with K = 1, in 6 or 7 phases. The sweeps
-of the phases over all distances add 128 steps of 1,900 instructions each. The total is 10 to 18
-million cycles: 6 to 10 ms at 1.75 GHz, for all pairs together if the GPU has as many
-multiprocessors as there are pairs. This is an estimate: the kernel has not been run on a GPU yet.
+reductions across the program depend on each other and take about 150 cycles each. A round therefore
+takes about 3,400, 1,500 and 1,100 cycles for K = 8, 2 and 1. Pairs of 1,024 points at 1 % took, in
+interpret mode, 2,500 to 3,600 rounds with K = 8, 300 to 1,400 with K = 2 and 700 to 4,600 with
+K = 1, in 6 or 7 phases. The passes over all distances at the start of each phase add 128 steps of
+1,900 instructions each. The total is 10 to 18 million cycles, which is 6 to 10 ms at 1.75 GHz. All
+pairs of a batch take this time together if the GPU has at least as many multiprocessors. These are
+estimates: the kernel has not been run on a GPU yet.
 
-The kernel returns a matching and prices. The bijection, the cost and the proven gap come from
-`certificate`, which does not rely on anything that was computed here.
+The kernel returns a matching and prices, from which the module `certificate` computes the
+bijection, its cost and the proven gap. The proof does not depend on how they were computed.
 """
 
 import functools
@@ -46,13 +48,13 @@ from psgn_jax.losses import certificate
 from psgn_jax.losses.kernels.dispatch import varying_like
 from psgn_jax.types import Array
 
-# More points do not fit in the registers: 16 warps with 8 objects per thread.
+# 16 warps with 8 objects per thread; more points do not fit in the registers.
 MAX_POINTS = 4096
 
 _LANES = (8, 2, 1)  # K, in the order of use
 _FACTOR = 5.0  # epsilon is divided by this from phase to phase
 _START = 0.1  # first epsilon, relative to the largest distance
-_SAFETY = 0.85  # the bids aim at this fraction of the tolerance; the rest is for rounding errors
+_SAFETY = 0.85  # the phases aim at this fraction of the tolerance; the rest is for rounding errors
 _FLOOR = 2.0**-20  # smallest epsilon (clouds of extent 1): a few units in the last place of a price
 _RAISES = 16  # after half of the budget epsilon is multiplied by 4, at most this often
 _TINY = 1e-37  # smaller squared distances count as zero
@@ -62,8 +64,7 @@ class Matching(NamedTuple):
     """The owner of each object, and prices that bound the optimum from below.
 
     `owner[j]` is the bidder of object j, or -1 if the budget ran out before it had one. No bidder
-    owns two objects.
-    The optimum is at least sum_i min_j (c_ij + prices_j) - sum_j prices_j.
+    owns two objects. The optimum is at least sum_i min_j (c_ij + prices_j) - sum_j prices_j.
     """
 
     owner: Array
@@ -106,11 +107,10 @@ def _kernel(  # type: ignore[no-untyped-def]
 ) -> None:
     """The program for one pair, described in the module docstring.
 
-    One function: a kernel is traced as a whole and its parts use the same
-    references.
+    One function: a kernel is traced as a whole and its parts use the same references.
     """
-    # object_ref, list_ref and slack_ref are working memory; for Triton, Pallas has no other working
-    # memory than outputs. Masked stores go to the entry after the last one: `nowhere`.
+    # object_ref, list_ref and slack_ref are working memory. They are outputs, because Pallas has no
+    # scratch memory for Triton. Masked stores go to the entry after the last one: `nowhere`.
     size = nowhere = prices_ref.shape[1]
     wide = _LANES[0]
     tolerance, budget = tolerance_ref[0], budget_ref[0]
@@ -135,7 +135,7 @@ def _kernel(  # type: ignore[no-untyped-def]
         return jnp.sum(condition.astype(jnp.int32), dtype=jnp.int32)
 
     def places(condition: Array, axis: int) -> Array:
-        # Target positions that move the chosen entries to the front, in order.
+        # The positions to which the chosen entries are moved: the front of the list, in order.
         place = jnp.cumsum(condition.astype(jnp.int32), axis=axis, dtype=jnp.int32) - 1
         return jnp.where(condition, place, nowhere)
 

@@ -7,13 +7,13 @@ directions is one launch. Under `vmap` the batch is an axis of the launch. Reduc
 order, so equal inputs give equal bits.
 
 Cost. A distance takes 6 instructions per lane (3 differences, 1 product, 2 fused multiply-adds),
-its minimum 1, the update of the chunk number 2. For long clouds the number is stored per group of
-_GROUP chunks (2 / _GROUP instructions), and at the end the winning group, 256 columns per row, is
-computed again. In the machine code of Triton 3.6 for sm_90 the inner loop has 7.8 instructions per
-distance for 16,384 columns and 9.7 for 1,024 columns, without spills: 17.5 per pair of points for
-both directions. An exact search that computes every distance once needs at least 8 (6, and one
-minimum per direction). `tests/bench/kernels.py` uses this as the lower limit. These are estimates:
-the kernel has not been run on a GPU yet.
+its minimum 1, the update of the chunk number 2. For long clouds one number is stored for each group
+of _GROUP chunks (2 / _GROUP instructions); at the end the distances to the group with the minimum
+(256 columns for each row) are computed again. In the machine code of Triton 3.6 for sm_90 the inner
+loop has 7.8 instructions per distance for 16,384 columns and 9.7 for 1,024 columns, without spills:
+17.5 per pair of points for both directions. An exact search that computes every distance once needs
+at least 8 (6 for the distance, and one minimum per direction); `tests/bench/kernels.py` uses 8 as
+the lower bound. The time is not known: the kernel has not been run on a GPU yet.
 """
 
 import functools
@@ -31,7 +31,7 @@ from psgn_jax.types import Array
 # minima and numbers, and 113 to 162 registers in total. Triton requires powers of two.
 _ROWS = 32
 _COLS = 64
-_GROUP = 4  # chunks of columns per number, if the other cloud has at least _LONG points
+_GROUP = 4  # chunks of columns that share a stored number if there are at least _LONG columns
 _LONG = 4096
 _WARPS = 4
 _LAST = np.iinfo(np.int32).max
@@ -62,8 +62,9 @@ def _kernel(rows_ref, cols_ref, distance_ref, index_ref, *, groups: int, group: 
     if group == 1:
         where = where * _COLS + lanes
     else:
-        # Compute the first group with the minimum again, to find the column. The minimum is also
-        # computed again: a comparison with the old value would fail if rounding differed here.
+        # Compute the distances to the first group with the minimum again, to find the column. The
+        # minimum is also computed again, because a new distance may be rounded differently and then
+        # differ from the old minimum.
         least = jnp.min(best, axis=1)[:, None]
         first = jnp.min(jnp.where(best == least, where, groups - 1), axis=1)[:, None]
         best, where = start
@@ -78,16 +79,16 @@ def _kernel(rows_ref, cols_ref, distance_ref, index_ref, *, groups: int, group: 
 
 
 def _planes(points: Array, multiple: int) -> Array:
-    # Pads with copies of the last point. They tie with it, and the lowest index wins a tie, so no
-    # padded point is ever chosen.
+    # Pads with copies of the last point. They tie with the last point, and the lowest index wins a
+    # tie, so no padded point is ever chosen.
     return jnp.pad(points, ((0, -len(points) % multiple), (0, 0)), mode="edge").T
 
 
 def nearest(rows: Array, cols: Array, *, interpret: bool = False) -> tuple[Array, Array]:
     """Squared distance and index of the nearest point of `cols` [m, 3] for each of `rows` [n, 3].
 
-    Among points at equal distance the lowest index is returned. With a NaN the affected rows are
-    undefined, but the kernel terminates.
+    Among points at equal distance the lowest index is returned. If coordinates are NaN, the results
+    of the affected rows are undefined, but the kernel terminates.
     """
     n, m = len(rows), len(cols)
     group = _GROUP if m >= _LONG else 1

@@ -2,13 +2,13 @@
 
 The environment variable `PSGN_KERNELS` decides:
 
-- `auto` (default): do not use them; on a GPU this is logged once. They have not been tested on a
-  GPU yet (`tests/bench/gpu.py --parts b` does it).
-- `on`: use the kernels in everything that is lowered for CUDA.
-- `off`: never use them.
+- `auto` (default): do not use the kernels, because they have not been tested on a GPU yet
+  (`tests/bench/gpu.py --parts b` tests them). On a GPU this choice is logged once.
+- `on`: use the kernels in functions that are lowered for CUDA.
+- `off`: never use the kernels.
 
-The plain XLA path works on every platform. It is also used for what is lowered for another platform
-in the same process.
+The plain XLA path works on every platform. With `on`, functions that are lowered for other
+platforms use it too.
 """
 
 import functools
@@ -43,7 +43,7 @@ def use_kernels(force: bool | None = None) -> bool:
 
 @functools.cache
 def _say_plain() -> None:
-    logging.info("losses take the plain XLA path; %s=on takes the Pallas kernels", _VARIABLE)
+    logging.info("losses use the plain XLA path; %s=on selects the Pallas kernels", _VARIABLE)
 
 
 def select(kernel: Callable, plain: Callable, *arguments: Array) -> Any:

@@ -62,7 +62,7 @@ const findObject = guarded(async () => {
   say("Looking for the object", true);
   await new Promise(resolve => setTimeout(resolve)); // the photo is drawn first
   let mask = photo.alpha?.map(a => +(a > 127)) ?? null, how = "from its transparency";
-  if (mask && !mask.includes(1)) throw new PhotoError("This image is transparent all over; expected an object.");
+  if (mask && !mask.includes(1)) throw new PhotoError("This image is fully transparent; expected an object.");
   if (!mask) {
     mask = plain(photo);
     how = "on a plain background";
@@ -76,7 +76,7 @@ const findObject = guarded(async () => {
   if (photo !== editor.photo) return;
   if (!mask) {
     forgetClouds();
-    say("No object was found: paint over it with Snap.");
+    say("No object was found: paint over the object with Snap.");
     return;
   }
   state.how = how;
@@ -139,10 +139,10 @@ function showCloud() {
   $("sample").max = state.clouds.length - 1;
   $("sample").value = state.sample;
   $("which").textContent = `${state.sample + 1} of ${state.clouds.length}`;
-  $("size").textContent = `Proportions: ${extent(cloud.points)}. Points that the photo does not show have their neighbours' colours here, grey in the files.`;
+  $("size").textContent = `Proportions: ${extent(cloud.points)}. Points that the photo does not show have their neighbours' colours here and are grey in the files.`;
 }
 
-/** Colours for the viewer: a point that the photo does not show gets that of the nearest visible one. */
+/** Colours for the viewer: a point that the photo does not show gets the colour of the nearest visible point. */
 function withNeighboursColours({ points, colours }) {
   const shown = colours.slice(), seen = [];
   const grey = i => colours[i] === 150 && colours[i + 1] === 150 && colours[i + 2] === 150;
@@ -164,7 +164,7 @@ function extent(points) {
   points.forEach((v, i) => { low[i % 3] = Math.min(low[i % 3], v); high[i % 3] = Math.max(high[i % 3], v); });
   const [deep, wide, tall] = high.map((v, k) => v - low[k]), unit = Math.max(deep, wide, tall) || 1;
   const part = v => (v / unit).toFixed(2);
-  return `width ${part(wide)}, depth ${part(deep)}, height ${part(tall)} of the longest`;
+  return `width ${part(wide)}, depth ${part(deep)}, height ${part(tall)} of the longest side`;
 }
 
 function forgetClouds() {
@@ -214,7 +214,7 @@ addEventListener("drop", event => {
   depth = 0;
   dragging(false);
   if (event.dataTransfer.files.length) take(event.dataTransfer.files);
-  else complain(new PhotoError("What was dropped is not a file; save the picture first, then drop it."));
+  else complain(new PhotoError("What you dropped is not a file; save the picture first, then drop the file."));
 });
 addEventListener("paste", event => take(event.clipboardData?.files));
 for (const button of document.querySelectorAll("[data-example]")) {

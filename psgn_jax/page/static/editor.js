@@ -1,4 +1,4 @@
-// The photo with its mask: strokes that snap to edges, brush, fill; by pointer, finger or keys.
+// The photo with its mask, and the tools Snap, Brush and Fill for pointer, finger and keys.
 
 import { HINT, region } from "./segment.js";
 
@@ -52,7 +52,7 @@ export class Editor {
     return true;
   }
 
-  /** Replaces the mask; strokes are forgotten. */
+  /** Replaces the mask and discards the strokes. */
   replace(mask) {
     this.remember();
     this.mask = mask;

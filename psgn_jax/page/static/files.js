@@ -1,4 +1,4 @@
-// Clouds as files, the same as psgn_jax.prediction.export writes.
+// Clouds as files, equal to those that psgn_jax.prediction.export writes.
 
 const FRAME = "frame: right-handed, +z up, +y image right, +x to the camera; unit: bounding hemisphere";
 

@@ -1,11 +1,11 @@
 // Minimum cuts on a grid of pixels with eight neighbours each: Boykov and Kolmogorov, "An
 // Experimental Comparison of Min-Cut/Max-Flow Algorithms" (PAMI 2004). Two trees grow from source
-// and sink until they touch; the flow along the path between them is subtracted from its capacities.
+// and sink until they touch; the flow along the path between them is subtracted from the capacities.
 
 const FREE = 0, SOURCE = 1, SINK = 2;
 const NONE = -1, TERMINAL = 8, ORPHAN = 9; // in place of a direction to the parent
 
-/** Directions to the neighbours in a grid of this width; the opposite of d is 7 - d. */
+/** Offsets of the eight neighbours of a cell in a grid of this width; the opposite of direction d is 7 - d. */
 export const directions = width => [-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1];
 
 /**
@@ -37,7 +37,7 @@ export function cut(width, height, capacity, terminal) {
     distance[i] = 1;
     activate(i);
   }
-  // Capacity that is left on the way from `i`, in its tree, outward to its neighbour.
+  // Residual capacity between `i` and its neighbour, in the direction in which the tree of `i` grows.
   const outward = (i, d) => tree[i] === SOURCE ? capacity[d][i] : capacity[7 - d][i + step[d]];
 
   function grow(i) { // returns the direction to a neighbour in the other tree, or NONE
@@ -95,7 +95,7 @@ export function cut(width, height, capacity, terminal) {
     if (!(terminal[at] < 0)) orphan(at);
   }
 
-  function originDistance(start) { // steps to the terminal, or Infinity if the path ends before it
+  function originDistance(start) { // steps to the terminal, or Infinity if the path does not reach it
     let at = start, steps = 0;
     for (;;) {
       if (stamp[at] === time) { steps += distance[at]; break; }

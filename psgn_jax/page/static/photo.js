@@ -1,10 +1,10 @@
-// Photos from files: checked before they are decoded, upright, reduced to a size that a phone can
-// work with. Every refusal is one sentence.
+// Reads photos: checks a file before decoding it, turns the photo upright and reduces it to a size
+// that a phone can process. Error messages are for the visitor.
 
 import { PhotoError } from "./framing.js";
 
 const MAX_BYTES = 80e6, MAX_PIXELS = 100e6, MIN_SIDE = 16;
-/** A longer side is reduced below this. */
+/** Larger photos are reduced until their longer side has this many pixels. */
 export const MAX_SIDE = 1600;
 
 const text = (bytes, from, to) => String.fromCharCode(...bytes.subarray(from, to));
@@ -60,12 +60,12 @@ function jpegSize(view) {
   return null;
 }
 
-/** Reads a photo: { rgb, alpha, width, height, bitmap }; alpha is null where all is opaque. */
+/** Reads a photo: { rgb, alpha, width, height, bitmap }; alpha is null if the photo is opaque. */
 export async function readPhoto(file) {
   if (!file.size) throw new PhotoError("This file is empty.");
   if (file.size > MAX_BYTES) throw new PhotoError(`This file has ${Math.round(file.size / 1e6)} MB; up to ${MAX_BYTES / 1e6} MB can be read.`);
   const bytes = new Uint8Array(await file.arrayBuffer()), format = formatOf(bytes);
-  if (format === "svg") throw new PhotoError("SVG drawings cannot be used; save it as PNG or JPEG first.");
+  if (format === "svg") throw new PhotoError("SVG drawings cannot be used; save the drawing as PNG or JPEG first.");
   if (!format) throw new PhotoError("This file is not an image; expected a photo such as JPEG, PNG or WebP.");
   const size = sizeOf(bytes, format);
   if (size && size[0] * size[1] > MAX_PIXELS) {
@@ -75,7 +75,7 @@ export async function readPhoto(file) {
   let bitmap = await decode(blob, format);
   const { width, height } = bitmap, longest = Math.max(width, height);
   if (Math.min(width, height) < MIN_SIDE) {
-    throw new PhotoError(`This image has ${width} x ${height} pixels; at least ${MIN_SIDE} a side are needed.`);
+    throw new PhotoError(`This image has ${width} x ${height} pixels; at least ${MIN_SIDE} per side are needed.`);
   }
   if (longest > MAX_SIDE) {
     const scale = MAX_SIDE / longest;
@@ -91,8 +91,8 @@ async function decode(blob, format) {
   try {
     return await createImageBitmap(blob, { imageOrientation: "from-image" });
   } catch {
-    if (format === "heic") throw new PhotoError("This browser cannot read HEIC photos; save it as JPEG first (on an iPhone: Settings, Camera, Formats, Most Compatible).");
-    if (format === "tiff" || format === "avif") throw new PhotoError(`This browser cannot read ${format.toUpperCase()} images; save it as JPEG or PNG first.`);
+    if (format === "heic") throw new PhotoError("This browser cannot read HEIC photos; save the photo as JPEG first (on an iPhone: Settings, Camera, Formats, Most Compatible).");
+    if (format === "tiff" || format === "avif") throw new PhotoError(`This browser cannot read ${format.toUpperCase()} images; save the image as JPEG or PNG first.`);
     throw new PhotoError("This image is damaged and cannot be decoded.");
   }
 }

@@ -4,12 +4,12 @@
 import { reduce, resize } from "./resample.js";
 import { cut, directions } from "./maxflow.js";
 
-const SEARCH_SIDE = 512; // `plain` looks at a copy of at most this many pixels a side
-const CUT_SIDE = 280; // GrabCut works on a copy of at most this many
+const SEARCH_SIDE = 512; // `plain` works on a copy of at most this many pixels per side
+const CUT_SIDE = 280; // the same for GrabCut
 const SMALLEST = 0.0005, LARGEST = 0.97; // share of the photo that an object may cover
 const COMPONENTS = 5, ROUNDS = 5, GAMMA = 50, BAND = 0.03, LEAST = 0.02;
 
-/** Hints to GrabCut, a byte a pixel. */
+/** Hints to GrabCut, one byte per pixel. */
 export const HINT = { maybeBack: 0, maybeObject: 1, back: 2, object: 3 };
 
 function small(photo, side) {
@@ -38,7 +38,7 @@ function quantile(sorted, q) {
   return sorted[low] + (at - low) * ((sorted[low + 1] ?? sorted[low]) - sorted[low]);
 }
 
-/** The pixels that differ from a background of one colour, or null: as psgn_jax.data.masks.plain. */
+/** The pixels that differ from a background of one colour, or null if there is none; as psgn_jax.data.masks.plain. */
 export function plain(photo) {
   const { rgb, width, height } = photo, border = [];
   for (let x = 0; x < width; x++) border.push(x, (height - 1) * width + x);
@@ -88,7 +88,7 @@ function connected(passable, starts, width, height) {
   return reached;
 }
 
-/** The connected region of about the colour at column x, row y. */
+/** The connected region around column x, row y whose colours differ by at most `tolerance` from the colour there. */
 export function region(photo, x, y, tolerance) {
   const { rgb, width, height } = photo, start = y * width + x;
   const passable = new Uint8Array(width * height);
@@ -100,7 +100,7 @@ export function region(photo, x, y, tolerance) {
   return connected(passable, [start], width, height);
 }
 
-/** Hints without strokes: a band along the border is background, the rest may be object. */
+/** Hints without strokes: a band along the border is background, all other pixels may be object. */
 export function bandHints(width, height) {
   const hints = new Uint8Array(width * height).fill(HINT.maybeObject);
   const down = Math.max(1, Math.round(BAND * height)), across = Math.max(1, Math.round(BAND * width));
@@ -115,7 +115,7 @@ export function bandHints(width, height) {
 // --- mixtures of Gaussians in RGB ------------------------------------------------------------------
 
 class Mixture {
-  /** Fits `COMPONENTS` Gaussians to the pixels listed, which start with the labels given. */
+  /** Fits a Gaussian to the listed pixels of each label from 0 to `COMPONENTS` - 1. */
   constructor(rgb, pixels, labels) {
     this.parts = [];
     for (let k = 0; k < COMPONENTS; k++) {
@@ -157,7 +157,7 @@ class Mixture {
   }
 }
 
-/** Labels by k-means; centres start at the pixel nearest to the mean, then at the farthest ones. */
+/** Labels by k-means. The first centre starts at the mean, each further one at the pixel farthest from all previous centres. */
 function clusters(rgb, pixels) {
   const far = (i, [r, g, b]) => (rgb[3 * i] - r) ** 2 + (rgb[3 * i + 1] - g) ** 2 + (rgb[3 * i + 2] - b) ** 2;
   const mean = list => [0, 1, 2].map(c => list.reduce((sum, i) => sum + rgb[3 * i + c], 0) / list.length);
@@ -185,7 +185,7 @@ function clusters(rgb, pixels) {
   return labels;
 }
 
-/** Mixture of the given pixels; `before` is that of the previous round, which labels them. */
+/** Mixture of the given pixels, labelled by the mixture `before` of the previous round, or by k-means. */
 function fit(rgb, pixels, before) {
   const labels = before ? Uint8Array.from(pixels, i => before.cost(rgb, i).part) : clusters(rgb, pixels);
   return new Mixture(rgb, pixels, labels);
@@ -193,7 +193,7 @@ function fit(rgb, pixels, before) {
 
 // --- GrabCut -----------------------------------------------------------------------------------
 
-/** The mask that GrabCut finds, or null where one side has no pixel. Deterministic. */
+/** The mask that GrabCut finds, or null if no pixel is left for the object or the background. Deterministic. */
 export function grabCut(photo, hints) {
   const copy = small(photo, CUT_SIDE), { rgb, width, height } = copy, count = width * height;
   const given = smallHints(hints, photo, copy);
@@ -231,7 +231,7 @@ export function grabCut(photo, hints) {
 
 function smallHints(hints, photo, copy) {
   if (copy === photo) return hints;
-  // A reduced pixel gets the strongest hint of its pixels; object before background.
+  // A reduced pixel gets the strongest hint of its pixels; object is stronger than background.
   const rank = [0, 1, 2, 3], factor = Math.ceil(Math.max(photo.width, photo.height) / CUT_SIDE);
   const out = new Uint8Array(copy.width * copy.height), votes = new Int32Array(out.length);
   for (let y = 0; y < photo.height; y++) {

@@ -10,7 +10,7 @@ for (let n = 2, found = 0; found < 64; n++) {
   ROUNDS[found++] = bits(Math.cbrt(n));
 }
 
-/** The digest of bytes as a hexadecimal text. */
+/** The digest of bytes as hexadecimal digits. */
 export function sha256(bytes) {
   const length = bytes.length, padded = new Uint8Array((Math.floor((length + 8) / 64) + 1) * 64);
   padded.set(bytes);

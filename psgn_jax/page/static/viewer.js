@@ -1,5 +1,5 @@
-// A cloud as lit balls on a canvas: turned by pointer, finger or arrow keys, zoomed by wheel, pinch
-// or + and -.
+// Draws a cloud as shaded spheres on a canvas. Pointer, finger and arrow keys rotate it; wheel, pinch,
+// + and - zoom.
 
 const START = { turn: 0, tilt: 20 * Math.PI / 180, zoom: 1 };
 const SPRITE = 48, BALL = 0.024, SHADOW = 8; // the shadow is drawn at an eighth of the size
@@ -131,7 +131,7 @@ export class Viewer {
     context.globalAlpha = 1;
   }
 
-  /** Half of the height of the cloud, and the distance of the farthest point from that middle. */
+  /** Half the height of the cloud, and the largest distance of a point from (0, 0, that height). */
   extent() {
     const { points } = this.cloud;
     let top = 0, radius = 0;

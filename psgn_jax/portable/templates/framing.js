@@ -1,18 +1,18 @@
-// The position of an object in the image for a network, and the frame of its points: the rule of
-// psgn_jax.data.framing, with the same results. Photos are { rgb, width, height }, three bytes a
-// pixel; masks are Uint8Array with 1 on the object.
+// Frames photos for a network and normalises its points, with the same results as the Python module
+// psgn_jax.data.framing. Photos are { rgb, width, height }, with three bytes per pixel; masks are
+// Uint8Array with 1 on the object. `about` is the content of network.json.
 
 import { areaAverage, reduce, resize } from "./resample.js";
 
 /** An error whose message is for the user. */
 export class PhotoError extends Error {}
 
-/** Whether width x height has the proportions of other, but for a pixel or 1 %. */
+/** Whether width x height has the proportions of the other size, up to one pixel or 1 %. */
 export function sameProportions(width, height, otherWidth, otherHeight) {
   return Math.abs(width * otherHeight / otherWidth - height) <= Math.max(1, 0.01 * height);
 }
 
-/** Whether a photo is framed as those of the training: 4:3, on their grey all around. */
+/** Whether a photo is framed like the training images: 4:3, with their grey along its border. */
 export function isFramed(photo, about) {
   const { rgb, width, height } = photo, [viewHeight, viewWidth] = about.view_size;
   if (!sameProportions(width, height, viewWidth, viewHeight)) return false;
@@ -44,7 +44,7 @@ export function boxOf(mask, width, height) {
   return [top, bottom, left, right];
 }
 
-/** Scale and shift that put a box in its place: column, row go to scale * (column, row) + shift. */
+/** Scale and shift that place a box by the rule: (column, row) becomes scale * (column, row) + shift. */
 export function ruleMove([top, bottom, left, right], rule) {
   const wide = right - left, high = bottom - top, power = rule.box_power;
   const scale = ((wide / rule.box_width) ** power + (high / rule.box_height) ** power) ** (-1 / power);
@@ -55,7 +55,10 @@ export function ruleMove([top, bottom, left, right], rule) {
   };
 }
 
-/** What the network sees of a photo, in 192x256 pixels: { rgb, mask, toView, placed }. */
+/**
+ * The framed view of a photo, 192x256 pixels: { rgb, mask, toView, placed }. `toView` maps photo
+ * pixels to view pixels; `placed` is false if the photo was framed already.
+ */
 export function place(photo, mask, about) {
   const { width, height } = photo, [viewHeight, viewWidth] = about.view_size;
   const box = boxOf(mask, width, height), placed = !isFramed(photo, about);
@@ -63,12 +66,12 @@ export function place(photo, mask, about) {
   if (placed) {
     const wide = box[3] - box[2], high = box[1] - box[0], least = about.framing.smallest_box;
     if (Math.max(wide, high) < least) {
-      throw new PhotoError(`The object is ${wide} x ${high} pixels; it has to have ${least} or more.`);
+      throw new PhotoError(`The object is ${wide} x ${high} pixels; its longer side must have at least ${least}.`);
     }
     move = ruleMove(box, about.framing);
   }
   const view = moveImage(photo, mask, move, viewWidth, viewHeight, about.background);
-  if (!view.mask.includes(1)) throw new PhotoError("The object is too thin: nothing of it is left at the network's size.");
+  if (!view.mask.includes(1)) throw new PhotoError("The object is too thin: no pixel of it remains at the network's size.");
   return { ...view, toView: move, placed };
 }
 
@@ -77,7 +80,7 @@ function moveImage(photo, mask, move, outWidth, outHeight, grey) {
   const low = [0, 1].map(i => -move.shift[i] * factor[i]);
   const high = [outWidth, outHeight].map((size, i) => (size - move.shift[i]) * factor[i]);
   const first = low.map(Math.floor), last = high.map(Math.ceil);
-  // Only pixels on the mask have a weight. Four channels: colour times mask, and the mask.
+  // Only pixels on the mask count. Four channels: colour times mask, and the mask.
   const width = last[0] - first[0], height = last[1] - first[1];
   if (width * height > 2e8) throw new PhotoError("The object is too large and too thin to be framed.");
   const region = new Uint8Array(4 * width * height);
@@ -107,7 +110,7 @@ function moveImage(photo, mask, move, outWidth, outHeight, grey) {
   return { rgb, mask: inside };
 }
 
-/** A view at the size of the network: { image, mask }, for its inputs of those names. */
+/** A view at the network's image size: { image, mask }, for its inputs with these names. */
 export function networkInputs(view, about) {
   const [height, width] = about.view_size, [outHeight, outWidth] = about.image_size;
   if (outHeight === height && outWidth === width) return { image: view.rgb, mask: view.mask };
@@ -127,7 +130,7 @@ export function networkInputs(view, about) {
   };
 }
 
-/** Clouds in normal form, { points, scale, shift }: on the ground, z = 0, with radius 1. */
+/** A cloud in normal form, { points, scale, shift }: lowest point at z = 0, radius 1. */
 export function normalForm(points) {
   const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
   for (let i = 0; i < points.length; i++) {
@@ -145,7 +148,7 @@ export function normalForm(points) {
 
 const RADIUS = 0.04, DEPTH_TOLERANCE = 0.08, UNSEEN = 150;
 
-/** Colours of the points that the view shows, three bytes each; grey for the others. */
+/** Colours of the points that are visible in the view, three bytes each; grey for the others. */
 export function coloursFromView(points, view, about) {
   const [height, width] = about.view_size, { intrinsics: k, extrinsics: e } = about.camera;
   const count = points.length / 3, colours = new Uint8Array(3 * count).fill(UNSEEN);

@@ -1,10 +1,11 @@
-// Resizing of images in bytes, equal to Pillow's to the last bit: `resize` (bilinear with
-// antialiasing) and `reduce` (averages of blocks). Images are row by row, `channels` bytes a pixel.
+// Resizes 8-bit images with exactly the results of Pillow: `resize` (bilinear with antialiasing) and
+// `reduce` (averages of blocks). Images are stored row by row, with `channels` bytes per pixel.
 
-const PRECISION = 22; // bits after the point in Pillow's weights of 8-bit images
+const PRECISION = 22; // fractional bits of Pillow's weights for 8-bit images
 
 function weights(size, first, last, outSize) {
-  // First pixel and integer weights of every output pixel; `first`, `last` are float32 in Pillow.
+  // First input pixel and integer weights of every output pixel. Pillow stores `first` and `last` as
+  // float32.
   first = Math.fround(first);
   last = Math.fround(last);
   const scale = Math.fround(last - first) / outSize, spread = Math.max(scale, 1);
@@ -27,7 +28,7 @@ function weights(size, first, last, outSize) {
 
 const byte = sum => Math.min(255, Math.max(0, sum >> PRECISION));
 
-/** Resizes to outWidth x outHeight what lies within `box` = [left, top, right, bottom]. */
+/** Resizes the region `box` = [left, top, right, bottom] to outWidth x outHeight. */
 export function resize(data, width, height, channels, outWidth, outHeight, box) {
   box = box || [0, 0, width, height];
   const across = weights(width, box[0], box[2], outWidth);
@@ -61,7 +62,7 @@ export function resize(data, width, height, channels, outWidth, outHeight, box) 
   return out;
 }
 
-/** Averages blocks of `across` x `down` pixels; those at the right and bottom may be smaller. */
+/** Averages blocks of `across` x `down` pixels; blocks at the right and bottom may be smaller. */
 export function reduce(data, width, height, channels, across, down) {
   const outWidth = Math.ceil(width / across), outHeight = Math.ceil(height / down);
   const out = new Uint8Array(outWidth * outHeight * channels);
@@ -85,7 +86,7 @@ export function reduce(data, width, height, channels, across, down) {
   return { data: out, width: outWidth, height: outHeight };
 }
 
-/** Averages over the areas of the new pixels, for any sizes; numbers, not bytes. */
+/** Averages over the areas of the output pixels, for any sizes; returns floats, not bytes. */
 export function areaAverage(data, width, height, channels, outWidth, outHeight) {
   const cover = (size, outSize) => Array.from({ length: outSize }, (_, i) => {
     const low = i * size / outSize, high = (i + 1) * size / outSize, taps = [];

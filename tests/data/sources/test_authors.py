@@ -25,7 +25,7 @@ def test_own_batch_file(authors_file, make):
     assert (entry.sample.image[~entry.sample.mask] == schema.BACKGROUND_GREY).all()
     assert entry.sample.model_id == content["names"].decode().split("\n")[3]
     found = dataset_view.check(entry.sample)
-    assert found.inside == 1.0  # each point made its own pixel
+    assert found.inside == 1.0  # each point was drawn as a pixel of the mask
     assert found.depth_median < 0.02  # a pixel's centre is up to half a pixel from its point
     assert abs(found.lowest) < 0.006  # stands on the ground, up to the 8-bit lattice
     # Nothing is lost in a record.
@@ -39,7 +39,7 @@ def test_own_batch_file(authors_file, make):
 
 
 def test_points_follow_the_reference(make):
-    """The authors' target p, computed as they do, in the project's axes."""
+    """The authors' target p, computed by their formula, on the project's axes."""
     content = make.content(2)
     rotation, codes = content["rotation"][0].astype(np.float64), content["points"][0]
     b = np.deg2rad(20)
@@ -69,7 +69,7 @@ def hostile_files(make):
         "bomb": (zlib.compress(bytes(400_000_000), 1), "inflates to more"),
         "few_names": (zlib.compress(good[:-200], 1), "names of models"),
         "binary_names": (zlib.compress(good[:-2] + b"\xff\xff", 1), "not ASCII"),
-        "no_rotation": (zlib.compress(make.content_bytes(turned), 1), "rotation is not one"),
+        "no_rotation": (zlib.compress(make.content_bytes(turned), 1), "a matrix is not a rotation"),
         "nan": (zlib.compress(make.content_bytes(not_finite), 1), "not finite"),
     }
 
@@ -84,7 +84,7 @@ def test_hostile_files_are_refused_in_bounded_memory(make, tmp_path):
             authors.read_batch(path)
         assert str(path) in str(error.value), name
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - authors_memory
-    assert grown < 100_000  # kB; the bomb holds 400 MB
+    assert grown < 100_000  # kB; the bomb inflates to 400 MB
 
 
 def test_conversion_leaves_out_bad_files_and_reports(make, authors_file, tmp_path, capsys):
@@ -206,7 +206,7 @@ def test_a_full_disk_ends_a_conversion_that_goes_on_when_there_is_room(
 
 
 def test_conversion_after_a_source_was_removed(authors_file, tmp_path, monkeypatch):
-    """Groups shift: the shard of the second file must not be taken for one of the first."""
+    """The groups shift: the second file's shard must not be reused as the first file's."""
     source, target = tmp_path / "src", tmp_path / "dst"
     source.mkdir()
     for i in range(3):
@@ -236,7 +236,7 @@ def test_conversion_refuses_wrong_folders(dataset, tmp_path, authors_file, capsy
 
 
 def test_real_batches(authors_batches):
-    """Measured on 1,504 samples: 94.7 % inside, 97.5 % of the samples have 99 % near."""
+    """All 1,504 samples: 94.7 % of the points inside; 99 % near in 97.5 % of the samples."""
     checks, sizes = [], []
     for name in ("15.gz", "3.gz"):
         for number, entry in enumerate(authors.read_batch(authors_batches / name)):

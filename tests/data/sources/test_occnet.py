@@ -41,7 +41,7 @@ def test_frame_and_normals(samples):
         normals = sample.normals @ to_shapenet.T
         axis = np.abs(normals).argmax(axis=1)
         assert np.abs(normals)[np.arange(len(axis)), axis].min() > 0.999
-        # Outward: the top of the object, in the project's frame, has normals up.
+        # Normals point outward: at the top of the object they point up.
         top = sample.points[:, 2] > sample.points[:, 2].max() - 1e-4
         assert (sample.normals[top, 2] > 0.99).mean() > 0.9
 

@@ -26,7 +26,7 @@ def samples(tmp_path_factory):
 
 
 def drawn(sample):
-    """Where the sample's points fall, by the sample's own camera."""
+    """The pixels that the sample's points project to."""
     pixels, _ = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
     column, row = np.floor(pixels.T).astype(int)
     mask = np.zeros(sample.mask.shape, bool)
@@ -40,7 +40,7 @@ def test_points_project_onto_the_published_pictures(samples):
         truth = trees.silhouette(view)
         np.testing.assert_array_equal(sample.mask, truth)
         got = drawn(sample)
-        # Half a voxel is 1.5 to 2.5 pixels.
+        # The overlap is not higher, because half a voxel is 1.5 to 2.5 pixels.
         assert (got & truth).sum() / (got | truth).sum() > 0.8
         assert sample.category == "chair"
         assert sample.points.shape == (16384, 3)
@@ -67,7 +67,7 @@ def test_frame_is_the_projects(samples):
 
 
 def test_points_lie_on_the_voxels(samples):
-    """In the grid's own indices: on a whole number along an axis, between full and empty."""
+    """Each point has an integer index along one axis, between an occupied and an empty cell."""
     cells, matrix = shapenet.grid_of_extra(samples[1].extra)
     linear, moved = matrix[:, :3], matrix[:, 3]
     index = (samples[1].points - moved) @ np.linalg.inv(linear).T
@@ -114,7 +114,7 @@ def test_surface_points_are_uniform(rng):
 
 def test_thin_parts_stay():
     cells = np.zeros((64, 64, 64), bool)
-    cells[:, 32, 32] = True  # a quarter of a cell of the target
+    cells[:, 32, 32] = True  # a quarter of a target cell in section
     solid = shapenet.Solid(cells, np.array([-1.0, -1, 0]), 1 / 32)
     placement = shapenet.Placement(np.zeros(3), 1.0)
     got = shapenet.turned_occupancy(solid, placement, np.eye(3))

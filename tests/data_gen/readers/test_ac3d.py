@@ -23,7 +23,7 @@ def test_objects_stand_where_their_parents_put_them(tmp_path):
     arrays, _ = read(write(tmp_path / "a.ac", group))
     corners = arrays["vertices"][arrays["faces"]].reshape(3, 12, 3, 3)
     low, high = corners.min(axis=(1, 2)), corners.max(axis=(1, 2))
-    # Turned first and moved then, and both handed on by objects that have faces of their own.
+    # Rotation before translation; children inherit both, also from objects with faces.
     np.testing.assert_allclose(low, [[109, 0, 0], [109, 0, 5], [100, 7, 0]], atol=1e-6)
     np.testing.assert_allclose(high - low, 1, atol=1e-6)
     outward = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] -
@@ -47,7 +47,7 @@ def test_materials_textures_and_their_coordinates(tmp_path):
     plain = obj(points=square, faces=face, mat=1, lines=["loc 0 0 1"])
     other = obj(points=square, faces=face, lines=["loc 0 0 2", 'texture "gone.png"'])
     arrays, notes = read(write(tmp_path / "a.ac", textured, plain, other))
-    assert len(arrays["faces"]) == 6  # the back of the two-sided one is no face of its own
+    assert len(arrays["faces"]) == 6  # a two-sided surface has no separate faces for its back
     one, two, three = (arrays["materials"][arrays["face_material"][k]] for k in (0, 2, 4))
     assert one.texture is not None
     assert one.texture[0, 0].tolist() == [255] * 4
@@ -84,7 +84,7 @@ def test_each_object_has_its_crease_angle(tmp_path):
 @needs_assimp
 def test_catalogue(tmp_path):
     (tmp_path / "Boote").mkdir()
-    # Longest along -x, highest along y.
+    # Extents of 3 along x (the front is -x), 2 along y (up) and 1 along z.
     points = [(-3 * x, 2 * y, z) for x, y, z in CUBE]
     faces = [s[::-1] for s in SIDES]
     write(tmp_path / "Boote" / "Kähne.AC", obj(points=points, faces=faces))
@@ -148,7 +148,7 @@ def test_every_torn_file_is_refused():
 def test_faces_are_counted_before_they_are_read():
     with pytest.raises(UnusableModelError, match="limit of 20"):
         read_outline(good().encode(), max_faces=20)
-    # What looks like a statement in an object's free text is none.
+    # Text in the data of an object is not read as a statement.
     free = good().replace('name "été"', "data 16\nkids 7\nkids 70\n ", 1)
     assert len(read_outline(free.encode())) == 3
 
@@ -182,7 +182,7 @@ def test_without_assimp_the_catalogue_says_what_to_install(tmp_path, monkeypatch
 
 
 def flat(size=1.0, tilt=0.3):
-    """A square that leans."""
+    """A tilted square."""
     points = [(x * size, y * size, tilt * y * size) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
     return obj(points=points, faces=[(0, 1, 2, 3)])
 
@@ -207,10 +207,12 @@ def test_non_objects_are_refused_with_a_reason(tmp_path):
         except UnusableModelError as error:
             reasons[entry.model_id.removeprefix("Aircraft/")] = str(error)
     assert reasons == {
-        "RedLight10.ac": "no object: a light or smoke, by its name ('light') and its 12 faces",
-        "billboard.ac": "no object: it is flat, a billboard or a decal",
+        "RedLight10.ac": "no object: its name ('light') and its 12 faces are those of a light or "
+        "smoke",
+        "billboard.ac": "no object: it is flat, like a billboard or a decal",
         "lighthouse.ac": "",
-        "strobe-2.ac": "no object: a light or smoke, by its name ('strobe') and its 12 faces",
+        "strobe-2.ac": "no object: its name ('strobe') and its 12 faces are those of a light or "
+        "smoke",
         "street-light.ac": "",
     }
     everything = open_catalogue("ac3d", tmp_path, leave_out=(), objects_only=False)

@@ -179,7 +179,7 @@ def test_nested_brackets_are_refused_by_name(write, name, content):
 
 
 def test_a_material_that_is_none_is_refused(tmp_path):
-    """A file that is read, but whose material cannot be."""
+    """The file is readable, but its material is not."""
     trimesh = pytest.importorskip("trimesh")
     mesh = trimesh.creation.box()
     material = trimesh.visual.material.PBRMaterial(roughnessFactor=0.5)

@@ -43,7 +43,7 @@ def test_links_that_lead_out_are_not_followed(write, tmp_path):
     (tmp_path / "root" / "b.obj").symlink_to(write("b.obj", CUBE + FACES))
     with pytest.raises(UnusableModelError, match=r"'b.obj' is a link that leads out of the"):
         load_model("b.obj", FolderFiles(tmp_path / "root"))
-    # A file that the caller names may be a link, and so may the root.
+    # The file that the caller names and the root may be links.
     assert load_model(tmp_path / "root" / "b.obj").model_id == "b.obj"
     (tmp_path / "link").symlink_to(tmp_path / "root")
     assert load_model("a.obj", FolderFiles(tmp_path / "link")).materials[1].texture is not None

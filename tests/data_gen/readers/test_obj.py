@@ -1,4 +1,4 @@
-"""The OBJ reader; its arrays against a plain reading, line by line."""
+"""The OBJ reader, compared with a simple reader that reads line by line."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_negative_indices_count_from_where_they_stand(write):
 
 
 def test_a_concave_polygon_is_not_filled(write):
-    # An L of area 3 in a square of area 4, started at every corner.
+    # An L of area 3 in a square of area 4, with each corner as the first one.
     outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
     for start in range(6):
         turned = outline[start:] + outline[:start]
@@ -219,7 +219,7 @@ def random_obj(seed, forms, end="\n"):
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_arrays_are_those_of_a_reading_line_by_line(write, monkeypatch, forms, end):
     monkeypatch.setattr(obj, "triangles", fans)
-    for seed, size in enumerate([1 << 22, 900, 64]):  # blocks end anywhere between lines
+    for seed, size in enumerate([1 << 22, 900, 64]):  # sizes of blocks, which end between lines
         monkeypatch.setattr(_blocks, "__defaults__", (size,))
         text = random_obj(seed, forms, end)
         positions, uv, normals = plain_obj(text)
@@ -233,7 +233,7 @@ def test_arrays_are_those_of_a_reading_line_by_line(write, monkeypatch, forms, e
 
 
 def fans(counts, corners, vertices):
-    """As `polygons.triangles`, every polygon as a fan."""
+    """Like `polygons.triangles`, but with a fan for every polygon."""
     start = np.cumsum(counts) - counts
     pairs = [(s, k) for s, n in zip(start, counts, strict=True) for k in range(1, n - 1)]
     polygon = np.repeat(np.arange(len(counts)), counts - 2)
@@ -292,4 +292,6 @@ def test_textures_are_not_decoded_without_end(write, monkeypatch):
     faces = "".join(f"usemtl {i}\n{FACES}" for i in range(len(names)))
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{faces}"))
     assert [m.texture is not None for m in model.materials] == [True] * 3 + [False] * 3
-    assert "more textures than a model may have; plain colours are used instead" in model.warnings
+    assert "the model has too many textures; plain colours are used for some of them" in (
+        model.warnings
+    )

@@ -23,7 +23,7 @@ def test_textures_are_reduced():
 
 
 def huge_png(side):
-    """A PNG that says it has side x side pixels, of some kilobytes."""
+    """A PNG of some kilobytes whose header states side x side pixels."""
 
     def chunk(kind, body):
         return (

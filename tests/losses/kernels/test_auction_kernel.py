@@ -1,4 +1,4 @@
-"""The auction's kernel, interpreted on a CPU and lowered for CUDA; no GPU is needed."""
+"""The Pallas kernel of the auction, interpreted on a CPU and lowered for CUDA, without a GPU."""
 
 import functools
 
@@ -56,11 +56,11 @@ def check(a, b, found, tolerance=TOLERANCE):
     dual = (cost + prices).min(axis=1).sum() - prices.sum()
     assert dual <= best * (1 + 1e-9)
     assert value <= (1 + tolerance) * best + 1e-6
-    # The prices that are returned prove it.
+    # The returned prices prove that the cost is within the tolerance.
     assert value - dual <= tolerance * dual + 1e-6
 
 
-# 100 is no power of two.
+# 100 points, because the kernel pads sizes that are not a power of two.
 @pytest.mark.parametrize("kind", ["near", "far", "init", "dup", "grid", "equal"])
 def test_within_the_tolerance(rng, kind):
     for _ in range(3):
@@ -98,7 +98,7 @@ def test_a_spent_budget_leaves_a_matching(rng, budget):
     owner = np.asarray(found.owner)
     has = owner >= 0
     assert len(set(owner[has])) == has.sum()
-    # A round is not cut: the lanes of the last one all bid.
+    # In the last round all lanes still bid, which may exceed the budget.
     assert found.bids < budget + 8
     if budget == 0:
         np.testing.assert_array_equal(owner, np.arange(100))
@@ -111,7 +111,7 @@ def test_no_tolerance_ends(rng):
 
 
 def test_nan_ends(rng):
-    # The caller replaces what is not finite; should one come through, it must not hang.
+    # The caller replaces non-finite coordinates, but the kernel must terminate even with a NaN.
     a, b = clouds(rng, 33, "far")
     a[3, 1] = np.nan
     assert solve(a, b, TOLERANCE, 2000).bids < 2008

@@ -1,4 +1,4 @@
-"""The kernel of the nearest neighbours, interpreted on a CPU and lowered for CUDA."""
+"""The Pallas kernel of the nearest neighbours, interpreted on a CPU and lowered for CUDA."""
 
 import functools
 
@@ -14,13 +14,13 @@ from psgn_jax.losses.kernels import chamfer as chamfer_kernel
 from psgn_jax.losses.kernels import dispatch
 
 search = jax.jit(functools.partial(chamfer_kernel.search, interpret=True))
-# On both sides of the tiles, and with one cloud long enough for groups of chunks.
+# Sizes just below and above those of the tiles, and a cloud long enough for groups of chunks.
 SIZES = [(1, 1), (1, 70), (31, 33), (100, 65), (40, chamfer_kernel._LONG + 1)]
 
 
 @pytest.fixture
 def interpreted(monkeypatch):
-    """The losses as on a GPU, with the kernel interpreted in place of compiled."""
+    """The losses use the kernel as on a GPU, but interpreted instead of compiled."""
     jax.clear_caches()
     monkeypatch.setenv("PSGN_KERNELS", "on")
     monkeypatch.setattr(chamfer, "select", lambda kernel, plain, *arrays: search(*arrays))

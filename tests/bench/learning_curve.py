@@ -1,0 +1,65 @@
+"""Draws the metrics of evaluations against the number of training samples seen.
+
+    python tests/bench/learning_curve.py --out docs/learning_curve.png RUN [RUN ...]
+
+Every `RUN` is the folder of a run, or a folder with its `config.json` and `metrics.jsonl`. Each run
+continues the previous one (`train.init`). The number of samples seen is that of all previous runs
+plus step times batch size. Metrics are those of the averaged parameters on the validation split.
+"""
+
+import argparse
+import io
+import json
+import pathlib
+import sys
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+from psgn_jax.files import write_atomic
+
+METRICS = {"cd_sq_radius2": "CD squared [radius$^2$]", "emd_radius": "EMD [radius]"}
+
+
+def evaluations(run):
+    """Samples per step, number of steps, and the evaluations of a run as (step, metrics)."""
+    config = json.loads((run / "config.json").read_text(encoding="utf-8"))
+    rows = {}
+    for line in (run / "metrics.jsonl").read_text(encoding="utf-8").splitlines():
+        row = json.loads(line)
+        if row["kind"] == "eval":
+            rows[row["step"]] = row
+    return config["train"]["batch_size"], config["train"]["steps"], sorted(rows.items())
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("runs", nargs="+", type=pathlib.Path, metavar="RUN")
+    parser.add_argument("--out", type=pathlib.Path, required=True, help="the picture, *.png")
+    arguments = parser.parse_args()
+    figure, axes = plt.subplots(1, len(METRICS), figsize=(8, 3), dpi=110, layout="constrained")
+    seen = 0
+    for number, run in enumerate(arguments.runs, 1):
+        batch, steps, rows = evaluations(run)
+        samples = [(seen + batch * step) / 1000 for step, _ in rows]
+        for axis, metric in zip(axes, METRICS, strict=True):
+            values = [row.get(metric) for _, row in rows]
+            axis.plot(samples, values, ".-", label=f"run {number}, {steps:,} steps")
+        for at, (step, row) in zip(samples, rows, strict=True):
+            shown = ", ".join(f"{m} {row[m]:.5f}" for m in METRICS if m in row)
+            print(f"run {number}, step {step}, {at:.1f} thousand samples: {shown}")
+        seen += batch * steps
+    for axis, label in zip(axes, METRICS.values(), strict=True):
+        axis.set(xlabel="training samples seen [thousands]", ylabel=label, ylim=(0, None))
+        axis.grid(alpha=0.3)
+    axes[0].legend()
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png")
+    write_atomic(arguments.out, stream.getvalue())
+
+
+if __name__ == "__main__":
+    main()
