@@ -13,8 +13,8 @@ The study trains on the same records, with the same images:
 
 It then measures on the test split (the evaluation split if there is none), per category:
 
-- IoU of 32^3 solid volumes: of the head, and of 3D-R2N2 with 1, 3 and 5 views. Thresholds are
-  chosen on the evaluation split;
+- IoU of 32^3 solid volumes: of the heads (that with all three inputs is compared with 3D-R2N2),
+  and of 3D-R2N2 with 1, 3 and 5 views. Thresholds are chosen on the evaluation split;
 - CD and EMD of 1,024 points by the paper's protocol: predicted and true volumes of 3D-R2N2 are
   converted to clouds by farthest point sampling, here from 4,096 points on the surface of the
   occupied cells (**ours**: the paper does not state which points of a volume are sampled). The
@@ -97,7 +97,7 @@ class Size(NamedTuple):
       image_size: (height, width).
       model: fields of `ModelConfig` of the point networks.
       num_points: true points per sample and step when training with the CD.
-      batch: batch size of the point networks and the volume network, and of the heads and 3D-R2N2.
+      batch: two batch sizes: (point and volume networks, heads and 3D-R2N2).
       learning_rate: learning rate; that of the heads is five times as large.
       steps: steps of the runs cd, emd and volume, and of each head.
       widths: widths of the heads.

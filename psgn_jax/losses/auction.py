@@ -166,7 +166,7 @@ def _solve(
 ) -> tuple[Array, Array, Array, Array]:
     """Runs the phases for one pair; returns index, prices, bids and gap.
 
-    One function: all parts of the loop use the problem, the budget and the
+    Deliberately one function: all parts of the loop use the problem, the budget and the
     schedule.
     """
     n = len(a)
