@@ -7,8 +7,9 @@ with the preset `photo`, whose cameras, light and surroundings vary more. The ph
 disturbed by `data.photo_effects`: noise, blur, JPEG compression, and masks that are eroded or
 dilated, ragged, and sometimes incomplete. Images of both sets are placed by the rule for photos,
 and predicted and true clouds are compared in normal form, as `psgn predict` writes clouds of
-photos. The command prints the metrics of both sets and the ratio of the aligned CD. The rendered
-sets stay in `--work`; a second call continues or reuses them.
+photos. The command prints the metrics of both sets, those of the plain set with the same
+disturbances, and the ratio of the aligned CD. The rendered sets stay in `--work`; a second call
+continues or reuses them.
 """
 
 import argparse
@@ -81,7 +82,7 @@ def samples_of(folder):
 
 
 def disturbed(folder):
-    """The samples of a photo-like set, with disturbed masks and grey outside of them."""
+    """The samples of a set, disturbed, with grey outside the mask."""
     for i, sample in enumerate(samples_of(folder)):
         image, mask = disturb(sample.image, sample.mask, np.random.default_rng([0, i]), EFFECTS)
         yield dataclasses.replace(sample, image=image, mask=mask)
@@ -119,9 +120,10 @@ def main():
     logging.set_verbosity(logging.INFO)
     folders = render(arguments.packages, arguments.work, arguments.views, arguments.workers)
     predictor = Predictor.from_weights(arguments.weights)
-    rows = {"plain": [], "photo-like": []}
+    rows = {"plain": [], "plain, disturbed": [], "photo-like": []}
     for plain, photo in zip(folders["authors"], folders["photo"], strict=True):
         rows["plain"].append(measure(predictor, samples_of(plain)))
+        rows["plain, disturbed"].append(measure(predictor, disturbed(plain)))
         rows["photo-like"].append(measure(predictor, disturbed(photo)))
     print("| set | source | images | " + " | ".join(METRICS) + " |")
     print("|" + "---|" * (3 + len(METRICS)))
