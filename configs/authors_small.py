@@ -1,10 +1,9 @@
-"""A two-branch network on half-size images of the authors' batches; 40 minutes on two CPU cores.
+"""A two-branch network on half-size images of the authors' batches, for two CPU cores.
 
 Command: python -m psgn_jax.convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small
-Hardware: two CPU cores (5.2 M parameters; about .45 s per step).
-Time: the 40 minutes are an estimate. `authors_small_cd.py` took 28 minutes, and a step takes 1.5
-times as long.
+Hardware: two CPU cores (5.2 M parameters).
+Time: not measured; a step takes 1.5 times as long as one of `authors_small_cd.py`.
 Expect: cd_sq_radius2 of .0106 and emd_radius of .132 on the validation split, at the last step.
 
 The loss is the EMD to 1,024 of the true points plus five times the CD to all of them. The points of

@@ -7,8 +7,8 @@ Hardware: a GPU; two CPU cores with --config.voxels.widths='(8,8,8,8,8)' and a s
 Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
 
-The records must contain solid volumes. To add a predicted volume as an input, train
-`configs/voxels_volume.py` and pass --config.voxels.from_volume=runs/voxels_volume.
+The records must contain occupancy grids. To add the predicted size of the object as an input,
+train `configs/voxels_volume.py` and pass --config.voxels.from_volume=runs/voxels_volume.
 """
 
 import ml_collections

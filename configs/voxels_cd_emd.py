@@ -1,4 +1,4 @@
-"""The paper's best voxel post-processing: clouds of a CD and an EMD network, and a volume.
+"""The paper's best voxel post-processing: two clouds and the size of the object.
 
 Command: python -m psgn_jax.main --config=configs/voxels_cd_emd.py --config.data.path=RECORDS
              --config.voxels.from_cd=runs/cd --config.voxels.from_emd=runs/emd
@@ -7,7 +7,8 @@ Hardware: a GPU.
 Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
 
-To leave out the predicted volume: --config.voxels.from_volume="".
+The clouds are those of a network trained with the CD and of one trained with the EMD. To leave out
+the predicted size of the object: --config.voxels.from_volume="".
 """
 
 import ml_collections

@@ -1,9 +1,11 @@
-"""The network that predicts the volume of an object, an input of the voxel post-processing.
+"""The network that predicts the size of the object (its log-volume, one number).
 
 Command: python -m psgn_jax.main --config=configs/voxels_volume.py --config.data.path=RECORDS
 Hardware: a GPU.
 Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
+
+Its prediction is an input of the voxel post-processing (`voxels_cd_emd.py`).
 """
 
 import ml_collections

@@ -54,7 +54,7 @@ def _of_this_machine(context: Context) -> Context:
 def _render(job: str, entry: bytes, context: bytes) -> tuple[dict[str, Any], bytes, str]:
     """Renders a model once in this thread's rendering process.
 
-    Returns the model's line, its `results.pack_result`, and the address of the worker.
+    Returns the model's line, the bytes of `results.pack_result`, and the address of the worker.
     """
     import distributed
 

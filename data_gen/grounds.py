@@ -125,7 +125,7 @@ def _tone(rng: np.random.Generator, low: float, high: float, saturation: float) 
 
 
 def _grain(rng: np.random.Generator, colour: np.ndarray) -> np.ndarray:
-    """Wood with the grain along the columns."""
+    """Wood with horizontal grain."""
     size = (_TEXELS, _TEXELS)
     broad = noise(rng, size, slope=1.8, stretch=(1, 14))
     rings = np.sin(broad * rng.uniform(4, 12) + 2 * noise(rng, size, slope=1.5, stretch=(1, 30)))
@@ -151,7 +151,7 @@ def _cells(rng: np.random.Generator, rows: int, columns: int, stagger: bool) -> 
 def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, float]:
     """A texture, its side length, and its gloss.
 
-    One function: a branch for each kind of ground.
+    Deliberately one function: a branch for each kind of ground.
     """
     size = (_TEXELS, _TEXELS)
     white = rng.standard_normal((*size, 1)).astype(np.float32)

@@ -171,7 +171,7 @@ def build_model(
 ) -> Model:
     """Cleans raw arrays and makes a `Model` from them.
 
-    One function: each step relies on the cleaning of the steps before it.
+    Deliberately one function: each step relies on the cleaning of the steps before it.
 
     Faces with indices out of range, faces without area, faces of fully transparent materials and
     unused vertices are removed. Corner normals that are missing, zero or not finite are computed by

@@ -14,7 +14,7 @@ def path_trace(
 ) -> Float[np.ndarray, "h w 4"]:
     """Premultiplied colours with shadows and interreflection, and opacity.
 
-    One function: the description of a scene for Mitsuba, from top to bottom.
+    Deliberately one function: the description of a scene for Mitsuba, from top to bottom.
 
     Each material becomes a material of Mitsuba. Mitsuba therefore compiles every scene, which takes
     some seconds per model.

@@ -28,13 +28,14 @@ ATTEMPTS = 2
 
 A second attempt is made because the model may not be the cause."""
 
-# Number of processes that may end before they are ready; then the cause is not a model.
+# After this many processes have ended before they were ready, rendering is given up: no model can
+# be the cause.
 _FAILED_STARTS = 3
 _SECONDS_TO_START = 300.0
 
 
 class Result(NamedTuple):
-    """The result of one model: its number, its line in the report, its `results.pack_result`."""
+    """The result of one model: its number, its line in the report, the bytes of `pack_result`."""
 
     number: int
     line: dict[str, Any]
@@ -67,7 +68,7 @@ class Renderer:
         self._ended = False
 
     def render(self, entry: Entry) -> tuple[dict[str, Any], bytes]:
-        """Renders a model once; returns its line and its `results.pack_result`.
+        """Renders a model once; returns its line and the bytes of `results.pack_result`.
 
         The status of the line is one of those of `render_model.render_model`, "error", or
         "crashed", "timeout" or "memory" if the process has ended.

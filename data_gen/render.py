@@ -116,7 +116,7 @@ def _config_first(argv: list[str]) -> list[str]:
         path = file.partition("=")[2].partition(":")[0]
         if not pathlib.Path(path).is_file():
             raise ValueError(f"{file}: there is no such file")
-    # As the flag's default, a wrong setting would raise an error at import.
+    # If this file were the flag's default, a wrong setting would raise an error at import.
     return [argv[0], *(files or [f"--config={_DEFAULT}"]), *rest]
 
 

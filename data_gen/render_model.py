@@ -63,7 +63,8 @@ class _Laps:
 def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str, Any]]:
     """All samples of a model as records, and its line in `models.jsonl`.
 
-    One function: the steps from mesh to records in order, each with its time in the report.
+    Deliberately one function: the steps from mesh to records in order, each with its time in the
+    report.
 
     The `status` of the line is "ok", or "refused" with a `reason`; a refused model has no samples.
     """

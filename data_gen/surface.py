@@ -38,13 +38,14 @@ _COINCIDENT = 1e-4
 
 _PARALLEL = float(np.cos(np.radians(2.0)))
 
-# Cells along an edge of the grid for the search of faces near a point, and its largest number of
-# entries.
+# Cells along an edge of the grid for the search of faces near a point.
 _BINS = 32
 
-# Step of the quantised direction of a face's plane, by which faces are looked up as well.
+# Faces are looked up by grid cell and by the direction of their plane. This is the number of steps
+# of each component of the quantised direction.
 _DIRECTIONS = 10
 
+# Largest number of entries of the grid. With more, a coarser grid is used.
 _MAX_BINNED = 3_000_000
 
 

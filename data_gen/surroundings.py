@@ -61,7 +61,7 @@ def noise(
       rng: the random generator.
       size: (H, W).
       slope: 0 = white noise; larger = smoother.
-      stretch: factors by which structures are stretched along rows and columns.
+      stretch: factors by which structures are stretched vertically and horizontally.
     """
     rows = np.fft.fftfreq(size[0])[:, None] * size[0] * stretch[0]
     columns = np.fft.rfftfreq(size[1])[None] * size[1] * stretch[1]
@@ -150,7 +150,7 @@ def outdoors(
 def room(rng: np.random.Generator) -> Surroundings:
     """A room with windows, lamps, doors, pictures and furniture along its walls.
 
-    One function: the order of the random numbers defines the room.
+    Deliberately one function: the order of the random numbers defines the room.
     """
     size = lights.DETAIL
     half = (float(rng.uniform(5, 12)), float(rng.uniform(5, 12)))

@@ -11,8 +11,8 @@ from data_gen.mesh import Model, UnusableModelError, row_dots
 from psgn_jax.data import schema
 
 # Number of small cells along the edge of a cell of the grid. With an even number, a cell would
-# already count as half full if the surface is a quarter (of two small cells) or an eighth (of four)
-# of the cell before its middle. Flat objects would then be too thick.
+# count as half full before the surface reaches its middle: a quarter of the cell too early with two
+# small cells, an eighth with four. Flat objects would then be too thick.
 _FINE = 3
 
 # Tolerance at the border of a triangle, in small cells. It is much larger than the rounding of
@@ -149,8 +149,8 @@ def mark_surface(
     unmarked cell to the centre of an unmarked neighbour therefore never crosses the surface,
     whatever the shape of the triangles. (This also holds for a segment in the plane of a triangle:
     if it enters a closed surface, it also touches the border of a triangle that is not parallel to
-    it.) Rounding does not invalidate the proof: neither cell would be marked only if it moved an
-    intersection by half a cell, and it is much smaller.
+    it.) Rounding does not invalidate the proof: to leave both cells unmarked, it would have to move
+    an intersection by half a cell; rounding errors are much smaller.
 
     Args:
       corners: positions, in units of the edge of a cell; the grid spans [0, size] on each axis.

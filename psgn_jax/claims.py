@@ -70,7 +70,8 @@ def _join(path: pathlib.Path, count: int) -> int:
         descriptor = _open_locked(path, fcntl.LOCK_SH, wait=True)
     else:
         _write(descriptor, f"{count}\n")
-        # The change to a shared lock is not atomic: another process may hold it for a moment.
+        # Between releasing the exclusive lock and taking the shared one, another process may take
+        # the exclusive lock; `flock` waits for it.
         fcntl.flock(descriptor, fcntl.LOCK_SH)
     said = _read(path)
     if said != str(count):

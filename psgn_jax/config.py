@@ -121,7 +121,7 @@ class LossConfig:
       kl_weight: with `model.posterior`: weight of the Kullback-Leibler divergence from the prior,
         in the unit of the loss per nat. The variational bound has weight 1 if the loss is -log p of
         the truth, and 2 sigma^2 if the loss is a sum of squared distances, where sigma is the
-        assumed standard deviation of the points.
+        assumed standard deviation of each coordinate of a point.
       kl_warmup_steps: number of first steps over which the weight grows linearly from 0.
     """
 
@@ -143,7 +143,7 @@ class OptimConfig:
       learning_rate: the peak; the authors' value is 3e-5.
       schedule: after the warm-up, constant, or half a cosine down to `final_fraction` of the peak.
       warmup_steps: number of steps of a linear warm-up from 0.
-      final_fraction: learning rate at the last step over the peak (cosine only).
+      final_fraction: ratio of the learning rate at the last step to the peak (cosine only).
       b1: Adam's decay rate of the mean gradient.
       b2: Adam's decay rate of the mean squared gradient.
       eps: Adam's epsilon.
@@ -375,7 +375,11 @@ def _check_together(config: Config) -> None:
         if model.deconv_channels % 3:
             raise wrong("model.deconv_channels", model.deconv_channels, "a multiple of 3")
     if model.random_at == "fc" and not model.fc_points:
-        raise wrong("model.random_at", "fc", "'bottleneck', as model.fc_points=0: no fc branch")
+        raise wrong(
+            "model.random_at",
+            "fc",
+            "'bottleneck', because there is no fc branch (model.fc_points=0)",
+        )
     if config.loss.min_of_n > 1 and not model.random_size:
         raise wrong(
             "loss.min_of_n",

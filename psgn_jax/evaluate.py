@@ -62,7 +62,8 @@ if __name__ == "__main__":
     flags.DEFINE_integer(
         "draws",
         0,
-        "Number of samples per image for the additional metrics; 0 = none.",
+        "Number of predictions per image, to measure also their best and mean distance; needs a "
+        "network with a random input; 0 = off.",
         lower_bound=0,
     )
     flags.DEFINE_enum(

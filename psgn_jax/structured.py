@@ -55,7 +55,7 @@ class Bounds:
 
 
 LARGEST_INT = 2**31 - 1
-"""Largest integer in a configuration, because integers are int32 on devices."""
+"""Largest count in a configuration, because counts are int32 on devices."""
 
 Count = Annotated[int, Bounds(low=0, high=LARGEST_INT)]
 PositiveInt = Annotated[int, Bounds(low=1, high=LARGEST_INT)]

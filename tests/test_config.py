@@ -68,7 +68,7 @@ WRONG = [
     ({"model": {"random_at": "fcc"}}, "model.random_at='fcc': did you mean 'fc'?"),
     (
         {"model": {"random_at": "fc", "fc_points": 0}},
-        "model.random_at='fc': accepted: 'bottleneck', as model.fc_points=0",
+        "model.random_at='fc': accepted: 'bottleneck', because there is no fc branch",
     ),
     ({"loss": {"kl_weight": -1}}, "loss.kl_weight=-1: accepted: a number >= 0"),
     ({"optim": {"warmup_steps": 9}, "train": {"steps": 9}}, "fewer than train.steps=9"),

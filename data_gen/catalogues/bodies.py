@@ -61,7 +61,7 @@ AEROFOIL = np.array(
     [(1, 0.04), (0.8, 0.4), (0.55, 0.78), (0.3, 1), (0.12, 0.8), (0.03, 0.42), (0, 0),
      (0.03, -0.3), (0.12, -0.5), (0.3, -0.6), (0.55, -0.45), (0.8, -0.2)]
 )  # fmt: skip
-"""Distance behind the leading edge over the chord, and height over the thickness."""
+"""Distance behind the leading edge / chord, and height / thickness."""
 
 
 def wing(
@@ -71,8 +71,8 @@ def wing(
 
     Args:
       sections: rows of x, y, z of the leading edge and the chord; an optional fifth number is the
-        thickness over the chord there, in place of `thickness`.
-      thickness: thickness over the chord.
+        thickness / chord there, in place of `thickness`.
+      thickness: thickness / chord.
       steps: number of sections for each interval; with 2 or more the outline is smooth.
       fin: whether the thickness is along y (and symmetrical) instead of along z.
     """

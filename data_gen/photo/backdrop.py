@@ -23,7 +23,7 @@ def backdrop(
 ) -> Float[np.ndarray, "h w 3"]:
     """The image of ground and surroundings without the object but with its shadow.
 
-    One function: each step handles pixels that the earlier steps have not set.
+    Deliberately one function: each step handles pixels that the earlier steps have not set.
 
     Args:
       light: light of the scene.

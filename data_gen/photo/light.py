@@ -136,7 +136,7 @@ class Light:
     ) -> None:
         """Prepares rays and tables.
 
-        One function: each table is computed from those before it, and the order of
+        Deliberately one function: each table is computed from those before it, and the order of
         the random numbers is fixed.
 
         Args:

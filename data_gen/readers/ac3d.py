@@ -1,8 +1,8 @@
 """Reader of AC3D files (`.ac`), the models of flight and racing simulators.
 
 Assimp reads surfaces, materials and textures. Only functions of its C interface that exchange plain
-bytes are called, so that no layout of its structures is assumed: the input is the file in memory,
-the output is assimp's JSON.
+bytes are called, so that of its structures only the first two fields of the export blob are
+assumed: the input is the file in memory, the output is assimp's JSON.
 
 Before that, this module reads the hierarchy of the file (objects, positions, counts), for two
 reasons. First, the counts are bounded and compared with the contents before any C++ code reads the
@@ -107,7 +107,7 @@ def read_outline(
 ) -> list[Object]:
     """The objects of a file in order. All counts in the file are compared with its contents.
 
-    One function: a branch for each statement of the format.
+    Deliberately one function: a branch for each statement of the format.
 
     Some exporters count objects that they do not write. If `notes` is given, such a file is
     accepted with a warning, provided that its last object is complete and fewer objects are missing
@@ -301,7 +301,7 @@ def read_ac3d(
 ) -> dict[str, Any]:
     """Arrays of an AC3D file for `mesh.build_model`; a reader for `readers.load.load_model`.
 
-    One function: it walks assimp's nodes and the objects of the file together.
+    Deliberately one function: it walks assimp's nodes and the objects of the file together.
 
     Raises:
       UnusableModelError: this is not an AC3D file, it is truncated, too large or empty, or assimp

@@ -269,7 +269,7 @@ def assemble(
 ) -> dict[str, Any]:
     """Arrays of an actor and all attached actors, for `mesh.build_model`.
 
-    One function: it walks the tree of parts with the state of all parents.
+    Deliberately one function: it walks the tree of parts with the state of all parents.
 
     The axes are right-handed: x to the left, y up, z to the front.
 

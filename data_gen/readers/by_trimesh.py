@@ -188,7 +188,7 @@ def _read(
 ) -> dict[str, Any]:
     """Implements `read_trimesh`; it may raise any exception.
 
-    One function: one pass over the meshes of a scene with their materials.
+    Deliberately one function: one pass over the meshes of a scene with their materials.
     """
     import trimesh
 

@@ -185,7 +185,7 @@ def read_obj(
 ) -> dict[str, Any]:
     """Arrays of an OBJ file for `mesh.build_model`.
 
-    One function: one pass over the blocks of the file, with counts that continue from
+    Deliberately one function: one pass over the blocks of the file, with counts that continue from
     block to block.
     """
     columns = {_V: 3, _VT: 2, _VN: 3}
@@ -202,7 +202,8 @@ def read_obj(
     total = broken = 0
     for block in _blocks(data):
         lines = _Lines(block)
-        # Materials of the faces of the block; before its first `usemtl` the previous one.
+        # The material of each face of the block. Faces before its first `usemtl` have the last
+        # material of the previous block.
         changes, owners_here = [-1], [owner]
         for index in np.flatnonzero(lines.kind == _OTHER):
             words = lines.text(index).split(None, 1)

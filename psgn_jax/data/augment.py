@@ -79,7 +79,7 @@ def _extend(view: View, rows: tuple[int, int], columns: tuple[int, int]) -> np.n
 
 
 def _margins(first: float, last: float, size: int) -> tuple[int, int]:
-    """Pixels missing before and after an axis to interpolate at coordinates `first` to `last`."""
+    """How many pixels to add before and after an axis to interpolate it from `first` to `last`."""
     return max(0, math.ceil(1 - first)), max(0, math.ceil(last + 1 - size))
 
 
@@ -301,10 +301,12 @@ def reframe(
         height, width = view.mask.shape
         top, bottom, left, right_edge = framing.box_of(view.mask)
         scale = float(np.exp(scale_deviation * size))
-        # The scale keeps the middle of the box where the first move puts it; the shift moves it.
+        # The scale leaves the middle of the box where the first move puts it. Only the shift moves
+        # it from there.
         column = first.scale * (left + right_edge) / 2 + first.right
         row = first.scale * (top + bottom) / 2 + first.down
-        # The height of the view in columns of this array, whose pixels need not be square.
+        # The shift is a fraction of the view's height. This is that height, measured in columns of
+        # this array, whose pixels need not be square.
         across = framing.VIEW_SIZE[0] / framing.VIEW_SIZE[1] * width
         move = first.then(
             framing.Move(

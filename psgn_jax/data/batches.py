@@ -141,7 +141,7 @@ def _subset(rng: np.random.Generator, available: int, wanted: int) -> np.ndarray
 
 
 class Models:
-    """The records of a split that are views of the same model.
+    """Finds, for each record of a split, the other records of the same model.
 
     Every record is read once, in a millisecond or two, because the manifest does not name models.
     """

@@ -2,8 +2,8 @@
 
 A file, a model or a view of a model that cannot be read is reported and left out; with `strict` it
 stops the conversion. A conversion that is started again keeps the complete shards and continues
-after them. Shards from which something was left out are converted again. A complete conversion is
-not changed.
+after them. Shards from which something was left out are converted again. If nothing was left out
+and the source is the same, nothing changes.
 """
 
 import contextlib
@@ -183,8 +183,8 @@ def _convert_claimed(
     strict: bool,
 ) -> tuple[Manifest, list[str]]:
     """As `_convert`; no other process converts to the folder meanwhile."""
-    # A finished shard is kept if this conversion would give it the same number and inputs. With
-    # another number, another group of inputs could overwrite it.
+    # A finished shard is kept if this conversion would give it the same number and inputs. If its
+    # group had another number now, the group that has its old number would overwrite its file.
     done: dict[tuple[int, tuple[str, ...]], list[Shard]] = {}
     if (destination / MANIFEST).exists():
         previous = load_manifest(destination, allow_incomplete=True)
@@ -205,7 +205,8 @@ def _convert_claimed(
             f"DST {str(destination)!r}: not empty and not a data set; give an empty folder"
         )
     else:
-        # Written before the first shard: after a kill it shows that the folder is a conversion's.
+        # The manifest is written before the first shard, so that after a kill the folder is
+        # recognised as an unfinished conversion.
         save_manifest(destination, Manifest(kind, False, ()))
     remove_temporaries(destination)
 

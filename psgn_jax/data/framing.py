@@ -149,8 +149,8 @@ def rule_move_within(mask: np.ndarray) -> Move | None:
       mask: bool [h, w]; its rows and columns correspond to 192 and 256.
 
     Returns:
-      The move in pixels of the array; None if the object has fewer than `SMALLEST_BOX` pixels or
-      its size would change by more than `LARGEST_CHANGE`.
+      The move in pixels of the array; None if the longer side of the object's box is below
+      `SMALLEST_BOX` pixels or its size would change by more than `LARGEST_CHANGE`.
     """
     if not mask.any():
         return None
@@ -296,7 +296,8 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> View:
         wide, high = right - left, bottom - top
         if max(wide, high) < SMALLEST_BOX:
             raise PhotoError(
-                f"the object is {wide}x{high} pixels: accepted: {SMALLEST_BOX} or more"
+                f"the object is {wide}x{high} pixels: accepted: a longer side of {SMALLEST_BOX} or "
+                "more"
             )
         to_view = rule_move((top, bottom, left, right)).matrix()
     else:

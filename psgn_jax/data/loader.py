@@ -122,8 +122,8 @@ def _iterate(
         begun = _start(iterator, cfg.num_workers)
         while begun:
             yield begun.pop(0)
-        # Workers pass arrays in shared memory, which is freed at the end, while a device may still
-        # alias a host array. Therefore the consumer gets its own copy.
+        # Workers pass arrays in shared memory, which Grain frees when it deletes the array. A JAX
+        # array on the CPU may still use that memory, so the consumer gets a copy.
         yield from map(_plain, iterator)
     finally:
         iterator.close()

@@ -131,7 +131,10 @@ def _bytes_allowed(device: jax.Device) -> float:
 def _load(
     cfg: DataConfig, reader: RecordReader | JoinedReader, sharding: NamedSharding
 ) -> tuple[dict[str, jax.Array], np.ndarray]:
-    """The arrays of a split, one row for each different record, and the row of each record."""
+    """The arrays of a split, and for each record the number of its row in them.
+
+    The arrays have one row for each distinct record, because a folder may be listed twice.
+    """
     places: dict[Any, int] = {}
     slots = np.zeros(len(reader), np.int32)
     distinct: list[int] = []
@@ -202,7 +205,10 @@ def choose_points(key: PRNGKey, count: Array, available: int, wanted: int) -> Ar
 
 
 def _compile(cfg: DataConfig, mesh: Mesh, keys: Sequence[str], seed: int) -> Any:
-    """Compiled (split, slots [b], rows [b], step) -> batch."""
+    """Compiled (split, slots [b], rows [b], step) -> batch.
+
+    `slots` are rows of the split's arrays; `rows` are rows of the global batch, for the keys.
+    """
     size = cfg.image_size
 
     def sample(split: dict[str, Array], slot: Array, row: Array, step: Array) -> dict[str, Array]:

@@ -21,7 +21,8 @@ MAX_PIXELS = 150_000_000
 """Larger images are refused before they are decoded: a small file can decode to gigabytes."""
 
 MAX_SIDE = 2048
-"""A photo is reduced by an integer factor, so that its longer side is below twice this."""
+"""A photo is reduced by an integer factor, so that its longer side is below twice this, unless its
+shorter side would fall below `MIN_SIDE`."""
 
 MIN_SIDE = 16
 
@@ -192,7 +193,7 @@ def _opened(
 
 
 def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:
-    """RGB and alpha, reduced until the longer side is below twice `MAX_SIDE`."""
+    """RGB and alpha, reduced as described at `MAX_SIDE`."""
     if picture.mode.startswith(("I", "F")):
         picture = Image.fromarray(_to_bytes(np.asarray(picture)))
     elif picture.has_transparency_data:
@@ -201,7 +202,7 @@ def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:
         picture = picture.convert("RGB")
     factor = max(picture.size) // MAX_SIDE
     if factor > 1:
-        # The shorter side stays at least MIN_SIDE, because an image may be long and narrow.
+        # A long and narrow image is reduced less, so that its shorter side stays at least MIN_SIDE.
         picture = picture.reduce(max(1, min(factor, min(picture.size) // MIN_SIDE)))
     alpha = np.asarray(picture.getchannel("A")) if picture.mode == "RGBA" else None
     return picture.convert("RGB"), alpha

@@ -44,7 +44,7 @@ def visible_points(
 ) -> np.ndarray:
     """Returns whether each point is visible, by the rule of the module.
 
-    One function: each step removes points that the next step need not check.
+    Deliberately one function: each step removes points that the next step need not check.
 
     Args:
       points: [n, 3] in the project's frame.

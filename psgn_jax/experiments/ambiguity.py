@@ -68,9 +68,9 @@ from psgn_jax.viewing import spheres
 NETWORKS = ("deterministic", "Mo2", "Mo8", "cVAE")
 
 GOALS = {
-    "best of K over deterministic": 0.7,
-    "hidden over visible spread": 3.0,
-    "spread without doubt over with": 1 / 3,
+    "best of K / deterministic": 0.7,
+    "hidden / visible spread": 3.0,
+    "spread, unambiguous / ambiguous images": 1 / 3,
 }
 """Goals for the three ratios of `judge`, in its order: upper bound, lower bound, upper bound."""
 
@@ -316,11 +316,10 @@ def judge(results: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float
     alone = results["deterministic"][f"CD of one draw, {DOUBT} [radius^2]"]
     return {
         name: {
-            "best of K over deterministic": values[f"CD of the best of K, {DOUBT} [radius^2]"]
-            / alone,
-            "hidden over visible spread": values[f"spread along x, {DOUBT} [radius]"]
+            "best of K / deterministic": values[f"CD of the best of K, {DOUBT} [radius^2]"] / alone,
+            "hidden / visible spread": values[f"spread along x, {DOUBT} [radius]"]
             / values[f"spread along y and z, {DOUBT} [radius]"],
-            "spread without doubt over with": values[f"spread, {NO_DOUBT} [radius]"]
+            "spread, unambiguous / ambiguous images": values[f"spread, {NO_DOUBT} [radius]"]
             / values[f"spread, {DOUBT} [radius]"],
         }
         for name, values in results.items()
@@ -383,7 +382,10 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 
 def panels(shown: Shown, angle: float) -> dict[str, dict[str, np.ndarray]]:
-    """Network -> panels: image and draws, seen from an angle; after a single draw, true shapes."""
+    """Network -> panels: image and draws, seen from an angle.
+
+    A network with a single draw is followed by true shapes instead of further draws.
+    """
     sample, shapes, by_network = shown
     # Rotated shapes are wider than those in the image.
     zoom = np.array([[0.85, 1, 1], [1, 0.85, 1], [1, 1, 1]])

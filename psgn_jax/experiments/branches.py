@@ -122,7 +122,10 @@ def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
 def measure_sample(
     pred: np.ndarray, gt: np.ndarray, branches: Branches, grid: OutputGrid
 ) -> tuple[dict[str, dict[str, float]], float, dict[str, np.ndarray]]:
-    """Measures of a sample by branch; "gt_to_pred" of both branches together; profiles [5].
+    """Measures of a sample.
+
+    Returns the measures of each branch, the mean squared distance from the truth to the points of
+    both branches, and for each quantity in `PROFILES` the fc share of each fifth [5].
 
     Args:
       pred: predicted points [n, 3], fc points first.

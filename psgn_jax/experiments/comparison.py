@@ -2,10 +2,11 @@
 
 The study trains on the same records, with the same images:
 
-- the point networks `cd` and `emd`, and the network that predicts the object's `volume`;
-- the voxel head (the paper's post-processing network, which predicts a volume) with four sets of
-  inputs: the cloud of `cd`; this cloud and the predicted volume; both clouds; both clouds and the
-  predicted volume;
+- the point networks `cd` and `emd`, and `volume`, which predicts the size of the object (its
+  log-volume, one number);
+- the voxel head (the paper's post-processing network, which predicts an occupancy grid) with four
+  sets of inputs: the cloud of `cd`; this cloud and the predicted size; both clouds; both clouds and
+  the predicted size;
 - 3D-R2N2 (`r2n2`) on one to five views, for the total training time of the last of these heads and
   of the three networks that it reads. The number of steps is calculated from a few timed steps and
   from the times in the logs of these trainings (without compilation and evaluations). It is stored
@@ -13,15 +14,15 @@ The study trains on the same records, with the same images:
 
 It then measures on the test split (the evaluation split if there is none), per category:
 
-- IoU of 32^3 solid volumes: of the head, and of 3D-R2N2 with 1, 3 and 5 views. Thresholds are
-  chosen on the evaluation split;
-- CD and EMD of 1,024 points by the paper's protocol: predicted and true volumes of 3D-R2N2 are
+- IoU of 32^3 grids: of the heads (that with all three inputs is compared with 3D-R2N2), and of
+  3D-R2N2 with 1, 3 and 5 views. Thresholds are chosen on the evaluation split;
+- CD and EMD of 1,024 points by the paper's protocol: predicted and true grids of 3D-R2N2 are
   converted to clouds by farthest point sampling, here from 4,096 points on the surface of the
-  occupied cells (**ours**: the paper does not state which points of a volume are sampled). The
-  truth for both systems is the cloud of the true volume. CD and EMD are also measured with the
+  occupied cells (**ours**: the paper does not state which points of a grid are sampled). The
+  truth for both systems is the cloud of the true grid. CD and EMD are also measured with the
   surface points of the records as truth (**ours**);
 - recall of thin parts (**ours**): thin cells are true cells that belong to no 2x2x2 block of
-  occupied cells; the recall is the share of them that a predicted volume contains.
+  occupied cells; the recall is the share of them that a predicted grid contains.
 
 The measures are in `volumes`. CD is the sum of the mean squared distances in both directions. Units
 are 1/10 of the edge of the grid, as in the paper (the edge is 2 here), and the radius of the
@@ -97,7 +98,7 @@ class Size(NamedTuple):
       image_size: (height, width).
       model: fields of `ModelConfig` of the point networks.
       num_points: true points per sample and step when training with the CD.
-      batch: batch size of the point networks and the volume network, and of the heads and 3D-R2N2.
+      batch: two batch sizes: (point and volume networks, heads and 3D-R2N2).
       learning_rate: learning rate; that of the heads is five times as large.
       steps: steps of the runs cd, emd and volume, and of each head.
       widths: widths of the heads.

@@ -6,7 +6,7 @@ If an image does not determine the shape S, a network trained with a distance L 
 
 the mean shape of that distance. This study computes x* by stochastic gradient descent for four
 distributions of plane shapes: a circle with random radius; a spiky arc at a random position on the
-diagonal; a bar with a square at one of its four corners; a bar with a disk beside it with
+diagonal; a bar with a square at one of its four corners; a bar with a disk above it with
 probability 1/2. `mean_shape.png` shows random shapes in grey and the mean shapes in red.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 4.3 and its figure on mean shapes, which show the clouds

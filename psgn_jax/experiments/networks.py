@@ -214,8 +214,9 @@ STUDY = common.Study(
     table,
     figure,
     options={"data": None, "full": False, "steps": 0},
-    note="CD squared is in radius^2, EMD in radius. After CD: of the network trained with the CD. "
-    "Difference: mean over samples with its standard error, from one training of each network.",
+    note="CD squared is in radius^2, EMD in radius. 'EMD after CD' is the EMD of the network "
+    "trained with the CD. Difference: mean over samples with its standard error, from one training "
+    "of each network.",
 )
 
 if __name__ == "__main__":

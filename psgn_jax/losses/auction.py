@@ -166,7 +166,7 @@ def _solve(
 ) -> tuple[Array, Array, Array, Array]:
     """Runs the phases for one pair; returns index, prices, bids and gap.
 
-    One function: all parts of the loop use the problem, the budget and the
+    Deliberately one function: all parts of the loop use the problem, the budget and the
     schedule.
     """
     n = len(a)
@@ -217,8 +217,8 @@ def _solve(
         if authors:
             unfinished = (s.waiting > 0) & (s.raises < 3)
         else:
-            # A matching that is complete cannot improve after the smallest epsilon (marked by
-            # epsilon 0) or after epsilon was raised.
+            # A complete matching is final if the phase with the smallest epsilon is done
+            # (`end_phase` then sets epsilon to 0), or if epsilon was raised.
             unfinished = (s.waiting > 0) | ((s.raises == 0) & (s.epsilon > 0))
         return (s.gap > tolerance) & unfinished & (s.bids < max_bids) & problem.finite
 

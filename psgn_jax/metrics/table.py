@@ -76,7 +76,6 @@ def header(evaluation: Evaluation, metric: str) -> str:
         "aligned_emd_radius": "aligned EMD [radius]",
         "aligned_scale": "scale of the alignment [factor]",
         "log_volume_abs_error": "|log predicted - log true volume|",
-        "log_volume_spread": "the same of the split's mean",
     }.get(metric, f"{metric} [fraction]")
 
 

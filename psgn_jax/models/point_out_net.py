@@ -42,10 +42,10 @@ disagree:
   own dense layer. With `random_at` "fc", r is added to the first hidden layer of the fc branch,
   before its ReLU; the points of the deconv branch then depend only on the image.
 - Several samples of r per image: the layers before r, and the skip convolutions that read them, are
-  computed once per image. Before r are the encoder up to the bottleneck (`vanilla`, `two_branch`),
-  the encoder of the first pass (`hourglass`), or everything but the fc branch (`random_at` "fc").
-  The other layers have a batch of b * draws, in which the samples of one image are next to each
-  other.
+  computed once per image. The layers before r are the encoder up to the bottleneck (`vanilla`,
+  `two_branch`), the encoder of the first pass (`hourglass`), or everything but the fc branch
+  (`random_at` "fc"). The other layers have a batch of b * draws, in which the samples of one image
+  are next to each other.
 - `width_multiplier` scales all hidden widths, of convolutions and of dense layers. They are rounded
   to multiples of 8 and are at least 8.
 - Padding: if a side of the image is not a multiple of 2^(levels - 1), it is padded to the next one
@@ -371,7 +371,9 @@ def build(config: ModelConfig) -> PointOutNet:
     if config.compute_dtype not in DTYPES:
         raise wrong_field("compute_dtype", config.compute_dtype, f"one of {tuple(DTYPES)}")
     if config.in_channels < 1:
-        raise wrong_field("in_channels", config.in_channels, "at least 1; 3 to 5 with `inputs`")
+        raise wrong_field(
+            "in_channels", config.in_channels, "at least 1 (`data.inputs` gives 3 to 6)"
+        )
     if config.fc_points and not config.fc_widths:
         raise wrong_field("fc_widths", config.fc_widths, "at least one width")
     if config.random_size < 0:

@@ -181,7 +181,10 @@ def _binary(graph: Graph, name: str, operands: Sequence[Value], out: Any) -> Val
 
 
 def _is_zero(operands: Sequence[Value]) -> int | None:
-    """Index of the operand that is the float32 constant 0 if the other is not constant, or None."""
+    """Index of the operand that is the float32 constant 0.
+
+    None if there is none or the other operand is constant too.
+    """
     for i, value in enumerate(operands):
         is_number = value.array is not None and value.array.size == 1
         if is_number and value.dtype == "float32" and not np.any(value.array):

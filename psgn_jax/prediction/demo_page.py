@@ -265,7 +265,7 @@ def links_to(files: Sequence[str]) -> str:
 def build(demo: Demo) -> Any:
     """The page: `gradio.Blocks`.
 
-    One function: gradio declares controls and their actions in one context.
+    Deliberately one function: gradio declares controls and their actions in one context.
 
     Raises:
       ConfigError: gradio is not installed.

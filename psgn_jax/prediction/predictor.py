@@ -166,8 +166,9 @@ class Predictor:
           mask: bool [h, w], True on the object; None = automatic.
           samples: number of clouds; more than one needs a network with a random input.
           seed: seed of the random input. The random inputs are the same for every image.
-          frame: "place" crops and scales the object (`framing.place`), "keep" keeps the framing
-            (4:3), "auto" keeps that of training renderings and places other images.
+          frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing
+            (the image must be 4:3); "auto" keeps that of training renderings and places other
+            images.
           mask_from: one of `masks.METHODS`; ignored if a mask is given.
           invert_mask: whether the given mask is False on the object.
           normal_form: "yes" moves and scales the clouds so that the lowest point is at z = 0 and

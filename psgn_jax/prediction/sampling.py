@@ -109,8 +109,8 @@ def predict_samples(
       batch: image uint8 [B,H,W,3], mask bool [B,H,W], and depth if it is an input.
       num_draws: K, the number of predictions per image.
       seed: seed of the random inputs.
-      first: number of the first sample of the batch. Pass the number of samples before this batch;
-        otherwise all batches have the same random inputs.
+      first: index of the batch's first sample, which is the number of samples in earlier batches.
+        With the same index, all batches have the same random inputs.
 
     Raises:
       ConfigError: the network has no random input.

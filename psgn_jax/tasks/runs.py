@@ -57,7 +57,7 @@ def evaluate_run(
       data: folder of records that replaces `data.path` of the configuration.
       out: folder for the files; None: `workdir/eval_<split>_<checkpoint>`, or for weights
         `eval_<weights>_<split>`. With `frame="place"`, `_placed` is appended.
-      draws: number of samples per image for the additional metrics of `tasks.points.with_draws`;
+      draws: number of predictions per image for the metrics of `tasks.points.with_draws`;
         0 = none.
       frame: "keep": use the images of the records as they are. "place": crop and place every image
         like a photo, and move its true points accordingly (`data.framing`).

@@ -28,7 +28,7 @@ from psgn_jax.types import Array
 
 GRID = (OCCUPANCY_SIZE,) * 3
 THRESHOLD_OF = "threshold_of_"
-"""Prefix of a metric's name: the key of the threshold that was chosen for the metric."""
+"""`THRESHOLD_OF` + the name of a metric is the key of the threshold chosen for that metric."""
 
 
 def apply(model: nn.Module, params: Any, *inputs: Any) -> Array:

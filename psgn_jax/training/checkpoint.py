@@ -35,7 +35,8 @@ _STEP = re.compile(r"0|[1-9][0-9]{0,17}")
 """Names of the folders of checkpoints."""
 
 RANKING = ("cd_sq_radius2", "one_minus_iou", "log_volume_abs_error")
-"""Metrics that rank the checkpoints; lower is better. The first one that was measured is used."""
+"""A checkpoint is ranked by the first of these metrics that its evaluation contains; lower is
+better."""
 
 
 class Checkpoint(NamedTuple):

@@ -77,7 +77,8 @@ def write_pages(
 
     Args:
       path: path of the first page.
-      cases: at least one case; names must be unique. One case at a time is in memory, and one page.
+      cases: at least one case; names must be unique. Only one case and one page are in memory at a
+        time.
       title: title of the pages.
       max_bytes: maximum size of a page, unless a single case is larger.
 

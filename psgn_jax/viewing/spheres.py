@@ -262,7 +262,7 @@ def _gif(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
 def _mp4(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
     """H.264 in yuv420p, the pixel format that all browsers decode, with four turns.
 
-    There are four because players may not loop a video, and one turn lasts only three seconds.
+    One turn lasts only three seconds, and some players do not repeat a video.
     """
     import av
 
@@ -353,7 +353,8 @@ def _ground_light(
 ) -> np.ndarray:
     """Light on the ground z = 0 at each pixel; 1 = no shadow, or the ray misses the ground."""
     cell = 2 * _SHADOW_HALF / _SHADOW_CELLS
-    # The shadow always falls away from the upper left of the camera.
+    # The shadow always falls to the right and away from the camera, as from a light at the upper
+    # left of the picture.
     rotation = extrinsics[:, :3]
     right, toward = rotation[0, :2], -rotation[2, :2]
     slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward / max(

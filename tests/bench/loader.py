@@ -6,7 +6,7 @@ PATH is a folder of records; without it, the default data set is used. For full 
 images, the command prints samples/s with threads, with worker processes and from the cache, the
 same per second of CPU time (the figure per core), and the time of each step of loading one sample.
 `--step_samples` is the number of samples that a training uses per second; the command then also
-prints the ratio of both numbers.
+prints the loader's rate divided by this number.
 """
 
 import argparse

@@ -19,7 +19,8 @@ In the table of the EMD, the optimum is that of SciPy's `linear_sum_assignment`.
 include the cost matrices, whose time is shown by `cdist` and `torch.cdist` (forward, and with the
 gradient of their sum). PyTorch has no EMD. Errors are (sum of distances) / optimum - 1; for
 Sinkhorn, the sum is the cost of its transport plan. Libraries that are not installed are left out
-with a message. The other libraries are slow and are measured on `--emd_pairs` of the pairs only.
+with a message. SciPy, `cdist` and this package are measured on all pairs; the others, which are
+slow, on only the first `--emd_pairs`.
 """
 
 import argparse

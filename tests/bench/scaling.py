@@ -55,7 +55,7 @@ def data(args):
     print(f"| rendering | {render[0]:.0f} to {render[1]:.0f} core-hours |")
     print(f"| on 64 cores | {60 * render[0] / 64:.0f} to {60 * render[1] / 64:.0f} min |")
     print(f"| records | {images * args.record_kb / 1e6:.1f} GB |")
-    print(f"| decoded, for `data.cache` | {images * args.cached_kb / 1e6:,.0f} GB |")
+    print(f"| decoded | {images * args.cached_kb / 1e6:,.0f} GB |")
     print(
         f"| on the device | {on_device / 1e3:.0f} kB a sample, {images * on_device / 1e9:,.0f} GB |"
     )

@@ -87,7 +87,9 @@ def aligned_distance(one, two):
 
 
 def isolation(first, second, group, rng, groups=20):
-    """Mean and spread of the isolation over random groups, and the distance of equal models.
+    """Mean and spread of the isolation over random groups, and a distance for comparison.
+
+    That is the mean distance between two samples of points of the same model.
 
     Args:
       first, second: two samples of points of each model.

@@ -116,7 +116,7 @@ class Ended:
 
 
 def environment(**variables: str) -> dict[str, str]:
-    """The environment of commands: this repository first, and JAX on the CPU."""
+    """The environment of commands: imports come from this repository first, JAX uses the CPU."""
     path = os.pathsep.join([str(ROOT), str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])
     return os.environ | {"PYTHONPATH": path, "JAX_PLATFORMS": "cpu"} | variables
 

@@ -1,4 +1,4 @@
-"""Properties of codecs, framing, cameras and losses, tried by hypothesis (extra `dev`)."""
+"""Properties of codecs, framing, cameras and losses, tested with Hypothesis (extra `dev`)."""
 
 import importlib.util
 import pathlib

@@ -12,7 +12,7 @@ IMPORTS = ("absl.app", "ml_collections.config_flags", "trimesh", "data_gen.job",
 
 
 def contents(out: pathlib.Path) -> dict[str, bytes]:
-    """The contents of all files; only the name of the report, because it contains times."""
+    """The contents of all files, except those of the report, which contain times."""
     return {n: b"" if n == "models.jsonl" else c for n, c in kills.files_of(out).items()}
 
 

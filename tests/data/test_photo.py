@@ -322,7 +322,7 @@ def test_placing_refuses():
         framing.place(image, np.zeros_like(mask))
     dot = np.zeros_like(mask)
     dot[5, 5] = True
-    with pytest.raises(photo.PhotoError, match="object is 1x1 pixels: accepted: 8 or more"):
+    with pytest.raises(photo.PhotoError, match="1x1 pixels: accepted: a longer side of 8 or more"):
         framing.place(image, dot)
     with pytest.raises(ValueError, match=r"mask is bool \[60, 160\]: accepted: bool \[120, 160\]"):
         framing.place(image, mask[:60])

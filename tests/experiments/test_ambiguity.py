@@ -68,9 +68,9 @@ def test_goals_and_table():
     measures, goals = lib.table({"networks": results, "reached": judged})
     assert ["spread, front [radius]", "-", "0.2"] in measures
     assert goals[1:] == [
-        ["best of K over deterministic", "<= 0.70", "0.500"],
-        ["hidden over visible spread", ">= 3.00", "4.000"],
-        ["spread without doubt over with", "<= 0.33", "0.100"],
+        ["best of K / deterministic", "<= 0.70", "0.500"],
+        ["hidden / visible spread", ">= 3.00", "4.000"],
+        ["spread, unambiguous / ambiguous images", "<= 0.33", "0.100"],
     ]
 
 

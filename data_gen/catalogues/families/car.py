@@ -52,8 +52,8 @@ class Form(NamedTuple):
     clearance: Span
     hood: Span  # from the nose to the foot of the windscreen / length
     boot: Span  # from the tail to the foot of the rear window / length
-    rake: Span  # of the windscreen: horizontal over vertical
-    back: Span  # of the rear window: horizontal over vertical
+    rake: Span  # of the windscreen: horizontal / vertical
+    back: Span  # of the rear window: horizontal / vertical
     belt: Span  # height of the window sill / height
     nose: Span  # height of the nose / belt
     round: Span  # setback of the corners behind the nose / width

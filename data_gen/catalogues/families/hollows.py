@@ -45,7 +45,7 @@ def body(
       levels: outlines from the lowest to the highest; the lowest must be star-shaped.
       deepest: largest depth of the recess; less than the height of the body.
       name: hidden parameter, the depth of the recess as a fraction of `deepest`.
-      share: size of the outline of the recess over that of the lowest outline.
+      share: size of the outline of the recess / size of the lowest outline.
     """
     lowest, low = levels[0]
     centre = lowest.mean(axis=0)

@@ -60,7 +60,7 @@ TURNED = (
         (0.7, 1.0),
     ),
 )
-"""Profiles of turned legs: (radius over thickness, height over that of the leg)."""
+"""Profiles of turned legs: (radius / thickness, height / height of the leg)."""
 
 STYLES = ("square", "round", "tapered", "turned", "cabriole", "sabre", "hairpin", "wedge")
 

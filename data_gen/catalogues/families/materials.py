@@ -124,7 +124,7 @@ def _colours(rng: np.random.Generator) -> list[Sequence[float]]:
 
 
 def _tiled(rng: np.random.Generator, texture: np.ndarray, along_grain: bool = False) -> Tiled:
-    """A mapping with tiles of 1 to 1.7 times the smallest size."""
+    """A mapping with tiles of 1 to 1.7 times the smallest size that `TEXELS_PER_RADIUS` permits."""
     finest = texture.shape[1] / textures.TEXELS_PER_RADIUS
     return Tiled(finest * rng.uniform(1.0, 1.7), along_grain)
 

@@ -84,7 +84,8 @@ def add_wings(kit: Kit, skin: Material, at: Sequence[float], half_span: float, c
       sweep: sweep of the leading edge, degrees.
       dihedral: dihedral angle, degrees.
       thick: thickness / chord.
-      kink: relative increase of the chord at the root over the straight line from 35 % outward.
+      kink: relative increase of the root chord over the straight taper; the outline bends at 35 %
+        of the way from root to tip.
       elliptic: whether the outline is elliptic.
     """
     share = np.array([0, 0.2, 0.35, 0.55, 0.75, 0.9, 0.97, 1.0] if elliptic

@@ -178,7 +178,8 @@ def scene(kit: Kit) -> None:
         if kit.chance("rug", 0.6):
             kit.add(materials.carpet(rng), box(0.8, 1.2, 0.02).at(0.6, 0.3, 0.01))
     elif kind == "boxes":
-        # A rack of pallets, so that the upper objects do not depend on the lower ones.
+        # A rack of pallets, so that the upper objects stand at heights that do not depend on the
+        # lower ones.
         board, post = wood(rng), metal(rng)
         rows, wide, gap = kit.choose("rows", 1, 2, 3), kit.choose("columns", 2, 3), 1.05
         for row in range(rows):

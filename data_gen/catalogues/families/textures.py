@@ -77,7 +77,7 @@ def mean_colour(texture: np.ndarray) -> np.ndarray:
 
 @functools.lru_cache(maxsize=64)
 def wood(kind: str, variant: int) -> np.ndarray:
-    """Grain along the columns.
+    """Wood with horizontal grain (along u).
 
     Args:
       kind: "straight", "cathedral" (wide, bent rings), "planks" (boards with seams), or "veneer"
@@ -149,7 +149,7 @@ def leather(kind: str, variant: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=64)
 def metal(kind: str, variant: int) -> np.ndarray:
-    """Metal: "brushed" (along the columns), "cast", "rusty", "plates", "tread" or "mesh"."""
+    """Metal: "brushed" (horizontally), "cast", "rusty", "plates", "tread" or "mesh"."""
     rng = _rng("metal " + kind, variant)
     row, column = _grid()
     if kind == "brushed":
@@ -185,7 +185,7 @@ def painted(kind: str, variant: int) -> np.ndarray:
 
     Args:
       kind: "clean", "panels" (seams, small hatches and vents), "worn" (scratches, dirt that runs
-        down), "chipped" (bare spots), or "brush" (brush marks along the columns).
+        down), "chipped" (bare spots), or "brush" (horizontal brush marks).
       variant: number of the random version.
     """
     rng = _rng("painted " + kind, variant)
@@ -250,7 +250,7 @@ def stone(kind: str, variant: int) -> np.ndarray:
 def masonry(kind: str, variant: int) -> np.ndarray:
     """Masonry: "brick", "blocks", "tiles" (square), "roof" (rows of tiles) or "shingles".
 
-    Rows run along the columns of the texture. The joints of bricks are lighter than the bricks.
+    The courses are horizontal (along u). The joints of bricks are lighter than the bricks.
     """
     rng = _rng("masonry " + kind, variant)
     high, wide, joint = {
@@ -277,7 +277,7 @@ def masonry(kind: str, variant: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=32)
 def foliage(kind: str, variant: int) -> np.ndarray:
-    """Plants, soil and fur: "leaves", "grass", "soil"; along the columns "bark", "fur", "straw"."""
+    """Plants, soil and fur: "leaves", "grass", "soil"; horizontally "bark", "fur", "straw"."""
     rng = _rng("foliage " + kind, variant)
     if kind == "leaves":
         top = np.full((_SIZE, _SIZE), 0.25)
@@ -628,7 +628,10 @@ def facade(kind: str, variant: int) -> np.ndarray:
 
 
 def livery(variant: int, ground: Colour, accent: Colour) -> np.ndarray:
-    """Bands along the columns and a number in a field, for the sides of a vehicle (mapped once)."""
+    """Horizontal bands or slanted stripes, and a number in a field, for the sides of a vehicle.
+
+    It is mapped once.
+    """
     rng = _rng("livery", variant)
     page = np.zeros((96, 192, 3)) + np.asarray(ground)
     kind = rng.choice(4)

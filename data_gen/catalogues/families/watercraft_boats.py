@@ -199,7 +199,8 @@ def galleon(kit: Kit, skin: Material, trim: Material) -> None:
 def rowing(kit: Kit, skin: Material, trim: Material) -> None:
     """Open boats: rowing boat, canoe, kayak, gondola, longship, inflatable."""
     form = kit.choose("form", "dinghy", "canoe", "kayak", "longship", "punt", "inflatable")
-    shapes = {  # half length, beam / it, depth / it, sheer, stern, bow, belly, rake, bulwark
+    # half length, beam / half length, depth / half length, sheer, stern, bow, belly, rake, bulwark
+    shapes = {
               "dinghy": ((1.3, 2.6), (0.32, 0.45), 0.25, 0.25, 0.7, 2.3, 2.2, 0.1, 0.72),
               "canoe": ((2.0, 3.0), (0.15, 0.2), 0.14, 0.5, 0.0, 2.6, 3.0, 0.05, 0.85),
               "kayak": ((1.6, 2.8), (0.1, 0.16), 0.11, 0.25, 0.0, 2.0, 2.4, 0.1, 0.02),

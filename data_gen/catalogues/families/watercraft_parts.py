@@ -54,16 +54,16 @@ def make_hull(kit: Kit, skin: Material, long: float, beam: float, depth: float, 
       long: half length at the rail, without the rake of the bow.
       beam: half width.
       depth: from keel to rail amidships.
-      sheer: rise of the rail at the bow, over the depth.
+      sheer: rise of the rail at the bow / depth.
       stern: width of the transom / beam; 0 = pointed like the bow.
       bow: exponent of the taper of the bow: 1.5 = slim, 5 = full.
       belly: exponent of the section: 1 = V, 4 = box.
-      rake: overhang of the top of the bow, over the half length.
-      rise: rise of the keel at the bow, over the depth.
-      aft_rise: rise of the keel at the stern, over the depth.
+      rake: overhang of the top of the bow / half length.
+      rise: rise of the keel at the bow / depth.
+      aft_rise: rise of the keel at the stern / depth.
       aft_sheer: rise of the rail at the stern, as a fraction of `sheer`.
-      bulwark: height of the rail above the deck, over the depth; 0.6 and more for open boats.
-      wall: thickness of the side at the rail, over the beam.
+      bulwark: height of the rail above the deck / depth; 0.6 and more for open boats.
+      wall: thickness of the side at the rail / beam.
       deck: material of the deck, None = `skin`.
       trim: material of a rubbing strake along the rail, None = no strake.
       y: y of the centre plane.
@@ -143,8 +143,8 @@ def add_house(kit: Kit, skin: Material, back: float, front: float, half: float, 
       high: z of the roof.
       nose: length of the rounded front.
       lean: inward inclination of front and rear.
-      inset: inward inclination of the sides, over the half width.
-      glass: lower and upper edge of a band of windows, over the height; None = no windows.
+      inset: inward inclination of the sides / half width.
+      glass: lower and upper edge of a band of windows, both / height; None = no windows.
     """
 
     def level(t: float, grow: float = 0.0) -> tuple[np.ndarray, float]:

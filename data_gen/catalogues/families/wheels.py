@@ -4,7 +4,7 @@ from data_gen.catalogues.families.kit import BLACK, RUBBER, around
 from data_gen.catalogues.solids import Solid, box, cylinder, lathe
 from data_gen.mesh import Material
 
-# Sections of tyre and rim: radius over that of the wheel, y over the half width.
+# Sections of tyre and rim: radius / radius of the wheel, y / half width of the wheel.
 _TYRE = ((0.62, -1), (0.94, -1), (1, -0.6), (1, 0.6), (0.94, 1), (0.62, 1))
 _RIM = ((0.64, 0.7), (0.64, 1), (0.54, 1), (0.54, 0.7))
 

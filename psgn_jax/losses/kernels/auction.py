@@ -107,7 +107,7 @@ def _kernel(  # type: ignore[no-untyped-def]
 ) -> None:
     """The program for one pair, described in the module docstring.
 
-    One function: a kernel is traced as a whole and its parts use the same references.
+    Deliberately one function: a kernel is traced as a whole and its parts use the same references.
     """
     # object_ref, list_ref and slack_ref are working memory. They are outputs, because Pallas has no
     # scratch memory for Triton. Masked stores go to the entry after the last one: `nowhere`.

@@ -43,7 +43,7 @@ export function sizeOf(bytes, format) {
       return [(bits & 0x3fff) + 1, (bits >> 14 & 0x3fff) + 1];
     }
   } catch (error) {
-    if (!(error instanceof RangeError)) throw error; // the file ends before its size
+    if (!(error instanceof RangeError)) throw error; // the file ends before the bytes that state its width and height
   }
   return null;
 }
