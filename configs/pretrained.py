@@ -23,7 +23,7 @@ are scaled and shifted a little. Masks and images have the effects of photos (`d
 
 Loss: the EMD to 1,024 of the true points plus five times the CD to all of them. The table gives CD
 (cd_sq_radius2) / EMD (emd_radius) on the authors' validation batches for the recipe of
-`authors_small.py`, with which the first of the three runs began. The column "fresh" is for images
+`authors_small.py`; the first of the three runs used its loss CD. The column "fresh" is for images
 that were not used to choose any setting:
 
     loss            800 steps        3,200 steps      3,200 steps, fresh

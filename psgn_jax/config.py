@@ -232,8 +232,8 @@ class VoxelConfig:
 
     Attributes:
       from_cd: "refine": folder of a run trained by CD, whose clouds are an input. One of `from_cd`
-        and `from_emd` is required. The best checkpoint is copied into the folder of the run when it
-        starts for the first time, and does not change after that.
+        and `from_emd` is required. When the refiner starts for the first time, it copies the best
+        checkpoint of that run into its own folder; the copy does not change later.
       from_emd: "refine": likewise, of a run trained by EMD.
       from_volume: "refine": folder of a run of the task "volume", whose prediction is an input as
         well; "" = no such input.

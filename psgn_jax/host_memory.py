@@ -21,7 +21,7 @@ def keep_freed_memory() -> bool:
 
     Blocks under 2 GiB are then allocated from the heap, and up to 2 GiB of free heap memory are not
     returned to the operating system. All threads share one heap, because the heap of a single
-    thread is limited to 64 MiB. The peak memory does not change.
+    thread is limited to 64 MiB. The peak memory of a training grows by at most a few percent.
 
     Returns:
       Whether the C library has accepted the settings.

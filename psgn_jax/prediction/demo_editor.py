@@ -1,4 +1,4 @@
-"""The value of the demo's mask editor: the position of the photo, the painted area, the limits.
+"""Reads what gradio's image editor returns: where the photo lies, and which pixels are painted.
 
 The value is a mapping with `background` and `composite`, uint8 [*EDITOR_SIZE, 4], and `layers`, a
 list of such arrays, as in `gradio.ImageEditor`. The module does not import gradio.

@@ -110,7 +110,7 @@ def predict_samples(
       num_draws: K, the number of predictions per image.
       seed: seed of the random inputs.
       first: index of the batch's first sample, which is the number of samples in earlier batches.
-        With the same index, all batches have the same random inputs.
+        Batches with the same `first` get the same random inputs.
 
     Raises:
       ConfigError: the network has no random input.
