@@ -77,7 +77,7 @@ def load_map(
     """An environment map from an .hdr or .exr file, reduced to `size`.
 
     Call this only in a process with the default number of threads: with a single thread, reading an
-    EXR file hangs. `load_maps` does so.
+    EXR file hangs. `load_maps` starts such a process.
 
     Raises:
       ValueError: the file cannot be read, or its width is not twice its height.

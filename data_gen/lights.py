@@ -62,8 +62,8 @@ class LightSettings:
             raise ValueError("light.folder: got '', expected a folder of .hdr and .exr files")
         if self.source in ("procedural", "sunsky") and self.folder:
             raise ValueError(
-                f"light.folder: got {self.folder!r}, which has no effect without "
-                f"light.source=folder (it is {self.source!r})"
+                f"light.folder: got {self.folder!r}, which has no effect with "
+                f"light.source={self.source!r}: expected 'folder' or 'mixed'"
             )
         check_between("light.count", self.count, 1, 32)
         check_ranges("light", self, {"ambient": (0.0, 1.0), "exposure": (0.01, 10.0)})

@@ -17,7 +17,7 @@ from data_gen.scene import RayHits, Scene
 # Largest number of surfaces that a ray passes through, holes and glass.
 _MAX_LAYERS = 8
 
-# A ray ends when the transmittance is below this.
+# A ray ends when its accumulated opacity reaches this.
 _OPAQUE = 0.98
 
 # Distance behind a hit at which a ray continues, in units of the frame.

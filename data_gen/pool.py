@@ -1,8 +1,9 @@
 """Rendering processes, which may crash, and a pool of them on this machine.
 
 A `Renderer` manages one process. It renders one model at a time and returns its samples, or the
-reason why the process ended. `render_local` renders the models of a job with as many renderers as
-there are processors; `data_gen.cluster` renders them on the workers of a Dask cluster.
+reason why the process ended. `render_local` renders the models of a job with `job.workers`
+renderers (0 = one per processor), at most one per model; `data_gen.cluster` renders them on the
+workers of a Dask cluster.
 """
 
 import collections

@@ -31,8 +31,8 @@ class ImageSettings:
       samples: samples along the edge of a pixel, 0 = only its centre.
       soft_edges: whether edges are antialiased. The authors' images have hard edges.
       path_samples: samples per pixel of a path-traced image.
-      background: "grey" as in the authors' images; "random" colours and gradients; "folder", a
-        random image of `background_folder`; "surroundings", the environment map (for "photo"
+      background: "grey" as in the authors' images; "random", noise in two random colours; "folder",
+        a random image of `background_folder`; "surroundings", the environment map (for "photo"
         shading).
       background_folder: folder of .png and .jpg files.
       ground: the ground under the object, for "photo" shading: "none", one of `grounds.KINDS`, or

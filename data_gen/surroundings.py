@@ -18,7 +18,9 @@ Array = np.ndarray
 
 @dataclasses.dataclass(frozen=True)
 class Room:
-    """A box-shaped room, which gives the directions of a map positions on its walls.
+    """A box-shaped room.
+
+    It assigns a position on its walls to each direction of an environment map.
 
     Attributes:
       half: half of its length and width, in units of the frame.

@@ -1,11 +1,11 @@
 """Cabinets whose depth is not visible from the front, for the study of ambiguity.
 
-A cabinet consists of a front panel, a body of hidden depth behind it, and a rail under the body
-that is always as long as the deepest body. Panel and rail determine the bounding box and the
-bounding hemisphere. After normalisation, the position of the panel therefore does not depend on the
-depth. The panel is larger than the body, so a camera straight in front of the panel at elevation 0
-sees only the panel. Images from there depend on the seed, but not on the depth. There are two
-kinds, used as categories:
+A cabinet consists of a front panel, a body of hidden depth behind it, and a rail under both. The
+rail always has the same length: it begins a little in front of the panel and ends where the deepest
+body ends. Panel and rail determine the bounding box and the bounding hemisphere. After
+normalisation, the position of the panel therefore does not depend on the depth. The panel is larger
+than the body, so a camera straight in front of the panel at elevation 0 sees only the panel. Images
+from there depend on the seed, but not on the depth. There are two kinds, used as categories:
 
 - `front`: the panel faces +x. From azimuth 0 the depth is ambiguous.
 - `turned`: the same cabinets rotated by `TURN` degrees about the vertical axis. The image shows the
@@ -69,7 +69,8 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
     for i in range(columns):
         for j in range(rows):
             y, z = (i - (columns - 1) / 2) * w, (j + 0.5) * h
-            # The body ends before the rail, so that panel and rail determine the bounding box.
+            # The front end of the rail is ahead of these fronts and knobs, so that panel and rail
+            # determine the bounding box.
             kit.add(front, box(0.01, w - 0.04, h - 0.04).at(face + 0.004, y, z))
             kit.add(knob, ball(0.02, 0.05, 0.05, 8).at(end - 0.0101, y, z))
     name = f"{kind}-{seed}-h{hidden_seed}"

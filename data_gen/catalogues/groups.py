@@ -31,7 +31,10 @@ _LARGEST = 1_000_000
 
 
 def group(seed: int) -> Model:
-    """A group of models as one, in the project's frame, with its front toward +x.
+    """A group of models as one, in the project's frame.
+
+    Half of the groups have their front toward +x; the others are rotated about the vertical axis by
+    90, 180 or 270 degrees.
 
     Args:
       seed: at least 0; the same seed gives the same group.

@@ -22,8 +22,8 @@ _LIGHT_SIZE = (64, 128)
 
 _TABLE = (17, 32)
 
-# Rays start at this distance from the surface along the normal, and again at this distance along
-# the ray. Otherwise coarse meshes with smooth normals would shadow themselves.
+# The start of a ray is moved off the surface by this distance along the normal, and by the same
+# distance along the ray. Otherwise coarse meshes with smooth normals would shadow themselves.
 _OFF = 0.002
 
 # First estimate of the irradiance of the model's faces, as a fraction of the unoccluded irradiance.

@@ -1,8 +1,8 @@
 """Reader of AC3D files (`.ac`), the models of flight and racing simulators.
 
-Assimp reads surfaces, materials and textures. Only functions of its C interface that exchange plain
-bytes are called, so that of its structures only the first two fields of the export blob are
-assumed: the input is the file in memory, the output is assimp's JSON.
+Assimp reads surfaces, materials and textures. Only those functions of its C interface are called
+that exchange plain bytes: the file in memory in, assimp's JSON out. So the only struct layout this
+module relies on is the first two fields of the export blob.
 
 Before that, this module reads the hierarchy of the file (objects, positions, counts), for two
 reasons. First, the counts are bounded and compared with the contents before any C++ code reads the

@@ -34,9 +34,10 @@ _SEARCH_SIDE = 512
 # `plain`: the fraction of the border that must be background, and the maximum deviation from the
 # background colour.
 _BORDER_SHARE, _LARGEST_DEVIATION = 0.97, 24
-# `plain`: the deviation from the background that JPEG makes near an object; and the number of
-# pixels that deviate by 1 or 2, per pixel of outline, from which an image counts as compressed with
-# losses. It is below .31 on 100 lossless renderings, and above .98 on 30 JPEGs (quality 70 to 95).
+# `plain`: the deviation from the background that JPEG causes near an object; and a threshold: an
+# image counts as lossy if the number of pixels with a deviation of 1 or 2, divided by the number of
+# pixels of the outline, exceeds it. The ratio is below .31 on 100 lossless renderings and above .98
+# on 30 JPEGs (quality 70 to 95).
 _JPEG_DEVIATION, _JPEG_SHARE = 12, 0.6
 _EXACT = 1  # `plain`: the largest deviation of the border of an unshaded background
 _AGREEMENT = 0.7  # the least overlap of the masks of two methods that agree

@@ -177,7 +177,7 @@ def recipe(
 ) -> Config:
     """The configuration of `configs/authors_small.py` or, if `full`, of `configs/authors.py`.
 
-    The loss of the former is the sum of EMD and CD, that of the latter the CD.
+    The loss of the former is EMD + 5 CD, that of the latter the CD.
 
     Args:
       path: folder of records.

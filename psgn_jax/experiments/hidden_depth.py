@@ -1,4 +1,7 @@
-"""Data of the study `ambiguity`, which are cabinets, and measures of their depth."""
+"""Data of the study `ambiguity`, which are cabinets, and measures of their depth.
+
+The parts of a cabinet (panel, body, rail) are described in `data_gen.catalogues.doubt`.
+"""
 
 import pathlib
 from collections.abc import Sequence
@@ -17,7 +20,7 @@ DOUBT, NO_DOUBT = "front", "turned"
 """Kinds of images: ambiguous (the depth is hidden), and unambiguous."""
 
 # Geometry of `data_gen.catalogues.doubt` before normalisation: position of the front of the body
-# and length of the deepest body, relative to the middle of the rail.
+# along x, from the middle of the rail; and length of the deepest body.
 BODY_BEGINS, DEEPEST = 0.94, 1.94
 DEPTH_RANGE = (0.15, 1.0)
 
@@ -82,8 +85,9 @@ def truths(data: pathlib.Path) -> list[Truth]:
 def measured_depth(points: np.ndarray, scale: float) -> float:
     """The hidden depth of a cabinet seen from the front, measured from its points [n, 3].
 
-    The far end of the body is the 5 % quantile of x over the points above the rail. The rear panel
-    has more than 5 % of these points, and less than 5 % are stray points.
+    The far end of the body is the 5 % quantile of x over the points above the rail. The back face
+    of the body has more than 5 % of these points, and less than 5 % are stray points.
+    `data_gen.catalogues.doubt` describes the body and the rail.
 
     Args:
       points: points in the frame of a sample of the kind `front`.

@@ -135,7 +135,8 @@ def _merged(parts: Sequence[_Part]) -> _Part:
         return parts[0]
     names = [name for part in filled for name in part.names]
     order = sorted(range(len(names)), key=lambda i: names[i].record)
-    # JAX sorts the names; the metrics after an alignment are moved to the end.
+    # JAX returns the metrics sorted by name; here those computed after aligning the clouds
+    # (`aligned_…`) are put last.
     ordered = sorted(filled[0].metrics, key=lambda name: name.startswith("aligned_"))
     metrics = {k: np.concatenate([part.metrics[k] for part in filled])[order] for k in ordered}
     return _Part([names[i] for i in order], metrics, filled[0].num_pred)

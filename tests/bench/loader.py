@@ -3,8 +3,9 @@
     python tests/bench/loader.py [PATH] [--seconds 3] [--workers 2] [--step_samples 16]
 
 PATH is a folder of records; without it, the default data set is used. For full and half-size
-images, the command prints samples/s with threads, with worker processes and from the cache, the
-same per second of CPU time (the figure per core), and the time of each step of loading one sample.
+images, the command prints samples/s with threads, with worker processes and from the cache, and the
+time of each step of loading one sample. Except for worker processes, it also prints the samples per
+second of CPU time (the figure per core).
 `--step_samples` is the number of samples that a training uses per second; the command then also
 prints the loader's rate divided by this number.
 """

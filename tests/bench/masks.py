@@ -5,16 +5,19 @@
     python tests/bench/masks.py RECORDS... --fit        # new weights of the choice between masks
 
 RECORDS are folders of rendered records. Models of the split `--split` (default: test, on which no
-network was trained) are composited over backgrounds of three kinds, in turn. With `--cutouts`, the
-objects are photographs without their background (`cutouts.py`), each in turn. With `--backdrops`
-too, the backgrounds are those of product photos, in turn: plain, one colour; and shaded, with a
-gradient, a soft shadow and some noise. The method is then `auto` by default. The backgrounds are:
+network was trained) are composited over backgrounds. With `--cutouts`, the objects are photographs
+without their background (`cutouts.py`), each in turn. Without `--backdrops`, the three kinds of
+background, used in turn, are:
 
 - photo: a random part of a photograph that comes with an installed package (scikit-image,
   scikit-learn, matplotlib or gradio; those that are missing are left out);
 - texture: one of the textures of `data_gen.catalogues.families.textures`, repeated;
 - room: surroundings and ground of `data_gen`'s preset `photo`, seen by the object's camera, with
   its shadow.
+
+With `--cutouts` and `--backdrops`, the backgrounds are those of product photos, in turn: plain, one
+colour; and shaded, with a gradient, a soft shadow and some noise. The method is then `auto` by
+default.
 
 Objects take 30 to 80 % of the image in one direction and do not touch its border. Edges, exposure,
 blur, noise and JPEG quality vary. The same seed gives the same images. The command prints, for each
@@ -149,7 +152,10 @@ def room(rng, size, sample, to_canvas):
 
 
 def composite(rng, sample, kind, pictures, enlarged=np.inf):
-    """An image, uint8 [h, w, 3], and the mask of its object, `enlarged` times at most."""
+    """An image, uint8 [h, w, 3], and the mask of its object.
+
+    The object is enlarged by at most the factor `enlarged`.
+    """
     size = SIZE if rng.random() < 0.75 else SIZE[::-1]
     rows, columns = np.flatnonzero(sample.mask.any(1)), np.flatnonzero(sample.mask.any(0))
     high, wide = np.ptp(rows) + 1, np.ptp(columns) + 1

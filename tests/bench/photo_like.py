@@ -8,8 +8,8 @@ disturbed by `data.photo_effects`: noise, blur, JPEG compression, and masks that
 dilated, ragged, and sometimes incomplete. Images of both sets are placed by the rule for photos,
 and predicted and true clouds are compared in normal form, as `psgn predict` writes clouds of
 photos. The command prints the metrics of both sets, those of the plain set with the same
-disturbances, and the ratio of the aligned CD. The rendered sets stay in `--work`; a second call
-continues or reuses them.
+disturbances, and the aligned CD of the photo-like set divided by that of the undisturbed plain set.
+The rendered sets stay in `--work`; a second call continues or reuses them.
 """
 
 import argparse
@@ -42,7 +42,10 @@ EFFECTS = PhotoEffects(
 
 
 class TestModels:
-    """The models of a selection in its test split, as validation split of a data set."""
+    """The test models of a selection.
+
+    In the data set that is rendered from them, they form the split `validation`.
+    """
 
     def __init__(self, selection):
         self.name = selection.name

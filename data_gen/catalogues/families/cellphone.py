@@ -125,7 +125,8 @@ def _pose(kit: Kit, look: _Look, parts: list[Part]) -> None:
         elif look.pose == "sideways":
             posed = part.turned("x", 90).at(z=wide)
         kit.add(material, posed)
-    # The socket is in the end at -x, or at +y.
+    # The end with the socket now points to -x if the phone lies on its back, to +y if it lies on
+    # its side.
     if look.pose == "lying":
         kit.azimuth = ((-75.0, 75.0),)
     elif look.pose == "sideways":

@@ -75,7 +75,8 @@ def leg(
       height: height of the leg.
       thick: approximate thickness at the thickest point.
       outward: horizontal direction away from the middle of the furniture.
-      number: number of the profile of turned legs, or of the slant of other legs.
+      number: for turned legs, the index of the profile in `TURNED`; for "round", "tapered" and
+        "hairpin" legs, the index of one of four slants. The other styles do not depend on it.
     """
     a, b = np.asarray(outward, float) / max(float(np.hypot(*outward)), 1e-9)
     lean = height * (0.0, 0.06, 0.12, 0.2)[number]

@@ -76,7 +76,8 @@ class Tiled:
         axis = _dominant(normals)
         u, v = _planar(corners, normals, axis)
         if self.along_grain:
-            # If the height equals the longest horizontal side, the horizontal direction.
+            # The grain follows the longest side; on a tie between the height and a horizontal side,
+            # the horizontal one wins.
             grain = np.argmax((high - low).round(6) * [1, 1, 0.999], axis=1)
             turned = (_V[axis] == grain)[:, None]
             u, v = np.where(turned, v, u), np.where(turned, u, v)

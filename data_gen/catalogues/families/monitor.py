@@ -336,7 +336,8 @@ def _curved(kit: Kit) -> None:
 
     centre = lift + height / 2
     kit.add(body, face(1.0, height, 0.0, 0.03).at(z=centre))
-    # Far enough in front of the housing at its most oblique point.
+    # The screen is moved forward far enough to clear the housing even where the curve is most
+    # oblique.
     ahead = 0.016 * float(np.hypot(1, 2 * bend))
     kit.add(glass, face(0.97, height * 0.93, ahead - 0.004, 0.012).at(z=centre))
     kit.add(body, box(0.06, width * 0.3, height * 0.5, 0.02).at(-0.035, 0, centre))

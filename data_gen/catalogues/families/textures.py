@@ -5,8 +5,9 @@ relative to its brightest part and is multiplied by the diffuse colour of the ma
 (screens, labels, carpets) has its own colours. Each texture exists in a few random versions, which
 are numbered by `variant` and cached.
 
-The smallest period of a texture is `size / TEXELS_PER_RADIUS` radii of the model. With the default
-camera this is 1.3 texels per pixel, which the samples of a pixel smooth without moiré.
+A texture with random tiles is mapped with at most `TEXELS_PER_RADIUS` texels per radius of the
+model. With the default camera that is 1.3 texels per pixel, which the samples of a pixel smooth
+without moiré. The fixed tiles of a few materials are finer.
 """
 
 import functools
@@ -20,7 +21,7 @@ VARIANTS = 8
 """Number of random versions of each kind of texture."""
 
 TEXELS_PER_RADIUS = 145.0
-"""Largest number of texels per radius of the model."""
+"""Largest number of texels per radius of the model, for random tiles."""
 
 Colour = Sequence[float] | np.ndarray
 
@@ -277,7 +278,11 @@ def masonry(kind: str, variant: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=32)
 def foliage(kind: str, variant: int) -> np.ndarray:
-    """Plants, soil and fur: "leaves", "grass", "soil"; horizontally "bark", "fur", "straw"."""
+    """Plants, soil and fur.
+
+    The kinds are "leaves", "grass", "soil"; and, with the fibres horizontal, "bark", "fur",
+    "straw".
+    """
     rng = _rng("foliage " + kind, variant)
     if kind == "leaves":
         top = np.full((_SIZE, _SIZE), 0.25)
@@ -630,7 +635,7 @@ def facade(kind: str, variant: int) -> np.ndarray:
 def livery(variant: int, ground: Colour, accent: Colour) -> np.ndarray:
     """Horizontal bands or slanted stripes, and a number in a field, for the sides of a vehicle.
 
-    It is mapped once.
+    It is not repeated: it covers a side once.
     """
     rng = _rng("livery", variant)
     page = np.zeros((96, 192, 3)) + np.asarray(ground)

@@ -38,7 +38,10 @@ function quantile(sorted, q) {
   return sorted[low] + (at - low) * ((sorted[low + 1] ?? sorted[low]) - sorted[low]);
 }
 
-/** The pixels that differ from a background of one colour, or null if there is none; as psgn_jax.data.masks.plain. */
+/**
+ * The pixels that differ from a background of one colour, or null if there is none.
+ * As psgn_jax.data.masks.plain, but without its branch for JPEGs with an unshaded background.
+ */
 export function plain(photo) {
   const { rgb, width, height } = photo, border = [];
   for (let x = 0; x < width; x++) border.push(x, (height - 1) * width + x);
@@ -231,7 +234,8 @@ export function grabCut(photo, hints) {
 
 function smallHints(hints, photo, copy) {
   if (copy === photo) return hints;
-  // A reduced pixel gets the strongest hint of its pixels; object is stronger than background.
+  // A hint `object` or `back` on any of its pixels decides a reduced pixel; `object` is stronger.
+  // Without such a hint, the majority of its pixels decides between `maybeObject` and `maybeBack`.
   const rank = [0, 1, 2, 3], factor = Math.ceil(Math.max(photo.width, photo.height) / CUT_SIDE);
   const out = new Uint8Array(copy.width * copy.height), votes = new Int32Array(out.length);
   for (let y = 0; y < photo.height; y++) {
