@@ -4,8 +4,9 @@ Command: python data_gen/render.py --catalogue=folder --source=my_meshes --out=r
          python -m psgn_jax.main --config=configs/finetune.py --workdir=runs/mine
              --config.data.path=records/mine --config.train.init=WEIGHTS
 Hardware: two CPU cores.
-Time: five minutes, estimated from .45 s per step on otherwise idle cores; not measured.
-Expect: the evaluation at step 0 measures the given weights; the improvement was not measured.
+Time: 4 min 46 s of CPU time on one core.
+Expect: the evaluation at step 0 measures the given weights. On a folder of 74 models, the CD squared
+of the validation models fell from .0061 to .0043 (docs/predict.md).
 
 WEIGHTS is a file of weights, the folder of a run, or the name of weights in the package, listed by
 `python -m psgn_jax.weights list`. Network, input and loss are those of `pretrained.py`. If the
