@@ -5,8 +5,8 @@ Command: python data_gen/render.py --catalogue=folder --source=my_meshes --out=r
              --config.data.path=records/mine --config.train.init=WEIGHTS
 Hardware: two CPU cores.
 Time: 4 min 46 s of CPU time on one core.
-Expect: the evaluation at step 0 measures the given weights. On a folder of 74 models, the CD squared
-of the validation models fell from .0061 to .0043 (docs/predict.md).
+Expect: the evaluation at step 0 measures the given weights. On a folder of 74 models, the CD
+squared of the validation models fell from .0061 to .0043 (docs/predict.md).
 
 WEIGHTS is a file of weights, the folder of a run, or the name of weights in the package, listed by
 `python -m psgn_jax.weights list`. Network, input and loss are those of `pretrained.py`. If the
