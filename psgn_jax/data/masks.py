@@ -40,7 +40,7 @@ _BORDER_SHARE, _LARGEST_DEVIATION = 0.97, 24
 # on 30 JPEGs (quality 70 to 95).
 _JPEG_DEVIATION, _JPEG_SHARE = 12, 0.6
 _EXACT = 1  # `plain`: the largest deviation of the border of an unshaded background
-_AGREEMENT = 0.7  # the least overlap of the masks of two methods that agree
+_AGREEMENT = 0.7  # the least IoU of the masks of two methods that agree
 _SMALLEST, _LARGEST = 0.0005, 0.97  # fraction of the image that an object may cover
 _WEIGHTS = "u2net"
 
@@ -88,7 +88,7 @@ def find_mask(
                 found = _by_colours(image)
                 if found is not None and not found.doubt:
                     return found
-                if found is not None and _overlap(mask, found.mask) < _AGREEMENT:
+                if found is not None and mask_iou(mask, found.mask) < _AGREEMENT:
                     doubt = found.doubt
         elif name == "rembg":
             if not has_rembg():
@@ -177,7 +177,8 @@ def _eroded(mask: np.ndarray, side: int) -> np.ndarray:
     return np.asarray(levels) > 0
 
 
-def _overlap(one: np.ndarray, other: np.ndarray) -> float:
+def mask_iou(one: np.ndarray, other: np.ndarray) -> float:
+    """Intersection over union of two masks, bool [h, w]; 0 if both are empty."""
     return float((one & other).sum() / max((one | other).sum(), 1))
 
 

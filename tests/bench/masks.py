@@ -271,11 +271,6 @@ def composites(folders, split, count, seed, fit):
         yield kind, *composite(rng, sample, kind, pictures)
 
 
-def iou(one, other):
-    """Intersection over union of two masks."""
-    return (one & other).sum() / max((one | other).sum(), 1)
-
-
 def least_squares(features, targets):
     """Ridge regression of standardised features; returns weights of the original features."""
     scale = np.maximum(features.std(axis=0), 1e-6)
@@ -293,7 +288,7 @@ def fit_weights(cases):
     for number, (_, image, mask) in enumerate(cases):
         for each in segmentation.candidates(image):
             features.append(each.features)
-            targets.append(iou(each.mask, photo.resize_mask(mask, each.mask.shape)))
+            targets.append(masks.mask_iou(each.mask, photo.resize_mask(mask, each.mask.shape)))
             groups.append(number)
             places.append(seeds.index(each.seed))
     report_fit(np.array(features), np.array(targets), np.array(groups), np.array(places), seeds)
@@ -430,7 +425,7 @@ def main():
     method = arguments.method or ("auto" if arguments.backdrops else "grabcut")
     with contextlib.suppress(KeyboardInterrupt):
         for kind, image, mask, result, spent, doubt in measured(cases, method):
-            rows.append((kind, iou(result, mask), spent, doubt))
+            rows.append((kind, masks.mask_iou(result, mask), spent, doubt))
             if len(shown) < 64:
                 shown.append((image, mask, result))
     if rows:

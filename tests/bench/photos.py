@@ -65,11 +65,6 @@ def views(prediction):
     ]
 
 
-def iou(one, other):
-    """Intersection over union of two masks."""
-    return float((one & other).sum() / max((one | other).sum(), 1))
-
-
 def row(name, image, given, predictor):
     """The seven pictures of a photo with their labels, and the label of the mask that was found."""
     try:
@@ -78,7 +73,7 @@ def row(name, image, given, predictor):
         text, mask = "no object found", np.zeros_like(given)
         clouds = [Image.new("RGB", PANEL[::-1], "white")] * len(TURNS)
     else:
-        text, mask = f"{found.method}, IoU {iou(found.mask, given):.2f}", found.mask
+        text, mask = f"{found.method}, IoU {masks.mask_iou(found.mask, given):.2f}", found.mask
         text += ", in doubt" if found.doubt else ""
         clouds = views(predictor(image, mask))
     panels = [(name, panel(image)), (text, panel(cut_out(image, mask)))]
