@@ -8,18 +8,14 @@ plus step times batch size. Metrics are those of the averaged parameters on the 
 """
 
 import argparse
-import io
 import json
 import pathlib
 import sys
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+from psgn_jax.experiments import figures
 from psgn_jax.files import write_atomic
+from psgn_jax.training.log import read_metrics
 
 METRICS = {"cd_sq_radius2": "CD squared [radius$^2$]", "emd_radius": "EMD [radius]"}
 
@@ -27,11 +23,9 @@ METRICS = {"cd_sq_radius2": "CD squared [radius$^2$]", "emd_radius": "EMD [radiu
 def evaluations(run):
     """Samples per step, number of steps, and the evaluations of a run as (step, metrics)."""
     config = json.loads((run / "config.json").read_text(encoding="utf-8"))
-    rows = {}
-    for line in (run / "metrics.jsonl").read_text(encoding="utf-8").splitlines():
-        row = json.loads(line)
-        if row["kind"] == "eval":
-            rows[row["step"]] = row
+    rows = {
+        row["step"]: row for row in read_metrics(run / "metrics.jsonl") if row["kind"] == "eval"
+    }
     return config["train"]["batch_size"], config["train"]["steps"], sorted(rows.items())
 
 
@@ -40,7 +34,8 @@ def main():
     parser.add_argument("runs", nargs="+", type=pathlib.Path, metavar="RUN")
     parser.add_argument("--out", type=pathlib.Path, required=True, help="the picture, *.png")
     arguments = parser.parse_args()
-    figure, axes = plt.subplots(1, len(METRICS), figsize=(8, 3), dpi=110, layout="constrained")
+    figure = figures.blank(880, 330)
+    axes = figure.subplots(1, len(METRICS))
     seen = 0
     for number, run in enumerate(arguments.runs, 1):
         batch, steps, rows = evaluations(run)
@@ -56,9 +51,7 @@ def main():
         axis.set(xlabel="training samples seen [thousands]", ylabel=label, ylim=(0, None))
         axis.grid(alpha=0.3)
     axes[0].legend()
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png")
-    write_atomic(arguments.out, stream.getvalue())
+    write_atomic(arguments.out, figures.png(figure))
 
 
 if __name__ == "__main__":

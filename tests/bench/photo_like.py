@@ -42,18 +42,11 @@ EFFECTS = PhotoEffects(
 
 
 class TestModels:
-    """The test models of a selection.
-
-    In the data set that is rendered from them, they form the split `validation`.
-    """
+    """The test models of a selection."""
 
     def __init__(self, selection):
         self.name = selection.name
-        self._entries = [
-            dataclasses.replace(entry, split="validation")
-            for entry in selection.entries()
-            if entry.split == "test"
-        ]
+        self._entries = [entry for entry in selection.entries() if entry.split == "test"]
 
     def __len__(self):
         """Number of models."""
@@ -80,7 +73,7 @@ def render(packages, work, views, workers):
 
 def samples_of(folder):
     """The samples of a set."""
-    reader = RecordReader(folder, "validation")
+    reader = RecordReader(folder, "test")
     return (reader[i] for i in range(len(reader)))
 
 
