@@ -179,6 +179,7 @@ class Settings:
 
 PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {
     **{name: {"camera": camera} for name, camera in cameras.PRESETS.items()},
+    "angles": {"camera": cameras.PRESETS["photo"]},
     "photo": {
         "camera": cameras.PRESETS["photo"],
         "light": {"source": "mixed"},

@@ -24,6 +24,7 @@ CATALOGUES = {
     "ac3d": "data_gen.catalogues.ac3d:AC3DCatalogue",
     "flightgear": "data_gen.catalogues.flightgear:FlightGearCatalogue",
     "torcs": "data_gen.catalogues.torcs:TorcsCatalogue",
+    "records": "data_gen.catalogues.records:RecordsCatalogue",
     "pyrogenesis": "data_gen.catalogues.pyrogenesis:PyrogenesisCatalogue",
 }
 """The class of each catalogue, as `module:class`."""

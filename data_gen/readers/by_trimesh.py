@@ -147,7 +147,7 @@ def _from_trimesh_material(material: Any, side: int, notes: Notes) -> Material:
     )
 
 
-def _palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
+def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
     """A material and uv [F, 3, 2] that give each face its own colour, uint8 [F, 4].
 
     Colours are rounded to 5 bits; each distinct colour is a texel.
@@ -260,7 +260,7 @@ def _read(
                 if visual.kind == "face"
                 else visual.vertex_colors[corner].mean(axis=1)
             )
-            material, uv = _palette(colours.round().astype(np.uint8))
+            material, uv = palette(colours.round().astype(np.uint8))
             owner = len(materials)
             materials.append(material)
         else:

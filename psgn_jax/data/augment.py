@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from psgn_jax.data import framing, schema
+from psgn_jax.data import camera, framing, schema
 
 # How far the image's x axis may be from the frame's y axis for a stretch to be exact.
 _ALIGNED = 1e-4
@@ -282,6 +282,12 @@ def reframe(
 
     If the object would leave the image, the random move is reduced.
 
+    A view from another angle than the authors' (`framing.has_authors_angle`) is always placed,
+    unless `place_share` is 0. Its points do not move with its image: they are placed by the rule as
+    if the object were seen by the authors' camera, which becomes the camera of the result. So the
+    points of an object have nearly the same scale and position for every angle of the camera. Views
+    with depth or occupancy are not treated in this way.
+
     Args:
       view: the sample.
       rng: source of the random numbers; how many are drawn does not depend on the other arguments.
@@ -293,30 +299,49 @@ def reframe(
     """
     placed = rng.random() < place_share
     size, down, right = np.clip(rng.standard_normal(3), -2, 2).tolist()
-    move = framing.rule_move_within(view.mask) if placed else None
-    if scale_deviation or shift_deviation:
-        if not view.mask.any():
-            return view
-        first = move or framing.Move(1.0, 0.0, 0.0)
-        height, width = view.mask.shape
-        top, bottom, left, right_edge = framing.box_of(view.mask)
-        scale = float(np.exp(scale_deviation * size))
-        # The scale leaves the middle of the box where the first move puts it. Only the shift moves
-        # it from there.
+    if not view.mask.any():
+        return view
+    has_grids = view.depth is not None or view.occupancy is not None
+    other_angle = not has_grids and not framing.has_authors_angle(view.extrinsics)
+    placed |= place_share > 0 and other_angle
+    rule = framing.rule_move_within(view.mask) if placed else None
+    scale = math.exp(scale_deviation * size)
+    shift = (shift_deviation * down, shift_deviation * right)
+
+    def scattered(
+        first: framing.Move, box: tuple[float, float, float, float], shape: tuple[int, ...]
+    ) -> framing.Move:
+        """`first`, then the random scale about the middle of the box, then the random shift."""
+        top, bottom, left, right_edge = box
         column = first.scale * (left + right_edge) / 2 + first.right
         row = first.scale * (top + bottom) / 2 + first.down
-        # The shift is a fraction of the view's height. This is that height, measured in columns of
-        # this array, whose pixels need not be square.
-        across = framing.VIEW_SIZE[0] / framing.VIEW_SIZE[1] * width
-        move = first.then(
+        # A shift along rows is a fraction of the view's height. `across` is that height in columns
+        # of this array, whose pixels need not be square.
+        across = framing.VIEW_SIZE[0] / framing.VIEW_SIZE[1] * shape[1]
+        return first.then(
             framing.Move(
                 scale,
-                (1 - scale) * column + shift_deviation * right * across,
-                (1 - scale) * row + shift_deviation * down * height,
+                (1 - scale) * column + shift[1] * across,
+                (1 - scale) * row + shift[0] * shape[0],
             )
         )
+
+    move = rule
+    if scale_deviation or shift_deviation:
+        first = rule or framing.Move(1.0, 0.0, 0.0)
+        move = scattered(first, framing.box_of(view.mask), view.mask.shape)
         move = framing.keep_inside(move, view.mask)
-    return view if move is None else follow(view, move)
+    if move is None:
+        return view
+    moved = follow(view, move)
+    if rule is None or not other_angle or not len(view.points):
+        return moved
+    box = framing.box_from_authors_angle(view.points)
+    own = scattered(framing.rule_move(box), box, framing.VIEW_SIZE)
+    intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
+    points = framing.move_points(view.points, own, intrinsics, extrinsics)
+    intrinsics = camera.scale_intrinsics(intrinsics, framing.VIEW_SIZE, view.mask.shape)
+    return dataclasses.replace(moved, points=points, intrinsics=intrinsics, extrinsics=extrinsics)
 
 
 def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View:

@@ -164,6 +164,23 @@ def rule_move_within(mask: np.ndarray) -> Move | None:
     return Move(move.scale, move.right / across, move.down / down)
 
 
+def has_authors_angle(extrinsics: np.ndarray) -> bool:
+    """Whether the elevation and the roll of a camera are the authors', up to .6 degrees."""
+    _, authors = camera.default_camera(VIEW_SIZE)
+    return bool(np.abs(extrinsics[:, :3] - authors[:, :3]).max() < 0.01)
+
+
+def box_from_authors_angle(points: np.ndarray) -> tuple[float, float, float, float]:
+    """The box (top, bottom, left, right) of points [n, 3] in the authors' view of 192x256 pixels.
+
+    Coordinates that are not finite, of points behind that camera, are left out.
+    """
+    pixels, _ = camera.project(points, *camera.default_camera(VIEW_SIZE))
+    pixels = pixels[np.isfinite(pixels).all(axis=1)]
+    (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+    return top, bottom, left, right
+
+
 def keep_inside(move: Move, mask: np.ndarray) -> Move:
     """The move, reduced so that the object stays inside the array [h, w].
 

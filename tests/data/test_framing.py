@@ -155,6 +155,46 @@ def test_reframe_is_a_function_of_its_generator_and_places_a_share():
         augment.place(solid)
 
 
+def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():
+    points = np.random.default_rng(1).uniform([-0.5, -0.6, 0], [0.5, 0.6, 0.5], (9000, 3))
+    views = [seen_from(points.astype(np.float32), tilt) for tilt in (20.0, 50.0, -5.0)]
+    # No share of placed views: other angles keep their image and points too.
+    for view in views:
+        assert augment.reframe(view, np.random.default_rng(0), place_share=0.0) is view
+    results = []
+    for view in views:
+        moved = augment.reframe(view, np.random.default_rng(2), place_share=1e-9)
+        assert framing.has_authors_angle(moved.extrinsics)
+        results.append(moved)
+    assert results[0] is views[0]
+    for view, moved in zip(views[1:], results[1:], strict=True):
+        # The image is placed by its mask, the points by their own projection.
+        np.testing.assert_array_equal(moved.mask, augment.place(view).mask)
+        top, bottom, left, right = framing.box_from_authors_angle(moved.points)
+        assert ((right - left) / 223) ** 4 + ((bottom - top) / 124) ** 4 == pytest.approx(
+            1, abs=0.15
+        )
+        assert (left + right) / 2 == pytest.approx(128, abs=3)
+        pixels, _ = camera.project(moved.points, moved.intrinsics, moved.extrinsics)
+        assert pixels.min() >= 0
+        assert (pixels < moved.mask.shape[::-1]).all()
+    # The points do not depend on the angle.
+    np.testing.assert_allclose(results[1].points, results[2].points, atol=1e-5)
+    with_depth = dataclasses.replace(views[1], depth=np.ones((192, 256), np.float32))
+    assert augment.reframe(with_depth, np.random.default_rng(2), place_share=1e-9) is with_depth
+
+
+def seen_from(points, tilt):
+    """Points as an object in the authors' camera with another tilt."""
+    intrinsics, extrinsics = camera.default_camera(tilt_degrees=tilt)
+    mask = np.zeros((192, 256), bool)
+    columns, rows = camera.project(points, intrinsics, extrinsics)[0].astype(int).T
+    for down in (-1, 0, 1):
+        mask[rows + down, columns] = True
+    image = np.where(mask[..., None], np.uint8(90), np.uint8(191)).repeat(3, axis=2)
+    return augment.View(image, mask, None, points, intrinsics, extrinsics)
+
+
 def test_normal_form_and_its_camera(rng):
     points = rng.normal(size=(3, 60, 3)).astype(np.float32) * 0.2 + [0.1, -0.3, 0.5]
     scale, shift = framing.normal_form(points)

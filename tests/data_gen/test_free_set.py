@@ -259,12 +259,20 @@ def test_the_whole_set_is_large_enough():
 
 def test_a_share_of_the_views_goes_to_another_preset():
     chosen = [small(views=8), small("more", views=3)]
-    assert [(p.folder, p.preset, p.views) for p in free.plan(chosen, 0.25)] == [
+    assert [(p.folder, p.preset, p.views) for p in free.plan(chosen, {"photo": 0.25})] == [
         ("chairs", "authors", 6), ("photo/chairs", "photo", 2),
         ("more", "authors", 2), ("photo/more", "photo", 1),
     ]  # fmt: skip
-    assert [p.folder for p in free.plan(chosen, 1)] == ["photo/chairs", "photo/more"]
+    assert [p.folder for p in free.plan(chosen, {"photo": 1})] == ["photo/chairs", "photo/more"]
     assert [p.folder for p in free.plan(chosen)] == ["chairs", "more"]
+    both = free.plan(chosen, {"photo": 0.25, "angles": 0.5})
+    assert [(p.folder, p.views) for p in both] == [
+        ("chairs", 2), ("photo/chairs", 2), ("angles/chairs", 4),
+        ("photo/more", 1), ("angles/more", 2),
+    ]  # fmt: skip
+    assert len({free.settings_of(p, free.Options()).seed for p in both}) == 3
+    with pytest.raises(ValueError, match="--photo=0.6, --angles=0.5: expected a sum of at most 1"):
+        free.plan(chosen, {"photo": 0.6, "angles": 0.5})
 
 
 def test_the_table(tmp_path):
@@ -273,7 +281,7 @@ def test_the_table(tmp_path):
     (documents / "copyright").write_text("All of it is free.")
     with gzip.open(documents / "changelog.Debian.gz", "wb") as out:
         out.write(b"thing (1:2.3-4) unstable; urgency=low\n")
-    parts = free.plan([small(package="thing")], 0.5)
+    parts = free.plan([small(package="thing")], {"photo": 0.5})
     good = {"status": "ok", "reason": "", "split": "train"}
     bad = {"status": "refused", "split": "train", "samples": 0}
     first = [

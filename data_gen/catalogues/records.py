@@ -1,0 +1,140 @@
+"""Catalogue of the models in a folder of records, for new views of point clouds without meshes.
+
+The surface of a model is approximated by surfels: an ellipse (here a rectangle) at each point,
+tangential to the surface. A surfel's normal and axes are the principal directions of the point's
+nearest neighbours. Its long semi-axis is the distance of the 5th neighbour, so that a
+Poisson-distributed sample leaves e^-5 of a plane uncovered; along thin parts and edges the short
+semi-axis is shorter. A point that the record's image shows has its colour there; a point that it
+does not show has the colour of the nearest shown point.
+
+Objects keep their position and scale; the job must use `centre=bounds`, which is its default.
+"""
+
+import functools
+import os
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.spatial
+
+from data_gen.catalogues.entry import SPLITS, Entry, loader
+from data_gen.mesh import Model, UnusableModelError, build_model, unit_vectors
+from data_gen.readers.by_trimesh import palette
+from psgn_jax.data import camera
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.schema import Sample
+
+_NEIGHBOURS = 32  # of which the normal and the axes of a surfel are computed
+_REACH = 5  # the neighbour at whose distance a surfel ends
+_THINNEST = 0.3  # smallest ratio of the semi-axes
+_SHOWN = 0.04  # largest difference of depth between a point and the image's surface
+_FEWEST = 100  # smallest number of points of a usable model
+
+
+class RecordsCatalogue:
+    """The models in a folder of records, each from its first record."""
+
+    name = "records"
+
+    def __init__(self, source: str | os.PathLike[str]) -> None:
+        """Lists the models.
+
+        Args:
+          source: a folder of records.
+
+        Raises:
+          ValueError: the folder contains no records, or they cannot be read.
+        """
+        self._source = os.fspath(source)
+        self._models: list[tuple[str, str, str, int]] = []
+        splits = load_manifest(source).splits()
+        for split in (s for s in SPLITS if s in splits):
+            reader = _reader(self._source, split)
+            seen: set[str] = set()
+            for index in range(len(reader)):
+                stored = reader.stored(index, ())
+                if stored.model_id not in seen:
+                    seen.add(stored.model_id)
+                    self._models.append((stored.model_id, stored.category, split, index))
+
+    def __len__(self) -> int:
+        """Number of models."""
+        return len(self._models)
+
+    def entries(self) -> Iterator[Entry]:
+        """The models in the order of the records; a model keeps the split of its record."""
+        for model_id, category, split, index in self._models:
+            yield Entry(model_id, category, split, loader(_load, self._source, split, index))
+
+
+@functools.lru_cache(maxsize=4)
+def _reader(source: str, split: str) -> RecordReader:
+    return RecordReader(source, split)
+
+
+def _load(source: str, split: str, index: int) -> Model:
+    sample = _reader(source, split)[index]
+    return surfels(sample)
+
+
+def surfels(sample: Sample) -> Model:
+    """A mesh of rectangles, one for each point of a sample, in the frame of the sample.
+
+    Raises:
+      UnusableModelError: there are too few different points.
+    """
+    points = np.unique(sample.points.astype(np.float64), axis=0)
+    if len(points) < _FEWEST:
+        raise UnusableModelError(f"{len(points)} different points, expected {_FEWEST} or more")
+    distance, nearest = scipy.spatial.cKDTree(points).query(points, k=_NEIGHBOURS + 1)
+    around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
+    # Ascending: across the surface, then the short and the long axis.
+    variances, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
+    ratio = np.sqrt(np.maximum(variances[:, 1], 0) / np.maximum(variances[:, 2], 1e-12))
+    # A rectangle has the area of an ellipse whose axes are 2 / sqrt(pi) times as long.
+    reach = distance[:, _REACH] * np.sqrt(np.pi) / 2
+    long = axes[:, :, 2] * reach[:, None]
+    short = axes[:, :, 1] * (reach * np.clip(ratio, _THINNEST, 1))[:, None]
+    corners = points[:, None] + np.stack(
+        [-long - short, long - short, long + short, short - long], 1
+    )
+    normals = _smoothed(axes[:, :, 0], nearest)
+    first = 4 * np.arange(len(points))[:, None]
+    faces = np.concatenate([first + corner for corner in (0, 1, 2, 0, 2, 3)], axis=1).reshape(-1, 3)
+    colours = np.full((len(points), 4), 255, np.uint8)
+    colours[:, :3] = _colours(sample, points)
+    material, uv = palette(colours.repeat(2, axis=0))
+    return build_model(
+        corners.reshape(-1, 3),
+        faces,
+        materials=(material,),
+        normals=normals[:, None].repeat(6, axis=1).reshape(-1, 3, 3),
+        uv=uv,
+        category=sample.category,
+        model_id=sample.model_id,
+    )
+
+
+def _smoothed(normals: np.ndarray, nearest: np.ndarray) -> np.ndarray:
+    """Mean normals [n, 3] of the nearest points, each with the sign of the point's own normal."""
+    around = normals[nearest]
+    around *= np.sign(np.einsum("nki,ni->nk", around, normals))[..., None]
+    return unit_vectors(around.sum(axis=1))
+
+
+def _colours(sample: Sample, points: np.ndarray) -> np.ndarray:
+    """uint8 [n, 3]: the colours of points; grey if the sample has no depth."""
+    grey = np.full((len(points), 3), 150, np.uint8)
+    if sample.depth is None:
+        return grey
+    pixels, depth = camera.project(points, sample.intrinsics, sample.extrinsics)
+    height, width = sample.mask.shape
+    columns = np.clip(pixels[:, 0].astype(int), 0, width - 1)
+    rows = np.clip(pixels[:, 1].astype(int), 0, height - 1)
+    shown = sample.mask[rows, columns]
+    shown &= np.abs(sample.depth[rows, columns] - depth) < _SHOWN
+    if not shown.any():
+        return grey
+    _, nearest = scipy.spatial.cKDTree(points[shown]).query(points)
+    return sample.image[rows, columns][shown][nearest]
