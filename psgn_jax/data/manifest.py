@@ -181,7 +181,7 @@ def _check_type(name: str, value: Any, kind: type) -> None:
         raise ValueError(f"{name} is {_shown(value)}, expected {_KIND_NAMES[kind]}")
 
 
-_KIND_NAMES = {str: "a text", bool: "true or false", list: "a list", dict: "a JSON object"}
+_KIND_NAMES = {str: "a string", bool: "true or false", list: "a list", dict: "a JSON object"}
 
 
 def _check_count(name: str, value: Any, most: int) -> None:
