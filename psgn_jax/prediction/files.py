@@ -41,8 +41,8 @@ def predict_files(
       predictor: the network.
       images: image files, and folders, whose images are processed in order of their names.
       out: folder for the results.
-      mask: file of the mask (for one image), or folder in which the mask of each image has the name
-        of the image, or this name and `_mask`.
+      mask: file of the mask (for one image), or folder of masks. There the mask of `NAME.jpg` is
+        `NAME.*` or `NAME_mask.*`.
       formats: any of `prediction.export.FORMATS`.
       **options: arguments of `Predictor.__call__`.
 

@@ -2,7 +2,7 @@
 
 The mask of the object is given, is the image's alpha channel, or is computed (`data.masks`). The
 object is then cropped and scaled to the position of training objects (`data.framing`), unless the
-image is framed like a training rendering: 4:3, with the grey of its background.
+image is framed like a training rendering: 4:3, with the renderings' grey along its border.
 """
 
 import dataclasses
