@@ -129,8 +129,8 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
         raise _damaged(path, error) from None
     if not manifest.complete and not allow_incomplete:
         raise RecordError(
-            f"data set {str(folder)!r}: it is incomplete; run the command that writes it again, "
-            "which continues where it stopped"
+            f"data set {str(folder)!r}: it is incomplete; start the command that writes it again: "
+            "it continues where it stopped"
         )
     return manifest
 

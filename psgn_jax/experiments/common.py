@@ -75,6 +75,7 @@ class Study:
         Raises:
           ConfigError: an option, the data or a run in `workdir` is not suitable.
           UserError: a signal ended a training; the same call continues.
+          TypeError: an option is unknown.
         """
         figures.check_installed()
         given = {**self.options, **values}

@@ -285,7 +285,7 @@ def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     splits = set().union(*(load_manifest(f).splits() for f in config.data.eval_folders))
     split = "test" if "test" in splits else config.data.eval_split
     if split == config.data.eval_split:
-        logging.warning("no test split: measuring on the split that thresholds were chosen on")
+        logging.warning("no test split: measuring on the split on which thresholds were chosen")
     numbers, cases = compare(options.workdir, split)
     spent = {
         name: common.cost(options.workdir / name)[1] for name in (*POINTS, "volume", *HEADS, PEER)

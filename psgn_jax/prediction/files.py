@@ -1,7 +1,7 @@
 """Predicts clouds for image files and writes the results as files.
 
 For each image, the files are: the cloud as PLY, XYZ, OBJ and NPZ (`prediction.export` describes
-frame and colours); the input of the network as `NAME_view.png`; and `NAME.json` with camera,
+frame and colours); the framed view of the object as `NAME_view.png`; and `NAME.json` with camera,
 configuration, checkpoint and times. The NPZ file also contains the spread of each point over the
 samples and the mutual distances of the clouds.
 """

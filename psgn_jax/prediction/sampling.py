@@ -106,7 +106,7 @@ def predict_samples(
       config: configuration of the run.
       model: the network, from `point_out_net.build`.
       params: parameters of the network.
-      batch: image uint8 [B,H,W,3], mask bool [B,H,W], and depth if it is an input.
+      batch: image uint8 [B,H,W,3], mask bool [B,H,W]; depth and extrinsics if depth is an input.
       num_draws: K, the number of predictions per image.
       seed: seed of the random inputs.
       first: index of the batch's first sample, which is the number of samples in earlier batches.
