@@ -29,7 +29,7 @@ def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
 
     Args:
       folder: created if missing.
-      part: (i, n): part i, from 0, of n.
+      part: (i, n): number i, counted from 0, of the n parts.
 
     Raises:
       ClaimedError: another process has claimed this part, or a process with another n is running.

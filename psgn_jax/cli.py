@@ -36,12 +36,12 @@ COMMANDS: Mapping[str, Command] = {
     ),
     "human": Command(
         "psgn_jax.human.__main__",
-        "write a page to model objects by hand; compare the models with networks",
+        "write a page on which people model objects; compare their models with networks",
     ),
     "convert": Command("psgn_jax.convert", "convert published data sets to records"),
     "inspect": Command("psgn_jax.inspect", "check a folder of records and show some samples"),
     "render": Command("data_gen.render", "render meshes or procedural models to records"),
-    "free-set": Command("data_gen.sets.free", "render the training set of free packages"),
+    "free-set": Command("data_gen.sets.free", "render a training set from free packages of meshes"),
     "view": Command(
         "psgn_jax.viewing.page", "show predictions on a web page, with clouds that can be rotated"
     ),

@@ -16,8 +16,9 @@ from psgn_jax.config import ConfigError
 from psgn_jax.files import DISK_FULL, cache_folder, is_disk_full
 from psgn_jax.untrusted import message_line, one_line
 
-# Hides a wrong warning of XLA, see `keep_compiled`. It has no effect once jaxlib has been imported,
-# so it is set here: the commands import this module before any other that imports JAX.
+# This setting hides a wrong warning of XLA, see `keep_compiled`. It has no effect once jaxlib has
+# been imported. It is made here because the commands import this module before any other that
+# imports JAX.
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
 
 

@@ -61,8 +61,8 @@ class ModelConfig:
       name: version of the network, see `models.point_out_net`.
       widths: number of feature maps at each resolution level, full size first; each level halves
         the size.
-      width_multiplier: factor of all hidden widths; the results are rounded to multiples of 8, at
-        least 8.
+      width_multiplier: factor of all hidden widths. If it is not 1, the results are rounded to
+        multiples of 8 and are at least 8.
       fc_points: number of points of the fully connected branch; all points of `vanilla`.
       deconv_level: level at which the deconv branch ends (3 = an eighth of the image size).
       deconv_channels: number of output channels of the deconv branch, 3 for each point of a cell.
@@ -122,7 +122,7 @@ class LossConfig:
         in the unit of the loss per nat. The variational bound has weight 1 if the loss is -log p of
         the truth, and 2 sigma^2 if the loss is a sum of squared distances, where sigma is the
         assumed standard deviation of each coordinate of a point.
-      kl_warmup_steps: number of first steps over which the weight grows linearly from 0.
+      kl_warmup_steps: number of steps at the start during which the weight grows linearly from 0.
     """
 
     name: str = "chamfer_sq_mean"
@@ -208,9 +208,9 @@ class EvalConfig:
       fscore_threshold: distance in units below which a point is correct.
       emd_tolerance: accepted relative error of the earth mover's distance, which compares a
         prediction with equally many true points; 0 = no EMD.
-      visible_tolerance: largest distance in units of a visible true point from a pixel of the
-        depth image, see `data.visibility`; 0 = no metrics of visible and hidden points. Records
-        without depth never have these metrics.
+      visible_tolerance: a true point is visible if a surface point of the depth image is within
+        this distance, in units (`data.visibility`); 0 = no metrics of visible and hidden points.
+        Records without depth never have these metrics.
       aligned: whether to measure, during training as well, the distances after the best scale and
         shift of each prediction (`metrics.aligned`, about 35 ms of a CPU core per sample). The
         command `evaluate` always does.
@@ -231,9 +231,9 @@ class VoxelConfig:
     The description of each field begins with the task that reads it.
 
     Attributes:
-      from_cd: "refine": folder of a run trained by CD, whose clouds are an input. One of `from_cd`
-        and `from_emd` is required. When the refiner starts for the first time, it copies the best
-        checkpoint of that run into its own folder; the copy does not change later.
+      from_cd: "refine": folder of a run trained by CD, whose clouds are an input. At least one of
+        `from_cd` and `from_emd` is required. When the refiner starts for the first time, it copies
+        the best checkpoint of that run into its own folder; the copy does not change later.
       from_emd: "refine": likewise, of a run trained by EMD.
       from_volume: "refine": folder of a run of the task "volume", whose prediction is an input as
         well; "" = no such input.

@@ -36,7 +36,7 @@ def load(name: str) -> ml_collections.ConfigDict:
 def path_of(value: str) -> str:
     """The path of a configuration that is given as a path or as a name.
 
-    A text after a colon is kept: `authors:small` becomes `.../authors.py:small`.
+    Text after a colon is kept: `authors:small` becomes `.../authors.py:small`.
 
     Raises:
       ConfigError: there is neither a file nor a configuration with this name.
@@ -65,7 +65,7 @@ def check_file(value: str) -> None:
     """Checks that a file is a configuration, by loading it.
 
     Args:
-      value: path of the file. A text after a colon is the argument of `get_config`.
+      value: path of the file. Text after a colon is the argument of `get_config`.
 
     Raises:
       ConfigError: the file is not a configuration, or `get_config` fails; the message states what

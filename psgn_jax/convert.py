@@ -49,7 +49,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         command.add_argument("source", metavar="SRC", help=what)
         command.add_argument("destination", metavar="DST", help="folder for the records")
         command.add_argument("--views", type=int, default=24, help="views per model, at most")
-        command.add_argument("--points", type=int, default=shapenet.NUM_POINTS, help="per sample")
+        command.add_argument(
+            "--points", type=int, default=shapenet.NUM_POINTS, help="points per sample, at most"
+        )
         command.add_argument("--strict", action="store_true", help="stop at the first bad file")
     arguments = parser.parse_args(argv)
     logging.use_absl_handler()

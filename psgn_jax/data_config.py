@@ -72,7 +72,7 @@ class DataConfig:
       num_eval_points: number of true points per sample in an evaluation.
       flip: whether to mirror half of the training samples (y to -y).
       stretch: largest relative change of width; the factor is uniform in
-        [1 - stretch, 1 + stretch]. Samples with a rolled camera are not changed.
+        [1 - stretch, 1 + stretch]. Samples with a rolled or skewed camera are not changed.
       zoom: largest relative change of scale by cropping; the factor is uniform in
         [1 - zoom, 1 + zoom].
       shift: largest shift of that crop, as a fraction of the height and width of the image.

@@ -57,7 +57,7 @@ def default_dataset() -> str:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            logging.info("waiting for another process that renders the default data set")
+            logging.info("waiting for another process that is rendering the default data set")
             fcntl.flock(lock, fcntl.LOCK_EX)
         if not _is_complete(folder):
             logging.info("rendering the default data set in %s", folder)

@@ -83,8 +83,8 @@ def _main(argv: Sequence[str]) -> None:
 
 if __name__ == "__main__":
     define_network_flags()
-    flags.DEFINE_string("host", "127.0.0.1", "Address to listen at.")
-    flags.DEFINE_integer("port", 7860, "Port to listen at, 0 for a free one.")
+    flags.DEFINE_string("host", "127.0.0.1", "Address to listen on.")
+    flags.DEFINE_integer("port", 7860, "Port to listen on; 0 = a free one.")
     flags.DEFINE_list(
         "allowed_hosts", [], "Further host names of this server, such as that of a proxy."
     )

@@ -57,17 +57,17 @@ def _main(argv: Sequence[str]) -> None:
 if __name__ == "__main__":
     define_network_flags()
     flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
-    flags.DEFINE_string("data", None, "Folder of records in place of the run's data.path.")
+    flags.DEFINE_string("data", None, "Folder of records in place of those of the run.")
     flags.DEFINE_string("out", None, "Folder for the tables; default: a folder in the workdir.")
     flags.DEFINE_integer(
         "draws",
         0,
-        "Number of predictions per image, to measure also their best and mean distance; needs a "
+        "Number of predictions per image whose best and mean distances are also measured; needs a "
         "network with a random input; 0 = off.",
         lower_bound=0,
     )
     flags.DEFINE_enum(
-        "frame", "keep", list(FRAMES), "Keep the images as they are, or place objects as in photos."
+        "frame", "keep", list(FRAMES), "keep: images as they are; place: crop and place objects."
     )
     flags.DEFINE_string("report", None, "Folder for a gallery of all samples, as web pages.")
     flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")

@@ -6,7 +6,10 @@ ONNX files, a StableHLO program, a README on inputs, outputs, frame and framing,
 each in Python and JavaScript. Each file is compared with JAX before it is written: on the images of
 `--data=RECORDS`, or on random images. It is an error if the points of a float32 file differ by more
 than 1e-4, or if any file changes the mean CD (measured only with `--data`) by more than 1 %. The
-command needs the extra `export`. Exit codes: 0 done; 2 an error, reported in one line.
+command needs the extra `export`.
+
+Exit code: 0, or 2 after an error, which is reported in one line; `docs/reliability.md` lists the
+exit codes of a full disk and of Ctrl-C.
 """
 
 import sys

@@ -7,7 +7,8 @@ either flag, the package's default weights are used (see
 Images are files of any common format, or folders of such files. `psgn_jax.prediction.predictor`
 describes how the object is found and framed, `psgn_jax.prediction.files` describes the output. An
 image that cannot be processed does not stop the others. Exit codes: 0 all images were processed; 1
-some failed; 2 all failed, or an argument is wrong.
+some failed; 2 all failed, or an argument is wrong. `docs/reliability.md` lists the exit codes of a
+full disk and of Ctrl-C.
 
 In a notebook: `predictor = psgn_jax.prediction.predictor.Predictor.from_weights()`, then
 `predictor(image)` with an image array. `Predictor.from_workdir(workdir)` uses the network of a run.

@@ -131,7 +131,7 @@ class Items:
 
 
 def _subset(rng: np.random.Generator, available: int, wanted: int) -> np.ndarray | slice:
-    """Random indices without replacement; if there are too few, all are equally frequent (+-1)."""
+    """Random indices without replacement; if there are too few, all occur equally often (+-1)."""
     if wanted == available:
         return slice(None)
     whole, rest = divmod(wanted, available)
@@ -143,7 +143,8 @@ def _subset(rng: np.random.Generator, available: int, wanted: int) -> np.ndarray
 class Models:
     """Finds, for each record of a split, the other records of the same model.
 
-    Every record is read once, in a millisecond or two, because the manifest does not name models.
+    The manifest does not name models. Therefore every record is read once, which takes one or two
+    milliseconds each.
     """
 
     def __init__(self, reader: RecordReader | JoinedReader, wanted: int, name: str) -> None:

@@ -141,7 +141,7 @@ def _integer(value: Any, low: int, high: int, what: str) -> int:
 
 
 def _byte_planes(values: np.ndarray, count: int) -> np.ndarray:
-    """The bytes of unsigned integers, first all lowest bytes: similar neighbours deflate well."""
+    """The bytes of unsigned integers, all lowest bytes first; similar neighbours deflate well."""
     return np.stack([(values >> (8 * i)) & 255 for i in range(count)]).astype(np.uint8)
 
 

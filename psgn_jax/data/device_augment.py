@@ -31,8 +31,9 @@ class Draws(NamedTuple):
     """Random numbers of one sample, all uniform: see `data.augment.augment`.
 
     Attributes:
-      mirrored: in [0, 1); mirrors if it is below 1/2.
-      stretch: in [-1, 1), like all following fields; relative change of the width.
+      mirrored: in [0, 1); mirrors if it is below 1/2. All following fields are in [-1, 1), as
+        fractions of the largest change that the configuration allows.
+      stretch: relative change of the width.
       zoom: relative change of the scale.
       shift: down and right.
       light: brightness and contrast.
@@ -89,7 +90,7 @@ def flip(view: View) -> View:
 
 
 def _has_grey_background(view: View) -> Bool[Array, ""]:
-    """Whether all of the image's border that is not the object is the plain grey."""
+    """Whether all pixels of the border, except those of the object, have the plain grey."""
     plain = view.mask | (view.image == schema.BACKGROUND_GREY).all(axis=-1)
     return plain[0].all() & plain[-1].all() & plain[:, 0].all() & plain[:, -1].all()
 

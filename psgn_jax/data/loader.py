@@ -172,8 +172,8 @@ def train_batches(
 ) -> Generator[Batch, None, None]:
     """Endless training batches, beginning with that of `start_step`.
 
-    Within an epoch no sample occurs twice; each epoch has its own order. Augmentations are those of
-    the configuration.
+    Each epoch contains every record of the split once, or N times if `data.path` gives its folder
+    the factor N. Each epoch has its own order. Augmentations are those of the configuration.
 
     Args:
       cfg: the section `data` of the configuration.

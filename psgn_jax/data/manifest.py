@@ -129,8 +129,8 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
         raise _damaged(path, error) from None
     if not manifest.complete and not allow_incomplete:
         raise RecordError(
-            f"data set {str(folder)!r}: it is incomplete; run the command that writes it again, "
-            "which continues where it stopped"
+            f"data set {str(folder)!r}: it is incomplete; start the command that writes it again: "
+            "it continues where it stopped"
         )
     return manifest
 
@@ -181,7 +181,7 @@ def _check_type(name: str, value: Any, kind: type) -> None:
         raise ValueError(f"{name} is {_shown(value)}, expected {_KIND_NAMES[kind]}")
 
 
-_KIND_NAMES = {str: "a text", bool: "true or false", list: "a list", dict: "a JSON object"}
+_KIND_NAMES = {str: "a string", bool: "true or false", list: "a list", dict: "a JSON object"}
 
 
 def _check_count(name: str, value: Any, most: int) -> None:

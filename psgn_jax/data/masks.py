@@ -140,7 +140,7 @@ def plain(image: np.ndarray) -> np.ndarray | None:
     if spread <= _EXACT:
         deviation = _deviation(image, colour)
         mask = deviation > 2
-        if not _is_lossy(deviation, mask):  # every pixel of another colour is object
+        if not _is_lossy(deviation, mask):  # all pixels of another colour show the object
             return mask
         limit = _JPEG_DEVIATION
     deviation = _deviation(_small(image), colour)
@@ -154,7 +154,7 @@ def plain(image: np.ndarray) -> np.ndarray | None:
 
 
 def _background(image: np.ndarray) -> tuple[np.ndarray, float]:
-    """The colour of the border, and the deviation from it of nearly all pixels of the border."""
+    """The colour of the border, and the deviation from it that 97 % of the border do not exceed."""
     border = np.concatenate([image[0], image[-1], image[1:-1, 0], image[1:-1, -1]]).astype(int)
     colour = np.median(border, axis=0).astype(int)
     deviation = np.abs(border - colour).max(axis=1)

@@ -57,8 +57,8 @@ def train_batches(
       process_count: number of processes.
 
     Returns:
-      The batches; None if the split does not fit into the device's memory or an augmentation is not
-      supported on the device. The reason is logged.
+      The batches; None if the split does not fit into the device's memory, or if the device does
+      not support an augmentation or several views of a model. The reason is logged.
 
     Raises:
       RecordError: the data set is missing or damaged.
@@ -166,7 +166,7 @@ def _load(
 
 
 def _stored(item: Item) -> dict[str, np.ndarray]:
-    """The arrays that are kept of a record, except the codes of its points."""
+    """The arrays of a record that are kept on the device, except the codes of its points."""
     camera_only = augment.View(
         item.image, item.mask, None, np.zeros((0, 3)), item.intrinsics, item.extrinsics
     )
@@ -188,7 +188,7 @@ def _stored(item: Item) -> dict[str, np.ndarray]:
 def choose_points(key: PRNGKey, count: Array, available: int, wanted: int) -> Array:
     """Random indices below `count`, without replacement.
 
-    If `count` is too small, all indices are equally frequent (+-1).
+    If `count` is less than `wanted`, all indices occur equally often (+-1).
 
     Args:
       key: key of the draw.
@@ -207,7 +207,8 @@ def choose_points(key: PRNGKey, count: Array, available: int, wanted: int) -> Ar
 def _compile(cfg: DataConfig, mesh: Mesh, keys: Sequence[str], seed: int) -> Any:
     """Compiled (split, slots [b], rows [b], step) -> batch.
 
-    `slots` are rows of the split's arrays; `rows` are rows of the global batch, for the keys.
+    `slots` are rows of the split's arrays. `rows` are rows of the global batch, from which the
+    random keys are derived.
     """
     size = cfg.image_size
 

@@ -66,8 +66,8 @@ def read_photo(path: str | os.PathLike[str]) -> Photo:
     EXIF's orientation is honoured; CMYK, palettes, grey and 16 bits are converted.
 
     Raises:
-      PhotoError: the path is no file or no image, or the image is damaged, larger than 150 million
-        pixels or smaller than 16x16.
+      PhotoError: the path is not a file or not an image, or the image is damaged, larger than 150
+        million pixels or smaller than 16x16.
     """
     stored, orientation, size = _decode(path)
     picture, alpha = _to_rgb(stored)
@@ -85,9 +85,9 @@ def read_photo(path: str | os.PathLike[str]) -> Photo:
 def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
     """Reads the mask of a photo: bool [h, w] of `photo.image`'s shape, True on the object.
 
-    Pixels brighter than half of the largest value are object, so masks with 0/1 and with 0/255 both
-    work. In a file with transparency, alpha is used instead of brightness. The mask may have
-    another size in the same proportions. If EXIF rotates the photo, and the mask has the
+    Pixels brighter than half of the largest value belong to the object, so masks with 0/1 and with
+    0/255 both work. In a file with transparency, alpha is used instead of brightness. The mask may
+    have another size in the same proportions. If EXIF rotates the photo, and the mask has the
     proportions of the unrotated photo, the mask is rotated too.
 
     Raises:
@@ -110,7 +110,7 @@ def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
             f"{photo.size[1]}x{photo.size[0]} or the same proportions"
         )
     if not levels.max():
-        raise PhotoError(f"mask {path} is empty: no pixel of it is object")
+        raise PhotoError(f"mask {path} is empty: no pixel shows the object")
     mask = levels > levels.max() / 2
     return resize_mask(mask, photo.image.shape[:2])
 
@@ -209,7 +209,10 @@ def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:
 
 
 def _to_bytes(values: np.ndarray) -> np.ndarray:
-    """Grey values as 8 bits, scaled by the first of 1, 255, 65535 that no value exceeds."""
+    """Grey values as 8 bits, scaled by the first of 1, 255, 65535 that no value exceeds.
+
+    If a value exceeds 65535, the scale is the largest value.
+    """
     values = np.nan_to_num(values.astype(np.float64))
     top = values.max()
     if top <= 1:
@@ -241,6 +244,7 @@ def as_rgb_and_alpha(array: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
 
     Raises:
       ValueError: any other dtype or shape.
+      PhotoError: the image is too small or too large.
     """
     if (
         array.dtype != np.uint8

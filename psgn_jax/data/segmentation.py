@@ -7,7 +7,8 @@ guess of the mask. Here it is started from several guesses (seeds) on a small co
 - the minimum barrier distance from the border, which is large where every path to the border
   crosses a change of colour (Zhang et al., "Minimum Barrier Salient Object Detection at 80 FPS",
   ICCV 2015);
-- the difference from the colours of the border, and the product of both.
+- the difference from the colours of the border;
+- the geometric mean of the last two quantities.
 
 Each result is a candidate, and so is the set of pixels that most results contain. The candidate
 that agrees best with the others, with a small preference for better seeds, is refined along its
@@ -62,7 +63,7 @@ FEATURES = tuple(WEIGHTS)
 
 _BAND = 0.03  # width of the border that is background, relative to the image
 _ROUNDS = 3
-_LEAST_RANGE = 8  # of a channel; an image with less counts as one colour
+_LEAST_RANGE = 8  # an image with a smaller range in every channel counts as one colour
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

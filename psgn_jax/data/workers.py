@@ -4,7 +4,8 @@ Batch systems and terminals send SIGTERM and SIGINT to every process of a group.
 signals, because the training process stops them after its last step. A worker whose training
 process was killed ends by itself. After the last worker has ended, Python's resource tracker frees
 the workers' shared memory. The tracker does not belong to the group, so it also does this after a
-SIGKILL of the whole group. Only a block that a worker is creating at that moment can remain.
+SIGKILL of the whole group. Only a block of shared memory that a worker is creating at that moment
+can remain.
 """
 
 import concurrent.futures

@@ -282,7 +282,7 @@ def _against_truths(
 
 
 def spread_of_the_minimiser(num_draws: int) -> float:
-    """Standard deviation of the samples that minimise Mo-n, over that of the truth.
+    """Standard deviation of the samples that minimise Mo-n, divided by that of the truth.
 
     The truth x is a number, uniform on [-1, 1], and the distance is the squared error. The function
     computes the distribution q, represented by 32 equally likely numbers, that minimises the
@@ -430,7 +430,8 @@ STUDY = common.Study(
     table,
     figure,
     options={"full": False},
-    note="front: ambiguous images; turned: unambiguous images. [share]: of the largest depth.",
+    note="front: ambiguous images; turned: unambiguous images. [share]: relative to the largest "
+    "depth.",
 )
 
 if __name__ == "__main__":

@@ -80,7 +80,7 @@ _ORDINALS = ("first", "second", "third", "fourth", "last")
 
 
 def configuration(path: str, *, full: bool, steps: int = 0) -> Config:
-    """The configuration of `common.recipe`, with the number of steps of its file."""
+    """The configuration of `common.recipe`, by default with the number of steps of its file."""
     return common.recipe(path, full=full, steps=steps)
 
 
@@ -102,7 +102,7 @@ def configs(options: Any) -> Iterable[tuple[str, Config]]:
 
 
 def order(points: np.ndarray, neighbours: np.ndarray) -> float:
-    """Mean distance of the pairs `neighbours` [k, 2], over the mean of all pairs of points."""
+    """Mean distance of the pairs `neighbours` [k, 2], divided by that of all pairs of points."""
     n = len(points)
     if n < 2 or not len(neighbours):
         return float("nan")

@@ -75,6 +75,7 @@ class Study:
         Raises:
           ConfigError: an option, the data or a run in `workdir` is not suitable.
           UserError: a signal ended a training; the same call continues.
+          TypeError: an option is unknown.
         """
         figures.check_installed()
         given = {**self.options, **values}
@@ -385,7 +386,7 @@ def cost(folder: pathlib.Path) -> tuple[float, float]:
 
 
 def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:
-    """Applies `function` to `size` rows of the arrays at a time; returns trees of numpy arrays.
+    """Applies `function` to `size` rows of the arrays at a time; joins the results as numpy arrays.
 
     The last part is padded to the same shape as the others.
     """
@@ -402,7 +403,7 @@ def in_parts(function: Any, *arrays: np.ndarray, size: int = 16) -> Any:
 
 
 def number(title: str, value: float, *, sign: bool = False) -> str:
-    """The text of a cell: as per cent if the title contains "[%]", otherwise with five digits."""
+    """The text of a cell: per cent if the title ends with "[%]", otherwise with five decimals."""
     percent, plus = title.endswith("[%]"), "+" if sign else ""
     return f"{100 * value:{plus}.2f}" if percent else f"{value:{plus}.5f}"
 

@@ -14,11 +14,11 @@ The study trains on the same records, with the same images:
 
 It then measures on the test split (the evaluation split if there is none), per category:
 
-- IoU of 32^3 grids: of the heads (that with all three inputs is compared with 3D-R2N2), and of
-  3D-R2N2 with 1, 3 and 5 views. Thresholds are chosen on the evaluation split;
-- CD and EMD of 1,024 points by the paper's protocol: predicted and true grids of 3D-R2N2 are
-  converted to clouds by farthest point sampling, here from 4,096 points on the surface of the
-  occupied cells (**ours**: the paper does not state which points of a grid are sampled). The
+- IoU of 32^3 grids: of the heads, and of 3D-R2N2 with 1, 3 and 5 views. The head with all three
+  inputs is compared with 3D-R2N2. Thresholds are chosen on the evaluation split;
+- CD and EMD of 1,024 points by the paper's protocol: the grids that 3D-R2N2 predicts and the true
+  grids are converted to clouds by farthest point sampling, here from 4,096 points on the surface of
+  the occupied cells (**ours**: the paper does not state which points of a grid are sampled). The
   truth for both systems is the cloud of the true grid. CD and EMD are also measured with the
   surface points of the records as truth (**ours**);
 - recall of thin parts (**ours**): thin cells are true cells that belong to no 2x2x2 block of
@@ -285,7 +285,7 @@ def measure(options: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     splits = set().union(*(load_manifest(f).splits() for f in config.data.eval_folders))
     split = "test" if "test" in splits else config.data.eval_split
     if split == config.data.eval_split:
-        logging.warning("no test split: measuring on the split that thresholds were chosen on")
+        logging.warning("no test split: measuring on the split on which thresholds were chosen")
     numbers, cases = compare(options.workdir, split)
     spent = {
         name: common.cost(options.workdir / name)[1] for name in (*POINTS, "volume", *HEADS, PEER)

@@ -1,4 +1,4 @@
-"""Data of the study `ambiguity`, which are cabinets, and measures of their depth.
+"""The data of the study `ambiguity`, images of cabinets, and measures of their depth.
 
 The parts of a cabinet (panel, body, rail) are described in `data_gen.catalogues.doubt`.
 """

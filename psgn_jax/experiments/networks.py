@@ -184,7 +184,7 @@ def table(numbers: Mapping[str, Any]) -> list[Lines]:
 
 
 def ratios(numbers: Mapping[str, Any]) -> dict[str, list[tuple[float, float]]]:
-    """Network -> for each loss its metric over that of `vanilla`, and the standard error."""
+    """Network -> for each loss its metric divided by that of `vanilla`, and the standard error."""
     pairs: dict[str, list[tuple[float, float]]] = {}
     for loss, metric in METRICS.items():
         means = {n: numbers["runs"][f"{n}_{loss}"]["mean_over_samples"][metric] for n in NETWORKS}

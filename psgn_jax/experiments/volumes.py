@@ -175,7 +175,7 @@ def ious(runs: Mapping[str, Run]) -> dict[str, np.ndarray]:
 def distances(
     runs: Mapping[str, Run], volumes: Sequence[np.ndarray], samples: Mapping[str, list[Any]]
 ) -> dict[str, np.ndarray]:
-    """CD and EMD to both truths for each sample: the point networks, and `volumes` of 3D-R2N2."""
+    """CD and EMD of the point networks and of the `volumes` of 3D-R2N2, to both truths."""
     surfaces = []
     for i, points in enumerate(samples["points"]):
         # A random subset, because the points of a record are ordered by position.

@@ -68,7 +68,7 @@ def choose(reader: RecordReader | JoinedReader, count: int) -> list[int]:
     available = min(len(reader), MAX_CASES)
     if not 1 <= count <= available:
         raise ConfigError(
-            f"--cases={count}: the split has {len(reader)}; accepted: 1 to {available}"
+            f"--cases={count}: the split has {len(reader)} records; accepted: 1 to {available}"
         )
     # The middles of equal parts.
     return [int((2 * i + 1) * len(reader) / (2 * count)) for i in range(count)]

@@ -148,7 +148,7 @@ def score(
     fewer = min(len(sample.points) for sample in kept)
     if fewer < num_points:
         raise ConfigError(
-            f"--points={num_points}: the records have {fewer}; accepted: at most {fewer}"
+            f"--points={num_points}: a record has {fewer} points; accepted: at most {fewer}"
         )
     clouds = {PERSON: [_model_points(answers[i], num_points, seed + r)
                        for i, r in zip(rows, records, strict=True)]}  # fmt: skip

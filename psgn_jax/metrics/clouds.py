@@ -5,8 +5,8 @@ predictions of one image are in `metrics.samples`.
 
 The clouds `pred` [n, 3] and `gt` [m, 3], n, m >= 1, must be in the same frame. Distances are in the
 unit of the coordinates. In the project's frame that is the radius of the object's bounding
-hemisphere, hence the suffix `_radius`; values are not converted. All functions raise `ValueError`
-for the same reasons as `losses.nearest_both`. Batch them with `losses.map_pairs`.
+hemisphere, hence the suffix `_radius`; values are not converted. All functions of two clouds raise
+`ValueError` for the same reasons as `losses.nearest_both`. Batch them with `losses.map_pairs`.
 """
 
 from typing import NamedTuple

@@ -138,7 +138,7 @@ def conv2d_transpose(
     Args:
       x: a batch of feature maps.
       kernel: the weights, with the channel order of `conv2d` (not swapped).
-      stride: `ho = stride * h`.
+      stride: factor of both sizes, `ho = stride * h`.
     """
     if uses_xla():
         return jax.lax.conv_transpose(

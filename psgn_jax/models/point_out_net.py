@@ -46,8 +46,8 @@ disagree:
   `two_branch`), the encoder of the first pass (`hourglass`), or everything but the fc branch
   (`random_at` "fc"). The other layers have a batch of b * draws, in which the samples of one image
   are next to each other.
-- `width_multiplier` scales all hidden widths, of convolutions and of dense layers. They are rounded
-  to multiples of 8 and are at least 8.
+- `width_multiplier` scales all hidden widths, of convolutions and of dense layers. Scaled widths
+  are rounded to multiples of 8 and are at least 8.
 - Padding: if a side of the image is not a multiple of 2^(levels - 1), it is padded to the next one
   by repeating border pixels, half on each side (an odd pixel at the bottom or right). If the object
   does not touch the border, the padding is background in every channel.

@@ -66,7 +66,7 @@ def build_page(
         if path.is_file():
             files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
     written = write_network(run, out, weights=(weights,), stablehlo=False, data=data, split=split)
-    # The page checks the description against this, and the network against the description.
+    # The page checks network.json against this checksum, and the network against network.json.
     digest = hashlib.sha256((out / "network.json").read_bytes()).hexdigest()
     files["network.sha256"] = f"{digest}\n".encode()
     for name, content in files.items():

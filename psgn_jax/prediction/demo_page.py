@@ -69,7 +69,7 @@ _FOUND = {
     "grabcut": "Object guessed from the photo's colours (GrabCut), often wrong at the edges.",
 }
 _DOUBT = "Object guessed from the photo's colours; the mask is probably wrong."
-_CORRECT = "Red is object: correct it with brush and eraser, then press Predict."
+_CORRECT = "The object is red: correct it with brush and eraser, then press Predict."
 
 
 class Demo:
@@ -141,7 +141,7 @@ class Demo:
 
         Args:
           path: path of the photo.
-          edited: value of the editor, see `open_photo`; pixels covered by its layers are object.
+          edited: value of the editor, see `open_photo`; its layers cover the object.
           samples: number of clouds.
           seed: seed of the random input.
           frame: "auto", "place" or "keep" (`Predictor.__call__`).
@@ -217,7 +217,7 @@ class Demo:
         """
         pixels = photo.decoded_pixels(path)
         if pixels > MAX_PIXELS:
-            raise photo.PhotoError(f"{path} has {pixels:,} pixels: accepted: {MAX_PIXELS:,}")
+            raise photo.PhotoError(f"{path} has {pixels:,} pixels: accepted: up to {MAX_PIXELS:,}")
         if pixels <= LARGE_PIXELS:
             yield
             return
@@ -326,7 +326,7 @@ def build(demo: Demo) -> Any:
                 line = gradio.HTML("", elem_id="line")
             with gradio.Column(scale=2, min_width=420):
                 editor = gradio.ImageEditor(
-                    label="mask: painted pixels are object",
+                    label="mask: paint the object",
                     type="numpy",
                     image_mode="RGBA",
                     format="png",

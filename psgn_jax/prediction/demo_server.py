@@ -156,7 +156,7 @@ def listen(host: str, port: int) -> tuple[socket.socket, str]:
 
 
 def is_local(host: str) -> bool:
-    """Whether an address to listen at can be reached only from this machine."""
+    """Whether an address to listen on can be reached only from this machine."""
     name = host.strip("[]").lower()
     try:
         return ipaddress.ip_address(name).is_loopback
@@ -165,7 +165,7 @@ def is_local(host: str) -> bool:
 
 
 def guard(app: _App, host: str, allowed_hosts: Iterable[str] = ()) -> Guard:
-    """`Guard` for a server that listens at `host`; `allowed_hosts` are further names of it."""
+    """`Guard` for a server that listens on `host`; `allowed_hosts` are further names of it."""
     names = {name.strip().lower() for name in allowed_hosts}
     if is_local(host):
         return Guard(app, names)

@@ -1,7 +1,7 @@
 """Predicts clouds for image files and writes the results as files.
 
 For each image, the files are: the cloud as PLY, XYZ, OBJ and NPZ (`prediction.export` describes
-frame and colours); the input of the network as `NAME_view.png`; and `NAME.json` with camera,
+frame and colours); the framed view of the object as `NAME_view.png`; and `NAME.json` with camera,
 configuration, checkpoint and times. The NPZ file also contains the spread of each point over the
 samples and the mutual distances of the clouds.
 """
@@ -41,8 +41,8 @@ def predict_files(
       predictor: the network.
       images: image files, and folders, whose images are processed in order of their names.
       out: folder for the results.
-      mask: file of the mask (for one image), or folder in which the mask of each image has the name
-        of the image, or this name and `_mask`.
+      mask: file of the mask (for one image), or folder of masks. There the mask of `NAME.jpg` is
+        `NAME.*` or `NAME_mask.*`.
       formats: any of `prediction.export.FORMATS`.
       **options: arguments of `Predictor.__call__`.
 

@@ -2,7 +2,7 @@
 
 The mask of the object is given, is the image's alpha channel, or is computed (`data.masks`). The
 object is then cropped and scaled to the position of training objects (`data.framing`), unless the
-image is framed like a training rendering: 4:3, with the grey of its background.
+image is framed like a training rendering: 4:3, with the renderings' grey along its border.
 """
 
 import dataclasses
@@ -47,8 +47,8 @@ class Prediction:
       colours: uint8 [k, n, 3], from the image; `prediction.export.UNSEEN` for invisible points.
       seen: bool [k, n], whether a point is visible in the image.
       branch: uint8 [n], the branch that predicts a point, `FC` or `DECONV`.
-      view: the input of the network, with the camera that projects `points` to it
-        (`data.framing.View`).
+      view: the framed view of the object, which is resized to the input of the network, with the
+        camera that projects `points` to it (`data.framing.View`).
       photo_intrinsics: float64 [3, 3], for the original image (with the extrinsics of the view).
       r: float32 [k, random_size], the random inputs; None for a network without random input.
       spread: float32 [n, 3], standard deviation over the clouds of each point along x, y, z (points

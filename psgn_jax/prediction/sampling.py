@@ -43,8 +43,8 @@ def sample_latents(
     """Random inputs of the samples `first`, `first` + 1, ...
 
     Each random input depends only on the seed, the number of the sample and the number of the draw.
-    It does not depend on the batch or on `num_draws`. All predictions outside training use this
-    function.
+    It does not depend on the batch or on `num_draws`. Outside training, only the evaluation step
+    does not use this function: it uses `training.step.sample_step_latents`.
     """
     key = random_key(0, seed, train=False)
 
@@ -106,7 +106,7 @@ def predict_samples(
       config: configuration of the run.
       model: the network, from `point_out_net.build`.
       params: parameters of the network.
-      batch: image uint8 [B,H,W,3], mask bool [B,H,W], and depth if it is an input.
+      batch: image uint8 [B,H,W,3], mask bool [B,H,W]; depth and extrinsics if depth is an input.
       num_draws: K, the number of predictions per image.
       seed: seed of the random inputs.
       first: index of the batch's first sample, which is the number of samples in earlier batches.

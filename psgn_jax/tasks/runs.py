@@ -54,7 +54,7 @@ def evaluate_run(
       checkpoint: "last", or "best" by the validation metric. If no checkpoint was evaluated, "best"
         is the last one.
       split: name of the split; None: `data.eval_split` of the configuration.
-      data: folder of records that replaces `data.path` of the configuration.
+      data: folder of records that replaces `data.path` and `data.eval_path` of the configuration.
       out: folder for the files; None: `workdir/eval_<split>_<checkpoint>`, or for weights
         `eval_<weights>_<split>`. With `frame="place"`, `_placed` is appended.
       draws: number of predictions per image for the metrics of `tasks.points.with_draws`;

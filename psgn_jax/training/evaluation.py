@@ -37,8 +37,8 @@ def evaluate_split(
       eval_step: maps (params, batch on the host, index of the batch) to predictions and metrics
         with a row for each sample; see `over_devices`.
       split: name of the split; None = `config.data.eval_split`.
-      max_samples: number of first samples that are evaluated; 0 = all.
-      on_batch: called with (index of the batch, batch, points [B,N,3]).
+      max_samples: evaluate only this many samples, from the start of the split; 0 = all.
+      on_batch: called with (index of the batch, batch, predictions).
 
     Raises:
       ConfigError: the split has no samples.

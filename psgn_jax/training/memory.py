@@ -102,7 +102,7 @@ def _require(parts: Mapping[str, float], limit: float, where: str) -> None:
         return
     listed = ", ".join(f"{name}: {size / 1e9:.3g} GB" for name, size in parts.items() if size)
     raise ConfigError(
-        f"{where} has {limit / 1e9:.3g} GB of memory left, and the training needs at least "
+        f"{where} has {limit / 1e9:.3g} GB of memory available, and the training needs at least "
         f"{sum(parts.values()) / 1e9:.3g} GB ({listed}); accepted: a smaller network or smaller "
         "batches"
     )

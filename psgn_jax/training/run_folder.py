@@ -112,7 +112,7 @@ def _best(checkpoints: Checkpoints) -> Checkpoint | None:
         except Exception as error:  # orbax raises many types of errors for unreadable files
             why = " ".join(str(error).split())[:200]
             logging.warning("the best checkpoint (step %d) is damaged: %s", step, why)
-    logging.warning("no best checkpoint to evaluate; using the last one")
+    logging.warning("no best checkpoint can be used; using the last one")
     return checkpoints.restore_newest()
 
 

@@ -156,7 +156,7 @@ def _summary(checks: Sequence[Check]) -> list[str]:
     lines.append(
         f"  {len(checks)} samples checked: points strictly inside the mask {inside.mean():.2%}"
         f" on average (lowest {inside.min():.2%}); {(near >= FLAG_BELOW).sum()} samples have"
-        f" {FLAG_BELOW:.0%} within {NEAR_PIXELS} pixels"
+        f" at least {FLAG_BELOW:.0%} of their points within {NEAR_PIXELS} pixels"
     )
     medians = [c.depth_median for c in checks if c.depth_median is not None]
     if medians:

@@ -53,7 +53,7 @@ def export_run(
 
 
 def _data_of(config: Config) -> list[dict[str, Any]]:
-    """Name, source and number of training samples of each data set that exists."""
+    """Name of each data set; source and number of training samples if its manifest can be read."""
     if not config.data.path:
         return [{"name": "default data set"}]
     rows: list[dict[str, Any]] = []

@@ -140,7 +140,7 @@ def test_masks_of_other_sizes(tmp_path):
     np.testing.assert_array_equal(photo.read_mask(ones, read), mask)
     with pytest.raises(photo.PhotoError, match="is 120x120: accepted: the image's 160x120"):
         photo.read_mask(saved(tmp_path, np.ones((120, 120), np.uint8), "square.png"), read)
-    with pytest.raises(photo.PhotoError, match="empty: no pixel of it is object"):
+    with pytest.raises(photo.PhotoError, match="empty: no pixel shows the object"):
         photo.read_mask(saved(tmp_path, np.zeros((120, 160), np.uint8), "none.png"), read)
 
 

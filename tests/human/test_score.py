@@ -184,7 +184,9 @@ def test_what_cannot_be_compared_is_refused(study, answers, records):
     samples = open_cases(study)
     with pytest.raises(ConfigError, match="predicts 40 points, --points=1024; expected the same"):
         score.score(study, answers, samples, {"a": network("a")})
-    with pytest.raises(ConfigError, match=r"--points=9000: the records have 4096; accepted|8192"):
+    with pytest.raises(
+        ConfigError, match=r"--points=9000: a record has 4096 points; accepted|8192"
+    ):
         score.score(study, answers, samples, {}, num_points=9000)
     empty = [answers[1], answers[1]]
     with pytest.raises(AnswersError, match="no case has a model yet"):
@@ -224,7 +226,9 @@ def test_every_module_is_in_the_page():
 
 @pytest.mark.parametrize("cases", [0, 3, 500])
 def test_a_wrong_number_of_cases(records, tmp_path, cases):
-    with pytest.raises(ConfigError, match=f"--cases={cases}: the split has 2; accepted: 1 to 2"):
+    with pytest.raises(
+        ConfigError, match=f"--cases={cases}: the split has 2 records; accepted: 1 to 2"
+    ):
         build_study(str(records), tmp_path, cases=cases)
 
 

@@ -231,7 +231,7 @@ def test_masks_by_name(predictor, tmp_path):
     results = dict(predict_files(predictor, [images], out, mask=str(folder)))
     a, b, c, d = (results[images / f"{name}.png"] for name in "abcd")
     assert a.mask_from == b.mask_from == "given"
-    assert "is empty: no pixel of it is object" in str(c)
+    assert "is empty: no pixel shows the object" in str(c)
     assert "expected a file named d.*" in str(d)
     with pytest.raises(ConfigError, match="accepted for 4 images: a folder"):
         next(predict_files(predictor, [images], out, mask=str(folder / "a.png")))

@@ -37,7 +37,9 @@ def test_what_does_not_fit_is_refused_before_it_is_compiled(tree, part, tmp_path
     jax.monitoring.register_event_duration_secs_listener(
         lambda event, *_, **__: compiled.append(event) if "backend_compile" in event else None
     )
-    with pytest.raises(ConfigError, match="has 16 GB of memory left, and the training") as caught:
+    with pytest.raises(
+        ConfigError, match="has 16 GB of memory available, and the training"
+    ) as caught:
         check(parse(tree), tmp_path)
     assert part in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -12,8 +12,8 @@ in this order:
 The names of the models follow, separated by newlines. Models whose name begins with `f` are for
 validation; all models of a file belong to the same split.
 
-Points and depth are stored as they are, on an 8-bit lattice and as 16-bit codes, so nothing is
-lost. The camera is `camera.default_camera`, which was fitted to the silhouettes.
+Records store the points on the 8-bit lattice of the file and the depth as its 16-bit codes, so
+nothing is lost. The camera is `camera.default_camera`, which was fitted to the silhouettes.
 """
 
 import dataclasses

@@ -41,7 +41,7 @@ def read(path: str | os.PathLike[str], *, max_dim: int = MAX_DIM) -> Binvox:
     """Reads a file; `max_dim` bounds the memory for any content.
 
     Raises:
-      ValueError: the file is not binvox, its header is invalid, its grid is not a cube or larger
+      ValueError: the file is not binvox, its header is invalid, its grid is not a cube or is larger
         than `max_dim`, or its runs do not add up to the grid (it is cut off); the message names the
         file and the reason.
       OSError: the file cannot be read.

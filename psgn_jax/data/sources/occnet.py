@@ -15,8 +15,8 @@ normalised points (`VoxelGrid` there). The split `val` is called `validation` he
 
 The images have no mask. Here the mask is the set of pixels that the points project to, with gaps of
 one pixel closed; it does not depend on the colour of the object. The 100,000 points of a file leave
-no wider gaps. At least 80 % of the pixels that are clearly not white must be in the mask, otherwise
-the view is left out.
+no wider gaps. At least 80 % of the pixels that are clearly not white must be on the mask or within
+two pixels of it, otherwise the view is left out.
 """
 
 import io

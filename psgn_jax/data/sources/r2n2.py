@@ -112,7 +112,7 @@ def read_model(
 
     Raises:
       ValueError: the model as a whole cannot be read; the message names the file and the reason.
-        Fewer rows of metadata than images are such an error, because after a lost row all views
+        Fewer rows of metadata than images are such an error: if a row is lost, all later views
         would get the camera of another view.
     """
     rendering, metadata, voxels = input_files(source, synset, name)

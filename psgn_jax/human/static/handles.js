@@ -103,7 +103,7 @@ function toSegment([x, y], [ax, ay], [bx, by]) {
 // --- drags -----------------------------------------------------------------------------------
 
 /** Begins a drag; returns a function from a pixel to the changed part, or to null if the pixel gives none.
- *  `grabbed`: the point of the part under the pointer, for "slide" and "lift". */
+ *  `grabbed`: the point of the part under the pointer, when the part itself, not a handle, is dragged. */
 export function beginDrag({ model, number, handle, camera, pixel, snap, grabbed }) {
   const part = JSON.parse(JSON.stringify(model.parts[number])), centre = toWorld(model, part.at), axes = axesOf(model);
   const near = 8 * project(camera, centre)[2] / camera.focal[0];

@@ -70,7 +70,7 @@ export class Study {
   /** Notes that the person has done something. */
   touch() { this.active = performance.now(); }
 
-  /** Adds seconds to the open case, unless nothing was done for a minute; returns whether it did. */
+  /** Adds seconds to the open case, unless the page is hidden or was not used for a minute; returns whether it did. */
   tick(seconds) {
     const works = !document.hidden && performance.now() - this.active < 1000 * IDLE;
     if (works) this.entry.seconds += seconds;

@@ -81,7 +81,7 @@ export class View {
     return handlesOf(editor.study.model, part, editor.mode, this.camera());
   }
 
-  /** The part under a pixel, nearest first: { number, copy, point }; null if there is none. */
+  /** The nearest part under a pixel: { number, copy, point }; null if there is none. */
   pick(pixel) {
     const ray = rayThrough(this.camera(), pixel);
     let best = null, least = Infinity;

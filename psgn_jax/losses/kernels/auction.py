@@ -52,7 +52,7 @@ from psgn_jax.types import Array
 MAX_POINTS = 4096
 
 _LANES = (8, 2, 1)  # K, in the order of use
-_FACTOR = 5.0  # epsilon is divided by this from phase to phase
+_FACTOR = 5.0  # epsilon is divided by at most this from phase to phase
 _START = 0.1  # first epsilon, relative to the largest distance
 _SAFETY = 0.85  # the phases aim at this fraction of the tolerance; the rest is for rounding errors
 _FLOOR = 2.0**-20  # smallest epsilon (clouds of extent 1): a few units in the last place of a price

@@ -142,7 +142,7 @@ function showCloud() {
   $("size").textContent = `Proportions: ${extent(cloud.points)}. Points that the photo does not show have their neighbours' colours here and are grey in the files.`;
 }
 
-/** Colours for the viewer: a point that the photo does not show gets the colour of the nearest visible point. */
+/** Colours for the viewer: a point that the photo does not show gets the colour of the nearest visible point, blended with 20 % of grey. */
 function withNeighboursColours({ points, colours }) {
   const shown = colours.slice(), seen = [];
   const grey = i => colours[i] === 150 && colours[i + 1] === 150 && colours[i + 2] === 150;
