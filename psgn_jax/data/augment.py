@@ -79,7 +79,7 @@ def _extend(view: View, rows: tuple[int, int], columns: tuple[int, int]) -> np.n
 
 
 def _margins(first: float, last: float, size: int) -> tuple[int, int]:
-    """How many pixels to add before and after an axis to interpolate it from `first` to `last`."""
+    """Pixels to add before and after an axis, to interpolate at coordinates `first` to `last`."""
     return max(0, math.ceil(1 - first)), max(0, math.ceil(last + 1 - size))
 
 

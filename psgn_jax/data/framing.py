@@ -87,7 +87,7 @@ class Move:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class View:
-    """The input of a network for a photo, with its camera.
+    """A photo as framed for a network, with its camera. The network resizes it to its own size.
 
     Attributes:
       image: uint8 [192, 256, 3], grey 191 outside the mask.
@@ -202,7 +202,7 @@ def keep_inside(move: Move, mask: np.ndarray) -> Move:
 def move_image(
     image: np.ndarray, mask: np.ndarray, to_view: np.ndarray, size: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Resamples image and mask to a view of `size` (H, W), with an area-average filter.
+    """Resamples image and mask to a view of `size` (H, W), with Pillow's bilinear filter, which averages when it reduces.
 
     Args:
       image: uint8 [h, w, 3].
