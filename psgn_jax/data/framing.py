@@ -202,7 +202,9 @@ def keep_inside(move: Move, mask: np.ndarray) -> Move:
 def move_image(
     image: np.ndarray, mask: np.ndarray, to_view: np.ndarray, size: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Resamples image and mask to a view of `size` (H, W), with Pillow's bilinear filter, which averages when it reduces.
+    """Resamples image and mask to a view of `size` (H, W).
+
+    Pillow's bilinear filter is used. It averages over source pixels when it makes an image smaller.
 
     Args:
       image: uint8 [h, w, 3].
