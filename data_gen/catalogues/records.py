@@ -20,7 +20,6 @@ import scipy.spatial
 from data_gen.catalogues.entry import SPLITS, Entry, loader
 from data_gen.mesh import Model, UnusableModelError, build_model, unit_vectors
 from data_gen.readers.by_trimesh import palette
-from psgn_jax.data import camera
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import Sample
@@ -128,7 +127,9 @@ def _colours(sample: Sample, points: np.ndarray) -> np.ndarray:
     grey = np.full((len(points), 3), 150, np.uint8)
     if sample.depth is None:
         return grey
-    pixels, depth = camera.project(points, sample.intrinsics, sample.extrinsics)
+    inside = points @ sample.extrinsics[:, :3].T + sample.extrinsics[:, 3]
+    depth = inside[:, 2]
+    pixels = (inside @ sample.intrinsics[:2].T) / np.maximum(depth, 1e-6)[:, None]
     height, width = sample.mask.shape
     columns = np.clip(pixels[:, 0].astype(int), 0, width - 1)
     rows = np.clip(pixels[:, 1].astype(int), 0, height - 1)

@@ -29,7 +29,7 @@ LEAST_LEFT = 0.4
 """A step that would reduce the mask to less than this share of its area is skipped."""
 
 _GAMMA = 2.2
-_GRAIN = 8  # node distance of the random field of ragged edges, for 192 rows
+_GRAIN = 8  # node distance of the random field of ragged edges, in pixels for 192 rows
 
 
 def disturb(
@@ -51,8 +51,30 @@ def disturb(
     """
     if not effects.any() or not mask.any():
         return image, mask
-    occlusion, scene, light, sensor, jpeg, edge, corner, holes = rng.spawn(8)
     pixel = mask.shape[0] / VIEW_SIZE[0]
+    part = _surroundings(mask, effects, pixel)
+    changed = _disturbed(image[part], mask[part], rng, effects, pixel)
+    image, mask = np.full_like(image, schema.BACKGROUND_GREY), np.zeros_like(mask)
+    image[part], mask[part] = changed
+    return image, mask
+
+
+def _surroundings(mask: np.ndarray, effects: PhotoEffects, pixel: float) -> tuple[slice, slice]:
+    """The object's box with a margin for its edge and the blur; all other pixels become grey."""
+    margin = int(np.ceil((effects.dilate + effects.ragged + 3 * effects.blur) * pixel)) + 2
+    top, bottom, left, right = box_of(mask)
+    return np.s_[max(0, top - margin) : bottom + margin, max(0, left - margin) : right + margin]
+
+
+def _disturbed(
+    image: np.ndarray,
+    mask: np.ndarray,
+    rng: np.random.Generator,
+    effects: PhotoEffects,
+    pixel: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """`disturb` for the surroundings of an object; lengths are multiplied by `pixel`."""
+    occlusion, scene, light, sensor, jpeg, edge, corner, holes = rng.spawn(8)
     image = image.copy()
     if occlusion.random() < effects.occluders:
         image, mask = _occlude(image, mask, occlusion)
@@ -66,7 +88,8 @@ def disturb(
         image = _jpeg(image, 100 - 90 * effects.jpeg * jpeg.random())
     if effects.erode or effects.dilate or effects.ragged:
         length = edge.uniform(-effects.erode, effects.dilate)
-        changed = _move_edge(mask, length * pixel, effects.ragged * pixel, edge)
+        grain = max(2, round(_GRAIN * pixel))
+        changed = _move_edge(mask, length * pixel, effects.ragged * pixel, grain, edge)
         mask = _enough(changed, mask)
     if corner.random() < effects.corners:
         mask = _enough(_cut_corner(mask, corner), mask)
@@ -174,14 +197,13 @@ def _step(mask: np.ndarray, *, diagonal: bool) -> np.ndarray:
 
 
 def _move_edge(
-    mask: np.ndarray, length: float, ragged: float, rng: np.random.Generator
+    mask: np.ndarray, length: float, ragged: float, grain: int, rng: np.random.Generator
 ) -> np.ndarray:
     """The mask with its edge moved out by `length` pixels plus a random field within +-`ragged`.
 
-    The field is smooth over `_GRAIN` pixels. The border of the array does not count as an edge.
+    The field is smooth over `grain` pixels. The border of the array does not count as an edge.
     """
     height, width = mask.shape
-    grain = max(2, round(_GRAIN * height / VIEW_SIZE[0]))
     nodes = rng.random((height // grain + 2, width // grain + 2), np.float32)
     field = Image.fromarray(nodes).resize((width, height), Image.Resampling.BICUBIC)
     distance = length + ragged * np.clip(2 * np.asarray(field) - 1, -1, 1)

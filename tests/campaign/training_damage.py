@@ -24,6 +24,7 @@ from psgn_jax.training.run_folder import open_run
 from psgn_jax.training.state import params_from_named_leaves
 
 RESUMED_EVERY = 20
+KINDS = ("a file of a checkpoint", "another file of a run")
 TEXTS = [b"", b"[]", b"null", b'{"a": {}}', b"\xff", b"[" * 100_000, b'{"20": {"iou": "x"}}']
 
 
@@ -115,7 +116,9 @@ def _damage(rng, deadline: float, folder: pathlib.Path, records, forks) -> list[
         for step in checkpoints.steps()
     }
     files = sorted(p.relative_to(reference) for p in reference.rglob("*") if p.is_file())
-    findings = {name: frame.Finding(f"a file of a run: {name}") for name in DAMAGES}
+    findings = {
+        (kind, name): frame.Finding(f"{kind}: {name}") for kind in KINDS for name in DAMAGES
+    }
     resumed = frame.Finding("training again after damage")
     log = _Log()
     logging.getLogger().addHandler(log)
@@ -138,7 +141,8 @@ def _damage(rng, deadline: float, folder: pathlib.Path, records, forks) -> list[
         gc.collect()  # an exception that nobody has seen is logged when it is freed
         wrong = wrong or "; ".join(log.wrong)
         log.wrong.clear()
-        findings[name].add(wrong and what + wrong)
+        kind = KINDS[file.parts[0] != "checkpoints"]
+        findings[kind, name].add(wrong and what + wrong)
         if number % RESUMED_EVERY == 0:
             command = runs.training(records, workdir)
             wrong = _resume(forks, command, workdir, reference, folder / "log")

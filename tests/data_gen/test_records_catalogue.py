@@ -1,0 +1,88 @@
+"""New views of models that exist as records only."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers import drawn_solids as solids
+
+from data_gen import engine, settings
+from data_gen.catalogues.by_name import open_catalogue
+from data_gen.catalogues.records import surfels
+from data_gen.mesh import UnusableModelError, face_areas
+from data_gen.mitsuba_setup import Variant, has_mitsuba
+from data_gen.render_model import Context, render_model
+from psgn_jax.data.codec import decode
+from psgn_jax.data.dataset import write_dataset
+
+HALF = np.array([0.3, 0.45, 0.25])
+
+
+def box_sample(num_points=16384, model_id="a box"):
+    """A box that fits into the unit hemisphere."""
+    rng = np.random.default_rng(0)
+    return solids.draw(solids.box(HALF), rng, num_points=num_points, model_id=model_id)
+
+
+def test_the_surfels_cover_the_surface():
+    sample = box_sample()
+    model = surfels(sample)
+    corners = model.vertices[model.faces].reshape(-1, 3)
+    # All corners are near points, and the surfels cover the surface several times.
+    low, high = sample.points.min(axis=0), sample.points.max(axis=0)
+    assert (corners > low - 0.04).all()
+    assert (corners < high + 0.04).all()
+    x, y, z = (high - low).tolist()  # of the turned box
+    surface = 2 * (x * y + y * z + z * x)
+    assert 2 < face_areas(model.vertices, model.faces).sum() / surface < 8
+    # Away from the edges, the normals are those of the box, whose sides are turned about z.
+    middle = model.vertices[model.faces].mean(axis=1)
+    top = (middle[:, 2] > high[2] - 1e-3) & (np.abs(middle[:, :2]) < 0.1).all(axis=1)
+    assert top.sum() > 100
+    assert np.abs(model.normals[top][..., 2]).min() > 0.99
+
+
+def test_colours_are_those_of_the_image():
+    sample = box_sample()
+    image = np.where(sample.mask[..., None], np.array([200, 40, 80], np.uint8), np.uint8(191))
+    (material,) = surfels(dataclasses.replace(sample, image=image)).materials
+    used = material.texture[material.texture[..., 3] > 0]
+    assert (np.abs(used[:, :3].astype(int) - [200, 40, 80]) <= 8).all()
+    without = surfels(dataclasses.replace(sample, depth=None)).materials[0].texture
+    assert np.ptp(without[..., :3][without[..., 3] > 0]) == 0
+
+
+def test_too_few_points_are_refused():
+    sample = box_sample(num_points=300)
+    equal = dataclasses.replace(sample, points=np.repeat(sample.points[:50], 6, axis=0))
+    with pytest.raises(UnusableModelError, match="50 different points, expected 100 or more"):
+        surfels(equal)
+
+
+@pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba does not run here")
+def test_models_keep_their_split_frame_and_place(tmp_path):
+    first, other = box_sample(6000), box_sample(2000, "another box")
+    again = dataclasses.replace(first, view=1)
+    splits = {"train": [first, again], "validation": [other]}
+    write_dataset(tmp_path, splits, source="solids")
+    catalogue = open_catalogue("records", tmp_path)
+    entries = list(catalogue.entries())
+    assert [(e.model_id, e.split) for e in entries] == [
+        ("a box", "train"), ("another box", "validation"),
+    ]  # fmt: skip
+    assert len(catalogue) == 2
+    engine.start("scalar_rgb")
+    values = {"views": 1, "camera": {"azimuth": (0.0, 0.0)}}
+    context = Context(settings.parse(values), catalogue.name, Variant("scalar_rgb"), None, [])
+    (data,), line = render_model(entries[0], context)
+    assert line["status"] == "ok"
+    view = decode(data)
+    # Seen from the same angle, the object covers nearly the same pixels.
+    both = (view.mask & first.mask).sum() / (view.mask | first.mask).sum()
+    assert both > 0.93
+    np.testing.assert_allclose(view.points.mean(axis=0), first.points.mean(axis=0), atol=0.02)
+
+
+def test_a_folder_without_records_is_named(tmp_path):
+    with pytest.raises(ValueError, match=str(tmp_path)):
+        open_catalogue("records", tmp_path)
