@@ -18,13 +18,13 @@ are used for evaluation (`data.eval_path`). To leave out data sets, list the oth
 `--config.data.path=records/free/furniture,records/authors`. To start from the weights in the
 package, add `--config.train.init=small-1`.
 
-Photos: for 30 % of the samples, image and points are moved as photos are (`data.place`); the others
-are scaled and shifted a little. Masks and images have the effects of photos (`data.photo`).
+Photos: 30 % of the samples are cropped and placed like photos (`data.place`); the others are scaled
+and shifted a little. Masks and images have the effects of photos (`data.photo`).
 
 Loss: the EMD to 1,024 of the true points plus five times the CD to all of them. The table gives CD
 (cd_sq_radius2) / EMD (emd_radius) on the authors' validation batches for the recipe of
-`authors_small.py`; the first of the three runs used its loss CD. The column "fresh" is for images
-that were not used to choose any setting:
+`authors_small.py` with these losses; the first of the three runs used the CD. The column "fresh" is
+for images that were not used to choose any setting:
 
     loss            800 steps        3,200 steps      3,200 steps, fresh
     CD              .0130 / .296     .01050 / .309    .0114 / .290
@@ -32,7 +32,7 @@ that were not used to choose any setting:
     EMD + 5 CD      .0138 / .158     .01062 / .132    .0119 / .131
     EMD             .018  / .156     (600 steps)
 
-Weights other than 5 and 20 have not been tried.
+Factors of the CD other than 5 and 20 have not been tried.
 """
 
 import ml_collections

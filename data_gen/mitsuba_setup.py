@@ -31,7 +31,7 @@ _LLVM_FOLDERS = (
 )  # fmt: skip
 
 NO_LLVM = (
-    "no usable LLVM library: rendering in scalar mode, some five times slower. "
+    "no usable LLVM library: rendering in scalar mode, two to five times slower. "
     "Run `apt-get install libllvm19` (Debian, Ubuntu) or `brew install llvm@19` (macOS), or set "
     "the variable DRJIT_LIBLLVM_PATH to the path of a library"
 )

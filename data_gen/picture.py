@@ -14,7 +14,7 @@ from data_gen import engine, shading
 from data_gen.ray_mesh import Mesh, camera_rays, window_of
 from data_gen.scene import RayHits, Scene
 
-# Largest number of surfaces that a ray passes through, holes and glass.
+# Largest number of surfaces that a ray passes through (holes and glass).
 _MAX_LAYERS = 8
 
 # A ray ends when its accumulated opacity reaches this.

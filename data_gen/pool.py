@@ -27,7 +27,7 @@ from data_gen.results import failure, pack_result
 ATTEMPTS = 2
 """Number of attempts at a model if the rendering process dies; each uses a new process.
 
-A second attempt is made because the model may not be the cause."""
+A second attempt is made because the process may have died for another reason than the model."""
 
 # After this many processes have ended before they were ready, rendering is given up: no model can
 # be the cause.

@@ -3,9 +3,9 @@
     python data_gen/render.py --catalogue NAME --source PATH --out RECORDS
 
 NAME is one of procedural, procedural_extra, procedural_groups, folder, shapenet, sh3f, ac3d,
-flightgear, torcs, pyrogenesis. PATH is the source of this catalogue: a folder, a file, or numbers
-of models. The folder RECORDS becomes a data set for training. Its file `models.jsonl` has a line
-for each model: status, reason for a refusal, checks and times.
+flightgear, torcs, pyrogenesis, records. PATH is the source of this catalogue: a folder, a file, or
+numbers of models. The folder RECORDS becomes a data set for training. Its file `models.jsonl` has a
+line for each model: status, reason for a refusal, checks and times.
 
 Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; `--help` lists all
 of them, and the options of the catalogues. If the command is killed and started again, it continues

@@ -1,11 +1,11 @@
 """Catalogue of the models in a folder of records, for new views of point clouds without meshes.
 
-The surface of a model is approximated by surfels: an ellipse (here a rectangle) at each point,
-tangential to the surface. A surfel's normal and axes are the principal directions of the point's
-nearest neighbours. Its long semi-axis is the distance of the 5th neighbour, so that a
-Poisson-distributed sample leaves e^-5 of a plane uncovered; along thin parts and edges the short
-semi-axis is shorter. A point that the record's image shows has its colour there; a point that it
-does not show has the colour of the nearest shown point.
+The surface of a model is approximated by surfels: small ellipses (here rectangles), one at each
+point, tangential to the surface. A surfel's normal and axes are the principal directions of the
+point's nearest neighbours. Its long semi-axis is the distance of the 5th neighbour; a
+Poisson-distributed sample then leaves e^-5 of a plane uncovered. Along thin parts and edges, the
+short semi-axis is shorter. A point that is visible in the record's image has its colour in the
+image. Any other point has the colour of the nearest visible point.
 
 Objects keep their position and scale; the job must use `centre=bounds`, which is its default.
 """
@@ -24,8 +24,8 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import Sample
 
-_NEIGHBOURS = 32  # of which the normal and the axes of a surfel are computed
-_REACH = 5  # the neighbour at whose distance a surfel ends
+_NEIGHBOURS = 32  # from which the normal and the axes of a surfel are computed
+_REACH = 5  # number of the neighbour whose distance is the long semi-axis of a surfel
 _THINNEST = 0.3  # smallest ratio of the semi-axes
 _SHOWN = 0.04  # largest difference of depth between a point and the image's surface
 _FEWEST = 100  # smallest number of points of a usable model

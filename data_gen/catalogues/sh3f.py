@@ -159,8 +159,8 @@ def _load(path: str, piece: Furniture, max_faces: int) -> Model:
 class SweetHomeCatalogue:
     """The pieces of a `.sh3f` library, or of all libraries in a folder.
 
-    A model is named `<library>/<id of the piece>`. Its category is that of the library, such as
-    "Living room".
+    A model is named `<library>/<id of the piece>`. Its category is the one that the
+    library states, such as "Living room".
 
     Args:
       source: the file or folder.

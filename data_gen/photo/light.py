@@ -30,10 +30,11 @@ _OFF = 0.002
 # The light that faces reflect onto each other is computed from it.
 _SEEN_BY_OTHERS = 0.5
 
-# Faces that share their irradiance lie in a cell of edge 1 / this, in units of the frame.
+# Faces that share their irradiance lie in the same cubic cell. This is the number of cells along
+# one unit of the frame.
 _CELLS = 10
 
-# Largest number of surfaces that light passes through, holes and glass.
+# Largest number of surfaces that light passes through (holes and glass).
 _LAYERS = 4
 
 # Blur of the maps for reflections: standard deviation in radians.

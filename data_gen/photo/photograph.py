@@ -18,7 +18,7 @@ from data_gen.surroundings import Surroundings
 class _Shade:
     """Linear colours of hits. Irradiance is computed at the centres of pixels and reused.
 
-    Samples on another surface than the centre of their pixel get their own estimate.
+    A sample that hits a different surface than the centre of its pixel gets its own estimate.
     """
 
     def __init__(self, light: Light, scene: Scene, picture: Picture, window: Window) -> None:

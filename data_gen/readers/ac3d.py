@@ -1,8 +1,8 @@
 """Reader of AC3D files (`.ac`), the models of flight and racing simulators.
 
-Assimp reads surfaces, materials and textures. Only those functions of its C interface are called
-that exchange plain bytes: the file in memory in, assimp's JSON out. So the only struct layout this
-module relies on is the first two fields of the export blob.
+Assimp reads surfaces, materials and textures. This module calls only functions of its C interface
+that exchange bytes: it passes the contents of the file and gets assimp's JSON. The only struct
+layout that it relies on is the first two fields of the export blob.
 
 Before that, this module reads the hierarchy of the file (objects, positions, counts), for two
 reasons. First, the counts are bounded and compared with the contents before any C++ code reads the

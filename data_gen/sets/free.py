@@ -15,8 +15,8 @@ packages.
 If the command is stopped and started again, it continues. Unusable models are refused and
 reported. `--fraction=0.01` renders a small part of the set. `--photo=0.25` renders a quarter of the
 views of each model with the preset `photo`, in `records/free/photo/<source>`. `--angles=0.25` does
-the same with the preset `angles`, the cameras of `photo` with the light and shading of the authors;
-it renders several times as fast.
+the same with the preset `angles`: the cameras of `photo` with the light and shading of the authors.
+This renders several times as fast as the preset `photo`.
 
 Exit codes: 0 done; 1 done, except for sources that could not be rendered; 2 wrong arguments,
 missing packages or no data set; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.

@@ -1,7 +1,7 @@
 """Photographs of objects without their background, for `masks.py --cutouts`.
 
 They come with Tux Paint: Debian package tuxpaint-stamps-default (2022.06.04, GPL-2.0-or-later),
-folder usr/share/tuxpaint/stamps. Unpacked is enough:
+folder usr/share/tuxpaint/stamps. The package need not be installed, only unpacked:
 
     apt-get download tuxpaint-stamps-default
     dpkg-deb -x tuxpaint-stamps-default_*.deb unpacked

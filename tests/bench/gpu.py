@@ -67,7 +67,7 @@ class Part:
 
     @property
     def left(self):
-        """Seconds that are left; cases that would begin later become rows "not measured"."""
+        """Seconds that are left; after that, a case is not begun, and its row is "not measured"."""
         return self._until - time.monotonic()
 
 

@@ -1,4 +1,4 @@
-"""Draws what a network makes of the ten photos of the model card: docs/photos.png.
+"""Draws the clouds that a network predicts from the model card's ten photos: docs/photos.png.
 
     python tests/bench/photos.py [--weights NAME|FILE | --workdir RUN] --out docs/photos.png
 

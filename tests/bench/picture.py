@@ -2,9 +2,9 @@
 
     python tests/bench/picture.py --out docs/predictions.png --data records/free/cars:test ...
 
-`--data` is a folder of records, its split, and optionally a category: `FOLDER:SPLIT:CATEGORY`. Of
-each, the case with the median CD of at most `--most` evenly spaced samples is drawn: image,
-prediction and truth from the camera, prediction and truth from the side.
+`--data` is a folder of records, its split, and optionally a category: `FOLDER:SPLIT:CATEGORY`. From
+each, at most `--most` evenly spaced samples are predicted. The case with the median CD is drawn:
+image, prediction and truth from the camera, prediction and truth from the side.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Time of one image in other runtimes: ONNX and StableHLO files beside this package's own.
+"""Time of one image: ONNX and StableHLO files in their runtimes, compared with this package.
 
     python tests/bench/portable.py --workdir=RUN [--threads=2]
 

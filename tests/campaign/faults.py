@@ -91,7 +91,8 @@ def check_records(folder: pathlib.Path, done: int) -> str:
         reader.verify()
         list(reader)
     except RecordError as error:
-        # While it is replaced, it may contain a shard of each data set, and must be refused.
+        # While it is replaced, it may contain shards of the old and of the new data set. It must
+        # then be refused.
         return "" if done == 1 else f"the finished data set is refused: {error}"
     return ""
 

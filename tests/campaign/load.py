@@ -23,6 +23,6 @@ def wrong(small: frame.Ended, whole: frame.Ended, code: int = 0) -> str:
 def title(what: str, small: frame.Ended, whole: frame.Ended) -> str:
     """The title of a finding: `what`, with the measured memory."""
     return (
-        f"{what}: {whole.memory / 1e6:.0f} MB, {(whole.memory - small.memory) / 1e6:+.0f} MB to a "
-        f"small one (bound {MOST_GROWTH / 1e6:.0f} MB), {whole.seconds:.0f} s"
+        f"{what}: {whole.memory / 1e6:.0f} MB, {(whole.memory - small.memory) / 1e6:+.0f} MB "
+        f"compared with a small load (bound {MOST_GROWTH / 1e6:.0f} MB), {whole.seconds:.0f} s"
     )

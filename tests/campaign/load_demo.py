@@ -42,7 +42,7 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[fram
     temporary = folder / "tmp"
     temporary.mkdir()
     findings = {
-        kind: frame.Finding(f"{USERS} users, {kind}: answered in one way or refused in one line")
+        kind: frame.Finding(f"{USERS} users, {kind}: a result, or one line of error")
         for kind in dict.fromkeys(KINDS)
     }
     command = ["-m", "psgn_jax.demo", f"--workdir={base}", "--port=0"]

@@ -148,7 +148,9 @@ def part(rng: random.Random, deadline: float, folder: pathlib.Path) -> list[Find
     for number, maker in enumerate(makers):
         own = folder / maker.__name__[1:]
         own.mkdir()
-        finding = Finding(f"mutated {own.name}: refused by name or right, {SECONDS} s, memory")
+        finding = Finding(
+            f"mutated {own.name}: a correct result or a documented error, {SECONDS} s, memory"
+        )
         left = (deadline - time.monotonic()) / (len(makers) - number)
         end = time.monotonic() + max(left, 0)
         for wrong in maker(rng, own):

@@ -1,6 +1,6 @@
 """Damage to each of the files that a run consists of.
 
-The run is opened like in `evaluate` and `predict`, and its metrics are read like in a resumed
+The run is opened as in `evaluate` and `predict`, and its metrics are read as in a resumed
 training. Either the run must be refused with an error of one line, or the data must be those that
 the training wrote. Only warnings of one line may be logged. In every `RESUMED_EVERY`th trial, the
 training is resumed. It must then end with the results of an undamaged run, or be refused with an

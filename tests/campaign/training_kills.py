@@ -28,7 +28,7 @@ SHARES = (4, 3, 1, 1)
 MOMENTS = ("starting", "working", "working", "working")
 SECONDS_TO_START = 2.0
 FROM_SCRATCH = 0.05
-"""Share of the kills in which the process is started in the ordinary way and also imports."""
+"""Share of the kills in which the process is not forked, so that it imports its modules itself."""
 WITH_WORKERS = 0.3
 
 

@@ -28,7 +28,7 @@ KINDS: dict[str, Builder] = {
 }
 
 WOODEN = {"flintlock": 1.0, "rifle": 0.75, "shotgun": 0.7, "revolver": 0.7, "submachine_gun": 0.4}
-"""Probability of wooden furniture by kind; 0.33 for the others."""
+"""Probability of a wooden stock and grip by kind; 0.33 for the others."""
 
 
 def firearm(kit: Kit) -> None:

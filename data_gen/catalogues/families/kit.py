@@ -68,7 +68,7 @@ EVERYWHERE = ((-180.0, 180.0),)
 
 
 class HiddenRange(NamedTuple):
-    """The range [low, high) of a hidden parameter; uniform, or uniform over its whole numbers."""
+    """The range [low, high) from which a hidden number, possibly whole, is drawn uniformly."""
 
     low: float
     high: float

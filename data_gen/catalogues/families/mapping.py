@@ -1,6 +1,6 @@
 """Texture mappings of the parts of a model.
 
-The input of a mapping are faces of parts and the bounding boxes of these parts. Lengths are in
+The inputs of a mapping are faces of parts and the bounding boxes of these parts. Lengths are in
 units of the model's radius, with the origin on the ground. Because a mapping depends on nothing
 else, a hidden parameter of a part does not change the texture on the visible faces. Images are
 upright and not mirrored for a viewer in front of the face. On a face that points up, the bottom of

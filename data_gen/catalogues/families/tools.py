@@ -316,8 +316,8 @@ def tool(kit: Kit) -> None:
         kit.add(materials.label(rng, "box"), box(0.236, 0.2, 0.08).at(0, -0.06, 0.32))
     if kind == "drill" or kit.chance("flat", 0.7):
         return
-    # The code above builds tools that stand on their narrow side; here those that do not stay so
-    # are tilted.
+    # The code above builds tools that stand on their narrow side. All drills and most other tools
+    # stay like this; the others are tilted.
     kit.turn_all("x", kit.uniform("lean", 15, 75))
 
 
