@@ -58,8 +58,8 @@ DOORS = {
     "onnxruntime": {"psgn_jax.portable.runtime"},
 }
 
-# What the data stage may import of the package, and the only places where it is imported: the one
-# that builds the default data set.
+# What the data stage may import of the package, and below the only places that import the data
+# stage.
 DATA_GEN_MAY_IMPORT = {
     "psgn_jax",
     "psgn_jax.types",
