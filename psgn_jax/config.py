@@ -179,8 +179,9 @@ class TrainConfig:
       num_images: number of samples in such an image.
       keep_checkpoints: number of newest checkpoints kept, besides the best one.
       init: source of the initial parameters, instead of random ones: a file of weights, the name of
-        weights in the package, or the folder of a trained run (its best checkpoint). It is read
-        only before the first step. The state of the optimiser is not restored.
+        weights in the package, or the folder of a trained run (its best checkpoint). Several,
+        separated by commas: the mean of their parameters. They are read only before the first step.
+        The state of the optimiser is not restored.
       init_skip: patterns of the names of layers that keep random initial parameters; `*` matches
         any text.
     """

@@ -77,8 +77,8 @@ class DataConfig:
         [1 - zoom, 1 + zoom].
       shift: largest shift of that crop, as a fraction of the height and width of the image.
       place: probability that the object of a training sample is cropped and placed by the rule of
-        `data.framing`, like objects in photos. Image and points are moved together; for samples from
-        other angles than the authors' see `augment.reframe`.
+        `data.framing`, like objects in photos. Image and points are moved together. For samples
+        from other angles than the authors', see `augment.reframe`.
       reframe_scale: standard deviation of the logarithm of a further random scale of image and
         points. The logarithm is normally distributed and clipped at two standard deviations. The
         scale is reduced if the object would leave the image. The authors' images deviate from the

@@ -246,7 +246,8 @@ def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.
 
 
 def _without_paths(config: Config) -> Config:
-    init = config.train.init and (pathlib.Path(config.train.init).name or "a run")
+    names = config.train.init.split(",") if config.train.init else []
+    init = ",".join(pathlib.Path(name.strip()).name or "a run" for name in names)
     return dataclasses.replace(
         config,
         data=dataclasses.replace(config.data, path="", eval_path="", default_folder=""),

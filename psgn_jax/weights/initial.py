@@ -20,11 +20,40 @@ from psgn_jax.weights.opening import open_weights, shipped
 def open_initial(config: Config) -> Run:
     """Opens the network that `train.init` names: the folder of a run, a file of weights, or a name.
 
+    Several, separated by commas, must have the same layers; the result has the mean of their
+    parameters. The mean of networks that were trained from the same parameters with different
+    seeds is often better than each of them (Wortsman et al., "Model soups", ICML 2022).
+
     Raises:
-      ConfigError: there is no such network, or its task differs.
-      CheckpointError, WeightsError: it cannot be read.
+      ConfigError: there is no such network, its task differs, or the layers of several differ.
+      CheckpointError, WeightsError: one of them cannot be read.
     """
     init = config.train.init
+    names = [name.strip() for name in init.split(",")]
+    if len(names) == 1 or pathlib.Path(init).exists():
+        return _open(config, init)
+    runs = [_open(config, name) for name in names]
+    shapes = [
+        {key: np.shape(leaf) for key, leaf in state_lib.named_leaves(run.params).items()}
+        for run in runs
+    ]
+    for name, other in zip(names[1:], shapes[1:], strict=True):
+        if other != shapes[0]:
+            raise ConfigError(
+                f"train.init={init!r}: the layers of {name!r} differ from those of {names[0]!r}; "
+                "expected networks with the same layers"
+            )
+
+    def mean(*leaves: Any) -> np.ndarray:
+        total = np.sum([np.asarray(leaf, np.float32) for leaf in leaves], axis=0)
+        return (total / np.float32(len(leaves))).astype(leaves[0].dtype)
+
+    params = jax.tree.map(mean, *(run.params for run in runs))
+    source = "the mean of " + ", ".join(run.source for run in runs)
+    return runs[0]._replace(params=params, source=source)
+
+
+def _open(config: Config, init: str) -> Run:
     path = pathlib.Path(init)
     if path.is_dir():
         run = open_run(path)

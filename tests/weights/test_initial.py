@@ -109,3 +109,24 @@ def test_a_network_of_another_task_is_refused(tmp_path):
         open_initial(volume)
     with pytest.raises(ConfigError, match=r"init_skip=\('a',\): accepted: \(\) without train.init"):
         tiny.config(train__init_skip=("a",))
+
+
+def test_several_networks_start_as_their_mean(tmp_path):
+    config = tiny.config()
+    files = [tmp_path / "one.safetensors", tmp_path / "two.safetensors"]
+    given = [tiny.random_params(config, seed) for seed in (0, 1)]
+    for file, params in zip(files, given, strict=True):
+        weights = dataclasses.replace(tiny.weights(config, "float32"), params=params)
+        write_weights(file, weights)
+    both = open_initial(with_init(config, f"{files[0]}, {files[1]}"))
+    assert both.source.startswith("the mean of ")
+    leaves = [named_leaves(params) for params in (*given, both.params)]
+    for name, mean in leaves[2].items():
+        want = (np.asarray(leaves[0][name]) + np.asarray(leaves[1][name])) / 2
+        np.testing.assert_allclose(mean, want, atol=1e-7, err_msg=name)
+    other = tiny.config(model__fc_widths=(20,))
+    write_weights(files[1], tiny.weights(other, "float32"))
+    with pytest.raises(ConfigError, match=r"layers of .*two\.safetensors' differ from those of"):
+        open_initial(with_init(config, f"{files[0]},{files[1]}"))
+    with pytest.raises(ConfigError, match=r"train\.init='nothing': does not exist"):
+        open_initial(with_init(config, f"{files[0]},nothing"))
