@@ -237,7 +237,7 @@ def glider(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def warbird(kit: Kit, skin: Material, accent: Material) -> None:
-    """Fighters and bombers with pistons: one, two or four engines, twin booms, gull wings."""
+    """Fighters and bombers with pistons: one, two or four engines; some with twin booms."""
     form = kit.choose("layout", "fighter", "fighter", "radial", "twin", "bomber", "booms")
     engines = {"fighter": 1, "radial": 1, "twin": 2, "booms": 2, "bomber": 4}[form]
     long = kit.uniform("length", 8.5, 11) * (1 + 0.35 * (engines - 1) * (form != "booms"))
