@@ -83,9 +83,9 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
 def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:
     """All models in a random order of which every prefix is spread over categories and folders.
 
-    Of n models, a category or folder with m models has k m / n models among the first k, to within
-    one. The model with rank r in the random order of its m models gets the position (r + u) / m,
-    where u is uniform in [0, 1) and common to the category or folder.
+    Models with the same category and folder form a group. If m of n models are in a group, about
+    k m / n of the first k models are. The model with rank r in the random order of its group gets
+    the position (r + u) / m, where u is uniform in [0, 1) and common to the group.
     """
 
     def uniform(*words: str) -> float:

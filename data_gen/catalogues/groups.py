@@ -4,8 +4,9 @@ About one in seven of the authors' objects is a group: a row of chairs, a table 
 device with a separate part, a piece of furniture in the corner of a room, a model on a plate. The
 bounding box of a group is often not centred on its most conspicuous part.
 
-`group(seed)` makes one. Its members come from all families of `catalogues.procedural`. A third of
-the groups have plain colours (grey, white or saturated), like many models of ShapeNet.
+`group(seed)` makes one. Its members come from all families of `catalogues.procedural` except
+`scene`. A third of the groups have plain colours (grey, white, black or saturated), like many
+models of ShapeNet.
 """
 
 import dataclasses
@@ -80,7 +81,7 @@ def _row(rng: np.random.Generator) -> list[Model]:
 
 
 def _pair(rng: np.random.Generator) -> list[Model]:
-    """Two different models next to each other, the second one often smaller."""
+    """Two different models next to each other, the second one scaled down."""
     first, second = _member(rng), _member(rng)
     scale = float(rng.uniform(0.25, 1.0))
     towards = rng.uniform(0, 360)
@@ -135,7 +136,7 @@ def _on_plate(rng: np.random.Generator) -> list[Model]:
 
 
 def _in_corner(rng: np.random.Generator) -> list[Model]:
-    """One to three models on a floor with one or two walls behind and beside them."""
+    """One to three models with one or two walls behind and beside them, often on a floor."""
     size = float(rng.uniform(1.2, 2.2))
     high, thick = size * rng.uniform(0.4, 1.0), rng.uniform(0.01, 0.08)
     parts = []

@@ -137,7 +137,7 @@ class Game:
                 words = f"{variant.get('name', '')} {variant.get('file', '')}"
                 options.append((variant, _frequency(variant), bool(_NOT_AT_REST.search(words))))
             chosen = [v for v, f, active in options if f > 0 and not active]
-            # If no variant has a positive frequency, the first one is used.
+            # If none of the variants at rest has a positive frequency, the first of them is used.
             chosen = chosen or [v for v, _, active in options if not active][:1]
             if chosen:
                 result.append([self._with_included(v) for v in chosen])

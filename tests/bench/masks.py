@@ -281,7 +281,10 @@ def least_squares(features, targets):
 
 
 def fit_weights(cases):
-    """Fits the weights of the rank (within images) and of the score (of the chosen masks)."""
+    """Fits and prints the weights of the rank and of the score.
+
+    The rank orders the candidates of an image. The score estimates the IoU of the chosen mask.
+    """
     from psgn_jax.data import segmentation
 
     seeds = list(segmentation.RANK_OF_SEED)

@@ -87,9 +87,9 @@ def aligned_distance(one, two):
 
 
 def isolation(first, second, group, rng, groups=20):
-    """Mean and spread of the isolation over random groups, and a distance for comparison.
+    """Mean and spread of the isolation over random groups, and the mean distance within a model.
 
-    That is the mean distance between two samples of points of the same model.
+    The latter is the distance between two samples of points of the same model.
 
     Args:
       first, second: two samples of points of each model.

@@ -3,7 +3,8 @@
 Kills the commands, simulates full disks, damages files and supplies hostile input. Counts the
 trials after which all requirements were met ("held"). The time is divided equally among the parts.
 Writes `<part>.json` for each part and `table.md` into `--out` (default: campaign-<seed>, which must
-not exist). The same seed repeats the same trials. The exit code is 1 if a requirement was not met.
+not exist). docs/reliability.md says which trials the same seed repeats. The exit code is 1 if a
+requirement was not met.
 """
 
 import argparse

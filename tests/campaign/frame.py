@@ -7,7 +7,8 @@ A part is a file of this folder with a function
 Parts import this module as `campaign.frame`, and the tests' helpers as `helpers`, because `tests`
 is on the path. A part repeats its trials until `time.monotonic()` reaches `deadline`; each kind of
 trial is made at least once. It writes only below `folder`, which is empty and used by no other
-part. All random choices come from `rng`, so the same seed makes the same trials in the same order.
+part. All random choices come from `rng`; docs/reliability.md says which trials the same seed
+repeats.
 """
 
 import contextlib
@@ -37,7 +38,7 @@ class Finding:
       kind: the trial and the requirement, such as "SIGKILL in training: same bits".
       tried: number of trials.
       held: number of trials after which all requirements were met.
-      details: one line for each other trial, with the information that is needed to repeat it.
+      details: one line for each trial that did not hold, with what is needed to repeat it.
     """
 
     kind: str

@@ -293,7 +293,7 @@ def _pew(kit: Kit) -> None:
 
 
 def _planter(kit: Kit) -> None:
-    """A bench between two planters or around a tree."""
+    """A bench beside a planter or between two."""
     main, _ = _materials(kit)
     pot = pick(kit.rng, (STONE, wood(kit.rng), metal(kit.rng)))
     length, depth, seat = _size(kit)

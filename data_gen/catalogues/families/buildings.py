@@ -1,4 +1,4 @@
-"""Houses, towers, blocks of flats, churches, barns, castles, windmills, bridges."""
+"""Houses, towers, blocks of flats, churches, barns, castles, windmills, temples."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def _windows(
 
 
 def building(kit: Kit) -> None:
-    """Gabled or hipped house, tower block, church, barn, castle, windmill, lighthouse, hut."""
+    """Gabled or hipped house, tower block, church, barn, castle, windmill, lighthouse, temple."""
     kind = kit.choose(
         "subtype",
         "house",

@@ -523,7 +523,7 @@ def _cordless(kit: Kit) -> None:
 
 
 def _desk(kit: Kit) -> None:
-    """A desk telephone with keys or a dial; the receiver lies on it or beside it."""
+    """A desk telephone with keys or a dial, a candlestick telephone, or a wall telephone."""
     look = _Look(kit, 0.05, 0.06, *_STANDING)
     width, depth = kit.uniform("base_width", 0.14, 0.24), kit.uniform("base_depth", 0.14, 0.24)
     high, low = kit.uniform("rear_height", 0.04, 0.1), kit.uniform("front_height", 0.015, 0.04)
@@ -669,7 +669,7 @@ def _desk(kit: Kit) -> None:
 
 
 def _set(kit: Kit) -> None:
-    """A phone on its stand, in a charger, or several side by side."""
+    """A phone in a dock or in the holder of a car, several side by side, or a payphone."""
     look = _Look(kit, 0.05, 0.078, *_STANDING)
     style = kit.choose("style", "row", "dock", "car", "payphone")
     tall, deep = (

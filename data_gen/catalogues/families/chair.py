@@ -993,7 +993,7 @@ def _wheelchair(kit: Kit) -> None:
 
 
 def _swing(kit: Kit) -> None:
-    """A hanging or standing basket chair, or a wire chair."""
+    """A basket chair of rings and ribs on a foot."""
     cover = pick(kit.rng, (wood, metal, lacquer))(kit.rng)
     soft = fabric(kit.rng)
     wide, lean = kit.uniform("width", 0.75, 1.05), kit.uniform("lean", 20, 50)

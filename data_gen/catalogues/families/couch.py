@@ -117,7 +117,7 @@ def _arm(kit: Kit, s: _Seat, style: str, depth: float) -> list[tuple[Material, S
 
 
 def _straight(kit: Kit) -> None:
-    """One to four seats between two arms."""
+    """Two to four seats between two arms."""
     s = _Seat(kit)
     seats = kit.choose("seats", 2, 3, 3, 4)
     style = kit.choose("arm", "box", "rolled", "sloped", "flared", "wooden", "tube")
@@ -580,7 +580,7 @@ def _bench_like(kit: Kit) -> None:
 
 
 def _group(kit: Kit) -> None:
-    """A couch, one or two armchairs and perhaps a table between them."""
+    """A couch with another couch or with armchairs, and perhaps a table between them."""
     s = _Seat(kit)
     style = kit.choose("arm", "box", "rolled", "sloped")
 

@@ -239,7 +239,7 @@ def one_book(kit: Kit, x: float, y: float, z: float) -> list[tuple[Material, Sol
 
 
 def book(kit: Kit) -> None:
-    """Single, standing, stack, row between ends, open, on a stand, sheets in a folder."""
+    """Single, standing, stack, row between ends, open, open on a stand."""
     kind = kit.choose("subtype", "single", "standing", "stack", "row", "open", "stand")
     rng = kit.rng
     x, y, z = (
@@ -302,7 +302,7 @@ def book(kit: Kit) -> None:
 
 
 def container(kit: Kit) -> None:
-    """Crate, cardboard box, chest, barrel, drum, shipping container, gift, basket, bin, safe."""
+    """Crate, cardboard box, chest, barrel, drum, shipping container, gift, package, bin, safe."""
     kind = kit.choose(
         "subtype",
         "crate",
@@ -533,7 +533,7 @@ def container(kit: Kit) -> None:
 
 
 def bed(kit: Kit) -> None:
-    """Single, double, bunk, four-poster, cot, divan, sleigh, hammock."""
+    """Single, double, bunk, four-poster, cot, divan, sleigh."""
     kind = kit.choose(
         "subtype", "single", "double", "double", "bunk", "poster", "cot", "divan", "sleigh"
     )

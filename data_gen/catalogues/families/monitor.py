@@ -409,7 +409,7 @@ def _dual(kit: Kit) -> None:
 
 
 def _all_in_one(kit: Kit) -> None:
-    """A computer in the foot, the screen or an egg-shaped case, with keyboard and mouse."""
+    """A computer in the foot, the screen, an egg-shaped case or a tower; most with a keyboard."""
     body, glass = _materials(kit)
     width = kit.uniform("width", 0.36, 0.65)
     height = width / kit.uniform("aspect", 1.2, 1.8)

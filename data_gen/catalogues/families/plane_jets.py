@@ -186,7 +186,7 @@ def fighter(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def flying_wing(kit: Kit, skin: Material, accent: Material) -> None:
-    """Flying wings: bombers, drones; a hang glider with its pilot."""
+    """Flying wings with a canopy and two engines; some with fins."""
     span, sweep = kit.uniform("span", 9, 24), kit.uniform("sweep", 22, 42)
     root = span * kit.uniform("root", 0.42, 0.62)
     z = 2.0

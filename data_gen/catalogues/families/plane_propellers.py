@@ -148,7 +148,7 @@ def light(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def biplane(kit: Kit, skin: Material, accent: Material) -> None:
-    """Biplanes and triplanes with open cockpit, struts and wires; some on a float."""
+    """Biplanes and triplanes with open cockpits, struts and wires."""
     decks = kit.choose("decks", 2, 2, 2, 3)
     long, wide = kit.uniform("length", 5.6, 8.0), kit.uniform("radius", 0.4, 0.52)
     z, front = 1.45, 0.36 * long
@@ -203,7 +203,7 @@ def biplane(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def glider(kit: Kit, skin: Material, accent: Material) -> None:
-    """Sailplanes with very long wings; some with a pusher propeller."""
+    """Sailplanes with very long wings."""
     long, z = kit.uniform("length", 6.2, 8.2), 0.75
     front = 0.42 * long
     rear = front - long
@@ -237,7 +237,7 @@ def glider(kit: Kit, skin: Material, accent: Material) -> None:
 
 
 def warbird(kit: Kit, skin: Material, accent: Material) -> None:
-    """Fighters and bombers with pistons: one, two or four engines, twin booms, gull wings."""
+    """Fighters and bombers with pistons: one, two or four engines; some with twin booms."""
     form = kit.choose("layout", "fighter", "fighter", "radial", "twin", "bomber", "booms")
     engines = {"fighter": 1, "radial": 1, "twin": 2, "booms": 2, "bomber": 4}[form]
     long = kit.uniform("length", 8.5, 11) * (1 + 0.35 * (engines - 1) * (form != "booms"))

@@ -72,7 +72,7 @@ def _branches(
 
 
 def plant(kit: Kit) -> None:
-    """Leafy, palm, cactus, bush, tree, conifer, flowers, hanging leaves; in a pot or on ground."""
+    """Leafy, palm, cactus, bush, tree, conifer, flowers, snake plant; in a pot or on ground."""
     kind = kit.choose(
         "subtype",
         "leafy",

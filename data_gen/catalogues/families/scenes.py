@@ -77,7 +77,7 @@ def _seat(kit: Kit, x: float, y: float, turn: float) -> None:
 
 
 def scene(kit: Kit) -> None:
-    """Dining group, still life, garden, shelf, room corner, desk, market stall, heap of boxes."""
+    """Dining group, still life, garden, shelf, room corner, street, market stall, heap of boxes."""
     kind = kit.choose(
         "subtype", "dining", "still_life", "garden", "shelf", "room", "boxes", "stall", "street"
     )

@@ -224,7 +224,7 @@ def _on_stand(kit: Kit) -> None:
 
 
 def _subwoofer(kit: Kit) -> None:
-    """A subwoofer: a cube or a drum with one large driver, in front or below."""
+    """A subwoofer: a box with one large driver in front, or a drum with one on top."""
     body, cone = _materials(kit)
     size = kit.uniform("size", 0.28, 0.5)
     lift = kit.uniform("lift", 0.02, 0.1)
@@ -523,7 +523,7 @@ def _round(kit: Kit) -> None:
 
 
 def _set(kit: Kit) -> None:
-    """Two to five satellites with their subwoofer or amplifier."""
+    """Two or four satellites with a subwoofer, a centre speaker or a stereo system."""
     body, cone = _materials(kit)
     width, height, depth = (
         kit.uniform("width", 0.08, 0.16),

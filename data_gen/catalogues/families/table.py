@@ -420,7 +420,7 @@ def _corner_desk(kit: Kit) -> None:
 
 
 def _nest(kit: Kit) -> None:
-    """Nested tables of three sizes, pulled apart."""
+    """Two or three nested tables, pulled apart."""
     main, frame = _materials(kit)
     depth, length = kit.uniform("depth", 0.35, 0.5), kit.uniform("length", 0.5, 0.75)
     height, step = kit.uniform("height", 0.45, 0.6), kit.uniform("step", 0.2, 0.8)

@@ -633,7 +633,7 @@ def facade(kind: str, variant: int) -> np.ndarray:
 
 
 def livery(variant: int, ground: Colour, accent: Colour) -> np.ndarray:
-    """Horizontal bands or slanted stripes, and a number in a field, for the sides of a vehicle.
+    """Bands, a wave, stripes or lines of text, often with a number, for the sides of a vehicle.
 
     It is not repeated: it covers a side once.
     """

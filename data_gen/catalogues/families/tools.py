@@ -322,7 +322,7 @@ def tool(kit: Kit) -> None:
 
 
 def guitar(kit: Kit) -> None:
-    """Acoustic, electric, bass, violin, cello, banjo, ukulele; on the floor or on a stand."""
+    """Acoustic, electric, bass, violin, cello, banjo; on the floor or on a stand."""
     kind = kit.choose(
         "subtype",
         "acoustic",

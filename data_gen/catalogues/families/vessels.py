@@ -40,7 +40,7 @@ def _sleeve(profile: list[tuple[float, float]], low: float, high: float, sides: 
 
 
 def bottle(kit: Kit) -> None:
-    """Wine, beer, flask, jar, can, spray, squeeze, square, demijohn: with labels and caps."""
+    """Wine, beer, soda, flask, jar, can, spray, square, canister: with labels and caps."""
     kind = kit.choose(
         "subtype", "wine", "beer", "soda", "jar", "can", "spray", "square", "flask", "canister"
     )
@@ -157,7 +157,7 @@ def _handle(
 
 
 def vase(kit: Kit) -> None:
-    """Vases, amphoras, jugs, urns, bowls, plates, baskets, goblets."""
+    """Vases (straight or twisted), amphoras, jugs, bowls, plates, baskets."""
     kind = kit.choose(
         "subtype", "vase", "vase", "amphora", "jug", "bowl", "plate", "basket", "twisted"
     )

@@ -197,7 +197,7 @@ def galleon(kit: Kit, skin: Material, trim: Material) -> None:
 
 
 def rowing(kit: Kit, skin: Material, trim: Material) -> None:
-    """Open boats: rowing boat, canoe, kayak, gondola, longship, inflatable."""
+    """Open boats: rowing boat, canoe, kayak, punt, longship, inflatable."""
     form = kit.choose("form", "dinghy", "canoe", "kayak", "longship", "punt", "inflatable")
     # half length, beam / half length, depth / half length, sheer, stern, bow, belly, rake, bulwark
     shapes = {
