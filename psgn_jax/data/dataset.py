@@ -176,8 +176,8 @@ def write_dataset(
 class RecordReader:
     """Random access to the records of one split; it can be pickled and shared between threads.
 
-    The constructor checks that every shard exists and has the size stated in the manifest. Reading
-    a record checks its CRC-32.
+    The constructor checks that every shard exists and has the size stated in the manifest. Decoding
+    a record checks its CRC-32; `read` does not.
     """
 
     def __init__(self, folder: str | os.PathLike[str], split: str) -> None:

@@ -28,11 +28,11 @@ points at depth z0 the projection is exact. For a point at depth `z = z0 + d` th
     q' - (s q + (u, v)) = s d / (z0 + s d) * ((1 - s) q - (u, v))
 
 times the focal length in pixels. Examples for the authors' camera (400 pixels, z0 about 3.6) and
-192x256 pixels: for a point at the left edge of the image, 0.4 in front of the centre, the error is
-1.7 pixels under a change of size by 12 % and 1.7 pixels under a shift by 14 pixels. For a point
-with d = 0.2 half-way to the edge the errors are 0.4 and 0.8 pixels. The root mean square error over
-a box of 1 x 1.2 x 0.7 under a shift by 14 pixels is 1.2 pixels. An exact move would have to shear
-the object (x' = s x + u z at the same z).
+192x256 pixels: for a point at the left edge of the image, 0.4 in front of the centre (d = -0.4),
+the error is 1.7 pixels under a reduction by 12 % and 1.7 pixels under a shift by 14 pixels. For a
+point half-way to the edge with d = -0.2 the errors are 0.4 and 0.8 pixels. The root mean square
+error over a box of 1 x 1.2 x 0.7 under a shift by 14 pixels is 1.2 pixels. An exact move would have
+to shear the object (x' = s x + u z at the same z).
 """
 
 import dataclasses
@@ -173,7 +173,7 @@ def has_authors_angle(extrinsics: np.ndarray) -> bool:
 def box_from_authors_angle(points: np.ndarray) -> tuple[float, float, float, float]:
     """The box (top, bottom, left, right) of points [n, 3] in the authors' view of 192x256 pixels.
 
-    Coordinates that are not finite, of points behind that camera, are left out.
+    Points whose pixels are not finite are left out.
     """
     pixels, _ = camera.project(points, *camera.default_camera(VIEW_SIZE))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
@@ -202,7 +202,9 @@ def keep_inside(move: Move, mask: np.ndarray) -> Move:
 def move_image(
     image: np.ndarray, mask: np.ndarray, to_view: np.ndarray, size: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Resamples image and mask to a view of `size` (H, W), with Pillow's bilinear filter, which averages when it reduces.
+    """Resamples image and mask to a view of `size` (H, W).
+
+    Pillow's bilinear filter is used. When it reduces an image, it averages over all pixels.
 
     Args:
       image: uint8 [h, w, 3].
