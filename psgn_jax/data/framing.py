@@ -16,7 +16,7 @@ squares on `((1.8 h)^4 + w^4)^(1/4)`, over the images in which both sides of the
 **Images and points together.** A photo determines neither the size nor the position of its object.
 Therefore a move of the image, from column and row `p` to `s p + (right, down)`, moves the points of
 a training sample as well, and the camera (K, R, T) does not change: `move_points`. In the frame of
-the camera, with rays `q = (x, y) / z`, the move is `q -> s q + (u, v)`, where (u, v) is the last
+the camera, with rays `q = (x, y) / z`, the move is `q -> s q + (u, v)`, where (u, v, 1) is the last
 column of `K^-1 [[s, 0, right], [0, s, down], [0, 0, 1]] K`. The object is scaled about its centre,
 at depth `z0` (mean over the points), and moved perpendicular to the optical axis:
 
