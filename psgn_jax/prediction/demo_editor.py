@@ -75,8 +75,8 @@ def check_pictures(pictures: Sequence[Any]) -> None:
     """Checks the parts of an editor's value by their headers, before they are decoded.
 
     Args:
-      pictures: background, composite and layers, as paths or bytes of image files; None where a part
-        is missing.
+      pictures: background, composite and layers, as paths or bytes of image files; None where a
+        part is missing.
 
     Raises:
       PhotoError: there are more layers than `MAX_LAYERS`, or a part is not an image or has another
