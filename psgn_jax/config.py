@@ -55,7 +55,9 @@ CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "d
 
 @dataclasses.dataclass(frozen=True)
 class ModelConfig:
-    """The network (paper, section 4.1; sizes of the authors' published network).
+    """The network (paper, section "Point Set Prediction Network").
+
+    The default sizes are those of the authors' published network.
 
     Attributes:
       name: version of the network, see `models.point_out_net`.

@@ -89,7 +89,7 @@ def one_line(text: object) -> str:
 
 
 def message_line(error: object) -> str:
-    """An error's message as one line: its lines joined by spaces, other characters escaped.
+    """An error's message as one line: its lines are joined, unprintable characters are escaped.
 
     For an error of the operating system, the line contains the file and the reason.
     """

@@ -270,7 +270,7 @@ def test_the_editors_value_is_checked_before_it_is_decoded(tmp_path):
     assert "refused" not in editor.preprocess(value([], id="a"))
     for bad, message in (
         (value([large]), r"layer is [5000, 5000]: accepted: [600, 800]"),
-        (value([good] * 7), "9 parts of a mask: accepted: 4 layers"),
+        (value([good] * 7), "7 layers of a mask: accepted: up to 4"),
         (value([b"no image"]), "is not an image"),
         (value([file], types.SimpleNamespace(path=str(tmp_path / "none"))), "is not an image"),
     ):

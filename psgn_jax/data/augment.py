@@ -283,10 +283,11 @@ def reframe(
     If the object would leave the image, the random move is reduced.
 
     A view from another angle than the authors' (`framing.has_authors_angle`) is always placed,
-    unless `place_share` is 0. Its points do not move with its image: they are placed by the rule as
-    if the object were seen by the authors' camera, which becomes the camera of the result. So the
-    points of an object have nearly the same scale and position for every angle of the camera. Views
-    with depth or occupancy are not treated in this way.
+    unless `place_share` is 0 or the view shows too little of its object
+    (`framing.rule_move_within`). The points of such a view do not move with its image: they are
+    placed by the rule as if the object were seen by the authors' camera, which becomes the camera
+    of the result. So the points of an object have nearly the same scale and position for every
+    angle of the camera. Views with depth or occupancy are not treated in this way.
 
     Args:
       view: the sample.
@@ -315,8 +316,8 @@ def reframe(
         top, bottom, left, right_edge = box
         column = first.scale * (left + right_edge) / 2 + first.right
         row = first.scale * (top + bottom) / 2 + first.down
-        # A shift along rows is a fraction of the view's height. `across` is that height in columns
-        # of this array, whose pixels need not be square.
+        # Both shifts are fractions of the height of the view. `across` is this height, measured in
+        # columns of the array, whose pixels need not be square.
         across = framing.VIEW_SIZE[0] / framing.VIEW_SIZE[1] * shape[1]
         return first.then(
             framing.Move(

@@ -346,8 +346,8 @@ def encode(
 class Stored:
     """A decoded record with points and depth in their compact form.
 
-    The fields are those of `schema.Sample`. Fields that were not requested or that the record does
-    not have are None. Cameras, strings and `view` are always present.
+    The fields are those of `schema.Sample`. A field is None if the record does not have it or if it
+    was not requested; `depth` includes `mask`. Cameras, strings and `view` are always present.
     """
 
     image: np.ndarray | None

@@ -66,7 +66,7 @@ def convert_authors(
       destination: folder for the data set; created if missing.
 
     Returns:
-      The manifest, and a message for every file that was left out.
+      The manifest, and a message for every file or sample that was left out.
 
     Raises:
       ValueError: `source` has no batch file, or none that can be read.
@@ -80,7 +80,8 @@ def convert_authors(
         raise ValueError(f"SRC {str(source)!r}: no *.gz file there")
 
     def read(path: pathlib.Path) -> Iterator[tuple[str, bytes, schema.Sample]]:
-        # Encode all samples before the first one is returned: a file is used whole or not at all.
+        # Encode all samples before the first one is returned: a file that cannot be read to its end
+        # contributes no sample.
         encoded = [(e.encode(), e.sample) for e in authors.read_batch(path)]
         return ((authors.split_of(sample.model_id), record, sample) for record, sample in encoded)
 
@@ -223,7 +224,7 @@ def _convert_claimed(
         refused += messages
         shards += made
         save_manifest(destination, Manifest(kind, False, tuple(shards)))
-        logging.info("%d of %d", min(start + per_shard, len(items)), len(items))
+        logging.info("converted %d of %d inputs", min(start + per_shard, len(items)), len(items))
     if not shards:
         raise ValueError(
             f"SRC {str(source)!r}: no file could be read; first message: {(refused or ['none'])[0]}"

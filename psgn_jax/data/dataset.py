@@ -4,11 +4,11 @@ A data set is a folder with a `manifest.json` (`data.manifest`) and shards
 `<split>-<number>.arrayrecord`. A shard is an ArrayRecord file with one record (`data.codec`) per
 group. In data sets that can be extended, a tag follows the number in the file name.
 
-Shards are written under a temporary name, fsynced and renamed. The manifest is written last; the
-data set is complete if its field `complete` is true. ArrayRecord detects damaged blocks by its own
-hashes and raises an exception (tested with several thousand damaged files: it never aborted the
-process). The CRC-32 of a record also detects changes that happen outside the file, between encoder
-and decoder.
+Shards are written under a temporary name, fsynced and renamed. The data set is complete if the
+field `complete` of its manifest is true; this is written last. ArrayRecord detects damaged blocks
+by its own hashes and raises an exception (tested with several thousand damaged files: it never
+aborted the process). The CRC-32 of a record also detects changes that happen outside the file,
+between encoder and decoder.
 """
 
 import contextlib
@@ -176,8 +176,8 @@ def write_dataset(
 class RecordReader:
     """Random access to the records of one split; it can be pickled and shared between threads.
 
-    The constructor checks that every shard exists and has the size stated in the manifest. Reading
-    a record checks its CRC-32.
+    The constructor checks that every shard exists and has the size stated in the manifest. Decoding
+    a record checks its CRC-32; `read` does not.
     """
 
     def __init__(self, folder: str | os.PathLike[str], split: str) -> None:

@@ -16,7 +16,7 @@ squares on `((1.8 h)^4 + w^4)^(1/4)`, over the images in which both sides of the
 **Images and points together.** A photo determines neither the size nor the position of its object.
 Therefore a move of the image, from column and row `p` to `s p + (right, down)`, moves the points of
 a training sample as well, and the camera (K, R, T) does not change: `move_points`. In the frame of
-the camera, with rays `q = (x, y) / z`, the move is `q -> s q + (u, v)`, where (u, v) is the last
+the camera, with rays `q = (x, y) / z`, the move is `q -> s q + (u, v)`, where (u, v, 1) is the last
 column of `K^-1 [[s, 0, right], [0, s, down], [0, 0, 1]] K`. The object is scaled about its centre,
 at depth `z0` (mean over the points), and moved perpendicular to the optical axis:
 
@@ -28,11 +28,11 @@ points at depth z0 the projection is exact. For a point at depth `z = z0 + d` th
     q' - (s q + (u, v)) = s d / (z0 + s d) * ((1 - s) q - (u, v))
 
 times the focal length in pixels. Examples for the authors' camera (400 pixels, z0 about 3.6) and
-192x256 pixels: for a point at the left edge of the image, 0.4 in front of the centre, the error is
-1.7 pixels under a change of size by 12 % and 1.7 pixels under a shift by 14 pixels. For a point
-with d = 0.2 half-way to the edge the errors are 0.4 and 0.8 pixels. The root mean square error over
-a box of 1 x 1.2 x 0.7 under a shift by 14 pixels is 1.2 pixels. An exact move would have to shear
-the object (x' = s x + u z at the same z).
+192x256 pixels: for a point at the left edge of the image, 0.4 in front of the centre (d = -0.4),
+the error is 1.7 pixels under a reduction by 12 % and 1.7 pixels under a shift by 14 pixels. For a
+point half-way to the edge with d = -0.2 the errors are 0.4 and 0.8 pixels. The root mean square
+error over a box of 1 x 1.2 x 0.7 under a shift by 14 pixels is 1.2 pixels. An exact move would have
+to shear the object (x' = s x + u z at the same z).
 """
 
 import dataclasses
@@ -173,7 +173,7 @@ def has_authors_angle(extrinsics: np.ndarray) -> bool:
 def box_from_authors_angle(points: np.ndarray) -> tuple[float, float, float, float]:
     """The box (top, bottom, left, right) of points [n, 3] in the authors' view of 192x256 pixels.
 
-    Coordinates that are not finite, of points behind that camera, are left out.
+    Points whose pixels are not finite are left out.
     """
     pixels, _ = camera.project(points, *camera.default_camera(VIEW_SIZE))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
@@ -204,7 +204,7 @@ def move_image(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Resamples image and mask to a view of `size` (H, W).
 
-    Pillow's bilinear filter is used. It averages over source pixels when it makes an image smaller.
+    Pillow's bilinear filter is used. When it reduces an image, it averages over all pixels.
 
     Args:
       image: uint8 [h, w, 3].

@@ -1,7 +1,7 @@
 """Decides which points of a surface are visible in a depth image, in numpy.
 
-It runs in the loader, when a record is decoded. A point P is **visible** if it is within a
-tolerance t of a surface point that the depth image measured:
+It runs in the loader, when a batch of an evaluation is made. A point P is **visible** if it is
+within a tolerance t of a surface point that the depth image measured:
 
     |P - Q| <= t for some pixel with a depth, where Q is its back-projected centre
 

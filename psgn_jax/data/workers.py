@@ -31,7 +31,8 @@ def start_sheltered(start: Callable[[], T]) -> T:
     """
     # A tracker that is started later would unblock the signals of the thread that starts it.
     _start_tracker()
-    # At exit Python sends SIGTERM to the workers that are still there and waits for their end.
+    # At exit, Python sends SIGTERM to the remaining workers and waits for their end. The workers
+    # block SIGTERM, so they are killed before that.
     multiprocessing.util.Finalize(None, _kill_children, exitpriority=0)
     with concurrent.futures.ThreadPoolExecutor(1, initializer=_block_signals) as pool:
         return pool.submit(start).result()

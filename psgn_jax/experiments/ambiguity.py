@@ -85,7 +85,7 @@ class Size:
       model: fields of `config.ModelConfig`.
       num_points: ground-truth points per sample and training step.
       steps, batch_size, learning_rate: hyperparameters of each training.
-      random_size: dimension of r and z.
+      random_size: dimension of the random input r.
       kl_weight: weight of the KL divergence; the loss is the squared Chamfer distance.
       num_draws: K, the number of draws that are compared.
       num_measured: number of draws per image whose depth is measured; at least K.

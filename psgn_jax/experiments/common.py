@@ -156,6 +156,10 @@ def _train(name: str, config: Config, folder: pathlib.Path) -> None:
 def find_data(named: str | None) -> str:
     """Folder of the records to train on: `named`, `USUAL_DATA`, or the default data set.
 
+    Args:
+      named: a folder; None = `USUAL_DATA` if it exists, else the default data set; "" = the default
+        data set.
+
     Raises:
       ConfigError: `named` does not exist.
     """
@@ -164,7 +168,7 @@ def find_data(named: str | None) -> str:
         return named
     if named is None and pathlib.Path(USUAL_DATA).is_dir():
         return USUAL_DATA
-    logging.info("no --data and no %s: training on the default data set", USUAL_DATA)
+    logging.info("no folder in --data: training on the default data set")
     return default_dataset()
 
 

@@ -60,7 +60,8 @@ def build_study(
       cases: number of cases, evenly spaced over the split.
 
     Raises:
-      ConfigError: the split has fewer records, or `out` is not a folder.
+      ConfigError: the split has fewer records, or `cases` is out of range.
+      UserError: `out` is not a folder for files.
       RecordError: the records cannot be read.
     """
     out = pathlib.Path(out)

@@ -15,7 +15,7 @@ from psgn_jax.types import Array, Bool, Float, Int
 
 Schedule = Literal["scaling", "authors"]
 
-# The paper (section 4.2) reports an error of about 1 %.
+# The paper (section "Distance Metric between Point Sets") reports an error of about 1 %.
 TOLERANCE = 0.01
 # Default budget, in bids per point. Clouds of 1,024 points from the authors' data need 5 to 40 bids
 # per point for a gap of 1 %.
@@ -69,8 +69,8 @@ def assign(
 
     The algorithm is described in `auction`, the proof of the gap in `certificate`. The solver stops
     as soon as `gap` <= tolerance. When half of the budget is spent, it raises epsilon step by step,
-    so that the auction ends. The paper does this too (section 4.2). The result is always a
-    bijection, and `gap` is always valid for it.
+    so that the auction ends. The paper does this too. The result is always a bijection, and
+    `gap` is always valid for it.
 
     The result has no gradient; the module `emd` has the distance and its gradient.
 

@@ -20,8 +20,8 @@ improves the prices between phases.
 Sources: Bertsekas, "A Distributed Algorithm for the Assignment Problem", MIT LIDS working paper,
 1979; Bertsekas, "Auction Algorithms for Network Flow Problems: A Tutorial Introduction",
 Computational Optimization and Applications 1, 1992 (epsilon scaling, reverse auctions). Fan, Su and
-Guibas, CVPR 2017, section 4.2, use the auction with a fixed time per instance; they raise the
-accepted error step by step, so that the auction ends.
+Guibas, CVPR 2017, section "Distance Metric between Point Sets", use the auction with a fixed time
+per instance; they raise the accepted error step by step, so that the auction ends.
 """
 
 import functools

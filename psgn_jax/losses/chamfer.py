@@ -188,7 +188,8 @@ def chamfer_sq(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Arra
     sum_i min_j |pred_i - gt_j|^2 + sum_j min_i |pred_i - gt_j|^2
 
     Source: Fan, Su, Guibas, "A Point Set Generation Network for 3D Object Reconstruction from a
-    Single Image", CVPR 2017, section 4.2. Errors and gradient: `nearest_both`.
+    Single Image", CVPR 2017, section "Distance Metric between Point Sets". Errors and gradient:
+    `nearest_both`.
 
     Examples:
       >>> import jax.numpy as jnp

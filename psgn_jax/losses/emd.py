@@ -3,8 +3,8 @@
     EMD(a, b) = min over bijections s of sum_i |a_i - b_{s(i)}|
 
 The distance is Euclidean, not squared: Fan, Su, Guibas, "A Point Set Generation Network for 3D
-Object Reconstruction from a Single Image", CVPR 2017, section 4.2. All functions take one pair,
-`pred` and `gt` [n, 3]; use `losses.map_pairs` for batches.
+Object Reconstruction from a Single Image", CVPR 2017, section "Distance Metric between Point Sets".
+All functions take one pair, `pred` and `gt` [n, 3]; use `losses.map_pairs` for batches.
 
 Units: results are in the unit of the caller's clouds. `emd_sum` is the sum of the paper. `emd_mean`
 is the sum divided by n, which is the mean distance between matched points and can be compared

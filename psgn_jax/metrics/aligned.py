@@ -1,7 +1,7 @@
 """Metrics of one pair of clouds after the best scale and shift of the prediction.
 
-An image shows neither the size of an object nor its distance from the camera. These metrics do not
-depend on either, only on the shape.
+An image shows neither the size of an object nor its distance from the camera. Therefore these
+metrics do not count an error of the position, nor an error of the size by a factor of up to 1.25.
 
     aligned CD  = min over s in [0.8, 1.25] and t of CD(s pred + t, gt)
 

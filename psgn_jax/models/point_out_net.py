@@ -1,10 +1,10 @@
 """PointOutNet: predicts a point cloud from one image, in three versions.
 
-Sources: section 3.2 of the paper and its figure "PointOutNet structure"; the layers in the authors'
-published code (github.com/fanhqme/PointSetGeneration). The sizes below are those of the default
-configuration: images of 192x256 pixels and widths 16, 32, 64, 128, 256, 512, 512 at levels 0 to 6.
-Level l has 1 / 2^l of the image size; the last level, 3x4, is the bottleneck. Layers are 3x3
-convolutions with ReLU unless stated otherwise.
+Sources: the paper, section "Point Set Prediction Network" and figure "PointOutNet structure"; the
+layers in the authors' published code (github.com/fanhqme/PointSetGeneration). The sizes below are
+those of the default configuration: images of 192x256 pixels and widths 16, 32, 64, 128, 256, 512,
+512 at levels 0 to 6. Level l has 1 / 2^l of the image size; the last level, 3x4, is the bottleneck.
+Layers are 3x3 convolutions with ReLU unless stated otherwise.
 
 - `Encoder`: two convolutions at full size; then at each level a strided convolution, followed by
   two convolutions of stride 1 (three at the last level before the bottleneck, none at the

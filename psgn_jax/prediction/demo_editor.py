@@ -75,14 +75,17 @@ def check_pictures(pictures: Sequence[Any]) -> None:
     """Checks the parts of an editor's value by their headers, before they are decoded.
 
     Args:
-      pictures: paths or bytes of image files; None where a part is missing.
+      pictures: background, composite and layers, as paths or bytes of image files; None where a
+        part is missing.
 
     Raises:
       PhotoError: there are more layers than `MAX_LAYERS`, or a part is not an image or has another
         size than the canvas.
     """
     if len(pictures) > MAX_LAYERS + 2:
-        raise photo.PhotoError(f"{len(pictures)} parts of a mask: accepted: {MAX_LAYERS} layers")
+        raise photo.PhotoError(
+            f"{len(pictures) - 2} layers of a mask: accepted: up to {MAX_LAYERS}"
+        )
     for picture in pictures:
         if picture is None:
             continue

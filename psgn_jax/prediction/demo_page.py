@@ -145,7 +145,7 @@ class Demo:
           samples: number of clouds.
           seed: seed of the random input.
           frame: "auto", "place" or "keep" (`Predictor.__call__`).
-          method: one of `masks.METHODS`, used if the editor is empty or not yet drawn.
+          method: one of `masks.METHODS`, used if the editor shows no photo.
 
         Returns:
           HTML that shows the clouds (or `ADVICE`), the files, and a line with the result or the

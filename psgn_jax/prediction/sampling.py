@@ -43,8 +43,8 @@ def sample_latents(
     """Random inputs of the samples `first`, `first` + 1, ...
 
     Each random input depends only on the seed, the number of the sample and the number of the draw.
-    It does not depend on the batch or on `num_draws`. Outside training, only the evaluation step
-    does not use this function: it uses `training.step.sample_step_latents`.
+    It does not depend on the batch or on `num_draws`. The training step and the evaluation step do
+    not use this function: they use `training.step.sample_step_latents`.
     """
     key = random_key(0, seed, train=False)
 

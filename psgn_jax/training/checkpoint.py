@@ -218,7 +218,7 @@ class Checkpoints:
         items = ocp.args.Composite(meta=ocp.args.JsonRestore())
         document = self._read(step, items).meta
         if document.get("format") != FORMAT:
-            raise ValueError(f"format {document.get('format')!r} of a checkpoint is not {FORMAT}")
+            raise ValueError(f"the format is {document.get('format')!r}, expected {FORMAT}")
         return document
 
     def _set_aside(self, step: int, error: Exception) -> None:

@@ -389,9 +389,10 @@ def kl_weight_at(config: Config, step: Array | int) -> Array:
 def sample_step_latents(
     config: Config, step: Array | int, batch_size: int, *, train: bool
 ) -> Array | None:
-    """Random input r ~ N(0, I) [B, random_size] (paper, section 3.3), or None without one.
+    """Random input r ~ N(0, I) [B, random_size], or None without one.
 
-    For training with `loss.min_of_n` > 1 it is [B, min_of_n, random_size].
+    For training with `loss.min_of_n` > 1 it is [B, min_of_n, random_size]. Source: paper, section
+    "Generation of Multiple Plausible Shapes".
     """
     if not config.model.random_size:
         return None

@@ -1,4 +1,4 @@
-"""A viewer for point clouds: one HTML file that needs no network and no other files.
+"""A viewer for point clouds: one HTML file that needs no internet connection and no other files.
 
 It shows the image, the predicted cloud and the ground truth. If there are several samples, a slider
 chooses one. The clouds can be rotated with a mouse or a finger. Points are coloured by height,

@@ -11,9 +11,9 @@ Files in DIR:
   there is one), ground truth.
 - `extremes.png`: the best, median and worst cases, drawn in the same way.
 
-No page needs a network. A split of any size can be shown: cases are read one at a time, the viewer
-is divided into pages of 5 MB, and the gallery lists 120 cases at a time. The error is the squared
-Chamfer distance, `cd_sq_radius2`.
+No page needs an internet connection. A split of any size can be shown: cases are read one at a
+time, the viewer is divided into pages of 5 MB, and the gallery lists 120 cases at a time. The error
+is the squared Chamfer distance, `cd_sq_radius2`.
 """
 
 import base64

@@ -65,7 +65,9 @@ def open_network(
     weights: str | None = None,
     checkpoint: str = "best",
 ) -> Run:
-    """Opens a trained network from a run or from weights; by default, the default of the package.
+    """Opens a trained network from a run or from weights.
+
+    If neither is given, the package's default weights are opened.
 
     Args:
       workdir: folder of a run.

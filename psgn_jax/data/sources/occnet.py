@@ -43,7 +43,9 @@ _NEAR_PIXELS = 2
 
 
 def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """Lists all models as (split, synset, name), and messages for lists that cannot be used.
+    """Lists all models as (split, synset, name), with a message for each problem.
+
+    Problems are an unknown category, a list that cannot be used, and a wrong or repeated name.
 
     Raises:
       ValueError: the folder does not have the layout.
