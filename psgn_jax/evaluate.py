@@ -58,7 +58,12 @@ if __name__ == "__main__":
     define_network_flags()
     flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
     flags.DEFINE_string("data", None, "Folder of records in place of those of the run.")
-    flags.DEFINE_string("out", None, "Folder for the tables; default: a folder in the workdir.")
+    flags.DEFINE_string(
+        "out",
+        None,
+        "Folder for the tables; default: a folder in the workdir or, for weights, in the current "
+        "folder.",
+    )
     flags.DEFINE_integer(
         "draws",
         0,

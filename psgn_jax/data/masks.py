@@ -29,15 +29,15 @@ DOUBT = (
     "object {:.0%}): correct it with the brush of the demo, give one with --mask, or install rembg"
 )
 
-# `plain` works on a copy with at most this many pixels per side.
+# `plain` searches a shaded or lossy image on a copy with at most this many pixels per side.
 _SEARCH_SIDE = 512
 # `plain`: the fraction of the border that must be background, and the maximum deviation from the
 # background colour.
 _BORDER_SHARE, _LARGEST_DEVIATION = 0.97, 24
-# `plain`: the deviation from the background that JPEG causes near an object; and a threshold: an
-# image counts as lossy if the number of pixels with a deviation of 1 or 2, divided by the number of
-# pixels of the outline, exceeds it. The ratio is below .31 on 100 lossless renderings and above .98
-# on 30 JPEGs (quality 70 to 95).
+# `plain`: the deviation from the background that JPEG causes near an object, and the threshold for
+# lossy images. The number of pixels with a deviation of 1 or 2 is divided by the number of pixels
+# of the outline. The image is lossy if this ratio exceeds the threshold. It is below .31 on 100
+# lossless renderings and above .98 on 30 JPEGs (quality 70 to 95).
 _JPEG_DEVIATION, _JPEG_SHARE = 12, 0.6
 _EXACT = 1  # `plain`: the largest deviation of the border of an unshaded background
 _AGREEMENT = 0.7  # the least IoU of the masks of two methods that agree

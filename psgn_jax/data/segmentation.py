@@ -202,8 +202,8 @@ def _sweep(planes: list[np.ndarray], lines: range, step: int) -> None:
     """Extends the best paths of each line's neighbour to the line.
 
     Args:
-      planes: the values; then distance, smallest and largest value of the best path so far, which
-        are updated.
+      planes: four arrays: the values; for the best paths so far, the distance, the smallest and the
+        largest value. All but the first are updated.
       lines: the lines in order.
       step: offset of the neighbour.
     """

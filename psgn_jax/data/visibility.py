@@ -95,8 +95,8 @@ def visible_points(
     if not len(left):
         return visible
     across, down = np.minimum(reach[inside].max(axis=0), size - 1).astype(int).tolist()
-    # A point that projects outside the image gets the nearest pixel of the image. This brings it no
-    # farther from any pixel, so no pixel is lost from its window.
+    # The window of a point outside the image is centred on the nearest pixel of the image. Every
+    # pixel of the image is at least as near to this centre as to the point, so none is missed.
     cell = np.clip(np.floor(image).astype(np.intp), 0, size - 1)
 
     # Back-projected pixels in the camera's frame, at infinity where there is no depth, with a

@@ -143,7 +143,8 @@ def marginal_spread(draws: Float[Array, "k n 3"]) -> Float[Array, "3"]:
     mean over ranks of the variance over samples, in the unit of the points. Unlike `spread`, it
     does not increase if points exchange their positions.
 
-    This is **ours**: the variance of the samples in the Wasserstein-2 metric of their marginals.
+    This is **ours**: the standard deviation of the samples in the Wasserstein-2 metric of their
+    marginals.
     """
     return jnp.sqrt(jnp.var(jnp.sort(draws, axis=1), axis=0).mean(axis=0))
 

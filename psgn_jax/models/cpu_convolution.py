@@ -240,8 +240,8 @@ def _narrow(kernel: Array) -> bool:
 def _rows_of_block(b: int, h: int, w: int) -> int:
     """Number of rows that `_kernel_gradient` processes at a time: the fewest with enough work.
 
-    It is all h rows if XLA may split the batch over several devices, because then every iteration
-    of the loop would sum over the devices. Within `jax.shard_map` XLA does not split the batch.
+    If XLA may split the batch over several devices, all h rows are processed at once: in a loop,
+    every iteration would sum over the devices. Within `jax.shard_map` XLA does not split the batch.
     """
     if jax.device_count() > 1 and not jax.sharding.get_abstract_mesh().manual_axes:
         return h

@@ -247,8 +247,9 @@ def _kernel(  # type: ignore[no-untyped-def]
             state, waiting = bid_all(lanes, until, state, waiting, state.epsilon)
         return state
 
-    # Both sums of distances to nearest neighbours are lower bounds. With prices equal to minus the
-    # distance to the nearest bidder, the dual value starts at the second of these sums.
+    # `row_sum` sums the distances from the bidders to their nearest objects, `column_sum` those
+    # from the objects to their nearest bidders. Both are lower bounds. The prices -column have a
+    # dual value of at least `column_sum`.
     nothing = jnp.zeros((wide,), jnp.float32)
     column, row_sum, widest = over_bidders(
         opening, jnp.full((1, size), jnp.inf, jnp.float32), nothing, nothing

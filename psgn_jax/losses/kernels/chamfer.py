@@ -27,8 +27,9 @@ from jax.experimental.pallas import triton as plgpu
 from psgn_jax.losses.kernels.dispatch import varying_like
 from psgn_jax.types import Array
 
-# A tile of 32 x 64 distances on 4 warps is 16 rows and one column per thread: 48 coordinates, 48
-# minima and numbers, and 113 to 162 registers in total. Triton requires powers of two.
+# A tile of 32 x 64 distances on 4 warps is 16 rows and one column per thread. For each row the
+# thread stores 3 coordinates, 2 minima (of the group and of all columns so far) and a number. It
+# uses 113 to 162 registers in total. Triton requires powers of two.
 _ROWS = 32
 _COLS = 64
 _GROUP = 4  # chunks of columns that share a stored number if there are at least _LONG columns
