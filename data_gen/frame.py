@@ -96,7 +96,9 @@ def _existing_extremes(
     measure: Callable[[np.ndarray], np.ndarray],
     best: Float[np.ndarray, " k"],
 ) -> Float[np.ndarray, "m 3"]:
-    """For each measure that exceeds `best` on these faces, the existing point with its maximum.
+    """Of all existing points of the faces, the one with the largest value of each measure.
+
+    Measures that do not exceed `best` on these faces are left out.
 
     Faces that exist only in part and may contain a larger value are divided into four, recursively.
     If a part is smaller than `_SMALL` times the extent, only its corners are examined.

@@ -72,8 +72,9 @@ def path_trace(
         values["faces"] = np.arange(3 * len(own), dtype=np.uint32)
         values.update()
         parts[f"part{number}"] = mesh
-    # In Mitsuba, column u is the direction with atan2(x, -z) = 2 pi u, +y up. Our columns in
-    # reversed order are its directions (-y, z, -x); this rotation maps them to (x, y, z).
+    # In Mitsuba's maps +y is up, and column u shows the direction with atan2(x, -z) = 2 pi u. Our
+    # map is passed with its columns reversed. Our direction (x, y, z) is then Mitsuba's direction
+    # (-y, z, -x), and this rotation maps it back.
     turn = np.eye(4)
     turn[:3, :3] = [[0, 0, -1], [-1, 0, 0], [0, 1, 0]]
     parts["light"] = {

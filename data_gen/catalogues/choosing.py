@@ -83,9 +83,10 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
 def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:
     """All models in a random order of which every prefix is spread over categories and folders.
 
-    Models with the same category and folder form a group. If m of n models are in a group, about
-    k m / n of the first k models are. The model with rank r in the random order of its group gets
-    the position (r + u) / m, where u is uniform in [0, 1) and common to the group.
+    Models with the same category and folder form a group. If a group has m of the n models, about
+    k m / n of the first k models come from this group. The model with rank r in the random
+    order of its group gets the position (r + u) / m, where u is uniform in [0, 1) and common to the
+    group.
     """
 
     def uniform(*words: str) -> float:

@@ -16,8 +16,10 @@ def smooth(
     Args:
       values: values to smooth.
       valid: pixels that have a value.
-      guides: normal, position, and largest distance from the plane of the normal at which a pixel
-        belongs to the same surface; None = all pixels belong to one surface.
+      guides: for each pixel its normal n, its position p and a tolerance. Another pixel is on the
+        same surface if its normal is similar and its distance from the plane through p
+        perpendicular to n is less than `step` times the tolerance. None = all pixels are on one
+        surface.
       step: distance between the pixels.
     """
     result = values

@@ -38,7 +38,7 @@ def main():
     context = Context(
         settings.Settings(views=arguments.views), arguments.catalogue, variant, None, []
     )
-    render_model(chosen[0], context)  # compiles and loads what is needed only once
+    render_model(chosen[0], context)  # not timed: the first model also compiles and loads modules
     parts, models, images = {}, [], 0
     wall, cpu = time.perf_counter(), time.process_time()
     for entry in chosen:

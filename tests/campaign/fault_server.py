@@ -111,7 +111,7 @@ def main():
     warnings.simplefilter("ignore")  # of forks
     logging.use_absl_handler()
     logging.set_verbosity(logging.WARNING)
-    sys.modules["torch"] = None  # tensorboardX would import it, for two seconds
+    sys.modules["torch"] = None  # tensorboardX would import it, which takes two seconds
     importlib.import_module("tensorboardX")
     faults = ctypes.CDLL(os.environ["LD_PRELOAD"])
     faults.counted.restype = ctypes.c_long

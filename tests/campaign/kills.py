@@ -112,7 +112,7 @@ class Killer:
             shutil.rmtree(out)
 
     def _kill(self, command: list[str], send: Callable[[int, int], None]) -> tuple[str, bool]:
-        """Kills a run; returns (what did not hold, whether the run had not ended before)."""
+        """Kills a run; returns (what did not hold, whether it was still running when killed)."""
         with self._start.started(command, self._log) as process:
             time.sleep(self._rng.uniform(0, 1.05 * self._seconds))
             running = process.poll() is None

@@ -195,5 +195,5 @@ def feet(kit: Kit, x: float, y: float, height: float, material: Material) -> Non
 def metal_or(
     kit: Kit, other: Material, *makers: Callable[[np.random.Generator], Material]
 ) -> Material:
-    """The other material with probability 1/2, else a new one from one of the functions."""
+    """`other` with probability 1/2, else a new material from one of `makers`."""
     return other if kit.rng.random() < 0.5 else pick(kit.rng, makers)(kit.rng)

@@ -36,7 +36,8 @@ def add_fuselage(
     rings = []
     for x, (w, h, z), here in zip(places, rows, inside, strict=True):
         outline = solids.superellipse(2 * w, 2 * h, power, sides)
-        # Duplicated corners beside the keel are the walls of the bay.
+        # The two corners beside the keel are doubled. Raising the inner copies, together with the
+        # keel, gives the bay vertical walls.
         bay = np.repeat(outline, [2 if k in (17, 19) else 1 for k in range(sides)], axis=0)
         bay[18:21, 1] += depth * h * here
         rings.append(np.column_stack([np.full(len(bay), x), bay[:, 0], bay[:, 1] + z]))
