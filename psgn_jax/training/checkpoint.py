@@ -292,7 +292,8 @@ def _is_no_stack_of_orbax(record: python_logging.LogRecord) -> bool:
 
 def _is_no_future_of_tensorstore(record: python_logging.LogRecord) -> bool:
     message = record.getMessage()
-    return not ("exception was never retrieved" in message and "tensorstore_spec" in message)
+    names = any(name in message for name in ("tensorstore_spec", "OCDBT database"))
+    return not ("exception was never retrieved" in message and names)
 
 
 @contextlib.contextmanager

@@ -122,7 +122,11 @@ def test_arrays_that_failed_after_the_first_one_are_not_logged(tmp_path, caplog)
     # Whether an array fails before or after orbax closes its event loop depends on the time.
     Checkpoints(tmp_path)
     loop = asyncio.new_event_loop()
-    for text in ("DATA_LOSS: Error opening a driver [tensorstore_spec='{}']", "something else"):
+    for text in (
+        "DATA_LOSS: Error opening a driver [tensorstore_spec='{}']",
+        'OUT_OF_RANGE: Error reading "params.fc" in OCDBT database at local file "x"',
+        "something else",
+    ):
         loop.create_future().set_exception(ValueError(text))
     gc.collect()
     loop.close()
