@@ -30,8 +30,8 @@ Masks and images have the effects of photos (`data.photo`).
 
 Loss: the EMD to 1,024 of the true points plus five times the CD to all of them. The table gives CD
 (cd_sq_radius2) / EMD (emd_radius) on the authors' validation batches for the recipe of
-`authors_small.py` with these losses; the first run of the package's weights used the CD. The column "fresh" is
-for images that were not used to choose any setting:
+`authors_small.py` with these losses. The first run of the package's weights used the CD. The column
+"fresh" is for images that were not used to choose any setting:
 
     loss            800 steps        3,200 steps      3,200 steps, fresh
     CD              .0130 / .296     .01050 / .309    .0114 / .290
