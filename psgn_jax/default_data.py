@@ -1,8 +1,8 @@
 """The default data set: procedural models that are rendered on first use and cached.
 
 A configuration without `data.path` uses it. Commands render it with `data_gen` (extra `render`) to
-the cache folder, which takes a minute or two. `data_gen.default` describes its contents. Programs
-that use the library call `with_default_data`.
+the cache folder, which takes a minute or two. `data_gen.default` describes its contents. A program
+that imports the library should call `with_default_data`.
 """
 
 import dataclasses

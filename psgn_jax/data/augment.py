@@ -1,7 +1,8 @@
 """Random changes of a training sample that keep image, mask, depth, camera and points consistent.
 
 After each change, the sample's camera still projects the points onto the object in the image, and
-the camera is still valid (right-handed rotation, positive focal lengths).
+the camera is still valid (right-handed rotation, positive focal lengths). The exception is
+`reframe` of a view from another angle than the authors': its points do not move with its image.
 """
 
 import dataclasses

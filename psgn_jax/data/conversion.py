@@ -184,9 +184,9 @@ def _convert_claimed(
     strict: bool,
 ) -> tuple[Manifest, list[str]]:
     """As `_convert`; no other process converts to the folder meanwhile."""
-    # A finished shard is kept if this conversion would give it the same number and inputs. The same
-    # inputs are not enough: if their group now has another number, another group has the number of
-    # the shard and would overwrite its file.
+    # A finished shard is kept if this conversion would give it the same inputs and the same number.
+    # The number is part of the file name: if it now belongs to a group with other inputs, that
+    # group will overwrite the file.
     done: dict[tuple[int, tuple[str, ...]], list[Shard]] = {}
     if (destination / MANIFEST).exists():
         previous = load_manifest(destination, allow_incomplete=True)

@@ -26,8 +26,7 @@ points visible. That is 3.5 % of all points, the lowest rate of the values tried
 4.3 %, .03: also 3.5 %, .04: 4.1 %).
 
 *Predicted* points have no class. A point off the surface is neither visible nor occluded. If such a
-point got the class of the nearest true point, the class in which its error counts would depend on
-the error itself.
+point got the class of the nearest true point, its class would depend on its error.
 """
 
 import numpy as np

@@ -13,7 +13,7 @@ study measures
   depth) and along the visible directions (y, z), on ambiguous images;
 - the spread on unambiguous images;
 - the spread of the marginals (`metrics.samples.marginal_spread`), which does not change if points
-  exchange places or slide along the surface;
+  exchange places;
 - the depths of the predicted cabinets, measured from their points (`measured_depth`). Their
   distribution is compared with that of the true cabinets with the same image: Wasserstein-1
   distance, coverage of the range, and spread. The spread is also compared with that of the

@@ -94,8 +94,8 @@ def assign(
     Raises:
       ValueError: wrong shape or dtype, unequal sizes, a negative tolerance or budget, an unknown
         schedule, or (outside `jit`) a non-finite coordinate. Inside `jit`, a non-finite coordinate
-        gives the bijection i -> i, `converged` False and a NaN gap. So does an extent below the
-        smallest normal float32 (1e-38).
+        gives the bijection i -> i, `converged` False and a NaN gap. So does an extent that is
+        positive but below the smallest normal float32 (1e-38).
     """
     a, b = check_points(a, names[0]), check_points(b, names[1])
     if len(a) != len(b):

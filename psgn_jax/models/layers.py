@@ -14,9 +14,9 @@ the same scale over some twenty layers (He et al. 2015, "Delving deep into recti
   skip connections). The sum then has the variance of one `RELU` layer.
 - The fan-in of a transposed convolution of stride s is k * k * c_in / s^2, because an output is the
   sum of that many products; the other kernel elements are multiplied by inserted zeros.
-- Biases start at zero, except those of the output layers, which start at the middle of an object
-  (`cloud_bias`). The points of a deconv branch start on a plane that faces the camera
-  (`grid_offset`).
+- The biases of `PointOutNet` start at zero, except those of the output layers, which start at the
+  middle of an object (`cloud_bias`). The points of a deconv branch start on a plane that faces the
+  camera (`grid_offset`).
 """
 
 from collections.abc import Callable, Sequence

@@ -128,7 +128,10 @@ def gather(graph: Graph, operands: Sequence[Value], out: Any, params: Params) ->
     axes, dropped = numbers.start_index_map, numbers.collapsed_slice_dims
     others_whole = all(sizes[a] == x.shape[a] for a in range(x.rank) if a not in axes)
     if indices.array is None or numbers.operand_batching_dims or not others_whole:
-        raise UnsupportedError("gather with computed indices cannot be converted to ONNX")
+        raise UnsupportedError(
+            "gather with computed indices, batch axes or windows that cut other axes cannot be "
+            "converted to ONNX"
+        )
     if indices.rank == 1:
         name = graph.whole(x)
         for axis, first in zip(axes, indices.array.tolist(), strict=True):

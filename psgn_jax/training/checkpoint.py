@@ -270,8 +270,9 @@ def _quiet_threads() -> None:
     """Suppresses messages of orbax's threads about an error, which is raised here anyway.
 
     The threads log the error with a stack trace. If one array cannot be read or written, orbax also
-    closes its event loop while operations on other arrays are pending. Each pending operation then
-    ends in an exception that Python prints, or that asyncio logs if the operation has just ended.
+    closes its event loop while operations on other arrays are pending. When such an operation ends,
+    Python prints an exception, "Event loop is closed". If an operation has failed before the loop
+    was closed, asyncio logs that its exception was never retrieved.
     """
     logging.get_absl_logger().addFilter(_is_no_stack_of_orbax)  # adding it again has no effect
     python_logging.getLogger("asyncio").addFilter(_is_no_future_of_tensorstore)

@@ -161,7 +161,7 @@ def over_devices(
     def run(params: Any, batch: Any, index: int) -> Any:
         # The parameters may be on more devices than the evaluation uses.
         params = jax.device_put(params, replicated)
-        # Visible points need the depth, which may not be an input of the network.
+        # `visible` is not among `keys`, because a batch has it only if the records have depth.
         wanted = (*keys, "visible") if "visible" in batch else keys
         device_batch = jax.device_put({k: batch[k] for k in wanted}, split)
         return step(params, device_batch, np.int32(index))

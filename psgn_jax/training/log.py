@@ -96,7 +96,7 @@ class TrainingLog:
         vectors = {k: np.asarray(v) for k, v in self._last.items() if v.ndim}
         seconds = time.monotonic() - self._last_time - self._paused
         steps = step - self._last_step
-        if steps:  # 0 if the line is for the first step, whose time is mostly compilation
+        if steps:  # the time of the first step includes the compilation
             values["samples_per_second"] = steps * self._config.train.batch_size / seconds
         self._line(step, values, seconds / max(1, steps))
         if self._writer:
