@@ -214,7 +214,8 @@ def build_model(
         bad = int((~np.isfinite(used)).any(axis=2).sum())
         raise UnusableModelError(f"{bad} corners of faces have coordinates that are not finite")
     if len(used):
-        # Centred, because far from the origin the products below would lose all precision.
+        # Products of edge vectors: far from the origin, products of positions would lose all
+        # precision.
         extent = float(np.ptp(used.reshape(-1, 3), axis=0).max())
         cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])
         flat = np.linalg.norm(cross, axis=1) <= _DEGENERATE * extent**2

@@ -1,6 +1,6 @@
 """Finds out which variant of Mitsuba works on this machine, by searching for LLVM and testing it.
 
-Mitsuba is imported only in processes that render, because LLVM may abort the process that loads it.
+Mitsuba is imported only in separate processes, because LLVM may abort the process that loads it.
 
     python -m data_gen.mitsuba_setup smoke [VARIANT [LIBRARY]]
 

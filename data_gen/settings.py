@@ -112,8 +112,9 @@ class CheckSettings:
 class JobSettings:
     """How the job runs.
 
-    None of these settings changes the samples of a model, but `seconds_per_model` and
-    `megabytes_per_worker` decide which models are refused.
+    None of these settings changes the samples of a model, except that the images of the two
+    variants of Mitsuba differ by rounding. `seconds_per_model` and `megabytes_per_worker` decide
+    which models are refused.
 
     Attributes:
       workers: number of processes, 0 = one per processor.

@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float, Int
 from data_gen.mesh import Model, UnusableModelError, row_dots
 from psgn_jax.data import schema
 
-# Number of small cells along the edge of a cell of the grid. It is odd, so that a cell is half full
-# when the surface reaches its middle. With two small cells, it would be half full a quarter of the
-# cell earlier; with four, an eighth. Flat objects would then be too thick.
+# Number of small cells along the edge of a cell of the grid. It is odd, so that a cell counts as
+# half full when the surface reaches its middle. With two small cells, the surface would only have
+# to reach a quarter of the cell; with four, three eighths. Flat objects would then be too thick.
 _FINE = 3
 
 # Tolerance at the border of a triangle, in small cells. It is much larger than the rounding of

@@ -30,7 +30,7 @@ def parse_properties(text: str) -> dict[str, str]:
     r"""Keys and values of a Java properties file that was decoded as Latin-1.
 
     It may contain comments (`#`, `!`), the separators `=`, `:` and blank, lines continued by a
-    backslash, and the escapes `\\uXXXX`, `\\t`, `\\n`.
+    backslash, and the escapes `\uXXXX`, `\t`, `\n`.
     """
     escape = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(.))", re.DOTALL)
 

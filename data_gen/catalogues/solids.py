@@ -87,7 +87,7 @@ def loft(rings: np.ndarray | Sequence[np.ndarray], loop: bool = False) -> Solid:
 
 
 def _cap(ring: np.ndarray) -> np.ndarray | None:
-    """Triangles of a ring that is not convex; None if a fan around its centre is sufficient."""
+    """Triangles between the points of a ring; None if a fan around its centre is used instead."""
     following = np.roll(ring, -1, axis=0)
     total = np.cross(ring, following).sum(axis=0)
     axis = int(np.abs(total).argmax())

@@ -183,7 +183,7 @@ class Light:
         matt = np.stack(
             [radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - first)], axis=1
         )
-        # Points that are neighbours in the list must use different sets of rays.
+        # Consecutive directions belong to different sets, so that each covers the hemisphere.
         self._matt = matt.reshape(-1, PATTERNS, 3).swapaxes(0, 1).astype(np.float32)
         self.spread = np.concatenate(
             [matt[:: len(matt) // PATTERNS][:PATTERNS, :2], np.zeros((PATTERNS, 1))], axis=1
@@ -399,7 +399,7 @@ def mirror_of(
     """Reflectance of surfaces at normal incidence, and blur of the reflections in radians.
 
     A material whose specular colour is stronger than its diffuse colour counts as metal. Others
-    count as varnish or plastic, with a reflectance of 0.04.
+    count as varnish or plastic, with a reflectance of at most 0.04.
     """
     specular = np.clip(strength * surfaces.specular, 0, 1)
     bright = specular.mean(axis=1, keepdims=True)

@@ -39,7 +39,8 @@ def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.nd
         # Pillow warns about sizes, which are checked below, and about palettes and metadata.
         python_warnings.simplefilter("ignore")
         try:
-            # Pillow refuses images above twice this size before a JPEG can be reduced.
+            # Pillow refuses images of more than twice this number of pixels, even JPEGs that
+            # `draft` would reduce.
             before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
             try:
                 picture = (

@@ -7,8 +7,8 @@ compilation. A separate column has the seconds of compilation, because a kernel 
 minutes is unusable. The floor of the Chamfer distance is the lower bound of its arithmetic: every
 distance once, in 8 instructions per lane (3 differences, a product, 2 fused multiply-adds, a
 minimum for each direction), on all lanes at the highest clock that `nvidia-smi` reports. Clouds:
-near = two noisy subsets of one surface, far = subsets of two surfaces, init = predictions within
-1e-3 of the origin, grid = far, rounded to a lattice.
+near = two samples of one surface, far = samples of two surfaces, init = predictions within 1e-3 of
+the origin, grid = far, rounded to a lattice. The first cloud of near and far has noise.
 
 Without a GPU the command ends with a message. With `--interpret` it runs the kernels as plain JAX,
 to test the command itself (the times have no meaning).
@@ -28,7 +28,7 @@ from psgn_jax import losses
 from psgn_jax.losses.kernels.dispatch import use_kernels
 
 _INSTRUCTIONS = 8
-_LANES = 128  # float32 lanes of a multiprocessor since compute capability 8.6, and of 9.0
+_LANES = 128  # float32 lanes of a multiprocessor from compute capability 8.6 on
 
 
 def clouds(kind, pairs, n, m, rng):
