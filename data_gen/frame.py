@@ -96,9 +96,9 @@ def _existing_extremes(
     measure: Callable[[np.ndarray], np.ndarray],
     best: Float[np.ndarray, " k"],
 ) -> Float[np.ndarray, "m 3"]:
-    """Of all existing points of the faces, the one with the largest value of each measure.
+    """For each measure, the existing point of the faces at which it is largest.
 
-    Measures that do not exceed `best` on these faces are left out.
+    A measure whose maximum over these points is at most its value in `best` has no point.
 
     Faces that exist only in part and may contain a larger value are divided into four, recursively.
     If a part is smaller than `_SMALL` times the extent, only its corners are examined.
@@ -195,10 +195,10 @@ def outline(
     return np.concatenate([points, _existing_extremes(model, faces, measure, best)])
 
 
-# A model is refused if an empty gap along an axis is larger than the first fraction of the model's
-# extent and the parts on both sides of it are smaller than the second fraction. Of 494 models of
-# FlightGear, one has a gap above 0.6 (0.93; the next are 0.45 and 0.25). Of 82 models of Sweet
-# Home 3D, none has a gap above 0.12.
+# A model is refused if there is an empty gap along an axis that is larger than `_STRAY_GAP`, and
+# both parts beside the gap are at most as large as `_STRAY_SIZE`. Both numbers are fractions of the
+# model's extent. Of 494 models of FlightGear, one has a gap above 0.6 (0.93; the next are 0.45 and
+# 0.25). Of 82 models of Sweet Home 3D, none has a gap above 0.12.
 _STRAY_GAP, _STRAY_SIZE = 0.6, 0.15
 
 

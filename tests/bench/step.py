@@ -24,7 +24,9 @@ from typing import Any
 import numpy as np
 from absl import app, flags
 
-_BATCH = flags.DEFINE_integer("batch", 0, "images in a batch; 0 = 32, or 16 with --small")
+_BATCH = flags.DEFINE_integer(
+    "batch", 0, "images in a batch; 0 = 32, or 16 with --small, or 4 with --draws"
+)
 _SMALL = flags.DEFINE_bool("small", False, "the network and image size of authors_small.py")
 _REPEATS = flags.DEFINE_integer("repeats", 5, "timed steps of each implementation")
 _THREADS = flags.DEFINE_integer("threads", 2, "threads that PyTorch uses")

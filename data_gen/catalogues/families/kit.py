@@ -68,7 +68,10 @@ EVERYWHERE = ((-180.0, 180.0),)
 
 
 class HiddenRange(NamedTuple):
-    """The range [low, high) from which a hidden number, possibly whole, is drawn uniformly."""
+    """The range [low, high) from which a hidden parameter is drawn uniformly.
+
+    `whole` says whether only whole numbers are drawn.
+    """
 
     low: float
     high: float

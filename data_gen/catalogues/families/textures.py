@@ -5,9 +5,9 @@ relative to its brightest part and is multiplied by the diffuse colour of the ma
 (screens, labels, carpets) has its own colours. Each texture exists in a few random versions, which
 are numbered by `variant` and cached.
 
-A texture with random tiles is mapped with at most `TEXELS_PER_RADIUS` texels per radius of the
-model. With the default camera that is 1.3 texels per pixel, which the samples of a pixel smooth
-without moiré. The fixed tiles of a few materials are finer.
+The size of a repeated texture on a model is usually random. It then has at most `TEXELS_PER_RADIUS`
+texels per radius of the model. With the default camera that is 1.3 texels per pixel, which the
+samples of a pixel smooth without moiré. In a few materials the size is fixed and may be smaller.
 """
 
 import functools
@@ -21,7 +21,7 @@ VARIANTS = 8
 """Number of random versions of each kind of texture."""
 
 TEXELS_PER_RADIUS = 145.0
-"""Largest number of texels per radius of the model, for random tiles."""
+"""Largest number of texels per radius of the model, for repeated textures of random size."""
 
 Colour = Sequence[float] | np.ndarray
 
