@@ -25,7 +25,7 @@ sets, list the others: `--config.data.path=records/free/furniture,records/author
 the weights in the package, add `--config.train.init=NAME` (`psgn weights list`).
 
 Photos: 30 % of the samples from the authors' angle are cropped and placed like photos
-(`data.place`), as are all samples from other angles. The others are scaled and shifted a little.
+(`data.place`), as are all samples from other angles. All samples are scaled and shifted a little.
 Masks and images have the effects of photos (`data.photo`).
 
 Loss: the EMD to 1,024 of the true points plus five times the CD to all of them. The table gives CD
