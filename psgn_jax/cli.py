@@ -72,8 +72,9 @@ STUDIES: Mapping[str, Command] = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a subcommand; `argv` are the arguments without the name of the program.
 
-    Most commands end the process themselves. An exit code is returned after help, after an unknown
-    name, after Ctrl-C while a command's modules are imported, and if a command returns.
+    Most commands end the process themselves. An exit code is returned after help or `--version`,
+    after an unknown name, after Ctrl-C while a command's modules are imported, and if a command
+    returns.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in ("-h", "--help", "help"):

@@ -67,8 +67,8 @@ if __name__ == "__main__":
     flags.DEFINE_integer(
         "draws",
         0,
-        "Number of predictions per image whose best and mean distances are also measured; needs a "
-        "network with a random input; 0 = off.",
+        "Number of predictions per image; the best and the mean of their distances are also "
+        "measured; needs a network with a random input; 0 = off.",
         lower_bound=0,
     )
     flags.DEFINE_enum(

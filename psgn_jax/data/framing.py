@@ -51,7 +51,7 @@ SMALLEST_BOX = 8
 """An object is not placed if the longer side of its box has fewer pixels."""
 
 LARGEST_CHANGE = 2.0
-"""A training sample is not placed if its size would change by more than this factor.
+"""A sample of a data set is not placed if its size would change by more than this factor.
 
 A larger change means that the mask shows little of the object. One of the authors' 64 validation
 images shows a plate edge-on, with a box of 14 x 30 pixels; the rule would enlarge its points by a

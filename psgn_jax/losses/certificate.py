@@ -78,7 +78,8 @@ def cheapest(points: Array, targets: Array, prices: Array) -> Array:
 def num_lanes(n: int) -> int:
     """Number of columns L of the [R, L] array that holds n objects.
 
-    A search of the auction is one pass over the array and R + L steps.
+    A bid of the auction is one pass over the array, which gives the minimum of each column, and a
+    search among these L minima and the R entries of the best column.
     """
     return 16 if n <= 256 else 32 if n <= 2048 else 64 if n <= 8192 else 128
 

@@ -36,8 +36,8 @@ for kernels of 3x3x3: forward, then forward with both gradients (`tests/bench/co
     4 x 32^3  16 to 1       .027, .12       .56, 1.41
     4 x 8^3   128 to 128    .026, .077      .064, .29
 
-Alternatively, one `conv2d` of each slice could have the planes of the kernel as groups of output
-channels, whose results are then shifted and added. That is faster forward at 32^3, and mostly
+Alternatively, one `conv2d` of each slice could compute a separate result for each plane of the
+kernel; these results would then be shifted and added. That is faster forward at 32^3, and mostly
 slower backward.
 
 The platform is determined when a function is traced. On a CPU there is no forward-mode derivative.

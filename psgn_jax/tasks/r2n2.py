@@ -3,9 +3,9 @@
 Source: Choy et al., "3D-R2N2", ECCV 2016.
 
 **Ours**: the network predicts in the frame of the first view, like all networks of this project.
-The original predicts in the frame of the data set, which is the same for all views. With one view
-the task is that of the point networks. With several views the network must infer how the other
-views are rotated relative to the first one.
+The original predicts in the frame of the data set, which is the same for all views. With one view,
+the input and the frame are those of the point networks. With several views the network must infer
+how the other views are rotated relative to the first one.
 """
 
 import pathlib

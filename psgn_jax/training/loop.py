@@ -77,7 +77,8 @@ class Outcome(NamedTuple):
 def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     """Trains, or resumes training, until `config.train.steps` or a signal.
 
-    After SIGTERM or SIGINT, the current step ends, a checkpoint is saved, and the function returns.
+    After SIGTERM or SIGINT, the current step ends, its checkpoint is saved and the function
+    returns.
 
     Args:
       config: a `Config`, or a mapping for `config.parse`.
@@ -256,7 +257,7 @@ class _Training:
                     max_samples=self._config.eval.max_samples,
                     on_batch=self._stop.check,
                 )
-            except Stopped:  # the checkpoint is saved; a resumed run begins with the evaluation
+            except Stopped:  # a resumed run begins with this evaluation
                 self._stop.settle()
                 return
             scores = {**result.means, **result.chosen}
@@ -274,8 +275,7 @@ class _Training:
     def _report_end(self) -> None:
         if self._stop.signal:
             logging.info(
-                "stopped by %s after step %d, checkpoint saved; run the same command again to "
-                "resume",
+                "stopped by %s after step %d; run the same command again to resume",
                 signal.Signals(self._stop.signal).name,
                 self._step,
             )

@@ -86,8 +86,8 @@ def input_keys(config: Config) -> tuple[str, ...]:
 def l2_authors(params: Any) -> Array:
     """The authors' L2 terms: half the sum of squares of each kernel, weighted by layer type.
 
-    The weights are 1e-5 for convolutions, 1e-4 for the dense layer that passes the result of the
-    hourglass's first pass to the second, and 1e-3 for other dense layers. Biases are left out.
+    The weights are 1e-5 for convolutions, 1e-4 for the dense layer `carry` in the fc branch of the
+    hourglass (`models.point_out_net`), and 1e-3 for other dense layers. Biases are left out.
     """
     total = jnp.float32(0)
     for path, leaf in jax.tree_util.tree_flatten_with_path(params)[0]:

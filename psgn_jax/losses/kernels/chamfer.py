@@ -10,10 +10,11 @@ Cost. A distance takes 6 instructions per lane (3 differences, 1 product, 2 fuse
 its minimum 1, the update of the chunk number 2. For long clouds one number is stored for each group
 of _GROUP chunks (2 / _GROUP instructions); at the end the distances to the group with the minimum
 (256 columns for each row) are computed again. In the machine code of Triton 3.6 for sm_90 the inner
-loop has 7.8 instructions per distance for 16,384 columns and 9.7 for 1,024 columns, without spills:
-17.5 per pair of points for both directions. An exact search that computes every distance once needs
-at least 8 (6 for the distance, and one minimum per direction); `tests/bench/kernels.py` uses 8 as
-the lower bound. The time is not known: the kernel has not been run on a GPU yet.
+loop has 7.8 instructions per distance for 16,384 columns and 9.7 for 1,024 columns, without spills.
+For clouds of these two sizes, both directions together therefore take 17.5 instructions per pair of
+points. An exact search that computes every distance once needs at least 8 (6 for the distance, and
+one minimum per direction); `tests/bench/kernels.py` uses 8 as the lower bound. The time is not
+known: the kernel has not been run on a GPU yet.
 """
 
 import functools
