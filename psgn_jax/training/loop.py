@@ -274,10 +274,11 @@ class _Training:
 
     def _report_end(self) -> None:
         if self._stop.signal:
+            when = f"after step {self._step}, checkpoint saved" if self._step else "before step 1"
             logging.info(
-                "stopped by %s after step %d; run the same command again to resume",
+                "stopped by %s %s; run the same command again to resume",
                 signal.Signals(self._stop.signal).name,
-                self._step,
+                when,
             )
             return
         steps, workdir = self._config.train.steps, self._workdir

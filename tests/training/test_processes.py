@@ -163,7 +163,7 @@ def test_a_signal_stops_all_and_another_number_goes_on(alone, start, tmp_path):
     four[2].send_signal(signal.SIGTERM)
     assert codes(four) == [143] * 4, text(workdir, 0)
     stopped = newest(workdir).step
-    assert f"stopped by SIGTERM after step {stopped}; run the same" in text(workdir, 0)
+    assert f"stopped by SIGTERM after step {stopped}, checkpoint saved; run" in text(workdir, 0)
     flags = [f"--config.train.steps={stopped + 5}", "--config.train.eval_every=6"]
     assert codes(start(2, workdir, *flags)) == [0, 0], text(workdir, 0)
     assert f"resuming at step {stopped}" in text(workdir, 0)
