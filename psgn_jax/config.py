@@ -63,8 +63,8 @@ class ModelConfig:
       name: version of the network, see `models.point_out_net`.
       widths: number of feature maps at each resolution level, full size first; each level halves
         the size.
-      width_multiplier: factor of all hidden widths. If it is not 1, the results are rounded to
-        multiples of 8 and are at least 8.
+      width_multiplier: factor of all hidden widths, except those of the posterior network. If it is
+        not 1, the results are rounded to multiples of 8 and are at least 8.
       fc_points: number of points of the fully connected branch; all points of `vanilla`.
       deconv_level: level at which the deconv branch ends (3 = an eighth of the image size).
       deconv_channels: number of output channels of the deconv branch, 3 for each point of a cell.
@@ -167,9 +167,10 @@ class OptimConfig:
 
 @dataclasses.dataclass(frozen=True)
 class TrainConfig:
-    """Length of the training and intervals of its output. An interval of 0 disables the output.
+    """Length of the training and intervals of its output.
 
-    A checkpoint is also written at each evaluation and at the end.
+    An interval of 0 disables the output; only `log_every` must be at least 1. A checkpoint is also
+    written at each evaluation and at the end.
 
     Attributes:
       batch_size: samples per step, over all devices and processes.

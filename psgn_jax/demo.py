@@ -7,8 +7,8 @@ Drop a photo, correct the automatic mask with brush and eraser, choose the numbe
 seed, rotate the result, and download its files, which are those of `psgn_jax.predict`. The page is
 served to this machine only, unless `--host` is given; nothing is sent anywhere. Requests from other
 sites that are open in the same browser are refused. Files may have up to 25 MB, and one large photo
-is read at a time. The page writes into a temporary folder, which is deleted when the process ends;
-results are deleted after an hour.
+is read at a time. The page writes into a temporary folder, which is deleted when the process ends.
+Results that are older than an hour are deleted at the next prediction.
 """
 
 import contextlib

@@ -3,9 +3,9 @@
 Each study is a `Study`: `configs` returns the configurations of the trainings, `measure` returns
 numbers, `table` and `figure` present them, and `Study.run` executes all steps. The trainings are
 ordinary runs in subfolders of the study's folder. If the command is stopped and started again, it
-continues. The last checkpoints are measured, not the best: those were chosen on the same samples
-that are measured here. Each study writes `NAME.txt`, `NAME.md`, `NAME.json` (all numbers) and
-figures as PNG.
+continues. The last checkpoints are measured, not the best ones, because most studies measure
+the samples on which the best ones were chosen. Each study writes `NAME.txt`, `NAME.md`, `NAME.json`
+(all numbers) and figures as PNG.
 """
 
 import dataclasses

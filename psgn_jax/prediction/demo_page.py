@@ -1,8 +1,8 @@
 """The page of the demo, which applies a network to photos; see `psgn_jax.demo`.
 
 This is the only module that imports gradio (extra `demo`). It does so inside functions, so that
-`Demo` can be used and tested without gradio. Results are written to a given folder and kept for an
-hour.
+`Demo` can be used and tested without gradio. Results are written to a given folder. Those that are
+older than an hour are deleted at the next prediction.
 """
 
 import contextlib

@@ -15,9 +15,9 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.viewing.clouds import render_cloud, turned
 from psgn_jax.viewing.page import nearest_distances
 
-# A sample is flagged if a smaller fraction of its points is within 2 pixels of the mask. Either its
-# image does not show the whole object, or its camera is wrong. 2.5 % of the authors' samples are
-# flagged.
+# A sample is flagged if less than this fraction of its points is within `NEAR_PIXELS` pixels of the
+# mask. Either its image does not show the whole object, or its camera is wrong. 2.5 % of the
+# authors' samples are flagged.
 FLAG_BELOW = 0.99
 NEAR_PIXELS = 2
 
