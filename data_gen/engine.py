@@ -16,7 +16,7 @@ dr: Any = None
 
 
 def start(variant: str, libllvm: str = "", *, shrink_threads: bool = True) -> None:
-    """Loads Mitsuba in one variant, with one thread. Further calls have no effect.
+    """Loads Mitsuba in one variant. Further calls have no effect.
 
     Args:
       variant: one of `VARIANTS`.

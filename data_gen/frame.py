@@ -96,9 +96,9 @@ def _existing_extremes(
     measure: Callable[[np.ndarray], np.ndarray],
     best: Float[np.ndarray, " k"],
 ) -> Float[np.ndarray, "m 3"]:
-    """For each measure, the existing point of the faces at which it is largest.
+    """For each measure, the existing point of the faces with the largest value.
 
-    A measure whose maximum over these points is at most its value in `best` has no point.
+    If this value is not above the value in `best`, the measure has no point.
 
     Faces that exist only in part and may contain a larger value are divided into four, recursively.
     If a part is smaller than `_SMALL` times the extent, only its corners are examined.

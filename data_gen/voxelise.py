@@ -148,9 +148,9 @@ def mark_surface(
     the intersection is in one of them, and that cell is marked. A step from the centre of an
     unmarked cell to the centre of an unmarked neighbour therefore never crosses the surface,
     whatever the shape of the triangles. (This also holds for a segment in the plane of a triangle:
-    if it enters a closed surface, it also touches the border of a triangle that is not parallel to
-    it.) Rounding does not invalidate the proof: to leave both cells unmarked, it would have to move
-    an intersection by half a cell; rounding errors are much smaller.
+    if the segment enters a closed surface, it also touches the border of a triangle that is not
+    parallel to the segment.) Rounding does not invalidate the proof: to leave both cells unmarked,
+    it would have to move an intersection by half a cell; rounding errors are much smaller.
 
     Args:
       corners: positions, in units of the edge of a cell; the grid spans [0, size] on each axis.

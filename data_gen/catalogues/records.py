@@ -5,7 +5,8 @@ point, tangential to the surface. A surfel's normal and axes are the principal d
 point's nearest neighbours. Its long semi-axis is the distance of the 5th neighbour; a
 Poisson-distributed sample then leaves e^-5 of a plane uncovered. Along thin parts and edges, the
 short semi-axis is shorter. A point that is visible in the record's image has its colour in the
-image. Any other point has the colour of the nearest visible point.
+image. Any other point has the colour of the nearest visible point. If the record has no depth, all
+points are grey.
 
 Objects keep their position and scale; the job must use `centre=bounds`, which is its default.
 """

@@ -135,7 +135,8 @@ def _trial(
         return f"{where}the next start: exit code {code}: {text[-600:]}"
     if wrong := CHECKS[writer](folder, 2):
         return f"{where}after the next start: {wrong}"
-    # A result is written again by another process, which does not know about the first one.
+    # The temporary file of a result may remain: the next start does not remove the temporary files
+    # of other processes.
     left = [p.name for p in folder.rglob("*") if "tmp" in p.name and writer != "result"]
     return f"{where}left behind: {left}" if left else ""
 
