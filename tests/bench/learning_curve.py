@@ -21,12 +21,12 @@ METRICS = {"cd_sq_radius2": "CD squared [radius$^2$]", "emd_radius": "EMD [radiu
 
 
 def evaluations(run):
-    """Samples per step, number of steps, and the evaluations of a run as (step, metrics)."""
+    """Samples per step, number of steps made, and the evaluations of a run as (step, metrics)."""
     config = json.loads((run / "config.json").read_text(encoding="utf-8"))
-    rows = {
-        row["step"]: row for row in read_metrics(run / "metrics.jsonl") if row["kind"] == "eval"
-    }
-    return config["train"]["batch_size"], config["train"]["steps"], sorted(rows.items())
+    lines = read_metrics(run / "metrics.jsonl")
+    rows = {row["step"]: row for row in lines if row["kind"] == "eval"}
+    steps = max(row["step"] for row in lines)
+    return config["train"]["batch_size"], steps, sorted(rows.items())
 
 
 def main():
