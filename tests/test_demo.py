@@ -195,8 +195,8 @@ def test_photos_that_take_too_much_memory_are_refused_by_their_header(demo, tmp_
     Image.new("L", (300, 400)).save(path)
     monkeypatch.setattr(lib, "MAX_PIXELS", 100_000)
     monkeypatch.setattr(photo, "read_photo", None)  # not reached
-    assert "has 120,000 pixels: accepted: 100,000" in demo.open_photo(str(path), "auto")[1]
-    assert "has 120,000 pixels: accepted: 100,000" in demo.predict(str(path), None)[2]
+    assert "has 120,000 pixels: accepted: up to 100,000" in demo.open_photo(str(path), "auto")[1]
+    assert "has 120,000 pixels: accepted: up to 100,000" in demo.predict(str(path), None)[2]
     # A JPEG is decoded smaller.
     Image.new("L", (4200, 4200)).save(path := tmp_path / "large.jpg")
     assert photo.decoded_pixels(path) == 2100**2

@@ -291,9 +291,10 @@ def _define_flags() -> None:
     flags.DEFINE_list("sources", [], "Names of sources, separated by commas; empty = all.")
     flags.DEFINE_float("fraction", 1.0, "Fraction of each source's models, at least 3 models.",
                        lower_bound=0.0, upper_bound=1.0)  # fmt: skip
-    for name in OTHER_PRESETS:
-        flags.DEFINE_float(name, 0.0, f"Fraction of the views rendered with the preset {name}.",
-                           lower_bound=0.0, upper_bound=1.0)  # fmt: skip
+    flags.DEFINE_float("photo", 0.0, "Fraction of the views rendered with the preset photo.",
+                       lower_bound=0.0, upper_bound=1.0)  # fmt: skip
+    flags.DEFINE_float("angles", 0.0, "Fraction of the views rendered with the preset angles.",
+                       lower_bound=0.0, upper_bound=1.0)  # fmt: skip
     flags.DEFINE_enum("centre", "vertices", frame.CENTRES,
                       "Point of a model that is moved to x = y = 0.")  # fmt: skip
     flags.DEFINE_integer("workers", 0, "Processes, 0 = one per processor.", lower_bound=0)
