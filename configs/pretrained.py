@@ -1,10 +1,8 @@
 """The recipe of the weights that come with the package.
 
 Command: python data_gen/sets/free.py --packages FOLDER --out records/free
-         python data_gen/sets/free.py --packages FOLDER --out records/photo --photo=0.25
-             --sources=furniture,aircraft
-         python data_gen/sets/free.py --packages FOLDER --out records/angles --angles=0.75
-             --sources=furniture,scenery,aircraft
+         python data_gen/sets/free.py --packages FOLDER --out records/others --photo=0.25
+             --angles=0.75 --sources=furniture,scenery,aircraft
          python -m psgn_jax.convert authors SRC records/authors
          python data_gen/render.py --catalogue=records --source=records/authors
              --out=records/views --sample=1000 --config.views=8 --config.image.samples=2
@@ -61,11 +59,11 @@ FREE = (
 OTHERS = (
     "records/authors*24",
     "records/views*4",
-    "records/photo/photo/furniture*4",
-    "records/photo/photo/aircraft*4",
-    "records/angles/angles/furniture*3",
-    "records/angles/angles/scenery*3",
-    "records/angles/angles/aircraft*3",
+    "records/others/photo/furniture*4",
+    "records/others/photo/aircraft*4",
+    "records/others/angles/furniture*3",
+    "records/others/angles/scenery*3",
+    "records/others/angles/aircraft*3",
 )
 
 

@@ -2,7 +2,8 @@
 
 `oracles/old_run.zip` is a run that was stopped after 6 of 12 steps, and `oracles/golden.json`
 contains its measurements. Both are from the code of version 0.1.0.dev0, before its files were
-moved. The digests of records are newer: they date from the last change of the compression level.
+moved. The digests of records are newer: those of their bytes date from the last change of the
+compression level, those of their contents are from 2026-11-22.
 """
 
 import dataclasses

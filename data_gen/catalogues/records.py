@@ -44,19 +44,30 @@ class RecordsCatalogue:
           source: a folder of records.
 
         Raises:
-          ValueError: the folder contains no records, or they cannot be read.
+          ValueError: the folder contains no records, they cannot be read, a split is unknown, or
+            model names are empty or ambiguous.
         """
         self._source = os.fspath(source)
-        self._models: list[tuple[str, str, str, int]] = []
         splits = load_manifest(source).splits()
+        unknown = sorted(set(splits) - set(SPLITS))
+        if unknown or not splits:
+            raise ValueError(
+                f"{self._source}: its splits are {sorted(splits)}, expected some of {list(SPLITS)}"
+            )
+        found: dict[str, tuple[str, str, int]] = {}
         for split in (s for s in SPLITS if s in splits):
             reader = _reader(self._source, split)
-            seen: set[str] = set()
             for index in range(len(reader)):
                 stored = reader.stored(index, ())
-                if stored.model_id not in seen:
-                    seen.add(stored.model_id)
-                    self._models.append((stored.model_id, stored.category, split, index))
+                name = stored.model_id
+                first = found.setdefault(name, (stored.category, split, index))
+                if not name or first[:2] != (stored.category, split):
+                    raise ValueError(
+                        f"{self._source}: record {index} of split {split!r} has the model name "
+                        f"{name!r}, expected a name that belongs to one model, in one category and "
+                        "one split"
+                    )
+        self._models = [(name, *rest) for name, rest in found.items()]
 
     def __len__(self) -> int:
         """Number of models."""

@@ -161,7 +161,9 @@ def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[
         )
     parts = []
     for source in chosen:
-        views = {name: round(x * source.views) for name, x in fractions.items()}
+        views: dict[str, int] = {}
+        for name, x in fractions.items():  # the sum of rounded numbers could be too large
+            views[name] = min(round(x * source.views), source.views - sum(views.values()))
         views["authors"] = source.views - sum(views.values())
         for preset in ("authors", *OTHER_PRESETS):
             folder = source.name if preset == "authors" else f"{preset}/{source.name}"

@@ -330,16 +330,17 @@ def reframe(
 
     move = rule
     if scale_deviation or shift_deviation:
-        first = rule or framing.Move(1.0, 0.0, 0.0)
-        move = scattered(first, framing.box_of(view.mask), view.mask.shape)
+        start = rule or framing.Move(1.0, 0.0, 0.0)
+        move = scattered(start, framing.box_of(view.mask), view.mask.shape)
         move = framing.keep_inside(move, view.mask)
     if move is None:
         return view
     moved = follow(view, move)
-    if rule is None or not other_angle or not len(view.points):
+    box = framing.box_from_authors_angle(view.points) if rule and other_angle else None
+    first = framing.rule_move_of(box) if box else None
+    if box is None or first is None:
         return moved
-    box = framing.box_from_authors_angle(view.points)
-    own = scattered(framing.rule_move(box), box, framing.VIEW_SIZE)
+    own = scattered(first, box, framing.VIEW_SIZE)
     intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
     points = framing.move_points(view.points, own, intrinsics, extrinsics)
     intrinsics = camera.scale_intrinsics(intrinsics, framing.VIEW_SIZE, view.mask.shape)

@@ -158,10 +158,17 @@ def rule_move_within(mask: np.ndarray) -> Move | None:
     if max(bottom - top, right - left) < SMALLEST_BOX:
         return None
     down, across = VIEW_SIZE[0] / mask.shape[0], VIEW_SIZE[1] / mask.shape[1]
-    move = rule_move((top * down, bottom * down, left * across, right * across))
-    if not 1 / LARGEST_CHANGE <= move.scale <= LARGEST_CHANGE:
+    move = rule_move_of((top * down, bottom * down, left * across, right * across))
+    return move and Move(move.scale, move.right / across, move.down / down)
+
+
+def rule_move_of(box: tuple[float, float, float, float]) -> Move | None:
+    """`rule_move`; None if the box is a point or would change by more than `LARGEST_CHANGE`."""
+    top, bottom, left, right = box
+    if max(bottom - top, right - left) <= 0:
         return None
-    return Move(move.scale, move.right / across, move.down / down)
+    move = rule_move(box)
+    return move if 1 / LARGEST_CHANGE <= move.scale <= LARGEST_CHANGE else None
 
 
 def has_authors_angle(extrinsics: np.ndarray) -> bool:
@@ -170,13 +177,15 @@ def has_authors_angle(extrinsics: np.ndarray) -> bool:
     return bool(np.abs(extrinsics[:, :3] - authors[:, :3]).max() < 0.01)
 
 
-def box_from_authors_angle(points: np.ndarray) -> tuple[float, float, float, float]:
+def box_from_authors_angle(points: np.ndarray) -> tuple[float, float, float, float] | None:
     """The box (top, bottom, left, right) of points [n, 3] in the authors' view of 192x256 pixels.
 
-    Points whose pixels are not finite are left out.
+    Points whose pixels are not finite are left out; None if there is no other point.
     """
     pixels, _ = camera.project(points, *camera.default_camera(VIEW_SIZE))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
+    if not len(pixels):
+        return None
     (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
     return top, bottom, left, right
 

@@ -37,7 +37,8 @@ def disturb(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Applies the enabled effects to the image and mask of a sample.
 
-    Each effect has its own random generator, so enabling one does not change the others.
+    Each effect has its own random generator, so its choices do not depend on the others. The noise,
+    the backdrop and the blocks of JPEG also depend on the size of the object's surroundings.
 
     Args:
       image: uint8 [h, w, 3].

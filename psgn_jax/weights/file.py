@@ -80,8 +80,8 @@ class Weights:
 def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
     """Writes a file of weights atomically.
 
-    Paths in the configuration do not exist on other machines. `train.init` is reduced to its last
-    part; the paths in `data` are removed.
+    Paths in the configuration do not exist on other machines. Each name in `train.init` is reduced
+    to its last part; the paths in `data` are removed.
 
     Raises:
       ConfigError: the task is not "points".

@@ -32,6 +32,8 @@ def open_initial(config: Config) -> Run:
     names = [name.strip() for name in init.split(",")]
     if len(names) == 1 or pathlib.Path(init).exists():
         return _open(config, init)
+    if "" in names:
+        raise ConfigError(f"train.init={init!r}: a name is empty; accepted: names between commas")
     runs = [_open(config, name) for name in names]
     shapes = [
         {key: np.shape(leaf) for key, leaf in state_lib.named_leaves(run.params).items()}

@@ -180,6 +180,10 @@ def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():
         assert (pixels < moved.mask.shape[::-1]).all()
     # The points do not depend on the angle.
     np.testing.assert_allclose(results[1].points, results[2].points, atol=1e-5)
+    # Points without an extent have no placement of their own.
+    same = dataclasses.replace(views[1], points=np.repeat(views[1].points[:1], 50, axis=0))
+    moved = augment.reframe(same, np.random.default_rng(2), place_share=1e-9)
+    assert np.isfinite(moved.points).all()
     with_depth = dataclasses.replace(views[1], depth=np.ones((192, 256), np.float32))
     assert augment.reframe(with_depth, np.random.default_rng(2), place_share=1e-9) is with_depth
 

@@ -86,3 +86,17 @@ def test_models_keep_their_split_frame_and_place(tmp_path):
 def test_a_folder_without_records_is_named(tmp_path):
     with pytest.raises(ValueError, match=str(tmp_path)):
         open_catalogue("records", tmp_path)
+
+
+@pytest.mark.parametrize("wrong", ["no name", "two splits", "a split of another name"])
+def test_ambiguous_models_are_refused(tmp_path, wrong):
+    sample = box_sample(200)
+    splits = {
+        "no name": {"train": [dataclasses.replace(sample, model_id="")]},
+        "two splits": {"train": [sample], "test": [sample]},
+        "a split of another name": {"val": [sample]},
+    }[wrong]
+    write_dataset(tmp_path, splits, source="solids")
+    message = "its splits are" if wrong.startswith("a split") else "expected a name that belongs to"
+    with pytest.raises(ValueError, match=message):
+        open_catalogue("records", tmp_path)
