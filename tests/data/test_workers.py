@@ -57,9 +57,9 @@ def start(dataset, tmp_path):
 def wait_for(moment, process, log):
     def reached():
         if moment == "starting":
-            return (
-                len(processes.of_group(process.pid)) > 1
-            )  # itself and a worker; the tracker has its own group
+            # Itself and a worker; the tracker has its own group. The memory may come after them.
+            workers = len(processes.of_group(process.pid)) > 1
+            return workers and bool(processes.shared_memory(process.pid))
         return log.read_text().count("batch") > 3
 
     assert processes.wait_until(lambda: reached() or process.poll() is not None)
