@@ -10,11 +10,14 @@ affects all of them alike.
     python tests/bench/step.py --layers         # a table of layers instead
     python tests/bench/step.py --draws          # the cost of Min-of-N instead (batch 4)
 
-Prints seconds per step (the median and the fastest), the ratio to PyTorch channels last, samples
-per second, the latency of one image forward, and the peak memory of each process.
+Prints seconds per step (the fastest, the median and the slowest), the ratio to PyTorch channels
+last (the median over the rounds), samples per second, the latency of one image forward, and the
+peak memory of each process. This package is measured with oneDNN, if it is installed, and with its
+own convolutions.
 """
 
 import multiprocessing
+import os
 import resource
 import statistics
 import time
@@ -91,8 +94,20 @@ def _serve(pipe: Any, build: Callable[..., Any], args: tuple[Any, ...]) -> None:
         pipe.send(time.perf_counter() - start)
 
 
-def build_jax(network: dict[str, Any], batch: int, keep_memory: bool = True) -> dict[str, Any]:
-    """The step of this package's network; `keep_memory` calls `keep_freed_memory`."""
+def build_jax(
+    network: dict[str, Any], batch: int, keep_memory: bool = True, convolutions: str = ""
+) -> dict[str, Any]:
+    """The step of this package's network.
+
+    Args:
+      network: fields of `ModelConfig`.
+      batch: number of images.
+      keep_memory: whether to call `keep_freed_memory`.
+      convolutions: value of `PSGN_CONVOLUTIONS`; "" = unset.
+    """
+    os.environ.pop("PSGN_CONVOLUTIONS", None)
+    if convolutions:
+        os.environ["PSGN_CONVOLUTIONS"] = convolutions
     from psgn_jax.host_memory import keep_freed_memory
 
     if keep_memory:
@@ -163,10 +178,14 @@ def _images(network: dict[str, Any], batch: int) -> np.ndarray:
 
 def compare(network: dict[str, Any], batch: int) -> None:
     """Prints the table of whole steps."""
+    from psgn_jax.models import onednn
+
     competitors = {
         "psgn_jax": Competitor(build_jax, network, batch),
         "PyTorch channels last": Competitor(build_torch, network, batch, _THREADS.value, True),
     }
+    if onednn.library() is not None:
+        competitors["own convolutions"] = Competitor(build_jax, network, batch, True, "jax")
     if _RETURN_MEMORY.value:
         competitors["memory returned"] = Competitor(build_jax, network, batch, False)
     if _DEFAULT_LAYOUT.value:
@@ -180,7 +199,9 @@ def compare(network: dict[str, Any], batch: int) -> None:
     for _ in range(_REPEATS.value):
         for competitor in competitors.values():
             competitor.seconds.append(competitor.ask("step"))
-    print(f"{'':24}{'median s':>9}{'fastest':>9}{'ratio':>7}{'samples/s':>11}", end="")
+    print(
+        f"{'':24}{'fastest':>9}{'median s':>9}{'slowest':>9}{'ratio':>7}{'samples/s':>11}", end=""
+    )
     print(f"{'1 image':>10}{'peak GB':>9}")
     # Ratios are computed within a round, because the load of the machine changes between rounds.
     reference = competitors["PyTorch channels last"].seconds
@@ -189,8 +210,8 @@ def compare(network: dict[str, Any], batch: int) -> None:
         latency = min(c.ask("latency") for _ in range(5))
         median = statistics.median(c.seconds)
         print(
-            f"{name:24}{median:9.3f}{min(c.seconds):9.3f}{ratio:7.2f}{batch / median:11.1f}"
-            f"{1e3 * latency:7.1f} ms{c.ask('peak') / 1e9:9.2f}"
+            f"{name:24}{min(c.seconds):9.3f}{median:9.3f}{max(c.seconds):9.3f}{ratio:7.2f}"
+            f"{batch / median:11.1f}{1e3 * latency:7.1f} ms{c.ask('peak') / 1e9:9.2f}"
         )
 
 

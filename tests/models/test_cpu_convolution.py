@@ -10,7 +10,24 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.models import cpu_convolution
+from psgn_jax.models import cpu_convolution, onednn
+
+
+@pytest.fixture(
+    autouse=True,
+    params=[
+        "jax",
+        pytest.param(
+            "onednn",
+            marks=pytest.mark.skipif(onednn.library() is None, reason="oneDNN is not installed"),
+        ),
+    ],
+)
+def formulation(request, monkeypatch):
+    """Each test runs with this package's formulations and with oneDNN."""
+    monkeypatch.setenv("PSGN_CONVOLUTIONS", request.param)
+    jax.clear_caches()
+    return request.param
 
 
 def correlate(x, kernel, dy, stride):
@@ -226,6 +243,32 @@ def test_sharded_batch_moves_only_the_kernel_gradient():
         timeout=300,
     )
     assert "sharded ok" in done.stdout, done.stdout + done.stderr
+
+
+def test_environment_selects_the_formulation(formulation):
+    x, kernel, _ = make(0, *CASES["strided"])
+    text = str(jax.make_jaxpr(lambda k: cpu_convolution.conv2d(x, k, stride=2))(kernel))
+    assert ("buffer_callback" in text) == (formulation == "onednn")
+
+
+def test_one_image_is_computed_without_onednn_by_default(monkeypatch):
+    monkeypatch.delenv("PSGN_CONVOLUTIONS")
+    x, kernel, _ = make(0, *CASES["strided"])
+    for images, called in ((x, onednn.library() is not None), (x[:1], False)):
+        text = str(jax.make_jaxpr(lambda k, x=images: cpu_convolution.conv2d(x, k))(kernel))
+        assert ("buffer_callback" in text) == called
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [("mkl", "'mkl': accepted: onednn, jax, xla"), ("onednn", "the library was not found")],
+)
+def test_environment_refuses(value, message, monkeypatch):
+    monkeypatch.setenv("PSGN_CONVOLUTIONS", value)
+    monkeypatch.setattr(onednn, "library", lambda: None)
+    x, kernel, _ = make(0, *CASES["strided"])
+    with pytest.raises(ValueError, match=message):
+        cpu_convolution.conv2d(x, kernel)
 
 
 def test_environment_switch_takes_xlas_own_convolutions(rng, monkeypatch):
