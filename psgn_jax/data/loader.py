@@ -12,7 +12,6 @@ the time), or one of `num_workers` processes.
 
 import gc
 import itertools
-import os
 import sys
 from collections.abc import Callable, Generator, Sequence
 from typing import Any
@@ -23,6 +22,7 @@ from absl import flags
 from grain.multiprocessing import SharedMemoryArray
 
 from psgn_jax.config import DataConfig
+from psgn_jax.cores import num_cores
 from psgn_jax.data import workers
 from psgn_jax.data.batches import ORDER, Batch, EvalBatch, Items, Models, TrainBatch
 from psgn_jax.data.dataset import JoinedReader, RecordReader, open_split
@@ -61,15 +61,9 @@ def _models(cfg: DataConfig, reader: RecordReader | JoinedReader, *, train: bool
     return Models(reader, wanted, name) if wanted else None
 
 
-def _num_cores() -> int:
-    if hasattr(os, "sched_getaffinity"):  # only Linux reports the cores of this process
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def num_threads() -> int:
     """Decoding threads of one process."""
-    return min(MAX_THREADS, _num_cores())
+    return min(MAX_THREADS, num_cores())
 
 
 def _plain(batch: Batch) -> Batch:

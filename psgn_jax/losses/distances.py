@@ -7,7 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from psgn_jax.cores import num_cores
 from psgn_jax.types import Array, Float
+
+# Each part of a batch is compiled separately.
+_MAX_PARTS, _MIN_PAIRS = 4, 4
 
 
 def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
@@ -63,13 +67,20 @@ def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
     return jnp.where(is_zero, 0, jnp.sqrt(jnp.where(is_zero, 1, x)))
 
 
+def _num_parts(num_pairs: int) -> int:
+    """Number of parts of a batch that may be processed at the same time on a CPU."""
+    return max(1, min(num_cores(), _MAX_PARTS, num_pairs // _MIN_PAIRS))
+
+
 def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
     """Maps a function of one pair over a batch of pairs, by the method that suits the platform.
 
     On a CPU the pairs are processed one after another (`jax.lax.scan`), so that the data of a pair
-    stay in the cache. On accelerators they are processed together (`jax.vmap`); this choice has not
-    been timed there. The results agree up to rounding. On a CPU the auction of the EMD runs pair by
-    pair under `jax.vmap` too, because in lock step every pair would wait for the slowest one.
+    stay in the cache. Within `jax.jit` the batch is divided into one part for each core (at most
+    four), which XLA may process at the same time if the program is large. On a CPU the auction of
+    the EMD runs pair by pair under `jax.vmap` too, because in lock step every pair would wait for
+    the slowest one. On accelerators the pairs are processed together (`jax.vmap`); this choice has
+    not been timed there. The results agree up to rounding.
 
     Args:
       function: (pred [n, 3], gt [m, 3]) -> any pytree of arrays, for one pair.
@@ -94,7 +105,16 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
 
     def over_batch(pred: Array, gt: Array, *others: Array) -> Any:
         if (platform or jax.default_backend()) == "cpu":
-            return jax.lax.scan(one_pair, None, (pred, gt, *others))[1]
+            size = len(pred)
+            if isinstance(pred, jax.core.Tracer):
+                size = -(-size // _num_parts(size))
+            parts = [
+                jax.lax.scan(one_pair, None, tuple(a[i : i + size] for a in (pred, gt, *others)))[1]
+                for i in range(0, max(1, len(pred)), max(1, size))
+            ]
+            if len(parts) == 1:
+                return parts[0]
+            return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
         return jax.vmap(function)(pred, gt, *others)
 
     return over_batch

@@ -1,0 +1,10 @@
+"""The processor cores that this process may use."""
+
+import os
+
+
+def num_cores() -> int:
+    """Number of cores; on Linux, those of the process's affinity."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
