@@ -18,6 +18,7 @@ from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from psgn_jax.config import Config, ConfigError
+from psgn_jax.cores import compiler_options
 from psgn_jax.losses.by_name import with_terms
 from psgn_jax.losses.distances import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
@@ -288,6 +289,7 @@ def compile_train_step(
         donate_argnums=0,
         in_shardings=(replicated, replicated, split),
         out_shardings=(replicated, replicated),
+        compiler_options=compiler_options(),
     )
     return lambda state, batch: compiled(state, frozen, batch)
 
@@ -373,7 +375,7 @@ def compile_eval_step(
     def eval_step(params: Any, frozen: Any, batch: Batch, index: Array) -> Any:
         return sharded(params, frozen, batch, sample_latents(index, len(batch["image"])))
 
-    compiled = jax.jit(eval_step)
+    compiled = jax.jit(eval_step, compiler_options=compiler_options())
     return lambda params, batch, index: cast(
         tuple[Array, dict[str, Array]], compiled(params, frozen, batch, index)
     )
