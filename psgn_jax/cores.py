@@ -1,4 +1,4 @@
-"""The processor: the cores that this process may use, and options of XLA that suit it."""
+"""The number of cores that this process may use, and options of XLA for the processor."""
 
 import functools
 import os
@@ -17,10 +17,11 @@ def num_cores() -> int:
 def compiler_options() -> dict[str, int] | None:
     """Options for `jax.jit` of programs with long loops over points; None = XLA's defaults.
 
-    On a processor with AVX-512, XLA uses half of its vector width by default, because processors
-    before 2020 lower their clock rate otherwise. With the full width, a step of the EMD and CD with
+    On a processor with AVX-512, XLA uses half of its vector width by default, because many older
+    processors lower their clock rate otherwise. With the full width, a step of the EMD and CD with
     the network of `authors_small.py` takes .161 s of CPU time instead of .178 (16 samples, one
-    core). The option is set if the processor has AVX-512 with bfloat16, which the older ones lack.
+    core). The option is set only if the processor has AVX-512 with bfloat16, which most older ones
+    lack.
     """
     if jax.default_backend() != "cpu" or "avx512_bf16" not in _flags():
         return None

@@ -21,7 +21,7 @@ LAYERS: list[tuple[str, ...]] = [
      "psgn_jax.data.manifest", "psgn_jax.data.dataset",
      "psgn_jax.data.camera", "psgn_jax.data.synsets"),
     ("psgn_jax.command_line", "psgn_jax.config_files", "psgn_jax.default_data",
-     "psgn_jax.host_memory"),
+     "psgn_jax.host_memory", "psgn_jax.cores"),
     ("psgn_jax.losses", "psgn_jax.models", "psgn_jax.data"),
     ("psgn_jax.metrics",),
     ("psgn_jax.viewing",),

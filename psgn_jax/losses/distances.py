@@ -10,7 +10,7 @@ import numpy as np
 from psgn_jax.cores import num_cores
 from psgn_jax.types import Array, Float
 
-# Each part of a batch is compiled separately.
+# More parts take longer to compile, and small parts gain little.
 _MAX_PARTS, _MIN_PAIRS = 4, 4
 
 
@@ -69,18 +69,19 @@ def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
 
 def _num_parts(num_pairs: int) -> int:
     """Number of parts of a batch that may be processed at the same time on a CPU."""
-    return max(1, min(num_cores(), _MAX_PARTS, num_pairs // _MIN_PAIRS))
+    cores = num_cores() // jax.local_device_count()  # each device processes its own batch
+    return max(1, min(cores, _MAX_PARTS, num_pairs // _MIN_PAIRS))
 
 
 def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
     """Maps a function of one pair over a batch of pairs, by the method that suits the platform.
 
     On a CPU the pairs are processed one after another (`jax.lax.scan`), so that the data of a pair
-    stay in the cache. Within `jax.jit` the batch is divided into one part for each core (at most
-    four), which XLA may process at the same time if the program is large. On a CPU the auction of
-    the EMD runs pair by pair under `jax.vmap` too, because in lock step every pair would wait for
-    the slowest one. On accelerators the pairs are processed together (`jax.vmap`); this choice has
-    not been timed there. The results agree up to rounding.
+    stay in the cache. While JAX traces, the batch is divided into at most four parts of four pairs
+    or more, and at most one for each core. XLA may process them at the same time if the program is
+    large. On a CPU the auction of the EMD runs pair by pair under `jax.vmap` too, because in lock
+    step every pair would wait for the slowest one. On accelerators the pairs are processed together
+    (`jax.vmap`); this choice has not been timed there. The results agree up to rounding.
 
     Args:
       function: (pred [n, 3], gt [m, 3]) -> any pytree of arrays, for one pair.
@@ -106,7 +107,7 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
     def over_batch(pred: Array, gt: Array, *others: Array) -> Any:
         if (platform or jax.default_backend()) == "cpu":
             size = len(pred)
-            if isinstance(pred, jax.core.Tracer):
+            if any(isinstance(a, jax.core.Tracer) for a in (pred, gt, *others)):
                 size = -(-size // _num_parts(size))
             parts = [
                 jax.lax.scan(one_pair, None, tuple(a[i : i + size] for a in (pred, gt, *others)))[1]

@@ -2,11 +2,11 @@
 
 Kernels have the axes `[kh, kw, c_in, c_out]` in every formulation, so that checkpoints do not
 depend on the platform. Arithmetic is in the dtype of the arguments. The formulations agree up to
-rounding, and each of them is deterministic.
+rounding, and each of them is deterministic (oneDNN for a fixed number of threads).
 
 On a GPU or TPU these functions call XLA's convolutions. On a CPU they call oneDNN
-(`models.onednn`), if it is installed, for batches of more than one image. The rest of this text is
-about a CPU without oneDNN.
+(`models.onednn`), if it is installed, for batches of more than one image. The description up to
+"Volumes" and all times are about a CPU without oneDNN.
 
 XLA computes convolutions without dilation about as fast as PyTorch. It is up to a hundred times
 slower for convolutions with dilation (transposed convolutions, and the input gradients of strided
@@ -26,8 +26,8 @@ blocks:
 
 If the kernel is larger than the images, rearranging it costs more than the convolution. In that
 case `_correlate` and `_spread` use an im2col and its adjoint, which do not rearrange the kernel.
-The rules are in `_is_small`, `_narrow` and `_rows_of_block`; `tests/bench/step.py --layers` prints
-the times.
+The rules are in `_is_small`, `_narrow` and `_rows_of_block`; `PSGN_CONVOLUTIONS=jax python
+tests/bench/step.py --layers` prints the times.
 
 Volumes (`conv3d`): on a CPU, XLA's 3D routine is about ten times slower than its 2D routine. There
 a volume is computed as a batch of slices: each slice and its neighbours are concatenated along the
@@ -44,23 +44,18 @@ Alternatively, one `conv2d` of each slice could compute a separate result for ea
 kernel; these results would then be shifted and added. That is faster forward at 32^3, and mostly
 slower backward.
 
-The platform is determined when a function is traced. On a CPU there is no forward-mode derivative.
-The environment variable `PSGN_CONVOLUTIONS` selects what computes convolutions on a CPU: `onednn`,
-`jax` (the formulations of this module) or `xla` (XLA's own convolutions, as within
-`plain_convolutions()`).
+On a CPU there is no forward-mode derivative. `models.convolution_choice` selects what computes the
+convolutions.
 """
 
-import contextlib
-import contextvars
 import functools
-import os
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from psgn_jax.models import onednn
+from psgn_jax.models.convolution_choice import uses_onednn, uses_xla
 from psgn_jax.types import Array, Float
 
 _LAYOUT = ("NHWC", "HWIO", "NHWC")
@@ -72,8 +67,6 @@ _NARROW_CHANNELS = 16
 _SMALL_PIXELS = 4
 _BLOCK_PIXELS = 512
 
-_CHOICES = ("", "onednn", "jax", "xla")
-
 
 class _Geometry(NamedTuple):
     """Stride and padding of a convolution; the padded size is `(out - 1) * stride + k`.
@@ -84,32 +77,6 @@ class _Geometry(NamedTuple):
 
     stride: int
     padding: tuple[tuple[int, int], tuple[int, int]]
-
-
-_plain: contextvars.ContextVar[bool] = contextvars.ContextVar("plain_convolutions", default=False)
-
-
-@contextlib.contextmanager
-def plain_convolutions() -> Iterator[None]:
-    """Context in which XLA's own convolutions are traced on every platform.
-
-    It is for exported programs, which run on other machines. It has no effect on functions that
-    `jax.jit` has already traced.
-    """
-    token = _plain.set(True)
-    try:
-        yield
-    finally:
-        _plain.reset(token)
-
-
-def uses_xla() -> bool:
-    """Returns whether to use XLA's convolutions: always on GPU and TPU, on a CPU on request.
-
-    They are requested by `PSGN_CONVOLUTIONS=xla` in the environment or by `plain_convolutions`.
-    """
-    asked = _plain.get() or os.environ.get("PSGN_CONVOLUTIONS") == "xla"
-    return asked or jax.default_backend() != "cpu"
 
 
 def conv2d(
@@ -256,29 +223,6 @@ def _rows_of_block(b: int, h: int, w: int) -> int:
     return next(r for r in range(1, h + 1) if h % r == 0 and (r == h or b * r * w >= _BLOCK_PIXELS))
 
 
-def _uses_onednn(batch: int) -> bool:
-    """Returns whether to ask `models.onednn` first.
-
-    It computes on one device. If XLA may split the batch over several devices, it would have to
-    collect the batch on each of them. For a single image the calls through Python cost more than
-    oneDNN saves: 5.4 ms instead of 4.3 for the network of `authors_small.py`.
-    """
-    asked = os.environ.get("PSGN_CONVOLUTIONS", "")
-    if asked not in _CHOICES:
-        known = ", ".join(filter(None, _CHOICES))
-        raise ValueError(f"PSGN_CONVOLUTIONS={asked!r}: accepted: {known}, or unset")
-    if asked == "onednn" and onednn.library() is None:
-        raise ValueError(
-            "PSGN_CONVOLUTIONS=onednn: the library was not found; install it on Linux x86-64 by "
-            "pip install 'psgn-jax[onednn]', or unset the variable"
-        )
-    if asked == "jax" or onednn.library() is None or jax.local_device_count() > 1:
-        return False
-    if batch == 1 and asked != "onednn":
-        return False
-    return jax.device_count() == 1 or bool(jax.sharding.get_abstract_mesh().manual_axes)
-
-
 def _described(
     x: tuple[int, ...],
     kernel: tuple[int, ...],
@@ -293,7 +237,7 @@ def _correlate(x: Array, kernel: Array, geometry: _Geometry) -> Array:
     """The value of `_conv`."""
     stride, padding = geometry
     kh, kw, _, c_out = kernel.shape
-    if _uses_onednn(x.shape[0]):
+    if uses_onednn(x.shape[0]):
         sizes = (
             (n + low + high - k) // stride + 1
             for n, (low, high), k in zip(x.shape[1:3], padding, (kh, kw), strict=True)
@@ -325,7 +269,7 @@ def _spread(y: Array, kernel: Array, geometry: _Geometry, size: tuple[int, int])
     kh, kw, c, _ = kernel.shape
     b, ho, wo, _ = y.shape
     stride = geometry.stride
-    if _uses_onednn(b):
+    if uses_onednn(b):
         described = _described((b, *size, c), kernel.shape, y.shape, geometry, y)
         x = onednn.input_gradient(y, kernel, described)
         if x is not None:
@@ -369,7 +313,7 @@ def _kernel_gradient(x: Array, dy: Array, size: tuple[int, int], geometry: _Geom
     (kh, kw), stride, (b, h, _, c_in) = size, geometry.stride, x.shape
     (top, bottom), (left, right) = geometry.padding
     ho, wo, c_out = dy.shape[1:]
-    if _uses_onednn(b):
+    if uses_onednn(b):
         described = _described(x.shape, (kh, kw, c_in, c_out), dy.shape, geometry, x)
         gradient = onednn.kernel_gradient(x, dy, described)
         if gradient is not None:

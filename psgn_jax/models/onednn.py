@@ -14,9 +14,12 @@ and `kernel_gradient` the adjoint with respect to the kernel. Images are float32
 the axes [batch, height, width, channels], kernels [kh, kw, c_in, c_out]. Sums are accumulated in
 float32. The results are deterministic for a fixed number of threads.
 
-XLA calls the library through a Python callback, which passes pointers and copies no images. oneDNN
-uses its own layout for kernels; rearranging them is part of the time of a call. Each call uses all
-threads of oneDNN (`OMP_NUM_THREADS`, by default one for each core), and one call runs at a time.
+XLA calls the library through a Python callback, which passes pointers and copies no images. For
+this reason, JAX keeps programs with these functions neither in its compilation cache nor in
+exported files. oneDNN uses its own layout for kernels; rearranging them is part of the time of a
+call. Each call uses all threads of oneDNN (`OMP_NUM_THREADS`, by default one for each core), and
+one call runs at a time. OpenMP starts a team of threads for each thread of XLA that calls it; this
+was measured on two cores only. Primitives are kept for the life of the process.
 
 Source: oneDNN's C interface, version 3.
 """
@@ -32,7 +35,6 @@ from typing import Any, Literal, NamedTuple
 
 import jax
 import numpy as np
-from jax.experimental.buffer_callback import buffer_callback
 
 from psgn_jax.types import Array
 
@@ -53,14 +55,25 @@ _SRC, _DST, _WEIGHTS, _SCRATCHPAD, _DIFF_SRC, _DIFF_DST, _DIFF_WEIGHTS = (
     145,
     161,
 )
+_UNSUPPORTED = (2, 3)  # statuses: invalid arguments, unimplemented
+_RUNTIMES = (1, 2, 4)  # one thread, OpenMP, TBB
 _DTYPES = {"float32": 3, "bfloat16": 2}
 _ALIGNMENT = 64
 
-_lock = threading.Lock()
+# Iterations that OpenMP's threads wait for the next call before they sleep. Without this limit they
+# keep the cores busy for milliseconds; threads that sleep at once start late.
+_SPINS = "10000"
+
+_making = threading.RLock()
+_running = threading.Lock()
 
 
 class OneDNNError(RuntimeError):
     """A call of oneDNN has failed."""
+
+    def __init__(self, call: str, status: int):
+        super().__init__(f"oneDNN: {call} returned status {status}")
+        self.status = status
 
 
 class Convolution(NamedTuple):
@@ -90,23 +103,55 @@ class _Argument(ctypes.Structure):
     _fields_ = (("kind", ctypes.c_int), ("memory", ctypes.c_void_p))
 
 
-@functools.cache
+class _Version(ctypes.Structure):
+    _fields_ = (
+        ("major", ctypes.c_int),
+        ("minor", ctypes.c_int),
+        ("patch", ctypes.c_int),
+        ("commit", ctypes.c_char_p),
+        ("cpu_runtime", ctypes.c_uint),
+        ("gpu_runtime", ctypes.c_uint),
+    )
+
+
 def library() -> Any:
-    """The loaded library, or None if there is none for this machine."""
+    """The loaded library, or None if there is none for this machine.
+
+    Sets `GOMP_SPINCOUNT` for this process and its children before it loads the library, unless
+    `GOMP_SPINCOUNT` or `OMP_WAIT_POLICY` is set.
+    """
+    return _load()[0]
+
+
+def why_not() -> str:
+    """Why `library` is None; empty if it is not."""
+    return _load()[1]
+
+
+@functools.cache
+def _load() -> tuple[Any, str]:
+    """The library, and why there is none."""
     if platform.system() != "Linux" or platform.machine() != "x86_64":
-        return None
-    # Otherwise OpenMP's threads keep the cores busy for some time after each call.
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-    for path in (*_installed(), _FILE):
+        return None, "it is used on Linux x86-64 only"
+    paths = list(_installed())
+    if paths and "OMP_WAIT_POLICY" not in os.environ:
+        os.environ.setdefault("GOMP_SPINCOUNT", _SPINS)
+    reason = "the package is not installed; install it by pip install 'psgn-jax[onednn]'"
+    for path in (*paths, _FILE):
         try:
             loaded = ctypes.CDLL(path)
-        except OSError:
+            loaded.dnnl_version.restype = ctypes.POINTER(_Version)
+            version = loaded.dnnl_version().contents
+        except (OSError, AttributeError) as error:  # AttributeError: not oneDNN
+            reason = str(error) if path in paths else reason
             continue
-        if hasattr(loaded, "dnnl_primitive_desc_query_md"):  # since version 3
-            loaded.dnnl_primitive_desc_query_md.restype = ctypes.c_void_p
-            loaded.dnnl_memory_desc_get_size.restype = ctypes.c_size_t
-            return loaded
-    return None
+        if version.major != 3 or version.cpu_runtime not in _RUNTIMES:
+            reason = f"{path}: expected version 3 with threads of OpenMP or TBB"
+            continue
+        loaded.dnnl_primitive_desc_query_md.restype = ctypes.c_void_p
+        loaded.dnnl_memory_desc_get_size.restype = ctypes.c_size_t
+        return loaded, ""
+    return None, reason
 
 
 def _installed() -> Iterator[str]:
@@ -136,16 +181,19 @@ def kernel_gradient(x: Array, dy: Array, convolution: Convolution) -> Array | No
 def _apply(
     part: _Part, convolution: Convolution, shape: tuple[int, ...], *args: Array
 ) -> Array | None:
-    primitive = _primitive(part, convolution)
+    if any(a.dtype.name != convolution.dtype for a in args):
+        return None
+    with _making:
+        primitive = _primitive(part, convolution)
     if primitive is None:
         return None
-
-    def run(_: Any, result: Any, first: Any, second: Any) -> None:
-        primitive.run(_address(first), _address(second), _address(result))
+    # The API is experimental, so it is imported only where it is used.
+    from jax.experimental.buffer_callback import buffer_callback
 
     result = jax.ShapeDtypeStruct(shape, args[0].dtype)
-    # Under `jax.vmap`, one call for each element of the mapped axis.
-    return buffer_callback(run, result, vmap_method="sequential")(*args)
+    # Under `jax.vmap`, one call for each element of the mapped axis. JAX compares callbacks to find
+    # compiled programs; a bound method is equal to itself.
+    return buffer_callback(primitive.callback, result, vmap_method="sequential")(*args)
 
 
 def _address(buffer: Any) -> int:
@@ -170,14 +218,16 @@ def _primitive(part: _Part, convolution: Convolution) -> "_Primitive | None":
     padding = ((top, bottom), (left, right))
     try:
         primitive = _Primitive(part, convolution._replace(padding=padding))
-    except OneDNNError:
-        return None
+    except OneDNNError as error:
+        if error.status in _UNSUPPORTED:
+            return None
+        raise
     return None if primitive.implementation.startswith("ref") else primitive
 
 
 def _check(status: int, call: str) -> None:
     if status:
-        raise OneDNNError(f"oneDNN: {call} returned status {status}")
+        raise OneDNNError(call, status)
 
 
 def _call(name: str, *args: Any) -> None:
@@ -326,9 +376,13 @@ class _Primitive:
             self._outer = (images, result, weights)
         self._steps = [step, *conversion] if backward else [*conversion, step]
 
+    def callback(self, _: Any, result: Any, first: Any, second: Any) -> None:
+        """`run` for the buffers that XLA passes."""
+        self.run(_address(first), _address(second), _address(result))
+
     def run(self, *addresses: int) -> None:
         """Computes the result from two arguments; all three are given by their addresses."""
-        with _lock:
+        with _running:
             for memory, address in zip(self._outer, addresses, strict=True):
                 _place(memory, address)
             if self._converted is not None:
@@ -336,3 +390,4 @@ class _Primitive:
                 _place(memory, _workspace.address("kernel", size))
             for step in self._steps:
                 step.run()
+            _call("dnnl_stream_wait", _engine()[1])

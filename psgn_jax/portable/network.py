@@ -19,7 +19,7 @@ import numpy as np
 from jax import export as jax_export
 
 from psgn_jax.config import Config, ConfigError, require_points_task
-from psgn_jax.models import cpu_convolution, point_layout, point_out_net
+from psgn_jax.models import point_layout, point_out_net
 from psgn_jax.training import step as step_lib
 from psgn_jax.training.run_folder import Run
 
@@ -82,7 +82,7 @@ class PortableNetwork:
     def __call__(self, image: Any, mask: Any, r: Any = None) -> jax.Array:
         """Predicts `points`, with XLA's own convolutions on every platform."""
         model = point_out_net.build(self.config.model)
-        with cpu_convolution.plain_convolutions():
+        with convolution_choice.plain_convolutions():
             batch = {"image": image, "mask": mask}
             return step_lib.predict(self.config, model, self.params, batch, r)
 

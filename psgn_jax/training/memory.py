@@ -109,9 +109,9 @@ def _require(parts: Mapping[str, float], limit: float, where: str) -> None:
 
 
 def _layers(jaxpr: Any) -> Iterator[Any]:
-    """Outputs of the convolutions and matrix products in a program."""
+    """Outputs of the convolutions (XLA's or oneDNN's) and matrix products in a program."""
     for equation in jaxpr.eqns:
-        if equation.primitive.name in ("conv_general_dilated", "dot_general"):
+        if equation.primitive.name in ("conv_general_dilated", "dot_general", "buffer_callback"):
             yield from (out.aval for out in equation.outvars)
         for inner in core.jaxprs_in_params(equation.params):
             yield from _layers(inner)

@@ -285,8 +285,9 @@ def compare_draws(network: dict[str, Any], batch: int) -> None:
 
     "all" computes forward and backward for every sample; "winners" is
     `training.step.min_of_n_loss`. The loss is the CD of 1,024 and 4,096 points. The variants are
-    measured in alternation in one process.
+    measured in alternation in one process, without oneDNN, whose operations XLA does not count.
     """
+    os.environ["PSGN_CONVOLUTIONS"] = "jax"
     import jax
     import jax.numpy as jnp
 

@@ -122,6 +122,8 @@ CASES = {
     "strided, kernel of 5, odd size": (1, 5, 7, 24, 16, 5, 2, False),
     "strided, one pixel": (1, 1, 1, 8, 8, 3, 2, False),
     "strided, many channels": (2, 6, 8, 128, 512, 5, 2, False),
+    "kernel smaller than the stride": (2, 7, 8, 8, 8, 1, 2, False),
+    "kernel of 2, stride of 3": (2, 8, 9, 8, 8, 2, 3, False),
     "stride of 3": (2, 8, 9, 8, 8, 3, 3, False),
     "transposed": (2, 3, 4, 64, 32, 5, 2, True),
     "transposed, kernel of 3": (2, 5, 4, 16, 16, 3, 2, True),
@@ -243,6 +245,17 @@ def test_sharded_batch_moves_only_the_kernel_gradient():
         timeout=300,
     )
     assert "sharded ok" in done.stdout, done.stdout + done.stderr
+
+
+def test_one_device_of_a_mesh_uses_onednn(formulation):
+    mesh = jax.sharding.Mesh(np.array(jax.devices()[:1]), ("data",))
+    P = jax.sharding.PartitionSpec
+    x, kernel, _ = make(0, *CASES["strided"])
+    mapped = jax.shard_map(
+        cpu_convolution.conv2d, mesh=mesh, in_specs=(P("data"), P()), out_specs=P("data")
+    )
+    text = str(jax.make_jaxpr(mapped)(x, kernel))
+    assert ("buffer_callback" in text) == (formulation == "onednn")
 
 
 def test_environment_selects_the_formulation(formulation):
