@@ -19,7 +19,7 @@ import numpy as np
 from jax import export as jax_export
 
 from psgn_jax.config import Config, ConfigError, require_points_task
-from psgn_jax.models import point_layout, point_out_net
+from psgn_jax.models import convolution_choice, point_layout, point_out_net
 from psgn_jax.training import step as step_lib
 from psgn_jax.training.run_folder import Run
 
