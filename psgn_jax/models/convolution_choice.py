@@ -60,13 +60,13 @@ def uses_onednn(batch: int) -> bool:
     the network of `authors_small.py`.
     """
     asked = _asked()
-    if asked == "onednn" and onednn.library() is None:
-        raise ValueError(
-            f"PSGN_CONVOLUTIONS=onednn: the library was not found: {onednn.why_not()}; "
-            "install it, or unset the variable"
-        )
-    if asked == "jax" or onednn.library() is None or jax.local_device_count() > 1:
-        return False
-    if batch == 1 and asked != "onednn":
+    if asked == "jax" or jax.local_device_count() > 1 or (batch == 1 and asked != "onednn"):
+        return False  # without loading the library
+    if onednn.library() is None:
+        if asked == "onednn":
+            raise ValueError(
+                f"PSGN_CONVOLUTIONS=onednn: the library was not found: {onednn.why_not()}; "
+                "install it, or unset the variable"
+            )
         return False
     return jax.device_count() == 1 or bool(jax.sharding.get_abstract_mesh().manual_axes)

@@ -218,6 +218,18 @@ def _nothing(step: Array) -> tuple[None, None]:
     return None, None
 
 
+def _compiled(function: Callable[..., Any], **arguments: Any) -> Callable[..., Any]:
+    """`jax.jit` with `compiler_options`, which JAX accepts only outside other transformations."""
+    outer = jax.jit(function, compiler_options=compiler_options(), **arguments)
+    inner = jax.jit(function, **arguments)
+
+    def call(*args: Any) -> Any:
+        traced = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(args))
+        return (inner if traced else outer)(*args)
+
+    return call
+
+
 def compile_train_step(
     config: Config,
     objective: Objective,
@@ -284,12 +296,11 @@ def compile_train_step(
         }
         return new, metrics
 
-    compiled = jax.jit(
+    compiled = _compiled(
         train_step,
         donate_argnums=0,
         in_shardings=(replicated, replicated, split),
         out_shardings=(replicated, replicated),
-        compiler_options=compiler_options(),
     )
     return lambda state, batch: compiled(state, frozen, batch)
 
@@ -375,7 +386,7 @@ def compile_eval_step(
     def eval_step(params: Any, frozen: Any, batch: Batch, index: Array) -> Any:
         return sharded(params, frozen, batch, sample_latents(index, len(batch["image"])))
 
-    compiled = jax.jit(eval_step, compiler_options=compiler_options())
+    compiled = _compiled(eval_step)
     return lambda params, batch, index: cast(
         tuple[Array, dict[str, Array]], compiled(params, frozen, batch, index)
     )
