@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from absl import flags, logging
 
 from psgn_jax.config import ConfigError
+from psgn_jax.cores import features_line
 from psgn_jax.files import DISK_FULL, cache_folder, is_disk_full
 from psgn_jax.untrusted import message_line, one_line
 
@@ -139,9 +140,5 @@ def keep_compiled() -> None:
 
 
 def _kind_of_processor() -> str:
-    try:
-        text = pathlib.Path("/proc/cpuinfo").read_text()
-        features = next(line for line in text.splitlines() if line.startswith(("flags", "Feat")))
-    except (OSError, StopIteration):
-        features = platform.processor()
+    features = features_line() or platform.processor()
     return f"{platform.machine()}-{zlib.crc32(features.encode()):08x}"

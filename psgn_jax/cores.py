@@ -1,10 +1,7 @@
 """The number of cores that this process may use, and options of XLA for the processor."""
 
-import functools
 import os
 import pathlib
-
-import jax
 
 
 def num_cores() -> int:
@@ -23,17 +20,21 @@ def compiler_options() -> dict[str, int] | None:
     core). The option is set only if the processor has AVX-512 with bfloat16, which most older ones
     lack.
     """
+    import jax  # imported here, because `command_line` uses this module before JAX is loaded
+
     if jax.default_backend() != "cpu" or "avx512_bf16" not in _flags():
         return None
     return {"xla_cpu_prefer_vector_width": 512}
 
 
-@functools.cache
-def _flags() -> frozenset[str]:
-    """The processor's features, as Linux names them; empty on other systems."""
+def features_line() -> str:
+    """The line of the processor's features in Linux's /proc/cpuinfo; "" on other systems."""
     try:
-        text = pathlib.Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
+        text = pathlib.Path("/proc/cpuinfo").read_text()
     except OSError:
-        return frozenset()
-    lines = (line.partition(":") for line in text.splitlines())
-    return frozenset(next((v for k, _, v in lines if k.strip() == "flags"), "").split())
+        return ""
+    return next((x for x in text.splitlines() if x.startswith(("flags", "Feat"))), "")
+
+
+def _flags() -> frozenset[str]:
+    return frozenset(features_line().partition(":")[2].split())

@@ -106,11 +106,12 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
 
     def over_batch(pred: Array, gt: Array, *others: Array) -> Any:
         if (platform or jax.default_backend()) == "cpu":
+            arrays = (pred, gt, *others)
             size = len(pred)
-            if any(isinstance(a, jax.core.Tracer) for a in (pred, gt, *others)):
+            if any(isinstance(a, jax.core.Tracer) for a in arrays):
                 size = -(-size // _num_parts(size))
             parts = [
-                jax.lax.scan(one_pair, None, tuple(a[i : i + size] for a in (pred, gt, *others)))[1]
+                jax.lax.scan(one_pair, None, tuple(a[i : i + size] for a in arrays))[1]
                 for i in range(0, max(1, len(pred)), max(1, size))
             ]
             if len(parts) == 1:

@@ -225,13 +225,10 @@ def _primitive(part: _Part, convolution: Convolution) -> "_Primitive | None":
     return None if primitive.implementation.startswith("ref") else primitive
 
 
-def _check(status: int, call: str) -> None:
-    if status:
-        raise OneDNNError(call, status)
-
-
 def _call(name: str, *args: Any) -> None:
-    _check(getattr(library(), name)(*args), name)
+    status = getattr(library(), name)(*args)
+    if status:
+        raise OneDNNError(name, status)
 
 
 def _make(name: str, *args: Any) -> ctypes.c_void_p:
