@@ -181,6 +181,7 @@ class Settings:
 PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {
     **{name: {"camera": camera} for name, camera in cameras.PRESETS.items()},
     "angles": {"camera": cameras.PRESETS["photo"]},
+    "level": {"camera": {**cameras.PRESETS["photo"], "elevation": (-8.0, 10.0)}},
     "photo": {
         "camera": cameras.PRESETS["photo"],
         "light": {"source": "mixed"},

@@ -9,16 +9,23 @@ image. Any other point has the colour of the nearest visible point. If the recor
 points are grey.
 
 Objects keep their position and scale; the job must use `centre=bounds`, which is its default.
+
+With the option `variants`, the models are variants of the objects with other proportions
+(`proportions`), in order to have more shapes than objects. The origin of a variant is where the
+change moves that of the object, and its farthest point is at distance 1 again.
 """
 
+import dataclasses
 import functools
+import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import scipy.spatial
 
 from data_gen.catalogues.entry import SPLITS, Entry, loader
+from data_gen.catalogues.proportions import random_proportions
 from data_gen.mesh import Model, UnusableModelError, build_model, unit_vectors
 from data_gen.readers.by_trimesh import palette
 from psgn_jax.data.dataset import RecordReader
@@ -33,21 +40,35 @@ _FEWEST = 100  # smallest number of points of a usable model
 
 
 class RecordsCatalogue:
-    """The models in a folder of records, each from its first record."""
+    """The models in a folder of records, each from its first record, or variants of them."""
 
     name = "records"
 
-    def __init__(self, source: str | os.PathLike[str]) -> None:
+    def __init__(
+        self, source: str | os.PathLike[str], variants: int = 0, deviation: float = 0.25
+    ) -> None:
         """Lists the models.
 
         Args:
           source: a folder of records.
+          variants: number of variants with other proportions that replace each model, 0 for the
+            models themselves.
+          deviation: standard deviation of the logarithms of the changes of variants.
 
         Raises:
           ValueError: the folder contains no records, they cannot be read, a split is unknown, or
-            model names are empty or ambiguous.
+            model names are empty or ambiguous; `variants` is negative; or `deviation` is not
+            between 0 and 1.
         """
+        if variants < 0:
+            raise ValueError(f"variants: got {variants}, expected 0 or more")
+        if not 0 < deviation <= 1:
+            raise ValueError(
+                f"deviation: got {deviation:g}, expected a number above 0, up to 1 "
+                "(variants=0 keeps the proportions)"
+            )
         self._source = os.fspath(source)
+        self._variants, self._deviation = variants, deviation
         splits = load_manifest(source).splits()
         unknown = sorted(set(splits) - set(SPLITS))
         if unknown or not splits:
@@ -71,12 +92,16 @@ class RecordsCatalogue:
 
     def __len__(self) -> int:
         """Number of models."""
-        return len(self._models)
+        return len(self._models) * max(1, self._variants)
 
     def entries(self) -> Iterator[Entry]:
         """The models in the order of the records; a model keeps the split of its record."""
         for model_id, category, split, index in self._models:
-            yield Entry(model_id, category, split, loader(_load, self._source, split, index))
+            if not self._variants:
+                yield Entry(model_id, category, split, loader(_load, self._source, split, index))
+            for number in range(self._variants):
+                load = loader(_load_variant, self._source, split, index, number, self._deviation)
+                yield Entry(f"{model_id} variant {number}", category, split, load)
 
 
 @functools.lru_cache(maxsize=4)
@@ -85,12 +110,39 @@ def _reader(source: str, split: str) -> RecordReader:
 
 
 def _load(source: str, split: str, index: int) -> Model:
+    return surfels(_reader(source, split)[index])
+
+
+def _load_variant(source: str, split: str, index: int, number: int, deviation: float) -> Model:
     sample = _reader(source, split)[index]
-    return surfels(sample)
+    name = f"{sample.model_id} variant {number}"
+    return dataclasses.replace(
+        surfels(sample, functools.partial(_variant, name=name, deviation=deviation)), model_id=name
+    )
 
 
-def surfels(sample: Sample) -> Model:
+def _variant(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
+    """Points of an object with other proportions, in the project's frame.
+
+    Raises:
+      UnusableModelError: the points lie in a vertical plane.
+    """
+    seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+    try:
+        change = random_proportions(points, np.random.default_rng(seed), deviation)
+    except scipy.spatial.QhullError:
+        raise UnusableModelError("the points lie in a vertical plane, expected a volume") from None
+    changed = change(points)
+    changed[:, :2] -= change(np.zeros((1, 3)))[:, :2]
+    return changed / np.linalg.norm(changed, axis=1).max()
+
+
+def surfels(sample: Sample, change: Callable[[np.ndarray], np.ndarray] | None = None) -> Model:
     """A mesh of rectangles, one for each point of a sample, in the frame of the sample.
+
+    Args:
+      sample: a sample.
+      change: new positions of points [n, 3] in the same order.
 
     Raises:
       UnusableModelError: there are too few different points.
@@ -98,6 +150,9 @@ def surfels(sample: Sample) -> Model:
     points = np.unique(sample.points.astype(np.float64), axis=0)
     if len(points) < _FEWEST:
         raise UnusableModelError(f"{len(points)} different points, expected {_FEWEST} or more")
+    colours = np.full((len(points), 4), 255, np.uint8)
+    colours[:, :3] = _colours(sample, points)
+    points = points if change is None else change(points)
     distance, nearest = scipy.spatial.cKDTree(points).query(points, k=_NEIGHBOURS + 1)
     around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
     # Ascending: across the surface, then the short and the long axis.
@@ -113,8 +168,6 @@ def surfels(sample: Sample) -> Model:
     normals = _smoothed(axes[:, :, 0], nearest)
     first = 4 * np.arange(len(points))[:, None]
     faces = np.concatenate([first + corner for corner in (0, 1, 2, 0, 2, 3)], axis=1).reshape(-1, 3)
-    colours = np.full((len(points), 4), 255, np.uint8)
-    colours[:, :3] = _colours(sample, points)
     material, uv = palette(colours.repeat(2, axis=0))
     return build_model(
         corners.reshape(-1, 3),

@@ -155,8 +155,8 @@ def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
     key = (colours.astype(np.int64) >> 3) @ np.array([1 << 15, 1 << 10, 1 << 5, 1])
     distinct, first, index = np.unique(key, return_index=True, return_inverse=True)
     width = int(np.ceil(np.sqrt(len(distinct))))
-    texture = np.zeros((width * width, 4), np.uint8)
-    texture[: len(distinct)] = colours[first]
+    # Unused texels repeat the last colour: an opaque palette has no alpha, which is slow to handle.
+    texture = colours[first][np.minimum(np.arange(width * width), len(distinct) - 1)]
     column, row = index % width, index // width
     uv = np.stack([(column + 0.5) / width, 1 - (row + 0.5) / width], axis=1)
     return (

@@ -271,6 +271,9 @@ def test_a_share_of_the_views_goes_to_another_preset():
         ("photo/more", 1), ("angles/more", 2),
     ]  # fmt: skip
     assert len({free.settings_of(p, free.Options()).seed for p in both}) == 3
+    (level,) = free.plan([small(views=3)], {"level": 1})
+    assert (level.folder, level.views) == ("level/chairs", 3)
+    assert free.settings_of(level, free.Options()).camera.elevation == (-8, 10)
     halves = free.plan([small(views=3)], {"photo": 0.5, "angles": 0.5})
     assert [(p.folder, p.views) for p in halves] == [("photo/chairs", 2), ("angles/chairs", 1)]
     with pytest.raises(ValueError, match=r"--photo=0\.6, --angles=0\.5: expected a sum"):

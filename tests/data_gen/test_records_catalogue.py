@@ -7,7 +7,8 @@ import pytest
 from helpers import drawn_solids as solids
 
 from data_gen import engine, settings
-from data_gen.catalogues.by_name import open_catalogue
+from data_gen.catalogues import proportions
+from data_gen.catalogues.by_name import open_catalogue, parse_options
 from data_gen.catalogues.records import surfels
 from data_gen.mesh import UnusableModelError, face_areas
 from data_gen.mitsuba_setup import Variant, has_mitsuba
@@ -100,3 +101,63 @@ def test_ambiguous_models_are_refused(tmp_path, wrong):
     message = "its splits are" if wrong.startswith("a split") else "expected a name that belongs to"
     with pytest.raises(ValueError, match=message):
         open_catalogue("records", tmp_path)
+
+
+def test_proportions_keep_planes_symmetry_and_angles():
+    points = box_sample().points.astype(np.float64)
+    change = proportions.random_proportions(points, np.random.default_rng(3), 0.3)
+    changed = change(points)
+    # A box remains a box with the same axes and the same middle, standing on the ground.
+    before, after = (proportions._footprint(p[:, :2]) for p in (points, changed))
+    turn = np.abs(before[0] @ after[0].T)
+    np.testing.assert_allclose(np.sort(turn, axis=1), [[0, 1], [0, 1]], atol=0.02)
+    np.testing.assert_allclose(before[1] @ before[0], after[1] @ after[0], atol=0.01)
+    assert changed[:, 2].min() == 0
+    assert np.ptp(changed[:, 2]) == pytest.approx(change.values[2, -1])
+    # The order of points along each axis is kept.
+    order = np.argsort(points[:, 2])
+    assert (np.diff(changed[order, 2]) >= 0).all()
+    # Each point and its mirror image about the middle have mirror images after the change.
+    middle = before[1] @ before[0]
+    mirrored = np.concatenate([2 * middle - points[:, :2], points[:, 2:]], axis=1)
+    np.testing.assert_allclose(change(mirrored)[:, :2], 2 * middle - changed[:, :2], atol=1e-9)
+
+
+def test_without_deviation_proportions_stay():
+    points = box_sample(500).points.astype(np.float64)
+    change = proportions.random_proportions(points, np.random.default_rng(0), 0.0)
+    np.testing.assert_allclose(change(points), points - [0, 0, points[:, 2].min()], atol=1e-12)
+
+
+def test_variants_replace_their_models(tmp_path):
+    sample = box_sample(3000)
+    flat = dataclasses.replace(
+        sample, model_id="flat", points=sample.points * np.float32([1, 0, 1])
+    )
+    write_dataset(tmp_path, {"train": [sample, flat]}, source="solids")
+    options = parse_options("records", ["variants=3", "deviation=0.2"])
+    catalogue = open_catalogue("records", tmp_path, **options)
+    entries = list(catalogue.entries())
+    assert len(catalogue) == len(entries) == 6
+    assert [e.model_id for e in entries[:3]] == [f"a box variant {i}" for i in range(3)]
+    assert {e.split for e in entries} == {"train"}
+    models = [e.load() for e in entries[:3]]
+    assert [m.model_id for m in models] == [e.model_id for e in entries[:3]]
+    heights = [float(np.ptp(m.vertices[:, 2])) for m in models]
+    assert len(set(np.round(heights, 3))) == 3
+    for model in models:
+        assert np.linalg.norm(model.vertices, axis=1).max() == pytest.approx(1, abs=0.05)
+    again = entries[1].load()
+    np.testing.assert_array_equal(again.vertices, models[1].vertices)
+    with pytest.raises(UnusableModelError, match="in a vertical plane, expected a volume"):
+        entries[3].load()
+
+
+@pytest.mark.parametrize(("option", "message"), [
+    ({"variants": -1}, "variants: got -1, expected 0 or more"),
+    ({"variants": 2, "deviation": 0.0}, "deviation: got 0, expected a number above 0"),
+    ({"variants": 2, "deviation": 1.5}, "deviation: got 1.5, expected a number above 0, up to 1"),
+])  # fmt: skip
+def test_wrong_options_are_named(tmp_path, option, message):
+    with pytest.raises(ValueError, match=message):
+        open_catalogue("records", tmp_path, **option)

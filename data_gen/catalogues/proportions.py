@@ -1,0 +1,88 @@
+"""Random changes of an object's proportions: longer legs, a deeper seat, a lower roof.
+
+A point set is described along three axes: the vertical and both sides of the smallest rectangle
+around its footprint. Along each axis, the coordinate is changed by an increasing, piecewise linear
+function. The functions of the two horizontal axes are odd about the middle of the rectangle. So
+faces perpendicular to an axis stay plane, level parts stay level, and an object that is symmetric
+about an axis of its rectangle stays symmetric.
+"""
+
+import dataclasses
+
+import numpy as np
+import scipy.spatial
+from jaxtyping import Float
+
+_PIECES = 3  # linear pieces of each function
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Proportions:
+    """Coordinates along the axes before (`knots`) and after (`values`) the change.
+
+    Attributes:
+      axes: [2, 2], unit vectors along the sides of the footprint, as rows.
+      middle: [2], the middle of the footprint along these axes.
+      knots: [3, pieces + 1], ascending from 0. Those of the horizontal axes are distances from the
+        middle, those of the vertical axis are heights above the lowest point.
+      values: like `knots`.
+      lowest: smallest z.
+    """
+
+    axes: np.ndarray
+    middle: np.ndarray
+    knots: np.ndarray
+    values: np.ndarray
+    lowest: float
+
+    def __call__(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """The changed points; their lowest is at z = 0, and the middle of the footprint stays."""
+        across = points[:, :2] @ self.axes.T - self.middle
+        for axis in range(2):
+            distance = np.interp(np.abs(across[:, axis]), self.knots[axis], self.values[axis])
+            across[:, axis] = np.sign(across[:, axis]) * distance
+        height = np.interp(points[:, 2] - self.lowest, self.knots[2], self.values[2])
+        return np.column_stack([(across + self.middle) @ self.axes, height])
+
+
+def random_proportions(
+    points: Float[np.ndarray, "n 3"], rng: np.random.Generator, deviation: float
+) -> Proportions:
+    """Proportions with random slopes.
+
+    The slope of a piece is exp(a + b): `a` is drawn once for each axis, `b` once for each piece,
+    both from a normal distribution with standard deviation `deviation`, clipped at twice this
+    value. The inner knots are uniform in the middle 80 % of each axis.
+
+    Args:
+      points: the object, z upwards; its footprint must have an area.
+      rng: source of the random numbers.
+      deviation: standard deviation of the logarithms, 0 for no change.
+    """
+    axes, middle, half = _footprint(points[:, :2])
+    low, high = points[:, 2].min(), points[:, 2].max()
+    extents = np.array([*half, high - low])
+    inner = np.sort(rng.uniform(0.1, 0.9, (3, _PIECES - 1)), axis=1)
+    shares = np.concatenate([np.zeros((3, 1)), inner, np.ones((3, 1))], axis=1)
+    drawn = rng.standard_normal((3, _PIECES + 1)).clip(-2, 2) * deviation
+    slopes = np.exp(drawn[:, :1] + drawn[:, 1:])
+    knots = shares * extents[:, None]
+    values = np.concatenate(
+        [np.zeros((3, 1)), np.cumsum(slopes * np.diff(knots, axis=1), axis=1)], axis=1
+    )
+    return Proportions(axes, middle, knots, values, float(low))
+
+
+def _footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Axes [2, 2], middle and half sides [2] of the smallest rectangle around points [n, 2].
+
+    One side of this rectangle lies along an edge of the convex hull.
+    """
+    hull = flat[scipy.spatial.ConvexHull(flat).vertices]
+    along = np.roll(hull, -1, axis=0) - hull
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    axes = np.stack([along, np.stack([-along[:, 1], along[:, 0]], axis=1)], axis=1)  # [h, 2, 2]
+    inside = np.einsum("hij,nj->hin", axes, hull)
+    low, high = inside.min(axis=2), inside.max(axis=2)
+    best = int(np.prod(high - low, axis=1).argmin())
+    return axes[best], (low[best] + high[best]) / 2, (high[best] - low[best]) / 2
