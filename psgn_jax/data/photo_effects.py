@@ -115,7 +115,7 @@ def _has_grey_surroundings(image: np.ndarray, mask: np.ndarray) -> bool:
     grey = image == schema.BACKGROUND_GREY
     plain = grey[..., 0] & grey[..., 1] & grey[..., 2] & ~mask
     outside = mask.size - np.count_nonzero(mask)
-    return bool(outside) and np.count_nonzero(plain) / outside > 0.9
+    return bool(outside and np.count_nonzero(plain) > 0.9 * outside)
 
 
 def _smooth_colours(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:

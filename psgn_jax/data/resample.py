@@ -1,7 +1,7 @@
 """Resampling of training images (uint8 [h, w, 3]) together with their masks (bool [h, w]).
 
-If the background is plain grey, only the surroundings of the object are computed. The result is the
-same as for the whole image, and takes half the time.
+If the background is plain grey, only the surroundings of the object are computed, which takes half
+the time. Masks are the same as for the whole image; colours may differ by 1 where rounding is a tie.
 """
 
 import math
@@ -68,15 +68,15 @@ def recrop(
       offset: (down, right) in pixels; edges of pixels are at integers.
     """
     size = mask.shape
+    moved = resample(mask.view(np.uint8), size, factor, offset, _NEAREST, 0).astype(np.bool_)
     if window := _window(image, mask):
-        return _recrop_window(image, mask, window, factor, offset)
+        return _recrop_window(image, window, factor, offset), moved
     # Source coordinates of the first and last pixels' centres, along rows and columns.
     ends = [
         ((0.5 - move) / factor, (side - 0.5 - move) / factor)
         for side, move in zip(size, offset, strict=True)
     ]
     outside = any(low < 0 or high > side for (low, high), side in zip(ends, size, strict=True))
-    moved = resample(mask.view(np.uint8), size, factor, offset, _NEAREST, 0).astype(np.bool_)
     if outside and not _has_grey_background(image, mask):
         rows, columns = (_margins(*end, side) for end, side in zip(ends, size, strict=True))
         image = _extend(image, mask, rows, columns)
@@ -102,26 +102,21 @@ def resample(
 
 
 def _recrop_window(
-    image: np.ndarray,
-    mask: np.ndarray,
-    window: tuple[slice, slice],
-    factor: float,
-    offset: tuple[float, float],
-) -> tuple[np.ndarray, np.ndarray]:
-    """`recrop`, computed from the pixels of the window and one pixel around it."""
+    image: np.ndarray, window: tuple[slice, slice], factor: float, offset: tuple[float, float]
+) -> np.ndarray:
+    """The image of `recrop`, computed from the pixels of the window and one pixel around it."""
     sources, targets, moves = [], [], []
-    for part, side, move in zip(window, mask.shape, offset, strict=True):
+    for part, side, move in zip(window, image.shape, offset, strict=False):
         low = factor * (part.start - 1) + move
         begin = max(0, math.floor(low))
         sources.append(slice(part.start - 1, part.stop + 1))
         targets.append(slice(begin, min(side, math.ceil(factor * (part.stop + 1) + move))))
         moves.append(low - begin)
     source, target, (down, right) = tuple(sources), tuple(targets), moves
-    new, moved = np.full_like(image, schema.BACKGROUND_GREY), np.zeros_like(mask)
-    size = moved[target].shape
+    new = np.full_like(image, schema.BACKGROUND_GREY)
+    size = new[target].shape[:2]
     new[target] = resample(image[source], size, factor, (down, right), _BILINEAR, _GREY)
-    moved[target] = resample(mask[source].view(np.uint8), size, factor, (down, right))
-    return new, moved
+    return new
 
 
 def _window(image: np.ndarray, mask: np.ndarray) -> tuple[slice, slice] | None:

@@ -17,12 +17,13 @@ def _object(rng, position, colour):
 @pytest.mark.parametrize("position", [0, 9, 23])  # the first and the last touch the border
 @pytest.mark.parametrize("colour", [schema.BACKGROUND_GREY, 90])
 def test_the_surroundings_of_the_object_are_enough(rng, monkeypatch, position, colour):
-    """The results for the window are those for the whole image, bit for bit."""
+    """The results for the window are those for the whole image, except for ties of rounding."""
     cases = []
-    for factor in (0.71, 0.96, 1.0, 1.043, 1.22):
+    for factor in (0.71, 0.9, 1.0, 1.043, 1.22):
         image, mask = _object(rng, position, colour)
         source = 27.3 + (np.arange(56) + 0.5 - 27.3) / factor
-        offset = (float(rng.uniform(-3, 3)), float(rng.uniform(-3, 3)))
+        # Some pixels' centres have edges of pixels as their source for 0.9 and this offset.
+        offset = (-0.6, 2.9) if factor == 0.9 else tuple(rng.uniform(-3, 3, 2).tolist())
         cases.append((resample.stretch, (image, mask, source)))
         cases.append((resample.recrop, (image, mask, factor, offset)))
     windows = [resample._window(*arguments[:2]) for _, arguments in cases]
@@ -30,9 +31,12 @@ def test_the_surroundings_of_the_object_are_enough(rng, monkeypatch, position, c
     quick = [function(*arguments) for function, arguments in cases]
     monkeypatch.setattr(resample, "_window", lambda image, mask: None)
     for (function, arguments), got in zip(cases, quick, strict=True):
-        for a, b in zip(got, function(*arguments), strict=True):
-            np.testing.assert_array_equal(a, b)
-            assert a.dtype == b.dtype
+        want = function(*arguments)
+        np.testing.assert_array_equal(got[1], want[1])
+        assert [x.dtype for x in got] == [x.dtype for x in want]
+        difference = np.abs(got[0].astype(int) - want[0])
+        assert difference.max() <= 1
+        assert (difference > 0).mean() < 0.005
 
 
 def test_an_empty_mask_has_no_window(rng):
