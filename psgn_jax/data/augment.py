@@ -7,12 +7,10 @@ the camera is still valid (right-handed rotation, positive focal lengths). The e
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
-from PIL import Image
 
-from psgn_jax.data import camera, framing, schema
+from psgn_jax.data import camera, framing, resample
 
 # How far the image's x axis may be from the frame's y axis for a stretch to be exact.
 _ALIGNED = 1e-4
@@ -54,42 +52,6 @@ def flip(view: View) -> View:
     )
 
 
-def _has_grey_background(view: View) -> bool:
-    """Whether all pixels of the border, except those of the object, have the plain grey."""
-    for edge in (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]):
-        if (view.image[edge][~view.mask[edge]] != schema.BACKGROUND_GREY).any():
-            return False
-    return True
-
-
-def _extend(view: View, rows: tuple[int, int], columns: tuple[int, int]) -> np.ndarray:
-    """The image with its background extended by `rows` and `columns` pixels (before, after).
-
-    The margins mirror the image at its edges. Where a mirrored pixel belongs to the object, the
-    pixel at the edge is repeated instead. Where the pixel at the edge also belongs to the object,
-    the margin is grey.
-    """
-    margins = (rows, columns)
-    image = np.pad(view.image, (*margins, (0, 0)), "symmetric")
-    again = np.pad(view.mask, margins, "symmetric")
-    height, width = view.mask.shape
-    again[rows[0] : rows[0] + height, columns[0] : columns[0] + width] = False
-    image[again] = np.pad(view.image, (*margins, (0, 0)), "edge")[again]
-    image[again & np.pad(view.mask, margins, "edge")] = schema.BACKGROUND_GREY
-    return image
-
-
-def _margins(first: float, last: float, size: int) -> tuple[int, int]:
-    """Pixels to add before and after an axis, to interpolate at coordinates `first` to `last`."""
-    return max(0, math.ceil(1 - first)), max(0, math.ceil(last + 1 - size))
-
-
-def _take_columns(flat: np.ndarray, columns: np.ndarray, channels: int) -> np.ndarray:
-    """Columns of an image [H, W * channels]; indices outside the image give its edge."""
-    columns = np.clip(columns, 0, flat.shape[1] // channels - 1)
-    return flat.take((columns[:, None] * channels + np.arange(channels)).reshape(-1), axis=1)
-
-
 def can_stretch(view: View) -> bool:
     """Whether `stretch` is exact for the view's camera: it is neither rolled nor skewed."""
     across = view.extrinsics[0, :3]
@@ -104,7 +66,7 @@ def stretch(view: View, factor: float) -> View:
     column, column - cx = fx (+-y + t0) / z, and t0 is multiplied by the same factor. Colours are
     interpolated between columns, mask and depth take the nearest column. Columns without source
     pixels become background: grey if the image's background is grey, otherwise an extension of the
-    image (`_extend`).
+    image (`resample`).
 
     Args:
       view: the sample.
@@ -129,31 +91,18 @@ def stretch(view: View, factor: float) -> View:
     centre = float(view.intrinsics[0, 2])
     # Source coordinate of each column's centre; a column i has its centre at i + 0.5.
     source = centre + (np.arange(width) + 0.5 - centre) / factor
-    nearest = np.floor(source).astype(np.intp)
-    vacated = (nearest < 0) | (nearest >= width)
-    nearest = np.clip(nearest, 0, width - 1)
-    grey = not vacated.any() or _has_grey_background(view)
-    before, after = (0, 0) if grey else _margins(float(source[0]), float(source[-1]), width)
-    picture = view.image if grey else _extend(view, (0, 0), (before, after))
-    source += before
-    left = np.floor(source - 0.5).astype(np.intp)
-    weight = np.rint((source - 0.5 - left) * 256).astype(np.uint16).repeat(3)
-    # Gathering single bytes is several times faster than gathering triples.
-    flat = picture.reshape(len(picture), -1)
-    lower = _take_columns(flat, left, 3).astype(np.uint16)
-    upper = _take_columns(flat, left + 1, 3).astype(np.uint16)
-    image = ((lower * (256 - weight) + upper * weight + 128) >> 8).astype(np.uint8)
-    image = image.reshape(view.image.shape)
-    if grey:
-        image[:, vacated] = schema.BACKGROUND_GREY
+    image, mask = resample.stretch(view.image, view.mask, source)
     depth = None
     if view.depth is not None:
-        depth = np.where(vacated, np.float32(0), view.depth.take(nearest, axis=1))
+        nearest = np.floor(source).astype(np.intp)
+        inside = (nearest >= 0) & (nearest < width)
+        depth = view.depth.take(np.clip(nearest, 0, width - 1), axis=1)
+        depth = np.where(inside, depth, np.float32(0))
     extrinsics = view.extrinsics.copy()
     extrinsics[0, 3] *= np.float32(factor)
     return View(
         image=image,
-        mask=view.mask.take(nearest, axis=1) & ~vacated,
+        mask=mask,
         depth=depth,
         points=view.points * np.array([1, factor, 1], np.float32),
         intrinsics=view.intrinsics,
@@ -167,7 +116,7 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     The points do not change. The focal length is multiplied by `factor`, and the principal point is
     moved with the image. Colours are interpolated, mask and depth take the nearest pixel.
     Pixels without a source become background: grey if the image's background is grey, otherwise an
-    extension of the image (`_extend`). If part of the object would leave the image, the scale and
+    extension of the image (`resample`). If part of the object would leave the image, the scale and
     the shift are reduced so that the whole object stays in it.
 
     Args:
@@ -193,41 +142,17 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
         offset = (1 - factor) * size / 2 + move
         offsets.append(float(np.clip(offset, -factor * low, size - factor * high)))
     down, right = offsets
-    inverse = (1 / factor, 0, -right / factor, 0, 1 / factor, -down / factor)
-
-    def resample(
-        plane: np.ndarray, how: Image.Resampling, fill: Any, moved: tuple[int, int] = (0, 0)
-    ) -> np.ndarray:
-        coefficients = (*inverse[:2], inverse[2] + moved[1], *inverse[3:5], inverse[5] + moved[0])
-        picture = Image.fromarray(plane)
-        return np.asarray(
-            picture.transform(
-                (width, height), Image.Transform.AFFINE, coefficients, how, fillcolor=fill
-            )
-        )
-
-    nearest, grey = Image.Resampling.NEAREST, (schema.BACKGROUND_GREY,) * 3
-    # Source coordinates of the first and last pixels' centres, along rows and columns.
-    ends = [
-        ((0.5 - offset) / factor, (size - 0.5 - offset) / factor)
-        for (size, _, _), offset in zip(moves, offsets, strict=True)
-    ]
-    margins = [_margins(*end, size) for end, (size, _, _) in zip(ends, moves, strict=True)]
-    outside = any(
-        low < 0 or high > size for (low, high), (size, _, _) in zip(ends, moves, strict=True)
-    )
-    if outside and not _has_grey_background(view):
-        picture = _extend(view, margins[0], margins[1])
-        image = resample(picture, Image.Resampling.BILINEAR, grey, (margins[0][0], margins[1][0]))
-    else:
-        image = resample(view.image, Image.Resampling.BILINEAR, grey)
+    image, mask = resample.recrop(view.image, view.mask, factor, (down, right))
+    depth = view.depth
+    if depth is not None:
+        depth = resample.resample(depth, mask.shape, factor, (down, right))
     intrinsics = view.intrinsics.copy()
     intrinsics[:2] *= np.float32(factor)
     intrinsics[:2, 2] += np.array([right, down], np.float32)
     return View(
         image=image,
-        mask=resample(view.mask.view(np.uint8), nearest, 0).astype(np.bool_),
-        depth=None if view.depth is None else resample(view.depth, nearest, 0.0),
+        mask=mask,
+        depth=depth,
         points=view.points,
         intrinsics=intrinsics,
         extrinsics=view.extrinsics,

@@ -55,7 +55,13 @@ class Item:
 
 
 class Items:
-    """Maps a record number to its `Item`. With `cache`, keeps items up to `CACHE_BYTES`."""
+    """Maps a record number to its `Item`.
+
+    With `cache`, it keeps items up to `CACHE_BYTES`. If the items are used `repeatedly`, it also
+    keeps them without `cache`, provided that all of them fit in `cache_gb`, judged by the size of
+    the first one. A part of a larger split is not kept, because few of its items would be used
+    again soon.
+    """
 
     def __init__(
         self,
@@ -63,6 +69,7 @@ class Items:
         reader: RecordReader | JoinedReader,
         *,
         visibility: bool = False,
+        repeatedly: bool = False,
     ) -> None:
         self._reader = reader
         self._size = cfg.image_size[0], cfg.image_size[1]
@@ -72,7 +79,11 @@ class Items:
             self._fields.append("depth")
         if cfg.occupancy:
             self._fields.append("occupancy")
-        self._bound = CACHE_BYTES // max(1, cfg.num_workers) if cfg.cache else 0
+        shares = max(1, cfg.num_workers)
+        self._bound = CACHE_BYTES // shares if cfg.cache else 0
+        self._bound_of_all = (
+            int(1e9 * cfg.cache_gb) // shares if repeatedly and not cfg.cache else 0
+        )
         self.__setstate__({})
 
     def __getstate__(self) -> dict[str, Any]:
@@ -89,6 +100,10 @@ class Items:
         if item is None:
             item = self._decode(index)
             with self._lock:
+                if self._bound_of_all:
+                    if item.nbytes() * len(self._reader) <= self._bound_of_all:
+                        self._bound = self._bound_of_all
+                    self._bound_of_all = 0
                 if self._held + item.nbytes() <= self._bound and index not in self._kept:
                     self._kept[index] = item
                     self._held += item.nbytes()

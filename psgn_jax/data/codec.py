@@ -248,9 +248,9 @@ def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
     dtype: Any = np.uint32 if small else np.uint64
     steps = _from_byte_planes(_inflate(field["steps"], planes * count, "points"), planes, dtype)
     keys = np.cumsum(steps, dtype=dtype)
-    codes = np.empty((count, 3), np.uint8 if bits == 8 else np.uint16)
-    for axis, shift in enumerate((2 * bits, bits, 0)):
-        codes[:, axis] = (keys >> dtype(shift)).astype(codes.dtype)  # the cast keeps the low bits
+    # Little-endian keys are the codes of z, y and x, and zeros.
+    fields = keys.astype("<u4" if small else "<u8").view(np.uint8 if bits == 8 else "<u2")
+    codes = np.ascontiguousarray(fields.reshape(count, -1)[:, 2::-1])
     matrix = np.frombuffer(field["matrix"], "<f8").reshape(3, 4).astype(np.float64)
     if not np.isfinite(matrix).all() or np.abs(matrix).max() > _MAX_COORDINATE:
         got = f"{matrix.min():g} to {matrix.max():g}"

@@ -81,7 +81,7 @@ def _disturbed(
         image, mask = _occlude(image, mask, occlusion)
     if _has_grey_surroundings(image, mask):
         backdrop = _smooth_colours(mask.shape, scene)
-        np.copyto(image, backdrop, where=~mask[..., None])
+        image = _where(mask, image, backdrop)
     if effects.exposure or effects.white_balance:
         image = _light(image, light, effects.exposure, effects.white_balance)
     image = _lens(image, sensor, effects.blur * pixel, effects.noise)
@@ -96,8 +96,14 @@ def _disturbed(
         mask = _enough(_cut_corner(mask, corner), mask)
     if holes.random() < effects.holes:
         mask = _enough(_pierce(mask, holes), mask)
-    image[~mask] = schema.BACKGROUND_GREY
-    return image, mask
+    return _where(mask, image, schema.BACKGROUND_GREY), mask
+
+
+def _where(mask: np.ndarray, image: np.ndarray, other: np.ndarray | int) -> np.ndarray:
+    """`image` on the mask, `other` elsewhere."""
+    # With one mask value per byte, NumPy takes a quarter of the time of broadcasting over channels.
+    on = mask.repeat(3, axis=1).reshape(image.shape)
+    return np.where(on, image, np.uint8(other) if isinstance(other, int) else other)
 
 
 def _enough(changed: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -106,8 +112,10 @@ def _enough(changed: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 def _has_grey_surroundings(image: np.ndarray, mask: np.ndarray) -> bool:
     """Whether almost all of the background is plain grey."""
-    outside = image[~mask]
-    return bool(len(outside)) and bool((outside == schema.BACKGROUND_GREY).all(axis=1).mean() > 0.9)
+    grey = image == schema.BACKGROUND_GREY
+    plain = grey[..., 0] & grey[..., 1] & grey[..., 2] & ~mask
+    outside = mask.size - np.count_nonzero(mask)
+    return bool(outside and np.count_nonzero(plain) > 0.9 * outside)
 
 
 def _smooth_colours(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
@@ -172,17 +180,19 @@ def _lens(image: np.ndarray, rng: np.random.Generator, blur: float, noise: float
     radius, deviation = rng.random(2) * (blur, noise)
     if radius:
         picture = Image.fromarray(image).filter(ImageFilter.GaussianBlur(float(radius)))
-        image = np.array(picture)
+        image = np.asarray(picture)
     if deviation:
         grain = rng.standard_normal(image.shape, np.float32) * np.float32(255 * deviation)
-        image = np.clip(np.rint(image + grain), 0, 255).astype(np.uint8)
+        grain += image
+        np.rint(grain, out=grain)
+        image = np.clip(grain, 0, 255, out=grain).astype(np.uint8)
     return image
 
 
 def _jpeg(image: np.ndarray, quality: float) -> np.ndarray:
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "jpeg", quality=max(1, round(quality)))
-    return np.array(Image.open(buffer))
+    return np.asarray(Image.open(buffer, formats=("JPEG",)))
 
 
 def _step(mask: np.ndarray, *, diagonal: bool) -> np.ndarray:

@@ -49,6 +49,7 @@ MAY_CHANGE = frozenset(
         "data.num_eval_points",
         "data.num_workers",
         "data.cache",
+        "data.cache_gb",
         "data.on_device",
         "train.steps",
         "train.log_every",
@@ -74,7 +75,7 @@ class Outcome(NamedTuple):
     stopped_by: int | None
 
 
-def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
+def train(config: Any, workdir: str | pathlib.Path, *, may_spawn: bool = False) -> Outcome:
     """Trains, or resumes training, until `config.train.steps` or a signal.
 
     After SIGTERM or SIGINT, the current step ends, its checkpoint is saved and the function
@@ -83,6 +84,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     Args:
       config: a `Config`, or a mapping for `config.parse`.
       workdir: folder of the run.
+      may_spawn: whether `data.num_workers=-1` may start processes, which import the main module
+        again. A script without `if __name__ == "__main__"` does not allow this.
 
     Raises:
       ConfigError: raised before compilation if (a) the configuration is wrong, (b) it differs from
@@ -111,11 +114,16 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
             init = _open_initial(config, workdir, task)
             if group.is_first:
                 stack.enter_context(locked(workdir))
-        return _Training(config, workdir, mesh, sizes, task, optimizer, init).run()
+        training = _Training(config, workdir, mesh, sizes, task, optimizer, init)
+        training.spawns = may_spawn and group.count == 1 and jax.default_backend() == "cpu"
+        return training.run()
 
 
 class _Training:
     """A training after the checks of `train`; no other process trains in its folder."""
+
+    spawns = False
+    """Whether it chooses the number of the loader's processes, see `train`."""
 
     def __init__(
         self,
@@ -226,7 +234,8 @@ class _Training:
             made = on_device.train_batches(config.data, mesh, keys=keys, **arguments)
             if made is not None:
                 return made
-        return step_lib.put_batches(loader.train_batches(config.data, **arguments), mesh, keys)
+        data = loader.with_workers(config.data) if self.spawns else config.data
+        return step_lib.put_batches(loader.train_batches(data, **arguments), mesh, keys)
 
     def _after_step(self) -> None:
         """Saves a checkpoint, evaluates and writes pictures, if they are due at this step."""

@@ -130,6 +130,32 @@ def test_cache_is_bounded(cfg, monkeypatch):
     assert sum(item.nbytes() for item in kept) <= 100_000
 
 
+@pytest.mark.parametrize(("cache_gb", "kept"), [(0.0, 0), (1e-5, 0), (0.01, 37)])
+def test_a_training_keeps_its_samples_if_all_fit(cfg, cache_gb, kept):
+    cfg = dataclasses.replace(cfg, cache_gb=cache_gb)
+    reader = RecordReader(cfg.path, "train")
+    items = batches.Items(cfg, reader, repeatedly=True)
+    first = [items[i] for i in range(37)]
+    assert sum(items[i] is item for i, item in enumerate(first)) == kept
+    once = batches.Items(cfg, reader)  # as in an evaluation
+    assert once[0] is not once[0]
+
+
+def test_samples_that_are_kept_change_nothing(cfg):
+    want = take(15, dataclasses.replace(cfg, cache_gb=0.0))
+    for got, one in zip(take(15, cfg), want, strict=True):
+        assert_same(got, one)
+
+
+def test_the_automatic_number_of_workers(cfg, monkeypatch):
+    for cores, workers in ((1, 1), (2, 1), (7, 1), (16, 4), (128, 8)):
+        monkeypatch.setattr(loader, "num_cores", lambda cores=cores: cores)
+        assert loader.with_workers(cfg).num_workers == workers
+    for given in (0, 3):
+        chosen = dataclasses.replace(cfg, num_workers=given)
+        assert loader.with_workers(chosen) == chosen
+
+
 def test_worker_processes_equal_threads(cfg):
     want = take(5, cfg, start_step=4)
     got = take(5, dataclasses.replace(cfg, num_workers=2), start_step=4)
