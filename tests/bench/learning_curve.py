@@ -4,7 +4,9 @@
 
 Every `RUN` is the folder of a run, or a folder with its `config.json` and `metrics.jsonl`. Each run
 continues the previous one (`train.init`). The number of samples seen is that of all previous runs
-plus step times batch size. Metrics are those of the averaged parameters on the validation split.
+plus step times batch size; runs that were trained side by side are drawn one after the other.
+Metrics are those of the averaged parameters on the validation split; values above 1.6 times the
+smallest are outside the picture.
 """
 
 import argparse
@@ -36,21 +38,27 @@ def main():
     arguments = parser.parse_args()
     figure = figures.blank(880, 330)
     axes = figure.subplots(1, len(METRICS))
-    seen = 0
+    seen, smallest = 0, dict.fromkeys(METRICS, float("inf"))
     for number, run in enumerate(arguments.runs, 1):
         batch, steps, rows = evaluations(run)
         samples = [(seen + batch * step) / 1000 for step, _ in rows]
-        for axis, metric in zip(axes, METRICS, strict=True):
+        for axis, metric in zip(axes, METRICS if rows else (), strict=bool(rows)):
             values = [row.get(metric) for _, row in rows]
-            axis.plot(samples, values, ".-", label=f"run {number}, {steps:,} steps")
+            smallest[metric] = min([smallest[metric], *(v for v in values if v is not None)])
+            axis.plot(samples, values, ".-", markersize=3)
+            axis.annotate(str(number), (samples[0], values[0]), xytext=(0, 8 + 9 * (number % 2)),
+                          textcoords="offset points", ha="center", fontsize=7,
+                          annotation_clip=True)  # fmt: skip
         for at, (step, row) in zip(samples, rows, strict=True):
             shown = ", ".join(f"{m} {row[m]:.5f}" for m in METRICS if m in row)
             print(f"run {number}, step {step}, {at:.1f} thousand samples: {shown}")
         seen += batch * steps
-    for axis, label in zip(axes, METRICS.values(), strict=True):
-        axis.set(xlabel="training samples seen [thousands]", ylabel=label, ylim=(0, None))
+    for axis, (metric, label) in zip(axes, METRICS.items(), strict=True):
+        low = smallest[metric]
+        axis.set(
+            xlabel="training samples seen [thousands]", ylabel=label, ylim=(0.95 * low, 1.6 * low)
+        )
         axis.grid(alpha=0.3)
-    axes[0].legend()
     write_atomic(arguments.out, figures.png(figure))
 
 
