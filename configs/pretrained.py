@@ -30,7 +30,8 @@ batches are used for evaluation (`data.eval_path`). To leave out data sets, list
 package, add `--config.train.init=NAME` (`psgn weights list`).
 
 Photos: 30 % of the samples from the authors' angle are cropped and placed like photos
-(`data.place`), as are all samples from other angles. All samples are scaled and shifted a little.
+(`data.place`), as are all samples from other angles. All samples are scaled and shifted a little,
+and stretched sideways by up to 30 % if the camera is not rolled (`data.stretch`).
 Masks and images have the effects of photos (`data.photo`).
 
 Loss: the EMD to 1,024 of the true points, with an error of up to 10 %, plus five times the CD to

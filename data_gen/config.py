@@ -2,7 +2,7 @@
 
 `--config=data_gen/config.py:photo` starts from a preset of `settings.PRESETS`: "authors" (the
 default), "r2n2" (the camera of 3D-R2N2), "photo" (images that look like photographs), "angles"
-(the cameras of "photo" with the light and shading of "authors") or "level" (like "angles", with
+(the cameras of "photo" with the light and shading of "authors") or "level" (like "angles", but with
 elevations of -8 to 10 degrees). For your own settings, copy this file and change what it returns.
 """
 

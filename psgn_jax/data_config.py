@@ -88,13 +88,10 @@ class DataConfig:
         images it is 0.07.
       photo: effects of photos, see `PhotoEffects`.
       colour_jitter: strength of random changes of brightness, contrast and channel gains; 0 = off.
-      num_workers: number of decoding processes; 0 = threads in this process. With -1, the command
-        `psgn train` on a CPU starts one process for every four cores (at least one, at most eight)
-        for its training batches; in all other cases -1 is the same as 0. Batches do not depend on
-        this number.
+      num_workers: number of decoding processes; 0 = threads in this process.
       cache: whether to keep decoded samples in memory, up to 4 GiB, even if not all of them fit.
-      cache_gb: memory in GB, over all decoding processes. Without `cache`, a training keeps its
-        decoded samples if all of them fit; 0 = never.
+      cache_gb: memory in GB. Without `cache`, a training keeps its decoded samples if all of them
+        fit; 0 = never. Each decoding process keeps its own copy of them.
       on_device: whether to keep the training split in the memory of the accelerator, which makes
         the batches (`data.on_device`): the same records, but other random points and
         augmentations. If the split does not fit, or an augmentation is not supported there
@@ -125,7 +122,7 @@ class DataConfig:
     reframe_shift: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
     photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)
     colour_jitter: Fraction = 0.0
-    num_workers: Annotated[int, Bounds(low=-1, high=256)] = -1
+    num_workers: Annotated[int, Bounds(low=0, high=256)] = 0
     cache: bool = False
     cache_gb: Annotated[float, Bounds(low=0, high=1000)] = 0.5
     on_device: bool = False

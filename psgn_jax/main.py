@@ -73,7 +73,7 @@ def main(argv: Sequence[str]) -> None:
 
         with joined(place) as group:
             config = group.first_then_others(lambda: with_default_data(given))
-            outcome = train(config, workdir, may_spawn=True)
+            outcome = train(config, workdir)
     if outcome.stopped_by:
         sys.exit(128 + outcome.stopped_by)
 

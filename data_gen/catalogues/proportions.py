@@ -57,7 +57,10 @@ def random_proportions(
     Args:
       points: the object, z upwards; its footprint must have an area.
       rng: source of the random numbers.
-      deviation: standard deviation of the logarithms, 0 for no change.
+      deviation: standard deviation of `a` and of `b`, 0 for no change.
+
+    Raises:
+      ValueError: the points lie in a vertical plane.
     """
     axes, middle, half = _footprint(points[:, :2])
     low, high = points[:, 2].min(), points[:, 2].max()
@@ -77,7 +80,13 @@ def _footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Axes [2, 2], middle and half sides [2] of the smallest rectangle around points [n, 2].
 
     One side of this rectangle lies along an edge of the convex hull.
+
+    Raises:
+      ValueError: the points lie on a line, up to a thousandth of their extent.
     """
+    spread = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)
+    if not spread[1] > 1e-3 * spread[0]:
+        raise ValueError("the points lie in a vertical plane, expected a volume")
     hull = flat[scipy.spatial.ConvexHull(flat).vertices]
     along = np.roll(hull, -1, axis=0) - hull
     along /= np.linalg.norm(along, axis=1, keepdims=True)

@@ -53,7 +53,7 @@ class RecordsCatalogue:
           source: a folder of records.
           variants: number of variants with other proportions that replace each model, 0 for the
             models themselves.
-          deviation: standard deviation of the logarithms of the changes of variants.
+          deviation: of variants, see `proportions.random_proportions`; not used without them.
 
         Raises:
           ValueError: the folder contains no records, they cannot be read, a split is unknown, or
@@ -130,8 +130,8 @@ def _variant(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
     seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
     try:
         change = random_proportions(points, np.random.default_rng(seed), deviation)
-    except scipy.spatial.QhullError:
-        raise UnusableModelError("the points lie in a vertical plane, expected a volume") from None
+    except ValueError as error:
+        raise UnusableModelError(str(error)) from None
     changed = change(points)
     changed[:, :2] -= change(np.zeros((1, 3)))[:, :2]
     return changed / np.linalg.norm(changed, axis=1).max()

@@ -17,7 +17,7 @@ reported. `--fraction=0.01` renders a small part of the set. `--photo=0.25` rend
 views of each model with the preset `photo`, in `records/free/photo/<source>`. `--angles=0.25` does
 the same with the preset `angles`: the cameras of `photo` with the light and shading of the authors.
 This renders several times as fast as the preset `photo`. `--level=0.25` does the same with the
-preset `level`: like `angles`, but near the height of the object, at elevations of -8 to 10 degrees.
+preset `level`: like `angles`, but near the horizon, at elevations of -8 to 10 degrees.
 
 Exit codes: 0 done; 1 done, except for sources that could not be rendered; 2 wrong arguments,
 missing packages or no data set; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.

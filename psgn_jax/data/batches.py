@@ -59,8 +59,8 @@ class Items:
 
     With `cache`, it keeps items up to `CACHE_BYTES`. If the items are used `repeatedly`, it also
     keeps them without `cache`, provided that all of them fit in `cache_gb`, judged by the size of
-    the first one. A part of a larger split is not kept, because few of its items would be used
-    again soon.
+    the first one. Of a larger split it keeps nothing, because few items would be used again soon.
+    Records of a folder that is listed several times are kept once.
     """
 
     def __init__(
@@ -96,16 +96,17 @@ class Items:
         self._lock = threading.Lock()
 
     def __getitem__(self, index: int) -> Item:
-        item = self._kept.get(index)
+        number = self._reader.original(index)
+        item = self._kept.get(number)
         if item is None:
-            item = self._decode(index)
+            item = self._decode(number)
             with self._lock:
                 if self._bound_of_all:
-                    if item.nbytes() * len(self._reader) <= self._bound_of_all:
+                    if item.nbytes() * self._reader.num_distinct <= self._bound_of_all:
                         self._bound = self._bound_of_all
                     self._bound_of_all = 0
-                if self._held + item.nbytes() <= self._bound and index not in self._kept:
-                    self._kept[index] = item
+                if self._held + item.nbytes() <= self._bound and number not in self._kept:
+                    self._kept[number] = item
                     self._held += item.nbytes()
         return item
 

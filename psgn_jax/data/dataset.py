@@ -214,6 +214,15 @@ class RecordReader:
         """Number of records."""
         return int(self._ends[-1]) if len(self._ends) else 0
 
+    @property
+    def num_distinct(self) -> int:
+        """Number of different records, see `JoinedReader`."""
+        return len(self)
+
+    def original(self, index: int) -> int:
+        """The number of the record, see `JoinedReader`."""
+        return index
+
     def _remedy(self, shard: Shard) -> str:
         return f"copy {shard.file} from an undamaged copy of the data set, or write the set again"
 
@@ -342,6 +351,16 @@ class JoinedReader:
     def __len__(self) -> int:
         """Number of records."""
         return int(self._ends[-1])
+
+    @property
+    def num_distinct(self) -> int:
+        """Number of records, where those of a reader that is listed repeatedly count once."""
+        return sum(len(reader) for reader in dict.fromkeys(self._readers))
+
+    def original(self, index: int) -> int:
+        """The smallest number of the record `index`, whose reader may be listed repeatedly."""
+        reader, own = self._of(index)
+        return int(self._ends[self._readers.index(reader)]) - len(reader) + own
 
     def _of(self, index: int) -> tuple[RecordReader, int]:
         if not 0 <= index < len(self):

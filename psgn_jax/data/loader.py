@@ -10,7 +10,6 @@ Each batch is made by one worker: a thread of this process (decoding releases Py
 the time), or one of `num_workers` processes.
 """
 
-import dataclasses
 import gc
 import itertools
 import sys
@@ -31,10 +30,6 @@ from psgn_jax.data.schema import RecordError
 
 MAX_THREADS = 8
 """Largest number of decoding threads in one process, which is also limited by the cores."""
-
-CORES_PER_WORKER = 4
-"""Cores for each decoding process of a training on a CPU. A sample of `configs/pretrained.py` takes
-3 to 5 ms of CPU time in the loader and 10 ms or more in the step."""
 
 
 def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader | JoinedReader:
@@ -71,18 +66,6 @@ def num_threads() -> int:
     return min(MAX_THREADS, num_cores())
 
 
-def with_workers(cfg: DataConfig) -> DataConfig:
-    """`cfg` with the number of decoding processes for a training on a CPU, if it is automatic.
-
-    In a process of its own, the loader does not compete with the step for Python's lock and for the
-    memory allocator. The processes are spawned: Python imports the main module again in each.
-    """
-    if cfg.num_workers >= 0:
-        return cfg
-    workers = max(1, min(MAX_THREADS, num_cores() // CORES_PER_WORKER))
-    return dataclasses.replace(cfg, num_workers=workers)
-
-
 def _plain(batch: Batch) -> Batch:
     return {k: np.array(v) if isinstance(v, np.ndarray) else v for k, v in batch.items()}
 
@@ -114,7 +97,7 @@ def _iterate(
 ) -> Generator[Batch, None, None]:
     """The batches of these numbers in order, made ahead of their use."""
     source = grain.MapDataset.range(numbers.start, numbers.stop, numbers.step).map(make)
-    if cfg.num_workers <= 0:
+    if not cfg.num_workers:
         threads = num_threads()
         read = grain.ReadOptions(num_threads=threads, prefetch_buffer_size=threads + 1)
         yield from source.to_iter_dataset(read)

@@ -1,7 +1,7 @@
 """Resampling of training images (uint8 [h, w, 3]) together with their masks (bool [h, w]).
 
-If the background is plain grey, only the surroundings of the object are computed, which takes half
-the time. Masks are the same as for the whole image; colours may differ by 1 at ties of rounding.
+If the background is plain grey, only the surroundings of the object are computed, which is faster.
+Masks are the same as for the whole image; colours may differ by 1 at ties of rounding.
 """
 
 import math

@@ -75,7 +75,7 @@ class Outcome(NamedTuple):
     stopped_by: int | None
 
 
-def train(config: Any, workdir: str | pathlib.Path, *, may_spawn: bool = False) -> Outcome:
+def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     """Trains, or resumes training, until `config.train.steps` or a signal.
 
     After SIGTERM or SIGINT, the current step ends, its checkpoint is saved and the function
@@ -84,8 +84,6 @@ def train(config: Any, workdir: str | pathlib.Path, *, may_spawn: bool = False) 
     Args:
       config: a `Config`, or a mapping for `config.parse`.
       workdir: folder of the run.
-      may_spawn: whether `data.num_workers=-1` may start processes, which import the main module
-        again. A script without `if __name__ == "__main__"` does not allow this.
 
     Raises:
       ConfigError: raised before compilation if (a) the configuration is wrong, (b) it differs from
@@ -114,16 +112,11 @@ def train(config: Any, workdir: str | pathlib.Path, *, may_spawn: bool = False) 
             init = _open_initial(config, workdir, task)
             if group.is_first:
                 stack.enter_context(locked(workdir))
-        training = _Training(config, workdir, mesh, sizes, task, optimizer, init)
-        training.spawns = may_spawn and group.count == 1 and jax.default_backend() == "cpu"
-        return training.run()
+        return _Training(config, workdir, mesh, sizes, task, optimizer, init).run()
 
 
 class _Training:
     """A training after the checks of `train`; no other process trains in its folder."""
-
-    spawns = False
-    """Whether it chooses the number of the loader's processes, see `train`."""
 
     def __init__(
         self,
@@ -234,8 +227,7 @@ class _Training:
             made = on_device.train_batches(config.data, mesh, keys=keys, **arguments)
             if made is not None:
                 return made
-        data = loader.with_workers(config.data) if self.spawns else config.data
-        return step_lib.put_batches(loader.train_batches(data, **arguments), mesh, keys)
+        return step_lib.put_batches(loader.train_batches(config.data, **arguments), mesh, keys)
 
     def _after_step(self) -> None:
         """Saves a checkpoint, evaluates and writes pictures, if they are due at this step."""

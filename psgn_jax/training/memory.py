@@ -48,7 +48,7 @@ def check_memory(config: Config, create: Callable[[], TrainState]) -> None:
                 config.eval.batch_size * _sample(config, train=False),
             )
         ),
-        f"data.num_workers={config.data.num_workers}": max(0, config.data.num_workers) * WORKER,
+        f"data.num_workers={config.data.num_workers}": config.data.num_workers * WORKER,
     }
     statistics = jax.local_devices()[0].memory_stats() or {}
     if "bytes_limit" in statistics:

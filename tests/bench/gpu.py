@@ -336,7 +336,7 @@ def data(part):
     from psgn_jax.training import step as step_lib
 
     base = configuration(part, "two_branch", 4 if part.tiny else 32)
-    plain = dataclasses.replace(base.data, path=records(part))
+    plain = dataclasses.replace(base.data, path=records(part), cache_gb=0.0)
     augmented = dataclasses.replace(plain, flip=True, stretch=0.15, colour_jitter=0.2)
     mesh, keys = step_lib.data_mesh(jax.devices()[:1]), ("image", "mask", "points")
     batch_size, budget = base.train.batch_size, 1.0 if part.tiny else 8.0

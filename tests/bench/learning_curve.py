@@ -14,6 +14,8 @@ import json
 import pathlib
 import sys
 
+import numpy as np
+
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from psgn_jax.experiments import figures
 from psgn_jax.files import write_atomic
@@ -42,11 +44,17 @@ def main():
     for number, run in enumerate(arguments.runs, 1):
         batch, steps, rows = evaluations(run)
         samples = [(seen + batch * step) / 1000 for step, _ in rows]
-        for axis, metric in zip(axes, METRICS if rows else (), strict=bool(rows)):
-            values = [row.get(metric) for _, row in rows]
-            smallest[metric] = min([smallest[metric], *(v for v in values if v is not None)])
-            axis.plot(samples, values, ".-", markersize=3)
-            axis.annotate(str(number), (samples[0], values[0]), xytext=(0, 8 + 9 * (number % 2)),
+        for axis, metric in zip(axes, METRICS, strict=True):
+            points = [
+                (at, row[metric])
+                for at, (_, row) in zip(samples, rows, strict=True)
+                if metric in row
+            ]
+            if not points:
+                continue
+            smallest[metric] = min(smallest[metric], *(value for _, value in points))
+            axis.plot(*zip(*points, strict=True), ".-", markersize=3)
+            axis.annotate(str(number), points[0], xytext=(0, 8 + 9 * (number % 2)),
                           textcoords="offset points", ha="center", fontsize=7,
                           annotation_clip=True)  # fmt: skip
         for at, (step, row) in zip(samples, rows, strict=True):
@@ -54,10 +62,9 @@ def main():
             print(f"run {number}, step {step}, {at:.1f} thousand samples: {shown}")
         seen += batch * steps
     for axis, (metric, label) in zip(axes, METRICS.items(), strict=True):
-        low = smallest[metric]
-        axis.set(
-            xlabel="training samples seen [thousands]", ylabel=label, ylim=(0.95 * low, 1.6 * low)
-        )
+        axis.set(xlabel="training samples seen [thousands]", ylabel=label)
+        if np.isfinite(smallest[metric]):
+            axis.set_ylim(0.95 * smallest[metric], 1.6 * smallest[metric])
         axis.grid(alpha=0.3)
     write_atomic(arguments.out, figures.png(figure))
 

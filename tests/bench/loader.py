@@ -93,7 +93,7 @@ def main():
     path = arguments.path or default_data.default_dataset()
     num_points = min(4096, len(RecordReader(path, "train")[0].points))
     for image_size in ((192, 256), (96, 128)):
-        plain = DataConfig(path=path, image_size=image_size, num_points=num_points)
+        plain = DataConfig(path=path, image_size=image_size, num_points=num_points, cache_gb=0.0)
         augmented = dataclasses.replace(plain, flip=True, stretch=0.1, colour_jitter=0.2)
         print(f"images {image_size[0]}x{image_size[1]}, {num_points} points")
         cases = {

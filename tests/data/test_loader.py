@@ -141,19 +141,17 @@ def test_a_training_keeps_its_samples_if_all_fit(cfg, cache_gb, kept):
     assert once[0] is not once[0]
 
 
+def test_a_folder_that_counts_several_times_is_kept_once(cfg):
+    cfg = dataclasses.replace(cfg, path=f"{cfg.path}*3", cache_gb=0.01)
+    items = batches.Items(cfg, open_split(cfg.folders, "train"), repeatedly=True)
+    assert items[5] is items[42] is items[79]
+    assert len(items._kept) == 1
+
+
 def test_samples_that_are_kept_change_nothing(cfg):
     want = take(15, dataclasses.replace(cfg, cache_gb=0.0))
     for got, one in zip(take(15, cfg), want, strict=True):
         assert_same(got, one)
-
-
-def test_the_automatic_number_of_workers(cfg, monkeypatch):
-    for cores, workers in ((1, 1), (2, 1), (7, 1), (16, 4), (128, 8)):
-        monkeypatch.setattr(loader, "num_cores", lambda cores=cores: cores)
-        assert loader.with_workers(cfg).num_workers == workers
-    for given in (0, 3):
-        chosen = dataclasses.replace(cfg, num_workers=given)
-        assert loader.with_workers(chosen) == chosen
 
 
 def test_worker_processes_equal_threads(cfg):

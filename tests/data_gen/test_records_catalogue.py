@@ -103,7 +103,7 @@ def test_ambiguous_models_are_refused(tmp_path, wrong):
         open_catalogue("records", tmp_path)
 
 
-def test_proportions_keep_planes_symmetry_and_angles():
+def test_proportions_keep_planes_and_symmetry():
     points = box_sample().points.astype(np.float64)
     change = proportions.random_proportions(points, np.random.default_rng(3), 0.3)
     changed = change(points)
@@ -117,6 +117,12 @@ def test_proportions_keep_planes_symmetry_and_angles():
     # The order of points along each axis is kept.
     order = np.argsort(points[:, 2])
     assert (np.diff(changed[order, 2]) >= 0).all()
+    # The sides of the box, which are parallel to the axes, stay plane.
+    for axis in before[0]:
+        along, now = points[:, :2] @ axis, changed[:, :2] @ axis
+        side = along > along.max() - 1e-4
+        assert side.sum() > 100
+        assert np.ptp(now[side]) < 1e-3
     # Each point and its mirror image about the middle have mirror images after the change.
     middle = before[1] @ before[0]
     mirrored = np.concatenate([2 * middle - points[:, :2], points[:, 2:]], axis=1)

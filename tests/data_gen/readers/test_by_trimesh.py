@@ -96,6 +96,7 @@ def test_vertex_colours_become_a_palette(tmp_path):
     model = load_model(path)
     colours = texels(model.materials[0].texture, model.uv[:, 0])
     assert {tuple(c[:3]) for c in colours.tolist()} <= {(255, 0, 0), (0, 255, 0)}
+    assert not model.materials[0].has_alpha  # two of its four texels are not used
 
 
 COLLADA = """\
