@@ -3,7 +3,7 @@
     python -m psgn_jax.weights list [NAME|FILE ...]
     python -m psgn_jax.weights export --workdir=RUN --out=FILE.safetensors
         [--checkpoint=best|last] [--ema|--no-ema] [--dtype=float16|float32]
-        [--sources=sources.json,more.json]
+        [--sources=sources.json,more.json] [--samples_before=N]
 
 `list` shows the network, metrics, data and licences of the weights in the package, or of the given
 ones. `export` writes a checkpoint of a run as a file, for `--weights=FILE` of the other commands
@@ -47,6 +47,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     command.add_argument(
         "--sources", default="", help="JSON files that list data and licences, separated by commas"
     )
+    command.add_argument(
+        "--samples_before",
+        type=int,
+        default=0,
+        help="training samples seen before the run, by the networks that it started from",
+    )
     arguments = parser.parse_args(argv)
     log_to_terminal()
     with exit_on_user_error():
@@ -60,6 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             averaged=arguments.ema,
             dtype=arguments.dtype,
             sources=[path for path in arguments.sources.split(",") if path],
+            samples_before=arguments.samples_before,
         )
         sys.stdout.write(describe(weights, pathlib.Path(arguments.out)))
     return 0

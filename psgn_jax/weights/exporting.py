@@ -5,7 +5,7 @@ import pathlib
 from collections.abc import Sequence
 from typing import Any
 
-from psgn_jax.config import Config
+from psgn_jax.config import Config, ConfigError
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.training.run_folder import open_run
@@ -20,6 +20,7 @@ def export_run(
     averaged: bool = True,
     dtype: str = "float16",
     sources: Sequence[str | os.PathLike[str]] = (),
+    samples_before: int = 0,
 ) -> Weights:
     """Writes a checkpoint of a run as a file of weights.
 
@@ -30,10 +31,14 @@ def export_run(
       averaged: whether to export the averaged parameters, if the run has them.
       dtype: "float16" or "float32".
       sources: JSON files that list data and licences (`weights.file.read_sources`).
+      samples_before: training samples that the networks of `train.init` had seen before the run;
+        they are added to those of the run.
 
     Raises:
       ConfigError, CheckpointError, WeightsError: the run, an argument or the weights are invalid.
     """
+    if samples_before < 0:
+        raise ConfigError(f"--samples_before: got {samples_before}, expected 0 or more")
     rows = [row for path in sources for row in read_sources(path)]
     run = open_run(workdir, checkpoint, averaged=averaged)
     # The scores belong to the averaged parameters, because evaluation uses these if they exist.
@@ -47,6 +52,7 @@ def export_run(
         metrics=run.scores if measured else {},
         data=_data_of(run.config),
     )
+    figures["samples_seen"] += samples_before
     weights = Weights(run.config, run.params, figures, rows, dtype)
     write_weights(out, weights)
     return weights

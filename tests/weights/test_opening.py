@@ -76,8 +76,10 @@ def test_export_takes_the_checkpoint_as_asked(run, weights, tmp_path, capsys):
     assert len(read.sources) == 4
     want, have = jax.tree.leaves(weights.params)[0], jax.tree.leaves(read.params)[0]
     np.testing.assert_allclose(have, want, rtol=1e-3)
-    assert command.main([*arguments, "--no-ema", "--checkpoint=last"]) == 0
+    seen = read.figures["samples_seen"]
+    assert command.main([*arguments, "--no-ema", "--checkpoint=last", "--samples_before=1000"]) == 0
     read = read_weights(out)
+    assert read.figures["samples_seen"] == seen + 1000
     assert (read.figures["averaged"], read.figures["metrics"]) == (False, {})
     np.testing.assert_allclose(jax.tree.leaves(read.params)[0], 2 * want, rtol=1e-3)
 
@@ -104,7 +106,8 @@ def test_list_shows_figures_data_and_licences(file, shipped, capsys):
 def test_errors_of_the_command_are_one_line(tmp_path, capsys):
     wrong = tmp_path / "wrong.safetensors"
     wrong.write_bytes(b"abc")
-    for arguments in (["list", str(wrong)], ["export", "--workdir=none", f"--out={wrong}"]):
+    export = ["export", "--workdir=none", f"--out={wrong}"]
+    for arguments in (["list", str(wrong)], export, [*export, "--samples_before=-1"]):
         with pytest.raises(SystemExit) as caught:
             command.main(arguments)
         assert caught.value.code == 2
