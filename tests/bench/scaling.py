@@ -82,10 +82,10 @@ def main():
     parser.add_argument("--views", type=int, default=24)
     parser.add_argument("--step_ms", type=float, default=6.0,
                         help=f"of {BATCH} samples: tests/bench/gpu.py --parts c")  # fmt: skip
-    parser.add_argument("--plain", type=float, default=601,
+    parser.add_argument("--plain", type=float, default=952,
                         help="samples per CPU second: tests/bench/loader.py")  # fmt: skip
-    parser.add_argument("--augmented", type=float, default=306, help="likewise")
-    parser.add_argument("--cached", type=float, default=2191, help="likewise, data.cache")
+    parser.add_argument("--augmented", type=float, default=723, help="likewise")
+    parser.add_argument("--cached", type=float, default=6824, help="likewise, data.cache")
     parser.add_argument("--cached_kb", type=float, default=250, help="psgn_jax.data.batches")
     parser.add_argument("--record_kb", type=float, default=22.4, help="psgn inspect RECORDS")
     parser.add_argument("--slow_images", type=float, default=4.4,
