@@ -100,8 +100,9 @@ class RecordsCatalogue:
             if not self._variants:
                 yield Entry(model_id, category, split, loader(_load, self._source, split, index))
             for number in range(self._variants):
-                load = loader(_load_variant, self._source, split, index, number, self._deviation)
-                yield Entry(f"{model_id} variant {number}", category, split, load)
+                name = f"{model_id} variant {number}"
+                load = loader(_load_variant, self._source, split, index, name, self._deviation)
+                yield Entry(name, category, split, load)
 
 
 @functools.lru_cache(maxsize=4)
@@ -113,12 +114,9 @@ def _load(source: str, split: str, index: int) -> Model:
     return surfels(_reader(source, split)[index])
 
 
-def _load_variant(source: str, split: str, index: int, number: int, deviation: float) -> Model:
-    sample = _reader(source, split)[index]
-    name = f"{sample.model_id} variant {number}"
-    return dataclasses.replace(
-        surfels(sample, functools.partial(_variant, name=name, deviation=deviation)), model_id=name
-    )
+def _load_variant(source: str, split: str, index: int, name: str, deviation: float) -> Model:
+    sample = dataclasses.replace(_reader(source, split)[index], model_id=name)
+    return surfels(sample, functools.partial(_variant, name=name, deviation=deviation))
 
 
 def _variant(points: np.ndarray, name: str, deviation: float) -> np.ndarray:

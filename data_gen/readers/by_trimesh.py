@@ -156,7 +156,7 @@ def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
     distinct, first, index = np.unique(key, return_index=True, return_inverse=True)
     width = int(np.ceil(np.sqrt(len(distinct))))
     # Unused texels repeat the last colour: an opaque palette has no alpha, which is slow to handle.
-    texture = colours[first][np.minimum(np.arange(width * width), len(distinct) - 1)]
+    texture = np.pad(colours[first], ((0, width * width - len(distinct)), (0, 0)), mode="edge")
     column, row = index % width, index // width
     uv = np.stack([(column + 0.5) / width, 1 - (row + 0.5) / width], axis=1)
     return (

@@ -337,7 +337,7 @@ def main(argv: list[str]) -> None:
                 "packages are missing; these commands download and unpack them:\n  "
                 + "\n  ".join(commands)
             )
-        fractions = {"photo": given.photo, "angles": given.angles, "level": given.level}
+        fractions = {preset: getattr(given, preset) for preset in OTHER_PRESETS}
         parts = plan(chosen, fractions)
         options = Options(given.centre, given.workers, given.variant)
         for part in parts:

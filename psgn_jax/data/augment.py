@@ -94,10 +94,7 @@ def stretch(view: View, factor: float) -> View:
     image, mask = resample.stretch(view.image, view.mask, source)
     depth = None
     if view.depth is not None:
-        nearest = np.floor(source).astype(np.intp)
-        inside = (nearest >= 0) & (nearest < width)
-        depth = view.depth.take(np.clip(nearest, 0, width - 1), axis=1)
-        depth = np.where(inside, depth, np.float32(0))
+        depth, _ = resample.take_nearest(view.depth, source)
     extrinsics = view.extrinsics.copy()
     extrinsics[0, 3] *= np.float32(factor)
     return View(

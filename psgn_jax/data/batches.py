@@ -81,9 +81,8 @@ class Items:
             self._fields.append("occupancy")
         shares = max(1, cfg.num_workers)
         self._bound = CACHE_BYTES // shares if cfg.cache else 0
-        self._bound_of_all = (
-            int(1e9 * cfg.cache_gb) // shares if repeatedly and not cfg.cache else 0
-        )
+        keeps_all = repeatedly and not cfg.cache
+        self._bound_of_all = int(1e9 * cfg.cache_gb) // shares if keeps_all else 0
         self.__setstate__({})
 
     def __getstate__(self) -> dict[str, Any]:

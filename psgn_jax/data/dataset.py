@@ -347,6 +347,7 @@ class JoinedReader:
         self._readers = tuple(readers)
         self._ends = np.cumsum([len(reader) for reader in readers])
         self.shards = tuple(shard for reader in readers for shard in reader.shards)
+        self._folders = [reader.folder for reader in readers]
 
     def __len__(self) -> int:
         """Number of records."""
@@ -354,13 +355,13 @@ class JoinedReader:
 
     @property
     def num_distinct(self) -> int:
-        """Number of records, where those of a reader that is listed repeatedly count once."""
-        return sum(len(reader) for reader in dict.fromkeys(self._readers))
+        """Number of records, where those of a folder that is listed repeatedly count once."""
+        return sum({reader.folder: len(reader) for reader in self._readers}.values())
 
     def original(self, index: int) -> int:
-        """The smallest number of the record `index`, whose reader may be listed repeatedly."""
+        """The smallest number of the record `index`, whose folder may be listed repeatedly."""
         reader, own = self._of(index)
-        return int(self._ends[self._readers.index(reader)]) - len(reader) + own
+        return int(self._ends[self._folders.index(reader.folder)]) - len(reader) + own
 
     def _of(self, index: int) -> tuple[RecordReader, int]:
         if not 0 <= index < len(self):

@@ -243,9 +243,13 @@ def move_image(
     small = Image.fromarray(rgba).resize(size[::-1], Image.Resampling.BILINEAR, box=box)
     result = np.asarray(small)
     colours, inside = np.ascontiguousarray(result[..., :3]), result[..., 3] > 127
-    # With one value for each byte, this takes a quarter of the time of `colours[~inside] = ...`.
-    on = inside.repeat(3, axis=1).reshape(colours.shape)
-    return np.where(on, colours, np.uint8(schema.BACKGROUND_GREY)), inside
+    return on_mask(inside, colours, np.uint8(schema.BACKGROUND_GREY)), inside
+
+
+def on_mask(mask: np.ndarray, image: np.ndarray, other: np.ndarray | np.uint8) -> np.ndarray:
+    """`image` [h, w, 3] on the mask [h, w], `other` elsewhere."""
+    # With one value for each byte, NumPy takes a quarter of the time of `image[~mask] = other`.
+    return np.where(mask.repeat(3, axis=1).reshape(image.shape), image, other)
 
 
 def move_points(

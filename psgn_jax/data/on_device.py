@@ -117,7 +117,7 @@ def _bytes_needed(cfg: DataConfig, reader: RecordReader | JoinedReader) -> int:
     each = 3 * pixels + -(-pixels // 8) + points + 4 * (12 + 9 + 12 + 1) + 1
     each += 4 * pixels if "depth" in cfg.inputs else 0
     each += schema.OCCUPANCY_SIZE**3 // 8 if cfg.occupancy else 0
-    return each * len({reader.locate(index) for index in range(len(reader))})
+    return each * reader.num_distinct
 
 
 def _bytes_allowed(device: jax.Device) -> float:
@@ -135,22 +135,15 @@ def _load(
 
     The arrays have one row for each distinct record, because a folder may be listed twice.
     """
-    places: dict[Any, int] = {}
-    slots = np.zeros(len(reader), np.int32)
-    distinct: list[int] = []
-    for index in range(len(reader)):
-        place = reader.locate(index)
-        if place not in places:
-            places[place] = len(distinct)
-            distinct.append(index)
-        slots[index] = places[place]
+    originals = [reader.original(index) for index in range(len(reader))]
+    distinct, slots = np.unique(originals, return_inverse=True)
     items = Items(cfg, reader)
     arrays: dict[str, np.ndarray] = {}
     codes: list[np.ndarray] = []
     threads = concurrent.futures.ThreadPoolExecutor(loader.num_threads())
     with threads:
         for begin in range(0, len(distinct), _MANY):
-            part = distinct[begin : begin + _MANY]
+            part = distinct[begin : begin + _MANY].tolist()
             for row, item in enumerate(threads.map(items.__getitem__, part), begin):
                 for name, value in _stored(item).items():
                     if name not in arrays:
@@ -162,7 +155,9 @@ def _load(
     arrays["codes"] = np.zeros((len(codes), arrays["count"].max(), 3), wide)
     for row, one in enumerate(codes):
         arrays["codes"][row, : len(one)] = one
-    return {name: jax.device_put(array, sharding) for name, array in arrays.items()}, slots
+    return {name: jax.device_put(array, sharding) for name, array in arrays.items()}, slots.astype(
+        np.int32
+    )
 
 
 def _stored(item: Item) -> dict[str, np.ndarray]:

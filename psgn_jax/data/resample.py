@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from psgn_jax.data import schema
+from psgn_jax.data import framing, schema
 
 # Pixels beside the mask that may show the object, because their colours were interpolated.
 _EDGE = 2
@@ -39,18 +39,30 @@ def stretch(
         new = np.full_like(image, schema.BACKGROUND_GREY)
         new[part] = _columns(image[rows], source)
         moved = np.zeros_like(mask)
-        moved[part] = mask[rows].take(np.floor(source).astype(np.intp), axis=1)
+        moved[part], _ = take_nearest(mask[rows], source)
         return new, moved
     width = mask.shape[1]
-    nearest = np.floor(source).astype(np.intp)
-    vacated = (nearest < 0) | (nearest >= width)
-    moved = mask.take(np.clip(nearest, 0, width - 1), axis=1) & ~vacated
+    moved, vacated = take_nearest(mask, source)
     if not vacated.any() or _has_grey_background(image, mask):
         new = _columns(image, source)
         new[:, vacated] = schema.BACKGROUND_GREY
         return new, moved
     before, after = _margins(float(source[0]), float(source[-1]), width)
     return _columns(_extend(image, mask, (0, 0), (before, after)), source + before), moved
+
+
+def take_nearest(plane: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The nearest columns of a plane [h, w], 0 outside it; and which columns are outside, bool [w].
+
+    Args:
+      plane: any dtype.
+      source: coordinates of the columns, as in `stretch`.
+    """
+    nearest = np.floor(source).astype(np.intp)
+    outside = (nearest < 0) | (nearest >= plane.shape[1])
+    taken = plane.take(np.clip(nearest, 0, plane.shape[1] - 1), axis=1)
+    taken[:, outside] = 0
+    return taken, outside
 
 
 def recrop(
@@ -68,7 +80,7 @@ def recrop(
       offset: (down, right) in pixels; edges of pixels are at integers.
     """
     size = mask.shape
-    moved = resample(mask.view(np.uint8), size, factor, offset, _NEAREST, 0).astype(np.bool_)
+    moved = resample(mask.view(np.uint8), size, factor, offset).astype(np.bool_)
     if window := _window(image, mask):
         return _recrop_window(image, window, factor, offset), moved
     # Source coordinates of the first and last pixels' centres, along rows and columns.
@@ -106,7 +118,7 @@ def _recrop_window(
 ) -> np.ndarray:
     """The image of `recrop`, computed from the pixels of the window and one pixel around it."""
     sources, targets, moves = [], [], []
-    for part, side, move in zip(window, image.shape, offset, strict=False):
+    for part, side, move in zip(window, image.shape[:2], offset, strict=True):
         low = factor * (part.start - 1) + move
         begin = max(0, math.floor(low))
         sources.append(slice(part.start - 1, part.stop + 1))
@@ -124,11 +136,10 @@ def _window(image: np.ndarray, mask: np.ndarray) -> tuple[slice, slice] | None:
 
     None if the background is not plain grey, or if the window would touch the border of the image.
     """
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
+    if not mask.any():
         return None
-    top, bottom = int(rows[0]) - _EDGE, int(rows[-1]) + 1 + _EDGE
-    left, right = int(columns[0]) - _EDGE, int(columns[-1]) + 1 + _EDGE
+    top, bottom, left, right = framing.box_of(mask)
+    top, bottom, left, right = top - _EDGE, bottom + _EDGE, left - _EDGE, right + _EDGE
     if top < 1 or left < 1 or bottom >= mask.shape[0] or right >= mask.shape[1]:
         return None
     middle = image[top:bottom]

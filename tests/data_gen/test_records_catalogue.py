@@ -137,9 +137,11 @@ def test_without_deviation_proportions_stay():
 
 def test_variants_replace_their_models(tmp_path):
     sample = box_sample(3000)
-    flat = dataclasses.replace(
-        sample, model_id="flat", points=sample.points * np.float32([1, 0, 1])
+    # A vertical plane, oblique to the axes, so that its points lie in it only up to rounding.
+    oblique = sample.points[:, :1] * np.float32([0.8, 0.6, 0]) + sample.points * np.float32(
+        [0, 0, 1]
     )
+    flat = dataclasses.replace(sample, model_id="flat", points=oblique)
     write_dataset(tmp_path, {"train": [sample, flat]}, source="solids")
     options = parse_options("records", ["variants=3", "deviation=0.2"])
     catalogue = open_catalogue("records", tmp_path, **options)
