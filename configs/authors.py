@@ -1,6 +1,6 @@
 """The full two-branch network on the authors' batches, at full image size.
 
-Command: python -m psgn_jax.convert authors SRC records/authors
+Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors.py --workdir=runs/authors
 Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: a complete run has not been measured.

@@ -1,6 +1,6 @@
 r"""The full two-branch network on the authors' batches, trained with the EMD.
 
-Command: python -m psgn_jax.convert authors SRC records/authors
+Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_emd.py --workdir=runs/authors_emd
 Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: a complete run has not been measured.
@@ -18,7 +18,7 @@ give .309 and .0105. The command for the half-size network is:
 
 import ml_collections
 
-from psgn_jax import config_files
+from psgn_jax.config import recipes as config_files
 
 
 def get_config() -> ml_collections.ConfigDict:

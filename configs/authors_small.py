@@ -1,6 +1,6 @@
 """A two-branch network on half-size images of the authors' batches, for two CPU cores.
 
-Command: python -m psgn_jax.convert authors SRC records/authors
+Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small
 Hardware: two CPU cores (5.2 M parameters).
 Time: not measured; a step takes 1.5 times as long as one of `authors_small_cd.py`.

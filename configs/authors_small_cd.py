@@ -1,17 +1,17 @@
 """The recipe of `authors_small.py` with the CD alone as its loss, for comparing data and losses.
 
-Command: python -m psgn_jax.convert authors SRC records/authors
+Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_small_cd.py --workdir=runs/by_cd
 Hardware: two CPU cores (5.2 M parameters).
 Time: 28 minutes (.5 s per step, with evaluations), on cores that also ran other programs, before
-`psgn_jax.host_memory.keep_freed_memory` and oneDNN were added. With both, a step takes .11 s
+`psgn_jax.system.memory.keep_freed_memory` and oneDNN were added. With both, a step takes .11 s
 (docs/benchmarks.md).
 Expect: cd_sq_radius2 of .0105 and emd_radius of .309 on the validation split, at the last step.
 """
 
 import ml_collections
 
-from psgn_jax import config_files
+from psgn_jax.config import recipes as config_files
 
 
 def get_config() -> ml_collections.ConfigDict:

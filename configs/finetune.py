@@ -9,14 +9,14 @@ Expect: the evaluation at step 0 measures the given weights. On a folder of 74 m
 squared of the validation models fell from .0061 to .0043 (docs/predict.md).
 
 WEIGHTS is a file of weights, the folder of a run, or the name of weights in the package, listed by
-`python -m psgn_jax.weights list`. Network, input and loss are those of `pretrained.py`. If the
+`psgn weights list`. Network, input and loss are those of `pretrained.py`. If the
 weights are from another network, an error names the layers that do not fit. The learning rate is a
 third of that of `pretrained.py`, because the network is already trained.
 """
 
 import ml_collections
 
-from psgn_jax import config_files
+from psgn_jax.config import recipes as config_files
 
 
 def get_config() -> ml_collections.ConfigDict:

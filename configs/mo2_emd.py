@@ -14,7 +14,7 @@ smaller one is the loss (MoN with n = 2). The paper gives neither the size of r 
 
 import ml_collections
 
-from psgn_jax import config_files
+from psgn_jax.config import recipes as config_files
 
 
 def get_config() -> ml_collections.ConfigDict:

@@ -3,7 +3,7 @@
 Command: python data_gen/sets/free.py --packages FOLDER --out records/free
          python data_gen/sets/free.py --packages FOLDER --out records/others --photo=0.2
              --angles=0.5 --level=0.3 --sources=furniture,scenery,aircraft
-         python -m psgn_jax.convert authors SRC records/authors
+         psgn convert authors SRC records/authors
          python data_gen/render.py --catalogue=records --source=records/authors
              --out=records/views --config.views=8 --config.image.samples=2
          python data_gen/render.py --catalogue=records --source=records/authors
@@ -13,7 +13,7 @@ Command: python data_gen/sets/free.py --packages FOLDER --out records/free
              --source=records/authors --out=records/variants_level --option variants=8
              --sample=700 --seed=5 --config.views=4 --config.image.samples=2
          python -m psgn_jax.main --config=configs/pretrained.py --workdir=runs/pretrained
-         python -m psgn_jax.weights export --workdir=runs/pretrained --out=pretrained.safetensors
+         psgn weights export --workdir=runs/pretrained --out=pretrained.safetensors
              --sources=records/free/sources.json
 Hardware: two CPU cores (5.2 M parameters), in the background. After SIGTERM it saves a checkpoint,
 and the same command resumes.
@@ -51,17 +51,14 @@ Factors of the CD other than 5 and 20 have not been tried.
 
 import ml_collections
 
-from psgn_jax import config_files
+from psgn_jax.config import recipes as config_files
 
 FREE = (
     "furniture",
     "scenery",
     "aircraft",
     "cars",
-    "ancient",
     "procedural",
-    "procedural_extra",
-    "procedural_groups",
     "procedural_incomplete",
 )
 

@@ -1,6 +1,6 @@
 """The two-branch network for the images of 3D-R2N2: 128x128 pixels, three channels.
 
-Command: python -m psgn_jax.convert r2n2 SRC records/r2n2
+Command: psgn convert r2n2 SRC records/r2n2
          python -m psgn_jax.main --config=configs/r2n2_cd.py --workdir=runs/r2n2_cd
 Hardware: a GPU.
 Time: not measured.

@@ -8,7 +8,7 @@ Expect: not measured at full size; small runs: `psgn study comparison`.
 The records must contain solid volumes and at least five views of every model; with fewer views set
 `voxels.max_views` and `voxels.eval_views`. The batch size 36, 60,000 Adam steps, the learning rate
 1e-4 and the image size 127x127 are those of the published code of 3D-R2N2. Unlike the original, the
-network predicts in the frame of the first view, as `psgn_jax.tasks.r2n2` explains.
+network predicts in the frame of the first view, as `psgn_jax.tasks.voxels` explains.
 """
 
 import ml_collections

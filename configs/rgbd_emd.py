@@ -1,6 +1,6 @@
 """Shape completion from RGB-D: the full two-branch network on colour, mask and depth, with the EMD.
 
-Command: python -m psgn_jax.convert authors SRC records/authors
+Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/rgbd_emd.py --workdir=runs/rgbd_emd
 Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: not measured.
@@ -15,7 +15,7 @@ Source: paper, section "3D Shape Completion from RGBD Images", which gives no se
 
 import ml_collections
 
-from psgn_jax import config_files
+from psgn_jax.config import recipes as config_files
 
 
 def get_config() -> ml_collections.ConfigDict:

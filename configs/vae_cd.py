@@ -11,10 +11,10 @@ test time it is sampled from N(0, I). The paper gives neither sizes nor the weig
 divergence. **Ours**:
 
 - z has 128 components, like r.
-- The weight is 0.3. By the rule in `psgn_jax.config.LossConfig`, this assumes a standard deviation
-  of sqrt(0.3 / 2) = .39 for each coordinate of a point. The loss is the sum of 5,120 squared
-  distances; for the mean CD, the corresponding weight is about 1e-4. In
-  `psgn_jax.experiments.ambiguity`, 2e-4 worked; with 5e-4, z had too little effect.
+- The weight is 0.3. By the rule in `psgn_jax.config.experiment.LossConfig`, this assumes a
+  standard deviation of sqrt(0.3 / 2) = .39 for each coordinate of a point. The loss is the sum of
+  5,120 squared distances; for the mean CD, the corresponding weight is about 1e-4. In
+  `psgn_jax.studies.ambiguity`, 2e-4 worked; with 5e-4, z had too little effect.
 - The weight rises over the first 10,000 steps. Otherwise the KL divergence could make z carry no
   information before the generator has learned to use it.
 """

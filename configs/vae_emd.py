@@ -12,7 +12,7 @@ truth, to 1 % by auction. The weight is 1 (**ours**).
 
 import ml_collections
 
-from psgn_jax import config_files
+from psgn_jax.config import recipes as config_files
 
 
 def get_config() -> ml_collections.ConfigDict:

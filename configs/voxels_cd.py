@@ -13,7 +13,7 @@ train `configs/voxels_volume.py` and pass --config.voxels.from_volume=runs/voxel
 
 import ml_collections
 
-from psgn_jax import config_files
+from psgn_jax.config import recipes as config_files
 
 
 def get_config() -> ml_collections.ConfigDict:

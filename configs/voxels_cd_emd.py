@@ -13,7 +13,7 @@ the predicted size of the object: --config.voxels.from_volume="".
 
 import ml_collections
 
-from psgn_jax import config_files
+from psgn_jax.config import recipes as config_files
 
 
 def get_config() -> ml_collections.ConfigDict:

@@ -7,18 +7,24 @@ camera: elevation, distance, roll, focal length.
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from data_gen.field_checks import Range, check_ranges
+from psgn_jax.config.structured import Bounds, Fraction, Within
 
 # Width of the border of the image that the object may not touch.
 _MARGIN_PIXELS = 1.0
 
 # The distance is multiplied by this factor until the object fits.
 _STEP = 1.02
+
+
+Range = tuple[float, float]
+"""(low, high); a value is drawn from it uniformly."""
+
+Side = Annotated[int, Bounds(8, 4096)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,33 +49,16 @@ class CameraSettings:
         it: 0 to 1. The shifts along rows and columns are drawn from -off_centre to off_centre.
     """
 
-    image_size: tuple[int, int] = (192, 256)
-    azimuth: Range = (0.0, 360.0)
-    elevation: Range = (20.0, 20.0)
-    distance: Range = (3.6, 3.6)
-    focal: Range = (400.0, 400.0)
-    roll: Range = (0.0, 0.0)
+    image_size: tuple[Side, Side] = (192, 256)
+    azimuth: Annotated[Range, Within(-720, 720)] = (0.0, 360.0)
+    elevation: Annotated[Range, Within(-89, 89)] = (20.0, 20.0)
+    distance: Annotated[Range, Within(1.05, 1000)] = (3.6, 3.6)
+    focal: Annotated[Range, Within(10, 100_000)] = (400.0, 400.0)
+    roll: Annotated[Range, Within(-360, 360)] = (0.0, 0.0)
     # In the authors' images the origin is 0.252 below the optical axis, at an elevation of 20.
-    aim: Range = (0.26817, 0.26817)
+    aim: Annotated[Range, Within(-10, 10)] = (0.26817, 0.26817)
     keep_size: bool = False
-    off_centre: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Checks the ranges."""
-        size = self.image_size
-        if len(size) != 2 or not all(isinstance(s, int) and 8 <= s <= 4096 for s in size):
-            raise ValueError(f"camera.image_size: got {size}, expected two integers, 8 to 4096")
-        limits: dict[str, Range] = {
-            "azimuth": (-720.0, 720.0),
-            "elevation": (-89.0, 89.0),
-            "distance": (1.05, 1000.0),
-            "focal": (10.0, 100_000.0),
-            "roll": (-360.0, 360.0),
-            "aim": (-10.0, 10.0),
-        }
-        check_ranges("camera", self, limits)
-        if not 0 <= self.off_centre <= 1:
-            raise ValueError(f"camera.off_centre: got {self.off_centre}, expected 0 to 1")
+    off_centre: Fraction = 0.0
 
 
 PRESETS: dict[str, Mapping[str, Any]] = {
@@ -190,14 +179,9 @@ def project(
 def in_frame(points: Float[np.ndarray, "n 3"], camera: Camera) -> Bool[np.ndarray, " n"]:
     """Whether points are in front of the camera and at least one pixel inside the image."""
     pixels, _ = project(points, camera)
-    height, width = camera.image_size
+    low, high = _MARGIN_PIXELS, np.array(camera.image_size[::-1]) - _MARGIN_PIXELS
     with np.errstate(invalid="ignore"):
-        return (
-            (pixels[:, 0] >= _MARGIN_PIXELS)
-            & (pixels[:, 0] <= width - _MARGIN_PIXELS)
-            & (pixels[:, 1] >= _MARGIN_PIXELS)
-            & (pixels[:, 1] <= height - _MARGIN_PIXELS)
-        )
+        return np.all((pixels >= low) & (pixels <= high), axis=1)
 
 
 def draw(
@@ -214,15 +198,11 @@ def draw(
     Raises:
       ValueError: the object does not fit into the image at any distance up to 1000.
     """
-    unit = rng.random(6)
-
-    def value(number: int, interval: Range) -> float:
-        return float(interval[0] + (interval[1] - interval[0]) * unit[number])
-
-    parameters: dict[str, Any] = {
-        name: value(number, getattr(settings, name))
-        for number, name in enumerate(("azimuth", "elevation", "distance", "focal", "roll", "aim"))
-    }
+    names = ("azimuth", "elevation", "distance", "focal", "roll", "aim")
+    parameters: dict[str, Any] = {}
+    for name, share in zip(names, rng.random(6), strict=True):
+        low, high = getattr(settings, name)
+        parameters[name] = float(low + (high - low) * share)
     parameters["azimuth"] %= 360.0
     if settings.keep_size:
         parameters["distance"] = max(parameters["distance"] * parameters["focal"] / 400, 1.05)

@@ -5,80 +5,51 @@ same path (nothing for procedural models), and the folder of background pictures
 `image.background` is "folder". They need no access to the output folder: samples are returned
 through Dask and written by the process that runs the job. Each thread of a Dask worker keeps one
 rendering process, with the limits of the job's settings, so workers are best started with one
-thread per processor.
-
-A model whose rendering process dies is tried once more, on another worker if there is one. If a
-Dask worker dies, its models are given to other workers. If more workers than the scheduler's
-`allowed-failures` die while they render the same model, the model is tried once more and then
-reported as crashed.
+thread per processor. If a Dask worker dies, Dask gives its models to other workers. A model with
+which more workers die than the scheduler's `allowed-failures` is reported as crashed.
 """
 
 import contextlib
 import dataclasses
+import itertools
 import os
-import pickle
-import queue
 import threading
-import time
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from typing import Any
-
-from absl import logging
 
 from data_gen import pool
 from data_gen.catalogues.entry import Entry
-from data_gen.mitsuba_setup import choose_variant
+from data_gen.engine import choose_variant
 from data_gen.render_model import Context
-from data_gen.results import failure, pack_result
 
 NO_DASK = "Dask is not installed: `pip install 'psgn-jax[cluster]'`"
 
-# The job stops after this time without any worker; it can be resumed.
-_SECONDS_WITHOUT_WORKERS = 600.0
+_SECONDS_TO_WAIT = 600  # for the first worker
 
-# --- On the workers ---------------------------------------------------------------------------
-
-# The rendering process of each thread, and the job that it belongs to.
-_kept: dict[int, tuple[str, pool.Renderer]] = {}
+# On a worker: the renderer of each job and thread.
+_kept: dict[tuple[str, int], pool.Renderer] = {}
 
 
-def _of_this_machine(context: Context) -> Context:
-    """The context with the LLVM library of this machine, if the path in it does not exist here."""
-    if not context.variant.libllvm or os.path.exists(context.variant.libllvm):
-        return context
-    variant, _ = choose_variant("llvm")
-    return dataclasses.replace(context, variant=variant)
-
-
-def _render(job: str, entry: bytes, context: bytes) -> tuple[dict[str, Any], bytes, str]:
-    """Renders a model once in this thread's rendering process.
-
-    Returns the model's line, the bytes of `results.pack_result`, and the address of the worker.
-    """
-    import distributed
-
-    thread = threading.get_ident()
-    if thread in _kept and _kept[thread][0] != job:
-        _kept.pop(thread)[1].end()
-    if thread not in _kept:
-        _kept[thread] = job, pool.Renderer(_of_this_machine(pickle.loads(context)))
-    line, content = _kept[thread][1].render(pickle.loads(entry))
-    return line, content, distributed.get_worker().address
+def _render(job: str, number: int, entry: Entry, context: Context) -> pool.Result:
+    """Renders a model in the process of this thread of a worker."""
+    key = job, threading.get_ident()
+    if key not in _kept:
+        if context.variant.libllvm and not os.path.exists(context.variant.libllvm):
+            context = dataclasses.replace(context, variant=choose_variant("llvm")[0])
+        _kept[key] = pool.Renderer(context)
+    return _kept[key].render(number, entry)
 
 
 def _release(job: str) -> None:
-    """Kills the rendering processes of a job."""
-    for thread in [t for t, (owner, _) in list(_kept.items()) if owner == job]:
-        _kept.pop(thread)[1].kill()
-
-
-# --- In the job -------------------------------------------------------------------------------
+    """Kills the rendering processes of a job on a worker."""
+    for key in [key for key in list(_kept) if key[0] == job]:
+        _kept.pop(key).kill()
 
 
 def render_on(
     address: str, tasks: Sequence[tuple[int, Entry]], context: Context
-) -> Iterator[pool.Result]:
+) -> Generator[pool.Result]:
     """Renders models on a cluster; see `pool.Pool`.
 
     Args:
@@ -92,72 +63,47 @@ def render_on(
     """
     try:
         import distributed
+        from distributed.scheduler import KilledWorker
     except ImportError as error:
         raise RuntimeError(NO_DASK) from error
     try:
         client = distributed.Client(address, timeout=30, set_as_default=False)
     except (OSError, ValueError) as error:
         raise RuntimeError(f"--scheduler {address!r}: no scheduler answers: {error}") from error
+    job = uuid.uuid4().hex
     with client:
-        job = uuid.uuid4().hex
         try:
-            yield from _render_with(client, job, list(tasks), context)
+            client.wait_for_workers(1, timeout=_SECONDS_TO_WAIT)
+        except TimeoutError as error:
+            raise RuntimeError(f"--scheduler {address!r}: it has no workers: {error}") from error
+        todo = iter(tasks)
+        running: dict[Any, tuple[int, Entry]] = {}
+        done = distributed.as_completed(loop=client.loop)
+
+        def submit() -> None:
+            """Submits only enough for all threads, so that memory is bounded."""
+            free = 2 * sum(client.nthreads().values()) - len(running)
+            for number, entry in itertools.islice(todo, max(free, not running)):
+                future = client.submit(_render, job, number, entry, context, pure=False)
+                running[future] = number, entry
+                done.add(future)
+
+        try:
+            submit()
+            for future in done:
+                number, entry = running.pop(future)
+                try:
+                    yield future.result()
+                except KilledWorker as error:
+                    line = pool.failure(entry, "crashed", f"its Dask workers died: {error}")
+                    yield pool.Result(number, line, [])
+                except Exception as error:
+                    raise RuntimeError(
+                        f"a Dask worker cannot render: {type(error).__name__}: {error}"
+                    ) from error
+                future.release()
+                submit()
         finally:
             # An error here must not hide the error that ended the job.
             with contextlib.suppress(Exception):
                 client.run(_release, job, on_error="ignore")
-
-
-def _render_with(
-    client: Any, job: str, tasks: list[tuple[int, Entry]], context: Context
-) -> Iterator[pool.Result]:
-    import distributed
-    from distributed.scheduler import KilledWorker
-
-    packed = pickle.dumps(context)
-    todo = [(index, entry, 1, "") for index, entry in reversed(tasks)]
-    running: dict[Any, tuple[int, Entry, int]] = {}
-    done: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    seen = time.monotonic()
-    while todo or running:
-        threads: dict[str, int] = client.nthreads()
-        if threads:
-            seen = time.monotonic()
-        elif time.monotonic() - seen > _SECONDS_WITHOUT_WORKERS:
-            raise RuntimeError(
-                f"the cluster has had no workers for {_SECONDS_WITHOUT_WORKERS:g} s; run the "
-                "same command again to resume"
-            )
-        # Submits only enough to keep all threads busy, so that workers that join later get some.
-        while todo and len(running) < 2 * sum(threads.values()):
-            index, entry, attempt, avoid = todo.pop()
-            others = [a for a in threads if a != avoid] if avoid else []
-            future = client.submit(
-                _render, job, pickle.dumps(entry), packed,
-                pure=False, key=f"render-{job}-{index}-{attempt}",
-                workers=others or None, allow_other_workers=bool(others),
-            )  # fmt: skip
-            running[future] = (index, entry, attempt)
-            future.add_done_callback(done.put)
-        try:
-            future = done.get(timeout=10 if running else 1)
-        except queue.Empty:
-            continue
-        index, entry, attempt = running.pop(future)
-        address = ""
-        try:
-            line, content, address = future.result()
-        except (KilledWorker, distributed.CancelledError) as error:
-            what = f"its Dask worker died: {type(error).__name__}"
-            line = failure(entry, "crashed", what)
-            content = pack_result(line, [])
-        except Exception as error:
-            raise RuntimeError(
-                f"a Dask worker cannot render: {type(error).__name__}: {error}"
-            ) from error
-        future.release()
-        if line["status"] == "crashed" and attempt < pool.ATTEMPTS:
-            logging.warning("%s: %s; trying it again", entry.model_id, line["reason"])
-            todo.append((index, entry, attempt + 1, address))
-            continue
-        yield pool.Result(index, line, content)

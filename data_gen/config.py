@@ -9,13 +9,14 @@ elevations of -8 to 10 degrees). For your own settings, copy this file and chang
 import ml_collections
 
 from data_gen import settings
+from psgn_jax.config import structured
 
 
 def get_config(preset: str = "authors") -> ml_collections.ConfigDict:
     """The defaults of `settings.Settings` with the changes of a preset."""
     if preset not in settings.PRESETS:
         raise ValueError(f"preset {preset!r}: expected one of {sorted(settings.PRESETS)}")
-    config = ml_collections.ConfigDict(settings.to_dict(settings.Settings()))
+    config = ml_collections.ConfigDict(structured.to_dict(settings.Settings()))
     for section, values in settings.PRESETS[preset].items():
         config[section].update(values)
     return config

@@ -6,13 +6,13 @@ import shutil
 
 from data_gen import job, settings
 from data_gen.catalogues.by_name import open_catalogue
-from data_gen.mitsuba_setup import has_mitsuba
+from data_gen.engine import has_mitsuba
 from psgn_jax.data.manifest import load_manifest
 
 NUM_PER_CATEGORY = 40
 """Number of models of each of the 13 categories, with one view each: 520 images."""
 
-NAME = f"procedural-2-{NUM_PER_CATEGORY}"
+NAME = f"procedural-3-{NUM_PER_CATEGORY}"
 """Name of the data set's folder. The first number is a version. It is increased with every change
 of models or images, so that a data set never mixes versions."""
 

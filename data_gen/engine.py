@@ -1,18 +1,56 @@
-"""The only module that imports Mitsuba.
+"""The only module that imports Mitsuba, and the choice of a variant that works on this machine.
 
 A process calls `start` once with a variant: `llvm_ad_rgb` is fast, `scalar_rgb` works without LLVM.
-After that, `mi` and `dr` are the packages mitsuba and drjit.
+After that, `mi` and `dr` are the packages mitsuba and drjit. LLVM may abort the process that loads
+it, so `choose_variant` tests it in separate processes:
+
+    python -m data_gen.engine VARIANT [LIBRARY]
+
+intersects a ray with a triangle. The exit code is 0 if that works.
 """
 
 import contextlib
+import importlib.util
 import os
-from typing import Any
+import pathlib
+import re
+import subprocess
+import sys
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from psgn_jax.system import processes
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
 
 mi: Any = None
 
 dr: Any = None
+
+# Versions of LLVM, best first. Dr.Jit refuses 14; 15 and 16 abort the process.
+_LLVM_VERSIONS = (19, 20, 18, 17, 21, 22)
+
+_LLVM_FOLDERS = (
+    "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib",
+    "/usr/lib/llvm-*/lib", "/usr/local/lib", "/opt/homebrew/opt/llvm*/lib",
+    "/usr/local/opt/llvm*/lib",
+)  # fmt: skip
+
+NO_LLVM = (
+    "no usable LLVM library: rendering in scalar mode, two to five times slower. "
+    "Run `apt-get install libllvm19` (Debian, Ubuntu) or `brew install llvm@19` (macOS), or set "
+    "the variable DRJIT_LIBLLVM_PATH to the path of a library"
+)
+
+NO_MITSUBA = "Mitsuba is not installed: `pip install 'psgn-jax[render]'`"
+
+
+class Variant(NamedTuple):
+    """Name of the variant of Mitsuba, and path of the LLVM library or ""."""
+
+    name: str
+    libllvm: str = ""
 
 
 def start(variant: str, libllvm: str = "", *, shrink_threads: bool = True) -> None:
@@ -21,7 +59,7 @@ def start(variant: str, libllvm: str = "", *, shrink_threads: bool = True) -> No
     Args:
       variant: one of `VARIANTS`.
       libllvm: path of the LLVM library; "" = Mitsuba searches for one.
-      shrink_threads: whether to use only one thread; False is needed for `load_map`.
+      shrink_threads: whether to use only one thread; False is needed to read environment maps.
 
     Raises:
       ValueError: an unknown variant.
@@ -51,3 +89,81 @@ def release() -> None:
     if dr is not None and not mi.variant().startswith("scalar"):
         with contextlib.suppress(Exception):
             dr.flush_malloc_cache()
+
+
+def has_mitsuba() -> bool:
+    """Whether Mitsuba is installed. This does not import it."""
+    return importlib.util.find_spec("mitsuba") is not None
+
+
+def llvm_candidates() -> list[str]:
+    """LLVM libraries of this machine with a suitable version, best first."""
+    named = os.environ.get("DRJIT_LIBLLVM_PATH", "")
+    libraries: dict[int, str] = {}
+    for folder in _LLVM_FOLDERS:
+        for path in sorted(pathlib.Path("/").glob(f"{folder[1:]}/libLLVM*")):
+            match = re.fullmatch(
+                r"libLLVM(?:-(\d+)(?:\.\d+)*)?(?:\.so(?:\.(\d+)(?:\.\d+)*)?|\.dylib)", path.name
+            )
+            version = int((match and (match[1] or match[2])) or 0)
+            if version in _LLVM_VERSIONS:
+                libraries.setdefault(version, str(path))
+    rest = [libraries[v] for v in _LLVM_VERSIONS if v in libraries]
+    return [named, *rest] if named else rest
+
+
+def _smoke(library: str, variant: str) -> bool:
+    """Whether a separate process can render with this library."""
+    try:
+        done = subprocess.run(
+            processes.python("data_gen.engine", variant, library),
+            env=processes.environment(DRJIT_LIBLLVM_PATH=library),
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=180, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0
+
+
+def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
+    """The variant to render with, tested in a separate process, and a message or "".
+
+    Args:
+      wanted: "llvm", "scalar", or "auto" = LLVM if it works.
+
+    Raises:
+      RuntimeError: Mitsuba is not installed or does not run, or `wanted` is "llvm" and no LLVM
+        library works.
+    """
+    if not has_mitsuba():
+        raise RuntimeError(NO_MITSUBA)
+    if wanted != "scalar":
+        for library in llvm_candidates():
+            if _smoke(library, "llvm_ad_rgb"):
+                return Variant("llvm_ad_rgb", library), ""
+        if wanted == "llvm":
+            raise RuntimeError(f"job.variant 'llvm': {NO_LLVM}")
+    if not _smoke("", "scalar_rgb"):
+        raise RuntimeError(
+            "Mitsuba is installed but does not run: `python -m data_gen.engine scalar_rgb` shows "
+            "why"
+        )
+    return Variant("scalar_rgb"), "" if wanted == "scalar" else NO_LLVM
+
+
+def _smoke_test(variant: str, library: str = "") -> None:
+    start(variant, library)
+    triangle = mi.Mesh("triangle", 3, 1)
+    values = mi.traverse(triangle)
+    values["vertex_positions"] = np.array([-1, -1, 0, 1, -1, 0, 0, 1, 0], np.float32)
+    values["faces"] = np.arange(3, dtype=np.uint32)
+    values.update()
+    scene = mi.load_dict({"type": "scene", "triangle": triangle})
+    hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(0, 0, 2), mi.Vector3f(0, 0, -1)))
+    distance = np.array(hit.t, np.float64).item()
+    if abs(distance - 2) > 1e-5:
+        raise SystemExit(f"wrong distance: {distance}, expected 2")
+
+
+if __name__ == "__main__":
+    _smoke_test(*sys.argv[1:])

@@ -4,16 +4,33 @@
 """
 
 import json
-import os
+import pathlib
 import subprocess
 import sys
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from data_gen import ROOT, engine, lights
-from data_gen.mitsuba_setup import Variant
+from data_gen import engine, lights
+from data_gen.engine import Variant
+from psgn_jax.system import processes
+
+NUM_SUNSKY = 24
+"""Number of skies computed with Mitsuba's model of sun and sky."""
+
+
+def list_maps(folder: str) -> list[pathlib.Path]:
+    """The environment maps below a folder, sorted by name.
+
+    Raises:
+      ValueError: the folder contains none.
+    """
+    paths = sorted(
+        p for p in pathlib.Path(folder).rglob("*") if p.suffix.lower() in (".hdr", ".exr")
+    )
+    if not paths:
+        raise ValueError(f"light.folder: got {folder!r}, expected a folder of .hdr and .exr files")
+    return paths
 
 
 def load_maps(
@@ -34,16 +51,13 @@ def load_maps(
     """
     if settings.source == "procedural":
         return None
-    names = []
-    if settings.source == "folder" or (settings.source == "mixed" and settings.folder):
-        names = [str(p.resolve()) for p in lights.list_maps(settings.folder)]
+    names = [str(p.resolve()) for p in list_maps(settings.folder)] if settings.folder else []
     size = lights.DETAIL if detail or settings.source == "mixed" else lights.MAP_SIZE
-    skies = 0 if settings.source == "folder" else lights.NUM_SUNSKY
-    request = json.dumps({"variant": variant, "names": names, "size": size, "skies": skies})
+    skies = 0 if settings.source == "folder" else NUM_SUNSKY
     done = subprocess.run(
-        [sys.executable, "-m", "data_gen.environment_maps"],
-        input=request.encode(), capture_output=True, check=False, timeout=600,
-        cwd=ROOT,
+        processes.python("data_gen.environment_maps"),
+        input=json.dumps([variant, names, size, skies]).encode(), capture_output=True,
+        check=False, timeout=600, env=processes.environment(),
     )  # fmt: skip
     if done.returncode:
         lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
@@ -53,47 +67,39 @@ def load_maps(
 
 
 def _write_maps() -> None:
-    request = json.loads(sys.stdin.read())
-    engine.start(*request["variant"], shrink_threads=False)
-    size = (request["size"][0], request["size"][1])
+    variant, names, (height, width), skies = json.loads(sys.stdin.read())
+    engine.start(*variant, shrink_threads=False)
     # From a clear morning to a hazy noon. Large maps are computed at a quarter of the resolution.
-    coarse = max(1, size[0] // 64)
+    coarse = max(1, height // 64)
     rng = np.random.default_rng(0)
-    maps = [
-        sunsky_map(
-            rng.uniform(2, 8), rng.uniform(15, 75), rng.uniform(0.15, 0.5),
-            (size[0] // coarse, size[1] // coarse),
-        ).repeat(coarse, axis=0).repeat(coarse, axis=1)
-        for _ in range(request["skies"])
-    ]  # fmt: skip
-    maps += [load_map(name, size) for name in request["names"]]
-    kind = np.float64 if size == lights.MAP_SIZE else np.float32
+    maps = []
+    for _ in range(skies):
+        values = rng.uniform(2, 8), rng.uniform(15, 75), rng.uniform(0.15, 0.5)
+        sky = sunsky_map(*values, (height // coarse, width // coarse))
+        maps.append(sky.repeat(coarse, axis=0).repeat(coarse, axis=1))
+    maps += [_load_map(name, (height, width)) for name in names]
+    kind = np.float64 if (height, width) == lights.MAP_SIZE else np.float32
     sys.stdout.buffer.write(np.stack(maps).astype(kind).tobytes())
 
 
-def load_map(
-    path: str | os.PathLike[str], size: tuple[int, int] = lights.MAP_SIZE
-) -> Float[np.ndarray, "h w 3"]:
-    """An environment map from an .hdr or .exr file, reduced to `size`.
-
-    Call this only in a process with the default number of threads: with a single thread, reading an
-    EXR file hangs. `load_maps` starts such a process.
+def _load_map(path: str, size: tuple[int, int]) -> np.ndarray:
+    """An environment map [h, w, 3] from an .hdr or .exr file, reduced to `size`.
 
     Raises:
       ValueError: the file cannot be read, or its width is not twice its height.
     """
     try:
-        bitmap = engine.mi.Bitmap(str(path)).convert(
+        bitmap = engine.mi.Bitmap(path).convert(
             engine.mi.Bitmap.PixelFormat.RGB, engine.mi.Struct.Type.Float32, srgb_gamma=False
         )
     except Exception as error:
-        raise ValueError(f"environment map {str(path)!r}: {error}"[:300]) from error
+        raise ValueError(f"environment map {path!r}: {error}"[:300]) from error
     pixels = np.array(bitmap)
     height, width = pixels.shape[:2]
     # Folders of maps often contain images of lit spheres as well. Their aspect ratio differs.
     if not 1.8 < width / height < 2.2:
         raise ValueError(
-            f"environment map {str(path)!r}: {width} x {height} pixels, expected a width of twice "
+            f"environment map {path!r}: {width} x {height} pixels, expected a width of twice "
             "the height (latitude and longitude)"
         )
     return lights.shrink(pixels, size)
@@ -113,7 +119,7 @@ def sunsky_map(
       albedo: albedo of the ground.
       size: size of the map.
     """
-    elevation = np.deg2rad(sun_elevation_degrees)
+    mi, elevation = engine.mi, np.deg2rad(sun_elevation_degrees)
     emitter = {
         "type": "sunsky",
         "sun_direction": [float(np.cos(elevation)), 0.0, float(np.sin(elevation))],
@@ -122,23 +128,21 @@ def sunsky_map(
         "sun_scale": 0.0,
         "complex_sun": False,
     }
-    scene = engine.mi.load_dict({"type": "scene", "sky": emitter})
-    sky = scene.emitters()[0]
-    toward = lights.directions_of(size).reshape(-1, 3)
-    values = np.zeros((len(toward), 3))
-    above = toward[:, 2] > 0
+    sky = mi.load_dict({"type": "scene", "sky": emitter}).emitters()[0]
+    toward = lights.directions_of(size)
+    above = toward[..., 2] > 0
 
-    def evaluate(away: list[Any]) -> np.ndarray:
-        hit = engine.dr.zeros(engine.mi.SurfaceInteraction3f)
-        hit.wi = engine.mi.Vector3f(*away)
+    def evaluate(away: list) -> np.ndarray:
+        hit = engine.dr.zeros(mi.SurfaceInteraction3f)
+        hit.wi = mi.Vector3f(*away)
         return np.array(sky.eval(hit), np.float64)
 
-    if engine.mi.variant().startswith("scalar"):
-        values[above] = [evaluate((-d).tolist()) for d in toward[above]]
+    grid = np.zeros((*size, 3))
+    if mi.variant().startswith("scalar"):
+        grid[above] = [evaluate((-d).tolist()) for d in toward[above]]
     else:
         columns = (-toward[above]).T.astype(np.float32)
-        values[above] = evaluate([engine.mi.Float(np.ascontiguousarray(c)) for c in columns]).T
-    grid = values.reshape(*size, 3)
+        grid[above] = evaluate([mi.Float(np.ascontiguousarray(c)) for c in columns]).T
     angles = lights.solid_angles(size)[..., None]
     # The sun has a diameter of half a degree, less than a pixel of the map. It is added with an
     # irradiance of about four times that of the sky on a clear day, less in haze.
@@ -146,8 +150,7 @@ def sunsky_map(
     row = int((90 - sun_elevation_degrees) / 180 * size[0])
     warm = np.array([1.0, 0.95, 0.85])
     grid[row, 0] += energy.mean() * warm * 4 / np.sqrt(turbidity) / angles[row, 0]
-    below = lights.directions_of(size)[..., 2] <= 0
-    grid[below] = albedo * (grid * angles).sum(axis=(0, 1)) / (2 * np.pi) / 2
+    grid[~above] = albedo * (grid * angles).sum(axis=(0, 1)) / (2 * np.pi) / 2
     return grid
 
 

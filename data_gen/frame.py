@@ -114,17 +114,12 @@ def _existing_extremes(
     weights = np.tile(np.eye(3), (len(faces), 1, 1))
     sums: dict[tuple[int, float], np.ndarray] = {}
     # Maps the corners of a triangle to those of its four parts.
-    halves = (
-        np.array(
-            [
-                [[2, 0, 0], [1, 1, 0], [1, 0, 1]],
-                [[1, 1, 0], [0, 2, 0], [0, 1, 1]],
-                [[1, 0, 1], [0, 1, 1], [0, 0, 2]],
-                [[0, 1, 1], [1, 0, 1], [1, 1, 0]],
-            ]
-        )
-        / 2
-    )
+    corner = np.eye(3)
+    middle = (corner + np.roll(corner, -1, axis=0)) / 2  # of the edges 0-1, 1-2, 2-0
+    halves = np.array([
+        [corner[0], middle[0], middle[2]], [middle[0], corner[1], middle[1]],
+        [middle[2], middle[1], corner[2]], [middle[1], middle[2], middle[0]],
+    ])  # fmt: skip
 
     def reach(at: np.ndarray, points: np.ndarray, values: np.ndarray) -> None:
         reached = np.where(at.reshape(-1, 1), values.reshape(-1, len(best)), -np.inf)
@@ -217,27 +212,20 @@ def _check_strays(model: Model) -> None:
         gaps = low[order[1:], axis] - reached[:-1]
         if not len(gaps) or gaps.max() <= _STRAY_GAP * extent:
             continue
-        index = int(gaps.argmax()) + 1
-        sizes = [
-            np.ptp(corners[side].reshape(-1, 3), axis=0).max()
-            for side in (order[:index], order[index:])
-        ]
-        if max(sizes) > _STRAY_SIZE * extent:
+        sides = np.split(order, [int(gaps.argmax()) + 1])
+        if max(np.ptp(corners[s].reshape(-1, 3), axis=0).max() for s in sides) > (
+            _STRAY_SIZE * extent
+        ):
             continue
-        sides = sorted((order[:index], order[index:]), key=lambda s: face_areas(
-            model.vertices, model.faces[s]).sum())  # fmt: skip
-        names = sorted({model.materials[i].name for i in model.face_material[sides[0]]} - {""})
-        centre = ", ".join(f"{c:.3g}" for c in corners[sides[0]].mean(axis=(0, 1)))
+        part = min(sides, key=lambda s: face_areas(model.vertices, model.faces[s]).sum())
+        names = sorted({model.materials[i].name for i in model.face_material[part]} - {""})
+        centre = ", ".join(f"{c:.3g}" for c in corners[part].mean(axis=(0, 1)))
         raise UnusableModelError(
-            f"a stray part of {len(sides[0])} faces"
+            f"a stray part of {len(part)} faces"
             + (f" (material {', '.join(names[:3])})" if names else "")
             + f" around ({centre}): the gap between it and the other part is "
             f"{gaps.max() / extent:.0%} of the model's extent, expected at most {_STRAY_GAP:.0%}"
         )
-
-
-CENTRES = ("bounds", "vertices")
-"""The point of a model that `recentre` moves to x = y = 0."""
 
 
 def normalize(model: Model) -> Model:
@@ -270,15 +258,9 @@ def recentre(model: Model, centre: str) -> Model:
     procedural models, this is the case in 18 to 23 % of the samples with "vertices" and in 1 to 6 %
     with "bounds".
 
-    Args:
-      model: model in the project's frame.
-      centre: one of `CENTRES`.
-
     Raises:
       UnusableModelError: the extent is zero or overflows.
     """
-    if centre not in CENTRES:
-        raise ValueError(f"centre {centre!r}: expected one of {list(CENTRES)}")
     if centre == "bounds":
         return model
     used = np.unique(model.vertices[np.unique(model.faces)], axis=0)

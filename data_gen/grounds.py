@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
+from data_gen.cameras import turn_about_vertical
 from data_gen.surroundings import Surroundings, noise
 
 KINDS = ("paper", "wood", "planks", "tiles", "carpet", "cloth", "concrete", "asphalt", "grass")
@@ -55,16 +56,17 @@ class Ground:
         mean: np.ndarray = self.levels[-1].reshape(3)
         return mean
 
+    @property
+    def endless(self) -> bool:
+        """Whether it is a plane."""
+        return not np.isfinite(self.half).any()
+
     def _own(self, places: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        angle = np.deg2rad(self.turn)
-        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        own: np.ndarray = places @ turn.astype(np.float32)
+        own: np.ndarray = places @ turn_about_vertical(self.turn)[:2, :2].astype(np.float32)
         return own
 
     def holds(self, places: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """Which points of the plane are on the ground."""
-        if not np.isfinite(self.half).any():
-            return np.ones(len(places), np.bool_)
         inside: np.ndarray = (np.abs(self._own(places)) <= np.array(self.half)).all(axis=1)
         return inside
 
@@ -73,36 +75,26 @@ class Ground:
     ) -> Float[np.ndarray, "n 3"]:
         """Reflectance at points of the plane, a mean over squares of side `footprint`."""
         own = self._own(places) / self.size
-        own -= np.floor(own)
         texel = self.size / len(self.levels[0])
         exact = np.clip(np.log2(np.maximum(footprint / texel, 1e-6)), 0, len(self.levels) - 1)
-        lower = exact.astype(np.int64)
-        share = (exact - lower)[:, None].astype(np.float32)
         result = np.zeros((len(places), 3), np.float32)
         for number, level in enumerate(self.levels):
-            for at, weight in ((lower == number, 1 - share), (lower == number - 1, share)):
-                index = np.flatnonzero(at)
-                if len(index):
-                    result[index] += weight[index] * _bilinear(level, own[index])
+            share = np.maximum(1 - np.abs(exact - number), 0).astype(np.float32)
+            index = np.flatnonzero(share)
+            result[index] += share[index, None] * _bilinear(level, own[index])
         return result
 
 
 def _bilinear(level: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Bilinear interpolation of a repeating texture at positions in [0, 1)^2."""
-    side = len(level)
-    exact = place * side - 0.5
-    low = np.floor(exact)
-    share = (exact - low).astype(np.float32)
-    low = low.astype(np.int64) % side
-    high = (low + 1) % side
-    x, y = share[:, :1], share[:, 1:]
-    flat = level.reshape(-1, 3)
-    return (
-        (flat[low[:, 0] * side + low[:, 1]] * (1 - y) + flat[low[:, 0] * side + high[:, 1]] * y)
-        * (1 - x)
-        + (flat[high[:, 0] * side + low[:, 1]] * (1 - y) + flat[high[:, 0] * side + high[:, 1]] * y)
-        * x
-    )  # fmt: skip
+    """Bilinear interpolation of a texture that repeats with period 1."""
+    exact = place * len(level) - 0.5
+    low = np.floor(exact).astype(np.int64)
+    result = np.zeros((len(place), 3), np.float32)
+    for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        corner = low + np.array([row, column])
+        weight = (1 - np.abs(exact - corner)).prod(axis=1, keepdims=True)
+        result += weight.astype(np.float32) * level[*(corner % len(level)).T]
+    return result
 
 
 def _levels(texture: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -149,10 +141,7 @@ def _cells(rng: np.random.Generator, rows: int, columns: int, stagger: bool) -> 
 
 
 def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, float]:
-    """A texture, its side length, and its gloss.
-
-    Deliberately one function: a branch for each kind of ground.
-    """
+    """A texture, its side length, and its gloss."""
     size = (_TEXELS, _TEXELS)
     white = rng.standard_normal((*size, 1)).astype(np.float32)
     if kind == "paper":

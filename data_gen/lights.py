@@ -7,12 +7,13 @@ ambient light, which `reduce` computes from the map. Path tracing uses the map i
 
 import dataclasses
 import functools
-import pathlib
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from data_gen.field_checks import check_between, check_one_of, check_ranges
+from data_gen.cameras import Range
+from psgn_jax.config.structured import Bounds, Fraction, Within
 
 MAP_SIZE = (32, 64)
 """Size to which maps are reduced before lights are computed."""
@@ -20,19 +21,13 @@ MAP_SIZE = (32, 64)
 DETAIL = (256, 512)
 """Size of maps that are visible in the image."""
 
-NUM_SUNSKY = 24
-"""Number of skies computed with Mitsuba's model of sun and sky."""
-
-SOURCES = ("procedural", "sunsky", "folder", "mixed")
-"""Sources of environment maps."""
-
 
 @dataclasses.dataclass(frozen=True)
 class LightSettings:
     """The light: its source and its strength.
 
     Attributes:
-      source: one of `SOURCES`: "procedural" skies of this module, Mitsuba's "sunsky", a "folder",
+      source: "procedural" skies of this module, Mitsuba's "sunsky", a "folder",
         or "mixed": for each view an outdoor scene, a room, a studio or, if `folder` is given, one
         of its maps (`data_gen.surroundings`).
       folder: folder of .hdr and .exr files, for "folder" and "mixed".
@@ -46,29 +41,14 @@ class LightSettings:
       darkest: lower bound of diffuse colours, so that no object is completely black.
     """
 
-    source: str = "procedural"
+    source: Literal["procedural", "sunsky", "folder", "mixed"] = "procedural"
     folder: str = ""
-    count: int = 5
-    ambient: tuple[float, float] = (0.2, 0.42)
-    exposure: tuple[float, float] = (0.9, 1.5)
-    saturation: float = 0.25
-    specular: float = 0.6
-    darkest: float = 0.03
-
-    def __post_init__(self) -> None:
-        """Checks the fields."""
-        check_one_of("light.source", self.source, SOURCES)
-        if self.source == "folder" and not self.folder:
-            raise ValueError("light.folder: got '', expected a folder of .hdr and .exr files")
-        if self.source in ("procedural", "sunsky") and self.folder:
-            raise ValueError(
-                f"light.folder: got {self.folder!r}, which has no effect with "
-                f"light.source={self.source!r}: expected 'folder' or 'mixed'"
-            )
-        check_between("light.count", self.count, 1, 32)
-        check_ranges("light", self, {"ambient": (0.0, 1.0), "exposure": (0.01, 10.0)})
-        for name, high in (("saturation", 1.0), ("specular", 10.0), ("darkest", 1.0)):
-            check_between(f"light.{name}", getattr(self, name), 0, high)
+    count: Annotated[int, Bounds(1, 32)] = 5
+    ambient: Annotated[Range, Within(0, 1)] = (0.2, 0.42)
+    exposure: Annotated[Range, Within(0.01, 10)] = (0.9, 1.5)
+    saturation: Fraction = 0.25
+    specular: Annotated[float, Bounds(0, 10)] = 0.6
+    darkest: Fraction = 0.03
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -165,20 +145,6 @@ def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
     return result
 
 
-def list_maps(folder: str) -> list[pathlib.Path]:
-    """The environment maps below a folder, sorted by name.
-
-    Raises:
-      ValueError: the folder contains none.
-    """
-    paths = sorted(
-        p for p in pathlib.Path(folder).rglob("*") if p.suffix.lower() in (".hdr", ".exr")
-    )
-    if not paths:
-        raise ValueError(f"light.folder: got {folder!r}, expected a folder of .hdr and .exr files")
-    return paths
-
-
 def turned(radiance: Float[np.ndarray, "h w 3"], turns: float) -> Float[np.ndarray, "h w 3"]:
     """The map rotated about the vertical axis by `turns` full turns, rounded to a column."""
     return np.roll(radiance, round(turns * radiance.shape[1]), axis=1)
@@ -255,25 +221,3 @@ def reduce(
         specular=settings.specular,
         darkest=settings.darkest,
     )
-
-
-def draw(
-    rng: np.random.Generator,
-    settings: LightSettings,
-    maps: Float[np.ndarray, "m h w 3"] | None,
-) -> tuple[Lights, Float[np.ndarray, "h w 3"]]:
-    """Draws the light of a view: directional lights, and the map that they approximate.
-
-    Args:
-      rng: the random generator.
-      settings: see `LightSettings`.
-      maps: the environment maps to choose from; None = procedural skies.
-    """
-    if maps is None:
-        radiance = procedural_sky(rng)
-    else:
-        radiance = np.asarray(maps[int(rng.integers(len(maps)))], np.float64)
-    radiance = turned(radiance, float(rng.random()))
-    ambient = float(rng.uniform(*settings.ambient))
-    exposure = float(rng.uniform(*settings.exposure))
-    return reduce(radiance, settings, ambient=ambient, exposure=exposure), radiance

@@ -81,7 +81,7 @@ class Model:
       materials: at least one.
       category: category of the object, "" if unknown.
       model_id: name of the object, unique in its catalogue.
-      parameters: the parameters of a procedural model, the hidden ones included.
+      parameters: the parameters of a procedural model.
       warnings: what was missing or wrong in the file, and what was used instead.
     """
 
@@ -95,28 +95,6 @@ class Model:
     model_id: str = ""
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Checks that the arrays fit together."""
-        count = len(self.faces)
-        for name, shape in {
-            "vertices": (len(self.vertices), 3),
-            "faces": (count, 3),
-            "normals": (count, 3, 3),
-            "uv": (count, 3, 2),
-            "face_material": (count,),
-        }.items():
-            if getattr(self, name).shape != shape:
-                raise ValueError(
-                    f"model {name}: got shape {getattr(self, name).shape}, expected {shape}"
-                )
-        for name, limit in (("faces", len(self.vertices)), ("face_material", len(self.materials))):
-            index = getattr(self, name)
-            if count and not 0 <= index.min() <= index.max() < limit:
-                raise ValueError(
-                    f"model {name}: got indices {index.min()} to {index.max()}, expected 0 to "
-                    f"{limit - 1}"
-                )
 
     def corners(self) -> Float[np.ndarray, "f 3 3"]:
         """Positions of the faces' corners."""
@@ -170,8 +148,6 @@ def build_model(
     max_faces: int = MAX_FACES,
 ) -> Model:
     """Cleans raw arrays and makes a `Model` from them.
-
-    Deliberately one function: each step relies on the cleaning of the steps before it.
 
     Faces with indices out of range, faces without area, faces of fully transparent materials and
     unused vertices are removed. Corner normals that are missing, zero or not finite are computed by
@@ -229,34 +205,27 @@ def build_model(
     index, flat_faces = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[index], flat_faces.reshape(-1, 3)
     if uv is None:
-        texture_coordinates = np.zeros((len(faces), 3, 2), np.float32)
+        uv = np.zeros((len(keep), 3, 2))
+    uv = np.nan_to_num(np.asarray(uv, np.float32).reshape(-1, 3, 2)[keep], posinf=0, neginf=0)
+    if normals is None:
+        normals = crease_normals(vertices, faces, crease_degrees)
     else:
-        texture_coordinates = np.nan_to_num(
-            np.asarray(uv, np.float32).reshape(-1, 3, 2)[keep], posinf=0, neginf=0
-        )
-    given = None if normals is None else np.asarray(normals, np.float64).reshape(-1, 3, 3)[keep]
-    if given is not None:
-        given = unit_vectors(np.nan_to_num(given, posinf=0, neginf=0))
-        flat_normal = face_normals(vertices, faces)
-        over = (given.sum(axis=1) * flat_normal).sum(axis=1) < 0
-        faces[over] = faces[over][:, ::-1]
-        given[over] = given[over][:, ::-1]
-        texture_coordinates[over] = texture_coordinates[over][:, ::-1]
-    if given is None:
-        given = crease_normals(vertices, faces, crease_degrees)
-    else:
-        missing = (given == 0).all(axis=2)
+        normals = np.asarray(normals, np.float64).reshape(-1, 3, 3)[keep]
+        normals = unit_vectors(np.nan_to_num(normals, posinf=0, neginf=0))
+        over = (normals.sum(axis=1) * face_normals(vertices, faces)).sum(axis=1) < 0
+        for corners in (faces, normals, uv):
+            corners[over] = corners[over][:, ::-1]
+        missing = (normals == 0).all(axis=2)
         if missing.any():
             if not missing.all():
                 notes.append(f"{int(missing.sum())} corner normals missing or zero, recomputed")
-            given = np.where(
-                missing[..., None], crease_normals(vertices, faces, crease_degrees), given
-            )
+            smooth = crease_normals(vertices, faces, crease_degrees)
+            normals = np.where(missing[..., None], smooth, normals)
     return Model(
         vertices=vertices,
         faces=faces,
-        normals=given.astype(np.float32),
-        uv=texture_coordinates,
+        normals=normals.astype(np.float32),
+        uv=uv,
         face_material=owner,
         materials=materials,
         category=category,
@@ -333,16 +302,15 @@ def crease_normals(
     count = len(faces)
     corner = weld(vertices)[faces]
     normal = face_normals(vertices, faces)
+    # Each edge as its lower and its higher vertex, and the corners of the face there.
+    ends = np.stack([corner.ravel(), np.roll(corner, -1, axis=1).ravel()])
     nodes = np.arange(3 * count).reshape(count, 3)
-    start, end = corner.ravel(), np.roll(corner, -1, axis=1).ravel()
-    start_node, end_node = nodes.ravel(), np.roll(nodes, -1, axis=1).ravel()
-    ordered = start < end
-    low, high = np.where(ordered, start, end), np.where(ordered, end, start)
-    low_node = np.where(ordered, start_node, end_node)
-    high_node = np.where(ordered, end_node, start_node)
+    nodes = np.stack([nodes.ravel(), np.roll(nodes, -1, axis=1).ravel()])
+    order = np.where(ends[0] < ends[1], [[0], [1]], [[1], [0]])
+    (low, high), nodes = (np.take_along_axis(a, order, axis=0) for a in (ends, nodes))
     key = low * (int(corner.max()) + 1) + high
     order = np.argsort(key, kind="stable")
-    links: list[tuple[np.ndarray, np.ndarray]] = []
+    links: list[np.ndarray] = []
     limit = np.cos(np.radians(crease_degrees))
     # An edge of a manifold surface has two faces. If an edge has more, each face is compared with
     # the next three only, so that the cost grows linearly with their number.
@@ -352,9 +320,8 @@ def crease_normals(
         one, two = one[same], two[same]
         smooth = (normal[one // 3] * normal[two // 3]).sum(axis=1) > limit
         one, two = one[smooth], two[smooth]
-        links += [(low_node[one], low_node[two]), (high_node[one], high_node[two])]
-    rows = np.concatenate([a for a, _ in links])
-    columns = np.concatenate([b for _, b in links])
+        links.append(np.stack([nodes[:, one].ravel(), nodes[:, two].ravel()]))
+    rows, columns = np.concatenate(links, axis=1)
     graph = scipy.sparse.coo_array(
         (np.ones(len(rows), np.int8), (rows, columns)), shape=(3 * count, 3 * count)
     )

@@ -1,18 +1,18 @@
-"""Images of scenes with local shading.
+"""Images of scenes: intersection of rays with the mesh, local shading, path tracing.
 
-Mitsuba intersects the rays with the mesh; `shading` computes the colours, with the same arithmetic
-for both variants of Mitsuba.
+Mitsuba intersects the rays with one merged mesh; models differ only in their data, so nothing is
+recompiled. `shading` computes the colours, with the same arithmetic for both variants of Mitsuba.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from data_gen import engine, shading
-from data_gen.ray_mesh import Mesh, camera_rays, window_of
-from data_gen.scene import RayHits, Scene
+from data_gen import cameras, engine, shading
+from data_gen.cameras import Camera
+from data_gen.scene import RayHits, Scene, Surfaces
 
 # Largest number of surfaces that a ray passes through (holes and glass).
 _MAX_LAYERS = 8
@@ -26,6 +26,90 @@ _BEHIND = 2e-4
 # Samples of a pixel whose normal deviates more than this from that of the centre are on another
 # surface.
 _SAME_SURFACE = float(np.cos(np.deg2rad(30.0)))
+
+Window = tuple[slice, slice]
+"""Rows and columns of a part of the image that contains the whole object."""
+
+
+class Mesh:
+    """A mesh for ray intersection."""
+
+    def __init__(self, corners: Float[np.ndarray, "f 3 3"]) -> None:
+        """Builds the search structure of the triangles."""
+        count = len(corners)
+        mesh = engine.mi.Mesh("model", 3 * count, count, has_vertex_texcoords=True)
+        values = engine.mi.traverse(mesh)
+        values["vertex_positions"] = np.ascontiguousarray(corners, np.float32).ravel()
+        values["faces"] = np.arange(3 * count, dtype=np.uint32)
+        # With these, the texture coordinates of a hit are its barycentric coordinates.
+        values["vertex_texcoords"] = np.tile(np.array([0, 0, 1, 0, 0, 1], np.float32), count)
+        values.update()
+        self._scene = engine.mi.load_dict({"type": "scene", "model": mesh})
+
+    def cast(
+        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> RayHits:
+        """The first hit of each ray; `t` is in units of the length of its direction."""
+        count = len(directions)
+        if not count:
+            return RayHits(np.zeros(0, np.int64), np.zeros((0, 3), np.float32), np.zeros(0))
+        if engine.mi.variant().startswith("scalar"):
+            face = np.full(count, -1, np.int64)
+            one, two = np.zeros((2, count), np.float32)
+            t = np.full(count, np.inf, np.float32)
+            meet, ray_of = self._scene.ray_intersect_preliminary, engine.mi.Ray3f
+            rays = zip(origins.tolist(), directions.tolist(), strict=True)
+            for number, (origin, direction) in enumerate(rays):
+                hit = meet(ray_of(origin, direction), coherent=True)
+                if hit.is_valid():
+                    face[number], t[number] = hit.prim_index, hit.t
+                    one[number], two[number] = hit.prim_uv
+        else:
+            columns = [np.ascontiguousarray(a[:, k], np.float32) for a in (origins, directions)
+                       for k in range(3)]  # fmt: skip
+            ray = engine.mi.Ray3f(
+                engine.mi.Point3f(*(engine.mi.Float(c) for c in columns[:3])),
+                engine.mi.Vector3f(*(engine.mi.Float(c) for c in columns[3:])),
+            )
+            hits = self._scene.ray_intersect_preliminary(ray, coherent=True)
+            engine.dr.eval(hits.t, hits.prim_index, hits.prim_uv)
+            t = np.array(hits.t, np.float32)
+            face = np.where(np.isfinite(t), np.array(hits.prim_index).astype(np.int64), -1)
+            # The values of rays that hit nothing are arbitrary.
+            one, two = np.where(face >= 0, np.array(hits.prim_uv, np.float32).reshape(2, count), 0)
+        return RayHits(face, np.stack([1 - one - two, one, two], axis=1), t)
+
+
+def window_of(surfaces: Surfaces, camera: Camera) -> Window:
+    """The smallest window that contains all vertices, plus a border of one pixel."""
+    pixels, _ = cameras.project(surfaces.vertices @ camera.rotation.T, camera)
+    height, width = camera.image_size
+    low = np.floor(np.nanmin(pixels, axis=0)).astype(int) - 1
+    high = np.ceil(np.nanmax(pixels, axis=0)).astype(int) + 1
+    left, right = np.clip([low[0], high[0]], 0, width)
+    top, bottom = np.clip([low[1], high[1]], 0, height)
+    return (
+        slice(int(top), int(max(bottom, top + 1))),
+        slice(int(left), int(max(right, left + 1))),
+    )
+
+
+def sample_rays(
+    camera: Camera, window: Window, side: int, chosen: np.ndarray | slice = slice(None)
+) -> Float[np.ndarray, "n 3"]:
+    """Rays through `side` x `side` points of each chosen pixel of a window, pixel after pixel.
+
+    The directions are in the view-aligned frame; their depth along the optical axis is 1.
+    """
+    rows, columns = np.mgrid[window].reshape(2, -1)[:, chosen]
+    offsets = (np.arange(side) + 0.5) / side
+    k = camera.intrinsics
+    rows = (rows[:, None, None] + offsets[:, None]).repeat(side, 2).ravel()
+    columns = (columns[:, None, None] + offsets).repeat(side, 1).ravel()
+    y = (rows - k[1, 2]) / k[1, 1]
+    x = (columns - k[0, 2] - k[0, 1] * y) / k[0, 0]
+    rays = np.stack([x, y, np.ones_like(x)], axis=1) @ camera.extrinsics[:, :3]
+    return rays.astype(np.float32)
 
 
 class _Samples(NamedTuple):
@@ -43,22 +127,19 @@ Shade = Callable[..., tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]
 """Computes colours of hits in place of local shading; see `photo.photograph`."""
 
 
-def follow_rays(
-    mesh: Mesh, scene: Scene, rays: np.ndarray, first: RayHits, shade: Shade | None = None
-) -> _Samples:
-    """Follows rays from the camera through holes and glass, given their first hits.
+def follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray, shade: Shade | None = None) -> _Samples:
+    """Follows rays from the camera through holes and glass.
 
     The colours are computed by local shading, or by `shade` if it is given.
     """
     surfaces, camera = scene.surfaces, scene.camera
     count = len(rays)
-    colour = np.zeros((count, 3), np.float32)
-    through = np.ones(count, np.float32)
-    hit = np.zeros(count, np.bool_)
-    owner = np.full(count, -1, np.int64)
-    normals = np.zeros((count, 3), np.float32)
-    z = np.zeros(count, np.float32)
+    colour, normals = np.zeros((2, count, 3), np.float32)
+    through, z = np.ones(count, np.float32), np.zeros(count, np.float32)
+    hit, owner = np.zeros(count, np.bool_), np.full(count, -1, np.int64)
     turn = camera.rotation.astype(np.float32)
+    start = np.broadcast_to((camera.position @ camera.rotation).astype(np.float32), rays.shape)
+    first = mesh.cast(start, rays @ turn)
     origin = camera.position.astype(np.float32) @ turn
     index = np.flatnonzero(first.face >= 0)
     face, weights, t = first.face[index], first.weights[index], first.t[index]
@@ -147,38 +228,16 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
       soft_edges: whether edges are smoothed as well.
     """
     camera = scene.camera
-    height, width = camera.image_size
     window = window_of(scene.surfaces, camera)
-    rows, columns = np.mgrid[window.slices].reshape(2, -1)
-    scalar = engine.mi.variant().startswith("scalar")
-    turn = camera.rotation.astype(np.float32)
-    origin = (camera.position @ camera.rotation).astype(np.float32)
-
-    def cast(rays: np.ndarray) -> RayHits:
-        return mesh.cast(np.broadcast_to(origin, rays.shape), rays @ turn)
-
-    rays = camera_rays(camera, columns + 0.5, rows + 0.5)
-    first = mesh.cast_grid(camera, window, 1) if scalar else cast(rays)
-    centre = follow_rays(mesh, scene, rays, first)
+    centre = follow_rays(mesh, scene, sample_rays(camera, window, 1))
     # Premultiplied colour, and opacity.
     total = np.concatenate([centre.colour, 1 - centre.through[:, None]], axis=1)
     if side > 0 and (soft_edges or scene.surfaces.texture_start.any()):
         # Without soft edges, a pixel whose centre misses the object is background, and a pixel on
         # an untextured surface has one colour.
         textured = scene.surfaces.texture_start[centre.owner] > 0
-        chosen = np.arange(len(rows)) if soft_edges else np.flatnonzero(centre.hit & textured)
-        offsets = (np.arange(side) + 0.5) / side
-        fine_rows = (rows[chosen, None, None] + offsets[:, None]).repeat(side, 2)
-        fine_columns = (columns[chosen, None, None] + offsets).repeat(side, 1)
-        rays = camera_rays(camera, fine_columns.ravel(), fine_rows.ravel())
-        if scalar:
-            whole = mesh.cast_grid(camera, window, side)
-            cells = np.arange(len(whole.face)).reshape(window.height, side, window.width, side)
-            number = cells.transpose(0, 2, 1, 3).reshape(-1, side * side)[chosen].ravel()
-            first = RayHits(whole.face[number], whole.weights[number], whole.t[number])
-        else:
-            first = cast(rays)
-        seen = follow_rays(mesh, scene, rays, first)
+        chosen = np.flatnonzero(soft_edges | (centre.hit & textured))
+        seen = follow_rays(mesh, scene, sample_rays(camera, window, side, chosen))
         colour = np.concatenate([seen.colour, 1 - seen.through[:, None]], axis=1)
         colour = colour.reshape(-1, side * side, 4)
         if soft_edges:
@@ -189,20 +248,108 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
                           centre.normal[chosen])
                 > _SAME_SURFACE
             )  # fmt: skip
-            own = total[chosen]
-            summed = own + np.einsum("pkd,pk->pd", colour, alike.astype(np.float32))
+            summed = total[chosen] + np.einsum("pkd,pk->pd", colour, alike.astype(np.float32))
             total[chosen] = summed / (1 + alike.sum(axis=1))[:, None]
-    premultiplied = np.zeros((height, width, 4), np.float32)
-    premultiplied[window.slices] = total.reshape(window.height, window.width, 4)
-    result = Picture(
+
+    def whole(values: np.ndarray) -> np.ndarray:
+        result = np.zeros((*camera.image_size, *values.shape[1:]), values.dtype)
+        result[window] = values.reshape(result[window].shape)
+        return result
+
+    premultiplied = whole(total)
+    return Picture(
         image=compose(premultiplied, scene.background),
-        mask=np.zeros((height, width), np.bool_),
-        depth=np.zeros((height, width), np.float32),
-        normals=np.zeros((height, width, 3), np.float32),
+        mask=whole(centre.hit),
+        depth=whole(np.where(centre.hit, centre.z, 0)),
+        normals=whole(centre.normal),
         opacity=premultiplied[..., 3],
     )
-    shape = (window.height, window.width)
-    result.mask[window.slices] = centre.hit.reshape(shape)
-    result.depth[window.slices] = np.where(centre.hit, centre.z, 0).reshape(shape)
-    result.normals[window.slices] = centre.normal.reshape(*shape, 3)
-    return result
+
+
+def path_trace(
+    scene: Scene, radiance: Float[np.ndarray, "h w 3"], *, samples: int, seed: int
+) -> Float[np.ndarray, "h w 4"]:
+    """Premultiplied colours with shadows and interreflection, and opacity, by Mitsuba.
+
+    Each material becomes a material of Mitsuba. Mitsuba therefore compiles every scene, which takes
+    some seconds per model.
+
+    Args:
+      scene: the scene; its directional lights are ignored.
+      radiance: the environment map, in the view-aligned frame.
+      samples: number of samples per pixel.
+      seed: seed of the samples.
+    """
+    mi, surfaces, camera = engine.mi, scene.surfaces, scene.camera
+    parts: dict[str, Any] = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 6, "hide_emitters": True},
+    }
+    turn = camera.rotation.T.astype(np.float32)
+    for number in np.unique(surfaces.material):
+        own = np.flatnonzero(surfaces.material == number)
+        height, width = (int(s) for s in surfaces.texture_size[number])
+        begin = int(surfaces.texture_start[number])
+        texels = surfaces.texels[begin : begin + height * width].view(np.uint8)
+        texture = texels.reshape(height, width, 4).astype(np.float32) / 255
+
+        def bitmap(values: np.ndarray) -> dict[str, Any]:
+            return {
+                "type": "bitmap",
+                "bitmap": mi.Bitmap(np.ascontiguousarray(values, np.float32)),
+                "raw": True,
+                "filter_type": "nearest" if values.size < 16 else "bilinear",
+            }
+
+        strength = float(np.clip(surfaces.specular[number].mean() * scene.lights.specular, 0, 1))
+        bsdf = {
+            "type": "principled",
+            # Mitsuba computes with linear RGB.
+            "base_color": bitmap((texture[..., :3] * surfaces.diffuse[number]) ** 2.2),
+            "roughness": float(np.clip((2 / (surfaces.shininess[number] + 2)) ** 0.25, 0.1, 1)),
+            "specular": strength,
+        }
+        properties = mi.Properties()
+        properties["mesh_bsdf"] = mi.load_dict({
+            "type": "mask", "opacity": bitmap(texture[..., 3:] * surfaces.opacity[number]),
+            "bsdf": {"type": "twosided", "bsdf": bsdf},
+        })  # fmt: skip
+        mesh = mi.Mesh(f"part{number}", 3 * len(own), len(own), has_vertex_normals=True,
+                       has_vertex_texcoords=True, props=properties)  # fmt: skip
+        values = mi.traverse(mesh)
+        values["vertex_positions"] = (surfaces.corners[own] @ turn).ravel()
+        values["vertex_normals"] = (surfaces.normals[own] @ turn).ravel()
+        # In Mitsuba, v increases downward from the first row of an image, here upward.
+        uv = surfaces.uv[own] * np.array([1, -1], np.float32) + np.array([0, 1], np.float32)
+        values["vertex_texcoords"] = uv.ravel()
+        values["faces"] = np.arange(3 * len(own), dtype=np.uint32)
+        values.update()
+        parts[f"part{number}"] = mesh
+    # In Mitsuba's maps +y is up, and column u shows the direction with atan2(x, -z) = 2 pi u. Our
+    # map is passed with its columns reversed. Our direction (x, y, z) is then Mitsuba's direction
+    # (-y, z, -x), and this rotation maps it back.
+    to_map, to_world = np.eye(4), np.eye(4)
+    to_map[:3, :3] = [[0, 0, -1], [-1, 0, 0], [0, 1, 0]]
+    to_world[:3, :3] = camera.extrinsics[:, :3].T @ np.diag([-1, -1, 1])
+    to_world[:3, 3] = camera.position
+    parts["light"] = {
+        "type": "envmap",
+        "bitmap": mi.Bitmap(np.ascontiguousarray(radiance[:, ::-1], np.float32)),
+        "to_world": mi.ScalarTransform4f(to_map),
+    }
+    height, width = camera.image_size
+    film = {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgba",
+            "rfilter": {"type": "box"}}  # fmt: skip
+    sensor = mi.load_dict({
+        "type": "perspective",
+        "fov": float(2 * np.rad2deg(np.arctan(width / 2 / camera.intrinsics[0, 0]))),
+        "fov_axis": "x",
+        "to_world": mi.ScalarTransform4f(to_world),
+        "film": film,
+        "sampler": {"type": "independent", "sample_count": samples},
+    })  # fmt: skip
+    image = mi.render(mi.load_dict(parts), sensor=sensor, spp=samples, seed=seed)
+    values = np.nan_to_num(np.array(image, np.float32))
+    opacity = np.clip(values[..., 3:], 0, 1)
+    linear = values[..., :3] / np.maximum(opacity, 1e-3)
+    return np.concatenate([np.clip(linear, 0, 1) ** (1 / 2.2) * opacity, opacity], axis=-1)

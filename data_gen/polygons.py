@@ -11,26 +11,19 @@ _BLOCK = 1 << 22  # triples of corners that are compared at a time, one byte eac
 def cut_ears(outlines: np.ndarray) -> np.ndarray:
     """Triangulates simple polygons by cutting ears: int [p, n - 2, 3].
 
-    In each polygon the first ear is cut, then the first ear of the remaining polygon, and so on. If
-    a polygon intersects itself, the number of triangles is the same, but they may overlap.
+    A corner is an ear if its triangle is convex and contains no other corner. In each polygon the
+    first ear is cut, then the first ear of the remaining polygon, and so on, one step at a time for
+    all polygons. When an ear is cut, the triangles of its two neighbours change and are tested
+    again. The triangles of all other corners stay the same, but the cut corner is no longer
+    considered for them. If a polygon intersects itself, the number of triangles is the same, but
+    they may overlap.
 
     Args:
       outlines: float [p, n, 2], the corners of p polygons, counter-clockwise.
     """
-    count, corners = outlines.shape[:2]
-    step = max(1, _BLOCK // corners**2)
-    return np.concatenate(
-        [_cut_ears(outlines[start : start + step]) for start in range(0, max(count, 1), step)]
-    )
-
-
-def _cut_ears(outlines: np.ndarray) -> np.ndarray:
-    """`cut_ears` of a few polygons, one step at a time for all of them.
-
-    A corner is an ear if its triangle is convex and contains no other corner. When an ear is cut,
-    the triangles of its two neighbours change and are tested again. The triangles of all other
-    corners stay the same, but the cut corner is no longer considered for them.
-    """
+    blocks = -(-outlines.shape[0] * outlines.shape[1] ** 2 // _BLOCK)
+    if blocks > 1 and len(outlines) > 1:
+        return np.concatenate([cut_ears(part) for part in np.array_split(outlines, blocks)])
     count, corners = outlines.shape[:2]
     rows = np.arange(count)
     before = np.tile(np.roll(np.arange(corners), 1), (count, 1))

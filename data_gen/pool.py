@@ -2,51 +2,62 @@
 
 A `Renderer` manages one process. It renders one model at a time and returns its samples, or the
 reason why the process ended. `render_local` renders the models of a job with `job.workers`
-renderers (0 = one per processor), at most one per model; `data_gen.cluster` renders them on the
-workers of a Dask cluster.
+renderers; `data_gen.cluster` renders them on the workers of a Dask cluster. The process itself is
+`python -m data_gen.pool FD`; it communicates through the open pipe with this file descriptor.
 """
 
-import collections
+import concurrent.futures
 import contextlib
 import multiprocessing.connection
 import os
 import pathlib
 import queue
+import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from typing import Any, NamedTuple
 
-from data_gen import ROOT
+from data_gen import engine
 from data_gen.catalogues.entry import Entry
-from data_gen.render_model import Context
-from data_gen.results import failure, pack_result
+from data_gen.render_model import Context, render_model
+from psgn_jax.system import processes
 
-ATTEMPTS = 2
-"""Number of attempts at a model if the rendering process dies; each uses a new process.
-
-A second attempt is made because the process may have died for another reason than the model."""
+_ATTEMPTS = 2
+"""Number of attempts at a model if its process dies, perhaps for another reason than the model."""
 
 # After this many processes have ended before they were ready, rendering is given up: no model can
 # be the cause.
 _FAILED_STARTS = 3
 _SECONDS_TO_START = 300.0
+_SECONDS_IDLE = 600.0
 
 
 class Result(NamedTuple):
-    """The result of one model: its number, its line in the report, the bytes of `pack_result`."""
+    """The result of a model: its number in the job, its line in the report, and its records."""
 
     number: int
     line: dict[str, Any]
-    content: bytes
+    records: list[bytes]
 
 
-Pool = Callable[[Sequence[tuple[int, Entry]], Context], Iterator[Result]]
+Pool = Callable[[Sequence[tuple[int, Entry]], Context], Generator[Result]]
 """Renders numbered models in any order.
 
 A failing model does not stop the pool. RuntimeError is raised if no process can be started."""
+
+
+def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
+    """The line of `models.jsonl` for a model without samples."""
+    return {
+        "model_id": entry.model_id,
+        "category": entry.category,
+        "split": entry.split,
+        "status": status,
+        "reason": reason,
+        "samples": 0,
+    }
 
 
 class Renderer:
@@ -66,17 +77,24 @@ class Renderer:
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Any = None
         self._done = 0
-        self._ended = False
+        self._killed = False
 
-    def render(self, entry: Entry) -> tuple[dict[str, Any], bytes]:
-        """Renders a model once; returns its line and the bytes of `results.pack_result`.
+    def render(self, number: int, entry: Entry) -> Result:
+        """Renders a model, once more if the process dies.
 
-        The status of the line is one of those of `render_model.render_model`, "error", or
+        The status of its line is one of those of `render_model.render_model`, "error", or
         "crashed", "timeout" or "memory" if the process has ended.
 
         Raises:
           RuntimeError: the processes end before they are ready.
         """
+        for _ in range(_ATTEMPTS):
+            line, records = self._render_once(entry)
+            if line["status"] != "crashed":
+                break
+        return Result(number, line, records)
+
+    def _render_once(self, entry: Entry) -> tuple[dict[str, Any], list[bytes]]:
         # A process that has been idle for a long time ends by itself.
         if self._process is not None and self._process.poll() is not None:
             self._discard()
@@ -92,36 +110,44 @@ class Renderer:
                     return self._lost(entry, "memory", what)
                 if time.monotonic() - started > options.seconds_per_model:
                     return self._lost(entry, "timeout", f"over {options.seconds_per_model:g} s")
-            line, content = self._connection.recv()
+            line, records = self._connection.recv()
         except (EOFError, OSError):
             return self._lost(entry, "crashed", "")
         self._done += 1
         if self._done >= options.models_per_worker:
-            self._dismiss()
-        return line, content
+            self.end()
+        return line, records
 
     def end(self) -> None:
-        """Ends the process, if one is running, and the renderer."""
-        self._ended = True
-        self._dismiss()
+        """Ends the process, if one is running."""
+        if self._process is not None:
+            with contextlib.suppress(OSError):
+                self._connection.send(None)
+        self._discard()
 
     def kill(self) -> None:
         """Kills the process and ends the renderer, even while another thread is in `render`."""
-        self._ended = True
+        self._killed = True
         process = self._process
         if process is not None:
             process.kill()
 
     def _start(self) -> None:
+        code = None
         for _ in range(_FAILED_STARTS):
-            if self._ended:
-                break
+            if self._killed:
+                raise RuntimeError("the renderer was ended")
             ours, theirs = multiprocessing.connection.Pipe()
+            threads = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
             with theirs:
                 self._process = subprocess.Popen(
-                    [sys.executable, "-m", "data_gen.worker", "serve", str(theirs.fileno())],
-                    pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, env=_environment(),
-                )  # fmt: skip
+                    processes.python("data_gen.pool", str(theirs.fileno())),
+                    pass_fds=[theirs.fileno()],
+                    stdin=subprocess.DEVNULL,
+                    env={**dict.fromkeys(threads, "1"), **processes.environment()},
+                )
+            if self._killed:
+                self._process.kill()
             self._connection, self._done = ours, 0
             with contextlib.suppress(EOFError, OSError):
                 ours.send(self._context)
@@ -130,19 +156,10 @@ class Renderer:
                     return
                 self._process.kill()
             code = self._discard()
-        if self._ended:
-            raise RuntimeError("the renderer was ended")
         raise RuntimeError(
             f"{_FAILED_STARTS} worker processes ended before they were ready (exit code {code}); "
             "try --config.job.variant=scalar"
         )
-
-    def _dismiss(self) -> None:
-        """Tells the process to end."""
-        if self._process is not None:
-            with contextlib.suppress(OSError):
-                self._connection.send(None)
-        self._discard()
 
     def _discard(self) -> int | None:
         """Waits for the process to end, kills it if it does not, and returns its exit code."""
@@ -158,12 +175,11 @@ class Renderer:
         connection.close()
         return process.wait()
 
-    def _lost(self, entry: Entry, status: str, reason: str) -> tuple[dict[str, Any], bytes]:
+    def _lost(self, entry: Entry, status: str, reason: str) -> tuple[dict[str, Any], list[bytes]]:
         if status != "crashed" and self._process is not None:
             self._process.kill()
         code = self._discard()
-        line = failure(entry, status, reason or f"exit code {code}")
-        return line, pack_result(line, [])
+        return failure(entry, status, reason or f"exit code {code}"), []
 
     def _megabytes(self) -> float:
         """Resident memory of the process; 0 if it is unknown."""
@@ -175,56 +191,71 @@ class Renderer:
             return 0.0
 
 
-def _environment() -> dict[str, str]:
-    """Environment of the processes: one thread each, and the import path of this process."""
-    return {
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-        "MKL_NUM_THREADS": "1",
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(
-            dict.fromkeys([str(ROOT), *(os.path.abspath(p) for p in sys.path)])
-        ),
-    }
-
-
-def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Iterator[Result]:
-    """Renders models in processes on this machine; see `Pool`."""
+def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Generator[Result]:
+    """Renders models in processes on this machine, one per processor by default; see `Pool`."""
     count = min(context.settings.job.workers or len(os.sched_getaffinity(0)), len(tasks))
-    todo = collections.deque(tasks)
-    done: queue.SimpleQueue[Result | BaseException] = queue.SimpleQueue()
     renderers = [Renderer(context) for _ in range(count)]
+    idle: queue.SimpleQueue[Renderer] = queue.SimpleQueue()
+    for renderer in renderers:
+        idle.put(renderer)
 
-    def work(renderer: Renderer) -> None:
+    def render(number: int, entry: Entry) -> Result:
+        renderer = idle.get()
         try:
-            while True:
-                try:
-                    index, entry = todo.popleft()
-                except IndexError:
-                    renderer.end()
-                    return
-                for _ in range(ATTEMPTS):
-                    line, content = renderer.render(entry)
-                    if line["status"] != "crashed":
-                        break
-                done.put(Result(index, line, content))
-        except BaseException as error:
-            done.put(error)
+            return renderer.render(number, entry)
+        finally:
+            idle.put(renderer)
 
-    threads = [threading.Thread(target=work, args=(r,), daemon=True) for r in renderers]
-    for thread in threads:
-        thread.start()
-    try:
-        for _ in tasks:
-            result = done.get()
-            if isinstance(result, BaseException):
-                raise result
-            yield result
-    except BaseException:
-        todo.clear()
-        for renderer in renderers:
-            renderer.kill()
-        raise
-    finally:
-        for thread in threads:
-            thread.join()
+    with concurrent.futures.ThreadPoolExecutor(count) as threads:
+        # No list of the futures is kept, because each holds the samples of a model.
+        done = concurrent.futures.as_completed([threads.submit(render, *task) for task in tasks])
+        try:
+            for future in done:
+                yield future.result()
+            for renderer in renderers:
+                renderer.end()
+        except BaseException:
+            threads.shutdown(wait=False, cancel_futures=True)
+            for renderer in renderers:
+                renderer.kill()
+            raise
+
+
+def _serve(connection: multiprocessing.connection.Connection) -> None:
+    """Main loop of a rendering process.
+
+    It receives a `Context`, sends None when ready, then receives entries and sends (line, records).
+    It ends when it receives None, when the connection is closed, or after ten minutes without a
+    message, because the job may have been killed.
+    """
+    # Ctrl-C is sent to all processes of a terminal; the `Renderer` ends this one.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    context: Context = connection.recv()
+    engine.start(*context.variant)
+    connection.send(None)  # ready
+    while connection.poll(_SECONDS_IDLE):
+        try:
+            entry = connection.recv()
+        except (EOFError, ConnectionResetError):
+            return
+        if entry is None:
+            return
+        started = time.perf_counter()
+        try:
+            records, line = render_model(entry, context)
+        except Exception as error:
+            # An unexpected error: only this model fails.
+            what = f"{type(error).__name__}: {error}".splitlines()[0][:300]
+            records, line = [], failure(entry, "error", what)
+        line["seconds_total"] = round(time.perf_counter() - started, 3)
+        try:
+            connection.send((line, records))
+        except (BrokenPipeError, ConnectionResetError):
+            return
+        del records
+        engine.release()
+
+
+if __name__ == "__main__":
+    with multiprocessing.connection.Connection(int(sys.argv[1])) as _pipe:
+        _serve(_pipe)

@@ -2,8 +2,7 @@
 
     python data_gen/render.py --catalogue NAME --source PATH --out RECORDS
 
-NAME is one of procedural, procedural_extra, procedural_groups, folder, shapenet, sh3f, ac3d,
-flightgear, torcs, pyrogenesis, records. PATH is the source of this catalogue: a folder, a file, or
+NAME is one of the catalogues below. PATH is the source of this catalogue: a folder, a file, or
 numbers of models. The folder RECORDS becomes a data set for training. Its file `models.jsonl` has a
 line for each model: status, reason for a refusal, checks and times.
 
@@ -27,11 +26,12 @@ Models are identified by name. If the content of a mesh file changes but its nam
 samples are kept; use a new output folder in that case.
 """
 
-import difflib
 import functools
+import inspect
 import pathlib
 import sys
-from collections.abc import Collection, Mapping
+import textwrap
+from collections.abc import Iterator
 from typing import Any
 
 if __package__ in (None, ""):  # run as a file: `data_gen` is in the folder above
@@ -40,11 +40,19 @@ if __package__ in (None, ""):  # run as a file: `data_gen` is in the folder abov
 from absl import app, flags, logging
 from ml_collections import config_flags
 
-from data_gen import cluster, job, manual, pool, settings
-from data_gen.catalogues.by_name import CATALOGUES, open_catalogue, parse_options
+from data_gen import cluster, job, pool, settings
+from data_gen.catalogues.by_name import (
+    CATALOGUES,
+    Variants,
+    class_of,
+    open_catalogue,
+    option_types,
+    parse_options,
+)
 from data_gen.catalogues.choosing import Choice
-from data_gen.signals import StoppedError, stop_on_signals
-from psgn_jax.untrusted import one_line
+from psgn_jax.config import structured
+from psgn_jax.system.signals import exit_on_signals
+from psgn_jax.system.untrusted import message_line
 
 _CATALOGUE = flags.DEFINE_enum("catalogue", None, sorted(CATALOGUES), "Where the models come from.")
 _SOURCE = flags.DEFINE_string(
@@ -55,11 +63,9 @@ _PART = flags.DEFINE_string(
     "shard", "0/1", "i/n: this process does the i-th of n parts, i from 0, for job arrays."
 )
 _LIMIT = flags.DEFINE_integer(
-    "limit",
-    0,
-    "Render only this many of the chosen models, from the first; 0 = all.",
+    "limit", 0, "Render only this many of the chosen models, from the first; 0 = all.",
     lower_bound=0,
-)
+)  # fmt: skip
 _SAMPLE = flags.DEFINE_integer(
     "sample", 0, "Number of models, spread over categories and folders; 0 = all.", lower_bound=0
 )
@@ -71,10 +77,9 @@ _OPTION = flags.DEFINE_multi_string(
     "option", [], "NAME=VALUE for the catalogue, such as up=+z or max_faces=200000; repeatable."
 )
 _SCHEDULER = flags.DEFINE_string(
-    "scheduler",
-    "",
-    "Address of a Dask scheduler, whose workers render the models; empty = this machine.",
-)
+    "scheduler", "", "Address of a Dask scheduler, whose workers render the models; empty = this "
+    "machine.",
+)  # fmt: skip
 _CONFIG = config_flags.DEFINE_config_file("config", None, "Settings.", lock_config=True)
 _DEFAULT = pathlib.Path(__file__).with_name("config.py")
 
@@ -91,12 +96,57 @@ def parse_part(text: str) -> tuple[int, int]:
     return int(first), int(second)
 
 
-def _one_line(error: BaseException) -> str:
-    """The message of an error on one line; the last line of a message with a traceback."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    if any(line.startswith("Traceback") for line in lines):
-        return lines[-1].partition(": ")[2] or lines[-1]
-    return one_line(" ".join(lines))
+def main(argv: list[str]) -> None:
+    """Runs the command and exits with its exit code."""
+    logging.set_verbosity(logging.INFO)
+    exit_on_signals()
+    try:
+        if len(argv) > 1:
+            raise ValueError(f"unexpected argument {argv[1]!r}")
+        name, place, out = _CATALOGUE.value, _SOURCE.value, _OUT.value
+        if name is None or place is None or out is None:
+            raise ValueError("--catalogue, --source and --out are needed; see --help")
+        options = settings.parse(_CONFIG.value)
+        if _SEED.present and not _SAMPLE.value:
+            raise ValueError(f"--seed={_SEED.value}: it has no effect without --sample")
+        if _SCHEDULER.value and options.job.workers:
+            raise ValueError("--config.job.workers: it has no effect with --scheduler")
+        part = parse_part(_PART.value)
+        source = open_catalogue(name, place, **parse_options(name, _OPTION.value))
+        render = pool.render_local
+        if _SCHEDULER.value:
+            render = functools.partial(cluster.render_on, _SCHEDULER.value)
+        choice = Choice(tuple(_INCLUDE.value), tuple(_EXCLUDE.value), _SAMPLE.value, _SEED.value)
+        summary = job.render_catalogue(
+            source, out, options, part=part, choice=choice, limit=_LIMIT.value, render=render
+        )
+    except (ValueError, RuntimeError, OSError) as error:
+        sys.stderr.write(f"error: {message_line(error)}\n")
+        sys.exit(2)
+    sys.stdout.write(summary.text() + "\n")
+    sys.exit(summary.exit_code)
+
+
+# --- Flags and help ---------------------------------------------------------------------------
+
+
+def _parse_flags(argv: list[str]) -> list[str]:
+    """Parses the flags like absl, but every error ends in one line and exit code 2."""
+    if {"--help", "-help", "-h", "-?", "--helpshort"} & set(argv[1:]):
+        sys.stdout.write("\n".join(_help()) + "\n")
+        sys.exit(0)
+    try:
+        sys.argv[:] = argv = _config_first(argv)  # `config_flags` reads the order from `sys.argv`
+        return flags.FLAGS(argv)
+    except (AttributeError, KeyError):  # a field that does not exist
+        sys.stderr.write(f"error: {_unknown_setting(argv)}\n")
+    except (flags.Error, TypeError, ValueError, OSError) as error:
+        # The error of a configuration file holds a traceback.
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        if any(line.startswith("Traceback") for line in lines):
+            error = ValueError(lines[-1].partition(": ")[2] or lines[-1])
+        sys.stderr.write(f"error: {message_line(error)}\n")
+    sys.exit(2)
 
 
 def _config_first(argv: list[str]) -> list[str]:
@@ -113,8 +163,7 @@ def _config_first(argv: list[str]) -> list[str]:
     if len(files) > 1:
         raise ValueError(f"{files[1]}: --config is given twice")
     for file in files:
-        path = file.partition("=")[2].partition(":")[0]
-        if not pathlib.Path(path).is_file():
+        if not pathlib.Path(file.partition("=")[2].partition(":")[0]).is_file():
             raise ValueError(f"{file}: there is no such file")
     # If this file were the flag's default, a wrong setting would raise an error at import.
     return [argv[0], *(files or [f"--config={_DEFAULT}"]), *rest]
@@ -122,112 +171,47 @@ def _config_first(argv: list[str]) -> list[str]:
 
 def _unknown_setting(argv: list[str]) -> str:
     """A message on the first argument that sets an unknown field, with the most similar field."""
-    known = _fields(settings.to_dict(settings.Settings()))
+    known = structured.flatten(settings.Settings())
     for argument in argv:
-        name = argument.partition("=")[0].lstrip("-").partition(".")
-        if name[0] in ("config", "noconfig") and name[2] and name[2] not in known:
-            near = difflib.get_close_matches(name[2], known, 1)
-            return f"{argument}: no such setting" + (
-                f"; did you mean --config.{near[0]}?" if near else ""
-            )
+        flag, _, name = argument.partition("=")[0].lstrip("-").partition(".")
+        if flag in ("config", "noconfig") and name and name not in known:
+            return f"{argument}: no such setting; {structured.suggestion(name, known)}"
     return "--config: no such setting"
 
 
-def _fields(values: Mapping[str, Any], prefix: str = "") -> list[str]:
-    names = []
-    for name, value in values.items():
-        names.append(prefix + name)
-        if isinstance(value, Mapping):
-            names += _fields(value, f"{prefix}{name}.")
-    return names
-
-
-def _help() -> str:
-    own = flags.FLAGS.get_flags_for_module(sys.modules[__name__])
-    shown = {
-        f"--{flag.name}" + (f"={flag.default}" if flag.default not in (None, [], "") else ""):
-        str(flag.help).partition(";\n")[0] for flag in own if flag.name != "config"
-    }  # fmt: skip
-    shown["--config=FILE"] = (
-        "Python file whose `get_config` returns the settings; `data_gen/config.py:NAME` starts "
-        f"from one of the presets {', '.join(sorted(settings.PRESETS))}."
+def _help() -> Iterator[str]:
+    """The help: flags, and from docstrings the catalogues with options and the settings."""
+    yield f"{(__doc__ or '').strip()}\n\nFlags"
+    for flag in flags.FLAGS.get_flags_for_module(sys.modules[__name__]):
+        if flag.name != "config":
+            yield f"  --{flag.name}: {str(flag.help).partition(chr(10))[0].rstrip(';')}"
+    yield (
+        "  --config: Python file whose `get_config` returns the settings;\n"
+        "    `data_gen/config.py:NAME` starts from one of the presets "
+        f"{', '.join(sorted(settings.PRESETS))}."
     )
-    return manual.text(__doc__ or "", dict(sorted(shown.items())))
+    for name in sorted(CATALOGUES):
+        yield from _documented(f"--catalogue={name}", class_of(name))
+        values = inspect.signature(class_of(name)).parameters
+        for key in option_types(name):
+            if key in values:
+                value = values[key].default
+                shown = ",".join(map(str, value)) if isinstance(value, tuple) else value
+                yield f"  --option={key}={shown}"
+    yield from _documented("Every catalogue: --option=variants=0 --option=deviation=0.25", Variants)
+    yield from _documented("Settings", settings.Settings)
+    for name, section in structured.to_dict(settings.Settings()).items():
+        if isinstance(section, dict):
+            kind = type(getattr(settings.Settings(), name))
+            yield from _documented(f"--config.{name}", kind)
+    yield "\nDefaults of the settings"
+    for name, value in structured.flatten(settings.Settings()).items():
+        yield f"  --config.{name}=" + (f"'{value}'" if isinstance(value, tuple) else str(value))
 
 
-def _parse_flags(argv: list[str]) -> list[str]:
-    """Parses the flags like absl, but every error ends in one line and exit code 2."""
-    if {"--help", "-help", "-h", "-?", "--helpshort"} & set(argv[1:]):
-        sys.stdout.write(_help())
-        sys.exit(0)
-    try:
-        sys.argv[:] = argv = _config_first(argv)  # `config_flags` reads the order from `sys.argv`
-        return flags.FLAGS(argv)
-    except (AttributeError, KeyError):
-        sys.stderr.write(f"error: {_unknown_setting(argv)}\n")
-    except (flags.Error, TypeError, ValueError, OSError) as error:
-        sys.stderr.write(f"error: {_one_line(error)}\n")
-    sys.exit(2)
-
-
-def _check_effects(options: settings.Settings, given: Collection[str]) -> None:
-    """Raises ValueError for a flag that was given but has no effect with the other flags."""
-    if _SEED.present and not _SAMPLE.value:
-        raise ValueError(f"--seed={_SEED.value}: it has no effect without --sample")
-    no_photo = options.image.shading != "photo" and "without image.shading=photo"
-    idle = {
-        **{name: no_photo for name in given if name.startswith("film.")},
-        "image.rays": no_photo,
-        "image.path_samples": options.image.shading != "path" and "without image.shading=path",
-        "job.workers": bool(_SCHEDULER.value) and "with --scheduler",
-    }
-    for name, condition in idle.items():
-        if name in given and condition:
-            raise ValueError(f"--config.{name}: it has no effect {condition}")
-
-
-def main(argv: list[str]) -> None:
-    """Runs the command and exits with its exit code."""
-    logging.set_verbosity(logging.INFO)
-    stop_on_signals()
-    try:
-        if len(argv) > 1:
-            raise ValueError(f"unexpected argument {argv[1]!r}")
-        name, place, out = _CATALOGUE.value, _SOURCE.value, _OUT.value
-        if name is None or place is None or out is None:
-            raise ValueError("--catalogue, --source and --out are needed; see --help")
-        options = settings.parse(_CONFIG.value)
-        _check_effects(options, config_flags.get_override_values(flags.FLAGS["config"]))
-        part = parse_part(_PART.value)
-        try:
-            source = open_catalogue(name, place, **parse_options(name, _OPTION.value))
-        except TypeError as error:
-            raise ValueError(f"--option: {error}") from error
-        render = pool.render_local
-        if _SCHEDULER.value:
-            render = functools.partial(cluster.render_on, _SCHEDULER.value)
-        summary = job.render_catalogue(
-            source,
-            out,
-            options,
-            part=part,
-            choice=Choice(
-                include=tuple(_INCLUDE.value),
-                exclude=tuple(_EXCLUDE.value),
-                sample=_SAMPLE.value,
-                seed=_SEED.value,
-            ),
-            limit=_LIMIT.value,
-            render=render,
-        )
-    except StoppedError as error:
-        logging.warning("%s; run the same command again to resume", error)
-        sys.exit(128 + error.number)
-    except (ValueError, RuntimeError, OSError) as error:
-        sys.stderr.write(f"error: {_one_line(error)}\n")
-        sys.exit(2)
-    sys.stdout.write(summary.text() + "\n")
-    sys.exit(summary.exit_code)
+def _documented(title: str, kind: Any) -> Iterator[str]:
+    text = (inspect.getdoc(kind) or "").partition("\n\nRaises:")[0]
+    yield f"\n{title}\n{textwrap.indent(text, '  ')}"
 
 
 if __name__ == "__main__":

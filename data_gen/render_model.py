@@ -1,32 +1,40 @@
-"""Renders the samples of a model."""
+"""Renders the samples of a model and checks every view."""
 
 import dataclasses
 import hashlib
 import json
+import pathlib
+import resource
 import time
+import zlib
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import scipy.ndimage
 import scipy.spatial
+from jaxtyping import Float
 
-from data_gen import cameras, lights, missing_faces, scene, surroundings
-from data_gen.backgrounds import draw_background
+from data_gen import cameras, grounds, lights, scene, surroundings
 from data_gen.catalogues.entry import Entry
+from data_gen.engine import Variant
 from data_gen.frame import outline, recentre
-from data_gen.mesh import UnusableModelError
-from data_gen.mitsuba_setup import Variant
-from data_gen.path_trace import path_trace
-from data_gen.photo.backdrop import draw_ground
-from data_gen.photo.photograph import photograph
-from data_gen.picture import Picture, compose, render
-from data_gen.ray_mesh import Mesh
+from data_gen.mesh import Model, UnusableModelError, face_areas, face_normals
+from data_gen.photo import photograph
+from data_gen.picture import Mesh, Picture, compose, path_trace, render
 from data_gen.settings import Settings
+from data_gen.solid import solid_occupancy
 from data_gen.surface import sample_surface
-from data_gen.view_checks import check_view, objection_to
-from data_gen.voxelise import solid_occupancy
 from psgn_jax.data import schema
 from psgn_jax.data.codec import encode
+
+COVERAGE = 0.0003
+"""Smallest fraction of the image that a model with missing faces must cover."""
+
+# Makes the random numbers of missing faces independent of others with the same seed.
+_STREAM = zlib.crc32(b"missing faces")
+
+_NO_OBJECT = 1e6  # not NaN, which is not JSON
 
 
 def model_seed(seed: int, source: str, model_id: str) -> int:
@@ -46,31 +54,23 @@ class Context:
     pictures: list[str]
 
 
-class _Laps:
-    """Seconds of each step, summed over the views of a model."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._clock = time.perf_counter()
-
-    def end(self, name: str) -> None:
-        """Adds the time since the previous step to this step."""
-        now = time.perf_counter()
-        self.seconds[name] = round(self.seconds.get(name, 0.0) + now - self._clock, 4)
-        self._clock = now
-
-
 def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str, Any]]:
     """All samples of a model as records, and its line in `models.jsonl`.
 
-    Deliberately one function: the steps from mesh to records in order, each with its time in the
-    report.
-
     The `status` of the line is "ok", or "refused" with a `reason`; a refused model has no samples.
+    The line contains the checks of the views, and the seconds of each step.
     """
     settings = context.settings
     seed = model_seed(settings.seed, context.source, entry.model_id)
-    laps = _Laps()
+    seconds: dict[str, float] = {}
+    clock = time.perf_counter()
+
+    def lap(name: str) -> None:
+        nonlocal clock
+        now = time.perf_counter()
+        seconds[name] = round(seconds.get(name, 0.0) + now - clock, 4)
+        clock = now
+
     line: dict[str, Any] = {
         "model_id": entry.model_id,
         "category": entry.category,
@@ -78,13 +78,12 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         "status": "refused",
         "reason": "",
         "seed": seed,
-        "samples": 0,
     }
     done: list[bytes] = []
     views = []
     try:
         model = recentre(entry.load(), settings.centre)
-        laps.end("load")
+        lap("load")
         line |= {
             "faces": len(model.faces),
             "materials": len(model.materials),
@@ -93,38 +92,46 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         surface = sample_surface(model, settings.num_points, seed)
         # Unbalanced, which is faster to build; there are only a few hundred queries per view.
         tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
-        laps.end("points")
-        drawn, settings = missing_faces.draw(model, settings, seed)
+        lap("points")
+        drawn, settings = without_faces(model, settings, seed)
         surfaces = scene.flatten(drawn)
         extremes = outline(model)
         mesh = Mesh(surfaces.corners)
-        laps.end("mesh")
+        lap("mesh")
         parameters = _plain(model.parameters)
         for view in range(settings.views):
             rng = np.random.default_rng([seed, view])
             camera = cameras.draw(rng, settings.camera, extremes)
             light, around = surroundings.draw(rng, settings.light, context.maps)
-            behind = draw_background(rng, settings, context.pictures)
+            behind = scene.draw_background(
+                rng, settings.image.background, camera.image_size, context.pictures
+            )
             shown = scene.Scene(surfaces, camera, light, behind)
-            laps.end("light")
+            lap("light")
             picture = _picture_of(mesh, shown, around, settings, rng, seed + view)
-            laps.end("render")
+            lap("render")
             points = (surface.points @ camera.rotation.T).astype(np.float32)
             checks = check_view(picture, camera, points, tree)
             views.append({"view": view, **camera.parameters(), **checks})
             objection = objection_to(checks, settings)
-            laps.end("check")
+            lap("check")
             if objection:
                 raise UnusableModelError(f"view {view}: {objection}")
-            normals = (surface.normals @ camera.rotation.T).astype(np.float32)
             occupancy = solid_occupancy(model, camera.rotation)
-            laps.end("occupancy")
+            lap("occupancy")
+            extra = {
+                "seed": seed,
+                # Rotates a point from the model's frame to that of the sample.
+                "rotation": np.round(camera.rotation, 9).tolist(),
+                "camera": camera.parameters(),
+                "parameters": parameters,
+            }
             sample = schema.Sample(
                 image=picture.image,
                 mask=picture.mask,
                 depth=picture.depth,
                 points=points,
-                normals=normals,
+                normals=(surface.normals @ camera.rotation.T).astype(np.float32),
                 occupancy=occupancy,
                 intrinsics=camera.intrinsics.astype(np.float32),
                 extrinsics=camera.extrinsics.astype(np.float32),
@@ -132,32 +139,22 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
                 model_id=entry.model_id,
                 view=view,
                 source=context.source,
-                extra=_extra(seed, camera, parameters),
+                extra=json.dumps(extra, sort_keys=True, allow_nan=False),
             )
             done.append(encode(sample, point_bits=settings.point_bits))
-            laps.end("encode")
+            lap("encode")
         line["status"] = "ok"
     except UnusableModelError as error:
         line["reason"], done = str(error), []
     except MemoryError:
         line["reason"], done = "it needs more memory than is available", []
-    line["samples"] = len(done)
-    line["views"] = views
-    line["seconds"] = laps.seconds
-    line["megabytes"] = round(peak_megabytes())
-    return done, line
-
-
-def _extra(seed: int, camera: cameras.Camera, parameters: Any) -> str:
-    """The field `extra` of a record, as JSON."""
-    extra = {
-        "seed": seed,
-        # Rotates a point from the model's frame to that of the sample.
-        "rotation": np.round(camera.rotation, 9).tolist(),
-        "camera": camera.parameters(),
-        "parameters": parameters,
+    line |= {
+        "samples": len(done),
+        "views": views,
+        "seconds": seconds,
+        "megabytes": round(peak_megabytes()),
     }
-    return json.dumps(extra, sort_keys=True, allow_nan=False)
+    return done, line
 
 
 def _picture_of(
@@ -169,66 +166,157 @@ def _picture_of(
     seed: int,
 ) -> Picture:
     """The picture of a view, with the shading of the settings."""
-    photographed = settings.image.shading == "photo"
-    picture = render(
-        mesh,
-        shown,
-        side=0 if photographed else settings.image.samples,
-        soft_edges=settings.image.soft_edges,
-    )
-    if settings.image.shading == "path":
-        return _traced(picture, shown, around.radiance, settings, seed)
-    if photographed:
-        return _photographed(picture, mesh, shown, around, settings, rng)
+    image = settings.image
+    side = 0 if image.shading == "photo" else image.samples
+    picture = render(mesh, shown, side=side, soft_edges=image.soft_edges)
+    if image.shading == "path":
+        # Scaled so that a white surface in full light is as bright as with local shading.
+        strength = shown.lights.colours.sum() + 3 * shown.lights.sky.mean()
+        radiance = lights.shrink(around.radiance)
+        flux = (radiance * lights.solid_angles(lights.MAP_SIZE)[..., None]).sum()
+        radiance *= strength * np.pi / max(flux, 1e-9)
+        colours = path_trace(shown, radiance, samples=image.path_samples, seed=seed % 2**31)
+        if not image.soft_edges:
+            # Hard edges: a pixel whose centre shows the object has only the object's colour.
+            opacity = np.where(picture.mask, picture.opacity, 0)[..., None]
+            colours = np.concatenate(
+                [colours[..., :3] / np.maximum(colours[..., 3:], 1e-3) * opacity, opacity], axis=-1
+            )
+        return picture._replace(image=compose(colours, shown.background))
+    if image.shading == "photo":
+        # There is no ground if the camera is below it.
+        above = image.ground != "none" and shown.camera.position[2] >= 0.03
+        taken = photograph(
+            mesh,
+            shown,
+            picture,
+            around,
+            grounds.draw(rng, image.ground, around) if above else None,
+            film=settings.film,
+            side=image.samples,
+            soft_edges=image.soft_edges,
+            rays=image.rays,
+            show_surroundings=image.background == "surroundings",
+            rng=rng,
+        )
+        return picture._replace(image=taken)
     return picture
 
 
-def _traced(
-    picture: Picture, shown: scene.Scene, radiance: np.ndarray, settings: Settings, seed: int
-) -> Picture:
-    """The picture with path-traced colours."""
-    # Scaled so that a white surface in full light is as bright as with local shading.
-    strength = shown.lights.colours.sum() + 3 * shown.lights.sky.mean()
-    radiance = lights.shrink(radiance)
-    flux = (radiance * lights.solid_angles(lights.MAP_SIZE)[..., None]).sum()
-    colours = path_trace(
-        shown,
-        radiance * (strength * np.pi / max(flux, 1e-9)),
-        samples=settings.image.path_samples,
-        seed=seed % 2**31,
+def without_faces(model: Model, settings: Settings, seed: int) -> tuple[Model, Settings]:
+    """The part of a model that is rendered, and settings whose checks accept it.
+
+    The authors' images show some objects of ShapeNet only in part: faces that point inward, or
+    whose materials could not be read, are not rendered. The points are those of the whole object.
+    In 8 of the authors' 1,440 training images, the object covers less than .5 % of the image. In
+    .8 % of the images, more than a tenth of the points project outside the mask.
+
+    A fraction `settings.image.missing` of the models loses faces: those on one side (a random
+    direction, up in half of the cases), those outside a ball around a point of the surface, or
+    those inside such a ball. The radius is log-uniform in [.05, .8].
+
+    Returns:
+      The model without these faces, with the same vertices, and the settings: `checks.inside` is 0
+      and `checks.coverage` at most `COVERAGE`. If nothing is missing, both are returned unchanged.
+    """
+    rng = np.random.default_rng([_STREAM, seed])
+    if rng.random() >= settings.image.missing:
+        return model, settings
+    kind = rng.integers(4)
+    if kind == 0:
+        direction = rng.normal(size=3)
+        if rng.random() < 0.5:
+            direction = np.array([0.0, 0.0, 1.0])
+        cosine = face_normals(model.vertices, model.faces) @ direction / np.linalg.norm(direction)
+        kept = cosine < rng.uniform(0.0, 0.7)
+    else:
+        areas = face_areas(model.vertices, model.faces)
+        centres = model.corners().mean(axis=1)
+        chosen = rng.choice(len(areas), p=areas / areas.sum())
+        radius = np.exp(rng.uniform(*np.log((0.05, 0.8))))
+        near = np.linalg.norm(centres - centres[chosen], axis=1) <= radius
+        kept = ~near if kind == 3 else near
+    if not kept.any():
+        return model, settings
+    part = dataclasses.replace(
+        model,
+        faces=model.faces[kept],
+        normals=model.normals[kept],
+        uv=model.uv[kept],
+        face_material=model.face_material[kept],
     )
-    if not settings.image.soft_edges:
-        # Hard edges: a pixel whose centre shows the object has only the object's colour.
-        opacity = np.where(picture.mask, picture.opacity, 0)[..., None]
-        colours = np.concatenate(
-            [colours[..., :3] / np.maximum(colours[..., 3:], 1e-3) * opacity, opacity], axis=-1
-        )
-    return picture._replace(image=compose(colours, shown.background))
+    checks = dataclasses.replace(
+        settings.checks, inside=0.0, coverage=min(COVERAGE, settings.checks.coverage)
+    )
+    return part, dataclasses.replace(settings, checks=checks)
 
 
-def _photographed(
+def check_view(
     picture: Picture,
-    mesh: Mesh,
-    shown: scene.Scene,
-    around: surroundings.Surroundings,
-    settings: Settings,
-    rng: np.random.Generator,
-) -> Picture:
-    """The picture with the colours of a photograph."""
-    image = photograph(
-        mesh,
-        shown,
-        picture,
-        around,
-        draw_ground(rng, settings.image.ground, around, shown.camera),
-        film=settings.film,
-        side=settings.image.samples,
-        soft_edges=settings.image.soft_edges,
-        rays=settings.image.rays,
-        show_surroundings=settings.image.background == "surroundings",
-        rng=rng,
-    )
-    return picture._replace(image=image)
+    camera: cameras.Camera,
+    points: Float[np.ndarray, "n 3"],
+    tree: scipy.spatial.cKDTree,
+) -> dict[str, float]:
+    """Measurements of a view, which `objection_to` compares with the settings.
+
+    Args:
+      picture: the view.
+      camera: its camera.
+      points: points on the surface, in the view-aligned frame.
+      tree: search tree of the points in the model's frame.
+
+    Returns:
+      coverage: fraction of the image that the mask covers; edge: number of mask pixels at the
+      border of the image; luminance: mean of the pixels in the mask, 0 to 255; inside: fraction of
+      the points that project into the mask dilated by one pixel; depth: median distance of
+      back-projected pixels from the nearest point, 1e6 if the mask is empty; `before`: fraction of
+      the points that lie in front of the visible surface.
+    """
+    mask = picture.mask
+    height, width = mask.shape
+    pixels, z = cameras.project(points, camera)
+    cells = np.floor(pixels).astype(int)
+    here = ((cells >= 0) & (cells < [width, height])).all(axis=1) & (z > 0)
+    column, row = cells[here].T
+    grown = scipy.ndimage.binary_dilation(mask, np.ones((3, 3)))
+    # The smallest depth in 3 x 3 pixels, because points near a silhouette may project beside it.
+    near = scipy.ndimage.minimum_filter(np.where(mask, picture.depth, np.inf), size=3)
+    median = _NO_OBJECT
+    rows, columns = np.nonzero(mask)
+    if len(rows):
+        some = slice(None, None, max(1, len(rows) // 400))
+        rows, columns = rows[some], columns[some]
+        pixel = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))]).T
+        rays = pixel @ np.linalg.inv(camera.intrinsics).T
+        inside = rays * picture.depth[rows, columns][:, None] - camera.extrinsics[:, 3]
+        world = inside @ camera.extrinsics[:, :3] @ camera.rotation
+        median = float(np.median(tree.query(world)[0]))
+    return {
+        "coverage": round(float(mask.mean()), 5),
+        "edge": int(mask.sum() - mask[1:-1, 1:-1].sum()),
+        "luminance": round(float(picture.image[mask].mean()) if mask.any() else 0.0, 2),
+        "inside": round(float(grown[row, column].sum() / len(points)), 6),
+        "depth": round(median, 5),
+        "before": round(float((z[here] < near[row, column] - 0.02).mean()), 6),
+    }
+
+
+def objection_to(checks: Mapping[str, float], settings: Settings) -> str:
+    """The reason why a view is refused, "" if it is accepted."""
+    limits = settings.checks
+    if checks["edge"]:
+        return f"{checks['edge']} pixels of the object touch the border of the image, expected none"
+    for name, text in (
+        ("coverage", "the object covers {:.5f} of the image"),
+        ("inside", "{:.4f} of the points project into the dilated mask"),
+        ("depth", "the median distance of depth from points is {:.4f}"),
+        ("luminance", "the object's brightness is {:.1f}"),
+    ):
+        value, limit = checks[name], getattr(limits, name)
+        if value > limit if name == "depth" else value < limit:
+            bound = "most" if name == "depth" else "least"
+            return f"{text.format(value)}, expected at {bound} {limit}"
+    return ""
 
 
 def _plain(value: Any) -> Any:
@@ -237,10 +325,8 @@ def _plain(value: Any) -> Any:
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
         return [_plain(v) for v in value]
-    if isinstance(value, np.ndarray):
+    if isinstance(value, (np.ndarray, np.generic)):
         return _plain(value.tolist())
-    if isinstance(value, np.generic):
-        return _plain(value.item())
     if isinstance(value, float):
         return round(value, 9) if np.isfinite(value) else None
     return value if value is None or isinstance(value, (bool, int)) else str(value)
@@ -249,12 +335,8 @@ def _plain(value: Any) -> Any:
 def peak_megabytes() -> float:
     """Peak memory of this process in MB."""
     try:
-        with open("/proc/self/status") as file:
-            for text in file:
-                if text.startswith("VmHWM"):
-                    return int(text.split()[1]) / 1024
+        # Not `ru_maxrss`, which a process inherits from the one that started it.
+        status = pathlib.Path("/proc/self/status").read_text()
+        return int(status.split("VmHWM:")[1].split()[0]) / 1024
     except OSError:
-        pass
-    import resource
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -5,10 +5,13 @@ model are made once; each view adds a camera and lights.
 """
 
 import dataclasses
+import pathlib
 from typing import NamedTuple
 
 import numpy as np
+import scipy.ndimage
 from jaxtyping import Float, Int, UInt32
+from PIL import Image
 
 from data_gen.cameras import Camera
 from data_gen.lights import Lights
@@ -73,23 +76,13 @@ class Scene:
 
 def flatten(model: Model) -> Surfaces:
     """The arrays of a model."""
-    parts, starts, sizes = [np.full((1, 4), 255, np.uint8)], [], []
-    total = 1
-    known: dict[int, int] = {}  # materials may share a texture
-    for material in model.materials:
-        if material.texture is None:
-            starts.append(0)
-            sizes.append((1, 1))
-            continue
-        if id(material.texture) in known:
-            starts.append(known[id(material.texture)])
-            sizes.append(material.texture.shape[:2])
-            continue
-        known[id(material.texture)] = total
-        parts.append(np.ascontiguousarray(material.texture).reshape(-1, 4))
-        starts.append(total)
-        sizes.append(material.texture.shape[:2])
-        total += len(parts[-1])
+    # The white texel, and each texture once: materials may share one.
+    textures = {id(m.texture): m.texture for m in model.materials if m.texture is not None}
+    parts = [np.full((1, 4), 255, np.uint8), *(t.reshape(-1, 4) for t in textures.values())]
+    first = np.cumsum([len(part) for part in parts])[:-1]
+    start = dict(zip(textures, first.tolist(), strict=True))
+    starts = [start.get(id(m.texture), 0) for m in model.materials]
+    sizes = [(1, 1) if m.texture is None else m.texture.shape[:2] for m in model.materials]
     opacity = np.array([m.opacity for m in model.materials], np.float32)
     used = np.unique(model.face_material)
     opaque = bool((opacity[used] >= 0.99).all()) and not any(
@@ -119,3 +112,62 @@ class RayHits(NamedTuple):
     face: Int[np.ndarray, " n"]
     weights: Float[np.ndarray, "n 3"]
     t: Float[np.ndarray, " n"]
+
+
+def draw_background(
+    rng: np.random.Generator, kind: str, size: tuple[int, int], pictures: list[str]
+) -> Float[np.ndarray, "..."] | float:
+    """A random background: a grey value, or an image in [0, 1].
+
+    Args:
+      rng: the random generator.
+      kind: "random" = noise in two random colours; "folder" = a part of one of the pictures; other
+        kinds = grey.
+      size: (H, W).
+      pictures: paths, for "folder".
+    """
+    height, width = size
+    if kind == "folder":
+        with Image.open(pictures[int(rng.integers(len(pictures)))]) as opened:
+            whole = opened.convert("RGB")
+        scale = max(height / whole.height, width / whole.width) * rng.uniform(1, 1.5)
+        shape = max(width, round(whole.width * scale)), max(height, round(whole.height * scale))
+        array = np.asarray(whole.resize(shape), np.float32) / 255
+        top = int(rng.integers(shape[1] - height + 1))
+        left = int(rng.integers(shape[0] - width + 1))
+        return array[top : top + height, left : left + width]
+    if kind != "random":
+        return BACKGROUND
+    # Two colours mixed by noise at several scales.
+    low, high = rng.random((2, 3))
+    noise = np.zeros((height, width))
+    for cells in (2, 4, 8, 16):
+        grid = rng.random((cells + 1, cells + 1))
+        zoomed = scipy.ndimage.zoom(grid, (height / cells, width / cells), order=1)
+        noise += zoomed[:height, :width] / cells
+    noise = (noise - noise.min()) / max(float(np.ptp(noise)), 1e-9)
+    return (low + noise[..., None] * (high - low)).astype(np.float32)
+
+
+def list_pictures(folder: str) -> list[str]:
+    """The images below a folder, sorted by name.
+
+    Raises:
+      ValueError: there is no image, or a file is not an image.
+    """
+    paths = sorted(
+        str(p.resolve()) for p in pathlib.Path(folder).rglob("*")
+        if p.suffix.lower() in (".png", ".jpg", ".jpeg")
+    )  # fmt: skip
+    if not paths:
+        raise ValueError(
+            f"image.background_folder: got {folder!r}, expected a folder of .png or .jpg files"
+        )
+    for path in paths:
+        try:
+            Image.open(path).close()
+        except (OSError, Image.DecompressionBombError) as error:
+            raise ValueError(
+                f"image.background_folder: {path} is not readable as an image: {error}"
+            ) from None
+    return paths

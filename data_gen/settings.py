@@ -1,23 +1,15 @@
-"""Settings of the data stage: frozen dataclasses that check their fields.
-
-They can be converted to and from nested mappings.
-"""
+"""Settings of the data stage: frozen dataclasses, made from nested mappings by `parse`."""
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Literal
 
-from data_gen import cameras, frame, grounds
+from data_gen import cameras, grounds
 from data_gen.cameras import CameraSettings
-from data_gen.field_checks import check_between, check_one_of
 from data_gen.lights import LightSettings
-from data_gen.photo.film import FilmSettings
-from psgn_jax import structured
-
-SHADINGS = ("local", "path", "photo")
-BACKGROUNDS = ("grey", "random", "folder", "surroundings")
-GROUNDS = ("none", "random", *grounds.KINDS)
-VARIANTS = ("auto", "llvm", "scalar")
+from data_gen.photo import FilmSettings
+from psgn_jax.config import structured
+from psgn_jax.config.structured import Bounds, Fraction, Size
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,47 +32,18 @@ class ImageSettings:
         depth. It is left out if the camera is below it.
       rays: rays per pixel that sample the light, for "photo" shading.
       missing: fraction of the models that are rendered without some of their faces, see
-        `data_gen.missing_faces`.
+        `data_gen.render_model.without_faces`.
     """
 
-    shading: str = "local"
-    samples: int = 3
+    shading: Literal["local", "path", "photo"] = "local"
+    samples: Annotated[int, Bounds(0, 16)] = 3
     soft_edges: bool = False
-    path_samples: int = 64
-    background: str = "grey"
+    path_samples: Annotated[int, Bounds(1, 65536)] = 64
+    background: Literal["grey", "random", "folder", "surroundings"] = "grey"
     background_folder: str = ""
-    ground: str = "none"
-    rays: int = 16
-    missing: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Checks the fields."""
-        check_one_of("image.shading", self.shading, SHADINGS)
-        check_between("image.samples", self.samples, 0, 16)
-        check_between("image.path_samples", self.path_samples, 1, 65536)
-        check_one_of("image.background", self.background, BACKGROUNDS)
-        if self.soft_edges and not self.samples and self.shading == "local":
-            raise ValueError("image.soft_edges: got True, which has no effect with image.samples=0")
-        if self.background == "folder" and not self.background_folder:
-            raise ValueError("image.background_folder: got '', expected a folder of pictures")
-        if self.background != "folder" and self.background_folder:
-            raise ValueError(
-                f"image.background_folder: got {self.background_folder!r}, which has no effect "
-                f"without image.background=folder (it is {self.background!r})"
-            )
-        check_one_of("image.ground", self.ground, GROUNDS)
-        check_between("image.rays", self.rays, 4, 1024)
-        check_between("image.missing", self.missing, 0, 1)
-        if self.shading != "photo":
-            for name, value, without in (
-                ("background", self.background == "surroundings", "grey"),
-                ("ground", self.ground != "none", "none"),
-            ):
-                if value:
-                    raise ValueError(
-                        f"image.{name}: got {getattr(self, name)!r}, which has an effect only with "
-                        f"image.shading 'photo'; expected {without!r}"
-                    )
+    ground: Literal[("none", "random", *grounds.KINDS)] = "none"  # type: ignore[valid-type]
+    rays: Annotated[int, Bounds(4, 1024)] = 16
+    missing: Fraction = 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,15 +60,10 @@ class CheckSettings:
       luminance: smallest mean brightness of the object's pixels, 0 to 255.
     """
 
-    coverage: float = 0.005
-    inside: float = 0.9
-    depth: float = 0.03
-    luminance: float = 2.0
-
-    def __post_init__(self) -> None:
-        """Checks the fields."""
-        for name, high in (("coverage", 1), ("inside", 1), ("depth", 100), ("luminance", 255)):
-            check_between(f"checks.{name}", getattr(self, name), 0, high)
+    coverage: Fraction = 0.005
+    inside: Fraction = 0.9
+    depth: Annotated[float, Bounds(0, 100)] = 0.03
+    luminance: Annotated[float, Bounds(0, 255)] = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,19 +83,11 @@ class JobSettings:
       variant: "llvm", "scalar", or "auto" = LLVM if it works.
     """
 
-    workers: int = 0
-    models_per_worker: int = 200
-    seconds_per_model: float = 300.0
-    megabytes_per_worker: int = 4000
-    variant: str = "auto"
-
-    def __post_init__(self) -> None:
-        """Checks the fields."""
-        check_between("job.workers", self.workers, 0, 4096)
-        check_between("job.models_per_worker", self.models_per_worker, 1, 1_000_000)
-        check_between("job.seconds_per_model", self.seconds_per_model, 1, 1e6)
-        check_between("job.megabytes_per_worker", self.megabytes_per_worker, 300, 1_000_000)
-        check_one_of("job.variant", self.variant, VARIANTS)
+    workers: Annotated[int, Bounds(0, 4096)] = 0
+    models_per_worker: Size = 200
+    seconds_per_model: Annotated[float, Bounds(1, 1e6)] = 300.0
+    megabytes_per_worker: Annotated[int, Bounds(300, 1_000_000)] = 4000
+    variant: Literal["auto", "llvm", "scalar"] = "auto"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,12 +105,12 @@ class Settings:
       camera, light, image, film, checks, job: see their classes.
     """
 
-    seed: int = 0
-    views: int = 4
-    centre: str = "bounds"
-    num_points: int = 16384
-    point_bits: int = 12
-    models_per_shard: int = 128
+    seed: Annotated[int, Bounds(0, 2**63)] = 0
+    views: Annotated[int, Bounds(1, 10_000)] = 4
+    centre: Literal["bounds", "vertices"] = "bounds"
+    num_points: Annotated[int, Bounds(1, 1 << 20)] = 16384
+    point_bits: Annotated[int, Bounds(1, 16)] = 12
+    models_per_shard: Annotated[int, Bounds(1, 100_000)] = 128
     camera: CameraSettings = dataclasses.field(default_factory=CameraSettings)
     light: LightSettings = dataclasses.field(default_factory=LightSettings)
     image: ImageSettings = dataclasses.field(default_factory=ImageSettings)
@@ -169,13 +119,78 @@ class Settings:
     job: JobSettings = dataclasses.field(default_factory=JobSettings)
 
     def __post_init__(self) -> None:
-        """Checks the fields."""
-        check_between("seed", self.seed, 0, 2**63)
-        check_between("views", self.views, 1, 10_000)
-        check_one_of("centre", self.centre, frame.CENTRES)
-        check_between("num_points", self.num_points, 1, 1 << 20)
-        check_between("point_bits", self.point_bits, 1, 16)
-        check_between("models_per_shard", self.models_per_shard, 1, 100_000)
+        """Refuses settings that have no effect with the others, by `EFFECTS`."""
+        image = self.image
+        if image.background == "folder" and not image.background_folder:
+            raise ValueError("image.background_folder: got '', expected a folder of pictures")
+        if self.light.source == "folder" and not self.light.folder:
+            raise ValueError("light.folder: got '', expected a folder of .hdr and .exr files")
+        for names, condition, needed in EFFECTS:
+            if condition(self):
+                continue
+            for name in names:
+                section, _, field = name.partition(".")
+                own = getattr(self, section)
+                value, default = getattr(own, field), getattr(type(own)(), field)
+                if value != default:
+                    raise ValueError(
+                        f"{name}: it has no effect without {needed}; got {value!r}, expected "
+                        f"{default!r}"
+                    )
+        if image.background == "surroundings" and image.shading != "photo":
+            raise ValueError("image.background='surroundings': it needs image.shading=photo")
+
+
+def _photo(settings: Settings) -> bool:
+    return settings.image.shading == "photo"
+
+
+EFFECTS: tuple[tuple[tuple[str, ...], Callable[[Settings], bool], str], ...] = (
+    (
+        (
+            "image.rays",
+            "image.ground",
+            *(f"film.{f.name}" for f in dataclasses.fields(FilmSettings)),
+        ),
+        _photo,
+        "image.shading=photo",
+    ),
+    (("image.path_samples",), lambda s: s.image.shading == "path", "image.shading=path"),
+    (
+        ("light.count", "light.ambient", "light.exposure"),
+        lambda s: not _photo(s),
+        "image.shading=local or path",
+    ),
+    (
+        ("light.saturation", "light.darkest"),
+        lambda s: s.image.shading == "local",
+        "image.shading=local",
+    ),
+    (
+        ("image.soft_edges",),
+        lambda s: s.image.samples > 0 or s.image.shading != "local",
+        "image.samples",
+    ),
+    (
+        ("image.background_folder",),
+        lambda s: s.image.background == "folder",
+        "image.background=folder",
+    ),
+    (
+        ("light.folder",),
+        lambda s: s.light.source in ("folder", "mixed"),
+        "light.source=folder or mixed",
+    ),
+    (
+        ("camera.keep_size",),
+        lambda s: s.camera.focal != (400.0, 400.0),
+        "another camera.focal than 400",
+    ),
+)
+"""Settings that have an effect only under a condition: names, condition, and the condition as text.
+
+With another value than the default, they are refused if the condition does not hold.
+"""
 
 
 PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {
@@ -195,11 +210,6 @@ PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {
     },
 }
 """Presets: the settings that differ from the defaults, by section."""
-
-
-def to_dict(settings: Any) -> dict[str, Any]:
-    """A settings object as nested dicts, the form of a configuration."""
-    return dataclasses.asdict(settings)
 
 
 def parse(values: Mapping[str, Any]) -> Settings:

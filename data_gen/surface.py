@@ -19,7 +19,7 @@ from data_gen.mesh import (
     unit_vectors,
     weld,
 )
-from data_gen.voxelise import POINTS_AT_ONCE, mark_surface, outside_cells, repeat_numbers
+from data_gen.solid import POINTS_AT_ONCE, mark_surface, outside_cells, repeat_numbers
 
 
 class SurfaceSample(NamedTuple):
@@ -38,11 +38,7 @@ _COINCIDENT = 1e-4
 
 _PARALLEL = float(np.cos(np.radians(2.0)))
 
-# Cells along an edge of the grid for the search of faces near a point.
-_BINS = 32
-
-# Faces are looked up by grid cell and by the direction of their plane. This is the number of steps
-# of each component of the quantised direction.
+# Number of steps of each component of the quantised direction of a plane.
 _DIRECTIONS = 10
 
 # Largest number of entries of the grid. With more, a coarser grid is used.
@@ -50,7 +46,10 @@ _MAX_BINNED = 3_000_000
 
 
 class _Twins:
-    """Finds coincident faces: if several faces contain a point, only the first one counts."""
+    """Finds coincident faces: if several faces contain a point, only the first one counts.
+
+    Faces are looked up by the cell of a grid and the quantised direction of their plane.
+    """
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -71,39 +70,36 @@ class _Twins:
         self._low = low.min(axis=0)
         extent = float((high.max(axis=0) - self._low).max())
         self._tolerance = _COINCIDENT * extent
-        for bins in (_BINS, 16, 8, 4, 2, 1):
-            self._bins, self._scale = bins, bins / (extent * (1 + 1e-9))
+        for self._bins in (32, 16, 8, 4, 2, 1):
+            self._scale = self._bins / (extent * (1 + 1e-9))
             first = self._cell(low - self._tolerance)
             size = self._cell(high + self._tolerance) - first + 1
             count = size.prod(axis=1)
             if count.sum() <= _MAX_BINNED:
                 break
-        # Quantised directions of planes. The thresholds between steps are at directions that are
-        # rare.
+        # The thresholds between steps are at directions that are rare.
         turned = np.where(normal @ [0.3713, 0.6137, 0.6969] < 0, -1, 1)[:, None] * normal
         step = np.floor((turned + 1) * (_DIRECTIONS / 2) + 0.371).astype(np.int64)
         self._direction = step @ ((_DIRECTIONS + 1) ** np.arange(3))
         # The faces of each cell and direction, concatenated.
         owner, number = repeat_numbers(count)
         x, rest = np.divmod(number, (size[:, 1] * size[:, 2])[owner])
-        y, z = np.divmod(rest, size[owner, 2])
-        key = self._key(first[owner] + np.stack([x, y, z], axis=1), owner)
+        cell = first[owner] + np.stack([x, *np.divmod(rest, size[owner, 2])], axis=1)
+        key = self._key(cell, owner)
         order = np.argsort(key, kind="stable")
         self._faces, key = owner[order], key[order]
         begin = np.flatnonzero(np.diff(key, prepend=-1))
         # A face alone in its cell and direction has no coincident face.
-        size_ = np.diff(begin, append=len(key))
-        self._keys, self._start, self._count = (a[size_ > 1] for a in (key[begin], begin, size_))
+        length = np.diff(begin, append=len(key))
+        self._keys, self._start, self._count = (a[length > 1] for a in (key[begin], begin, length))
 
     def _cell(self, points: np.ndarray) -> np.ndarray:
         scaled = np.floor((points - self._low) * self._scale).astype(np.int64)
         return scaled.clip(0, self._bins - 1)
 
     def _key(self, cell: np.ndarray, face: np.ndarray) -> np.ndarray:
-        x, y, z = cell.T
-        result: np.ndarray = ((x * self._bins + y) * self._bins + z) * (
-            (_DIRECTIONS + 1) ** 3
-        ) + self._direction[face]
+        number = cell @ (self._bins ** np.arange(2, -1, -1))
+        result: np.ndarray = number * (_DIRECTIONS + 1) ** 3 + self._direction[face]
         return result
 
     def first(
@@ -128,15 +124,12 @@ class _Twins:
                 np.einsum("nij,nj->in", self._forms[other], points[owner], optimize=False)
                 + self._offsets[other].T
             )
-            here = np.flatnonzero(
-                (np.abs(away) <= self._tolerance) & (s >= 0) & (t >= 0) & (s + t <= 1)
-            )
-            owner, other, s, t = owner[here], other[here], s[here], t[here]
             cosine = row_dots(self._forms[other, 0], self._forms[face[owner], 0])
-            here = np.abs(cosine) > _PARALLEL
+            here = (np.abs(away) <= self._tolerance) & (np.minimum(s, t) >= 0) & (s + t <= 1)
+            here &= np.abs(cosine) > _PARALLEL
             if self._has_alpha:
                 weights = np.stack([1 - s - t, s, t], axis=1)
-                here &= opacity_at(self._model, other, weights) >= EXISTS
+                here[here] = opacity_at(self._model, other[here], weights[here]) >= EXISTS
             owner, other, cosine = owner[here], other[here], cosine[here]
             np.minimum.at(result, owner, other)
             both[owner[cosine < 0]] = True
@@ -272,14 +265,12 @@ def _parts(model: Model) -> tuple[Int[np.ndarray, " f"], Bool[np.ndarray, " p"]]
     span = int(corner.max()) + 1
     forward, back = start * span + end, end * span + start
     order = np.argsort(forward, kind="stable")
-    place = np.searchsorted(forward[order], back)
-    place = place.clip(0, len(order) - 1)
+    place = np.searchsorted(forward[order], back).clip(0, len(order) - 1)
     met = forward[order[place]] == back
-    count = len(model.faces)
-    owner = np.repeat(np.arange(count), 3)
+    owner = np.repeat(np.arange(len(model.faces)), 3)
     graph = scipy.sparse.coo_array(
         (np.ones(int(met.sum()), np.int8), (owner[met], order[place][met] // 3)),
-        shape=(count, count),
+        shape=(len(model.faces), len(model.faces)),
     )
     number, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
     return label, np.bincount(label[owner], ~met, number) > 0

@@ -11,6 +11,8 @@ import scipy.ndimage
 from jaxtyping import Float
 
 from data_gen import lights
+from data_gen.cameras import turn_about_vertical
+from data_gen.environment_maps import NUM_SUNSKY
 from data_gen.lights import Lights, LightSettings
 
 Array = np.ndarray
@@ -150,35 +152,21 @@ def outdoors(
 
 
 def room(rng: np.random.Generator) -> Surroundings:
-    """A room with windows, lamps, doors, pictures and furniture along its walls.
-
-    Deliberately one function: the order of the random numbers defines the room.
-    """
+    """A room with windows, lamps, doors, pictures and furniture along its walls."""
     size = lights.DETAIL
     half = (float(rng.uniform(5, 12)), float(rng.uniform(5, 12)))
-    on_floor = rng.random() < 0.5
-    floor = 0.0 if on_floor else -float(rng.uniform(1.5, 4.0))
+    floor = 0.0 if rng.random() < 0.5 else -float(rng.uniform(1.5, 4.0))
     ceiling = float(rng.uniform(4, 9))
     turn = float(rng.uniform(0, 360))
-    angle = np.deg2rad(turn)
-    turned = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0],
-                       [0, 0, 1]])  # fmt: skip
-    toward = lights.directions_of(size) @ turned
+    toward = lights.directions_of(size) @ turn_about_vertical(turn)
+    limits = np.where(toward > 0, [*half, ceiling], [-half[0], -half[1], min(floor, -1e-3)])
     with np.errstate(divide="ignore"):
-        reach = np.stack(
-            [
-                half[0] / np.abs(toward[..., 0]),
-                half[1] / np.abs(toward[..., 1]),
-                np.where(toward[..., 2] > 0, ceiling, min(floor, -1e-3)) / toward[..., 2],
-            ],
-            axis=-1,
-        )
+        reach = limits / toward
     face = reach.argmin(axis=-1)
     place = toward * reach.min(axis=-1)[..., None]
     # 0 to 3: walls; 4: ceiling; 5: floor.
-    wall = np.where(face == 2, np.where(toward[..., 2] > 0, 4, 5), 0)
-    for axis in (0, 1):
-        wall = np.where(face == axis, 2 * axis + (toward[..., axis] > 0), wall)
+    positive = np.take_along_axis(toward, face[..., None], -1)[..., 0] > 0
+    wall = 2 * face + np.where(face == 2, ~positive, positive)
     along = np.where(face == 0, place[..., 1], place[..., 0])
     up = np.where(face == 2, place[..., 1], place[..., 2])
     paint = _colour(rng, 0.25, 0.8, 0.12)
@@ -193,16 +181,13 @@ def room(rng: np.random.Generator) -> Surroundings:
     result = result * (1 - 0.35 * np.exp(-np.maximum(near, 0) / 0.8))[..., None]
     result *= np.clip(1 + 0.06 * noise(rng, size, slope=1.2), 0.7, 1.3)[..., None]
     level = rng.uniform(0.12, 0.5)
-    result = result * level
+    result *= level
 
     def rectangle(where: int, left: float, right: float, low: float, high: float) -> Array:
         return (wall == where) & (along > left) & (along < right) & (up > low) & (up < high)
 
-    def width_of(where: int) -> float:
-        return half[1] if where < 2 else half[0]
-
     for where in range(4):
-        breadth = width_of(where)
+        breadth = half[1] if where < 2 else half[0]
         for _ in range(int(rng.integers(1, 5))):
             left = rng.uniform(-breadth, breadth * 0.7)
             what = rng.random()
@@ -211,62 +196,84 @@ def room(rng: np.random.Generator) -> Surroundings:
                                  floor + rng.uniform(0.7, 3.5))  # fmt: skip
                 shade = _colour(rng, 0.05, 0.6, 0.4)
                 lines = 1 - 0.4 * (np.sin(up * rng.uniform(3, 12)) > 0.93)
-                result = np.where(part[..., None], shade * level * lines[..., None], result)
+                result[part] = (shade * level * lines[..., None])[part]
             elif what < 0.8:  # a picture, with a frame
                 low = floor + rng.uniform(1.5, 3.0)
                 right, high = left + rng.uniform(0.5, 2), low + rng.uniform(0.5, 1.5)
-                part = rectangle(where, left, right, low, high)
-                inner = rectangle(where, left + 0.1, right - 0.1, low + 0.1, high - 0.1)
-                result = np.where(part[..., None], _colour(rng, 0.03, 0.8, 0.2) * level, result)
-                blotch = 0.5 + 0.3 * noise(rng, (64, 128), slope=1.5).repeat(4, 0).repeat(4, 1)
-                result = np.where(inner[..., None], _colour(rng, 0.2, 0.8, 0.6) * level
-                                  * np.clip(blotch, 0.1, 1.5)[..., None], result)  # fmt: skip
-            else:  # a door
-                part = rectangle(where, left, left + 1.8, floor, floor + 3.8)
-                result = np.where(part[..., None], _colour(rng, 0.15, 0.8, 0.2) * level, result)
-    day = rng.random() < 0.75
-    if day:
-        for where in rng.choice(4, int(rng.integers(1, 3)), replace=False):
-            breadth = width_of(int(where))
-            strength = rng.uniform(4, 14)
-            tint = np.array([0.9, 1.0, 1.12])
-            wide = rng.uniform(1.0, 2.5)
-            low, high = floor + rng.uniform(0.8, 1.6), ceiling - rng.uniform(0.4, 1.5)
-            for left in np.arange(-breadth + 0.7, breadth - wide, wide + rng.uniform(0.5, 3.0)):
-                part = rectangle(int(where), left, left + wide, low, high)
-                bar = (np.abs(along - left - wide / 2) < 0.06) | (
-                    np.abs(up - (low + high) / 2) < 0.06
+                result[rectangle(where, left, right, low, high)] = (
+                    _colour(rng, 0.03, 0.8, 0.2) * level
                 )
-                view = np.clip((up - low) / (high - low), 0, 1)[..., None]
-                outside = tint * strength * (0.35 + 0.65 * np.clip(3 * view - 0.8, 0, 1))
-                result = np.where((part & ~bar)[..., None], outside, result)
-    lamps = int(rng.integers(0, 4)) if day else int(rng.integers(1, 6))
-    for _ in range(lamps):
+                inner = rectangle(where, left + 0.1, right - 0.1, low + 0.1, high - 0.1)
+                blotch = 0.5 + 0.3 * noise(rng, (64, 128), slope=1.5).repeat(4, 0).repeat(4, 1)
+                blotch = np.clip(blotch, 0.1, 1.5)[..., None]
+                result[inner] = (_colour(rng, 0.2, 0.8, 0.6) * level * blotch)[inner]
+            else:  # a door
+                result[rectangle(where, left, left + 1.8, floor, floor + 3.8)] = (
+                    _colour(rng, 0.15, 0.8, 0.2) * level
+                )
+    day = rng.random() < 0.75
+    windows = []
+    for where in rng.choice(4, int(rng.integers(1, 3)), replace=False) if day else ():
+        breadth = half[1] if where < 2 else half[0]
+        strength, wide = rng.uniform(4, 14), rng.uniform(1.0, 2.5)
+        low, high = floor + rng.uniform(0.8, 1.6), ceiling - rng.uniform(0.4, 1.5)
+        view = np.clip(3 * np.clip((up - low) / (high - low), 0, 1) - 0.8, 0, 1)[..., None]
+        outside = np.array([0.9, 1.0, 1.12]) * strength * (0.35 + 0.65 * view)
+        for left in np.arange(-breadth + 0.7, breadth - wide, wide + rng.uniform(0.5, 3.0)):
+            part = rectangle(int(where), left, left + wide, low, high)
+            part &= np.abs(along - left - wide / 2) > 0.06
+            part &= np.abs(up - (low + high) / 2) > 0.06
+            result[part] = outside[part]
+            windows.append(part)
+    for number in range(int(rng.integers(1, 5)) if day else int(rng.integers(1, 6))):
         x, y = rng.uniform(-0.8, 0.8, 2) * half
         radius = rng.uniform(0.3, 1.0)
+        if number == 0:  # at the side of the object, and small, so that the shadow is distinct
+            x, y = _direction(rng.uniform(0, 360), 0)[:2] * ceiling * rng.uniform(0.6, 1.3)
+            x, y = np.clip([x, y], -0.9 * np.array(half), 0.9 * np.array(half))
+            radius = ceiling * rng.uniform(0.03, 0.08)
         warm = np.array([1.0, 0.88, 0.68]) ** rng.uniform(0.2, 1.3)
-        inside = (wall == 4) & (np.hypot(place[..., 0] - x, place[..., 1] - y) < radius)
-        result = np.where(inside[..., None], warm * rng.uniform(10, 40), result)
+        lamp = (wall == 4) & (np.hypot(place[..., 0] - x, place[..., 1] - y) < radius)
+        result[lamp] = warm * rng.uniform(10, 40)
+        if number == 0:
+            key = lamp
+    if windows and rng.random() < 0.25:
+        key = windows[int(rng.integers(len(windows)))]
+    result = _with_key_light(rng, result * ~key[..., None], result * key[..., None])
     return Surroundings(result.astype(np.float32), "room", Room(half, floor, ceiling, turn))
 
 
+def _with_key_light(rng: np.random.Generator, rest: Array, key: Array) -> Array:
+    """The sum of two maps, the second scaled to a random share of the light on the ground.
+
+    Without one light that is stronger than the others, objects have hardly any shadow.
+    """
+    up = np.maximum(lights.directions_of(lights.DETAIL)[..., 2:], 0)
+    weight = up * lights.solid_angles(lights.DETAIL)[..., None]
+    share = rng.uniform(0.4, 0.7)
+    strength = share / (1 - share) * (rest * weight).sum() / max((key * weight).sum(), 1e-9)
+    return rest + strength * key
+
+
 def studio(rng: np.random.Generator) -> Surroundings:
-    """A dim or bright studio with large soft lamps."""
+    """A dim or bright studio with large soft lamps and one smaller one."""
     toward = lights.directions_of(lights.DETAIL)
     base = _colour(rng, 0.08, 0.7, 0.06)
     result = base * (0.7 + 0.3 * toward[..., 2:3])
+    lamps = []
     for number in range(int(rng.integers(2, 5))):
-        centre = _direction(rng.uniform(0, 360), rng.uniform(35, 85) if number == 0
-                            else rng.uniform(5, 60))  # fmt: skip
+        elevation = rng.uniform(30, 65) if number == 0 else rng.uniform(5, 60)
+        centre = _direction(rng.uniform(0, 360), elevation)
         side = np.cross([0, 0, 1.0], centre)
-        side /= max(np.linalg.norm(side), 1e-6)
-        top = np.cross(centre, side)
+        side /= np.linalg.norm(side)
         away = np.maximum(toward @ centre, 1e-3)
-        wide, high = rng.uniform(0.2, 0.7, 2)
-        x, y = (toward @ side) / away / wide, (toward @ top) / away / high
+        wide, high = rng.uniform(0.03, 0.12, 2) if number == 0 else rng.uniform(0.2, 0.7, 2)
+        x = (toward @ side) / away / wide
+        y = (toward @ np.cross(centre, side)) / away / high
         box = np.exp(-(np.abs(x) ** 8) - np.abs(y) ** 8) * (toward @ centre > 0.05)
-        power = rng.uniform(3, 9) if number == 0 else rng.uniform(0.8, 4)
-        result = result + box[..., None] * _colour(rng, 1, 1, 0.06) * power / (wide * high * 4)
+        power = rng.uniform(0.8, 4) / (wide * high * 4)
+        lamps.append(box[..., None] * _colour(rng, 1, 1, 0.06) * power)
+    result = _with_key_light(rng, result + sum(lamps[1:]), lamps[0])
     return Surroundings(result.astype(np.float32), "studio")
 
 
@@ -283,11 +290,26 @@ def draw(
       maps: the environment maps to choose from; None = procedural ones.
     """
     if settings.source != "mixed":
-        light, radiance = lights.draw(rng, settings, maps)
-        return light, Surroundings(radiance)
+        if maps is None:
+            radiance = lights.procedural_sky(rng)
+        else:
+            radiance = np.asarray(maps[int(rng.integers(len(maps)))], np.float64)
+        chosen = Surroundings(lights.turned(radiance, float(rng.random())))
+    else:
+        chosen = _mixed(rng, maps)
+    ambient = float(rng.uniform(*settings.ambient))
+    exposure = float(rng.uniform(*settings.exposure))
+    small = chosen.radiance
+    if small.shape[:2] != lights.MAP_SIZE:
+        small = lights.shrink(small)
+    return lights.reduce(small, settings, ambient=ambient, exposure=exposure), chosen
+
+
+def _mixed(rng: np.random.Generator, maps: Array | None) -> Surroundings:
+    """One of the maps of a folder, a room, a studio, or an outdoor scene."""
     what = float(rng.random())
-    skies = () if maps is None else maps[: lights.NUM_SUNSKY]
-    measured = () if maps is None else maps[lights.NUM_SUNSKY :]
+    skies = () if maps is None else maps[:NUM_SUNSKY]
+    measured = () if maps is None else maps[NUM_SUNSKY:]
     if len(measured) and what < 0.4:
         chosen = Surroundings(np.asarray(measured[int(rng.integers(len(measured)))], np.float32))
     else:
@@ -303,8 +325,4 @@ def draw(
     if chosen.room is None:
         radiance = lights.turned(radiance, float(rng.random()))
     tint = 1 + rng.uniform(-0.05, 0.05, 3)
-    chosen = dataclasses.replace(chosen, radiance=(radiance * tint).astype(np.float32))
-    ambient = float(rng.uniform(*settings.ambient))
-    exposure = float(rng.uniform(*settings.exposure))
-    small = lights.shrink(chosen.radiance)
-    return lights.reduce(small, settings, ambient=ambient, exposure=exposure), chosen
+    return dataclasses.replace(chosen, radiance=(radiance * tint).astype(np.float32))

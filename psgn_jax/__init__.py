@@ -1,3 +1,55 @@
-"""Point set generation networks in JAX: from one image of an object to a cloud of 3D points."""
+"""Point set generation networks in JAX: from one image of an object to a cloud of 3D points.
+
+    import psgn_jax
+
+    model = psgn_jax.load()
+    cloud = model("chair.jpg", mask="chair_mask.png")
+    cloud.points  # float32 [1, n, 3]: +z up, +y image right, +x to the camera
+    cloud.save("chair.ply")
+
+`psgn_jax.losses` has the distances. Both are imported when they are first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import typing
+
+if typing.TYPE_CHECKING:
+    from psgn_jax.prediction.predictor import Predictor
 
 __version__ = "0.1.0.dev0"
+
+# `python -m psgn_jax.main` puts the current folder on the import path. It may hold files from
+# others, see `system.processes`. A checkout is used from its own folder, which stays.
+if (
+    sys.argv[:1] == ["-m"]
+    and not sys.flags.safe_path
+    and os.path.join(sys.path[0], "psgn_jax", "__init__.py") != __file__
+):
+    del sys.path[0]
+
+
+def load(network: str | os.PathLike[str] = "") -> Predictor:
+    """Opens a trained network; calling it with an image predicts clouds.
+
+    Args:
+      network: the name of weights in the package ("" = the default), a file of weights, or the
+        folder of a run, whose best checkpoint is used.
+
+    Raises:
+      ConfigError: there is no such network.
+      CheckpointError, WeightsError: it cannot be read.
+    """
+    from psgn_jax.prediction.predictor import Predictor
+
+    is_run = os.path.isdir(network)
+    return Predictor.from_workdir(network) if is_run else Predictor.from_weights(str(network))
+
+
+def __getattr__(name: str) -> object:
+    if name == "losses":
+        return importlib.import_module("psgn_jax.losses")
+    raise AttributeError(f"module 'psgn_jax' has no attribute {name!r}")

@@ -1,14 +1,14 @@
 """Trains a network: `psgn train --config=base --workdir=runs/base`.
 
 `python -m psgn_jax.main` is the same command. `--config` takes the path of a file or the name of a
-configuration that comes with the package (`psgn_jax.config_files`).
+configuration that comes with the package (`psgn_jax.config.recipes`).
 
 Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same command
 resumes a stopped run. Exit codes: 0 done; 2 a wrong configuration (the message names the field) or
 a file that cannot be written; 3 a loss that is not finite; 4 another process of the same training
 has ended; 5 a full disk; 143 stopped by SIGTERM; 130 stopped by Ctrl-C. In the last two cases, a
-checkpoint has been saved if the training had made at least one step. `training.launch` describes
-training in several processes.
+checkpoint has been saved, unless that took more than five seconds or a second signal came.
+`system.group` describes training in several processes.
 """
 
 import os
@@ -20,17 +20,17 @@ from typing import Any
 from absl import app, flags
 from ml_collections import config_flags
 
-from psgn_jax.command_line import (
+from psgn_jax.commands.common import (
     exit_on_user_error,
     keep_compiled,
     log_to_terminal,
     parse_flags,
 )
-from psgn_jax.config import ConfigError, check_paths, parse
-from psgn_jax.config_files import with_paths
-from psgn_jax.files import check_folder
-from psgn_jax.host_memory import keep_freed_memory
-from psgn_jax.training.launch import place_of
+from psgn_jax.config.experiment import ConfigError, check_paths, parse
+from psgn_jax.config.recipes import with_paths
+from psgn_jax.system.files import check_folder
+from psgn_jax.system.group import joined
+from psgn_jax.system.memory import keep_freed_memory
 
 _CONFIG = config_flags.DEFINE_config_file(
     "config", None, "A configuration: its path, or a name such as quickstart.", lock_config=True
@@ -53,27 +53,18 @@ def main(argv: Sequence[str]) -> None:
         if len(argv) > 1:
             raise ConfigError(f"unexpected argument {argv[1]!r}; a field is --config.NAME=VALUE")
         given = parse(_config())
-        place = place_of(
-            os.environ,
-            coordinator=_COORDINATOR.value,
-            num_processes=_NUM_PROCESSES.value,
-            process_id=_PROCESS_ID.value,
-        )
         path = config_flags.get_config_filename(flags.FLAGS["config"])
         workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
-        if place is None:  # several processes check the folders later, together
-            check_paths(given)
-            check_folder(workdir, "--workdir")
+        check_paths(given)
+        check_folder(workdir, "--workdir")
         # Imported here so that a wrong configuration is reported before JAX is loaded.
         keep_compiled()
         keep_freed_memory()
-        from psgn_jax.default_data import with_default_data
+        from psgn_jax.commands.default_data import with_default_data
         from psgn_jax.training.loop import train
-        from psgn_jax.training.processes import joined
 
-        with joined(place) as group:
-            config = group.first_then_others(lambda: with_default_data(given))
-            outcome = train(config, workdir)
+        with joined(_COORDINATOR.value, _NUM_PROCESSES.value, _PROCESS_ID.value):
+            outcome = train(with_default_data(given), workdir)
     if outcome.stopped_by:
         sys.exit(128 + outcome.stopped_by)
 

@@ -6,6 +6,7 @@ With an empty `XLA_FLAGS=` they run the compiled code that users run.
 
 import os
 import pathlib
+import shutil
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 if os.environ["JAX_PLATFORMS"] == "cpu":
@@ -14,14 +15,15 @@ if os.environ["JAX_PLATFORMS"] == "cpu":
 import jax
 import numpy as np
 import pytest
-from helpers.browser import chromium
 from jaxtyping import config as jaxtyping_config
 from jaxtyping import install_import_hook
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
 # The shapes and dtypes that annotations promise are checked at every call, in tests only.
-install_import_hook(["psgn_jax.losses", "psgn_jax.models", "psgn_jax.metrics"], "beartype.beartype")
+install_import_hook(
+    ["psgn_jax.losses", "psgn_jax.models", "psgn_jax.evaluation"], "beartype.beartype"
+)
 
 _AUTHORS = pathlib.Path(__file__).resolve().parents[2] / "shared" / "psgn_batches"
 
@@ -37,9 +39,17 @@ def authors_batches() -> pathlib.Path:
 
 @pytest.fixture(scope="module")
 def browser():
-    """Chromium. It is closed before the next module: while Playwright runs, asyncio cannot."""
-    with chromium() as browser:
+    """Chromium, if installed. It is closed before the next module, as asyncio needs."""
+    api = pytest.importorskip("playwright.sync_api")
+    path = next(
+        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+    )
+    if path is None:
+        pytest.skip("no Chromium")
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         yield browser
+        browser.close()
 
 
 @pytest.fixture

@@ -15,6 +15,9 @@ def test_notebook_runs(path, monkeypatch):
 
     # The kernel is a process of its own: it imports the package from this checkout.
     monkeypatch.setenv("PYTHONPATH", str(FOLDER.parent))
+    # A command that another test has called in this process may have set it. The kernel's launcher
+    # would then remove the checkout from the import path.
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
     notebook = nbformat.read(path, as_version=4)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the kernel's client, about its own event loop

@@ -13,36 +13,76 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from data_gen.catalogues.entry import Catalogue
+from data_gen.catalogues.proportions import DEVIATION
 
 CATALOGUES = {
     "procedural": "data_gen.catalogues.procedural:ProceduralCatalogue",
-    "procedural_extra": "data_gen.catalogues.procedural:ExtraCatalogue",
-    "procedural_groups": "data_gen.catalogues.groups:GroupCatalogue",
     "folder": "data_gen.catalogues.folder:FolderCatalogue",
     "shapenet": "data_gen.catalogues.shapenet:ShapeNetCatalogue",
     "sh3f": "data_gen.catalogues.sh3f:SweetHomeCatalogue",
-    "ac3d": "data_gen.catalogues.ac3d:AC3DCatalogue",
+    "ac3d": "data_gen.catalogues.folder:AC3DCatalogue",
     "flightgear": "data_gen.catalogues.flightgear:FlightGearCatalogue",
     "torcs": "data_gen.catalogues.torcs:TorcsCatalogue",
     "records": "data_gen.catalogues.records:RecordsCatalogue",
-    "pyrogenesis": "data_gen.catalogues.pyrogenesis:PyrogenesisCatalogue",
 }
 """The class of each catalogue, as `module:class`."""
 
 
-def open_catalogue(name: str, source: str | os.PathLike[str], **options: Any) -> Catalogue:
+class Variants(Catalogue):
+    """A catalogue with variants of its models instead of the models.
+
+    Args:
+      models: the catalogue.
+      variants: number of variants with other proportions that replace each model; 0 = the models
+        themselves.
+      deviation: how much the variants differ: standard deviation of the logarithm of the stretch
+        along each axis, above 0 to 1.
+
+    Raises:
+      ValueError: a number is out of range.
+    """
+
+    def __init__(self, models: Catalogue, variants: int = 0, deviation: float = DEVIATION) -> None:
+        if variants < 0:
+            raise ValueError(f"variants: got {variants}, expected 0 or more")
+        if not 0 < deviation <= 1:
+            raise ValueError(
+                f"deviation: got {deviation:g}, expected a number above 0, up to 1 "
+                "(variants=0 keeps the proportions)"
+            )
+        self.name = models.name
+        self._entries = [
+            e.variant(number, deviation) for e in models.entries() for number in range(variants)
+        ]
+
+
+def open_catalogue(
+    name: str,
+    source: str | os.PathLike[str],
+    *,
+    variants: int = 0,
+    deviation: float | None = None,
+    **options: Any,
+) -> Catalogue:
     """A catalogue by its name.
 
     Args:
       name: one of `CATALOGUES`.
       source: a folder or file, described in the class.
+      variants: see `Variants`.
+      deviation: see `Variants`; None = its default.
       **options: keyword arguments of the class.
 
     Raises:
-      ValueError: the name is unknown, or the class refuses the source.
+      ValueError: the name is unknown, the class refuses the source, or `deviation` is given
+        without `variants`.
     """
+    if deviation is not None and not variants:
+        raise ValueError(f"deviation: got {deviation:g}, which has no effect without variants")
     catalogue: Catalogue = class_of(name)(source, **options)
-    return catalogue
+    if not variants:
+        return catalogue
+    return Variants(catalogue, variants, DEVIATION if deviation is None else deviation)
 
 
 def class_of(name: str) -> Callable[..., Any]:
@@ -68,7 +108,8 @@ def option_types(name: str) -> dict[str, Any]:
       ValueError: the catalogue is unknown.
     """
     hints = typing.get_type_hints(class_of(name).__init__)  # type: ignore[misc]
-    return {key: hint for key, hint in hints.items() if key not in ("source", "return")}
+    own = {key: hint for key, hint in hints.items() if key not in ("source", "return")}
+    return own | {"variants": int, "deviation": float}
 
 
 def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:

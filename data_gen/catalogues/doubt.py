@@ -13,12 +13,13 @@ from there depend on the seed, but not on the depth. There are two kinds, used a
 """
 
 import dataclasses
-from collections.abc import Iterator
+import functools
 
 import numpy as np
 
-from data_gen.catalogues.entry import Entry, loader
-from data_gen.catalogues.families.kit import BLACK, Kit, lacquer, metal, pick, wood
+from data_gen.catalogues.entry import Catalogue, Entry
+from data_gen.catalogues.families.kit import Kit
+from data_gen.catalogues.families.materials import BLACK, lacquer, metal, wood
 from data_gen.catalogues.solids import ball, box
 from data_gen.mesh import Model
 
@@ -50,21 +51,17 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
     """
     if kind not in KINDS:
         raise ValueError(f"kind {kind!r}: expected one of {list(KINDS)}")
-    kit = Kit(
-        np.random.default_rng([_VISIBLE, seed]), np.random.default_rng([_HIDDEN, seed, hidden_seed])
-    )
-    width, height = kit.uniform("width", 0.8, 1.3), kit.uniform("height", 0.7, 1.2)
-    share = kit.hide("depth", *DEPTH)
-    body = pick(kit.rng, (wood, lacquer))(kit.rng)
-    front = pick(kit.rng, (wood, lacquer))(kit.rng)
-    knob = metal(kit.rng)
+    kit = Kit(np.random.default_rng([_VISIBLE, seed]))
+    share = float(np.random.default_rng([_HIDDEN, seed, hidden_seed]).uniform(*DEPTH))
+    width, height = kit.uniform(0.8, 1.3), kit.uniform(0.7, 1.2)
+    body, front, knob = kit.draw(wood, lacquer), kit.draw(wood, lacquer), kit.draw(metal)
     end, face = LENGTH / 2, LENGTH / 2 - 0.02
     rear = end - PANEL
     kit.add(body, box(face - rear, width, height).at((face + rear) / 2, 0, height / 2))
     deep = share * (LENGTH - PANEL)
     kit.add(body, box(deep, 0.92 * width, 0.92 * height).at(rear - deep / 2, 0, 0.48 * height))
     kit.add(BLACK, box(LENGTH, 0.06, 0.02).at(z=0.01))
-    columns, rows = kit.choose("columns", 1, 2, 3), kit.choose("rows", 1, 2, 3, 4)
+    columns, rows = kit.choose(1, 2, 3), kit.choose(1, 2, 3, 4)
     w, h = width / columns, height / rows
     for i in range(columns):
         for j in range(rows):
@@ -74,9 +71,16 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
             kit.add(front, box(0.01, w - 0.04, h - 0.04).at(face + 0.004, y, z))
             kit.add(knob, ball(0.02, 0.05, 0.05, 8).at(end - 0.0101, y, z))
     name = f"{kind}-{seed}-h{hidden_seed}"
-    model = kit.model(kind, name, {"seed": seed, "hidden_seed": hidden_seed})
-    scale = float(np.ptp(model.vertices[:, 0])) / LENGTH
-    model = dataclasses.replace(model, parameters={**model.parameters, "scale": scale})
+    model = kit.model(kind, name, {})
+    model = dataclasses.replace(
+        model,
+        parameters={
+            "seed": seed,
+            "hidden_seed": hidden_seed,
+            "hidden": {"depth": share},
+            "scale": float(np.ptp(model.vertices[:, 0])) / LENGTH,
+        },
+    )
     if kind == "front":
         return model
     cosine, sine = np.cos(np.deg2rad(TURN)), np.sin(np.deg2rad(TURN))
@@ -84,8 +88,8 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
     return dataclasses.replace(model, vertices=model.vertices @ turn.T)
 
 
-class DoubtCatalogue:
-    """Cabinets of both kinds.
+class DoubtCatalogue(Catalogue):
+    """Cabinets of both kinds: for each seed both kinds and all hidden depths.
 
     Args:
       seeds: number of seeds in each split, (train, validation). A seed is in only one split.
@@ -100,26 +104,12 @@ class DoubtCatalogue:
     def __init__(self, seeds: tuple[int, int] = (160, 16), draws: tuple[int, int] = (4, 8)) -> None:
         if min(*seeds, *draws) < 1:
             raise ValueError(f"seeds {seeds}, draws {draws}: expected positive numbers")
-        self._seeds, self._draws = seeds, draws
-
-    def __len__(self) -> int:
-        """Number of models."""
-        numbers = zip(self._seeds, self._draws, strict=True)
-        return len(KINDS) * sum(seeds * draws for seeds, draws in numbers)
-
-    def entries(self) -> Iterator[Entry]:
-        """The models: for each seed both kinds and all hidden depths."""
-        for split, first, seeds, draws in (
-            ("train", 0, self._seeds[0], self._draws[0]),
-            # An offset larger than any number of training seeds.
-            ("validation", 1_000_000, self._seeds[1], self._draws[1]),
-        ):
-            for seed in range(first, first + seeds):
-                for kind in KINDS:
-                    for draw in range(draws):
-                        yield Entry(
-                            f"{kind}-{seed}-h{draw}",
-                            kind,
-                            split,
-                            loader(generate, kind, seed, draw),
-                        )
+        # An offset larger than any number of training seeds.
+        splits = zip(("train", "validation"), (0, 1_000_000), seeds, draws, strict=True)
+        self._entries = [
+            Entry(f"{kind}-{s}-h{draw}", kind, split, functools.partial(generate, kind, s, draw))
+            for split, first, count, depths in splits
+            for s in range(first, first + count)
+            for kind in KINDS
+            for draw in range(depths)
+        ]

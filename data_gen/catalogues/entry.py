@@ -6,9 +6,10 @@ Entries can be pickled and sent to worker processes.
 import dataclasses
 import functools
 import hashlib
-from collections.abc import Callable, Iterator
-from typing import Any, Protocol
+import re
+from collections.abc import Callable, Iterator, Sequence
 
+from data_gen.catalogues.proportions import vary
 from data_gen.mesh import Model
 
 SPLITS = ("train", "validation", "test")
@@ -33,12 +34,15 @@ class Entry:
       split: one of `SPLITS`. All views of a model are in the same split.
       loader: reads the model and normalises it to the project's frame; can be pickled. It raises
         `mesh.UnusableModelError` if no sample can be made from the model.
+      variant_loader: returns the variant with a name and a deviation, see `variant`; None = the
+        model with moved vertices, `proportions.vary`.
     """
 
     model_id: str
     category: str
     split: str
     loader: Callable[[], Model]
+    variant_loader: Callable[[str, float], Model] | None = None
 
     def __post_init__(self) -> None:
         """Makes both names printable."""
@@ -49,19 +53,43 @@ class Entry:
         """The model, with the name and category of the entry."""
         return self.loader()
 
+    def variant(self, number: int, deviation: float) -> "Entry":
+        """The object with other proportions, drawn for its new name; it keeps the split.
 
-class Catalogue(Protocol):
-    """The interface of a catalogue."""
+        Args:
+          number: part of the name, `<model_id> variant <number>`.
+          deviation: see `proportions.random_proportions`.
+        """
+        name = f"{self.model_id}{_VARIANT}{number}"
+        load = self.variant_loader or functools.partial(_load_variant, self.loader)
+        return Entry(name, self.category, self.split, functools.partial(load, name, deviation))
+
+
+_VARIANT = " variant "
+
+
+def original_name(model_id: str) -> str:
+    """The name of the model of which this is a variant; the name itself if it is none."""
+    return re.sub(rf"{_VARIANT}[0-9]+$", "", model_id)
+
+
+def _load_variant(load: Callable[[], Model], name: str, deviation: float) -> Model:
+    return vary(load(), name, deviation)
+
+
+class Catalogue:
+    """A list of models. A subclass has a `name` and fills `_entries`."""
 
     name: str
+    _entries: Sequence[Entry]
 
     def __len__(self) -> int:
         """Number of models."""
-        ...
+        return len(self._entries)
 
     def entries(self) -> Iterator[Entry]:
         """All models, always in the same order."""
-        ...
+        return iter(self._entries)
 
 
 def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -> str:
@@ -104,8 +132,3 @@ def unique_names(names: list[str]) -> list[str]:
         taken.add(fresh)
         result.append(fresh)
     return result
-
-
-def loader(function: Callable[..., Model], *args: Any, **kwargs: Any) -> Callable[[], Model]:
-    """A loader of an `Entry`, from a module-level function and its arguments."""
-    return functools.partial(function, *args, **kwargs)

@@ -11,16 +11,19 @@ import pathlib
 import posixpath
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
 
-from data_gen.catalogues import ac3d, folder, non_objects
-from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
-from data_gen.mesh import MAX_FACES, Model
-from data_gen.readers.ac3d import read_ac3d
+from data_gen.catalogues import non_objects
+from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
+from data_gen.catalogues.folder import find_meshes
+from data_gen.mesh import MAX_FACES
+from data_gen.readers.ac3d import check_assimp, read_ac3d
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
 
 _MAX_XML_BYTES = 1 << 20
+
+# By the beginning of the name; the others are aircraft.
+_CATEGORIES = ((r"(?i)^ferry/", "watercraft"), (r"(?i)^balloon/", "balloon"))
 
 
 class LiveryFiles(FolderFiles):
@@ -66,20 +69,7 @@ def _wrapper(path: pathlib.Path, root: pathlib.Path, depth: int = 0) -> tuple[st
     return (model if model.casefold().endswith(".ac") else ""), livery
 
 
-def _load(root: str, name: str, livery: str, category: str, model_id: str, max_faces: int) -> Model:
-    return load_model(
-        name,
-        LiveryFiles(root, livery),
-        up="+y",
-        front="-x",
-        category=category,
-        model_id=model_id,
-        max_faces=max_faces,
-        reader=read_ac3d,
-    )
-
-
-class FlightGearCatalogue:
+class FlightGearCatalogue(Catalogue):
     """Aircraft below a folder, each with some of its liveries.
 
     An example of a name is `A320/Models/A320.ac:AirFrance`; a model without livery has the name of
@@ -89,8 +79,7 @@ class FlightGearCatalogue:
     Args:
       source: the folder `AI/Aircraft` of FlightGear's data.
       liveries: largest number of liveries per file, chosen at equal distances in the sorted list.
-      fractions: fractions of the models for training, validation and test, see
-        `catalogues.entry.split_of`.
+      fractions: fractions of the models for training, validation and test, see `split_of`.
       max_faces: models with more faces are refused.
 
     Raises:
@@ -109,44 +98,27 @@ class FlightGearCatalogue:
     ) -> None:
         if liveries < 1:
             raise ValueError(f"liveries: got {liveries}, expected 1 or more")
-        self.root = pathlib.Path(source)
-        self._fractions, self._max_faces = fractions, max_faces
-        names = folder.find_meshes(source, {".ac"})
+        root = pathlib.Path(source)
+        names = find_meshes(source, {".ac"})
         files = [n for n in names if not re.search(non_objects.AIRCRAFT, n, re.IGNORECASE)]
-        if not ac3d.find_assimp():
-            raise ValueError(f"catalogue 'flightgear': {ac3d.NO_ASSIMP}")
+        check_assimp(self.name)
         folded = {name.casefold(): name for name in files}
         dresses: dict[str, set[str]] = {name: set() for name in files}
-        for path in sorted(self.root.rglob("*.xml")):
-            model, livery = _wrapper(path, self.root)
+        for path in sorted(root.rglob("*.xml")):
+            model, livery = _wrapper(path, root)
             name = folded.get(model.casefold())
-            if name and livery and (self.root / livery).is_dir():
+            if name and livery and (root / livery).is_dir():
                 dresses[name].add(livery)
-        self._models = [
-            (name, livery)
-            for name, all_ in dresses.items()
-            for livery in _spread(sorted(all_), liveries) or [""]
-        ]
-
-    def __len__(self) -> int:
-        """Number of models."""
-        return len(self._models)
-
-    def entries(self) -> Iterator[Entry]:
-        """The models, sorted by file and livery."""
-        for name, livery in self._models:
-            model_id = f"{name}:{posixpath.basename(livery)}" if livery else name
-            category = next((c for p, c in _CATEGORIES if re.search(p, name)), "aircraft")
-            load = functools.partial(_load, str(self.root), name, livery)
-            yield Entry(
-                model_id,
-                category,
-                split_of(name, self._fractions),
-                loader(load, category, model_id, self._max_faces),
-            )
-
-
-_CATEGORIES = ((r"(?i)^ferry/", "watercraft"), (r"(?i)^balloon/", "balloon"))
+        self._entries = []
+        for name, found in dresses.items():  # sorted by file and livery
+            for livery in _spread(sorted(found), liveries) or [""]:
+                model_id = f"{name}:{posixpath.basename(livery)}" if livery else name
+                category = next((c for p, c in _CATEGORIES if re.search(p, name)), "aircraft")
+                load = functools.partial(
+                    load_model, name, LiveryFiles(root, livery), up="+y", front="-x",
+                    category=category, model_id=model_id, max_faces=max_faces, reader=read_ac3d,
+                )  # fmt: skip
+                self._entries.append(Entry(model_id, category, split_of(name, fractions), load))
 
 
 def _spread(names: list[str], count: int) -> list[str]:

@@ -1,14 +1,17 @@
-"""Catalogue of a folder of meshes in any readable format; subfolders are the categories."""
+"""Catalogues of folders: of meshes in any readable format, and of AC3D files."""
 
+import functools
 import os
 import pathlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 from absl import logging
 
-from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
+from data_gen.catalogues import non_objects
+from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.frame import axis_vector
-from data_gen.mesh import MAX_FACES, Model, UnusableModelError
+from data_gen.mesh import MAX_FACES, Model
+from data_gen.readers.ac3d import check_assimp, read_ac3d
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import Reader, load_model
 
@@ -16,19 +19,7 @@ from data_gen.readers.load import Reader, load_model
 _Z_UP = (".stl", ".ply", ".off", ".3mf", ".xyz")
 
 # Formats of models that cannot be read, or only with further packages (3MF: lxml and networkx).
-_OTHERS = {
-    ".3mf",
-    ".3ds",
-    ".ac",
-    ".blend",
-    ".fbx",
-    ".step",
-    ".stp",
-    ".usd",
-    ".usdz",
-    ".wrl",
-    ".x3d",
-}
+_OTHERS = {".3mf", ".3ds", ".blend", ".fbx", ".step", ".stp", ".usd", ".usdz", ".wrl", ".x3d"}
 
 # Catalogues that read the files which this catalogue cannot read.
 _CATALOGUES = {".ac": "ac3d", ".acc": "ac3d", ".sh3f": "sh3f"}
@@ -56,13 +47,12 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
     for place, folders, files in os.walk(root):
         folders[:] = sorted(f for f in folders if not f.startswith("."))
         for file in files:
-            if file.startswith("."):
-                continue
             ending = pathlib.Path(file).suffix.lower()
-            if ending in endings | _OTHERS | set(_CATALOGUES):
+            if not file.startswith(".") and ending in endings | _OTHERS | set(_CATALOGUES):
                 name = (pathlib.Path(place) / file).relative_to(root).as_posix()
                 (meshes if ending in endings else left).append(name)
-    other = _other_catalogue(left)
+    suffixes = {pathlib.PurePosixPath(name).suffix.lower() for name in left} & set(_CATALOGUES)
+    other = ", ".join(f"--catalogue={_CATALOGUES[s]} reads {s} files" for s in sorted(suffixes))
     if not meshes:
         raise ValueError(
             f"source {str(source)!r}: it contains no mesh, expected files with one of the suffixes "
@@ -76,41 +66,7 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
     return sorted(meshes)
 
 
-def _other_catalogue(names: list[str]) -> str:
-    """A hint at the catalogues that can read the files; "" = none."""
-    suffixes = {pathlib.PurePosixPath(name).suffix.lower() for name in names} & set(_CATALOGUES)
-    return ", ".join(
-        f"--catalogue={_CATALOGUES[ending]} reads {ending} files" for ending in sorted(suffixes)
-    )
-
-
-def _load(
-    root: str,
-    name: str,
-    category: str,
-    up: str,
-    front: str,
-    max_faces: int,
-    reader: Reader | None,
-    objection: Callable[[str, Model], str] | None,
-) -> Model:
-    model = load_model(
-        name,
-        FolderFiles(root),
-        up=up,
-        front=front,
-        category=category,
-        model_id=name,
-        max_faces=max_faces,
-        reader=reader,
-    )
-    reason = objection(name, model) if objection else ""
-    if reason:
-        raise UnusableModelError(reason)
-    return model
-
-
-class FolderCatalogue:
+class FolderCatalogue(Catalogue):
     """All mesh files below a folder.
 
     `chairs/red.obj` is the model "chairs/red.obj" with the category "chairs". Files directly in the
@@ -123,8 +79,7 @@ class FolderCatalogue:
         3MF, +y for all others.
       front: axis of the files toward which the fronts of the objects point, or "auto": +z if y is
         up, -y if z is up.
-      fractions: fractions of the models for training, validation and test, see
-        `catalogues.entry.split_of`.
+      fractions: fractions of the models for training, validation and test, see `split_of`.
       max_faces: models with more faces are refused.
       leave_out: names of folders at any depth whose files are left out.
 
@@ -133,8 +88,6 @@ class FolderCatalogue:
     """
 
     name = "folder"
-    _reader: Reader | None = None  # None = chosen by the suffix
-    _objection: Callable[[str, Model], str] | None = None
 
     def __init__(
         self,
@@ -146,50 +99,89 @@ class FolderCatalogue:
         max_faces: int = MAX_FACES,
         leave_out: Sequence[str] = (),
     ) -> None:
-        self.root = pathlib.Path(source)
         for axis in {up, front} - {"auto"}:
             axis_vector(axis)
-        self._up, self._front, self._fractions, self._max_faces = up, front, fractions, max_faces
-        names = find_meshes(source, self._endings())
-        self._names = [n for n in names if not set(n.split("/")[:-1]) & set(leave_out)]
-        if not self._names:
+        self._list(source, extensions(), up, front, fractions, max_faces, leave_out)
+
+    def _list(
+        self,
+        source: str | os.PathLike[str],
+        endings: set[str],
+        up: str,
+        front: str,
+        fractions: tuple[float, float, float],
+        max_faces: int,
+        leave_out: Sequence[str],
+        reader: Reader | None = None,
+        objection: Callable[[str, Model], str] | None = None,
+    ) -> None:
+        names = find_meshes(source, endings)
+        kept = [n for n in names if not set(n.split("/")[:-1]) & set(leave_out)]
+        if not kept:
             raise ValueError(
                 f"source {str(source)!r}: all of its {len(names)} meshes are in folders that are "
                 f"left out (leave_out={','.join(leave_out)}), expected at least one mesh elsewhere"
             )
-        if len(self._names) < len(names):
+        if len(kept) < len(names):
             logging.info(
                 "%d files in folders named %s: left out, see the option leave_out",
-                len(names) - len(self._names), ", ".join(leave_out),
+                len(names) - len(kept), ", ".join(leave_out),
             )  # fmt: skip
-
-    def _endings(self) -> set[str]:
-        return extensions()
-
-    def __len__(self) -> int:
-        """Number of mesh files."""
-        return len(self._names)
-
-    def entries(self) -> Iterator[Entry]:
-        """The files, sorted by name."""
-        for name in self._names:
+        files = FolderFiles(source)
+        self._entries = []
+        for name in kept:
             category = name.split("/")[0] if "/" in name else ""
             z_up = pathlib.PurePosixPath(name).suffix.lower() in _Z_UP
-            up = ("+z" if z_up else "+y") if self._up == "auto" else self._up
-            front = ("-y" if up[1] == "z" else "+z") if self._front == "auto" else self._front
-            yield Entry(
-                name,
-                category,
-                split_of(name, self._fractions),
-                loader(
-                    _load,
-                    str(self.root),
-                    name,
-                    category,
-                    up,
-                    front,
-                    self._max_faces,
-                    self._reader,
-                    self._objection,
-                ),
-            )
+            here = ("+z" if z_up else "+y") if up == "auto" else up
+            toward = ("-y" if here[1] == "z" else "+z") if front == "auto" else front
+            load = functools.partial(
+                load_model, name, files, up=here, front=toward, category=category,
+                max_faces=max_faces, reader=reader, objection=objection,
+            )  # fmt: skip
+            self._entries.append(Entry(name, category, split_of(name, fractions), load))
+
+
+class AC3DCatalogue(FolderCatalogue):
+    """All AC3D files below a folder, the models of flight and racing simulators.
+
+    `Maritime/Civilian/ferry.ac` is a model with this name and the category "Maritime". Files
+    directly in the folder have no category. Textures may be anywhere below the folder, but not
+    outside.
+
+    Args:
+      source: the folder.
+      up: axis of the files that points up (`frame.AXES`).
+      front: axis of the files toward which the fronts of the objects point. The default is that of
+        FlightGear's models; for the cars of TORCS it is +x.
+      fractions: fractions of the models for training, validation and test, see `split_of`.
+      max_faces: models with more faces are refused.
+      leave_out: names of folders at any depth whose files are left out. By default, these are
+        FlightGear's folders of clouds, the sky, lights and smoke.
+      objects_only: whether to refuse files in other folders that contain no object, see
+        `non_objects`.
+
+    Raises:
+      ValueError: the folder is missing or contains no such file, an axis is unknown, or assimp is
+        not installed.
+    """
+
+    name = "ac3d"
+
+    def __init__(
+        self,
+        source: str | os.PathLike[str],
+        *,
+        up: str = "+y",
+        front: str = "-x",
+        fractions: tuple[float, float, float] = FRACTIONS,
+        max_faces: int = MAX_FACES,
+        leave_out: Sequence[str] = non_objects.FOLDERS,
+        objects_only: bool = True,
+    ) -> None:
+        for axis in (up, front):
+            axis_vector(axis)
+        check_assimp(self.name)
+        self._list(
+            source, {".ac", ".acc"}, up, front, fractions, max_faces, leave_out, read_ac3d,
+            non_objects.objection if objects_only else None,
+        )  # fmt: skip

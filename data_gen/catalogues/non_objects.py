@@ -1,6 +1,6 @@
 """Files of game data without a complete object: billboards, lights, smoke, parts of objects.
 
-`SCENERY`, `AIRCRAFT` and `ACTORS` are regular expressions of the names of such files, one for each
+`SCENERY` and `AIRCRAFT` are regular expressions of the names of such files, one for each
 collection of data. `objection` recognises such a file by the shape and name of its model.
 """
 
@@ -31,16 +31,6 @@ AIRCRAFT = (
     r"|banner|wheels\.|tank\.|ssme|omspods"
 )
 """FlightGear's aircraft: lights and parts of aircraft, in upper or lower case."""
-
-ACTORS = (
-    r"decal|fndn|foundation|rubble|scaf|aura|marker|label|water|particle|smoke|fire|blood|fog"
-    r"|delimitator|dirt|road|ground|path_|_top|_leaves|_leaf|crown|foliage|_props|_nature|_shields"
-    r"|_tiles|_trees|_roof|_packed_|wings|temp/|/old/|sample|test|preloader|birds|butterfl|circle"
-    r"|impact|shadow|field|helmets/props/|shields/props/|weapons/props/|_ammo|_r[0-9]?\.xml$"
-    r"|destruct_|structures/plot|rice_paddy|wall_gate_door|_dest|hero_star|projectile|_pivot|oar"
-    r"|rein|rope"
-)
-"""Actors of Pyrogenesis: parts, markings on the ground, water, construction sites."""
 
 # Flat models are billboards that turn toward the viewer, or decals. For comparison: the thinnest
 # solid objects of `flightgear-data-models`, landing stages, are 4 % as thick as long.

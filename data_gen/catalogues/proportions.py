@@ -5,13 +5,23 @@ around its footprint. Along each axis, the coordinate is changed by an increasin
 function. The functions of the two horizontal axes are odd about the middle of the rectangle. So
 faces perpendicular to an axis stay plane, level parts stay level, and an object that is symmetric
 about an axis of its rectangle stays symmetric.
+
+With the option `variants`, a catalogue has variants of its objects instead of the objects, in order
+to have more shapes than objects.
 """
 
 import dataclasses
+import hashlib
 
 import numpy as np
 import scipy.spatial
 from jaxtyping import Float
+
+from data_gen.frame import normalize
+from data_gen.mesh import Model, UnusableModelError, unit_vectors
+
+DEVIATION = 0.25
+"""Default deviation of variants."""
 
 _PIECES = 3  # linear pieces of each function
 
@@ -74,6 +84,43 @@ def random_proportions(
         [np.zeros((3, 1)), np.cumsum(slopes * np.diff(knots, axis=1), axis=1)], axis=1
     )
     return Proportions(axes, middle, knots, values, float(low))
+
+
+def named_proportions(points: Float[np.ndarray, "n 3"], name: str, deviation: float) -> Proportions:
+    """`random_proportions` with random numbers that depend only on the name of the variant.
+
+    Raises:
+      UnusableModelError: the points lie in a vertical plane.
+    """
+    seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+    try:
+        return random_proportions(points, np.random.default_rng(seed), deviation)
+    except ValueError as error:
+        raise UnusableModelError(str(error)) from None
+
+
+def vary(model: Model, name: str, deviation: float) -> Model:
+    """The model with other proportions and this name, normalised again.
+
+    The vertices are moved. Normals follow by the inverse of the mean stretch of their face along
+    each axis.
+
+    Raises:
+      UnusableModelError: the model lies in a vertical plane.
+    """
+    change = named_proportions(model.vertices, name, deviation)
+    turn = np.eye(3)
+    turn[:2, :2] = change.axes
+    vertices = change(model.vertices)
+    before, after = ((v @ turn.T)[model.faces] for v in (model.vertices, vertices))
+    span = np.ptp(before, axis=1)
+    flat = span < 1e-9  # the face is perpendicular to this axis
+    stretch = np.where(flat, 1.0, np.ptp(after, axis=1) / np.where(flat, 1.0, span))
+    normals = unit_vectors(model.normals @ turn.T / stretch[:, None] @ turn)
+    changed = dataclasses.replace(
+        model, vertices=vertices, normals=normals.astype(np.float32), model_id=name
+    )
+    return normalize(changed)
 
 
 def _footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -10,26 +10,24 @@ points are grey.
 
 Objects keep their position and scale; the job must use `centre=bounds`, which is its default.
 
-With the option `variants`, the models are variants of the objects with other proportions
-(`proportions`), in order to have more shapes than objects. The origin of a variant is where the
-change moves that of the object, and its farthest point is at distance 1 again.
+The origin of a variant (`proportions`) is where the change moves that of the object, and its
+farthest point is at distance 1 again.
 """
 
 import dataclasses
 import functools
-import hashlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import scipy.spatial
 
-from data_gen.catalogues.entry import SPLITS, Entry, loader
-from data_gen.catalogues.proportions import random_proportions
+from data_gen.catalogues.entry import SPLITS, Catalogue, Entry
+from data_gen.catalogues.proportions import named_proportions
 from data_gen.mesh import Model, UnusableModelError, build_model, unit_vectors
 from data_gen.readers.by_trimesh import palette
 from psgn_jax.data.dataset import RecordReader
-from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.manifest import DUPLICATES, load_manifest
 from psgn_jax.data.schema import Sample
 
 _NEIGHBOURS = 32  # from which the normal and the axes of a surfel are computed
@@ -39,70 +37,48 @@ _SHOWN = 0.04  # largest difference of depth between a point and the image's sur
 _FEWEST = 100  # smallest number of points of a usable model
 
 
-class RecordsCatalogue:
-    """The models in a folder of records, each from its first record, or variants of them."""
+class RecordsCatalogue(Catalogue):
+    """The models in a folder of records, each from its first record.
+
+    Args:
+      source: a folder of records.
+
+    Raises:
+      ValueError: the folder contains no records, they cannot be read, a split is unknown, or model
+        names are empty or ambiguous.
+    """
 
     name = "records"
 
-    def __init__(
-        self, source: str | os.PathLike[str], variants: int = 0, deviation: float = 0.25
-    ) -> None:
-        """Lists the models.
-
-        Args:
-          source: a folder of records.
-          variants: number of variants with other proportions that replace each model, 0 for the
-            models themselves.
-          deviation: of variants, see `proportions.random_proportions`; not used without them.
-
-        Raises:
-          ValueError: the folder contains no records, they cannot be read, a split is unknown, or
-            model names are empty or ambiguous; `variants` is negative; or `deviation` is not
-            between 0 and 1.
-        """
-        if variants < 0:
-            raise ValueError(f"variants: got {variants}, expected 0 or more")
-        if not 0 < deviation <= 1:
-            raise ValueError(
-                f"deviation: got {deviation:g}, expected a number above 0, up to 1 "
-                "(variants=0 keeps the proportions)"
-            )
-        self._source = os.fspath(source)
-        self._variants, self._deviation = variants, deviation
+    def __init__(self, source: str | os.PathLike[str]) -> None:
+        source = os.fspath(source)
         splits = load_manifest(source).splits()
+        splits.pop(DUPLICATES, None)
         unknown = sorted(set(splits) - set(SPLITS))
         if unknown or not splits:
             raise ValueError(
-                f"{self._source}: its splits are {sorted(splits)}, expected some of {list(SPLITS)}"
+                f"{source}: its splits are {sorted(splits)}, expected some of {list(SPLITS)}"
             )
         found: dict[str, tuple[str, str, int]] = {}
         for split in (s for s in SPLITS if s in splits):
-            reader = _reader(self._source, split)
+            reader = _reader(source, split)
             for index in range(len(reader)):
                 stored = reader.stored(index, ())
                 name = stored.model_id
                 first = found.setdefault(name, (stored.category, split, index))
                 if not name or first[:2] != (stored.category, split):
                     raise ValueError(
-                        f"{self._source}: record {index} of split {split!r} has the model name "
+                        f"{source}: record {index} of split {split!r} has the model name "
                         f"{name!r}, expected a name that belongs to one model, in one category and "
                         "one split"
                     )
-        self._models = [(name, *rest) for name, rest in found.items()]
-
-    def __len__(self) -> int:
-        """Number of models."""
-        return len(self._models) * max(1, self._variants)
-
-    def entries(self) -> Iterator[Entry]:
-        """The models in the order of the records; a model keeps the split of its record."""
-        for model_id, category, split, index in self._models:
-            if not self._variants:
-                yield Entry(model_id, category, split, loader(_load, self._source, split, index))
-            for number in range(self._variants):
-                name = f"{model_id} variant {number}"
-                load = loader(_load_variant, self._source, split, index, name, self._deviation)
-                yield Entry(name, category, split, load)
+        self._entries = [  # in the order of the records
+            Entry(
+                name, category, split, functools.partial(_load, source, split, index),
+                functools.partial(_load_variant, source, split, index),
+            )
+            for name, (category, split, index) in found.items()
+        ]  # fmt: skip
 
 
 @functools.lru_cache(maxsize=4)
@@ -116,20 +92,11 @@ def _load(source: str, split: str, index: int) -> Model:
 
 def _load_variant(source: str, split: str, index: int, name: str, deviation: float) -> Model:
     sample = dataclasses.replace(_reader(source, split)[index], model_id=name)
-    return surfels(sample, functools.partial(_variant, name=name, deviation=deviation))
+    return surfels(sample, functools.partial(_varied, name=name, deviation=deviation))
 
 
-def _variant(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
-    """Points of an object with other proportions, in the project's frame.
-
-    Raises:
-      UnusableModelError: the points lie in a vertical plane.
-    """
-    seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
-    try:
-        change = random_proportions(points, np.random.default_rng(seed), deviation)
-    except ValueError as error:
-        raise UnusableModelError(str(error)) from None
+def _varied(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
+    change = named_proportions(points, name, deviation)
     changed = change(points)
     changed[:, :2] -= change(np.zeros((1, 3)))[:, :2]
     return changed / np.linalg.norm(changed, axis=1).max()
@@ -163,6 +130,9 @@ def surfels(sample: Sample, change: Callable[[np.ndarray], np.ndarray] | None = 
     corners = points[:, None] + np.stack(
         [-long - short, long - short, long + short, short - long], 1
     )
+    # No surfel extends below the ground or out of the unit ball.
+    corners[..., 2] = np.maximum(corners[..., 2], 0)
+    corners /= np.maximum(np.linalg.norm(corners, axis=2, keepdims=True), 1)
     normals = _smoothed(axes[:, :, 0], nearest)
     first = 4 * np.arange(len(points))[:, None]
     faces = np.concatenate([first + corner for corner in (0, 1, 2, 0, 2, 3)], axis=1).reshape(-1, 3)

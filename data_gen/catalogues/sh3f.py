@@ -11,12 +11,11 @@ import os
 import pathlib
 import re
 import zipfile
-from collections.abc import Iterator
 
 import numpy as np
 from absl import logging
 
-from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of, unique_names
+from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of, unique_names
 from data_gen.mesh import MAX_FACES, Model, UnusableModelError
 from data_gen.readers import archives
 from data_gen.readers.load import load_model
@@ -156,7 +155,7 @@ def _load(path: str, piece: Furniture, max_faces: int) -> Model:
     )
 
 
-class SweetHomeCatalogue:
+class SweetHomeCatalogue(Catalogue):
     """The pieces of a `.sh3f` library, or of all libraries in a folder.
 
     A model is named `<library>/<id of the piece>`. Its category is the one that the
@@ -164,8 +163,7 @@ class SweetHomeCatalogue:
 
     Args:
       source: the file or folder.
-      fractions: fractions of the models for training, validation and test, see
-        `catalogues.entry.split_of`.
+      fractions: fractions of the models for training, validation and test, see `split_of`.
       max_faces: models with more faces are refused.
 
     Raises:
@@ -186,11 +184,10 @@ class SweetHomeCatalogue:
         libraries = sorted(path.rglob("*.sh3f")) if path.is_dir() else [path]
         if not libraries or not libraries[0].is_file():
             raise ValueError(f"source {str(source)!r}: expected a .sh3f file or a folder of them")
-        self._fractions, self._max_faces = fractions, max_faces
         pieces, problems = [], []
         for library in libraries:
             try:
-                pieces += [(str(library), piece) for piece in read_library(library)]
+                pieces += [(library, piece) for piece in read_library(library)]
             except ValueError as error:
                 problems.append(str(error))
         if not pieces and problems:
@@ -198,21 +195,9 @@ class SweetHomeCatalogue:
         for problem in problems:
             logging.warning("left out: %s", problem)
         names = unique_names([piece.model_id for _, piece in pieces])
-        self._pieces = [
-            (library, dataclasses.replace(piece, model_id=name))
-            for (library, piece), name in zip(pieces, names, strict=True)
-        ]
-
-    def __len__(self) -> int:
-        """Number of pieces."""
-        return len(self._pieces)
-
-    def entries(self) -> Iterator[Entry]:
-        """The pieces, library by library."""
-        for library, piece in self._pieces:
-            yield Entry(
-                piece.model_id,
-                piece.category,
-                split_of(piece.model_id, self._fractions),
-                loader(_load, library, piece, self._max_faces),
+        self._entries = []
+        for (library, piece), name in zip(pieces, names, strict=True):
+            load = functools.partial(
+                _load, str(library), dataclasses.replace(piece, model_id=name), max_faces
             )
+            self._entries.append(Entry(name, piece.category, split_of(name, fractions), load))

@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy.interpolate
+from numpy.typing import ArrayLike
 
 from data_gen.polygons import cut_ears
 
@@ -53,7 +55,7 @@ def _outward(vertices: np.ndarray, faces: np.ndarray) -> Solid:
     return Solid(vertices, faces[:, ::-1] if volume < 0 else faces)
 
 
-def loft(rings: np.ndarray | Sequence[np.ndarray], loop: bool = False) -> Solid:
+def loft(rings: ArrayLike, loop: bool = False) -> Solid:
     """The surface through rings [K, N, 3], with a cap on the first and the last ring.
 
     With `loop`, the last ring is joined to the first one, and there are no caps.
@@ -112,10 +114,20 @@ def box(x: float, y: float, z: float, bevel: float = 0.0) -> Solid:
     if cut <= 0:
         outline = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * half[:2]
         return stack([(outline, -half[2]), (outline, half[2])])
-    inner, outer = rounded(x - 2 * cut, y - 2 * cut, cut, 1), rounded(x, y, cut, 1)
+    # The inner outline has sharp corners, so that no corner face is flat enough to be smoothed.
+    inner, outer = rounded(x - 2 * cut, y - 2 * cut, 0.0, 1), rounded(x, y, cut, 1)
     return stack(
         [(inner, -half[2]), (outer, cut - half[2]), (outer, half[2] - cut), (inner, half[2])]
     )
+
+
+def block(
+    x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], bevel: float = 0.0
+) -> Solid:
+    """A box between two limits along each axis; see `box`."""
+    spans = np.array([x, y, z])
+    length, width, height = np.ptp(spans, axis=1)
+    return box(length, width, height, bevel).at(*spans.mean(axis=1))
 
 
 def stack(levels: Sequence[tuple[np.ndarray, float]]) -> Solid:
@@ -149,26 +161,18 @@ def pillow(x: float, y: float, z: float, radius: float, steps: int = 3) -> Solid
     return stack(levels).at(z=-z / 2)
 
 
-def tray(
-    outline: Callable[[float], np.ndarray], height: float, wall: float, recess: float
+def lathe(
+    profile: np.ndarray | Sequence[Sequence[float]],
+    sides: int = 24,
+    loop: bool = False,
+    smooth: int = 1,
 ) -> Solid:
-    """A slab from z = 0 to `height` with a recess in its underside.
+    """The surface of revolution of a profile of (radius, z).
 
-    Args:
-      outline: returns the outline [N, 2], moved inward by its argument.
-      height: height of the slab.
-      wall: thickness of the rim.
-      recess: height of the recess, in [0, height).
+    A `loop` makes a ring with a hole. With `smooth` > 1, a curve through the points is used.
     """
-    edge, inner = outline(0.0), outline(wall)
-    bevel = min(0.12 * height, wall / 2)
-    top = [(edge, height - bevel), (outline(bevel), height)]
-    depth = min(max(recess, 0.01 * height), 0.95 * height)
-    return stack([(inner, depth), (inner, 0.0), (edge, 0.0), *top])
-
-
-def lathe(profile: Sequence[tuple[float, float]], sides: int = 24, loop: bool = False) -> Solid:
-    """The surface of revolution of a profile of (radius, z); a `loop` makes a ring with a hole."""
+    if smooth > 1:
+        profile = smooth_path([(r, 0.0, z) for r, z in profile], smooth)[:, [0, 2]]
     angle = np.arange(sides) / sides * 2 * np.pi
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     return loft([circle * max(r, 0.0) + np.array([0, 0, z]) for r, z in profile], loop)
@@ -185,9 +189,9 @@ def cylinder(radius: float, height: float, sides: int = 20, bevel: float = 0.0) 
     )
 
 
-def rod(start: Sequence[float], end: Sequence[float], radius: float, sides: int = 8) -> Solid:
+def rod(start: ArrayLike, end: ArrayLike, radius: float, sides: int = 8) -> Solid:
     """A straight round bar."""
-    return tube([start, end], radius, sides)
+    return tube(np.array([start, end]), radius, sides)
 
 
 def ball(x: float, y: float, z: float, sides: int = 16) -> Solid:
@@ -196,6 +200,13 @@ def ball(x: float, y: float, z: float, sides: int = 16) -> Solid:
     return lathe(
         [(0.0 if abs(a) > 1.57 else float(np.cos(a)), float(np.sin(a))) for a in angle], sides
     ).scaled(x / 2, y / 2, z / 2)
+
+
+def upright(outline: np.ndarray, back: float, front: float, bevel: float = 0.0) -> Solid:
+    """A plate with an outline of (z, y), from x = `back` to `front`."""
+    small = inset(outline, bevel) if bevel else outline
+    part = stack([(small, back), (outline, back + bevel), (outline, front - bevel), (small, front)])
+    return Solid(part.vertices[:, [2, 1, 0]], part.faces[:, ::-1])
 
 
 def prism(
@@ -229,7 +240,7 @@ def inset(outline: np.ndarray, distance: float) -> np.ndarray:
     return outline + distance * middle
 
 
-def smooth_path(points: np.ndarray | Sequence[Sequence[float]], steps: int = 6) -> np.ndarray:
+def smooth_path(points: ArrayLike, steps: int = 6) -> np.ndarray:
     """A Catmull-Rom curve [M, 3] through the points, for points at similar distances."""
     p = np.asarray(points, np.float64)
     p = np.concatenate([[2 * p[0] - p[1]], p, [2 * p[-1] - p[-2]]])
@@ -247,9 +258,6 @@ def smooth_path(points: np.ndarray | Sequence[Sequence[float]], steps: int = 6) 
     return np.concatenate([*pieces, p[-2:-1]])
 
 
-# --- Cushions, sweeps and tubes ---------------------------------------------------------------
-
-
 def superellipse(x: float, y: float, power: float = 2.0, sides: int = 32) -> np.ndarray:
     """Outline [sides, 2] with |2u/x|^power + |2v/y|^power = 1; power 2 is an ellipse."""
     angle = np.arange(sides) / sides * 2 * np.pi
@@ -257,72 +265,56 @@ def superellipse(x: float, y: float, power: float = 2.0, sides: int = 32) -> np.
     return np.sign(flat) * np.abs(flat) ** (2 / power) * [x / 2, y / 2]
 
 
-def cushion(
-    x: float, y: float, z: float, corner: float = 5.0, edge: float = 2.5, sides: int = 28
+def hull(
+    stations: Sequence[Sequence[float]], power: float = 2.0, steps: int = 3, sides: int = 24
 ) -> Solid:
-    """A superellipsoid around the origin, for cushions.
+    """A smooth body through superellipses perpendicular to the x axis.
 
     Args:
-      x: length.
-      y: width.
-      z: height.
-      corner: power of the outline seen from above; 2 = round, large = square.
-      edge: power of the outline seen from the side; 1 = sharp seams, 2 = round, large = a slab.
-      sides: number of points around the outline.
+      stations: rows of x (ascending or descending), half width, half height and z of the centre; an
+        optional fifth number is the power there, in place of `power`.
+      power: power of the superellipses.
+      steps: number of sections for each interval between stations.
+      sides: number of points of a section.
     """
-    flat = superellipse(x, y, corner, sides)
-    latitude = np.linspace(-np.pi / 2, np.pi / 2, 11)
-    radius = np.abs(np.cos(latitude)) ** (2 / edge)
-    height = np.sign(latitude) * np.abs(np.sin(latitude)) ** (2 / edge) * z / 2
-    radius[[0, -1]] = 0.0
-    return stack([(flat * r, float(h)) for r, h in zip(radius, height, strict=True)])
+    table = np.array(sorted(map(tuple, stations)))
+    knots = np.arange(len(table))
+    places = np.interp(np.arange((len(table) - 1) * steps + 1) / steps, knots, table[:, 0])
+    rows = scipy.interpolate.PchipInterpolator(table[:, 0], table[:, 1:])(places)
+    rings = []
+    for x, row in zip(places, rows, strict=True):
+        outline = superellipse(2 * row[0], 2 * row[1], row[3] if len(row) > 3 else power, sides)
+        rings.append(np.column_stack([np.full(sides, x), outline[:, 0], outline[:, 1] + row[2]]))
+    return loft(rings)
 
 
-def smooth_profile(points: Sequence[Sequence[float]], steps: int = 4) -> list[tuple[float, float]]:
-    """A smooth curve of (radius, z) through the points, for `lathe`; radii stay at least 0."""
-    curve = smooth_path([(r, 0.0, z) for r, z in points], steps)
-    return [(max(float(r), 0.0), float(z)) for r, _, z in curve]
+_AEROFOIL = np.array(
+    [(1, 0.04), (0.8, 0.4), (0.55, 0.78), (0.3, 1), (0.12, 0.8), (0.03, 0.42), (0, 0),
+     (0.03, -0.3), (0.12, -0.5), (0.3, -0.6), (0.55, -0.45), (0.8, -0.2)]
+)  # fmt: skip
 
 
-def sweep(
-    section: np.ndarray,
-    path: np.ndarray | Sequence[Sequence[float]],
-    across: Sequence[float],
-    scale: float | np.ndarray | Sequence[float] = 1.0,
-    loop: bool = False,
-) -> Solid:
-    """A section swept along a path in a plane.
+def wing(sections: Sequence[Sequence[float]], thickness: float = 0.1, fin: bool = False) -> Solid:
+    """A wing through aerofoils from the root to the tip, with the leading edge toward +x.
 
     Args:
-      section: outline [N, 2]; its first axis is `across`, its second is in the plane of the path.
-      path: [M, 3].
-      across: the normal of the plane of the path.
-      scale: scale of the section, one number or one for each point.
-      loop: whether the path is closed.
+      sections: rows of x, y, z of the leading edge and the chord.
+      thickness: thickness / chord.
+      fin: whether the thickness is along y instead of along z.
     """
-    points = np.asarray(path, np.float64)
-    side = np.asarray(across, np.float64) / np.linalg.norm(across)
-    if loop:
-        step = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
-    else:
-        step = np.gradient(points, axis=0)
-    normal = np.cross(step, side)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    size = np.broadcast_to(np.asarray(scale, np.float64), (len(points),))[:, None, None]
-    rings = section[None, :, :1] * side + section[None, :, 1:] * normal[:, None]
-    return loft(points[:, None] + size * rings, loop)
-
-
-def _grid_normals(points: np.ndarray) -> np.ndarray:
-    """Unit normals [K, N, 3] of the surface through a grid of points."""
-    normal = np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1))
-    return normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
+    rings = []
+    for x, y, z, chord in sections:
+        flat = np.stack([x - chord * _AEROFOIL[:, 0], np.full(12, y), np.full(12, z)], axis=1)
+        flat[:, 1 if fin else 2] += thickness * chord * _AEROFOIL[:, 1]
+        rings.append(flat)
+    return loft(rings)
 
 
 def sheet(grid: np.ndarray, thickness: float) -> Solid:
     """A curved panel of constant thickness, centred on the surface through a grid [K, N, 3]."""
     points = np.asarray(grid, np.float64)
-    normal = _grid_normals(points)
+    normal = np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1))
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
     rows, columns = points.shape[:2]
     count = rows * columns
     index = np.arange(count).reshape(rows, columns)
@@ -339,16 +331,7 @@ def sheet(grid: np.ndarray, thickness: float) -> Solid:
     return _outward(vertices.reshape(-1, 3), faces)
 
 
-def rise(path: Callable[[float], Sequence[float]], steps: int) -> np.ndarray:
-    """The curve [steps + 1, 3] of a function of t in [0, 1]."""
-    return np.array([path(float(t)) for t in np.linspace(0, 1, steps + 1)], np.float64)
-
-
-def tube(
-    path: np.ndarray | Sequence[Sequence[float]],
-    radius: float | np.ndarray | Sequence[float],
-    sides: int = 8,
-) -> Solid:
+def tube(path: ArrayLike, radius: ArrayLike, sides: int = 8) -> Solid:
     """A round bar along a path [M, 3]; `radius` is one number or one for each point."""
     points = np.asarray(path, np.float64)
     radii = np.broadcast_to(np.asarray(radius, np.float64), (len(points),))
@@ -364,14 +347,3 @@ def tube(
         side = np.cross(t, normal)
         rings.append(point + r * (np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * side))
     return loft(rings)
-
-
-def pane(grid: np.ndarray, thickness: float) -> Solid:
-    """Like `sheet`, but the surface through the points is the outer side of the panel."""
-    points = np.asarray(grid, np.float64)
-    return sheet(points - thickness / 2 * _grid_normals(points), thickness)
-
-
-def split(solid: Solid, chosen: np.ndarray) -> tuple[Solid, Solid]:
-    """Two solids: the chosen faces (bool [F]) and the other faces. Both are open at the cut."""
-    return Solid(solid.vertices, solid.faces[chosen]), Solid(solid.vertices, solid.faces[~chosen])

@@ -6,19 +6,18 @@ sizes of the wheels and the name of their model in the folder `wheels`. Models w
 are left out.
 """
 
+import functools
 import os
 import pathlib
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from data_gen.catalogues import ac3d
-from data_gen.catalogues.entry import FRACTIONS, Entry, loader, split_of
-from data_gen.mesh import MAX_FACES, Model, UnusableModelError
-from data_gen.readers.ac3d import read_ac3d
+from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
+from data_gen.mesh import MAX_FACES, UnusableModelError
+from data_gen.readers.ac3d import check_assimp, read_ac3d
 from data_gen.readers.files import Files, FolderFiles
 from data_gen.readers.load import load_model
 from data_gen.readers.notes import Notes
@@ -114,26 +113,12 @@ def read_car(
     return {**merged, "materials": bounded(together, notes)}
 
 
-def _load(root: str, name: str, max_faces: int) -> Model:
-    return load_model(
-        name,
-        FolderFiles(root),
-        up="+y",
-        front="+x",
-        category="car",
-        model_id=name,
-        max_faces=max_faces,
-        reader=read_car,
-    )
-
-
-class TorcsCatalogue:
+class TorcsCatalogue(Catalogue):
     """The cars in the data folder of TORCS: `cars/<name>/<name>.acc`.
 
     Args:
       source: the folder that contains `cars` and `wheels`.
-      fractions: fractions of the models for training, validation and test, see
-        `catalogues.entry.split_of`.
+      fractions: fractions of the models for training, validation and test, see `split_of`.
       max_faces: models with more faces are refused.
 
     Raises:
@@ -149,30 +134,19 @@ class TorcsCatalogue:
         fractions: tuple[float, float, float] = FRACTIONS,
         max_faces: int = MAX_FACES,
     ) -> None:
-        self.root = pathlib.Path(source)
-        self._fractions, self._max_faces = fractions, max_faces
-        self._names = sorted(
-            p.relative_to(self.root).as_posix()
-            for p in self.root.glob("cars/*/*.acc")
-            if p.stem == p.parent.name
-        )
-        if not self._names:
+        root = pathlib.Path(source)
+        found = (p for p in root.glob("cars/*/*.acc") if p.stem == p.parent.name)
+        names = sorted(p.relative_to(root).as_posix() for p in found)
+        if not names:
             raise ValueError(
                 f"source {str(source)!r}: expected the data folder of TORCS, with cars/*/*.acc"
             )
-        if not ac3d.find_assimp():
-            raise ValueError(f"catalogue 'torcs': {ac3d.NO_ASSIMP}")
-
-    def __len__(self) -> int:
-        """Number of cars."""
-        return len(self._names)
-
-    def entries(self) -> Iterator[Entry]:
-        """The cars, sorted by name."""
-        for name in self._names:
-            yield Entry(
-                name,
-                "car",
-                split_of(name, self._fractions),
-                loader(_load, str(self.root), name, self._max_faces),
-            )
+        check_assimp(self.name)
+        files = FolderFiles(root)
+        self._entries = []
+        for name in names:
+            load = functools.partial(
+                load_model, name, files, up="+y", front="+x", category="car", max_faces=max_faces,
+                reader=read_car,
+            )  # fmt: skip
+            self._entries.append(Entry(name, "car", split_of(name, fractions), load))

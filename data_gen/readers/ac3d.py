@@ -107,8 +107,6 @@ def read_outline(
 ) -> list[Object]:
     """The objects of a file in order. All counts in the file are compared with its contents.
 
-    Deliberately one function: a branch for each statement of the format.
-
     Some exporters count objects that they do not write. If `notes` is given, such a file is
     accepted with a warning, provided that its last object is complete and fewer objects are missing
     than present.
@@ -212,6 +210,12 @@ def find_assimp() -> str:
     return ctypes.util.find_library("assimp") or ""
 
 
+def check_assimp(catalogue: str) -> None:
+    """Raises ValueError, with the name of the catalogue that needs it, if assimp is missing."""
+    if not find_assimp():
+        raise ValueError(f"catalogue {catalogue!r}: {NO_ASSIMP}")
+
+
 @functools.lru_cache(maxsize=1)
 def _assimp() -> Any:
     name = find_assimp()
@@ -300,8 +304,6 @@ def read_ac3d(
     data: bytes, files: Files, base: str, side: int, max_faces: int, notes: Notes
 ) -> dict[str, Any]:
     """Arrays of an AC3D file for `mesh.build_model`; a reader for `readers.load.load_model`.
-
-    Deliberately one function: it walks assimp's nodes and the objects of the file together.
 
     Raises:
       UnusableModelError: this is not an AC3D file, it is truncated, too large or empty, or assimp

@@ -28,10 +28,6 @@ class ZipFiles(Files):
         self._members = {m.filename.replace("\\", "/"): m for m in members if not m.is_dir()}
         self._folded = {name.casefold(): name for name in self._members}
 
-    def names(self) -> list[str]:
-        """The names of all members."""
-        return list(self._members)
-
     def find(self, name: str) -> str | None:
         """See `readers.files.Files`."""
         return name if name in self._members else self._folded.get(name.casefold())

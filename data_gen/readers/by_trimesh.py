@@ -13,7 +13,7 @@ from data_gen.readers.files import Files
 from data_gen.readers.mtl import GREY, floats
 from data_gen.readers.notes import Notes
 from data_gen.readers.textures import bounded, decode_texture
-from psgn_jax.untrusted import one_line, parse_json
+from psgn_jax.system.untrusted import one_line, parse_json
 
 _MAX_XML_BYTES = 64 << 20
 
@@ -186,10 +186,7 @@ def read_trimesh(
 def _read(
     data: bytes, kind: str, files: Files, base: str, side: int, max_faces: int, notes: Notes
 ) -> dict[str, Any]:
-    """Implements `read_trimesh`; it may raise any exception.
-
-    Deliberately one function: one pass over the meshes of a scene with their materials.
-    """
+    """Implements `read_trimesh`; it may raise any exception."""
     import trimesh
 
     formats = trimesh.available_formats() - _ARCHIVES

@@ -6,7 +6,7 @@ import pathlib
 import posixpath
 
 from data_gen.mesh import UnusableModelError
-from psgn_jax.untrusted import kind_of
+from psgn_jax.system.untrusted import kind_of
 
 MAX_FILE_BYTES = 256 << 20
 """Largest accepted size of a mesh or image file."""

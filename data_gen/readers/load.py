@@ -39,6 +39,7 @@ def load_model(
     max_faces: int = MAX_FACES,
     turn: Callable[[Model], Model] = lambda model: model,
     reader: Reader | None = None,
+    objection: Callable[[str, Model], str] | None = None,
 ) -> Model:
     """Reads a model from a file and normalises it to the project's frame.
 
@@ -53,6 +54,7 @@ def load_model(
       max_faces: largest accepted number of faces.
       turn: rotation that is applied in the axes of the file, before `up` and `front`.
       reader: reader of the format; None = chosen by the suffix of the name.
+      objection: returns the reason to refuse a model, by its name, or "".
 
     Raises:
       UnusableModelError: the file is missing, damaged, empty or too large; the message says which.
@@ -90,4 +92,8 @@ def load_model(
         warnings=notes.lines,
         max_faces=max_faces,
     )
-    return normalize(orient(turn(model), up, front))
+    model = normalize(orient(turn(model), up, front))
+    reason = objection(name, model) if objection else ""
+    if reason:
+        raise UnusableModelError(reason)
+    return model

@@ -6,11 +6,12 @@ import hashlib
 import os
 import pathlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from data_gen.catalogues.by_name import open_catalogue
-from data_gen.catalogues.entry import Entry, split_of
+from data_gen.catalogues.entry import Catalogue, original_name, split_of
+from data_gen.catalogues.proportions import DEVIATION
 
 _COLOURS = (
     "white|black|red|green|blue|yellow|grey|gray|brown|beige|orange|pink|purple|gold|silver|dark"
@@ -68,7 +69,7 @@ class Source:
       options: options of the catalogue.
       exclude: pattern of the names of models that are left out.
       missing: fraction of the models that are rendered without some of their faces, see
-        `data_gen.missing_faces`.
+        `data_gen.render_model.without_faces`.
       families: models of a family are in the same split. "name": the family is `family_of(name)`;
         "folder": the family is the first folder of the name; "": no families, the catalogue decides
         the split.
@@ -102,7 +103,7 @@ class Source:
         return next(x for x in self.licences if re.search(x.models, model_id))
 
 
-class Selection:
+class Selection(Catalogue):
     """A catalogue of the models of a source that are in the training set.
 
     Args:
@@ -110,14 +111,16 @@ class Selection:
       packages: folder of the unpacked packages.
       fraction: fraction of the models, chosen by a hash of the name. A larger fraction contains the
         smaller ones.
+      variants: see `by_name.Variants`; a variant has the split of its model.
 
     Raises:
       ValueError: the catalogue cannot be opened, or no model is left.
     """
 
     def __init__(
-        self, source: Source, packages: str | os.PathLike[str], fraction: float = 1.0
-    ) -> None:
+        self, source: Source, packages: str | os.PathLike[str], fraction: float = 1.0,
+        variants: int = 0,
+    ) -> None:  # fmt: skip
         inner = open_catalogue(source.catalogue, source.path(packages), **source.options)
         self.name = inner.name
         entries = [
@@ -135,15 +138,9 @@ class Selection:
             ranked = sorted(entries, key=lambda e: hashlib.sha256(e.model_id.encode()).digest())
             chosen = {e.model_id for e in ranked[:count]}
             entries = [e for e in entries if e.model_id in chosen]
+        if variants:
+            entries = [e.variant(n, DEVIATION) for e in entries for n in range(variants)]
         self._entries = entries
-
-    def __len__(self) -> int:
-        """Number of models."""
-        return len(self._entries)
-
-    def entries(self) -> Iterator[Entry]:
-        """The models, in the order of the catalogue."""
-        return iter(self._entries)
 
 
 # --- Packages ---------------------------------------------------------------------------------
@@ -221,7 +218,7 @@ def row(
         if licence.holders and licence.holders not in counted["holders"]:
             counted["holders"].append(licence.holders)
         splits[line["split"]] = splits.get(line["split"], 0) + 1
-    families = {source.family(n) for n in good} - {""}
+    families = {source.family(original_name(n)) for n in good} - {""}
     return {
         "source": source.name,
         "package": source.package,

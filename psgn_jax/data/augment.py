@@ -7,10 +7,13 @@ the camera is still valid (right-handed rotation, positive focal lengths). The e
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
+from psgn_jax.config.data import DataConfig, PhotoEffects
 from psgn_jax.data import camera, framing, resample
+from psgn_jax.data.photo_effects import disturb
 
 # How far the image's x axis may be from the frame's y axis for a stretch to be exact.
 _ALIGNED = 1e-4
@@ -77,10 +80,7 @@ def stretch(view: View, factor: float) -> View:
         object would move pixels across rows; or the view has an occupancy grid, which this
         function does not transform.
     """
-    if view.occupancy is not None:
-        raise ValueError("stretch: the view has an occupancy grid, which is not transformed")
-    if not factor > 0:
-        raise ValueError(f"stretch factor: got {factor}, expected a positive number")
+    _check_move("stretch", view, factor)
     if not can_stretch(view):
         raise ValueError(
             f"stretch: the camera is rolled or skewed (the image's x axis is "
@@ -92,19 +92,23 @@ def stretch(view: View, factor: float) -> View:
     # Source coordinate of each column's centre; a column i has its centre at i + 0.5.
     source = centre + (np.arange(width) + 0.5 - centre) / factor
     image, mask = resample.stretch(view.image, view.mask, source)
-    depth = None
-    if view.depth is not None:
-        depth, _ = resample.take_nearest(view.depth, source)
     extrinsics = view.extrinsics.copy()
     extrinsics[0, 3] *= np.float32(factor)
-    return View(
+    return dataclasses.replace(
+        view,
         image=image,
         mask=mask,
-        depth=depth,
+        depth=None if view.depth is None else resample.take_nearest(view.depth, source)[0],
         points=view.points * np.array([1, factor, 1], np.float32),
-        intrinsics=view.intrinsics,
         extrinsics=extrinsics,
     )
+
+
+def _check_move(name: str, view: View, factor: float = 1.0) -> None:
+    if view.occupancy is not None:
+        raise ValueError(f"{name}: the view has an occupancy grid, which is not transformed")
+    if not factor > 0:
+        raise ValueError(f"{name} factor: got {factor}, expected a positive number")
 
 
 def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
@@ -146,15 +150,7 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     intrinsics = view.intrinsics.copy()
     intrinsics[:2] *= np.float32(factor)
     intrinsics[:2, 2] += np.array([right, down], np.float32)
-    return View(
-        image=image,
-        mask=mask,
-        depth=depth,
-        points=view.points,
-        intrinsics=intrinsics,
-        extrinsics=view.extrinsics,
-        occupancy=view.occupancy,
-    )
+    return dataclasses.replace(view, image=image, mask=mask, depth=depth, intrinsics=intrinsics)
 
 
 def follow(view: View, move: framing.Move) -> View:
@@ -165,8 +161,7 @@ def follow(view: View, move: framing.Move) -> View:
     Raises:
       ValueError: the view has an occupancy grid, which this function does not transform.
     """
-    if view.occupancy is not None:
-        raise ValueError("follow: the view has an occupancy grid, which is not transformed")
+    _check_move("follow", view)
     if not view.mask.any():
         return view
     size = view.mask.shape[0], view.mask.shape[1]
@@ -269,6 +264,13 @@ def reframe(
     return dataclasses.replace(moved, points=points, intrinsics=intrinsics, extrinsics=extrinsics)
 
 
+def photo_effects(view: View, rng: np.random.Generator, effects: PhotoEffects) -> View:
+    """Adds effects of photos and of their masks (`data.photo_effects`); the points stay."""
+    image, mask = disturb(view.image, view.mask, rng, effects)
+    depth = None if view.depth is None else np.where(mask, view.depth, np.float32(0))
+    return dataclasses.replace(view, image=image, mask=mask, depth=depth)
+
+
 def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View:
     """Changes brightness, contrast (about middle grey) and each channel's gain on the object.
 
@@ -286,9 +288,9 @@ def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View
     table = ((values - 127.5) * (1 + contrast) + 127.5 + 64 * brightness) * gains
     table = np.clip(np.rint(table), 0, 255).astype(np.uint8)
     image = view.image.copy()
-    rows, columns = np.flatnonzero(view.mask.any(axis=1)), np.flatnonzero(view.mask.any(axis=0))
-    if len(rows):
-        part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    if view.mask.any():
+        top, bottom, left, right = framing.box_of(view.mask)
+        part = np.s_[top:bottom, left:right]
         for channel in range(3):
             plane = image[part][..., channel]
             np.copyto(plane, table[:, channel].take(plane), where=view.mask[part])
@@ -296,38 +298,43 @@ def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View
 
 
 def augment(
-    view: View,
-    rng: np.random.Generator,
-    *,
-    flip_half: bool = False,
-    stretch_range: float = 0.0,
-    jitter: float = 0.0,
-    zoom_range: float = 0.0,
-    shift_range: float = 0.0,
+    view: View, cfg: DataConfig, rng: np.random.Generator, photo_seeds: Sequence[int]
 ) -> View:
-    """Applies all enabled augmentations in turn.
+    """Applies all augmentations that the configuration enables, in turn.
+
+    A further augmentation is a function of this module, its fields in `DataConfig` and a call here.
+    Its random numbers are drawn after the existing ones, so that these stay the same.
 
     Args:
       view: the sample.
-      rng: source of the random numbers. Those of one augmentation do not depend on which of the
-        others are enabled.
-      flip_half: mirror with probability 1/2.
-      stretch_range: a; the factor is uniform in [1 - a, 1 + a]. A view whose camera is rolled or
-        skewed is not stretched, see `can_stretch`.
-      jitter: strength of the colour jitter.
-      zoom_range: a; the scale of a `recrop` is uniform in [1 - a, 1 + a].
-      shift_range: the shift of a `recrop` is uniform within +- this fraction of the image's height
-        and width.
+      cfg: the section `data` of the configuration, which describes each augmentation.
+      rng: source of the random numbers of mirroring, width, crop and colours. Those of one
+        augmentation do not depend on which of the others are enabled.
+      photo_seeds: seeds of the effects and the framing of photos.
     """
-    mirrored, factor = rng.random(), 1 + stretch_range * rng.uniform(-1, 1)
+    mirrored, factor = rng.random(), 1 + cfg.stretch * rng.uniform(-1, 1)
     zoom, move = rng.uniform(-1, 1), rng.uniform(-1, 1, 2)
-    if flip_half and mirrored < 0.5:
+    if cfg.flip and mirrored < 0.5:
         view = flip(view)
-    if stretch_range and can_stretch(view):
+    if cfg.stretch and can_stretch(view):
         view = stretch(view, factor)
-    if zoom_range or shift_range:
-        down, right = shift_range * move * view.mask.shape
-        view = recrop(view, 1 + zoom_range * zoom, (down, right))
-    if jitter:
-        view = colour_jitter(view, rng, jitter)
+    if cfg.zoom or cfg.shift:
+        down, right = cfg.shift * move * view.mask.shape
+        view = recrop(view, 1 + cfg.zoom * zoom, (down, right))
+    if cfg.colour_jitter:
+        view = colour_jitter(view, rng, cfg.colour_jitter)
+    framed = cfg.place or cfg.reframe_scale or cfg.reframe_shift
+    if framed or cfg.photo.any():
+        framing_rng, effects_rng = np.random.default_rng(photo_seeds).spawn(2)
+        if cfg.photo.any():
+            view = photo_effects(view, effects_rng, cfg.photo)
+        if framed:
+            # The rule uses the disturbed mask: in a prediction, masks are imperfect too.
+            view = reframe(
+                view,
+                framing_rng,
+                place_share=cfg.place,
+                scale_deviation=cfg.reframe_scale,
+                shift_deviation=cfg.reframe_shift,
+            )
     return view

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from psgn_jax.config import DataConfig
-from psgn_jax.data import augment, camera, photo_effects, resize, schema, visibility
+from psgn_jax.config.experiment import DataConfig
+from psgn_jax.data import augment, camera, resize, schema, visibility
+from psgn_jax.data.augment import View
 from psgn_jax.data.codec import DepthCodes, PointLattice
-from psgn_jax.data.dataset import JoinedReader, RecordReader
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 
 Batch = dict[str, Any]
@@ -31,58 +32,67 @@ authors' data at half size, 250 kB at full size. Samples that do not fit are dec
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Item:
-    """One record, decoded and resized. It does not depend on the training step."""
+    """One record, decoded and resized. It does not depend on the training step.
 
-    image: np.ndarray
-    mask: np.ndarray
-    depth: np.ndarray | None
+    Attributes:
+      view: the sample without its points.
+      points: all points of the record.
+      labels: category, model_id and view.
+      measured: depth at the record's own size and the intrinsics that go with it, for visibility.
+    """
+
+    view: View
     points: PointLattice
-    occupancy: np.ndarray | None
-    intrinsics: np.ndarray
-    extrinsics: np.ndarray
-    category: str
-    model_id: str
-    view: int
-    # Depth at the record's own size and the intrinsics that go with it, for visibility.
+    labels: dict[str, Any]
     measured: tuple[DepthCodes, np.ndarray] | None
 
     def nbytes(self) -> int:
         """Size of the arrays."""
-        arrays = [self.image, self.mask, self.depth, self.points.codes, self.occupancy]
-        if self.measured:
-            arrays += [self.measured[0].codes, self.measured[0].valid]
-        return sum(a.nbytes for a in arrays if a is not None)
+        arrays = [self.view.image, self.view.mask, self.view.depth, self.view.occupancy]
+        arrays += [self.measured[0].codes, self.measured[0].valid] if self.measured else []
+        return self.points.codes.nbytes + sum(a.nbytes for a in arrays if a is not None)
+
+    def view_with_points(self, rng: np.random.Generator, wanted: int) -> View:
+        """The view with random points, distinct; if there are too few, all occur equally (+-1)."""
+        available = len(self.points.codes)
+        index: np.ndarray | slice = slice(None)
+        if wanted != available:
+            whole, rest = divmod(wanted, available)
+            # The order of a cloud's points has no meaning, so the choice need not be shuffled.
+            index = rng.choice(available, rest, replace=False, shuffle=False)
+            if whole:
+                index = np.concatenate([np.tile(np.arange(available), whole), index])
+        return dataclasses.replace(self.view, points=self.points.points(index))
+
+    def further_view(self) -> View:
+        """A further view of a model, of which a batch only has the image and the mask."""
+        return dataclasses.replace(self.view, depth=None, occupancy=None)
 
 
 class Items:
     """Maps a record number to its `Item`.
 
     With `cache`, it keeps items up to `CACHE_BYTES`. If the items are used `repeatedly`, it also
-    keeps them without `cache`, provided that all of them fit in `cache_gb`, judged by the size of
-    the first one. Of a larger split it keeps nothing, because few items would be used again soon.
-    Records of a folder that is listed several times are kept once.
+    keeps them without `cache`, up to `cache_gb`. Records of a folder that is listed several times
+    are kept once.
     """
 
     def __init__(
         self,
         cfg: DataConfig,
-        reader: RecordReader | JoinedReader,
+        reader: RecordReader,
         *,
         visibility: bool = False,
         repeatedly: bool = False,
     ) -> None:
         self._reader = reader
         self._size = cfg.image_size[0], cfg.image_size[1]
-        self._fields = ["image", "mask", "points"]
         self._depth, self._visibility = "depth" in cfg.inputs, visibility
-        if self._depth or self._visibility:
-            self._fields.append("depth")
-        if cfg.occupancy:
-            self._fields.append("occupancy")
-        shares = max(1, cfg.num_workers)
-        self._bound = CACHE_BYTES // shares if cfg.cache else 0
-        keeps_all = repeatedly and not cfg.cache
-        self._bound_of_all = int(1e9 * cfg.cache_gb) // shares if keeps_all else 0
+        self._fields = ["image", "mask", "points"]
+        self._fields += ["depth"] if self._depth or visibility else []
+        self._fields += ["occupancy"] if cfg.occupancy else []
+        bound = CACHE_BYTES if cfg.cache else 1e9 * cfg.cache_gb if repeatedly else 0
+        self._bound = int(bound) // max(1, cfg.num_workers)
         self.__setstate__({})
 
     def __getstate__(self) -> dict[str, Any]:
@@ -90,69 +100,46 @@ class Items:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._kept: dict[int, Item] = {}
+        self._kept: dict[Any, Item] = {}
         self._held = 0
         self._lock = threading.Lock()
 
     def __getitem__(self, index: int) -> Item:
-        number = self._reader.original(index)
-        item = self._kept.get(number)
+        place = self._reader.locate(index)
+        item = self._kept.get(place)
         if item is None:
-            item = self._decode(number)
+            item = self._decode(index)
             with self._lock:
-                if self._bound_of_all:
-                    if item.nbytes() * self._reader.num_distinct <= self._bound_of_all:
-                        self._bound = self._bound_of_all
-                    self._bound_of_all = 0
-                if self._held + item.nbytes() <= self._bound and number not in self._kept:
-                    self._kept[number] = item
+                if self._held + item.nbytes() <= self._bound and place not in self._kept:
+                    self._kept[place] = item
                     self._held += item.nbytes()
         return item
 
     def _decode(self, index: int) -> Item:
         stored = self._reader.stored(index, self._fields)
-        if stored.image is None or stored.mask is None or stored.points is None:
-            raise self._lacks(index, "image, mask or points")
-        if "occupancy" in self._fields and stored.occupancy is None:
-            raise self._lacks(index, "occupancy")
+        for field in self._fields:
+            if getattr(stored, field) is None:
+                path, position = self._reader.locate(index)
+                raise RecordError(f"record {position} of {path} has no {field}")
+        # The loop has checked these; mypy does not see it.
+        assert stored.image is not None
+        assert stored.mask is not None
+        assert stored.points is not None
         mask = resize.resize_mask(stored.mask, self._size)
-        depth = measured = None
-        if "depth" in self._fields:
-            if stored.depth is None:
-                raise self._lacks(index, "depth")
-            if self._depth:
-                depth = resize.resize_depth(stored.depth.depth(), mask)
-            if self._visibility:
-                measured = stored.depth, stored.intrinsics
-        return Item(
+        depth = stored.depth
+        size = stored.image.shape[:2]
+        view = View(
             image=resize.resize_image(stored.image, self._size),
             mask=mask,
-            depth=depth,
-            points=stored.points,
-            occupancy=stored.occupancy,
-            intrinsics=camera.scale_intrinsics(
-                stored.intrinsics, stored.image.shape[:2], self._size
-            ),
+            depth=resize.resize_depth(depth.depth(), mask) if depth and self._depth else None,
+            points=np.zeros((0, 3), np.float32),
+            intrinsics=camera.scale_intrinsics(stored.intrinsics, size, self._size),
             extrinsics=stored.extrinsics,
-            category=stored.category,
-            model_id=stored.model_id,
-            view=stored.view,
-            measured=measured,
+            occupancy=stored.occupancy,
         )
-
-    def _lacks(self, index: int, what: str) -> RecordError:
-        path, position = self._reader.locate(index)
-        return RecordError(f"record {position} of {path} has no {what}")
-
-
-def _subset(rng: np.random.Generator, available: int, wanted: int) -> np.ndarray | slice:
-    """Random indices without replacement; if there are too few, all occur equally often (+-1)."""
-    if wanted == available:
-        return slice(None)
-    whole, rest = divmod(wanted, available)
-    # The order of a cloud's points has no meaning, so the choice need not be shuffled.
-    part = rng.choice(available, rest, replace=False, shuffle=False)
-    return np.concatenate([np.tile(np.arange(available), whole), part]) if whole else part
+        labels = {name: getattr(stored, name) for name in ("category", "model_id", "view")}
+        measured = (depth, stored.intrinsics) if depth and self._visibility else None
+        return Item(view, stored.points, labels, measured)
 
 
 class Models:
@@ -162,7 +149,7 @@ class Models:
     milliseconds each.
     """
 
-    def __init__(self, reader: RecordReader | JoinedReader, wanted: int, name: str) -> None:
+    def __init__(self, reader: RecordReader, wanted: int, name: str) -> None:
         members: dict[tuple[str, ...], list[int]] = {}
         for index in range(len(reader)):
             stored = reader.stored(index, ())
@@ -183,7 +170,7 @@ class Models:
         return views[at + 1 :] + views[:at]
 
 
-def _empty_batch(cfg: DataConfig, rows: int, num_points: int, num_views: int = 0) -> Batch:
+def _empty_batch(cfg: DataConfig, rows: int, num_points: int, num_views: int) -> Batch:
     height, width = cfg.image_size
     axes = (rows, num_views) if num_views else (rows,)
     batch: Batch = {
@@ -200,58 +187,13 @@ def _empty_batch(cfg: DataConfig, rows: int, num_points: int, num_views: int = 0
     return batch
 
 
-def _view(item: Item, rng: np.random.Generator, num_points: int) -> augment.View:
-    chosen = _subset(rng, len(item.points.codes), num_points)
-    return augment.View(
-        item.image,
-        item.mask,
-        item.depth,
-        item.points.points(chosen),
-        item.intrinsics,
-        item.extrinsics,
-        item.occupancy,
-    )
-
-
-def _further_view(item: Item) -> augment.View:
-    """A further view of a model. Only its image and mask are used in a batch."""
-    nothing = np.zeros((0, 3), np.float32)
-    return augment.View(
-        item.image, item.mask, None, nothing, item.intrinsics, item.extrinsics, None
-    )
-
-
-def _as_a_photo(cfg: DataConfig, view: augment.View, seeds: Sequence[int]) -> augment.View:
-    """A training sample with those effects and framings of photos that are enabled."""
-    framed = cfg.place or cfg.reframe_scale or cfg.reframe_shift
-    if not framed and not cfg.photo.any():
-        return view
-    rng = np.random.default_rng(seeds)
-    framing_rng, effects_rng = rng.spawn(2)
-    if cfg.photo.any():
-        image, mask = photo_effects.disturb(view.image, view.mask, effects_rng, cfg.photo)
-        depth = None if view.depth is None else np.where(mask, view.depth, np.float32(0))
-        view = dataclasses.replace(view, image=image, mask=mask, depth=depth)
-    if framed:
-        # The framing rule uses the disturbed mask: in a prediction, masks are imperfect too.
-        view = augment.reframe(
-            view,
-            framing_rng,
-            place_share=cfg.place,
-            scale_deviation=cfg.reframe_scale,
-            shift_deviation=cfg.reframe_shift,
-        )
-    return view
-
-
-def _fill(batch: Batch, row: int, view: augment.View, further: list[augment.View]) -> None:
-    for key in ("image", "mask", "depth", "points", "intrinsics", "extrinsics", "occupancy"):
-        if key not in batch:
-            continue
+def _fill(batch: Batch, row: int, view: View, further: Sequence[View]) -> None:
+    for field in dataclasses.fields(View):
+        key = field.name
         if key in ("image", "mask") and batch["mask"].ndim == 4:
             for number, one in enumerate([view, *further]):
                 batch[key][row, number] = getattr(one, key)
-        else:
+        elif key in batch:
             batch[key][row] = getattr(view, key)
 
 
@@ -282,27 +224,16 @@ class TrainBatch:
         for local, row in enumerate(self.rows):
             rng = np.random.default_rng([self.seed, _TRAIN, step, row])
             index = int(self.order[step * self.batch_size + row])
-            views = [_view(self.items[index], rng, cfg.num_points)]
+            item = self.items[index]
+            views = [item.view_with_points(rng, cfg.num_points)]
             if self.models and num_views > 1:
                 chosen = rng.permutation(self.models.others(index))[: num_views - 1]
-                views += [_further_view(self.items[int(i)]) for i in chosen]
+                views += [self.items[int(i)].further_view() for i in chosen]
             # All views of a model get the same random numbers, so that all or none are mirrored.
             first, *further = (
-                augment.augment(
-                    view,
-                    copy.deepcopy(rng) if len(views) > 1 else rng,
-                    flip_half=cfg.flip,
-                    stretch_range=cfg.stretch,
-                    jitter=cfg.colour_jitter,
-                    zoom_range=cfg.zoom,
-                    shift_range=cfg.shift,
-                )
+                augment.augment(view, cfg, copy.deepcopy(rng), [self.seed, _PHOTO, step, row])
                 for view in views
             )
-            # A separate stream, so that these settings do not change the random numbers above.
-            seeds = [self.seed, _PHOTO, step, row]
-            first = _as_a_photo(cfg, first, seeds)
-            further = [_as_a_photo(cfg, view, seeds) for view in further]
             _fill(batch, local, first, further)
         return batch
 
@@ -335,8 +266,8 @@ class EvalBatch:
             rng = np.random.default_rng([self.seed, _EVAL, start + row])
             item = self.items[start + row]
             others = self.models.others(start + row) if self.models else []
-            further = [_further_view(self.items[i]) for i in others[: cfg.eval_views - 1]]
-            view = _view(item, rng, cfg.num_eval_points)
+            further = [self.items[i].further_view() for i in others[: cfg.eval_views - 1]]
+            view = item.view_with_points(rng, cfg.num_eval_points)
             if item.measured:
                 # Visibility is computed before the move, which does not change it.
                 codes, intrinsics = item.measured
@@ -344,7 +275,7 @@ class EvalBatch:
                     view.points,
                     codes.depth(),
                     intrinsics,
-                    item.extrinsics,
+                    view.extrinsics,
                     self.visible_tolerance,
                 )
             if cfg.eval_frame == "place":
@@ -355,6 +286,4 @@ class EvalBatch:
             values[filled:] = values[filled - 1]
         batch["valid"] = np.arange(self.batch_size) < filled
         items += items[-1:] * (self.batch_size - filled)
-        for key in ("category", "model_id", "view"):
-            batch[key] = [getattr(item, key) for item in items]
-        return batch
+        return batch | {key: [item.labels[key] for item in items] for key in items[0].labels}

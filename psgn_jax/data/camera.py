@@ -4,6 +4,7 @@
 """
 
 import numpy as np
+from scipy import ndimage
 
 
 def default_camera(
@@ -91,19 +92,10 @@ def inside_mask(pixels: np.ndarray, mask: np.ndarray, radius: int = 0) -> np.nda
     Returns:
       bool [n]; False for pixels more than `radius` outside the image and for non-finite ones.
     """
-    padded = np.pad(mask, radius + 1)
-    grown = padded.copy()
-    for shift in range(1, radius + 1):
-        grown[shift:] |= padded[:-shift]
-        grown[:-shift] |= padded[shift:]
-    across = grown.copy()
-    for shift in range(1, radius + 1):
-        across[:, shift:] |= grown[:, :-shift]
-        across[:, :-shift] |= grown[:, shift:]
-    height, width = across.shape
+    # The border of the padding stays False, so clipped coordinates give False.
+    near = ndimage.maximum_filter(np.pad(mask, radius + 1), 2 * radius + 1, mode="constant")
     finite = np.isfinite(pixels).all(axis=1)
     cells = np.floor(np.where(finite[:, None], pixels, -1e6)) + (radius + 1)
-    columns = np.clip(cells[:, 0], 0, width - 1).astype(np.intp)
-    rows = np.clip(cells[:, 1], 0, height - 1).astype(np.intp)
-    # The outermost ring of the padding stays False, so clipped coordinates give False.
-    return across[rows, columns] & finite
+    columns = np.clip(cells[:, 0], 0, near.shape[1] - 1).astype(np.intp)
+    rows = np.clip(cells[:, 1], 0, near.shape[0] - 1).astype(np.intp)
+    return near[rows, columns] & finite

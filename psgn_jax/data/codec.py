@@ -22,7 +22,7 @@ settings of WebP save another 4 %, but encode three times as long.
 import dataclasses
 import io
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import msgpack
@@ -364,6 +364,17 @@ class Stored:
     source: str
     extra: str = ""
 
+    def sample(self) -> Sample:
+        """The sample, with points and depth in units of the frame.
+
+        Raises:
+          ValueError: the record has no image, mask or points.
+        """
+        if self.image is None or self.mask is None or self.points is None:
+            raise ValueError("a field is missing, expected image, mask and points")
+        depth = None if self.depth is None else self.depth.depth()
+        return Sample(**{**vars(self), "depth": depth, "points": self.points.points()})
+
 
 def unpack(data: bytes) -> dict[str, Any]:
     """Verifies the checksum of a record and returns its msgpack map.
@@ -393,27 +404,28 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
     """
     stored = unpack(data)
     wanted = set(fields) & set(stored)
+    if "depth" in wanted:
+        wanted.add("mask")
     try:
         size = _image_size(stored)
-        needs_mask = bool(wanted & {"mask", "depth"})
-        mask = _decode_bits(stored["mask"], size, "mask") if needs_mask else None
+        mask: Any = _decode_bits(stored["mask"], size, "mask") if "mask" in wanted else None
+        occupied = (schema.OCCUPANCY_SIZE,) * 3
+        decoders: dict[str, Callable[[], Any]] = {
+            "image": lambda: _decode_image(stored),
+            "mask": lambda: mask,
+            "depth": lambda: _decode_depth(stored, mask),
+            "points": lambda: _decode_points(stored),
+            "normals": lambda: _decode_normals(stored),
+            "occupancy": lambda: _decode_bits(stored["occupancy"], occupied, "occupancy"),
+        }
+        values: dict[str, Any] = {
+            name: read() if name in wanted else None for name, read in decoders.items()
+        }
+        values |= {name: stored[name] for name in ("category", "model_id", "view", "source")}
         decoded = Stored(
-            image=_decode_image(stored) if "image" in wanted else None,
-            mask=mask,
-            depth=_decode_depth(stored, mask) if mask is not None and "depth" in wanted else None,
-            points=_decode_points(stored) if "points" in wanted else None,
-            normals=_decode_normals(stored) if "normals" in wanted else None,
-            occupancy=(
-                _decode_bits(stored["occupancy"], (schema.OCCUPANCY_SIZE,) * 3, "occupancy")
-                if "occupancy" in wanted
-                else None
-            ),
+            **values,
             intrinsics=np.frombuffer(stored["intrinsics"], "<f4").reshape(3, 3),
             extrinsics=np.frombuffer(stored["extrinsics"], "<f4").reshape(3, 4),
-            category=stored["category"],
-            model_id=stored["model_id"],
-            view=stored["view"],
-            source=stored["source"],
             extra=stored.get("extra", ""),
         )
         schema.check_camera(decoded.intrinsics, decoded.extrinsics)
@@ -430,21 +442,4 @@ def decode(data: bytes) -> Sample:
     Raises:
       ValueError: the record is damaged.
     """
-    s = decode_stored(data)
-    if s.image is None or s.mask is None or s.points is None:
-        raise ValueError("a field is missing, expected image, mask and points")
-    return Sample(
-        image=s.image,
-        mask=s.mask,
-        depth=None if s.depth is None else s.depth.depth(),
-        points=s.points.points(),
-        normals=s.normals,
-        occupancy=s.occupancy,
-        intrinsics=s.intrinsics,
-        extrinsics=s.extrinsics,
-        category=s.category,
-        model_id=s.model_id,
-        view=s.view,
-        source=s.source,
-        extra=s.extra,
-    )
+    return decode_stored(data).sample()

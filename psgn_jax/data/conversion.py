@@ -10,20 +10,28 @@ import contextlib
 import functools
 import pathlib
 import re
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from absl import logging
 
-from psgn_jax.claims import claim
 from psgn_jax.data import schema
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import ShardWriter
-from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
+from psgn_jax.data.manifest import (
+    DUPLICATES,
+    MANIFEST,
+    Manifest,
+    Shard,
+    load_manifest,
+    save_manifest,
+)
 from psgn_jax.data.schema import RecordError
-from psgn_jax.data.sources import authors, occnet, r2n2, shapenet
-from psgn_jax.files import is_disk_full, remove_temporaries
-from psgn_jax.untrusted import one_line
+from psgn_jax.data.sources import authors, duplicates, occnet, r2n2, shapenet
+from psgn_jax.system.claims import claim
+from psgn_jax.system.files import is_disk_full, remove_temporaries
+from psgn_jax.system.untrusted import one_line
 
 FILES_PER_SHARD = 8
 MODELS_PER_SHARD = 64
@@ -31,17 +39,15 @@ LAYOUTS = {"r2n2": r2n2, "occnet": occnet}
 
 _WORK = ".work"  # holds the lock of the process that converts
 
+# What is read from an input: split, bytes and sample of a record, or a message for a damaged one.
+_Record = tuple[str, bytes, schema.Sample] | str
 
-class _Item(NamedTuple):
-    """One input (a file or a model) that is converted as a whole.
 
-    Attributes:
-      tag: identifies the input and its version.
-      read: yields its records as (split, bytes, sample), or a message for a damaged one.
-    """
+class _Input(NamedTuple):
+    """A file or a model that is converted as a whole; the tag identifies it and its version."""
 
     tag: str
-    read: Callable[[], Iterator[tuple[str, bytes, schema.Sample] | str]]
+    read: Callable[[], Iterator[_Record]]
 
 
 def _natural(path: pathlib.Path) -> tuple[int | str, ...]:
@@ -50,16 +56,22 @@ def _natural(path: pathlib.Path) -> tuple[int | str, ...]:
     return tuple(int(p) if p.isdigit() else p for p in parts)
 
 
-def _input_tag(path: pathlib.Path) -> str:
-    """Identifies a file by name, size and time, so that a changed file is converted again."""
-    status = path.stat()
-    return f"{path.name}:{status.st_size}:{status.st_mtime_ns}"
+def _state(path: pathlib.Path) -> str:
+    """Size and modification time of a path, or "-" if it is missing."""
+    try:
+        status = path.stat()
+    except OSError:
+        return "-"
+    return f"{status.st_size}.{status.st_mtime_ns}"
 
 
 def convert_authors(
     source: str | pathlib.Path, destination: str | pathlib.Path
 ) -> tuple[Manifest, list[str]]:
     """Converts a folder of the authors' batches; one file is in memory at a time.
+
+    Training samples whose shape is that of a validation or test object have the split
+    `DUPLICATES`.
 
     Args:
       source: folder with `*.gz`.
@@ -79,14 +91,34 @@ def convert_authors(
     if not paths:
         raise ValueError(f"SRC {str(source)!r}: no *.gz file there")
 
-    def read(path: pathlib.Path) -> Iterator[tuple[str, bytes, schema.Sample]]:
+    @functools.cache
+    def held_out() -> duplicates.HeldOut:
+        logging.info("reading the shapes of the validation and test objects")
+        clouds = []
+        for path in paths:
+            with contextlib.suppress(ValueError, OSError):  # reported when the file is converted
+                for entry in authors.read_batch(path):
+                    if authors.split_of(path, entry.sample.model_id) != "train":
+                        clouds.append(entry.sample.points)
+        return duplicates.HeldOut(clouds)
+
+    def read(path: pathlib.Path) -> Iterator[_Record]:
         # Encode all samples before the first one is returned: a file that cannot be read to its end
         # contributes no sample.
-        encoded = [(e.encode(), e.sample) for e in authors.read_batch(path)]
-        return ((authors.split_of(sample.model_id), record, sample) for record, sample in encoded)
+        records: list[_Record] = []
+        for entry in authors.read_batch(path):
+            split = authors.split_of(path, entry.sample.model_id)
+            if split == "train" and held_out().has(entry.sample.points):
+                split = DUPLICATES
+            records.append((split, entry.encode(), entry.sample))
+        return iter(records)
 
-    items = [_Item(_input_tag(path), functools.partial(read, path)) for path in paths]
-    return _convert("authors", source, items, destination, FILES_PER_SHARD)
+    # The splits of a file's samples depend on all files.
+    files = zlib.crc32("".join(f"{p.name}:{_state(p)}" for p in paths).encode())
+    inputs = [
+        _Input(f"{p.name}:{_state(p)}:{files:08x}", functools.partial(read, p)) for p in paths
+    ]
+    return _convert("authors", source, inputs, destination, FILES_PER_SHARD)
 
 
 def convert_models(
@@ -124,41 +156,30 @@ def convert_models(
     if strict and messages:
         raise ValueError(messages[0])
 
-    def read(
-        split: str, synset: str, name: str
-    ) -> Iterator[tuple[str, bytes, schema.Sample] | str]:
+    def read(split: str, synset: str, name: str) -> Iterator[_Record]:
         for sample in reader.read_model(
             source, synset, name, num_points=num_points, max_views=max_views
         ):
             yield sample if isinstance(sample, str) else (split, encode(sample), sample)
 
-    items = []
+    inputs = []
     for split, synset, name in models:
-        states = (_state(path) for path in reader.input_files(source, synset, name))
+        states = (_state(p) for p in reader.input_files(source, synset, name))
         tag = f"{split}/{synset}/{name}:{num_points}:{max_views}:" + ":".join(states)
-        items.append(_Item(tag, functools.partial(read, split, synset, name)))
-    manifest, refused = _convert(layout, source, items, destination, MODELS_PER_SHARD, strict)
+        inputs.append(_Input(tag, functools.partial(read, split, synset, name)))
+    manifest, refused = _convert(layout, source, inputs, destination, MODELS_PER_SHARD, strict)
     return manifest, messages + refused
-
-
-def _state(path: pathlib.Path) -> str:
-    """Size and modification time of a path, or "-" if it is missing."""
-    try:
-        status = path.stat()
-    except OSError:
-        return "-"
-    return f"{status.st_size}.{status.st_mtime_ns}"
 
 
 def _convert(
     kind: str,
     source: pathlib.Path,
-    items: Sequence[_Item],
+    inputs: Sequence[_Input],
     destination: pathlib.Path,
     per_shard: int,
     strict: bool = False,
 ) -> tuple[Manifest, list[str]]:
-    """Converts items in groups, each to at most one shard per split; resumes a stopped conversion.
+    """Converts inputs in groups, each to at most one shard per split; resumes a stopped conversion.
 
     Raises:
       ValueError: nothing could be read, or with `strict` something could not be read.
@@ -167,26 +188,48 @@ def _convert(
     """
     destination.mkdir(parents=True, exist_ok=True)
     with claim(destination / _WORK, (0, 1)):
+        done = _finished(kind, destination)
+        shards: list[Shard] = []
+        refused: list[str] = []
         try:
-            return _convert_claimed(kind, source, items, destination, per_shard, strict)
+            for number, start in enumerate(range(0, len(inputs), per_shard)):
+                group = inputs[start : start + per_shard]
+                tags = tuple(item.tag for item in group)
+                if (number, tags) in done:
+                    shards += done[number, tags]
+                    continue
+                made, messages = _convert_group(group, destination, number, strict)
+                refused += messages
+                shards += made
+                save_manifest(destination, Manifest(kind, False, tuple(shards)))
+                finished = min(start + per_shard, len(inputs))
+                logging.info("converted %d of %d inputs", finished, len(inputs))
+            if not shards:
+                raise ValueError(
+                    f"SRC {str(source)!r}: no file could be read; first message: "
+                    f"{(refused or ['none'])[0]}"
+                )
         except BaseException:
-            if (destination / MANIFEST).exists() and not list(destination.glob("*.arrayrecord")):
+            if not list(destination.glob("*.arrayrecord")):
                 (destination / MANIFEST).unlink()  # it lists no existing shard
             raise
+        manifest = Manifest(kind, True, tuple(shards))
+        save_manifest(destination, manifest)
+        for left in destination.glob("*.arrayrecord"):
+            if left.name not in {shard.file for shard in shards}:
+                left.unlink()  # its inputs are gone, or are in another shard
+        return manifest, refused
 
 
-def _convert_claimed(
-    kind: str,
-    source: pathlib.Path,
-    items: Sequence[_Item],
-    destination: pathlib.Path,
-    per_shard: int,
-    strict: bool,
-) -> tuple[Manifest, list[str]]:
-    """As `_convert`; no other process converts to the folder meanwhile."""
-    # A finished shard is kept if this conversion would give it the same inputs and the same number.
-    # The number is part of the file name: if it now belongs to a group with other inputs, that
-    # group will overwrite the file.
+def _finished(
+    kind: str, destination: pathlib.Path
+) -> dict[tuple[int, tuple[str, ...]], list[Shard]]:
+    """The finished shards of an earlier conversion, by their number and their inputs.
+
+    Such a shard is kept if this conversion would give it the same inputs and the same number. The
+    number is part of the file name: if it now belongs to a group with other inputs, that group will
+    overwrite the file.
+    """
     done: dict[tuple[int, tuple[str, ...]], list[Shard]] = {}
     if (destination / MANIFEST).exists():
         previous = load_manifest(destination, allow_incomplete=True)
@@ -198,7 +241,8 @@ def _convert_claimed(
         for shard in previous.shards:
             path = destination / shard.file
             if path.is_file() and path.stat().st_size == shard.size:
-                done.setdefault((_number(shard.file), shard.inputs), []).append(shard)
+                number = int(path.stem.rpartition("-")[2])
+                done.setdefault((number, shard.inputs), []).append(shard)
     elif any(
         not (p.name[0] == "." and p.suffix == ".tmp") and p.name != _WORK
         for p in destination.iterdir()
@@ -211,47 +255,19 @@ def _convert_claimed(
         # recognised as an unfinished conversion.
         save_manifest(destination, Manifest(kind, False, ()))
     remove_temporaries(destination)
-
-    shards: list[Shard] = []
-    refused: list[str] = []
-    for number, start in enumerate(range(0, len(items), per_shard)):
-        group = items[start : start + per_shard]
-        inputs = tuple(item.tag for item in group)
-        if (number, inputs) in done:
-            shards += done[number, inputs]
-            continue
-        made, messages = _convert_group(group, destination, number, strict)
-        refused += messages
-        shards += made
-        save_manifest(destination, Manifest(kind, False, tuple(shards)))
-        logging.info("converted %d of %d inputs", min(start + per_shard, len(items)), len(items))
-    if not shards:
-        raise ValueError(
-            f"SRC {str(source)!r}: no file could be read; first message: {(refused or ['none'])[0]}"
-        )
-    manifest = Manifest(kind, True, tuple(shards))
-    save_manifest(destination, manifest)
-    for left in destination.glob("*.arrayrecord"):
-        if left.name not in {shard.file for shard in shards}:
-            left.unlink()  # its inputs are gone, or are in another shard
-    return manifest, refused
-
-
-def _number(file: str) -> int:
-    """The number in the file name of a shard."""
-    return int(pathlib.PurePath(file).stem.rpartition("-")[2])
+    return done
 
 
 def _convert_group(
-    group: Sequence[_Item], folder: pathlib.Path, number: int, strict: bool
+    group: Sequence[_Input], folder: pathlib.Path, number: int, strict: bool
 ) -> tuple[list[Shard], list[str]]:
-    """Converts some items to at most one shard per split."""
+    """Converts inputs to at most one shard per split; returns messages for what is left out."""
     writers: dict[str, ShardWriter] = {}
     refused: list[str] = []
-    inputs: list[str] = []
+    whole: list[str] = []
     with contextlib.ExitStack() as stack:
         for item in group:
-            messages: list[str] = []
+            messages = []
             try:
                 for result in item.read():
                     if isinstance(result, str):
@@ -264,27 +280,20 @@ def _convert_group(
                         messages.append(f"{sample.model_id}, view {sample.view}: {error}")
                         continue
                     if split not in writers:
-                        writer = ShardWriter(folder, split, number)
-                        writers[split] = stack.enter_context(writer)
+                        writers[split] = stack.enter_context(ShardWriter(folder, split, number))
                     writers[split].write(record, sample)
             except (ValueError, OSError) as error:
                 if is_disk_full(error):
                     raise
                 messages.append(str(error))
-            # An item that was not read completely is not listed in the inputs, so that the group is
-            # converted again next time.
-            if not messages:
-                inputs.append(item.tag)
             for message in messages:
                 logging.error("%s", one_line(message))
                 if strict:
                     raise ValueError(message)
             refused += messages
+            # The shards do not list an input of which something is missing, so that the group is
+            # converted again next time.
+            whole += [] if messages else [item.tag]
         for writer in writers.values():
-            writer.inputs = tuple(inputs)
-    shards = []
-    for split in sorted(writers):
-        shard = writers[split].shard
-        assert shard is not None  # set when the writer was closed
-        shards.append(shard)
-    return shards, refused
+            writer.inputs = tuple(whole)
+    return [writers[split].shard for split in sorted(writers)], refused

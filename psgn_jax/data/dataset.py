@@ -16,14 +16,14 @@ import errno
 import os
 import pathlib
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from array_record.python import array_record_module
 
 from psgn_jax.data import schema
-from psgn_jax.data.codec import DEFAULT_POINT_BITS, Stored, decode, decode_stored, encode
+from psgn_jax.data.codec import Stored, decode_stored, encode
 from psgn_jax.data.manifest import (
     MANIFEST,
     SPLIT_NAME,
@@ -33,8 +33,8 @@ from psgn_jax.data.manifest import (
     save_manifest,
 )
 from psgn_jax.data.schema import RecordError, Sample
-from psgn_jax.files import file_crc32, install, is_disk_full, remove_temporaries
-from psgn_jax.untrusted import kind_of
+from psgn_jax.system.files import file_crc32, install, is_disk_full, remove_temporaries
+from psgn_jax.system.untrusted import kind_of
 
 # With one record per group, reading a record does not decode its neighbours. The records are
 # compressed already.
@@ -79,7 +79,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
         self._fields: set[str] = set(schema.FIELDS)
         self._writer = array_record_module.ArrayRecordWriter(str(self._temporary), _WRITER_OPTIONS)
         self.count = 0
-        self.shard: Shard | None = None
+        self.shard: Shard  # set at the end of the block
 
     def write(self, record: bytes, sample: Sample) -> None:
         """Appends `record`, the encoded form of `sample`."""
@@ -130,8 +130,6 @@ def write_dataset(
     *,
     source: str,
     records_per_shard: int = 512,
-    point_bits: int = DEFAULT_POINT_BITS,
-    overwrite: bool = False,
 ) -> Manifest:
     """Writes a data set; one sample is in memory at a time.
 
@@ -140,20 +138,14 @@ def write_dataset(
       splits: samples of each split.
       source: name of the source, for the manifest.
       records_per_shard: maximum number of records per file.
-      point_bits: resolution of the lattice of the points, see `codec.lattice_of`.
-      overwrite: whether to replace an existing data set.
 
     Raises:
-      RecordError: a data set exists and `overwrite` is False.
+      RecordError: there is a data set in the folder.
     """
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if (folder / MANIFEST).exists():
-        if not overwrite:
-            raise RecordError(
-                f"data set {str(folder)!r} exists; give another folder, or overwrite=True"
-            )
-        (folder / MANIFEST).unlink()
+        raise RecordError(f"data set {str(folder)!r} exists; give another folder, or remove it")
     remove_temporaries(folder)
     shards: list[Shard] = []
     for split, samples in splits.items():
@@ -163,9 +155,8 @@ def write_dataset(
         while sample is not None:
             with ShardWriter(folder, split, number) as writer:
                 while sample is not None and writer.count < records_per_shard:
-                    writer.write(encode(sample, point_bits=point_bits), sample)
+                    writer.write(encode(sample), sample)
                     sample = next(iterator, None)
-            assert writer.shard is not None  # set at the end of the block
             shards.append(writer.shard)
             number += 1
     manifest = Manifest(source, True, tuple(shards))
@@ -174,96 +165,85 @@ def write_dataset(
 
 
 class RecordReader:
-    """Random access to the records of one split; it can be pickled and shared between threads.
+    """Random access to the records of one split of one or more data sets, concatenated.
 
-    The constructor checks that every shard exists and has the size stated in the manifest. Decoding
-    a record checks its CRC-32; `read` does not.
+    It can be pickled and shared between threads. The constructor checks that every shard exists and
+    has the size stated in the manifest. Decoding a record checks its CRC-32; `read` does not.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], split: str) -> None:
-        self.folder = pathlib.Path(folder)
+    def __init__(
+        self, folders: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], split: str
+    ) -> None:
+        """Opens `split` of a data set, or of several; a folder that is repeated counts again."""
+        if isinstance(folders, str | os.PathLike):
+            folders = [folders]
         self.split = split
-        self.manifest = load_manifest(folder)
-        splits = self.manifest.splits()
-        if split not in splits:
-            raise RecordError(
-                f"data set {str(self.folder)!r} has no split {split!r}; it has {sorted(splits)}"
-            )
-        self.shards = splits[split]
-        for shard in self.shards:
-            self._check_size(shard)
+        shards: dict[pathlib.Path, tuple[Shard, ...]] = {}
+        for folder in dict.fromkeys(map(pathlib.Path, folders)):
+            splits = load_manifest(folder).splits()
+            if split not in splits:
+                raise RecordError(
+                    f"data set {str(folder)!r} has no split {split!r}; it has {sorted(splits)}"
+                )
+            shards[folder] = splits[split]
+            for shard in splits[split]:
+                path = folder / shard.file
+                _check_readable(path)
+                if path.stat().st_size != shard.size:
+                    raise RecordError(
+                        f"shard {path} has {path.stat().st_size} bytes, the manifest says "
+                        f"{shard.size}; {_remedy(path)}"
+                    )
+        self._paths = [path / s.file for path in map(pathlib.Path, folders) for s in shards[path]]
+        self.shards = tuple(s for path in map(pathlib.Path, folders) for s in shards[path])
         self._ends = np.cumsum([s.count for s in self.shards])
-        self._init_handles()
-
-    def _init_handles(self) -> None:
-        self._readers: dict[int, Any] = {}
-        self._lock = threading.Lock()
+        self.__setstate__({})
 
     def __getstate__(self) -> dict[str, Any]:
         """The state without open files; the copy opens them again."""
-        state = self.__dict__.copy()
-        del state["_readers"], state["_lock"]
-        return state
+        return {k: v for k, v in self.__dict__.items() if k not in ("_readers", "_lock")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restores the reader without open files."""
         self.__dict__.update(state)
-        self._init_handles()
+        self._readers: dict[pathlib.Path, Any] = {}
+        self._lock = threading.Lock()
 
     def __len__(self) -> int:
         """Number of records."""
         return int(self._ends[-1]) if len(self._ends) else 0
 
-    @property
-    def num_distinct(self) -> int:
-        """Number of different records, see `JoinedReader`."""
-        return len(self)
-
-    def original(self, index: int) -> int:
-        """The number of the record, see `JoinedReader`."""
-        return index
-
-    def _remedy(self, shard: Shard) -> str:
-        return f"copy {shard.file} from an undamaged copy of the data set, or write the set again"
-
-    def _check_size(self, shard: Shard) -> None:
-        path = self.folder / shard.file
-        _check_readable(path, self._remedy(shard))
-        if path.stat().st_size != shard.size:
-            raise RecordError(
-                f"shard {path} has {path.stat().st_size} bytes, the manifest says {shard.size}; "
-                + self._remedy(shard)
-            )
-
-    def _reader(self, number: int) -> Any:
+    def _open(self, number: int) -> Any:
+        path, count = self._paths[number], self.shards[number].count
         with self._lock:
-            if number not in self._readers:
-                shard = self.shards[number]
-                path = self.folder / shard.file
+            if path not in self._readers:
                 try:
                     reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
-                    count = reader.num_records()
+                    found = reader.num_records()
                 except (RuntimeError, OSError) as error:
-                    _check_readable(path, self._remedy(shard))
+                    _check_readable(path)
                     raise RecordError(
-                        f"shard {path} cannot be opened ({_first_line(error)}); "
-                        + self._remedy(shard)
+                        f"shard {path} cannot be opened ({_first_line(error)}); {_remedy(path)}"
                     ) from error
-                if count != shard.count:
+                if found != count:
                     raise RecordError(
-                        f"shard {path} is damaged: it has {count} records, expected {shard.count}; "
-                        + self._remedy(shard)
+                        f"shard {path} is damaged: it has {found} records, expected {count}; "
+                        + _remedy(path)
                     )
-                self._readers[number] = reader
-            return self._readers[number]
+                self._readers[path] = reader
+            return self._readers[path]
 
-    def locate(self, index: int) -> tuple[pathlib.Path, int]:
-        """The file of record `index` and its number within the file."""
+    def _find(self, index: int) -> tuple[int, int]:
+        """The number of the shard of record `index`, and of the record in the shard."""
         if not 0 <= index < len(self):
             raise IndexError(f"record {index}: expected 0 to {len(self) - 1}")
         number = int(np.searchsorted(self._ends, index, side="right"))
-        start = int(self._ends[number]) - self.shards[number].count
-        return self.folder / self.shards[number].file, index - start
+        return number, index - int(self._ends[number]) + self.shards[number].count
+
+    def locate(self, index: int) -> tuple[pathlib.Path, int]:
+        """The file of record `index` and its number within the file."""
+        number, position = self._find(index)
+        return self._paths[number], position
 
     def read(self, index: int) -> bytes:
         """The bytes of one record.
@@ -272,32 +252,27 @@ class RecordReader:
           RecordError: the record cannot be read; the message names file and record.
           IndexError: `index` is not in [0, len).
         """
-        path, position = self.locate(index)
-        number = int(np.searchsorted(self._ends, index, side="right"))
-        reader = self._reader(number)
+        number, position = self._find(index)
+        reader = self._open(number)
         try:
             return reader.read([position])[0]
         except (RuntimeError, IndexError, OSError) as error:
-            _check_readable(path, self._remedy(self.shards[number]))
-            raise self._damaged(path, position, number, _first_line(error)) from error
+            _check_readable(self._paths[number])
+            raise self._damaged(index, error) from error
 
-    def _damaged(self, path: pathlib.Path, position: int, number: int, why: str) -> RecordError:
+    def _damaged(self, index: int, error: Exception) -> RecordError:
+        path, position = self.locate(index)
         return RecordError(
-            f"record {position} of {path} is damaged: {why}; {self._remedy(self.shards[number])}"
+            f"record {position} of {path} is damaged: {_first_line(error)}; {_remedy(path)}"
         )
-
-    def _decoded(self, index: int, decoder: Callable[[bytes], Any]) -> Any:
-        data = self.read(index)
-        try:
-            return decoder(data)
-        except ValueError as error:
-            path, position = self.locate(index)
-            number = int(np.searchsorted(self._ends, index, side="right"))
-            raise self._damaged(path, position, number, _first_line(error)) from error
 
     def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Stored:
         """Record `index` with points and depth in their compact form; decodes only `fields`."""
-        return self._decoded(index, lambda data: decode_stored(data, fields))
+        data = self.read(index)
+        try:
+            return decode_stored(data, fields)
+        except ValueError as error:
+            raise self._damaged(index, error) from error
 
     def __getitem__(self, index: int) -> Sample:
         """Sample `index`.
@@ -305,7 +280,11 @@ class RecordReader:
         Raises:
           RecordError: the record is damaged; the message names file and record.
         """
-        return self._decoded(index, decode)
+        stored = self.stored(index)
+        try:
+            return stored.sample()
+        except ValueError as error:
+            raise self._damaged(index, error) from error
 
     def __iter__(self) -> Iterator[Sample]:
         """All samples in order."""
@@ -317,78 +296,15 @@ class RecordReader:
         Raises:
           RecordError: a shard is damaged or cannot be read; the message names the first one.
         """
-        for shard in self.shards:
-            path = self.folder / shard.file
-            _check_readable(path, self._remedy(shard))
+        for path, shard in zip(self._paths, self.shards, strict=True):
+            _check_readable(path)
             if file_crc32(path) != shard.crc32:
                 raise RecordError(
-                    f"shard {path} is damaged: its checksum does not match; {self._remedy(shard)}"
+                    f"shard {path} is damaged: its checksum does not match; {_remedy(path)}"
                 )
 
 
-def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
-    """The bytes of all records of one file; no manifest is needed.
-
-    Raises:
-      RecordError: the file is missing or damaged.
-    """
-    _check_readable(pathlib.Path(path), "write the data set again")
-    try:
-        reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
-        return list(reader.read(list(range(reader.num_records()))))
-    except (RuntimeError, IndexError, OSError) as error:
-        raise RecordError(f"shard {path} is damaged: {_first_line(error)}") from error
-
-
-class JoinedReader:
-    """The records of one split of several data sets, concatenated."""
-
-    def __init__(self, readers: Sequence[RecordReader]) -> None:
-        self._readers = tuple(readers)
-        self._ends = np.cumsum([len(reader) for reader in readers])
-        self.shards = tuple(shard for reader in readers for shard in reader.shards)
-        self._folders = [reader.folder for reader in readers]
-
-    def __len__(self) -> int:
-        """Number of records."""
-        return int(self._ends[-1])
-
-    @property
-    def num_distinct(self) -> int:
-        """Number of records, where those of a folder that is listed repeatedly count once."""
-        return sum({reader.folder: len(reader) for reader in self._readers}.values())
-
-    def original(self, index: int) -> int:
-        """The smallest number of the record `index`, whose folder may be listed repeatedly."""
-        reader, own = self._of(index)
-        return int(self._ends[self._folders.index(reader.folder)]) - len(reader) + own
-
-    def _of(self, index: int) -> tuple[RecordReader, int]:
-        if not 0 <= index < len(self):
-            raise IndexError(f"record {index}: expected 0 to {len(self) - 1}")
-        number = int(np.searchsorted(self._ends, index, side="right"))
-        reader = self._readers[number]
-        return reader, index - int(self._ends[number]) + len(reader)
-
-    def locate(self, index: int) -> tuple[pathlib.Path, int]:
-        """The file of record `index` and its number within the file."""
-        reader, own = self._of(index)
-        return reader.locate(own)
-
-    def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Stored:
-        """Record `index` with points and depth in their compact form; decodes only `fields`."""
-        reader, own = self._of(index)
-        return reader.stored(own, fields)
-
-    def __getitem__(self, index: int) -> Sample:
-        """Sample `index`; raises `RecordError` if the record is damaged."""
-        reader, own = self._of(index)
-        return reader[own]
-
-
-def open_split(
-    folders: Sequence[str | os.PathLike[str]], split: str
-) -> RecordReader | JoinedReader:
+def open_split(folders: Sequence[str | os.PathLike[str]], split: str) -> RecordReader:
     """Opens a split of one or more data sets; data sets without that split are skipped.
 
     Raises:
@@ -397,19 +313,34 @@ def open_split(
     """
     if isinstance(folders, str | os.PathLike):
         raise TypeError(f"folders: got {folders!r}, expected a list of folders")
-    # A folder may be listed several times; it is opened once.
-    alone = len(folders) == 1
-    held = {f for f in dict.fromkeys(folders) if alone or split in load_manifest(f).splits()}
-    having = [f for f in folders if f in held]
-    if not having:
-        names = [str(folder) for folder in folders]
-        raise RecordError(f"none of the data sets {names} has a split {split!r}")
-    opened = {folder: RecordReader(folder, split) for folder in dict.fromkeys(having)}
-    readers = [opened[folder] for folder in having]
-    return readers[0] if len(readers) == 1 else JoinedReader(readers)
+    if len(folders) > 1:
+        having = {f for f in dict.fromkeys(folders) if split in load_manifest(f).splits()}
+        if not having:
+            names = [str(folder) for folder in folders]
+            raise RecordError(f"none of the data sets {names} has a split {split!r}")
+        folders = [folder for folder in folders if folder in having]
+    return RecordReader(folders, split)
 
 
-def _check_readable(path: pathlib.Path, remedy: str) -> None:
+def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
+    """The bytes of all records of one file; no manifest is needed.
+
+    Raises:
+      RecordError: the file is missing or damaged.
+    """
+    _check_readable(pathlib.Path(path))
+    try:
+        reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
+        return list(reader.read(list(range(reader.num_records()))))
+    except (RuntimeError, IndexError, OSError) as error:
+        raise RecordError(f"shard {path} is damaged: {_first_line(error)}") from error
+
+
+def _remedy(path: pathlib.Path) -> str:
+    return f"copy {path.name} from an undamaged copy of the data set, or write the set again"
+
+
+def _check_readable(path: pathlib.Path) -> None:
     """Distinguishes a shard that is missing or cannot be read from a damaged one.
 
     Raises:
@@ -422,7 +353,7 @@ def _check_readable(path: pathlib.Path, remedy: str) -> None:
         with path.open("rb") as file:
             file.read(1)
     except FileNotFoundError:
-        raise RecordError(f"shard {path} is missing; {remedy}") from None
+        raise RecordError(f"shard {path} is missing; {_remedy(path)}") from None
     except OSError as error:
         raise RecordError(
             f"shard {path} cannot be read: {error.strerror or error}; check its permissions "

@@ -86,7 +86,7 @@ class Move:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class View:
+class Framed:
     """A photo as framed for a network, with its camera. The network resizes it to its own size.
 
     Attributes:
@@ -238,7 +238,7 @@ def move_image(
     target = np.s_[begin[1] - first[1] : end[1] - first[1], begin[0] - first[0] : end[0] - first[0]]
     # Colours are weighted by the mask, so that the background does not bleed into the edge.
     rgba[target][..., :3] = image[source]
-    rgba[target][..., 3] = mask[source].view(np.uint8) * np.uint8(255)
+    rgba[target][..., 3] = mask[source].astype(np.uint8) * np.uint8(255)
     box = (*(low - first).tolist(), *(high - first).tolist())
     small = Image.fromarray(rgba).resize(size[::-1], Image.Resampling.BILINEAR, box=box)
     result = np.asarray(small)
@@ -305,7 +305,7 @@ def _centre_depth(points: np.ndarray, extrinsics: np.ndarray) -> float:
     return float(points.mean(axis=0, dtype=np.float64) @ extrinsics[2, :3] + extrinsics[2, 3])
 
 
-def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> View:
+def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> Framed:
     """Crops and scales an object to the position of training objects, by the module's rule.
 
     Args:
@@ -325,6 +325,8 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> View:
         )
     height, width = VIEW_SIZE
     top, bottom, left, right = box_of(mask)
+    if mask.all():
+        raise PhotoError("the mask covers the whole image; expected the pixels of an object")
     if move:
         wide, high = right - left, bottom - top
         if max(wide, high) < SMALLEST_BOX:
@@ -345,7 +347,7 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> View:
         raise PhotoError(
             "the object vanishes at the resolution of the network; expected a larger one"
         )
-    return View(colours, inside, *camera.default_camera(VIEW_SIZE), to_view, placed=move)
+    return Framed(colours, inside, *camera.default_camera(VIEW_SIZE), to_view, placed=move)
 
 
 def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:

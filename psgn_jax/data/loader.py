@@ -13,7 +13,7 @@ the time), or one of `num_workers` processes.
 import gc
 import itertools
 import sys
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator
 from typing import Any
 
 import grain
@@ -21,49 +21,38 @@ import numpy as np
 from absl import flags
 from grain.multiprocessing import SharedMemoryArray
 
-from psgn_jax.config import DataConfig
-from psgn_jax.cores import num_cores
+from psgn_jax.config.experiment import DataConfig
 from psgn_jax.data import workers
 from psgn_jax.data.batches import ORDER, Batch, EvalBatch, Items, Models, TrainBatch
-from psgn_jax.data.dataset import JoinedReader, RecordReader, open_split
+from psgn_jax.data.dataset import RecordReader, open_split
 from psgn_jax.data.schema import RecordError
+from psgn_jax.system.cores import num_cores
 
 MAX_THREADS = 8
 """Largest number of decoding threads in one process, which is also limited by the cores."""
 
 
-def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader | JoinedReader:
+def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader:
     if not folders:
         raise RecordError(
             "no data set is named; expected a folder of records, or a configuration from "
-            "psgn_jax.default_data.with_default_data, which renders the default data set"
+            "psgn_jax.commands.default_data.with_default_data, which renders the default data set"
         )
     reader = open_split(folders, split)
     name = ",".join(dict.fromkeys(folders))
     if not len(reader):
         raise RecordError(f"data set {name!r}: split {split!r} is empty")
-    if "depth" in cfg.inputs and any("depth" not in s.fields for s in reader.shards):
-        raise RecordError(
-            f"data set {name!r}: data.inputs asks for depth, which not every record of split "
-            f"{split!r} has; remove 'depth' from data.inputs"
-        )
-    if cfg.occupancy and any("occupancy" not in s.fields for s in reader.shards):
-        raise RecordError(
-            f"data set {name!r}: the task needs solid volumes (occupancy), which not every record "
-            f"of split {split!r} has"
-        )
+    for field, wanted, reason, remedy in (
+        ("depth", "depth" in cfg.inputs, "data.inputs asks for depth", "; remove 'depth' from "
+         "data.inputs"),
+        ("occupancy", cfg.occupancy, "the task needs solid volumes (occupancy)", ""),
+    ):  # fmt: skip
+        if wanted and any(field not in shard.fields for shard in reader.shards):
+            raise RecordError(
+                f"data set {name!r}: {reason}, which not every record of split {split!r} has"
+                + remedy
+            )
     return reader
-
-
-def _models(cfg: DataConfig, reader: RecordReader | JoinedReader, *, train: bool) -> Models | None:
-    wanted = cfg.train_views if train else cfg.eval_views
-    name = "voxels.max_views" if train else "voxels.eval_views"
-    return Models(reader, wanted, name) if wanted else None
-
-
-def num_threads() -> int:
-    """Decoding threads of one process."""
-    return min(MAX_THREADS, num_cores())
 
 
 def _plain(batch: Batch) -> Batch:
@@ -98,7 +87,7 @@ def _iterate(
     """The batches of these numbers in order, made ahead of their use."""
     source = grain.MapDataset.range(numbers.start, numbers.stop, numbers.step).map(make)
     if not cfg.num_workers:
-        threads = num_threads()
+        threads = min(MAX_THREADS, num_cores())
         read = grain.ReadOptions(num_threads=threads, prefetch_buffer_size=threads + 1)
         yield from source.to_iter_dataset(read)
         return
@@ -125,14 +114,10 @@ def _iterate(
         _remove_shared_memory()
 
 
-def _check_positive(name: str, value: int) -> None:
-    if value < 1:
-        raise ValueError(f"{name}: got {value}, expected 1 or more")
-
-
-def _check_process(index: int, count: int) -> None:
-    if not 0 <= index < count:
-        raise ValueError(f"process_index: got {index}, expected 0 to {count - 1}")
+def _check(name: str, value: int, low: int, high: int = sys.maxsize) -> None:
+    if not low <= value <= high:
+        expected = f"{low} or more" if high == sys.maxsize else f"{low} to {high}"
+        raise ValueError(f"{name}: got {value}, expected {expected}")
 
 
 def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int:
@@ -142,17 +127,6 @@ def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int
       RecordError: there is no such data set or split.
     """
     return len(_open(cfg, cfg.eval_folders if evaluation else cfg.folders, split))
-
-
-def train_order(cfg: DataConfig, seed: int) -> tuple[RecordReader | JoinedReader, Sequence[int]]:
-    """The training split and its order: row j of step s is record `order[s * B + j]`.
-
-    Raises:
-      RecordError: the data set is missing or damaged.
-    """
-    reader = _open(cfg, cfg.folders, cfg.train_split)
-    order_seed = int(np.random.SeedSequence([seed, ORDER]).generate_state(1)[0])
-    return reader, grain.MapDataset.range(len(reader)).seed(order_seed).shuffle().repeat()
 
 
 def train_batches(
@@ -189,18 +163,20 @@ def train_batches(
       ValueError: an argument is out of range.
       RecordError: the data set is missing or damaged, from the call or while iterating.
     """
-    _check_positive("batch_size", batch_size)
-    if seed < 0 or start_step < 0:
-        raise ValueError(f"seed {seed} and start_step {start_step}: expected 0 or more")
-    _check_process(process_index, process_count)
+    _check("batch_size", batch_size, 1)
+    _check("seed", seed, 0)
+    _check("start_step", start_step, 0)
+    _check("process_index", process_index, 0, process_count - 1)
     if batch_size % process_count:
         raise ValueError(
             f"batch_size: got {batch_size}, expected a multiple of the {process_count} processes"
         )
-    reader, order = train_order(cfg, seed)
+    reader = _open(cfg, cfg.folders, cfg.train_split)
+    order_seed = int(np.random.SeedSequence([seed, ORDER]).generate_state(1)[0])
+    order = grain.MapDataset.range(len(reader)).seed(order_seed).shuffle().repeat()
     local = batch_size // process_count
     rows = range(process_index * local, (process_index + 1) * local)
-    models = _models(cfg, reader, train=True)
+    models = Models(reader, cfg.train_views, "voxels.max_views") if cfg.train_views else None
     items = Items(cfg, reader, repeatedly=True)
     make = TrainBatch(cfg, items, order, batch_size, seed, rows, models)
     return _iterate(cfg, range(start_step, sys.maxsize // batch_size), make)
@@ -239,13 +215,13 @@ def eval_batches(
       ValueError: an argument is out of range.
       RecordError: the data set is missing or damaged, from the call or while iterating.
     """
-    _check_positive("batch_size", batch_size)
-    _check_process(process_index, process_count)
+    _check("batch_size", batch_size, 1)
+    _check("process_index", process_index, 0, process_count - 1)
     reader = _open(cfg, cfg.eval_folders, split)
     if any("depth" not in s.fields for s in reader.shards):
         visible_tolerance = 0.0
     items = Items(cfg, reader, visibility=bool(visible_tolerance))
-    models = _models(cfg, reader, train=False)
+    models = Models(reader, cfg.eval_views, "voxels.eval_views") if cfg.eval_views else None
     make = EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance, models)
     num_batches = -(-len(reader) // batch_size)
     return _iterate(cfg, range(process_index, num_batches, process_count), make)

@@ -5,13 +5,14 @@ import json
 import os
 import pathlib
 import re
-from collections.abc import Mapping
+import zlib
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from psgn_jax.data import schema
 from psgn_jax.data.schema import RecordError
-from psgn_jax.files import write_atomic
-from psgn_jax.untrusted import one_line, read_json
+from psgn_jax.system.files import write_atomic
+from psgn_jax.system.untrusted import one_line, read_json
 
 FORMAT = "psgn_jax records"
 VERSION = 1
@@ -20,8 +21,8 @@ MANIFEST = "manifest.json"
 SPLIT_NAME = re.compile(r"[a-z0-9_]+")
 """Valid names of splits; the names of a split's files begin with its name."""
 
-_MOST_RECORDS = 1 << 40  # of a shard: sums over shards stay within 64 bits
-_MOST_BYTES = 1 << 53
+DUPLICATES = "duplicate"
+"""Split of training samples whose shape is that of a validation or test object; nobody reads it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Manifest:
 
 
 def save_manifest(folder: pathlib.Path, manifest: Manifest) -> None:
-    """Writes the manifest atomically."""
+    """Writes the manifest atomically, with a CRC-32 of its content."""
     content = {
         "format": FORMAT,
         "version": VERSION,
@@ -82,11 +83,18 @@ def save_manifest(folder: pathlib.Path, manifest: Manifest) -> None:
         "fields": manifest.fields(),
         "shards": [dataclasses.asdict(s) for s in manifest.shards],
     }
+    content["crc32"] = _checksum(content)
     write_atomic(folder / MANIFEST, json.dumps(content, indent=1) + "\n")
 
 
+def _checksum(content: Mapping[str, Any]) -> int:
+    """CRC-32 of all entries but the checksum itself, independent of their order and of spaces."""
+    rest = {key: value for key, value in content.items() if key != "crc32"}
+    return zlib.crc32(json.dumps(rest, sort_keys=True).encode())
+
+
 def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = False) -> Manifest:
-    """Reads the manifest of a data set.
+    """Reads the manifest of a data set; those of earlier versions have no checksum.
 
     Raises:
       RecordError: there is no data set; its manifest is damaged or of another version; or the data
@@ -99,40 +107,42 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
     if not path.exists():
         raise RecordError(
             f"data set {str(folder)!r}: not a data set of this project, it has no {MANIFEST} "
-            "(`python -m psgn_jax.convert` creates one)"
+            "(`psgn convert` creates one)"
         )
     try:
         content = read_json(path)
         form, version = content["format"], content["version"]
-    except OSError as error:
-        raise RecordError(f"{path} cannot be read: {error.strerror or error}") from None
-    except (ValueError, TypeError, KeyError) as error:
-        raise _damaged(path, error) from None
-    if form != FORMAT:
-        raise RecordError(f"{path}: format {_shown(form)}, expected {FORMAT!r}")
-    if version != VERSION:
-        raise RecordError(
-            f"{path}: format version {_shown(version)}, this version of psgn_jax reads {VERSION}; "
-            "convert the data set again, or use the version of psgn_jax that wrote it"
-        )
-    try:
-        _check_type("source", content.get("source"), str)
-        _check_type("complete", content.get("complete"), bool)
-        _check_type("shards", content.get("shards"), list)
+        if form != FORMAT:
+            raise RecordError(f"{path}: format {_shown(form)}, expected {FORMAT!r}")
+        if version != VERSION:
+            raise RecordError(
+                f"{path}: format version {_shown(version)}, this version of psgn_jax reads "
+                f"{VERSION}; convert the data set again, or use the version of psgn_jax that wrote "
+                "it"
+            )
+        if "crc32" in content and content["crc32"] != _checksum(content):
+            raise ValueError("its checksum does not match")
+        for name, (kind, expected) in _TYPES.items():
+            if not isinstance(content.get(name), kind):
+                raise ValueError(f"{name} is {_shown(content.get(name))}, expected {expected}")
         shards = tuple(shard_of(entry) for entry in content["shards"])
         files = [shard.file for shard in shards]
         if len(set(files)) < len(files):
             twice = next(file for file in files if files.count(file) > 1)
             raise ValueError(f"shard {twice!r} is listed twice")
-        manifest = Manifest(content["source"], content["complete"], shards)
-    except ValueError as error:
-        raise _damaged(path, error) from None
-    if not manifest.complete and not allow_incomplete:
+    except RecordError:
+        raise
+    except OSError as error:
+        raise RecordError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (ValueError, TypeError, KeyError) as error:
+        what = f"no {error} there" if isinstance(error, KeyError) else one_line(error)
+        raise RecordError(f"{path}: damaged ({what}); convert the data set again") from None
+    if not content["complete"] and not allow_incomplete:
         raise RecordError(
             f"data set {str(folder)!r}: it is incomplete; start the command that writes it again: "
             "it continues where it stopped"
         )
-    return manifest
+    return Manifest(content["source"], content["complete"], shards)
 
 
 def shard_of(entry: Any) -> Shard:
@@ -141,59 +151,66 @@ def shard_of(entry: Any) -> Shard:
     Raises:
       ValueError: a field is missing, unknown or wrong; the message names it.
     """
-    _check_type("shard", entry, dict)
     names = [field.name for field in dataclasses.fields(Shard)]
-    if set(entry) != set(names):
-        odd = sorted({*entry} ^ {*names})
+    if not isinstance(entry, dict) or set(entry) != set(names):
+        odd = sorted({*entry} ^ {*names}) if isinstance(entry, dict) else entry
         raise ValueError(
             f"a shard with missing or unknown fields {_shown(odd)}, expected the fields {names}"
         )
-    _check_type("file", entry["file"], str)
-    # Names are used as paths: refuse names that lead out of the folder.
-    name = entry["file"]
-    if pathlib.PurePath(name).name != name or name == ".." or not name.isprintable():
-        raise ValueError(f"file {_shown(name)}: expected the name of a file in the folder")
-    _check_type("split", entry["split"], str)
-    if not SPLIT_NAME.fullmatch(entry["split"]):
-        raise ValueError(f"split {_shown(entry['split'])}: expected [a-z0-9_]")
-    for name, most in (("count", _MOST_RECORDS), ("size", _MOST_BYTES), ("crc32", (1 << 32) - 1)):
-        _check_count(name, entry[name], most)
-    _check_type("categories", entry["categories"], dict)
-    for value in entry["categories"].values():
-        _check_count("categories", value, _MOST_RECORDS)
-    if sum(entry["categories"].values()) != entry["count"]:
+    for name, (holds, expected) in _RULES.items():
+        if not holds(entry[name]):
+            raise ValueError(f"{name} is {_shown(entry[name])}, expected {expected}")
+    shard = Shard(**{**entry, "fields": tuple(entry["fields"]), "inputs": tuple(entry["inputs"])})
+    if sum(shard.categories.values()) != shard.count:
         raise ValueError(
-            f"shard {entry['file']!r}: {entry['count']} records, but "
-            f"{sum(entry['categories'].values())} in its categories"
+            f"shard {shard.file!r}: {shard.count} records, but "
+            f"{sum(shard.categories.values())} in its categories"
         )
-    for name in ("fields", "inputs"):
-        _check_type(name, entry[name], list)
-        for value in entry[name]:
-            _check_type(name, value, str)
-    if not set(entry["fields"]) <= set(schema.FIELDS):
-        odd = sorted({*entry["fields"]} - {*schema.FIELDS})
-        raise ValueError(f"fields {_shown(odd)}, expected any of {list(schema.FIELDS)}")
-    return Shard(**{**entry, "fields": tuple(entry["fields"]), "inputs": tuple(entry["inputs"])})
+    if not shard.file.startswith(f"{shard.split}-"):
+        raise ValueError(f"shard {shard.file!r} is listed in the split {shard.split!r}")
+    return shard
 
 
-def _check_type(name: str, value: Any, kind: type) -> None:
-    if not isinstance(value, kind):
-        raise ValueError(f"{name} is {_shown(value)}, expected {_KIND_NAMES[kind]}")
+def _is_count(value: Any, bits: int = 40) -> bool:
+    """Whether a value is an integer of so many bits; sums over shards then stay within 64 bits."""
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1 << bits
 
 
-_KIND_NAMES = {str: "a string", bool: "true or false", list: "a list", dict: "a JSON object"}
+def _is_file_name(name: Any) -> bool:
+    """Whether a name stays in the folder of the data set; names are used as paths."""
+    return (
+        isinstance(name, str) and pathlib.PurePath(name).name == name != ".." and name.isprintable()
+    )
 
 
-def _check_count(name: str, value: Any, most: int) -> None:
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= most:
-        raise ValueError(f"{name} is {_shown(value)}, expected a number from 0 to {most}")
+def _are_strings(values: Any) -> bool:
+    return isinstance(values, list) and all(isinstance(value, str) for value in values)
+
+
+_TYPES = {
+    "source": (str, "a string"),
+    "complete": (bool, "true or false"),
+    "shards": (list, "a list"),
+}
+
+_RULES: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "file": (_is_file_name, "the name of a file in the folder"),
+    "split": (lambda v: isinstance(v, str) and bool(SPLIT_NAME.fullmatch(v)), "[a-z0-9_]"),
+    "count": (_is_count, "a number below 2**40"),
+    "size": (lambda v: _is_count(v, 53), "a number below 2**53"),
+    "crc32": (lambda v: _is_count(v, 32), "a number below 2**32"),
+    "categories": (
+        lambda v: isinstance(v, dict) and all(map(_is_count, v.values())),
+        "a number below 2**40 for each category",
+    ),
+    "fields": (
+        lambda v: _are_strings(v) and set(v) <= set(schema.FIELDS),
+        f"a list of any of {list(schema.FIELDS)}",
+    ),
+    "inputs": (_are_strings, "a list of strings"),
+}
 
 
 def _shown(value: Any) -> str:
     shown = repr(value)
     return shown if len(shown) <= 60 else shown[:57] + "..."
-
-
-def _damaged(path: pathlib.Path, error: Exception) -> RecordError:
-    what = f"no {error} there" if isinstance(error, KeyError) else one_line(error)
-    return RecordError(f"{path}: damaged ({what}); convert the data set again")

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from psgn_jax.config import UserError
-from psgn_jax.untrusted import kind_of, one_line
+from psgn_jax.system.errors import UserError
+from psgn_jax.system.untrusted import kind_of, one_line
 
 MAX_PIXELS = 150_000_000
 """Larger images are refused before they are decoded: a small file can decode to gigabytes."""
@@ -36,6 +36,7 @@ SUFFIXES = frozenset(
 )
 """Suffixes of the files that are read from a folder."""
 _ORIENTATION = 0x0112  # of EXIF
+_LEAST_TRANSPARENT = 0.005
 _TURNED = (5, 6, 7, 8)  # orientations that exchange width and height
 
 
@@ -49,7 +50,7 @@ class Photo:
 
     Attributes:
       image: uint8 [h, w, 3] RGB, possibly reduced.
-      alpha: uint8 [h, w], or None where the file has none or it is opaque everywhere.
+      alpha: uint8 [h, w], or None if there is none or it is no mask, see `useful_alpha`.
       size: (H, W) in the file, upright; `image` may be smaller.
       orientation: EXIF's number, 1 = as stored.
     """
@@ -71,8 +72,7 @@ def read_photo(path: str | os.PathLike[str]) -> Photo:
     """
     stored, orientation, size = _decode(path)
     picture, alpha = _to_rgb(stored)
-    if alpha is not None and alpha.min() == 255:
-        alpha = None
+    alpha = useful_alpha(alpha)
     upright = _turn(picture, orientation)
     return Photo(
         np.asarray(upright),
@@ -95,9 +95,8 @@ def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
     """
     stored, orientation, size = _decode(path)
     picture, alpha = _to_rgb(stored)
-    grey = np.asarray(picture.convert("L"))
-    if alpha is not None and alpha.min() < 255:
-        grey = alpha
+    alpha = useful_alpha(alpha)
+    grey = np.asarray(picture.convert("L")) if alpha is None else alpha
     turn = orientation
     as_stored = photo.size[::-1] if photo.orientation in _TURNED else photo.size
     if orientation == 1 and photo.size != as_stored and same_proportions(size, as_stored):
@@ -112,14 +111,25 @@ def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
     if not levels.max():
         raise PhotoError(f"mask {path} is empty: no pixel shows the object")
     mask = levels > levels.max() / 2
+    if mask.all():
+        raise PhotoError(f"mask {path} covers the whole image: expected a background without it")
     return resize_mask(mask, photo.image.shape[:2])
+
+
+def useful_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
+    """The alpha channel [h, w], or None if it is not the mask of an object.
+
+    At least .5 % of the pixels of a mask are transparent. Some programs leave a few pixels of an
+    ordinary photo not fully opaque.
+    """
+    return None if alpha is None or (alpha < 128).mean() < _LEAST_TRANSPARENT else alpha
 
 
 def resize_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
     """Resizes bool [h, w] to `size`, with smooth edges when enlarging."""
     if mask.shape == tuple(size):
         return mask
-    levels = Image.fromarray(mask.view(np.uint8) * np.uint8(255))
+    levels = Image.fromarray(mask.astype(np.uint8) * np.uint8(255))
     return np.asarray(levels.resize((size[1], size[0]), Image.Resampling.BILINEAR)) > 127
 
 
@@ -263,4 +273,42 @@ def as_rgb_and_alpha(array: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
     if array.ndim == 2:
         return np.repeat(array[..., None], 3, axis=2), None
     alpha = array[..., 3] if array.shape[2] == 4 else None
-    return array[..., :3], None if alpha is None or alpha.min() == 255 else alpha
+    return array[..., :3], useful_alpha(alpha)
+
+
+def as_photo(image: str | os.PathLike[str] | Image.Image | np.ndarray) -> Photo:
+    """A photo from a file, a PIL image or an array (see `as_rgb_and_alpha`).
+
+    Raises:
+      PhotoError: see `read_photo`.
+      ValueError: an array of another shape or dtype.
+    """
+    if isinstance(image, str | os.PathLike):
+        return read_photo(image)
+    if isinstance(image, Image.Image):
+        picture, alpha = _to_rgb(image)
+        image = np.asarray(picture) if alpha is None else np.dstack([np.asarray(picture), alpha])
+    rgb, alpha = as_rgb_and_alpha(image)
+    return Photo(rgb, alpha, rgb.shape[:2], 1)
+
+
+def as_mask(mask: str | os.PathLike[str] | Image.Image | np.ndarray, photo: Photo) -> np.ndarray:
+    """The mask of a photo, bool [h, w], from a file, a PIL image or an array [h, w].
+
+    Pixels above half of the largest value belong to the object, whatever the dtype.
+
+    Raises:
+      PhotoError: see `read_mask`.
+    """
+    if isinstance(mask, str | os.PathLike):
+        return read_mask(mask, photo)
+    levels = np.asarray(mask.convert("L") if isinstance(mask, Image.Image) else mask)
+    if levels.shape != photo.image.shape[:2]:
+        raise PhotoError(
+            f"the mask is {list(levels.shape)}: accepted: {list(photo.image.shape[:2])}, as the "
+            "image"
+        )
+    levels = levels.astype(np.float32)
+    if not levels.max() > 0:
+        raise PhotoError("the mask is empty: no pixel shows the object")
+    return levels > levels.max() / 2

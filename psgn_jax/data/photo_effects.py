@@ -1,6 +1,6 @@
 """Augmentation of training images with the effects of photos and of their masks: `disturb`.
 
-The settings and their units are described in `psgn_jax.data_config.PhotoEffects`; lengths are in
+The settings and their units are described in `psgn_jax.config.data.PhotoEffects`; lengths are in
 pixels of an image with 192 rows. The effects are applied in the order in which they arise in a
 photo:
 
@@ -21,9 +21,9 @@ import io
 import numpy as np
 from PIL import Image, ImageFilter
 
+from psgn_jax.config.data import PhotoEffects
 from psgn_jax.data import schema
 from psgn_jax.data.framing import VIEW_SIZE, box_of, on_mask
-from psgn_jax.data_config import PhotoEffects
 
 LEAST_LEFT = 0.4
 """A step that would reduce the mask to less than this share of its area is skipped."""

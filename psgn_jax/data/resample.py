@@ -80,7 +80,7 @@ def recrop(
       offset: (down, right) in pixels; edges of pixels are at integers.
     """
     size = mask.shape
-    moved = resample(mask.view(np.uint8), size, factor, offset).astype(np.bool_)
+    moved = resample(mask.astype(np.uint8), size, factor, offset).astype(np.bool_)
     if window := _window(image, mask):
         return _recrop_window(image, window, factor, offset), moved
     # Source coordinates of the first and last pixels' centres, along rows and columns.

@@ -42,7 +42,7 @@ def resize_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     if mask.shape == tuple(size):
         return mask
     if factors := _whole_factors(mask.shape, size):
-        levels = Image.fromarray(mask.view(np.uint8) * np.uint8(255)).reduce(factors[::-1])
+        levels = Image.fromarray(mask.astype(np.uint8) * np.uint8(255)).reduce(factors[::-1])
         return np.asarray(levels) > 127  # a tie, 127.5, is rounded up
     return _area_average(mask, size) > 0.5 - 1e-6
 

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from psgn_jax.untrusted import parse_json
+from psgn_jax.system.untrusted import parse_json
 
 BACKGROUND_GREY = 191
 """Grey level of all background pixels, as in the authors' images."""
@@ -104,21 +104,16 @@ def _fail(field: str, got: Any, accepted: str) -> None:
 def _check_array(
     field: str, value: Any, dtype: type[np.generic], shape: tuple[int | None, ...]
 ) -> None:
-    """Checks dtype and shape; None in `shape` accepts any size >= 1."""
+    """Checks dtype and shape; None in `shape` accepts any size >= 1. Floats must be finite."""
     expected = f"a numpy array {np.dtype(dtype).name} [{', '.join(str(s or 'n') for s in shape)}]"
     if not isinstance(value, np.ndarray):
         _fail(field, type(value).__name__, expected)
-    if value.dtype != dtype or value.ndim != len(shape):
+    sizes = [wanted or max(size, 1) for size, wanted in zip(value.shape, shape, strict=False)]
+    if value.dtype != dtype or value.ndim != len(shape) or list(value.shape) != sizes:
         _fail(field, f"{value.dtype.name} {list(value.shape)}", expected)
-    for size, wanted in zip(value.shape, shape, strict=True):
-        if size != wanted if wanted is not None else size < 1:
-            _fail(field, f"{value.dtype.name} {list(value.shape)}", expected)
-
-
-def _check_finite(field: str, value: np.ndarray, accepted: str = "finite values") -> None:
-    if not np.isfinite(value).all():
-        bad = int(np.size(value) - np.isfinite(value).sum())
-        _fail(field, f"{bad} values that are not finite", accepted)
+    if value.dtype.kind == "f" and not np.isfinite(value).all():
+        bad = int(value.size - np.isfinite(value).sum())
+        _fail(field, f"{bad} values that are not finite", "finite values")
 
 
 def validate(sample: Sample) -> Sample:
@@ -132,13 +127,11 @@ def validate(sample: Sample) -> Sample:
     size = sample.image.shape[:2]
     _check_array("mask", sample.mask, np.bool_, size)
     _check_array("points", sample.points, np.float32, (None, 3))
-    _check_finite("points", sample.points)
     _check_array("intrinsics", sample.intrinsics, np.float32, (3, 3))
     _check_array("extrinsics", sample.extrinsics, np.float32, (3, 4))
     check_camera(sample.intrinsics, sample.extrinsics)
     if sample.depth is not None:
         _check_array("depth", sample.depth, np.float32, size)
-        _check_finite("depth", sample.depth, "finite values, 0 where nothing was measured")
         if sample.depth.min() < 0:
             accepted = "0 (background, not measured) or more"
             _fail("depth", f"a minimum of {sample.depth.min():g}", accepted)
@@ -150,8 +143,13 @@ def validate(sample: Sample) -> Sample:
     if sample.occupancy is not None:
         _check_array("occupancy", sample.occupancy, np.bool_, (OCCUPANCY_SIZE,) * 3)
     check_labels(sample)
-    if sample.extra and not _is_json_object(sample.extra):
-        _fail("extra", repr(sample.extra[:80]), "the text of a JSON object, or ''")
+    if sample.extra:
+        try:
+            is_object = isinstance(parse_json(sample.extra), dict)
+        except ValueError:
+            is_object = False
+        if not is_object:
+            _fail("extra", repr(sample.extra[:80]), "the text of a JSON object, or ''")
     return sample
 
 
@@ -167,13 +165,6 @@ def check_labels(sample: Any) -> None:
     view = sample.view
     if not isinstance(view, int) or isinstance(view, bool) or not 0 <= view <= _LAST_VIEW:
         _fail("view", repr(view)[:80], f"an integer from 0 to {_LAST_VIEW}")
-
-
-def _is_json_object(text: str) -> bool:
-    try:
-        return isinstance(parse_json(text), dict)
-    except ValueError:
-        return False
 
 
 def check_content(sample: Sample) -> None:
@@ -197,8 +188,9 @@ def check_camera(intrinsics: np.ndarray, extrinsics: np.ndarray) -> None:
     Raises:
       ValueError: the camera is not valid; the message names `intrinsics` or `extrinsics`.
     """
-    _check_finite("intrinsics", intrinsics)
-    _check_finite("extrinsics", extrinsics)
+    for name, matrix in (("intrinsics", intrinsics), ("extrinsics", extrinsics)):
+        if not np.isfinite(matrix).all():
+            _fail(name, matrix.tolist(), "finite values")
     if intrinsics[0, 0] <= 0 or intrinsics[1, 1] <= 0 or abs(intrinsics[1, 0]) > 0:
         _fail(
             "intrinsics",

@@ -12,43 +12,31 @@ guess of the mask. Here it is started from several guesses (seeds) on a small co
 
 Each result is a candidate, and so is the set of pixels that most results contain. The candidate
 that agrees best with the others, with a small preference for better seeds, is refined along its
-outline on a larger copy. Its score estimates its IoU with the object from `FEATURES`. The weights
-of the score and of the preference were fitted by `tests/bench/masks.py --fit`. In this fit,
-features such as contrast and compactness helped to distinguish bad results from good ones, but not
-to choose among the results of one image. Nothing is random.
+outline on a larger copy. Its score estimates its IoU with the object. The weights of the score and
+of the preference were fitted to photos and composites with known masks. In this fit, features such
+as contrast and compactness helped to distinguish bad results from good ones, but not to choose
+among the results of one image. Nothing is random.
 """
 
-import dataclasses
 import math
-from collections.abc import Iterator
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-SEARCH_SIDE, FINE_SIDE = 144, 400
-"""Largest number of pixels per side of the copies for the search and for the outline."""
-
 DOUBTFUL = 0.7
 """A mask with a lower score is doubtful."""
 
-WEIGHTS = {
-    "agreement": 0.4494,
-    "contrast": -0.2331,
-    "edges": -0.0102,
-    "colours": 1.0311,
-    "compactness": -0.0525,
-    "on_border": -6.3894,
-    "salience": 0.2119,
-    "parts": -0.1135,
-}
-"""Weights of the features in the score."""
+# Largest number of pixels per side of the copies for the search and for the outline.
+_SEARCH_SIDE, _FINE_SIDE = 144, 400
 
-SCORE_OF_NONE = -0.3542
-"""The score of a candidate whose features are 0."""
+# Weights of the features of `_score`, and the score of a candidate whose features are 0.
+_WEIGHTS = (0.4494, -0.2331, -0.0102, 1.0311, -0.0525, -6.3894, 0.2119, -0.1135)
+_SCORE_OF_NONE = -0.3542
 
-RANK_OF_AGREEMENT = 0.5
-
-RANK_OF_SEED = {
+# The rank of a candidate: its agreement with the others times this, and the number of its seed.
+_RANK_OF_AGREEMENT = 0.5
+_RANK_OF_SEED = {
     "band": 0.007,
     "ellipse": -0.019,
     "middle": -0.015,
@@ -57,118 +45,83 @@ RANK_OF_SEED = {
     "both": 0.005,
     "agreement": 0.005,
 }
-"""The number that each seed adds to the rank of its candidate."""
-
-FEATURES = tuple(WEIGHTS)
+_ELLIPSES = {"ellipse": 0.75, "middle": 0.45}  # semi-axes, relative to the image
 
 _BAND = 0.03  # width of the border that is background, relative to the image
 _ROUNDS = 3
 _LEAST_RANGE = 8  # an image with a smaller range in every channel counts as one colour
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Candidate:
-    """A possible mask of the object.
+class Found(NamedTuple):
+    """A mask, bool [h, w] of a reduced copy, and the estimate of its IoU with the object."""
 
-    Attributes:
-      seed: the first guess, or "agreement".
-      mask: bool [h, w].
-      features: values of `FEATURES`.
-    """
-
-    seed: str
     mask: np.ndarray
-    features: tuple[float, ...]
-
-    @property
-    def rank(self) -> float:
-        """Larger for better candidates of the same image."""
-        return RANK_OF_AGREEMENT * self.features[0] + RANK_OF_SEED[self.seed]
-
-    @property
-    def score(self) -> float:
-        """Estimate of the IoU with the object."""
-        return float(np.dot(list(WEIGHTS.values()), self.features)) + SCORE_OF_NONE
+    score: float
 
 
-def segment(image: np.ndarray) -> Candidate | None:
+def segment(image: np.ndarray) -> Found | None:
     """The object in an image, uint8 [h, w, 3]; None if there is no candidate.
 
-    The mask has the size of a copy of the image with at most `FINE_SIDE` pixels per side.
+    The mask has the size of a copy of the image with at most 400 pixels per side.
     """
-    best = max(candidates(image), key=lambda candidate: candidate.rank, default=None)
-    if best is None:
-        return None
-    return dataclasses.replace(best, mask=_refined(_reduced(image, FINE_SIDE), best.mask))
-
-
-def candidates(image: np.ndarray) -> list[Candidate]:
-    """All candidates, on a copy with at most `SEARCH_SIDE` pixels per side."""
-    small = _reduced(image, SEARCH_SIDE)
+    small = _reduced(image, _SEARCH_SIDE)
     if np.ptp(small, axis=(0, 1)).max() < _LEAST_RANGE:
-        return []
+        return None
     lab = cv2.cvtColor(small.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
     salience = _salience(lab)
-    masks: list[tuple[str, np.ndarray]] = []
-    for name, labels in _first_guesses(small, salience):
+    masks: dict[str, np.ndarray] = {}
+    for name, labels in _first_guesses(small, salience).items():
         first = (labels == cv2.GC_PR_FGD) if name in salience else None
         cut = _grabcut(small, labels, _ROUNDS)
         for mask in (cut, first):  # GrabCut may find nothing
             if mask is not None and (mask := _main_parts(mask)).any():
-                masks.append((name, mask))
+                masks[name] = mask
                 break
     if not masks:
-        return []
-    share = np.mean([mask for _, mask in masks], axis=0)
+        return None
+    share = np.mean(list(masks.values()), axis=0)
     if (mask := _main_parts(share > 0.5)).any():
-        masks.append(("agreement", mask))
-    stack = np.stack([mask.ravel() for _, mask in masks]).astype(np.float32)
+        masks["agreement"] = mask
+    stack = np.stack([mask.ravel() for mask in masks.values()]).astype(np.float32)
     common = stack @ stack.T
     areas = stack.sum(axis=1)
     overlaps = common / (areas[:, None] + areas[None] - common)
     agreement = (overlaps.sum(axis=1) - 1) / max(len(masks) - 1, 1)
-    return [
-        Candidate(name, mask, (float(agree), *_features(mask, lab, salience["both"])))
-        for (name, mask), agree in zip(masks, agreement, strict=True)
-    ]
+    ranks = _RANK_OF_AGREEMENT * agreement + [_RANK_OF_SEED[name] for name in masks]
+    best = int(np.argmax(ranks))
+    mask = list(masks.values())[best]
+    features = (float(agreement[best]), *_features(mask, lab, salience["both"]))
+    score = float(np.dot(_WEIGHTS, features)) + _SCORE_OF_NONE
+    return Found(_refined(_reduced(image, _FINE_SIDE), mask), score)
 
 
-# --- First guesses ------------------------------------------------------------------------------
-
-
-def _first_guesses(
-    small: np.ndarray, salience: dict[str, np.ndarray]
-) -> Iterator[tuple[str, np.ndarray]]:
+def _first_guesses(small: np.ndarray, salience: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """GrabCut's labels at the start, by name."""
-    height, width = small.shape[:2]
-    down, across = max(1, round(_BAND * height)), max(1, round(_BAND * width))
-    rows, columns = _coordinates((height, width))
-
-    def labels(probable: np.ndarray) -> np.ndarray:
-        result = np.full((height, width), cv2.GC_BGD, np.uint8)
-        inner = np.where(probable, cv2.GC_PR_FGD, cv2.GC_PR_BGD)
-        result[down:-down, across:-across] = inner[down:-down, across:-across]
-        return result
-
-    yield "band", labels(np.ones((height, width), np.bool_))
-    for name, (high, wide) in _ELLIPSES.items():
-        yield name, labels((rows / high) ** 2 + (columns / wide) ** 2 < 1)
+    shape = small.shape[:2]
+    down, across = (max(1, round(_BAND * side)) for side in shape)
+    rows, columns = _coordinates(shape)
+    probable = {"band": np.ones(shape, np.bool_)}
+    for name, axis in _ELLIPSES.items():
+        probable[name] = (rows / axis) ** 2 + (columns / axis) ** 2 < 1
     for name, values in salience.items():
         share = np.clip(values / max(np.quantile(values, 0.99), 0.05), 0, 1)
         level = (255 * share).astype(np.uint8)
         threshold, _ = cv2.threshold(level, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-        yield name, labels(level > threshold)
-
-
-_ELLIPSES = {"ellipse": (0.75, 0.75), "middle": (0.45, 0.45)}
+        probable[name] = level > threshold
+    guesses = {}
+    for name, inner in probable.items():
+        guesses[name] = np.full(shape, cv2.GC_BGD, np.uint8)
+        middle = np.s_[down:-down, across:-across]
+        guesses[name][middle] = np.where(inner, cv2.GC_PR_FGD, cv2.GC_PR_BGD)[middle]
+    return guesses
 
 
 def _salience(lab: np.ndarray) -> dict[str, np.ndarray]:
     """Values that are large on the object, [h, w] by name of the guess."""
     central = _central(lab.shape[:2], 0.6)
-    barrier, border = _barrier_distance(lab), _unlike_border(lab)
     barrier, border = (
-        np.clip(each / max(np.quantile(each, 0.98), 0.5), 0, 1) for each in (barrier, border)
+        np.clip(each / max(np.quantile(each, 0.98), 0.5), 0, 1)
+        for each in (_barrier_distance(lab), _unlike_border(lab))
     )
     return {
         "barrier": barrier * central,
@@ -181,7 +134,8 @@ def _barrier_distance(lab: np.ndarray, rounds: int = 2) -> np.ndarray:
     """The minimum barrier distance [h, w] from the border, summed over the channels.
 
     The barrier of a path is the range of the values on it. Sweeps over rows and columns in four
-    directions approximate the minimum over paths.
+    directions approximate the minimum over paths: each line takes the paths of its neighbour that
+    are better.
     """
     values = cv2.GaussianBlur(lab, (0, 0), 1.0)
     distance = np.full(values.shape, np.inf, np.float32)
@@ -191,30 +145,18 @@ def _barrier_distance(lab: np.ndarray, rounds: int = 2) -> np.ndarray:
     planes = [values, distance, low, high]
     turned = [plane.transpose(1, 0, 2) for plane in planes]
     for _ in range(rounds):
-        for each in (planes, turned):
-            _sweep(each, range(1, len(each[0])), -1)
-            _sweep(each, range(len(each[0]) - 2, -1, -1), 1)
+        for v, d, lowest, highest in (planes, turned):
+            count = len(v)
+            for lines, step in ((range(1, count), -1), (range(count - 2, -1, -1), 1)):
+                for i in lines:
+                    above = np.maximum(highest[i + step], v[i])
+                    below = np.minimum(lowest[i + step], v[i])
+                    better = above - below < d[i]
+                    np.copyto(d[i], above - below, where=better)
+                    np.copyto(highest[i], above, where=better)
+                    np.copyto(lowest[i], below, where=better)
     total: np.ndarray = distance.sum(axis=2)
     return total
-
-
-def _sweep(planes: list[np.ndarray], lines: range, step: int) -> None:
-    """Extends the best paths of each line's neighbour to the line.
-
-    Args:
-      planes: four arrays: the values; for the best paths so far, the distance, the smallest and the
-        largest value. All but the first are updated.
-      lines: the lines in order.
-      step: offset of the neighbour.
-    """
-    values, distance, low, high = planes
-    for i in lines:
-        above, below = np.maximum(high[i + step], values[i]), np.minimum(low[i + step], values[i])
-        barrier = above - below
-        better = barrier < distance[i]
-        np.copyto(distance[i], barrier, where=better)
-        np.copyto(high[i], above, where=better)
-        np.copyto(low[i], below, where=better)
 
 
 def _unlike_border(lab: np.ndarray, clusters: int = 6) -> np.ndarray:
@@ -230,19 +172,13 @@ def _unlike_border(lab: np.ndarray, clusters: int = 6) -> np.ndarray:
     _, labels, centres = cv2.kmeans(  # type: ignore[assignment]
         border, clusters, labels, stop, 1, cv2.KMEANS_PP_CENTERS
     )
-    which = labels.ravel()
-    result = np.full((height, width), np.inf, np.float32)
+    result = np.full((height, width), 12.0, np.float32)
     for number, centre in enumerate(centres):
-        members = border[which == number]
-        if len(members) < 0.02 * len(border):
-            continue
-        spread = np.maximum(members.std(axis=0), 2.0)
-        away = np.sqrt((((lab - centre) / spread) ** 2).sum(axis=2))
-        result = np.minimum(result, away)
-    return np.minimum(result, 12.0)
-
-
-# --- Masks --------------------------------------------------------------------------------------
+        members = border[labels.ravel() == number]
+        if len(members) >= 0.02 * len(border):
+            spread = np.maximum(members.std(axis=0), 2.0)
+            result = np.minimum(result, np.sqrt((((lab - centre) / spread) ** 2).sum(axis=2)))
+    return result
 
 
 def _grabcut(image: np.ndarray, labels: np.ndarray, rounds: int) -> np.ndarray | None:
@@ -265,7 +201,7 @@ def _main_parts(mask: np.ndarray) -> np.ndarray:
     if count > 1:
         weight = np.bincount(parts.ravel(), (central * mask).ravel(), count)
         mask = (weight >= 0.2 * weight.max())[parts] & mask
-    count, holes, statistics, _ = cv2.connectedComponentsWithStats(
+    _, holes, statistics, _ = cv2.connectedComponentsWithStats(
         (~mask).astype(np.uint8), connectivity=4
     )
     small = statistics[:, cv2.CC_STAT_AREA] < 0.004 * mask.sum()
@@ -286,15 +222,12 @@ def _refined(image: np.ndarray, coarse: np.ndarray) -> np.ndarray:
     labels[cv2.dilate(bits, kernel) == 0] = cv2.GC_BGD
     labels[cv2.erode(bits, kernel) == 1] = cv2.GC_FGD
     finer = _grabcut(image, labels, 1)
-    if finer is None or not finer.any():
-        return mask
-    return _main_parts(finer)
+    return mask if finer is None or not finer.any() else _main_parts(finer)
 
 
 def _coordinates(shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Rows [h, 1] and columns [1, w] of the pixels of an image [h, w], each from -1 to 1."""
-    height, width = shape
-    return np.linspace(-1, 1, height)[:, None], np.linspace(-1, 1, width)[None]
+    return np.linspace(-1, 1, shape[0])[:, None], np.linspace(-1, 1, shape[1])[None]
 
 
 def _central(shape: tuple[int, ...], spread: float) -> np.ndarray:
@@ -313,13 +246,14 @@ def _reduced(image: np.ndarray, side: int) -> np.ndarray:
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 
-# --- Features -----------------------------------------------------------------------------------
-
-
 def _features(mask: np.ndarray, lab: np.ndarray, salience: np.ndarray) -> tuple[float, ...]:
-    """The features after "agreement", in the order of `FEATURES`."""
+    """The features of a mask after its agreement with the others, in the order of `_WEIGHTS`.
+
+    Contrast of the colours on both sides of the outline; gradient on the outline; Hellinger
+    distance of the histograms of both sides' colours; compactness; share of the border that the
+    mask covers; difference of the salience; number of parts.
+    """
     bits = mask.astype(np.uint8)
-    area = float(mask.sum())
     kernel = np.ones((3, 3), np.uint8)
     outline = (cv2.dilate(bits, kernel) - cv2.erode(bits, kernel)).astype(np.bool_)
     contours, _ = cv2.findContours(bits, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -329,35 +263,23 @@ def _features(mask: np.ndarray, lab: np.ndarray, salience: np.ndarray) -> tuple[
     gradient = np.hypot(
         *(cv2.Sobel(lab, cv2.CV_32F, *order).max(axis=2) for order in ((1, 0), (0, 1)))
     )
-    return (
-        _contrast(bits, lab, outline),
-        float(np.log((gradient[outline].mean() + 1) / (gradient.mean() + 1))),
-        _colour_distance(mask, lab),
-        min(1.0, 4 * math.pi * area / max(length, 1) ** 2),
-        float(border.mean()),
-        float(salience[mask].mean() - salience[~mask].mean()) if not mask.all() else 0.0,
-        float(len(contours)),
-    )
-
-
-def _contrast(bits: np.ndarray, lab: np.ndarray, outline: np.ndarray) -> float:
-    """Mean difference of the colours on both sides of the outline, per 100 units of Lab."""
 
     def mean_near(weights: np.ndarray) -> np.ndarray:
         total = cv2.GaussianBlur(lab * weights[..., None], (0, 0), 2.5)
         return total / np.maximum(cv2.GaussianBlur(weights, (0, 0), 2.5), 1e-3)[..., None]
 
-    inside = mean_near(bits.astype(np.float32))
-    outside = mean_near(1 - bits.astype(np.float32))
-    away = np.sqrt(((inside - outside) ** 2).sum(axis=2))
-    return float(away[outline].mean()) / 100
-
-
-def _colour_distance(mask: np.ndarray, lab: np.ndarray) -> float:
-    """Hellinger distance of the histograms of both sides' colours."""
-    bins = np.clip(
-        (lab + np.array((0, 80, 80), np.float32)) / np.array((12.5, 20, 20), np.float32), 0, 7.99
-    ).astype(np.intp) @ [64, 8, 1]
-    sides = [np.bincount(bins[side], minlength=512) for side in (mask, ~mask)]
-    roots = [np.sqrt(counts / max(counts.sum(), 1)) for counts in sides]
-    return math.sqrt(max(0.0, 1 - float(np.dot(*roots))))
+    sides = mean_near(bits.astype(np.float32)) - mean_near(1 - bits.astype(np.float32))
+    contrast = float(np.sqrt((sides**2).sum(axis=2))[outline].mean()) / 100
+    cells = (lab + np.array((0, 80, 80), np.float32)) / np.array((12.5, 20, 20), np.float32)
+    bins = np.clip(cells, 0, 7.99).astype(np.intp) @ [64, 8, 1]
+    counts = [np.bincount(bins[side], minlength=512) for side in (mask, ~mask)]
+    roots = [np.sqrt(count / max(count.sum(), 1)) for count in counts]
+    return (
+        contrast,
+        float(np.log((gradient[outline].mean() + 1) / (gradient.mean() + 1))),
+        math.sqrt(max(0.0, 1 - float(np.dot(*roots)))),
+        min(1.0, 4 * math.pi * float(mask.sum()) / max(length, 1) ** 2),
+        float(border.mean()),
+        float(salience[mask].mean() - salience[~mask].mean()) if not mask.all() else 0.0,
+        float(len(contours)),
+    )

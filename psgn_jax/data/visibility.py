@@ -30,6 +30,7 @@ point got the class of the nearest true point, its class would depend on its err
 """
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from psgn_jax.data import camera
 
@@ -42,8 +43,6 @@ def visible_points(
     tolerance: float,
 ) -> np.ndarray:
     """Returns whether each point is visible, by the rule of the module.
-
-    Deliberately one function: each step removes points that the next step need not check.
 
     Args:
       points: [n, 3] in the project's frame.
@@ -61,81 +60,19 @@ def visible_points(
     """
     if not 0 < tolerance < np.inf:
         raise ValueError(f"tolerance: got {tolerance}, expected a finite distance > 0")
-    inner = np.array(intrinsics, np.float64)  # a copy
-    outer = np.asarray(extrinsics, np.float64)
-    points = np.asarray(points, np.float64)
     finite = np.isfinite(points).all(axis=1)
-    place = camera.to_camera(np.where(finite[:, None], points, 0), outer)
-    visible = np.zeros(len(place), np.bool_)
+    place = camera.to_camera(
+        np.where(finite[:, None], points, 0).astype(np.float64), extrinsics.astype(np.float64)
+    )
     measured = np.isfinite(depth) & (depth > 0)
-    if not measured.any():
-        return visible
-    # Crop to the pixels with a depth: the object is a small part of most images.
-    rows, columns = (np.flatnonzero(measured.any(axis=axis)) for axis in (1, 0))
-    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    depth, measured = depth[part], measured[part]
-    inner[:2, 2] -= columns[0], rows[0]
-    first, last = float(depth[measured].min()), float(depth[measured].max())
-    z = place[:, 2]
-    possible = (z > tolerance) & (z >= first - tolerance) & (z <= last + tolerance)
-    left = np.flatnonzero(finite & possible)
-    place = place[left]
-
-    # How many pixels away a Q within t of P can be (`across`, `down`): with x = X / Z of P, the
-    # difference of x is ((X - X') - x (Z - Z')) / Z', which is at most t sqrt(1 + x^2) / Z'. The
-    # same holds for y.
-    ray = place[:, :2] / place[:, 2:]
-    change = tolerance * np.sqrt(1 + ray**2) / np.maximum(place[:, 2:] - tolerance, first)
-    reach = np.stack([change @ np.abs(inner[0, :2]), change[:, 1] * inner[1, 1]], axis=1) + 0.5
-    image = ray @ inner[:2, :2].T + inner[:2, 2]
-    size = np.array(depth.shape[::-1])
-    inside = ((image > -reach) & (image < size + reach)).all(axis=1)
-    left, place, image = left[inside], place[inside], image[inside]
-    if not len(left):
-        return visible
-    across, down = np.minimum(reach[inside].max(axis=0), size - 1).astype(int).tolist()
-    # The window of a point outside the image is centred on the nearest pixel of the image. Every
-    # pixel of the image is at least as near to this centre as to the point, so none is missed.
-    cell = np.clip(np.floor(image).astype(np.intp), 0, size - 1)
-
-    # Back-projected pixels in the camera's frame, at infinity where there is no depth, with a
-    # margin as wide as the window.
+    possible = finite & (place[:, 2] > tolerance)
+    if not measured.any() or not possible.any():
+        return np.zeros(len(points), np.bool_)
     rows, columns = np.nonzero(measured)
     pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))], axis=1)
-    width = depth.shape[1] + 2 * across
-    surface = np.full((depth.shape[0] + 2 * down, width, 3), np.inf)
-    surface[rows + down, columns + across] = (
-        pixels @ np.linalg.inv(inner).T * depth[measured].astype(np.float64)[:, None]
-    )
-    surface = surface.reshape(-1, 3)
-
-    index = (cell[:, 1] + down) * width + cell[:, 0] + across
-
-    # A cheap and exact test: most hidden points are deeper than all depths in their window.
-    z = surface[:, 2].reshape(-1, width)
-    deepest = _window_max(np.where(z < np.inf, z, -np.inf), down, across).reshape(-1)
-    near = place[:, 2] - deepest.take(index) <= tolerance
-    left, place, index = left[near], place[near], index[near]
-
-    # Nearest pixels first: they decide most of the visible points, which are then removed.
-    offsets = [(i, j) for i in range(-down, down + 1) for j in range(-across, across + 1)]
-    offsets.sort(key=lambda o: o[0] ** 2 + o[1] ** 2)
-    for number, (i, j) in enumerate(offsets, 1):
-        gap = place - surface.take(index + i * width + j, axis=0)
-        visible[left] |= np.einsum("nk,nk->n", gap, gap) <= tolerance**2
-        if number in (1, 9, 25):
-            rest = ~visible[left]
-            left, place, index = left[rest], place[rest], index[rest]
-    return visible
-
-
-def _window_max(plane: np.ndarray, down: int, across: int) -> np.ndarray:
-    """Maximum of [H, W] over windows of +-`down` rows and +-`across` columns."""
-    for axis, reach in enumerate((down, across)):
-        plane = np.moveaxis(plane, axis, 0)
-        widened = plane.copy()
-        for shift in range(1, reach + 1):
-            np.maximum(widened[shift:], plane[:-shift], out=widened[shift:])
-            np.maximum(widened[:-shift], plane[shift:], out=widened[:-shift])
-        plane = np.moveaxis(widened, 0, axis)
-    return plane
+    rays = pixels @ np.linalg.inv(intrinsics.astype(np.float64)).T
+    surface = rays * depth[measured].astype(np.float64)[:, None]
+    bound = np.nextafter(tolerance, np.inf)  # the tree returns distances below the bound
+    distance, _ = KDTree(surface).query(place[possible], distance_upper_bound=bound)
+    possible[possible] = distance <= tolerance
+    return possible

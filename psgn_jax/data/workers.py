@@ -20,6 +20,8 @@ from collections.abc import Callable, Sequence
 from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
+from psgn_jax.system import processes
+
 T = TypeVar("T")
 
 
@@ -64,8 +66,14 @@ def _start_tracker() -> None:
 
 
 def _spawn_in_session(path: bytes, arguments: Sequence[str], files: Sequence[int]) -> int:
-    """`multiprocessing.util.spawnv_passfds`, in a new session."""
-    process = subprocess.Popen(arguments, executable=path, pass_fds=files, start_new_session=True)
+    """`multiprocessing.util.spawnv_passfds`, in a new session.
+
+    After a SIGKILL, the tracker frees the shared memory and would warn about each block.
+    """
+    process = subprocess.Popen(
+        arguments, executable=path, pass_fds=files, start_new_session=True,
+        stderr=subprocess.DEVNULL, env=processes.environment(),
+    )  # fmt: skip
     process.returncode = 0  # the caller of this function waits for the process
     return process.pid
 

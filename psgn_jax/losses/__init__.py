@@ -1,18 +1,20 @@
 """Distances between point clouds: pure functions of one pair; batch with `map_pairs` or vmap."""
 
-from psgn_jax.losses.assignment import Assignment, assign
+from psgn_jax.losses.auction import Assignment, assign
+from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.chamfer import (
     Nearest,
-    chamfer_authors,
-    chamfer_l1_mean,
     chamfer_sq,
-    chamfer_sq_gt_to_pred_mean,
     chamfer_sq_mean,
-    chamfer_sq_pred_to_gt_mean,
     nearest,
     nearest_both,
 )
-from psgn_jax.losses.distances import map_pairs
+from psgn_jax.losses.chamfer_forms import (
+    chamfer_authors,
+    chamfer_l1_mean,
+    chamfer_sq_gt_to_pred_mean,
+    chamfer_sq_pred_to_gt_mean,
+)
 from psgn_jax.losses.emd import (
     ExactAssignment,
     MatchedDistances,
@@ -26,30 +28,9 @@ from psgn_jax.losses.iou import iou, iou_sweep, soft_iou, soft_iou_loss
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 
 __all__ = [
-    "Assignment",
-    "ExactAssignment",
-    "MatchedDistances",
-    "MinOfN",
-    "Nearest",
-    "assign",
-    "chamfer_authors",
-    "chamfer_l1_mean",
-    "chamfer_sq",
-    "chamfer_sq_gt_to_pred_mean",
-    "chamfer_sq_mean",
-    "chamfer_sq_pred_to_gt_mean",
-    "emd_exact",
-    "emd_mean",
-    "emd_sum",
-    "farthest_point_indices",
-    "farthest_points",
-    "iou",
-    "iou_sweep",
-    "map_pairs",
-    "matched_distances",
-    "min_of_n",
-    "nearest",
-    "nearest_both",
-    "soft_iou",
-    "soft_iou_loss",
-]
+    "Assignment", "ExactAssignment", "MatchedDistances", "MinOfN", "Nearest", "assign",
+    "chamfer_authors", "chamfer_l1_mean", "chamfer_sq", "chamfer_sq_gt_to_pred_mean",
+    "chamfer_sq_mean", "chamfer_sq_pred_to_gt_mean", "emd_exact", "emd_mean", "emd_sum",
+    "farthest_point_indices", "farthest_points", "iou", "iou_sweep", "map_pairs",
+    "matched_distances", "min_of_n", "nearest", "nearest_both", "soft_iou", "soft_iou_loss",
+]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Bertsekas' auction algorithm for the assignment problem of two clouds, in plain JAX.
+"""Bertsekas' auction: a nearly optimal bijection between two clouds, with its proven gap.
 
 The problem, for clouds a and b of n points each and Euclidean costs c_ij = |a_i - b_j|:
 
@@ -13,15 +13,14 @@ c_{i,s(i)} + p_{s(i)} <= min_j (c_ij + p_j) + epsilon.
 With a large epsilon the auction ends fast, with a small one it ends near the optimum. It therefore
 runs in phases with decreasing epsilon (epsilon scaling). A phase starts from the prices of the
 previous phase and from the pairs that already satisfy the slackness condition of the new epsilon.
+Between phases, `certificate.judge` bounds how far the bijection is from the optimum and improves
+the prices.
 
-The module `certificate` bounds how far the cost of the result is above the optimum. It also
-improves the prices between phases.
+To be read from top to bottom: one bid, all bids of a phase, the bijection, the phases, `assign`.
 
 Sources: Bertsekas, "A Distributed Algorithm for the Assignment Problem", MIT LIDS working paper,
 1979; Bertsekas, "Auction Algorithms for Network Flow Problems: A Tutorial Introduction",
-Computational Optimization and Applications 1, 1992 (epsilon scaling, reverse auctions). Fan, Su and
-Guibas, CVPR 2017, section "Distance Metric between Point Sets", use the auction with a fixed time
-per instance; they raise the accepted error step by step, so that the auction ends.
+Computational Optimization and Applications 1, 1992 (epsilon scaling, reverse auctions).
 """
 
 import functools
@@ -30,59 +29,45 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.custom_batching import sequential_vmap
+from jax.experimental.xla_metadata import set_xla_metadata
 
+from psgn_jax.array_types import Array, Bool, Float, Int
 from psgn_jax.losses.certificate import (
     Judged,
-    bijection,
     bits,
     distance,
-    front,
     gap_of,
     judge,
     least,
     num_lanes,
     prepare,
+    vary_with,
 )
-from psgn_jax.losses.xla import as_one_function, one_pair_at_a_time, vary_with, write_once
-from psgn_jax.types import Array
+from psgn_jax.losses.points import check_points
 
+# The paper (section "Distance Metric between Point Sets") reports an error of about 1 %.
+TOLERANCE = 0.01
+# Default budget, in bids per point. Clouds of 1,024 points from the authors' data need 5 to 40 bids
+# per point for a gap of 1 %.
+BIDS_PER_POINT = 2000
+
+_START = 0.1  # first epsilon, relative to the extent of the clouds
 _FACTOR = 8.0  # epsilon is divided by at most this from phase to phase
 _AIM = 0.8  # epsilon is chosen so that the next gap is about _AIM times the tolerance
+_FLOOR = 2.0**-20  # smallest epsilon: a few units in the last place of the prices
 _RAISE = 4.0  # epsilon is multiplied by this when half of the budget is spent,
 _RAISES = 16  # at most this often
-_START = 0.1  # first epsilon, relative to the extent of the clouds
-_FLOOR = 2.0**-20  # smallest epsilon: a few units in the last place of the prices
-
-# The later CUDA kernel of the paper's group: epsilon 1e-4, multiplied by 100 after every 40 n bids,
-# at most 1.
-_AUTHORS_START, _AUTHORS_RAISE, _AUTHORS_BIDS, _AUTHORS_CAP = 1e-4, 100.0, 40, 1.0
 
 
 class _Bidding(NamedTuple):
-    """State of the loop over bids."""
+    """State of the loop over bids. The n objects are folded into rows of `num_lanes(n)`."""
 
-    prices: Array  # [R, L] prices of the objects, infinite for padding
-    owner: Array  # [R L] bidder of every object, -1 if it has none
+    prices: Array  # [rows, lanes] prices of the objects, infinite for padding
+    owner: Array  # [rows lanes] bidder of every object, -1 if it has none
     stack: Array  # [n] the first `waiting` entries are the bidders without an object
     waiting: Array
     bids: Array
-
-
-class _Phase(NamedTuple):
-    """State of the loop over phases."""
-
-    epsilon: Array
-    prices: Array  # [n]
-    owner: Array  # [n]
-    waiting: Array  # number of bidders without an object; > 0 at the end: the budget ran out
-    stack: Array
-    bids: Array
-    raises: Array
-    index: Array  # type: ignore[assignment]  # [n] the cheapest bijection so far
-    cost: Array  # cost of `index`
-    proof: Array  # [n] the prices that prove `lower`
-    lower: Array  # the best lower bound so far
-    gap: Array
 
 
 def _take(x: Array, i: Array) -> Array:
@@ -97,15 +82,18 @@ def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) 
     """Lets the bidder on top of the stack bid; a bidder that it displaces replaces it there."""
     top = state.waiting - 1
     bidder = _take(state.stack, top)
-    point = lax.dynamic_slice(a, (bidder, 0), (1, 3))[0]
+    point = lax.dynamic_slice(a, (bidder, jnp.int32(0)), (1, 3))[0]
     height, width = columns[0].shape
+    # The sums of distance and price, as integers of the same order. The barriers make XLA write
+    # them once; they are read for the minimum, for its place and for the second best.
     value = distance(columns, tuple(point[k] for k in range(3))) + state.prices
-    value = write_once(bits(value))
+    value = lax.optimization_barrier(bits(value))
+    # The cheapest object: the minimum of each lane, the best lane, the row in that lane.
     lanes, rows = lax.iota(jnp.int32, width), lax.iota(jnp.int32, height)
-    by_lane = write_once(least(value))
+    by_lane = lax.optimization_barrier(least(value))
     best = least(by_lane)
     lane = least(jnp.where(by_lane == best, lanes, width))
-    column = lax.dynamic_slice(value, (0, lane), (height, 1))[:, 0]
+    column = lax.dynamic_slice(value, (jnp.int32(0), lane), (height, 1))[:, 0]
     row = least(jnp.where(column == best, rows, height))
     # The second best is taken over all objects but the chosen one, so an exact tie has margin 0.
     infinite = jnp.int32(0x7F800000)
@@ -150,57 +138,124 @@ def _bid_all(
         owner=jnp.pad(state.owner, (0, padding), constant_values=-1),
     )
     if fused:
-        loop = as_one_function(loop)
-    state = loop(a, columns, epsilon, limit, state)
+        # XLA's CPU compiler then emits the loop as a single function. One bid is a dozen small
+        # operations that take a microsecond together; launched one by one, they take 1.4 to 2.2
+        # times as long.
+        with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
+            state = jax.jit(loop)(a, columns, epsilon, limit, state)
+    else:
+        state = loop(a, columns, epsilon, limit, state)
     return state._replace(prices=state.prices.reshape(-1)[:n], owner=state.owner[:n])
 
 
-def _owners(index: Array, kept: Array) -> Array:
+def _front(chosen: Array) -> Array:
+    """The indices of the chosen entries, in order, at the front of an array [n]; then zeros."""
+    n = len(chosen)
+    place = jnp.where(chosen, jnp.cumsum(chosen.astype(jnp.int32), dtype=jnp.int32) - 1, n)
+    numbers = lax.iota(jnp.int32, n)
+    return jnp.zeros_like(place).at[place].set(numbers, mode="drop")
+
+
+def _inverse(index: Array, kept: Array) -> Array:
+    """The array with `i` at `index[i]` for the kept i, and -1 elsewhere."""
     n = len(index)
-    bidders = lax.iota(jnp.int32, n)
-    return jnp.full_like(index, -1).at[jnp.where(kept, index, n)].set(bidders, mode="drop")
+    numbers = lax.iota(jnp.int32, n)
+    return jnp.full_like(index, -1).at[jnp.where(kept, index, n)].set(numbers, mode="drop")
 
 
+def _bijection(owner: Array) -> Array:
+    """The bijection bidder -> object of a matching; those without a partner are paired in order."""
+    index = _inverse(owner, owner >= 0)
+    without = index < 0
+    rank = jnp.cumsum(without.astype(jnp.int32), dtype=jnp.int32) - 1
+    return jnp.where(without, _front(owner < 0)[rank], index)
+
+
+class _Phase(NamedTuple):
+    """State of the loop over phases."""
+
+    epsilon: Array  # 0 marks the end
+    prices: Array  # [n]
+    owner: Array  # [n]
+    waiting: Array  # number of bidders without an object; > 0 at the end: the budget ran out
+    stack: Array
+    bids: Array
+    raises: Array
+    index: Array  # type: ignore[assignment]  # [n] the cheapest bijection so far
+    cost: Array  # cost of `index`
+    proof: Array  # [n] the prices that prove `lower`
+    lower: Array  # the best lower bound so far
+    gap: Array
+
+
+@functools.partial(jax.jit, static_argnames="fused")  # compiled once per size
 def _solve(
-    a: Array, b: Array, tolerance: Array, max_bids: Array, *, authors: bool, fused: bool
+    a: Array, b: Array, tolerance: Array, max_bids: Array, *, fused: bool
 ) -> tuple[Array, Array, Array, Array]:
-    """Runs the phases for one pair; returns index, prices, bids and gap.
-
-    Deliberately one function: all parts of the loop use the problem, the budget and the
-    schedule.
-    """
+    """Runs the phases for one pair; returns index, prices, bids and gap."""
     n = len(a)
     problem = prepare(a, b)
-    numbers = lax.iota(jnp.int32, n)
     here = problem.finite
-    zero = vary_with(0, here)
-    index = vary_with(numbers, here)
-    first = judge(problem, index, vary_with(jnp.zeros(n), here))
+    zero = vary_with(jnp.int32(0), here)
+    index = vary_with(lax.iota(jnp.int32, n), here)
+    first = judge(problem, index, vary_with(jnp.zeros(n, jnp.float32), here))
+    # Half of the budget is for reaching the tolerance, half for completing the matching.
+    quiet = max_bids - max_bids // 2  # number of bids before epsilon is raised for the first time
+    patience = jnp.maximum(max_bids // 2 // _RAISES, 1)  # number of bids between later raises
 
-    start: Array
-    quiet: Array  # number of bids before epsilon is raised for the first time
-    patience: Array  # number of bids between later raises
-    if authors:
-        # The authors' numbers are in the unit of their clouds.
-        start, cap = _AUTHORS_START / problem.unit, _AUTHORS_CAP / problem.unit
-        raise_by, start_prices = _AUTHORS_RAISE, jnp.zeros_like(first.prices)
-        quiet = patience = jnp.int32(_AUTHORS_BIDS * n)
-    else:
-        start, cap = vary_with(_START, here), vary_with(jnp.inf, here)
-        raise_by, start_prices = _RAISE, first.prices
-        # Half of the budget is for reaching the tolerance, half for completing the matching.
-        quiet = max_bids - max_bids // 2
-        patience = jnp.maximum(max_bids // 2 // _RAISES, 1)
-    keep = first.slack <= start if not authors else vary_with(jnp.zeros(n, bool), here)
+    def begin(judged: Judged, index: Array, epsilon: Array | float) -> tuple[Array, Array, Array]:
+        keep = judged.slack <= epsilon
+        return _inverse(index, keep), (~keep).sum(dtype=jnp.int32), _front(~keep)
 
-    def begin(judged: Judged, index: Array, keep: Array) -> tuple[Array, Array, Array]:
-        free = ~keep
-        return _owners(index, keep), free.sum(dtype=jnp.int32), front(free)
+    def unfinished(s: _Phase) -> Array:
+        # A complete matching is final if the phase with the smallest epsilon is done, or if epsilon
+        # was raised.
+        unfinished = (s.waiting > 0) | ((s.raises == 0) & (s.epsilon > 0))
+        return (s.gap > tolerance) & unfinished & (s.bids < max_bids) & problem.finite
 
-    owner, waiting, stack = begin(first, index, keep)
+    def end_phase(s: _Phase) -> _Phase:
+        index = _bijection(s.owner)
+        new = judge(problem, index, s.prices)
+        better, higher = new.cost < s.cost, new.lower > s.lower
+        s = s._replace(
+            index=jnp.where(better, index, s.index),
+            cost=jnp.where(better, new.cost, s.cost),
+            proof=jnp.where(higher, new.prices, s.proof),
+            lower=jnp.where(higher, new.lower, s.lower),
+            prices=new.prices,
+        )
+        gap = gap_of(s.cost, s.lower, n)
+        # Near the end aim a little below the tolerance, but change epsilon neither too little nor
+        # too much.
+        aim = jnp.where(jnp.isfinite(gap), _AIM * tolerance / gap, 0)
+        epsilon = s.epsilon * jnp.clip(aim, 1 / _FACTOR, 0.7)
+        floor = _FLOOR * (1 + s.prices.max())
+        last = s.epsilon <= floor
+        epsilon = jnp.maximum(epsilon, floor)
+        done = last | (gap <= tolerance) | (s.raises > 0)
+        owner, waiting, stack = begin(new, index, epsilon)
+        return s._replace(
+            gap=gap,
+            epsilon=jnp.where(done, 0.0, epsilon),
+            owner=jnp.where(done, s.owner, owner),
+            waiting=jnp.where(done, 0, waiting),
+            stack=jnp.where(done, s.stack, stack),
+        )
+
+    def hurry(s: _Phase) -> _Phase:
+        return s._replace(epsilon=s.epsilon * _RAISE, raises=s.raises + 1)
+
+    def phase(s: _Phase) -> _Phase:
+        limit = jnp.minimum(quiet + patience * s.raises, max_bids)
+        state = _Bidding(s.prices, s.owner, s.stack, s.waiting, s.bids)
+        state = _bid_all(problem.a, problem.b, s.epsilon, limit, state, fused=fused)
+        s = s._replace(**state._asdict())
+        return lax.cond(s.waiting == 0, end_phase, hurry, s)
+
+    owner, waiting, stack = begin(first, index, _START)
     state = _Phase(
-        epsilon=start,
-        prices=start_prices,
+        epsilon=vary_with(jnp.float32(_START), here),
+        prices=first.prices,
         owner=owner,
         waiting=waiting,
         stack=stack,
@@ -212,58 +267,6 @@ def _solve(
         lower=first.lower,
         gap=gap_of(first.cost, first.lower, n),
     )
-
-    def unfinished(s: _Phase) -> Array:
-        if authors:
-            unfinished = (s.waiting > 0) & (s.raises < 3)
-        else:
-            # A complete matching is final if the phase with the smallest epsilon is done
-            # (`end_phase` then sets epsilon to 0), or if epsilon was raised.
-            unfinished = (s.waiting > 0) | ((s.raises == 0) & (s.epsilon > 0))
-        return (s.gap > tolerance) & unfinished & (s.bids < max_bids) & problem.finite
-
-    def end_phase(s: _Phase) -> _Phase:
-        index = bijection(s.owner)
-        new = judge(problem, index, s.prices)
-        better, higher = new.cost < s.cost, new.lower > s.lower
-        s = s._replace(
-            index=jnp.where(better, index, s.index),
-            cost=jnp.where(better, new.cost, s.cost),
-            proof=jnp.where(higher, new.prices, s.proof),
-            lower=jnp.where(higher, new.lower, s.lower),
-            prices=new.prices,
-        )
-        gap = gap_of(s.cost, s.lower, n)
-        if authors:
-            return s._replace(gap=gap)
-        # Near the end aim a little below the tolerance, but change epsilon neither too little nor
-        # too much.
-        aim = jnp.where(jnp.isfinite(gap), _AIM * tolerance / gap, 0)
-        epsilon = s.epsilon * jnp.clip(aim, 1 / _FACTOR, 0.7)
-        floor = _FLOOR * (1 + s.prices.max())
-        last = s.epsilon <= floor
-        epsilon = jnp.maximum(epsilon, floor)
-        done = last | (gap <= tolerance) | (s.raises > 0)
-        owner, waiting, stack = begin(new, index, new.slack <= epsilon)
-        return s._replace(
-            gap=gap,
-            # Epsilon 0 marks the end.
-            epsilon=jnp.where(done, 0.0, epsilon),
-            owner=jnp.where(done, s.owner, owner),
-            waiting=jnp.where(done, 0, waiting),
-            stack=jnp.where(done, s.stack, stack),
-        )
-
-    def hurry(s: _Phase) -> _Phase:
-        return s._replace(epsilon=jnp.minimum(s.epsilon * raise_by, cap), raises=s.raises + 1)
-
-    def phase(s: _Phase) -> _Phase:
-        limit = jnp.minimum(quiet + patience * s.raises, max_bids)
-        state = _Bidding(s.prices, s.owner, s.stack, s.waiting, s.bids)
-        state = _bid_all(problem.a, problem.b, s.epsilon, limit, state, fused=fused)
-        s = s._replace(**state._asdict())
-        return lax.cond(s.waiting == 0, end_phase, hurry, s)
-
     state = lax.while_loop(unfinished, phase, state)
     # If the budget ran out within a phase, the matching is incomplete. `end_phase` completes it and
     # keeps the result if it is better than the best bijection so far.
@@ -272,21 +275,72 @@ def _solve(
     return state.index, state.proof * problem.unit, state.bids, gap
 
 
-def _solver(authors: bool) -> Any:
-    # Compiled once per size, even if the caller does not use `jit`.
-    solve = jax.jit(functools.partial(_solve, authors=authors), static_argnames="fused")
-
-    # On a CPU the pairs of a batch are solved one after another. In lock step every pair would take
-    # as long as the slowest one, and every bid would copy the state of all pairs.
-    @one_pair_at_a_time
-    def cpu(a: Array, b: Array, tolerance: Array, max_bids: Array) -> Any:
-        return solve(a, b, tolerance, max_bids, fused=True)
-
-    def default(a: Array, b: Array, tolerance: Array, max_bids: Array) -> Any:
-        return solve(a, b, tolerance, max_bids, fused=False)
-
-    return cpu, default
+# On a CPU the pairs of a batch are solved one after another, under `vmap` too. In lock step every
+# pair would take as long as the slowest one, and every bid would copy the state of all pairs.
+_solve_on_cpu = sequential_vmap(functools.partial(_solve, fused=True))
+solve_in_lock_step = functools.partial(_solve, fused=False)
 
 
-SOLVERS = {authors: _solver(authors) for authors in (False, True)}
-"""Key: whether the schedule is "authors". Value: the solvers for a CPU and for other devices."""
+class Assignment(NamedTuple):
+    """A bijection, a[i] with b[index[i]], its certificate, and the number of bids (`iterations`).
+
+    `prices` are dual prices of the points of b, in the unit of the clouds; the smallest is 0. They
+    prove `gap`, a bound on (cost - OPT) / OPT, which is infinite if no positive lower bound on OPT
+    is known. `converged` is gap <= tolerance.
+    """
+
+    index: Int[Array, " n"]  # type: ignore[assignment]  # hides tuple.index
+    prices: Float[Array, " n"]
+    converged: Bool[Array, ""]
+    iterations: Int[Array, ""]
+    gap: Float[Array, ""]
+
+
+def assign(
+    a: Float[Array, "n 3"],
+    b: Float[Array, "n 3"],
+    *,
+    tolerance: float | Array = TOLERANCE,
+    max_bids: int | Array | None = None,
+    names: tuple[str, str] = ("a", "b"),
+) -> Assignment:
+    """A bijection between a and b with a nearly minimal sum of Euclidean distances, and its gap.
+
+    The solver stops as soon as `gap` <= tolerance. When half of the budget is spent, it raises
+    epsilon step by step, so that the auction ends. The paper does this too. The result is always a
+    bijection, and `gap` is always valid for it. It has no gradient; the module `emd` has the
+    distance and its gradient. On a GPU every bid launches several kernels, which is slow.
+
+    Args:
+      a: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
+      b: [n, 3].
+      tolerance: >= 0, accepted (cost - OPT) / OPT. In float32 gaps below about 1e-4 cannot be
+        proven.
+      max_bids: >= 0, the budget; None: 2000 n. One bid is a pass over the n distances of a point.
+      names: the caller's names for a and b, used in error messages.
+
+    Raises:
+      ValueError: wrong shape or dtype, unequal sizes, a negative tolerance or budget, or (outside
+        `jit`) a non-finite coordinate. Inside `jit`, a non-finite coordinate gives the bijection
+        i -> i, `converged` False and a NaN gap. So does an extent that is positive but below the
+        smallest normal float32 (1e-38).
+    """
+    a, b = check_points(a, names[0]), check_points(b, names[1])
+    if len(a) != len(b):
+        raise ValueError(
+            f"{names[1]}: got {len(b)} points, expected as many as {names[0]} has ({len(a)}): a"
+            " bijection needs equal sizes (take a subset, or use a Chamfer distance)"
+        )
+    if max_bids is None:
+        max_bids = min(BIDS_PER_POINT * len(a), 2**30)
+    for name, value in (("tolerance", tolerance), ("max_bids", max_bids)):
+        if isinstance(value, int | float) and not value >= 0:
+            raise ValueError(f"{name}: got {value}, expected >= 0")
+    dtype = jnp.promote_types(a.dtype, b.dtype)
+    a, b = (lax.stop_gradient(x.astype(dtype)) for x in (a, b))
+    here = a[0, 0] == b[0, 0]
+    tolerance = vary_with(jnp.asarray(tolerance, jnp.float32), here)
+    budget = vary_with(jnp.asarray(max_bids, jnp.int32), here)
+    solve = _solve_on_cpu if jax.default_backend() == "cpu" else solve_in_lock_step
+    index, prices, bids, gap = solve(a, b, tolerance, budget)
+    return Assignment(index, prices, gap <= tolerance, bids, gap)

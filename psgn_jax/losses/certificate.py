@@ -1,4 +1,4 @@
-"""The assignment problem of two clouds, and a proven bound on how far a bijection is from optimal.
+"""A proven bound on how far a bijection between two clouds is from optimal.
 
 For clouds a and b of n points each and Euclidean costs c_ij = |a_i - b_j|:
 
@@ -13,23 +13,17 @@ The cost P of a bijection s therefore exceeds OPT by at most the sum of its slac
 
     P - OPT <= sum_i (c_{i,s(i)} + p_{s(i)} - u_i)
 
-This holds for any prices, however they were computed. `judge` first sets u_i = min_j (c_ij + p_j).
-Then, with u fixed, it lowers every price as far as possible, p_j = max_i (u_i - c_ij). This second
-pass over the distances (the backward sweep) improves the prices and the bound. The gap is the bound
-on P - OPT divided by the lower bound on OPT. All float32 rounding errors are included, so that the
-gap is never underestimated (`_ROUNDING`).
-
-Memory is linear in n, because distances are computed from the coordinates when needed. The results
-of both solvers (`auction`, `kernels.auction`) are verified here.
+This holds for any prices, however they were computed. `gap` is this bound divided by a lower bound
+on OPT. It includes all float32 rounding errors, so it is never too small. Memory is linear in n:
+distances are computed from the coordinates when they are needed.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jax import lax
 
-from psgn_jax.losses.xla import vary_with
-from psgn_jax.types import Array
+from psgn_jax.array_types import Array
 
 _TILE = 32  # targets per step of a pass over all distances
 _UNIT = 2.0**-24  # unit roundoff of float32
@@ -39,83 +33,6 @@ _UNIT = 2.0**-24  # unit roundoff of float32
 # below 24 unit roundoffs times that bound. Counting operations gives 18, if a square root is
 # accurate to 2 units in the last place.
 _ROUNDING = 24 * _UNIT
-
-
-def bits(x: Array) -> Array:
-    """Reinterprets floats >= 0 as integers, which have the same order.
-
-    XLA's minimum of integers uses vector registers; its minimum of floats does not.
-    """
-    return lax.bitcast_convert_type(x, jnp.int32)
-
-
-def least(x: Array) -> Array:
-    """Minimum over the first axis of an array that `bits` returned."""
-    return lax.reduce(x, jnp.int32(0x7F800000), lax.min, (0,))  # start: the bits of infinity
-
-
-def distance(x: tuple[Array, ...], y: tuple[Array, ...]) -> Array:
-    """Euclidean distances between points, given as three coordinate arrays each."""
-    return jnp.sqrt(sum(jnp.square(s - t) for s, t in zip(x, y, strict=True)))
-
-
-def cheapest(points: Array, targets: Array, prices: Array) -> Array:
-    """min_j (|points_i - targets_j| + prices_j) for every i, in tiles of targets; prices >= 0."""
-    padding = -len(targets) % _TILE
-    tiles = jnp.pad(targets, ((0, padding), (0, 0)), mode="edge").reshape(-1, _TILE, 3)
-    prices = jnp.pad(prices, (0, padding), constant_values=jnp.inf).reshape(-1, _TILE)
-    rows = tuple(points[None, :, k] for k in range(3))
-
-    def step(best: Array, tile: tuple[Array, Array]) -> tuple[Array, None]:
-        target, price = tile
-        value = distance(rows, tuple(target[:, k, None] for k in range(3))) + price[:, None]
-        return lax.min(best, least(bits(value))), None
-
-    start = bits(vary_with(jnp.inf, points[:, 0] == targets[0, 0]))
-    return lax.bitcast_convert_type(lax.scan(step, start, (tiles, prices))[0], jnp.float32)
-
-
-def num_lanes(n: int) -> int:
-    """Number of columns L of the [R, L] array that holds n objects.
-
-    A bid of the auction is one pass over the array, which gives the minimum of each column, and a
-    search among these L minima and the R entries of the best column.
-    """
-    return 16 if n <= 256 else 32 if n <= 2048 else 64 if n <= 8192 else 128
-
-
-def accurate_sum(x: Array) -> Array:
-    """The sum of n terms >= 0, with a relative error below `sum_rounding(n)`."""
-    width = num_lanes(len(x))
-    return jnp.pad(x, (0, -len(x) % width)).reshape(-1, width).sum(axis=0).sum()
-
-
-def sum_rounding(n: int) -> float:
-    """Bound on the relative error of `accurate_sum`."""
-    width = num_lanes(n)
-    return (-(-n // width) + width) * _UNIT
-
-
-def front(chosen: Array) -> Array:
-    """The indices of the chosen entries, in order, at the front of an array [n]; then zeros."""
-    n = len(chosen)
-    place = jnp.where(chosen, jnp.cumsum(chosen.astype(jnp.int32)) - 1, n)
-    numbers = lax.iota(jnp.int32, n)
-    return jnp.zeros_like(place).at[place].set(numbers, mode="drop")
-
-
-def bijection(owner: Array) -> Array:
-    """The bijection bidder -> object of a matching, in which `owner[j]` is object j's bidder or -1.
-
-    Bidders and objects that are not matched are paired in order.
-    """
-    n = len(owner)
-    numbers = lax.iota(jnp.int32, n)
-    free = owner < 0
-    index = jnp.full_like(owner, -1).at[jnp.where(free, n, owner)].set(numbers, mode="drop")
-    without = index < 0
-    rank = jnp.cumsum(without.astype(jnp.int32)) - 1
-    return jnp.where(without, front(free)[rank], index)
 
 
 class Problem(NamedTuple):
@@ -130,12 +47,11 @@ class Problem(NamedTuple):
 
 
 def prepare(a: Array, b: Array) -> Problem:
-    """Scales a pair of clouds by a power of two to extents of at most 1."""
+    """Scales a pair of clouds by a power of two, which is exact, to extents of at most 1."""
     finite = jnp.isfinite(a).all() & jnp.isfinite(b).all()
     a, b = jnp.where(finite, a, 0), jnp.where(finite, b, 0)
     low = jnp.minimum(a.min(axis=0), b.min(axis=0))
     high = jnp.maximum(a.max(axis=0), b.max(axis=0))
-    # The scale is a power of two, so that scaling is exact.
     extent = (high - low).max()
     finite &= jnp.isfinite(extent)
     # If the extent underflows although the points differ, all distances are 0 and prove nothing.
@@ -152,12 +68,61 @@ def prepare(a: Array, b: Array) -> Problem:
     return Problem(scale(a), scale(b), centred[0], centred[1], unit, finite)
 
 
-def cost_of(problem: Problem, index: Array) -> Array:
-    """Sum of the distances of a bijection."""
-    # Uses the coordinates before centring: the relative error is a few roundings at any offset,
-    # and coincident points cost exactly 0.
-    difference = (problem.exact_a - problem.exact_b[index]).astype(jnp.float32)
-    return accurate_sum(jnp.sqrt(jnp.square(difference).sum(axis=-1)))
+def distance(x: tuple[Array, ...], y: tuple[Array, ...]) -> Array:
+    """Euclidean distances between points, given as three coordinate arrays each."""
+    return jnp.sqrt(sum(jnp.square(s - t) for s, t in zip(x, y, strict=True)))
+
+
+def bits(x: Array) -> Array:
+    """Float32 numbers >= 0 as integers of the same order, whose minimum XLA vectorises."""
+    return lax.bitcast_convert_type(x, jnp.int32)
+
+
+def least(x: Array) -> Array:
+    """Minimum over the first axis of an array that `bits` returned."""
+    return lax.reduce(x, jnp.int32(0x7F800000), lax.min, (0,))  # start: the bits of infinity
+
+
+def vary_with(value: Any, data: Array) -> Array:
+    """`value` with the shape of `data`, computed from it.
+
+    Inside `jax.shard_map` a constant does not vary along the axes of the mesh, but the state of a
+    loop over sharded data must. XLA optimises the `where` away.
+    """
+    return jnp.where(data == data, value, value)
+
+
+def cheapest(points: Array, targets: Array, prices: Array) -> Array:
+    """min_j (|points_i - targets_j| + prices_j) for every i, in tiles of targets; prices >= 0."""
+    padding = -len(targets) % _TILE
+    tiles = jnp.pad(targets, ((0, padding), (0, 0)), mode="edge").reshape(-1, _TILE, 3)
+    prices = jnp.pad(prices, (0, padding), constant_values=jnp.inf).reshape(-1, _TILE)
+    rows = tuple(points[None, :, k] for k in range(3))
+
+    def step(best: Array, tile: tuple[Array, Array]) -> tuple[Array, None]:
+        target, price = tile
+        value = distance(rows, tuple(target[:, k, None] for k in range(3))) + price[:, None]
+        return lax.min(best, least(bits(value))), None
+
+    start = bits(vary_with(jnp.float32(jnp.inf), points[:, 0] == targets[0, 0]))
+    return lax.bitcast_convert_type(lax.scan(step, start, (tiles, prices))[0], jnp.float32)
+
+
+def num_lanes(n: int) -> int:
+    """Number of columns of the [rows, lanes] array into which n numbers are folded."""
+    return 16 if n <= 256 else 32 if n <= 2048 else 64 if n <= 8192 else 128
+
+
+def accurate_sum(x: Array) -> Array:
+    """The sum of n terms >= 0, with a relative error below `sum_rounding(n)`."""
+    width = num_lanes(len(x))
+    return jnp.pad(x, (0, -len(x) % width)).reshape(-1, width).sum(axis=0).sum()
+
+
+def sum_rounding(n: int) -> float:
+    """Bound on the relative error of `accurate_sum`."""
+    width = num_lanes(n)
+    return (-(-n // width) + width) * _UNIT
 
 
 class Judged(NamedTuple):
@@ -170,17 +135,22 @@ class Judged(NamedTuple):
 
 
 def judge(problem: Problem, index: Array, prices: Array) -> Judged:
-    """Computes the cost of a bijection, the lower bound that its prices prove, and new prices."""
+    """The cost of the bijection i -> index[i], and the lower bound on OPT that prices prove."""
     a, b, n = problem.a, problem.b, len(index)
+    # The largest u for these prices. Then, with u fixed, the lowest prices, p_j = max_i (u_i -
+    # c_ij): this backward sweep improves the bound. A common shift of u and p changes nothing.
     u = cheapest(a, b, prices)
     top = u.max()
     prices = top - cheapest(b, a, top - u)
-    least = prices.min()
-    prices, u = prices - least, u - least
-    cost = cost_of(problem, index)
+    lowest = prices.min()
+    prices, u = prices - lowest, u - lowest
+    # The cost uses the coordinates before centring: its relative error is a few roundings at any
+    # offset, and coincident points cost exactly 0.
+    difference = (problem.exact_a - problem.exact_b[index]).astype(jnp.float32)
+    cost = accurate_sum(jnp.sqrt(jnp.square(difference).sum(axis=-1)))
     matched = jnp.sqrt(jnp.square(a - b[index]).sum(axis=-1))
     slack = jnp.maximum(matched + prices[index] - u, 0)
-    doubt = _ROUNDING * (2 + top + jnp.abs(least))
+    doubt = _ROUNDING * (2 + top + jnp.abs(lowest))
     relative = sum_rounding(n) + 8 * _UNIT
     lower = cost * (1 - relative) - accurate_sum(slack + doubt) * (1 + relative)
     return Judged(cost, lower, prices, slack)

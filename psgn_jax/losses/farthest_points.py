@@ -9,8 +9,8 @@ import functools
 import jax
 import jax.numpy as jnp
 
-from psgn_jax.losses.distances import check_points
-from psgn_jax.types import Array, Float, Int
+from psgn_jax.array_types import Array, Float, Int
+from psgn_jax.losses.points import check_points
 
 # Points per block. The maximum of each block is computed first; then the farthest point is searched
 # in one block only. To choose 1,024 of 16,384 points, for two clouds under vmap, this takes 14 ms
@@ -29,15 +29,9 @@ def farthest_point_indices(
     `start`. It is invariant to rigid motion up to rounding. No index occurs twice, even if points
     coincide. The indices have no gradient; `farthest_points` has one.
 
-    Memory beyond the input: 4 n numbers. Time: proportional to n k. For a batch use `jax.vmap`; on
-    a CPU `jax.lax.map(..., batch_size=2)` takes half the time, because two clouds fit in the cache.
-    Inside `jit`, a non-finite coordinate makes every index n, which is out of range
-    (`farthest_points` then returns NaN).
-
-    Args:
-      points: [n, 3], n >= 1, a floating dtype; computed in float32 (float64 stays float64).
-      num_samples: k, 1 to n.
-      start: index of the first chosen point, 0 to n - 1; not checked if it is traced.
+    Memory beyond the input: 4 n numbers. For a batch use `jax.vmap`; on a CPU `jax.lax.map(...,
+    batch_size=2)` takes half the time, because two clouds fit in the cache. Inside `jit`, a
+    non-finite coordinate makes every index n (`farthest_points` then returns NaN).
 
     Raises:
       ValueError: wrong shape or dtype, `num_samples` or `start` out of range, or (outside `jit`) a
@@ -56,19 +50,7 @@ def farthest_point_indices(
 def farthest_points(
     points: Float[Array, "n 3"], num_samples: int, *, start: int | Array = 0
 ) -> Float[Array, "k 3"]:
-    """The points at `farthest_point_indices`.
-
-    Differentiable: the gradient of a chosen point is added to the input point it was taken from.
-    Inside `jit`, all coordinates are NaN if one input coordinate is not finite. Arguments and
-    errors: `farthest_point_indices`.
-
-    Examples:
-      >>> import jax.numpy as jnp
-      >>> from psgn_jax import losses
-      >>> points = jnp.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [9.0, 0.0, 0.0]])
-      >>> losses.farthest_points(points, 2).tolist()
-      [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]]
-    """
+    """The points at `farthest_point_indices`, with a gradient; errors likewise."""
     index = farthest_point_indices(points, num_samples, start=start)
     return jnp.asarray(points).at[index].get(mode="fill", fill_value=jnp.nan)
 

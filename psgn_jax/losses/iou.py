@@ -1,13 +1,13 @@
 """Intersection over union of two volumes: soft for training, at a threshold for evaluation.
 
-Volumes are occupancies in [0, 1] on the same grid, of any shape. All functions take one pair. IoU
-has no unit. The grid of this project (`data.schema`) is [32, 32, 32], indexed [x, y, z], over
-[-1, 1] x [-1, 1] x [0, 2].
+Volumes are occupancies in [0, 1] on the same grid, of any shape; different shapes raise a
+ValueError. All functions take one pair. IoU has no unit. The grid of this project (`data.schema`)
+is [32, 32, 32], indexed [x, y, z], over [-1, 1] x [-1, 1] x [0, 2].
 """
 
 import jax.numpy as jnp
 
-from psgn_jax.types import Array, Bool, Float
+from psgn_jax.array_types import Array, Bool, Float
 
 PREDICTION_THRESHOLDS = tuple(round(0.05 * i, 2) for i in range(1, 20))
 """Default thresholds of `iou_sweep`: .05 to .95."""
@@ -16,18 +16,10 @@ PREDICTION_THRESHOLDS = tuple(round(0.05 * i, 2) for i in range(1, 20))
 def soft_iou(pred: Float[Array, "*cells"], gt: Float[Array, "*cells"]) -> Float[Array, ""]:
     """IoU of probabilities: sum(p g) / sum(p + g - p g), or 1 if both volumes are empty.
 
-    Equal to `iou` if all values are 0 or 1. Differentiable everywhere.
-
-    Source: Rahman and Wang, "Optimizing Intersection-Over-Union in Deep Neural Networks for Image
-    Segmentation", ISVC 2016. The paper says only that its post-processing network "is trained by
-    IoU" (implementation details); this form is **ours**.
-
-    Args:
-      pred: values in [0, 1]; the range is not checked.
-      gt: likewise.
-
-    Raises:
-      ValueError: the shapes differ.
+    Equal to `iou` if all values are 0 or 1. Differentiable everywhere. Source: Rahman and Wang,
+    "Optimizing Intersection-Over-Union in Deep Neural Networks for Image Segmentation", ISVC 2016.
+    The paper says only that its post-processing network "is trained by IoU" (implementation
+    details); this form is **ours**.
     """
     _check_shapes(pred, gt)
     pred, gt = jnp.asarray(pred), jnp.asarray(gt)
@@ -49,16 +41,6 @@ def iou(
 
     NaN if a predicted value is NaN. Source: Choy et al., "3D-R2N2", ECCV 2016, section 5.1 (its
     code compares with >= and uses the threshold .4).
-
-    Raises:
-      ValueError: the shapes differ.
-
-    Examples:
-      >>> import jax.numpy as jnp
-      >>> from psgn_jax import losses
-      >>> pred, gt = jnp.array([0.9, 0.8, 0.1, 0.2]), jnp.array([True, False, True, False])
-      >>> round(float(losses.iou(pred, gt)), 3)  # 1 cell in both, 3 in either
-      0.333
     """
     return iou_sweep(pred, gt, jnp.asarray(threshold)[None])[0]
 
@@ -68,13 +50,7 @@ def iou_sweep(
     gt: Bool[Array, "*cells"],
     thresholds: Float[Array, " t"] | tuple[float, ...] = PREDICTION_THRESHOLDS,
 ) -> Float[Array, " t"]:
-    """`iou` at each threshold.
-
-    To choose a threshold, average the scores over validation samples and take the best.
-
-    Raises:
-      ValueError: the shapes differ.
-    """
+    """`iou` at each threshold."""
     _check_shapes(pred, gt)
     pred, gt = jnp.asarray(pred).reshape(-1), jnp.asarray(gt).reshape(-1)
     inside = pred[None, :] >= jnp.asarray(thresholds, pred.dtype)[:, None]

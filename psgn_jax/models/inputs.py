@@ -8,8 +8,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from psgn_jax.config import CHANNELS_OF, Config
-from psgn_jax.types import Array, Bool, Float, UInt8
+from psgn_jax.array_types import Array, Bool, Float, UInt8
 
 # Background colour in the authors' files (github.com/fanhqme/PointSetGeneration).
 BACKGROUND = 191 / 255
@@ -42,20 +41,20 @@ def stack_channels(
       mask: True on the object.
       depth: z along the optical axis in units (radius of the bounding hemisphere); required if
         "depth" is in `channels`, otherwise ignored.
-      channels: any of "rgb", "mask", "depth", each at most once.
+      channels: any of "rgb", "mask", "depth".
       distance: depth of the frame's origin along the optical axis, `extrinsics[2, 3]`; None: 3.6,
         the value of the default camera.
 
     Raises:
-      ValueError: a channel is unknown, repeated or has no array; shapes disagree; the image is not
-        uint8 or the mask not bool.
+      ValueError: a channel is unknown, or the image is not uint8.
 
     Source: the authors' published code and data, which store colours as BGR. Their files store
     depth as 16-bit integers, (5.4 - z) / 3.6 * 65535. Neither the files nor the paper say how depth
     is passed to a network; the two depth channels are **ours**.
     """
-    _check(image, mask, depth, channels)
     image, mask = jnp.asarray(image), jnp.asarray(mask)
+    if image.dtype != jnp.uint8:
+        raise ValueError(f"image is {image.dtype}: accepted: uint8")
     planes = []
     for channel in channels:
         if channel == "rgb":
@@ -63,48 +62,25 @@ def stack_channels(
             planes.append(jnp.where(mask[..., None], colour, BACKGROUND))
         elif channel == "mask":
             planes.append(1 - mask[..., None].astype(jnp.float32))
-        else:
+        elif channel == "depth":
             z = jnp.asarray(depth, jnp.float32)
             origin = DEFAULT_DISTANCE if distance is None else jnp.asarray(distance, jnp.float32)
             origin = jnp.broadcast_to(origin, z.shape[:-2])[..., None, None]
             measured = mask & (z > 0) & jnp.isfinite(z)
             nearness = jnp.where(measured, origin - z, 0.0)
             planes.append(jnp.stack([nearness, measured.astype(jnp.float32)], axis=-1))
+        else:
+            raise ValueError(f"channel {channel!r}: accepted: 'rgb', 'mask', 'depth'")
     return jnp.concatenate(planes, axis=-1)
 
 
-def _check(image: Any, mask: Any, depth: Any, channels: Sequence[str]) -> None:
-    """Raises ValueError for invalid arguments of `stack_channels`."""
-    if not channels or len(set(channels)) < len(channels) or not set(channels) <= set(CHANNELS_OF):
-        raise ValueError(
-            f"channels={tuple(channels)!r}: accepted: any of {tuple(CHANNELS_OF)}, each once"
-        )
-    if image.dtype != jnp.uint8 or image.ndim < 3 or image.shape[-1] != 3:
-        raise ValueError(
-            f"image is {image.dtype} {tuple(image.shape)}: accepted: uint8 [..., h, w, 3]"
-        )
-    if mask.dtype != jnp.bool_ or mask.shape != image.shape[:-1]:
-        raise ValueError(
-            f"mask is {mask.dtype} {tuple(mask.shape)}: accepted: bool {tuple(image.shape[:-1])}, "
-            "the shape of the image"
-        )
-    if "depth" in channels:
-        if depth is None:
-            raise ValueError("depth=None: accepted: an array, because 'depth' is in channels")
-        if depth.shape != mask.shape:
-            raise ValueError(
-                f"depth has the shape {tuple(depth.shape)}: accepted: {tuple(mask.shape)}, "
-                "the shape of the mask"
-            )
-
-
-def network_inputs(config: Config, batch: Mapping[str, Any]) -> Array:
+def network_inputs(channels: Sequence[str], batch: Mapping[str, Any]) -> Array:
     """The network input of a batch: [B,H,W,C], or [B,V,H,W,C] for several views."""
     camera = batch.get("extrinsics")
     return stack_channels(
         batch["image"],
         batch["mask"],
         batch.get("depth"),
-        channels=config.data.inputs,
+        channels=channels,
         distance=None if camera is None else camera[..., 2, 3],
     )

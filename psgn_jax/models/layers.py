@@ -1,8 +1,7 @@
 """Layers of the networks (convolution, transposed convolution, dense) and their initial values.
 
-Every layer has float32 parameters named `kernel` and `bias`, with the axes that
-`models.cpu_convolution` describes. It casts input, kernel and bias to its `dtype`, in which it also
-computes.
+Every layer has float32 parameters named `kernel` and `bias`. It casts input, kernel and bias to its
+`dtype`, in which it also computes.
 
 Initial values (**ours**: choices of this implementation; the paper gives none). The networks have
 no normalisation layers. The variances of the initial kernels must therefore keep the activations at
@@ -27,13 +26,10 @@ import jax.numpy as jnp
 import numpy as np
 from flax import linen as nn
 
-from psgn_jax.models import cpu_convolution
-from psgn_jax.types import Array, Float, PRNGKey
+from psgn_jax.array_types import Array, Float, PRNGKey
+from psgn_jax.models.convolution import convolve, convolve_transposed
 
 Initializer = Callable[[PRNGKey, Sequence[int], Any], jax.Array]
-
-DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
-"""The accepted values of `model.compute_dtype`."""
 
 RELU: Initializer = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal")
 SUMMED: Initializer = nn.initializers.variance_scaling(1.0, "fan_in", "truncated_normal")
@@ -45,15 +41,7 @@ CLOUD_SPREAD = 0.3
 
 
 class Conv(nn.Module):
-    """`conv2d(x, kernel) + bias`, SAME padding.
-
-    Attributes:
-      features: output channels.
-      kernel_size: side of the square kernel.
-      stride: step in both directions; the output has `ceil(size / stride)` rows and columns.
-      kernel_init, bias_init: initial values.
-      dtype: dtype of the arithmetic and the output.
-    """
+    """`convolve(x, kernel, stride) + bias` for images, or with `ndim` 3 for volumes."""
 
     features: int
     kernel_size: int = 3
@@ -61,69 +49,31 @@ class Conv(nn.Module):
     kernel_init: Initializer = RELU
     bias_init: Initializer = nn.initializers.zeros_init()
     dtype: Any = jnp.float32
+    ndim: int = 2
 
     @nn.compact
-    def __call__(self, x: Float[Array, "b h w c_in"]) -> Float[Array, "b ho wo c_out"]:
+    def __call__(self, x: Float[Array, "b *size c_in"]) -> Float[Array, "b *out c_out"]:
         """Maps a batch of feature maps."""
-        shape = (self.kernel_size, self.kernel_size, x.shape[-1], self.features)
+        shape = (*(self.kernel_size,) * self.ndim, x.shape[-1], self.features)
         kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
-        bias = self.param("bias", self.bias_init, (self.features,), jnp.float32)
-        y = cpu_convolution.conv2d(
-            x.astype(self.dtype), kernel.astype(self.dtype), stride=self.stride
-        )
-        return y + bias.astype(self.dtype)[None, None, None, :]
+        y = convolve(x.astype(self.dtype), kernel.astype(self.dtype), self.stride)
+        return _add_bias(self, y)
 
 
-class Conv3D(nn.Module):
-    """`conv3d(x, kernel, stride=stride) + bias`.
+class Conv3D(Conv):
+    """`Conv` for volumes."""
 
-    Attributes:
-      features: output channels.
-      kernel_size: edge of the cubic kernel.
-      stride: step in all directions.
-      use_bias: whether to add a bias.
-      kernel_init, bias_init: initial values.
-      dtype: dtype of the arithmetic and the output.
-    """
-
-    features: int
-    kernel_size: int = 3
-    stride: int = 1
-    use_bias: bool = True
-    kernel_init: Initializer = RELU
-    bias_init: Initializer = nn.initializers.zeros_init()
-    dtype: Any = jnp.float32
-
-    @nn.compact
-    def __call__(self, x: Float[Array, "b x y z c_in"]) -> Float[Array, "b xo yo zo c_out"]:
-        """Maps a batch of volumes."""
-        shape = (*(self.kernel_size,) * 3, x.shape[-1], self.features)
-        kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
-        y = cpu_convolution.conv3d(
-            x.astype(self.dtype), kernel.astype(self.dtype), stride=self.stride
-        )
-        if self.use_bias:
-            bias = self.param("bias", self.bias_init, (self.features,), jnp.float32)
-            y = y + bias.astype(self.dtype)[None, None, None, None, :]
-        return y
+    ndim: int = 3
 
 
 class ConvTranspose(nn.Module):
-    """`conv2d_transpose(x, kernel) + bias`, SAME padding: the output is `stride` times as large.
-
-    Attributes:
-      features: output channels.
-      kernel_size: side of the square kernel.
-      stride: factor of both sizes.
-      kernel_init: initial values; their variance is multiplied by stride^2 (see the module's
-        docstring on the fan-in).
-      dtype: dtype of the arithmetic and the output.
-    """
+    """`convolve_transposed(x, kernel, stride) + bias`."""
 
     features: int
     kernel_size: int = 5
     stride: int = 2
     kernel_init: Initializer = SUMMED
+    bias_init: Initializer = nn.initializers.zeros_init()
     dtype: Any = jnp.float32
 
     @nn.compact
@@ -135,22 +85,12 @@ class ConvTranspose(nn.Module):
 
         shape = (self.kernel_size, self.kernel_size, x.shape[-1], self.features)
         kernel = self.param("kernel", init, shape, jnp.float32)
-        bias = self.param("bias", nn.initializers.zeros_init(), (self.features,), jnp.float32)
-        y = cpu_convolution.conv2d_transpose(
-            x.astype(self.dtype), kernel.astype(self.dtype), stride=self.stride
-        )
-        return y + bias.astype(self.dtype)[None, None, None, :]
+        y = convolve_transposed(x.astype(self.dtype), kernel.astype(self.dtype), self.stride)
+        return _add_bias(self, y)
 
 
 class Dense(nn.Module):
-    """`x @ kernel + bias`.
-
-    Attributes:
-      features: size of the output.
-      use_bias: whether to add a bias.
-      kernel_init, bias_init: initial values.
-      dtype: dtype of the arithmetic and the output.
-    """
+    """`x @ kernel + bias`."""
 
     features: int
     use_bias: bool = True
@@ -164,22 +104,21 @@ class Dense(nn.Module):
         shape = (x.shape[-1], self.features)
         kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
         y = x.astype(self.dtype) @ kernel.astype(self.dtype)
-        if self.use_bias:
-            bias = self.param("bias", self.bias_init, (self.features,), jnp.float32)
-            y = y + bias.astype(self.dtype)[None, :]
-        return y
+        return _add_bias(self, y) if self.use_bias else y
+
+
+def _add_bias(layer: Any, y: Array) -> Array:
+    bias = layer.param("bias", layer.bias_init, (layer.features,), jnp.float32)
+    return y + bias.astype(layer.dtype).reshape((1,) * (y.ndim - 1) + (-1,))
 
 
 def cloud_bias(spread: float) -> Initializer:
     """Initial bias of an output layer: coordinates xyz, xyz, ... near the middle of an object.
 
     This is **ours**. A dense output layer has its own bias for each point, so the first clouds can
-    be spread over the object. Most points then soon become the nearest ones to some part of the
-    surface. A convolution has the same bias in all cells; there the spread is 0, and `grid_offset`
-    spreads the points.
-
-    Args:
-      spread: standard deviation of each coordinate in units.
+    be spread over the object, by a standard deviation of `spread` units; most points then soon
+    become the nearest ones to some part of the surface. A convolution has the same bias in all
+    cells; there the spread is 0, and `grid_offset` spreads the points.
     """
 
     def init(key: PRNGKey, shape: Sequence[int], dtype: Any = jnp.float32) -> jax.Array:

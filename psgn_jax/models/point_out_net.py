@@ -6,10 +6,7 @@ those of the default configuration: images of 192x256 pixels and widths 16, 32, 
 512 at levels 0 to 6. Level l has 1 / 2^l of the image size; the last level, 3x4, is the bottleneck.
 Layers are 3x3 convolutions with ReLU unless stated otherwise.
 
-- `Encoder`: two convolutions at full size; then at each level a strided convolution, followed by
-  two convolutions of stride 1 (three at the last level before the bottleneck, none at the
-  bottleneck).
-- `vanilla`: encoder, flatten, dense 2048 and 1024 (ReLU), then 3 numbers per point (linear).
+- `vanilla`: `Encoder`, flatten, dense 2048 and 1024 (ReLU), then 3 numbers per point (linear).
 - `two_branch`: the same for 256 points (fc branch), and in parallel a deconv branch: a `Merge` at
   each level from the bottleneck up to 24x32, one more convolution, and a linear convolution to the
   coordinates of the points of each cell.
@@ -17,10 +14,6 @@ Layers are 3x3 convolutions with ReLU unless stated otherwise.
   fc branch reads both bottlenecks. The first one goes through a dense layer of 2048 with ReLU and a
   linear layer of 2048 (`carry`), the second one through another linear layer of 2048. The two
   results are added; a ReLU follows.
-- `Merge`: ReLU(resampled + skip), then a convolution. "Resampled" is a linear 5x5 transposed
-  convolution of stride 2 (up) or a linear strided convolution (down). "Skip" is a linear 3x3
-  convolution of the latest features of that level. The width is half of the encoder's width at
-  that level.
 
 Output: first the fc points, then the deconv points row by row, with the points of one cell next to
 each other. Both output layers are linear, so that coordinates can be negative.
@@ -42,50 +35,69 @@ disagree:
   own dense layer. With `random_at` "fc", r is added to the first hidden layer of the fc branch,
   before its ReLU; the points of the deconv branch then depend only on the image.
 - Several samples of r per image: the layers before r, and the skip convolutions that read them, are
-  computed once per image. The layers before r are the encoder up to the bottleneck (`vanilla`,
-  `two_branch`), the encoder of the first pass (`hourglass`), or everything but the fc branch
-  (`random_at` "fc"). The other layers have a batch of b * draws, in which the samples of one image
-  are next to each other.
-- `width_multiplier` scales all hidden widths, of convolutions and of dense layers. Scaled widths
-  are rounded to multiples of 8 and are at least 8.
+  computed once per image. The other layers have a batch of b * draws.
 - Padding: if a side of the image is not a multiple of 2^(levels - 1), it is padded to the next one
-  by repeating border pixels, half on each side (an odd pixel at the bottom or right). If the object
-  does not touch the border, the padding is background in every channel.
-- Initial values, and a constant that spreads the deconv points over the image, are described in
-  `layers`.
-- The output layers compute in float32 for every `compute_dtype`, because bfloat16 numbers near 1
-  have steps of .008.
-
-Parameters, for rules that depend on the type of a layer (such as the authors' L2 terms): kernels of
-convolutions have four axes, kernels of dense layers two. The linear layer after the first pass of
-the hourglass, for which the authors use a separate L2 weight, is `params["fc"]["carry"]`.
+  by repeating border pixels, half on each side (an odd pixel at the bottom or right).
+- The output layers compute in float32 for every `dtype`, because bfloat16 numbers near 1 have steps
+  of .008. Initial values, and a constant that spreads the deconv points, are in `layers`.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from flax import linen as nn
 
-from psgn_jax.config import ModelConfig, has_deconv_branch
+from psgn_jax.array_types import Array, Float
 from psgn_jax.models import layers
-from psgn_jax.models.layers import DTYPES, Conv, ConvTranspose, Dense
-from psgn_jax.models.point_layout import (
-    RANDOM_AT,
-    num_points,
-    padded_size,
-    scaled_widths,
-    wrong_field,
-)
-from psgn_jax.types import Array, Float
+from psgn_jax.models.layers import SUMMED, Conv, ConvTranspose, Dense
+
+
+class OutputGrid(NamedTuple):
+    """Size of the point grid of a deconv branch, (0, 0, 0) without one."""
+
+    height: int
+    width: int
+    points_per_cell: int
+
+
+class Branches(NamedTuple):
+    """Indices of the points that each branch predicts."""
+
+    fc: range
+    deconv: range
+
+
+def _add(x: Array, per_image: Array) -> Array:
+    """`x + per_image`; x may have several rows for each row of `per_image`, next to each other."""
+    if x.shape == per_image.shape:
+        return x + per_image
+    # `shape[0]`, not `len`: the number of images may be symbolic (`psgn_jax.portable`).
+    grouped = x.reshape(per_image.shape[0], -1, *per_image.shape[1:])
+    return (grouped + per_image[:, None]).reshape(x.shape)
+
+
+class Bottleneck(nn.Module):
+    """ReLU(5x5 convolution of stride 2 + dense(r))."""
+
+    width: int
+    dtype: Any
+
+    @nn.compact
+    def __call__(self, x: Array, r: Array | None) -> Array:
+        """Halves the size; r is None or has one row per image and sample."""
+        x = Conv(self.width, 5, stride=2, dtype=self.dtype, name="down")(x)
+        if r is not None:
+            dense = Dense(x[0].size, False, kernel_init=SUMMED, dtype=self.dtype, name="random")
+            x = _add(dense(r).reshape(-1, *x.shape[1:]), x)
+        return nn.relu(x)
 
 
 class Encoder(nn.Module):
-    """Maps an image to the features of each level and the bottleneck.
+    """Two convolutions at each level, the first strided; one more above the bottleneck.
 
     Attributes:
-      widths: feature maps per level; the last entry is the bottleneck.
+      widths: feature maps per level, full size first; the last entry is the bottleneck.
       num_wide: number of levels, counted from the bottleneck, with a strided 5x5 kernel.
-      dtype: dtype of the arithmetic.
     """
 
     widths: tuple[int, ...]
@@ -95,8 +107,7 @@ class Encoder(nn.Module):
     @nn.compact
     def __call__(self, x: Array, r: Array | None) -> tuple[list[Array], Array]:
         """Returns the features of all levels but the last, full size first, and the bottleneck."""
-        last = len(self.widths) - 1
-        features = []
+        last, features = len(self.widths) - 1, []
         for level, width in enumerate(self.widths[:-1]):
             if level > 0:
                 size = 5 if level > last - self.num_wide else 3
@@ -108,36 +119,11 @@ class Encoder(nn.Module):
         return features, Bottleneck(self.widths[-1], self.dtype, name="bottleneck")(x, r)
 
 
-class Bottleneck(nn.Module):
-    """ReLU(5x5 convolution of stride 2 + dense(r))."""
-
-    width: int
-    dtype: Any
-
-    @nn.compact
-    def __call__(self, x: Array, r: Array | None) -> Array:
-        """Halves the size; `r` is None or has one row per image and sample, [b * draws, k]."""
-        x = Conv(self.width, 5, stride=2, dtype=self.dtype, name="down")(x)
-        if r is not None:
-            dense = Dense(
-                x[0].size,
-                use_bias=False,
-                kernel_init=layers.SUMMED,
-                dtype=self.dtype,
-                name="random",
-            )
-            x = _add(dense(r).reshape(-1, *x.shape[1:]), x)
-        return nn.relu(x)
-
-
 class Merge(nn.Module):
-    """ReLU(resample(x) + conv(skip)), then a convolution with ReLU.
+    """ReLU(resampled x + 3x3 convolution of the skip), then a convolution with ReLU.
 
-    Attributes:
-      width: feature maps of the output.
-      down_size: kernel size of the strided convolution down to the size of `skip`; 0 = upsample by
-        a 5x5 transposed convolution instead.
-      dtype: dtype of the arithmetic.
+    x is resampled to the size of `skip` by a linear 5x5 transposed convolution of stride 2, or if
+    `down_size` is not 0 by a linear strided convolution of that kernel size.
     """
 
     width: int
@@ -146,26 +132,28 @@ class Merge(nn.Module):
 
     @nn.compact
     def __call__(self, x: Array, skip: Array) -> Array:
-        """Returns features of the size of `skip`; x may have several samples for each image."""
-        init, dtype = layers.SUMMED, self.dtype
+        """Returns features of the size of `skip`; x may have several rows for each of its rows."""
+        width, linear = self.width, {"kernel_init": SUMMED, "dtype": self.dtype}
         if self.down_size:
-            x = Conv(
-                self.width, self.down_size, stride=2, kernel_init=init, dtype=dtype, name="down"
-            )(x)
+            x = Conv(width, self.down_size, stride=2, name="down", **linear)(x)
         else:
-            x = ConvTranspose(self.width, kernel_init=init, dtype=dtype, name="up")(x)
-        x = nn.relu(_add(x, Conv(self.width, kernel_init=init, dtype=dtype, name="skip")(skip)))
-        return nn.relu(Conv(self.width, dtype=dtype, name="conv")(x))
+            x = ConvTranspose(width, name="up", **linear)(x)
+        x = nn.relu(_add(x, Conv(width, name="skip", **linear)(skip)))
+        return nn.relu(Conv(width, dtype=self.dtype, name="conv")(x))
+
+
+def _merge(x: Array, features: list[Array], sizes: dict[int, int], net: Any) -> list[Array]:
+    """`features` with each level of `sizes` (down_size by level) merged, at half its width."""
+    features = list(features)
+    for level, size in sizes.items():
+        width = max(1, net.widths[level] // 2)
+        x = Merge(width, size, net.dtype, name=f"level{level}")(x, features[level])
+        features[level] = x
+    return features
 
 
 class Decoder(nn.Module):
-    """Upsamples from the bottleneck to the level `top`.
-
-    Attributes:
-      widths: widths of the encoder per level; the decoder has half of each.
-      top: level at which to stop.
-      dtype: dtype of the arithmetic.
-    """
+    """Upsamples from the bottleneck to the level `top`; `widths` are those of the encoder."""
 
     widths: tuple[int, ...]
     top: int
@@ -174,23 +162,11 @@ class Decoder(nn.Module):
     @nn.compact
     def __call__(self, x: Array, features: list[Array]) -> list[Array]:
         """Returns `features` with the levels >= `top` replaced by decoded features."""
-        features = list(features)
-        for level in reversed(range(self.top, len(features))):
-            width = max(1, self.widths[level] // 2)
-            x = Merge(width, 0, self.dtype, name=f"level{level}")(x, features[level])
-            features[level] = x
-        return features
+        return _merge(x, features, dict.fromkeys(reversed(range(self.top, len(features))), 0), self)
 
 
 class Reencoder(nn.Module):
-    """The second downsampling pass of the hourglass, from the level `top` to the bottleneck.
-
-    Attributes:
-      widths: widths of the encoder per level; this pass has half of each, except the bottleneck.
-      top: level to start from.
-      num_wide: number of levels, counted from the bottleneck, with a strided 5x5 kernel.
-      dtype: dtype of the arithmetic.
-    """
+    """The second downsampling pass of the hourglass, from the level `top` to the bottleneck."""
 
     widths: tuple[int, ...]
     top: int
@@ -200,24 +176,15 @@ class Reencoder(nn.Module):
     @nn.compact
     def __call__(self, features: list[Array], r: Array | None) -> tuple[list[Array], Array]:
         """Returns `features` with the levels > `top` replaced, and the bottleneck."""
-        features, last = list(features), len(self.widths) - 1
-        x = features[self.top]
-        for level in range(self.top + 1, last):
-            size = 5 if level > last - self.num_wide else 3
-            width = max(1, self.widths[level] // 2)
-            x = Merge(width, size, self.dtype, name=f"level{level}")(x, features[level])
-            features[level] = x
-        return features, Bottleneck(self.widths[-1], self.dtype, name="bottleneck")(x, r)
+        last = len(self.widths) - 1
+        sizes = {i: 5 if i > last - self.num_wide else 3 for i in range(self.top + 1, last)}
+        features = _merge(features[self.top], features, sizes, self)
+        bottleneck = Bottleneck(self.widths[-1], self.dtype, name="bottleneck")
+        return features, bottleneck(features[last - 1], r)
 
 
 class FullyConnected(nn.Module):
-    """The fc branch: maps bottleneck features to points.
-
-    Attributes:
-      num_points: number of points.
-      widths: hidden widths; the first layer reads the bottleneck of each pass.
-      dtype: dtype of the arithmetic in the hidden layers.
-    """
+    """The fc branch."""
 
     num_points: int
     widths: tuple[int, ...]
@@ -225,39 +192,27 @@ class FullyConnected(nn.Module):
 
     @nn.compact
     def __call__(self, bottlenecks: list[Array], r: Array | None) -> Array:
-        """Maps the bottlenecks of one or two passes to points [b, num_points, 3].
-
-        `r` is None unless `random_at` is "fc". With r, b is the number of rows of r.
-        """
+        """Maps the bottlenecks of one or two passes, and r, to points [b, num_points, 3]."""
         *first, last = [x.reshape(x.shape[0], -1) for x in bottlenecks]
         hidden, dtype = self.widths[0], self.dtype
-        init = layers.SUMMED if first else layers.RELU
+        init = SUMMED if first else layers.RELU
         x = Dense(hidden, kernel_init=init, dtype=dtype, name="hidden0")(last)
         for flat in first:
             y = nn.relu(Dense(hidden, dtype=dtype, name="first_pass")(flat))
-            x = x + Dense(hidden, kernel_init=layers.SUMMED, dtype=dtype, name="carry")(y)
+            x = x + Dense(hidden, kernel_init=SUMMED, dtype=dtype, name="carry")(y)
         if r is not None:
-            dense = Dense(
-                hidden, use_bias=False, kernel_init=layers.SUMMED, dtype=dtype, name="random"
-            )
-            x = _add(dense(r), x)
+            x = _add(Dense(hidden, False, kernel_init=SUMMED, dtype=dtype, name="random")(r), x)
         x = nn.relu(x)
         for i, width in enumerate(self.widths[1:], start=1):
             x = nn.relu(Dense(width, dtype=dtype, name=f"hidden{i}")(x))
-        points = Dense(
-            3 * self.num_points,
-            kernel_init=layers.small(0.1),
-            bias_init=layers.cloud_bias(layers.CLOUD_SPREAD),
-            name="points",
-        )(x)
-        return points.reshape(points.shape[0], self.num_points, 3)
+        bias = layers.cloud_bias(layers.CLOUD_SPREAD)
+        kernel = layers.small(0.1)
+        x = Dense(3 * self.num_points, kernel_init=kernel, bias_init=bias, name="points")(x)
+        return x.reshape(x.shape[0], self.num_points, 3)
 
 
 class PointOutNet(nn.Module):
     """Maps one image, and optionally a random vector r, to a point cloud.
-
-    The architecture is described in the module's docstring. To create a network, use `build`, which
-    validates the fields.
 
     Attributes:
       version: "vanilla", "two_branch" or "hourglass".
@@ -284,6 +239,32 @@ class PointOutNet(nn.Module):
     random_at: str = "bottleneck"
     dtype: Any = jnp.float32
 
+    @property
+    def padded_size(self) -> tuple[int, int]:
+        """(height, width) of the images after padding."""
+        unit = 2 ** (len(self.widths) - 1)
+        return -(-self.image_size[0] // unit) * unit, -(-self.image_size[1] // unit) * unit
+
+    @property
+    def grid(self) -> OutputGrid:
+        """The grid of the deconv branch: 24 rows, 32 columns, 1 point per cell by default."""
+        if self.version == "vanilla":
+            return OutputGrid(0, 0, 0)
+        height, width = (side >> self.deconv_level for side in self.padded_size)
+        return OutputGrid(height, width, self.deconv_channels // 3)
+
+    @property
+    def branches(self) -> Branches:
+        """The points of each branch: fc 0 to 255, deconv 256 to 1,023 by default."""
+        height, width, points = self.grid
+        first = self.fc_points
+        return Branches(range(first), range(first, first + height * width * points))
+
+    @property
+    def num_points(self) -> int:
+        """Number of points of one prediction, 1,024 by default."""
+        return self.branches.deconv.stop
+
     @nn.compact
     def __call__(
         self, x: Float[Array, "b h w c"], r: Float[Array, "b *draws k"] | None = None
@@ -303,10 +284,18 @@ class PointOutNet(nn.Module):
         Raises:
           ValueError: the shape of an argument does not match the network.
         """
-        self._check_shapes(x, r)
+        expected, components = (*self.image_size, self.in_channels), 0 if r is None else r.shape[-1]
+        if x.shape[1:] != expected:
+            raise ValueError(f"x has the shape {x.shape}: accepted: (batch, *{expected})")
+        if components != self.random_size or (r is not None and r.shape[0] != x.shape[0]):
+            accepted = (x.shape[0], "draws", self.random_size) if self.random_size else None
+            given = "None" if r is None else f"of the shape {r.shape}"
+            raise ValueError(f"r is {given}: accepted: {accepted}")
         batch_shape = x.shape[:1] if r is None else r.shape[:-1]
         r = None if r is None else r.reshape(-1, self.random_size)
-        x = _pad(x, padded_size(self.image_size, len(self.widths)))
+        extra = [new - old for new, old in zip(self.padded_size, self.image_size, strict=True)]
+        if any(extra):
+            x = jnp.pad(x, [(0, 0), *((e // 2, e - e // 2) for e in extra), (0, 0)], mode="edge")
         widths, dtype = self.widths, self.dtype
         num_wide = 3 if self.version == "hourglass" else 1
         early, late = (r, None) if self.random_at == "bottleneck" else (None, r)
@@ -321,7 +310,7 @@ class PointOutNet(nn.Module):
         if self.fc_points:
             fc = FullyConnected(self.fc_points, self.fc_widths, dtype, name="fc")
             clouds.append(fc(bottlenecks, late))
-        if has_deconv_branch(self.version):
+        if self.version != "vanilla":
             features = Decoder(widths, self.deconv_level, dtype, name="decoder")(x, features)
             x = features[self.deconv_level]
             x = nn.relu(Conv(x.shape[-1], dtype=dtype, name="deconv_conv")(x))
@@ -331,8 +320,7 @@ class PointOutNet(nn.Module):
                 bias_init=layers.cloud_bias(0.0),
                 name="deconv_points",
             )(x)
-            height, width, channels = points.shape[1:]
-            points = points + layers.grid_offset(height, width, channels // 3)[None]
+            points = points + layers.grid_offset(*self.grid)[None]
             points = points.reshape(points.shape[0], -1, 3)
             if late is not None:  # these points do not depend on r
                 draws = late.shape[0] // points.shape[0]
@@ -340,76 +328,3 @@ class PointOutNet(nn.Module):
             clouds.append(points)
         cloud = jnp.concatenate(clouds, axis=1)
         return cloud.reshape(*batch_shape, *cloud.shape[1:])
-
-    def _check_shapes(self, x: Array, r: Array | None) -> None:
-        expected = (*self.image_size, self.in_channels)
-        if x.ndim != 4 or x.shape[1:] != expected:
-            raise ValueError(f"x has the shape {x.shape}: accepted: (batch, *{expected})")
-        if r is None and self.random_size:
-            raise ValueError(
-                f"r=None: accepted: an array of the shape {(x.shape[0], self.random_size)}, "
-                "since the network has a random input"
-            )
-        if r is not None and not self.random_size:
-            raise ValueError(f"r has the shape {r.shape}: accepted: None, since random_size is 0")
-        if r is not None and (
-            r.ndim not in (2, 3) or (r.shape[0], r.shape[-1]) != (x.shape[0], self.random_size)
-        ):
-            raise ValueError(
-                f"r has the shape {r.shape}: accepted: {(x.shape[0], self.random_size)}, or "
-                f"({x.shape[0]}, draws, {self.random_size})"
-            )
-
-
-def build(config: ModelConfig) -> PointOutNet:
-    """Builds the network of a configuration, without parameters.
-
-    Raises:
-      ValueError: a field is out of range, or the image is too small (see `padded_size`).
-    """
-    num_points(config)
-    if config.compute_dtype not in DTYPES:
-        raise wrong_field("compute_dtype", config.compute_dtype, f"one of {tuple(DTYPES)}")
-    if config.in_channels < 1:
-        raise wrong_field(
-            "in_channels", config.in_channels, "at least 1 (`data.inputs` gives 3 to 6)"
-        )
-    if config.fc_points and not config.fc_widths:
-        raise wrong_field("fc_widths", config.fc_widths, "at least one width")
-    if config.random_size < 0:
-        raise wrong_field("random_size", config.random_size, "0 (none) or more")
-    if config.random_at not in RANDOM_AT:
-        raise wrong_field("random_at", config.random_at, f"one of {RANDOM_AT}")
-    if config.random_size and config.random_at == "fc" and not config.fc_points:
-        raise wrong_field("random_at", "fc", "'bottleneck', because fc_points=0 has no fc branch")
-    return PointOutNet(
-        version=config.name,
-        image_size=config.image_size,
-        in_channels=config.in_channels,
-        widths=scaled_widths(config.widths, config.width_multiplier),
-        fc_points=config.fc_points,
-        fc_widths=scaled_widths(config.fc_widths, config.width_multiplier),
-        deconv_level=config.deconv_level,
-        deconv_channels=config.deconv_channels,
-        random_size=config.random_size,
-        random_at=config.random_at,
-        dtype=DTYPES[config.compute_dtype],
-    )
-
-
-def _pad(x: Array, size: tuple[int, int]) -> Array:
-    """Pads images to `size` with their border pixels; an odd pixel is added at bottom or right."""
-    extra = [target - side for target, side in zip(size, x.shape[1:3], strict=True)]
-    if not any(extra):
-        return x
-    amounts = [(e // 2, e - e // 2) for e in extra]
-    return jnp.pad(x, [(0, 0), *amounts, (0, 0)], mode="edge")
-
-
-def _add(x: Array, per_image: Array) -> Array:
-    """`x + per_image`; x may have several rows for each row of `per_image`, next to each other."""
-    if x.shape == per_image.shape:
-        return x + per_image
-    # `shape[0]`, not `len`: the number of images may be symbolic (`psgn_jax.portable`).
-    grouped = x.reshape(per_image.shape[0], -1, *per_image.shape[1:])
-    return (grouped + per_image[:, None]).reshape(x.shape)

@@ -31,11 +31,10 @@ import jax
 import jax.numpy as jnp
 from flax import linen as nn
 
-from psgn_jax.config import ModelConfig
+from psgn_jax.array_types import Array, Float
 from psgn_jax.data.schema import OCCUPANCY_SIZE
 from psgn_jax.models import layers
 from psgn_jax.models.layers import Conv3D, Dense
-from psgn_jax.types import Array, Float
 
 NAME = "posterior"
 """Key of the posterior's parameters next to those of the generator."""
@@ -80,15 +79,6 @@ class Posterior(nn.Module):
         x = nn.relu(Dense(self.hidden, name="hidden")(x))
         x = Dense(2 * self.size, kernel_init=layers.small(0.1), name="gaussian")(x)
         return Gaussian(x[:, : self.size], x[:, self.size :])
-
-
-def build(config: ModelConfig) -> Posterior:
-    """Builds the network of a configuration with `posterior`."""
-    return Posterior(
-        widths=tuple(config.posterior_widths),
-        hidden=config.posterior_hidden,
-        size=config.random_size,
-    )
 
 
 def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:

@@ -34,17 +34,14 @@ import jax
 import jax.numpy as jnp
 from flax import linen as nn
 
+from psgn_jax.array_types import Array, Bool, Float
 from psgn_jax.models.layers import Conv, Conv3D, Dense
-from psgn_jax.models.point_layout import scaled_widths
-from psgn_jax.types import Array, Bool, Float
 
-CELLS = ("gru", "lstm")
 CONV_WIDTHS = (96, 128, 256, 256, 256, 256)
 DENSE_WIDTH = 1024
 HIDDEN_WIDTH = 128
 DECODER_WIDTHS = (128, 128, 64, 32)
 HIDDEN_SIZE = 4
-IMAGE_SIDE = 127
 
 _LEAK = 0.01
 _KERNEL = nn.initializers.variance_scaling(2.0, "fan_avg", "normal")
@@ -63,7 +60,7 @@ class State(NamedTuple):
 
 
 class ImageEncoder(nn.Module):
-    """Maps an image to a vector; the module's docstring describes the layers."""
+    """Maps an image to a vector."""
 
     widths: tuple[int, ...]
     dense: int
@@ -108,12 +105,7 @@ class _Gate(nn.Module):
 
 
 class VolumeCell(nn.Module):
-    """The recurrent unit, described in the module's docstring.
-
-    Attributes:
-      kind: "gru" or "lstm".
-      dtype: dtype of the arithmetic.
-    """
+    """The recurrent unit; its kind is "gru" or "lstm"."""
 
     kind: str
     dtype: Any
@@ -164,13 +156,7 @@ class VolumeDecoder(nn.Module):
 
 
 class RecurrentVolume(nn.Module):
-    """Maps views of an object to the logits of its 32^3 cells.
-
-    Attributes:
-      cell: "gru" or "lstm".
-      conv_widths, dense_width, hidden_width, decoder_widths: sizes, described in the module.
-      dtype: dtype of the arithmetic; the last layer computes in float32.
-    """
+    """Maps views of an object to the logits of its 32^3 cells; the last layer is in float32."""
 
     cell: str = "gru"
     conv_widths: tuple[int, ...] = CONV_WIDTHS
@@ -183,17 +169,10 @@ class RecurrentVolume(nn.Module):
     def __call__(self, views: Float[Array, "b v h w c"]) -> Float[Array, "b x y z 2"]:
         """Returns the logits (empty, occupied) after the last view.
 
-        Args:
-          views: v >= 1 images of each object, for example RGB in [0, 1] of 127x127 pixels. The
-            shapes of the parameters do not depend on v. After training with views in random order,
-            the order of the views has little influence.
-
-        Raises:
-          ValueError: v is 0.
+        The views are v >= 1 images of each object, for example RGB in [0, 1] of 127x127 pixels. The
+        shapes of the parameters do not depend on v.
         """
         batch, count = views.shape[:2]
-        if count < 1:
-            raise ValueError(f"views has the shape {views.shape}: expected at least one view")
         encoder = ImageEncoder(self.conv_widths, self.dense_width, self.dtype, name="encoder")
         codes = encoder(views.reshape(batch * count, *views.shape[2:]).astype(self.dtype))
         codes = codes.reshape(batch, count, -1)
@@ -203,27 +182,6 @@ class RecurrentVolume(nn.Module):
         for view in range(count):
             state = cell(codes[:, view], state)
         return VolumeDecoder(self.decoder_widths, self.dtype, name="decoder")(state.hidden)
-
-
-def build(
-    cell: str = "gru", width_multiplier: float = 1.0, dtype: Any = jnp.float32
-) -> RecurrentVolume:
-    """Builds the network with the published widths times `width_multiplier`.
-
-    Raises:
-      ValueError: the cell is unknown or the multiplier is not positive.
-    """
-    if cell not in CELLS:
-        raise ValueError(f"cell={cell!r}: accepted: one of {CELLS}")
-    dense, hidden = scaled_widths((DENSE_WIDTH, HIDDEN_WIDTH), width_multiplier)
-    return RecurrentVolume(
-        cell,
-        scaled_widths(CONV_WIDTHS, width_multiplier),
-        dense,
-        hidden,
-        scaled_widths(DECODER_WIDTHS, width_multiplier),
-        dtype,
-    )
 
 
 def unpool(x: Float[Array, "b n n n c"]) -> Float[Array, "b m m m c"]:

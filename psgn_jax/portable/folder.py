@@ -1,27 +1,28 @@
 """Writes the folder of `psgn export`: exported files, compared with JAX, and their description."""
 
-import dataclasses
 import hashlib
+import importlib.util
 import json
 import os
 import pathlib
 import string
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
 import numpy as np
 from absl import logging
 
-from psgn_jax.config import ConfigError, UserError
-from psgn_jax.data import camera, framing, schema
-from psgn_jax.files import write_atomic
-from psgn_jax.models import point_layout
-from psgn_jax.portable import check as check_lib
-from psgn_jax.portable import runtime
+from psgn_jax.config.experiment import ConfigError
+from psgn_jax.data import camera, framing, resize, schema
+from psgn_jax.data.dataset import open_split
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.models import networks
 from psgn_jax.portable.network import PortableNetwork
 from psgn_jax.prediction import sampling
-from psgn_jax.training.run_folder import Run
+from psgn_jax.system.errors import UserError
+from psgn_jax.system.files import write_atomic
+from psgn_jax.weights.run_folder import Run
 
 FORMAT = "psgn_jax network 1"
 LATENTS = 16
@@ -33,32 +34,34 @@ ONNX_NAMES = {
     "int8": "network_int8.onnx",
 }
 STABLEHLO_NAME = "network.stablehlo"
+LARGEST_DIFFERENCE = 1e-4
+"""Largest accepted difference between a coordinate of a float32 file and JAX's (unit)."""
+
+LARGEST_CD_CHANGE = 0.01
+"""Largest accepted change of the mean CD, relative to that of JAX's clouds."""
+
 TEMPLATES = pathlib.Path(__file__).resolve().parent / "templates"
 JAVASCRIPT = ("framing.js", "resample.js")
 """JavaScript modules in `TEMPLATES` that frame and resample photos like the Python code."""
 
-RULE = {
-    "box_width": framing.BOX_WIDTH,
-    "box_height": framing.BOX_HEIGHT,
-    "box_power": framing.BOX_POWER,
-    "middle_column": framing.MIDDLE_COLUMN,
-    "middle_row": framing.MIDDLE_ROW,
-    "middle_row_per_width": framing.MIDDLE_ROW_PER_WIDTH,
-    "smallest_box": framing.SMALLEST_BOX,
-}
+_NAMES = ["BOX_WIDTH", "BOX_HEIGHT", "BOX_POWER", "MIDDLE_COLUMN", "MIDDLE_ROW"]
+_NAMES += ["MIDDLE_ROW_PER_WIDTH", "SMALLEST_BOX"]
+RULE = {name.lower(): getattr(framing, name) for name in _NAMES}
 """Constants of the framing rule (`data.framing`), for programs in other languages."""
+
+Arrays = Mapping[str, np.ndarray]
 
 
 class ExportError(UserError):
     """A network cannot be exported, or an exported file gives wrong results."""
 
 
-def write_folder(run: Run, out: str | os.PathLike[str], **options: Any) -> dict[str, Any]:
-    """Calls `write_network`, adds a README and examples; returns the content of `network.json`."""
-    write_network(run, out, **options)
-    description: dict[str, Any] = json.loads((pathlib.Path(out) / "network.json").read_text())
-    _write_texts(pathlib.Path(out), description)
-    return description
+def require_packages() -> None:
+    """Raises `ConfigError` if packages of the extra `export` are missing."""
+    names = ("onnx", "onnxruntime", "flatbuffers")  # jax.export needs flatbuffers
+    missing = [name for name in names if importlib.util.find_spec(name) is None]
+    if missing:
+        raise ConfigError(f"{', '.join(missing)}: not installed; pip install 'psgn-jax[export]'")
 
 
 def write_network(
@@ -70,7 +73,7 @@ def write_network(
     data: str = "",
     split: str = "validation",
     images: int = 64,
-) -> list[str]:
+) -> dict[str, Any]:
     """Writes a network as ONNX and StableHLO files, `network.json`, and `JAVASCRIPT`.
 
     Every file is run and compared with JAX before it is written.
@@ -86,61 +89,153 @@ def write_network(
       images: number of images of the records for the check.
 
     Returns:
-      names of the files.
+      the content of `network.json`.
 
     Raises:
       ConfigError: packages are missing, or an argument is wrong.
-      ExportError: an operation cannot be converted to ONNX, or a file's clouds differ too much from
-        JAX's.
+      ExportError: a parameter is not finite, or a file's clouds differ too much from JAX's.
     """
-    runtime.require_packages()
+    require_packages()
     _check_arguments(weights, data, images)
-    network = PortableNetwork.from_run(run)
+    network = PortableNetwork(run)
     if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(run.params)):
         raise ExportError("a parameter is not finite: a damaged or diverged training")
-    samples = (
-        check_lib.recorded_samples(network, data, split, images)
-        if data
-        else check_lib.drawn_samples(network)
-    )
-    clouds = check_lib.expected(network, samples)
-    description = describe(run, network)
-    files: dict[str, dict[str, Any]] = {}
+    from psgn_jax.portable import onnx_file  # imports onnx
+
+    inputs, truth = _recorded(network, data, split, images) if data else drawn_inputs(network)
+    expected = np.asarray(network.compiled(*inputs.values()))
+    description = _describe(run, network)
+    out = pathlib.Path(out)
+
+    def write(name: str, stored: str, content: bytes, points: np.ndarray) -> None:
+        checked = check(stored, points, expected, truth)
+        write_atomic(out / name, content)
+        digest = hashlib.sha256(content).hexdigest()
+        size = len(content)
+        row = {"weights": stored, "bytes": size, "sha256": digest, "check": checked}
+        description["files"][name] = row
+        logging.info("%s: %.1f MB, %s", name, size / 1e6, _summary(checked))
+
     for stored in weights:
-        content = onnx_content(network, stored, {"name": run.source, "format": FORMAT})
-        result = check_lib.measure(runtime.Session(content), samples, clouds)
-        _require_agreement(stored, result)
-        _write(pathlib.Path(out) / ONNX_NAMES[stored], content, files, result, weights=stored)
+        texts = {"name": run.source, "format": FORMAT}
+        content = onnx_file.to_onnx(network, stored, texts)
+        write(ONNX_NAMES[stored], stored, content, session(content)(inputs))
     if stablehlo:
         content = network.stablehlo()
         program = jax.export.deserialize(bytearray(content))
-        result = check_lib.measure(
-            lambda arrays: np.asarray(program.call(*arrays.values())), samples, clouds
-        )
-        _require_agreement("float32", result)
-        _write(pathlib.Path(out) / STABLEHLO_NAME, content, files, result, weights="float32")
-    description["files"] = files
-    write_atomic(pathlib.Path(out) / "network.json", json.dumps(description, indent=1) + "\n")
+        write(STABLEHLO_NAME, "float32", content, np.asarray(program.call(*inputs.values())))
+    write_atomic(out / "network.json", json.dumps(description, indent=1) + "\n")
     for name in JAVASCRIPT:
-        write_atomic(pathlib.Path(out) / name, (TEMPLATES / name).read_text())
-    return [*files, "network.json", *JAVASCRIPT]
+        write_atomic(out / name, (TEMPLATES / name).read_text())
+    return description
 
 
-def onnx_content(network: PortableNetwork, stored: str, texts: Mapping[str, str]) -> bytes:
-    """Calls `onnx_file.to_onnx` and raises its errors as `ExportError`."""
-    from psgn_jax.portable import graph, onnx_file  # imports onnx
+def write_folder(run: Run, out: str | os.PathLike[str], **options: Any) -> dict[str, Any]:
+    """Calls `write_network`, adds a README and examples; returns the content of `network.json`."""
+    description = write_network(run, out, **options)
+    height, width = description["image_size"]
+    values = {
+        "name": description["name"] or "network",
+        "height": height,
+        "width": width,
+        "points": description["num_points"],
+        "random_size": description["random_size"] or "k",
+        "points_shape": "[batch, draws, n, 3]" if description["random_size"] else "[batch, n, 3]",
+        "files": "".join(
+            f"| `{name}` | {row['bytes'] / 1e6:.1f} MB | {_summary(row['check'])} |\n"
+            for name, row in description["files"].items()
+        ),
+        "licences": _licences(description["sources"]),
+    }
+    out = pathlib.Path(out)
+    readme = string.Template((TEMPLATES / "README.md.txt").read_text())
+    write_atomic(out / "README.md", readme.substitute(values))
+    for name in ("example.py", "example.html"):
+        write_atomic(out / name, (TEMPLATES / f"{name}.txt").read_text())
+    return description
 
-    try:
-        return onnx_file.to_onnx(network, stored, texts)
-    except graph.UnsupportedError as error:
-        raise ExportError(str(error)) from None
+
+def session(content: bytes) -> Callable[[Arrays], np.ndarray]:
+    """An ONNX graph as a function, run by onnxruntime on the CPU."""
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.log_severity_level = 3
+    loaded = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    return lambda arrays: np.asarray(loaded.run(None, dict(arrays))[0])
 
 
-def describe(run: Run, network: PortableNetwork) -> dict[str, Any]:
-    """The content of `network.json` except the list of files.
+def drawn_inputs(network: PortableNetwork, count: int = 8) -> tuple[dict[str, np.ndarray], None]:
+    """Random images whose masks are ellipses; always the same ones. They have no true clouds."""
+    rng = np.random.default_rng(0)
+    height, width = network.config.data.image_size
+    rows, columns = np.mgrid[:height, :width] / np.array([height, width]).reshape(2, 1, 1) - 0.5
+    radii = rng.uniform(0.15, 0.4, (count, 2, 1, 1))
+    masks = (rows / radii[:, 0]) ** 2 + (columns / radii[:, 1]) ** 2 < 1
+    images = rng.integers(0, 256, (count, height, width, 3), dtype=np.uint8)
+    return _inputs(network, images, masks), None
 
-    It contains everything that a program needs to call the network.
+
+def _recorded(
+    network: PortableNetwork, path: str, split: str, count: int
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """The inputs and the true clouds of the first `count` samples of a split of records."""
+    reader = open_split([path], split)
+    samples = [reader[i] for i in range(min(count, len(reader)))]
+    size = network.config.data.image_size
+    images = np.stack([resize.resize_image(sample.image, size) for sample in samples])
+    masks = np.stack([resize.resize_mask(sample.mask, size) for sample in samples])
+    clouds = [s.points[np.linspace(0, len(s.points) - 1, 1024).astype(int)] for s in samples]
+    return _inputs(network, images, masks), np.stack(clouds)
+
+
+def _inputs(
+    network: PortableNetwork, images: np.ndarray, masks: np.ndarray
+) -> dict[str, np.ndarray]:
+    inputs = {"image": images, "mask": masks}
+    if size := network.config.model.random_size:
+        noise = np.random.default_rng(0).normal(size=(len(images), 1, size))
+        inputs["r"] = noise.astype(np.float32)
+    return inputs
+
+
+def check(
+    stored: str, points: np.ndarray, expected: np.ndarray, truth: np.ndarray | None
+) -> dict[str, Any]:
+    """Compares the clouds [n, ..., m, 3] of a file with JAX's.
+
+    Returns:
+      `images`: number of images; `largest_difference`: of a coordinate (unit); `cd`: mean
+      `chamfer_sq_mean` of the file's clouds (unit^2); `cd_change`: its change relative to the value
+      for JAX's clouds. The last two are None without the true clouds.
+
+    Raises:
+      ExportError: a difference is too large.
     """
+    difference = float(np.abs(points - expected).max())
+    if stored == "float32" and not difference <= LARGEST_DIFFERENCE:
+        raise ExportError(
+            f"the file's points differ from JAX's by {difference:.2g}, expected at most "
+            f"{LARGEST_DIFFERENCE:g}"
+        )
+    row = {"images": len(points), "largest_difference": difference, "cd": None, "cd_change": None}
+    if truth is None:
+        return row
+    mean_cd = jax.jit(lambda a, b: jax.lax.map(lambda p: chamfer_sq_mean(*p), (a, b)).mean())
+    clouds = [array.reshape(len(array), -1, 3) for array in (points, expected)]
+    cd, reference = (float(mean_cd(cloud, truth)) for cloud in clouds)
+    change = cd / reference - 1
+    if not abs(change) <= LARGEST_CD_CHANGE:
+        raise ExportError(
+            f"{stored} weights change the CD by {100 * change:.2f} %, expected at most "
+            f"{100 * LARGEST_CD_CHANGE:g} %; leave {stored} out of --weights_as"
+        )
+    return row | {"cd": cd, "cd_change": change}
+
+
+def _describe(run: Run, network: PortableNetwork) -> dict[str, Any]:
+    """The content of `network.json`, for programs that call the network; no files yet."""
     model = network.config.model
     intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
     latents = (
@@ -152,12 +247,9 @@ def describe(run: Run, network: PortableNetwork) -> dict[str, Any]:
         "format": FORMAT,
         "name": pathlib.Path(run.source).name if run.source else "",
         "step": run.step,
-        "inputs": [
-            {"name": item.name, "dtype": item.dtype, "shape": list(item.shape)}
-            for item in network.inputs
-        ],
+        "inputs": [item._asdict() | {"shape": list(item.shape)} for item in network.inputs],
         "num_points": network.num_points,
-        "num_fc_points": len(point_layout.branch_of_point(model).fc),
+        "num_fc_points": len(networks.build(model).branches.fc),
         "image_size": list(network.config.data.image_size),
         "view_size": list(framing.VIEW_SIZE),
         "background": schema.BACKGROUND_GREY,
@@ -166,6 +258,7 @@ def describe(run: Run, network: PortableNetwork) -> dict[str, Any]:
         "random_size": model.random_size,
         "latents": latents,
         "sources": [dict(row) for row in run.sources],
+        "files": {},
     }
 
 
@@ -183,84 +276,16 @@ def _check_arguments(weights: Sequence[str], data: str, images: int) -> None:
         raise ConfigError(f"--images={images}: accepted: 1 or more")
 
 
-def _require_agreement(stored: str, result: check_lib.Check) -> None:
-    if stored == "float32" and not result.largest_difference <= check_lib.LARGEST_DIFFERENCE:
-        raise ExportError(
-            f"the file's points differ from JAX's by {result.largest_difference:.2g}, expected at "
-            f"most {check_lib.LARGEST_DIFFERENCE:g}"
-        )
-    change = result.cd_change
-    if change is not None and not abs(change) <= check_lib.LARGEST_CD_CHANGE:
-        raise ExportError(
-            f"{stored} weights change the CD by {100 * change:.2f} %, expected at most "
-            f"{100 * check_lib.LARGEST_CD_CHANGE:g} %; leave {stored} out of --weights_as"
-        )
-
-
-def _write(
-    path: pathlib.Path,
-    content: bytes,
-    files: dict[str, dict[str, Any]],
-    result: check_lib.Check,
-    **details: str,
-) -> None:
-    write_atomic(path, content)
-    digest = hashlib.sha256(content).hexdigest()
-    checked = dataclasses.asdict(result)
-    files[path.name] = {**details, "bytes": len(content), "sha256": digest, "check": checked}
-    logging.info("%s: %.1f MB, %s", path.name, len(content) / 1e6, summary(result))
-
-
-def summary(result: check_lib.Check) -> str:
-    """Describes a check as text."""
-    text = f"largest difference {result.largest_difference:.1e} on {result.images} images"
-    if result.cd is None or result.cd_change is None:
+def _summary(row: Mapping[str, Any]) -> str:
+    text = f"largest difference {row['largest_difference']:.1e} on {row['images']} images"
+    if row["cd"] is None:
         return text
-    return f"{text}, CD {result.cd:.5f} ({100 * result.cd_change:+.3f} %)"
-
-
-def _write_texts(out: pathlib.Path, description: Mapping[str, Any]) -> None:
-    height, width = description["image_size"]
-    values = {
-        "name": description["name"] or "network",
-        "height": height,
-        "width": width,
-        "points": description["num_points"],
-        "r_row": f"| `r` | float32 [batch, draws, {description['random_size']}] | "
-        "independent numbers of N(0, 1): each row gives one cloud |\n"
-        if description["random_size"]
-        else "",
-        "points_shape": "[batch, draws, n, 3]" if description["random_size"] else "[batch, n, 3]",
-        "r_python": "\n    feeds['r'] = np.float32([description['latents'][:1]])"
-        if description["random_size"]
-        else "",
-        "r_javascript": "\n  feeds.r = new ort.Tensor('float32', "
-        "Float32Array.from(about.latents[0]), [1, 1, about.random_size]);"
-        if description["random_size"]
-        else "",
-        "onnx": next(name for name in description["files"] if name.endswith(".onnx")),
-        "files": "".join(
-            f"| `{name}` | {row['bytes'] / 1e6:.1f} MB | {_check_text(row['check'])} |\n"
-            for name, row in description["files"].items()
-        ),
-        "licences": _licences(description["sources"]),
-    }
-    for source in sorted(TEMPLATES.glob("*.txt")):
-        text = string.Template(source.read_text()).substitute(values)
-        write_atomic(out / source.stem, text)
-
-
-def _check_text(row: Mapping[str, Any]) -> str:
-    return summary(check_lib.Check(**row))
+    return f"{text}, CD {row['cd']:.5f} ({100 * row['cd_change']:+.3f} %)"
 
 
 def _licences(sources: Sequence[Mapping[str, Any]]) -> str:
-    lines = [
-        f"- {row['source']}: "
-        + "; ".join(
-            f"{licence} ({', '.join(map(str, each.get('holders') or [])) or 'no names given'})"
-            for licence, each in row["licences"].items()
-        )
-        for row in sources
-    ]
-    return "\n".join(lines) or "Not stated."
+    def text(licence: str, row: Mapping[str, Any]) -> str:
+        return f"{licence} ({', '.join(map(str, row.get('holders') or [])) or 'no names given'})"
+
+    rows = [(row["source"], [text(*item) for item in row["licences"].items()]) for row in sources]
+    return "\n".join(f"- {source}: {'; '.join(each)}" for source, each in rows) or "Not stated."

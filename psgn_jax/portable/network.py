@@ -1,4 +1,4 @@
-"""A trained network as one function of arrays, traced for any number of images.
+"""A trained network as one function of arrays, for any number of images.
 
 The function, the ONNX graph and the StableHLO program have the same inputs and output:
 
@@ -12,23 +12,22 @@ The normalisation of colours is part of the function.
 
 import dataclasses
 import functools
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from jax import export as jax_export
 
-from psgn_jax.config import Config, ConfigError, require_points_task
-from psgn_jax.models import convolution_choice, point_layout, point_out_net
-from psgn_jax.training import step as step_lib
-from psgn_jax.training.run_folder import Run
+from psgn_jax.config.experiment import Config, ConfigError, require_points_task
+from psgn_jax.models import networks
+from psgn_jax.models.cpu_convolution import plain_convolutions
+from psgn_jax.weights.run_folder import Run
 
 PLATFORMS = ("cpu", "cuda", "rocm", "tpu")
 """Platforms of the StableHLO program."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Input:
+class Input(NamedTuple):
     """An input of the network; a size in `shape` is a number or the name of a symbolic size."""
 
     name: str
@@ -36,7 +35,6 @@ class Input:
     shape: tuple[int | str, ...]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
 class PortableNetwork:
     """A trained network with its inputs.
 
@@ -44,14 +42,10 @@ class PortableNetwork:
       config: configuration of the training, with `compute_dtype` changed to float32.
       params: parameters.
       inputs: `image`, `mask` and, if the network has a random input, `r`.
+      num_points: number of points of a cloud.
     """
 
-    config: Config
-    params: Any
-    inputs: tuple[Input, ...]
-
-    @classmethod
-    def from_run(cls, run: Run) -> "PortableNetwork":
+    def __init__(self, run: Run):
         """The network of an opened run, see `weights.opening.open_network`.
 
         Raises:
@@ -64,52 +58,34 @@ class PortableNetwork:
                 "inputs 'rgb' and 'mask'"
             )
         model = dataclasses.replace(run.config.model, compute_dtype="float32")
-        config = dataclasses.replace(run.config, model=model)
-        height, width = config.data.image_size
-        inputs = [
+        self.config: Config = dataclasses.replace(run.config, model=model)
+        self.params, self.num_points = run.params, networks.build(model).num_points
+        height, width = run.config.data.image_size
+        self.inputs: tuple[Input, ...] = (
             Input("image", "uint8", ("batch", height, width, 3)),
             Input("mask", "bool", ("batch", height, width)),
-        ]
+        )
         if model.random_size:
-            inputs.append(Input("r", "float32", ("batch", "draws", model.random_size)))
-        return cls(config, run.params, tuple(inputs))
-
-    @property
-    def num_points(self) -> int:
-        """Number of points of a cloud."""
-        return point_layout.num_points(self.config.model)
+            self.inputs += (Input("r", "float32", ("batch", "draws", model.random_size)),)
 
     def __call__(self, image: Any, mask: Any, r: Any = None) -> jax.Array:
         """Predicts `points`, with XLA's own convolutions on every platform."""
-        model = point_out_net.build(self.config.model)
-        with convolution_choice.plain_convolutions():
+        model = networks.build(self.config.model)
+        with plain_convolutions():
             batch = {"image": image, "mask": mask}
-            return step_lib.predict(self.config, model, self.params, batch, r)
+            return networks.predict(self.config, model, self.params, batch, r)
 
     @functools.cached_property
     def compiled(self) -> Any:
         """The function, compiled by `jax.jit` in this process."""
         return jax.jit(lambda *arrays: self(*arrays))
 
-    def trace(self) -> Any:
-        """The jaxpr of the function, for any number of images and draws."""
-        return jax.make_jaxpr(lambda *arrays: self(*arrays))(*self._symbolic())
-
     def stablehlo(self) -> bytes:
         """The program with its weights, for `jax.export.deserialize`."""
-        function = jax.jit(lambda *arrays: self(*arrays))
-        return bytes(
-            jax_export.export(function, platforms=list(PLATFORMS))(*self._symbolic()).serialize()
-        )
-
-    def _symbolic(self) -> list[jax.ShapeDtypeStruct]:
-        sizes = dict(
-            zip(("batch", "draws"), jax_export.symbolic_shape("batch, draws"), strict=True)
-        )
-        return [
-            jax.ShapeDtypeStruct(
-                tuple(sizes[s] if isinstance(s, str) else s for s in item.shape),
-                np.dtype(item.dtype),
-            )
+        batch, draws = jax_export.symbolic_shape("batch, draws")
+        sizes: dict[int | str, object] = {"batch": batch, "draws": draws}
+        arguments = [
+            jax.ShapeDtypeStruct([sizes.get(s, s) for s in item.shape], np.dtype(item.dtype))
             for item in self.inputs
         ]
+        return bytes(jax_export.export(self.compiled, platforms=PLATFORMS)(*arguments).serialize())

@@ -7,19 +7,23 @@ written under a temporary name and then renamed.
 """
 
 import io
+import os
 import pathlib
 from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from psgn_jax.data import camera
-from psgn_jax.data.framing import View
-from psgn_jax.files import write_atomic
+from psgn_jax.data.framing import Framed
+from psgn_jax.system.files import write_atomic
 
 UNSEEN = (150, 150, 150)
-"""Colour of the points that are not visible in the image."""
+"""Colour of the points of a cloud of which no point is visible in the image."""
 
-FORMATS = ("ply", "xyz", "obj", "npz")
+STRAY_NEIGHBOUR, STRAY_FACTOR = 4, 5.0
+
+FORMATS = ("ply", "xyz", "obj", "npz", "glb")
+DEFAULT_FORMATS = FORMATS[:4]
 
 # Radius of the disc of a point, and largest distance of a visible point behind the nearest disc
 # (unit). Compared with depth maps, for 1,024 points of the authors' surfaces, the precision of the
@@ -29,7 +33,7 @@ _RADIUS, _DEPTH_TOLERANCE = 0.04, 0.08
 _FRAME = "frame: right-handed, +z up, +y image right, +x to the camera; unit: bounding hemisphere"
 
 
-def colours_from_view(points: np.ndarray, view: View) -> tuple[np.ndarray, np.ndarray]:
+def colours_from_view(points: np.ndarray, view: Framed) -> tuple[np.ndarray, np.ndarray]:
     """Colours of the points that are visible in the image.
 
     Each point is a disc of radius .04 that faces the camera. A point is visible if no disc is more
@@ -40,7 +44,8 @@ def colours_from_view(points: np.ndarray, view: View) -> tuple[np.ndarray, np.nd
       view: the image with its camera.
 
     Returns:
-      Colours uint8 [n, 3], `UNSEEN` for invisible points, and visibility bool [n].
+      Colours uint8 [n, 3] and visibility bool [n]. A hidden point has the colour of the nearest
+      visible one; if none is visible, all have the colour `UNSEEN`.
     """
     height, width = view.mask.shape
     pixels, depth = camera.project(points, view.intrinsics, view.extrinsics)
@@ -58,10 +63,8 @@ def colours_from_view(points: np.ndarray, view: View) -> tuple[np.ndarray, np.nd
     offsets = offsets[(offsets**2).sum(axis=1) <= most**2]
     far_first = np.argsort(-depth, kind="stable")
     covered = (offsets**2).sum(axis=1) <= np.square(reach[far_first])[:, None]
-    column, row = (
-        corner[far_first, 0, None] + offsets[:, 0],
-        corner[far_first, 1, None] + offsets[:, 1],
-    )
+    column = corner[far_first, 0, None] + offsets[:, 0]
+    row = corner[far_first, 1, None] + offsets[:, 1]
     covered &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
     nearest = np.full(height * width, np.inf)
     # If a pixel has several values, the last assignment remains: that of the nearest disc.
@@ -73,7 +76,25 @@ def colours_from_view(points: np.ndarray, view: View) -> tuple[np.ndarray, np.nd
     visible &= depth <= nearest[row * width + column] + _DEPTH_TOLERANCE
     seen[front] = visible
     colours[seen] = view.image[row[visible], column[visible]]
+    if seen.any():
+        hidden = points[~seen].astype(np.float32)
+        sq = np.square(hidden[:, None] - points[seen].astype(np.float32)).sum(axis=-1)
+        colours[~seen] = colours[seen][sq.argmin(axis=1)]
     return colours, seen
+
+
+def stray_points(points: np.ndarray) -> np.ndarray:
+    """Points of a cloud [n, 3] that lie apart from all others: bool [n].
+
+    A point is a stray if the distance to its fourth nearest neighbour is more than 5 times the
+    median of this distance over the cloud (ours). Exports leave strays out, and the normal form
+    does not consider them. Metrics always use all points.
+    """
+    if len(points) <= STRAY_NEIGHBOUR:
+        return np.zeros(len(points), np.bool_)
+    sq = np.square(points[:, None].astype(np.float32) - points.astype(np.float32)).sum(axis=-1)
+    distance = np.sqrt(np.partition(sq, STRAY_NEIGHBOUR, axis=1)[:, STRAY_NEIGHBOUR])
+    return distance > STRAY_FACTOR * np.median(distance)
 
 
 def ply(points: np.ndarray, colours: np.ndarray) -> bytes:
@@ -106,11 +127,36 @@ def obj(points: np.ndarray, colours: np.ndarray) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-_MAKERS: Mapping[str, Callable[[np.ndarray, np.ndarray], bytes]] = {
-    "ply": ply,
-    "xyz": xyz,
-    "obj": obj,
-}
+def glb(points: np.ndarray, colours: np.ndarray) -> bytes:
+    """Binary glTF with one primitive of points. glTF's y axis points up: (x, y, z) -> (y, z, x).
+
+    Raises:
+      ValueError: trimesh is not installed.
+    """
+    try:
+        import trimesh
+    except ImportError:
+        raise ValueError("a .glb file needs trimesh: pip install trimesh") from None
+    cloud = trimesh.PointCloud(points[:, [1, 2, 0]], colors=colours)
+    content: bytes = trimesh.Scene(cloud).export(file_type="glb")
+    return content
+
+
+_MAKERS: Mapping[str, Callable[[np.ndarray, np.ndarray], bytes]]
+_MAKERS = {"ply": ply, "xyz": xyz, "obj": obj, "glb": glb}
+
+
+def write_cloud(path: str | os.PathLike[str], points: np.ndarray, colours: np.ndarray) -> None:
+    """Writes one cloud [n, 3] in the format of the suffix.
+
+    Raises:
+      ValueError: the suffix is not one of .ply, .xyz, .obj and .glb.
+    """
+    suffix = pathlib.Path(path).suffix.lower().lstrip(".")
+    if suffix not in _MAKERS:
+        accepted = ", ".join(f".{name}" for name in _MAKERS)
+        raise ValueError(f"{path}: accepted: a name that ends in {accepted}")
+    write_atomic(path, _MAKERS[suffix](points, colours), sync=False)
 
 
 def write_clouds(
@@ -118,13 +164,15 @@ def write_clouds(
     name: str,
     points: np.ndarray,
     colours: np.ndarray,
-    formats: tuple[str, ...] = FORMATS,
+    formats: tuple[str, ...] = DEFAULT_FORMATS,
+    *,
+    drawn: np.ndarray | None = None,
     **arrays: np.ndarray,
 ) -> list[pathlib.Path]:
     """Writes the clouds of an image; returns the files.
 
     The names are `name.ply` and so on; for several clouds `name_0.ply`, `name_1.ply`, ... The file
-    `name.npz` contains `points` [k, n, 3], `colours` [k, n, 3] and `arrays`.
+    `name.npz` contains `points`, `colours` and `arrays`.
 
     Args:
       folder: the folder; created if missing.
@@ -132,6 +180,7 @@ def write_clouds(
       points: float32 [k, n, 3].
       colours: uint8 [k, n, 3].
       formats: any of `FORMATS`.
+      drawn: bool [k, n], the points to write (the NPZ file has all); None = all.
       **arrays: further arrays in the NPZ file.
 
     Raises:
@@ -142,16 +191,18 @@ def write_clouds(
     if not np.isfinite(points).all():
         bad = np.size(points) - np.isfinite(points).sum()
         raise ValueError(f"points: got {bad} values that are not finite, expected finite values")
-    files = []
+    files = {}
     for suffix in formats:
         if suffix == "npz":
             buffer = io.BytesIO()
             np.savez(buffer, allow_pickle=False, points=points, colours=colours, **arrays)
-            files.append((f"{name}.npz", buffer.getvalue()))
+            files[folder / f"{name}.npz"] = buffer.getvalue()
             continue
         for k in range(len(points)):
             numbered = f"{name}_{k}" if len(points) > 1 else name
-            files.append((f"{numbered}.{suffix}", _MAKERS[suffix](points[k], colours[k])))
-    for file, content in files:
-        write_atomic(folder / file, content, sync=False)
-    return [folder / file for file, _ in files]
+            kept = slice(None) if drawn is None else drawn[k]
+            content = _MAKERS[suffix](points[k][kept], colours[k][kept])
+            files[folder / f"{numbered}.{suffix}"] = content
+    for file, content in files.items():
+        write_atomic(file, content, sync=False)
+    return list(files)

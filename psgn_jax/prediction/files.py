@@ -19,11 +19,15 @@ import numpy as np
 from absl import logging
 from PIL import Image
 
-from psgn_jax.config import ConfigError, UserError, to_dict
+from psgn_jax.config.experiment import ConfigError, to_dict
 from psgn_jax.data import photo
-from psgn_jax.files import is_disk_full, write_atomic
 from psgn_jax.prediction import export
 from psgn_jax.prediction.predictor import FC, Clock, Prediction, Predictor
+from psgn_jax.system.errors import UserError
+from psgn_jax.system.files import is_disk_full, write_atomic
+
+_LONGEST_NAME = 220
+"""File names have up to 255 bytes; results add a suffix, temporary files the process as well."""
 
 
 def predict_files(
@@ -32,7 +36,6 @@ def predict_files(
     out: str | os.PathLike[str],
     *,
     mask: str | None = None,
-    formats: tuple[str, ...] = export.FORMATS,
     **options: Any,
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
@@ -42,9 +45,8 @@ def predict_files(
       images: image files, and folders, whose images are processed in order of their names.
       out: folder for the results.
       mask: file of the mask (for one image), or folder of masks. There the mask of `NAME.jpg` is
-        `NAME.*` or `NAME_mask.*`.
-      formats: any of `prediction.export.FORMATS`.
-      **options: arguments of `Predictor.__call__`.
+        `NAME_mask.*`, or another file `NAME.*`.
+      **options: arguments of `predict_photo`.
 
     Yields:
       The path of each image, with its prediction or the error.
@@ -60,7 +62,21 @@ def predict_files(
         raise ConfigError(f"--mask={mask}: accepted for {len(paths)} images: a folder of masks")
     for path, name in zip(paths, _names(paths), strict=True):
         try:
-            result = _predict_file(predictor, path, name, pathlib.Path(out), mask, formats, options)
+            if len(os.fsencode(name)) > _LONGEST_NAME:
+                raise ConfigError(
+                    f"the name has {len(os.fsencode(name))} bytes; accepted for the names of the "
+                    f"results: up to {_LONGEST_NAME}; rename the image"
+                )
+            clock = Clock()
+            read = photo.read_photo(path)
+            given = None
+            if mask is not None:
+                mask_path = _mask_of(path, mask)
+                given = photo.read_mask(mask_path, read)
+                logging.info("%s: mask %s", path, mask_path)
+            clock.lap("read")
+            options["seconds"] = clock.laps
+            result = predict_photo(predictor, read, given, path, name, pathlib.Path(out), **options)
         except Exception as error:  # continue with the other images
             if is_disk_full(error):
                 raise
@@ -78,8 +94,9 @@ def predict_photo(
     path: pathlib.Path,
     name: str,
     out: pathlib.Path,
-    formats: tuple[str, ...] = export.FORMATS,
+    formats: tuple[str, ...] = export.DEFAULT_FORMATS,
     *,
+    keep_strays: bool = False,
     seconds: Mapping[str, float] = types.MappingProxyType({}),
     **options: Any,
 ) -> Prediction:
@@ -90,9 +107,10 @@ def predict_photo(
       read: the photo.
       mask: bool [h, w] of the size of `read.image`, True on the object; None = automatic.
       path: path of the photo, for `NAME.json`.
-      name: name of the results, without suffix.
+      name: NAME of the results.
       out: folder for the results.
       formats: any of `prediction.export.FORMATS`.
+      keep_strays: whether the files of clouds contain stray points.
       seconds: times of earlier steps, for `NAME.json`.
       **options: arguments of `Predictor.__call__`.
 
@@ -103,20 +121,11 @@ def predict_photo(
     result = predictor(image, mask, **options)
     clock = Clock()
     view = result.view
+    drawn = None if keep_strays else ~result.stray
+    arrays = {n: getattr(result, n) for n in ("stray", "seen", "branch", "spread", "mutual")}
+    arrays |= {n: getattr(view, n) for n in ("image", "mask", "intrinsics", "extrinsics")}
     files = export.write_clouds(
-        out,
-        name,
-        result.points,
-        result.colours,
-        formats,
-        seen=result.seen,
-        branch=result.branch,
-        spread=result.spread,
-        mutual=result.mutual,
-        image=view.image,
-        mask=view.mask,
-        intrinsics=view.intrinsics,
-        extrinsics=view.extrinsics,
+        out, name, result.points, result.colours, formats, drawn=drawn, **arrays
     )
     picture = io.BytesIO()
     Image.fromarray(view.image).save(picture, "png", compress_level=1)
@@ -130,24 +139,6 @@ def predict_photo(
     return dataclasses.replace(result, seconds=seconds)
 
 
-def _predict_file(
-    predictor: Predictor,
-    path: pathlib.Path,
-    name: str,
-    out: pathlib.Path,
-    mask: str | None,
-    formats: tuple[str, ...],
-    options: dict[str, Any],
-) -> Prediction:
-    clock = Clock()
-    read = photo.read_photo(path)
-    given = None if mask is None else photo.read_mask(_mask_of(path, mask), read)
-    clock.lap("read")
-    return predict_photo(
-        predictor, read, given, path, name, out, formats, seconds=clock.laps, **options
-    )
-
-
 def _record(
     predictor: Predictor,
     read: photo.Photo,
@@ -159,6 +150,8 @@ def _record(
 ) -> dict[str, Any]:
     """The contents of `NAME.json`."""
     view = result.view
+    (height, width), (full_height, full_width) = read.image.shape[:2], read.size
+    enlarged = np.diag([full_width / width, full_height / height, 1.0])
     return {
         "image": str(path),
         "image_size": list(read.size),
@@ -177,6 +170,7 @@ def _record(
         },
         "num_samples": len(result.points),
         "num_points": result.points.shape[1],
+        "num_strays": int(result.stray.sum()),
         "num_fc_points": int((result.branch == FC).sum()),
         "seed": seed,
         "seen_fraction": round(float(result.seen.mean()), 4),
@@ -185,9 +179,7 @@ def _record(
             "extrinsics": view.extrinsics.tolist(),
             "view_size": list(view.mask.shape),
             "intrinsics": view.intrinsics.tolist(),
-            "image_intrinsics": (
-                _scale(read.image.shape[:2], read.size) @ result.photo_intrinsics
-            ).tolist(),
+            "image_intrinsics": (enlarged @ result.photo_intrinsics).tolist(),
         },
         "checkpoint": {
             predictor.source_kind: predictor.source,
@@ -199,19 +191,16 @@ def _record(
     }
 
 
-def _scale(old: tuple[int, ...], new: tuple[int, ...]) -> np.ndarray:
-    return np.diag([new[1] / old[1], new[0] / old[0], 1.0])
-
-
 def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
-    """The files, and the images in the folders, without repetition."""
+    """The files, and the images in the folders, without repetition and without their masks."""
     paths: list[pathlib.Path] = []
     for image in map(pathlib.Path, images):
-        if image.is_dir():
-            inside = [p for p in image.iterdir() if p.suffix.lower() in photo.SUFFIXES]
-            paths += sorted(p for p in inside if p.is_file() and not p.name.startswith("."))
-        else:
+        if not image.is_dir():
             paths.append(image)
+            continue
+        inside = sorted(p for p in image.iterdir() if p.suffix.lower() in photo.SUFFIXES)
+        masks = {f"{p.stem}_mask" for p in inside}
+        paths += [p for p in inside if p.is_file() and p.name[0] != "." and p.stem not in masks]
     return list(dict.fromkeys(paths))
 
 
@@ -230,12 +219,15 @@ def _names(paths: Sequence[pathlib.Path]) -> list[str]:
 
 
 def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
+    """The mask of an image: the file itself, or `NAME_mask.*` or another `NAME.*` in the folder."""
     folder = pathlib.Path(mask)
     if not folder.is_dir():
         return folder
-    paths = [p for p in sorted(folder.iterdir()) if p.stem in (path.stem, f"{path.stem}_mask")]
-    if not paths:
-        raise photo.PhotoError(
-            f"--mask={mask}: expected a file named {path.stem}.* or {path.stem}_mask.* there"
-        )
-    return paths[0]
+    inside = [p for p in sorted(folder.iterdir()) if p.is_file() and not p.samefile(path)]
+    for stem in (f"{path.stem}_mask", path.stem):
+        if found := [p for p in inside if p.stem == stem]:
+            return found[0]
+    raise photo.PhotoError(
+        f"--mask={mask}: expected a file named {path.stem}_mask.* or {path.stem}.* there, besides "
+        "the image itself"
+    )

@@ -6,24 +6,21 @@ image is framed like a training rendering: 4:3, with the renderings' grey along 
 """
 
 import dataclasses
-import hashlib
 import os
 import time
 from typing import Any
 
 import jax
 import numpy as np
+from PIL import Image
 
-from psgn_jax.config import Config, ConfigError, require_points_task
+from psgn_jax.config.experiment import ConfigError, require_points_task
 from psgn_jax.data import framing, masks, photo, resize
-from psgn_jax.losses.chamfer import chamfer_sq_mean
-from psgn_jax.metrics import samples as sample_metrics
-from psgn_jax.models import point_layout, point_out_net
+from psgn_jax.models import networks
 from psgn_jax.prediction import export, sampling
-from psgn_jax.training import step as step_lib
-from psgn_jax.training.run_folder import Run
-from psgn_jax.training.state import named_leaves
+from psgn_jax.weights.leaves import checksum, named_leaves
 from psgn_jax.weights.opening import open_network
+from psgn_jax.weights.run_folder import Run
 
 FC, DECONV = 0, 1
 
@@ -44,17 +41,19 @@ class Prediction:
       scale, shift: the network's points are `scale * points + shift`, the transformation of the
         normal form (`data.framing.normal_form`), common to all clouds; 1 and 0 without normal form.
       normalised: whether the clouds have normal form.
-      colours: uint8 [k, n, 3], from the image; `prediction.export.UNSEEN` for invisible points.
+      colours: uint8 [k, n, 3], from the image (`prediction.export.colours_from_view`).
       seen: bool [k, n], whether a point is visible in the image.
+      stray: bool [k, n], whether a point lies apart from all others
+        (`prediction.export.stray_points`).
       branch: uint8 [n], the branch that predicts a point, `FC` or `DECONV`.
       view: the framed view of the object, which is resized to the input of the network, with the
-        camera that projects `points` to it (`data.framing.View`).
+        camera that projects `points` to it (`data.framing.Framed`).
       photo_intrinsics: float64 [3, 3], for the original image (with the extrinsics of the view).
       r: float32 [k, random_size], the random inputs; None for a network without random input.
       spread: float32 [n, 3], standard deviation over the clouds of each point along x, y, z (points
         with the same index correspond; unit = radius of the bounding hemisphere).
-      mutual: float32 [k, k], squared Chamfer distances between the clouds, the sum of the means in
-        both directions (unit^2).
+      mutual: float32 [k, k], `losses.chamfer_sq_mean` between the clouds (unit^2).
+      mask: bool [h, w], the given or found mask of the image.
       mask_from: the method that produced the mask.
       warnings: probable problems, a line each.
       seconds: duration of each step.
@@ -66,57 +65,59 @@ class Prediction:
     normalised: bool
     colours: np.ndarray
     seen: np.ndarray
+    stray: np.ndarray
     branch: np.ndarray
-    view: framing.View
+    view: framing.Framed
     photo_intrinsics: np.ndarray
     r: np.ndarray | None
     spread: np.ndarray
     mutual: np.ndarray
+    mask: np.ndarray
     mask_from: str
     warnings: tuple[str, ...]
     seconds: dict[str, float]
 
+    def save(
+        self, path: str | os.PathLike[str], sample: int = 0, *, keep_strays: bool = False
+    ) -> None:
+        """Writes one cloud with its colours; the suffix is .ply, .xyz, .obj or .glb.
+
+        Raises:
+          ValueError: another suffix.
+        """
+        kept = ~self.stray[sample] | keep_strays
+        export.write_cloud(path, self.points[sample][kept], self.colours[sample][kept])
+
+    def to_trimesh(self, sample: int = 0) -> Any:
+        """One cloud as `trimesh.PointCloud` (needs trimesh)."""
+        import trimesh
+
+        return trimesh.PointCloud(self.points[sample], colors=self.colours[sample])
+
 
 class Predictor:
-    """A trained network that can be called with images.
+    """A trained network that can be called with images; `open_network` opens the run."""
 
-    Args:
-      config: configuration of the run.
-      params: parameters of the network.
-      step: step of the checkpoint, for information.
-      source: folder of the run or name of the weights, for information.
-      source_kind: "workdir" or "weights".
-    """
-
-    def __init__(
-        self,
-        config: Config,
-        params: Any,
-        *,
-        step: int = 0,
-        source: str = "",
-        source_kind: str = "workdir",
-    ):
+    def __init__(self, run: Run):
+        config = run.config
         require_points_task(config, "a prediction from photos")
         if "depth" in config.data.inputs:
             raise ConfigError(
                 f"data.inputs={config.data.inputs!r}: photos have no depth; accepted: a network "
                 "with the inputs 'rgb' and 'mask'"
             )
-        self.config, self.step = config, step
-        self.source, self.source_kind = source, source_kind
-        self.checksum = _checksum(params)
-        self._params = jax.device_put(params)
-        model = point_out_net.build(config.model)
+        self.config, self.step = config, run.step
+        self.source, self.source_kind = run.source, run.source_kind
+        self.checksum = checksum(named_leaves(run.params))
+        self._params = jax.device_put(run.params)
+        model = networks.build(config.model)
+        self._deconv = list(model.branches.deconv)
 
         def network(params: Any, image: Any, mask: Any, r: Any) -> Any:
-            return step_lib.predict(config, model, params, {"image": image, "mask": mask}, r)
-
-        def mutual(points: Any) -> Any:
-            return sample_metrics.mutual_distances(points, chamfer_sq_mean)
+            return networks.predict(config, model, params, {"image": image, "mask": mask}, r)
 
         self._network = jax.jit(network)
-        self._mutual = jax.jit(mutual)
+        self._mutual = jax.jit(sampling.mutual_distances)
 
     @classmethod
     def from_workdir(cls, workdir: str | os.PathLike[str], checkpoint: str = "best") -> "Predictor":
@@ -125,7 +126,7 @@ class Predictor:
         Raises:
           ConfigError, CheckpointError: the folder contains no run or no checkpoint.
         """
-        return cls.from_run(open_network(workdir, checkpoint=checkpoint))
+        return cls(open_network(workdir, checkpoint=checkpoint))
 
     @classmethod
     def from_weights(cls, name_or_file: str = "") -> "Predictor":
@@ -134,23 +135,12 @@ class Predictor:
         Raises:
           ConfigError, WeightsError: there are no such weights, or the file cannot be read.
         """
-        return cls.from_run(open_network(weights=name_or_file))
-
-    @classmethod
-    def from_run(cls, run: Run) -> "Predictor":
-        """The network of an opened run, see `weights.opening.open_network`."""
-        return cls(
-            run.config,
-            run.params,
-            step=run.step,
-            source=run.source,
-            source_kind=run.source_kind,
-        )
+        return cls(open_network(weights=name_or_file))
 
     def __call__(
         self,
-        image: np.ndarray,
-        mask: np.ndarray | None = None,
+        image: str | os.PathLike[str] | Image.Image | np.ndarray,
+        mask: str | os.PathLike[str] | Image.Image | np.ndarray | None = None,
         *,
         samples: int = 1,
         seed: int = 0,
@@ -162,8 +152,10 @@ class Predictor:
         """Predicts the points of the object in an image.
 
         Args:
-          image: uint8 [h, w, 3] RGB, [h, w, 4] RGBA or [h, w] grey, any size.
-          mask: bool [h, w], True on the object; None = automatic.
+          image: path of an image file, PIL image, or uint8 [h, w, 3] RGB, [h, w, 4] RGBA or
+            [h, w] grey; any size.
+          mask: path of a mask file, PIL image, or array [h, w], positive on the object; None =
+            automatic.
           samples: number of clouds; more than one needs a network with a random input.
           seed: seed of the random input. The random inputs are the same for every image.
           frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing
@@ -180,22 +172,21 @@ class Predictor:
           ValueError: an argument is wrong; `photo.PhotoError` if there is no object.
         """
         r = self._sample_latents(samples, seed)
-        clock = Clock()
-        rgb, alpha = photo.as_rgb_and_alpha(image)
-        mask_source = "given"
-        if invert_mask:
-            if mask is None:
-                raise ConfigError("invert_mask: accepted only with a given mask")
-            mask = ~np.asarray(mask, np.bool_)
-        warnings = [INVERTED] if mask is not None and masks.looks_inverted(mask) else []
-        if mask is None:
-            mask, mask_source, doubt = masks.find_mask(rgb, alpha, mask_from)
-            warnings += [doubt] if doubt else []
-        clock.lap("mask")
         if frame not in ("auto", "place", "keep"):
             raise ConfigError(f"frame={frame!r}: accepted: auto, place, keep")
         if normal_form not in NORMAL_FORMS:
             raise ConfigError(f"normal_form={normal_form!r}: accepted: {', '.join(NORMAL_FORMS)}")
+        if invert_mask and mask is None:
+            raise ConfigError("invert_mask: accepted only with a given mask")
+        clock = Clock()
+        read = photo.as_photo(image)
+        rgb = read.image
+        if mask is None:
+            mask, mask_source, warning = masks.find_mask(rgb, read.alpha, mask_from)
+        else:
+            mask, mask_source = photo.as_mask(mask, read) ^ invert_mask, "given"
+            warning = INVERTED if masks.looks_inverted(mask) else ""
+        clock.lap("mask")
         move = frame == "place" or (frame == "auto" and not framing.is_framed(rgb))
         view = framing.place(rgb, mask, move=move)
         clock.lap("place")
@@ -210,17 +201,18 @@ class Predictor:
         if not np.isfinite(points).all():
             raise ConfigError("the network's points are not finite; expected intact weights")
         coloured = [export.colours_from_view(cloud, view) for cloud in points]
+        stray = np.stack([export.stray_points(cloud) for cloud in points])
         scale, shift = 1.0, np.zeros(3)
         normalised = normal_form == "yes" or (normal_form == "auto" and view.placed)
         if normalised:
-            scale, shift = framing.normal_form(points)
+            scale, shift = framing.normal_form(points[~stray])
             points = ((points - shift) / scale).astype(np.float32)
             extrinsics = framing.normalised_extrinsics(view.extrinsics, scale, shift)
             view = dataclasses.replace(view, extrinsics=extrinsics)
             mutual = mutual / np.float32(scale**2)
         clock.lap("colours")
         branch = np.full(points.shape[1], FC, np.uint8)
-        branch[list(point_layout.branch_of_point(self.config.model).deconv)] = DECONV
+        branch[self._deconv] = DECONV
         return Prediction(
             points=points,
             scale=scale,
@@ -228,14 +220,16 @@ class Predictor:
             normalised=normalised,
             colours=np.stack([colours for colours, _ in coloured]),
             seen=np.stack([seen for _, seen in coloured]),
+            stray=stray,
             branch=branch,
             view=view,
             photo_intrinsics=np.linalg.inv(view.to_view) @ view.intrinsics,
             r=r,
             spread=points.std(axis=0),
             mutual=np.asarray(mutual),
+            mask=mask,
             mask_from=mask_source,
-            warnings=tuple(warnings),
+            warnings=(warning,) if warning else (),
             seconds=clock.laps,
         )
 
@@ -273,13 +267,3 @@ class Clock:
         """Stores the seconds since the last lap under a name."""
         now = time.perf_counter()
         self.laps[name], self._last = now - self._last, now
-
-
-def _checksum(params: Any) -> str:
-    """SHA-256 over names, shapes and values of the parameters."""
-    digest = hashlib.sha256()
-    for name, leaf in sorted(named_leaves(params).items()):
-        array = np.ascontiguousarray(leaf)
-        digest.update(f"{name} {array.dtype} {array.shape}\n".encode())
-        digest.update(array.reshape(-1).view(np.uint8).data)
-    return digest.hexdigest()

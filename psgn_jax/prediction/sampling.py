@@ -6,34 +6,42 @@ N(0, I) (paper, section "Predicting Multiple Plausible Shapes").
 """
 
 import functools
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import linen as nn
 
-from psgn_jax.config import Config, ConfigError
+from psgn_jax.array_types import Array, Float
+from psgn_jax.config.experiment import Config, ConfigError
+from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.chamfer import chamfer_sq_mean
-from psgn_jax.metrics import samples as sample_metrics
-from psgn_jax.training import step as step_lib
-from psgn_jax.training.state import random_key
-from psgn_jax.types import Array, Float
+from psgn_jax.models import networks
+from psgn_jax.models.networks import random_key
+
+Distance = Callable[[Array, Array], Array]
+"""A distance of one pair of clouds, such as those of `losses`."""
 
 
-class PredictedSamples(NamedTuple):
-    """K predictions for each image of a batch; points with the same index correspond.
+def cross_distances(
+    a: Float[Array, "k n 3"], b: Float[Array, "t m 3"], distance: Distance
+) -> Float[Array, "k t"]:
+    """Distances between all clouds of `a` and all clouds of `b`: entry (i, j) is d(a_i, b_j)."""
+    k, t = len(a), len(b)
+    pairs = map_pairs(distance)(jnp.repeat(a, t, axis=0), jnp.tile(b, (k, 1, 1)))
+    return pairs.reshape(k, t)
 
-    Attributes:
-      points: in the project's frame, unit = radius of the bounding hemisphere.
-      spread: standard deviation over the K predictions of each point along x, y, z (unit).
-      mutual: `chamfer_sq_mean` between all pairs of predictions of an image (unit^2).
-    """
 
-    points: Float[Array, "b k n 3"]
-    spread: Float[Array, "b n 3"]
-    mutual: Float[Array, "b k k"]
+def mutual_distances(draws: Float[Array, "k n 3"]) -> Float[Array, "k k"]:
+    """`chamfer_sq_mean` between all clouds; computes each pair once, the diagonal is 0."""
+    first, second = np.triu_indices(len(draws), 1)
+    matrix = jnp.zeros((len(draws), len(draws)), draws.dtype)
+    if not len(first):
+        return matrix
+    values = map_pairs(chamfer_sq_mean)(draws[first], draws[second])
+    return matrix.at[first, second].set(values).at[second, first].set(values)
 
 
 @functools.partial(jax.jit, static_argnums=(0, 2, 3))
@@ -44,7 +52,7 @@ def sample_latents(
 
     Each random input depends only on the seed, the number of the sample and the number of the draw.
     It does not depend on the batch or on `num_draws`. The training step and the evaluation step do
-    not use this function: they use `training.step.sample_step_latents`.
+    not use this function: they use `models.networks.random_input`.
     """
     key = random_key(0, seed, train=False)
 
@@ -57,10 +65,15 @@ def sample_latents(
 
 
 @functools.lru_cache(maxsize=8)
-def compile_predict_samples(
+def sampler(
     config: Config, model: nn.Module, num_draws: int
-) -> Callable[[Any, step_lib.Batch, Any, Any], PredictedSamples]:
-    """Compiled `(params, batch, seed, first) -> PredictedSamples`, see `predict_samples`.
+) -> Callable[[Any, Mapping[str, Any], Any, Any], Float[Array, "b k n 3"]]:
+    """Compiled `(params, batch, seed, first) -> points`: K predictions for each image of a batch.
+
+    Points with the same index correspond, because one network predicts all samples and a small
+    change of its random input moves a point only a little. `batch` is that of `networks.predict`;
+    `first` is the number of samples in earlier batches. Batches with the same `first` get the same
+    random inputs. The encoder runs once per image.
 
     Raises:
       ConfigError: the network has no random input.
@@ -74,46 +87,14 @@ def compile_predict_samples(
     if num_draws < 1:
         raise ValueError(f"num_draws: got {num_draws}, expected 1 or more")
 
-    def of_batch(params: Any, batch: step_lib.Batch, seed: Array, first: Array) -> PredictedSamples:
+    @jax.jit
+    def of_batch(params: Any, batch: Mapping[str, Any], seed: Array, first: Array) -> Any:
         r = sample_latents(config, first, len(batch["image"]), num_draws, seed)
-        points = step_lib.predict(config, model, params, batch, r)
-        mutual = jax.lax.map(lambda d: sample_metrics.mutual_distances(d, chamfer_sq_mean), points)
-        by_axis = jax.vmap(lambda d: sample_metrics.spread(d).by_axis)(points)
-        return PredictedSamples(points, by_axis, mutual)
+        return networks.predict(config, model, params, batch, r)
 
-    compiled = jax.jit(of_batch)
-    keys = [key for key in step_lib.input_keys(config) if key != "points"]
+    keys = [key for key in networks.input_keys(config) if key != "points"]
 
-    def run(params: Any, batch: step_lib.Batch, seed: Any, first: Any) -> PredictedSamples:
-        return compiled(params, {k: batch[k] for k in keys}, np.int32(seed), np.int32(first))
+    def run(params: Any, batch: Mapping[str, Any], seed: Any, first: Any) -> Any:
+        return of_batch(params, {k: batch[k] for k in keys}, np.int32(seed), np.int32(first))
 
     return run
-
-
-def predict_samples(
-    config: Config,
-    model: nn.Module,
-    params: Any,
-    batch: step_lib.Batch,
-    num_draws: int,
-    seed: int = 0,
-    *,
-    first: int = 0,
-) -> PredictedSamples:
-    """Several predictions for each image of a batch; the encoder runs once per image.
-
-    Args:
-      config: configuration of the run.
-      model: the network, from `point_out_net.build`.
-      params: parameters of the network.
-      batch: image uint8 [B,H,W,3], mask bool [B,H,W]; depth and extrinsics if depth is an input.
-      num_draws: K, the number of predictions per image.
-      seed: seed of the random inputs.
-      first: index of the batch's first sample, which is the number of samples in earlier batches.
-        Batches with the same `first` get the same random inputs.
-
-    Raises:
-      ConfigError: the network has no random input.
-      ValueError: `num_draws` is not positive.
-    """
-    return compile_predict_samples(config, model, num_draws)(params, batch, seed, first)

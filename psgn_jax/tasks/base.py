@@ -1,47 +1,84 @@
-"""The interface of a task: what a run trains and measures. `tasks.create` creates a task.
+"""Base class of the tasks: what a run trains and measures. `tasks.create` creates a task."""
 
-`training.loop.train` and `tasks.runs.evaluate_run` use only the attributes and methods below. A
-task defines which arrays of a batch go to the device, the initial parameters, the objective and the
-metrics.
-"""
-
+import functools
+import os
+import pathlib
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-import optax
-from jax.sharding import Mesh
+from jax.tree_util import Partial
 
-from psgn_jax.metrics.evaluation import Evaluation
-from psgn_jax.training.state import TrainState
-from psgn_jax.training.step import Batch
-from psgn_jax.types import Array
+from psgn_jax.array_types import Array
+from psgn_jax.config.experiment import Config
+from psgn_jax.evaluation.results import Evaluation
+from psgn_jax.evaluation.split import OnBatch, compile_measure, evaluate_split
+
+Batch = Mapping[str, Any]
 
 
-class Task(Protocol):
-    """The task of one run, created from its configuration and its folder.
+class Task:
+    """The task of one run.
+
+    A subclass sets `title` and `keys` and defines `init_params`, `_loss` and `_measure`.
 
     Attributes:
+      config: configuration of the run.
       title: name of the network, for the log.
-      keys: keys of the arrays of a training batch that the device needs.
+      keys: keys of the arrays of a batch that the device needs.
+      frozen: arrays that `_loss` and `_measure` read but training does not change, such as the
+        parameters of other networks.
     """
 
     title: str
     keys: tuple[str, ...]
 
-    def check(self) -> None:
-        """Raises `ConfigError` if the configuration cannot be trained; called before training."""
+    def __init__(self, config: Config, workdir: str | os.PathLike[str]) -> None:
+        self.config, self.workdir = config, pathlib.Path(workdir)
+        self.frozen: Any = ()
+
+    def init_params(self) -> Any:
+        """Initial parameters, a function of the seed. It can run inside jit."""
+        raise NotImplementedError
+
+    def _loss(
+        self, frozen: Any, params: Any, batch: Batch, step: Array
+    ) -> tuple[Array, dict[str, Array]]:
+        """The value to be minimised on a batch, and metrics.
+
+        The metric `loss_step` is the value without regularisation terms.
+        """
+        raise NotImplementedError
+
+    def _measure(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
+        """Predictions and metrics [B] or, if a threshold is to be chosen, [B, thresholds]."""
+        raise NotImplementedError
+
+    def random_columns(
+        self, step: Array | int, batch_size: int, *, train: bool
+    ) -> dict[str, Array]:
+        """Random inputs of a training step (or of a batch of an evaluation), a row per sample."""
+        return {}
+
+    def objective(self) -> Callable[[Any, Batch, Array], tuple[Array, dict[str, Array]]]:
+        """(params, batch, step) -> (value to be minimised, metrics).
+
+        The batch includes `random_columns`. The function is a pytree with the leaves `frozen`.
+
+        Raises:
+          ConfigError: the loss does not fit the network.
+        """
+        return Partial(self._loss, self.frozen)
 
     def keep_sources(self) -> None:
-        """Copies the runs that this run reads into its folder, so that they may be deleted."""
+        """Copies other runs that this run reads into its folder, so that they may be deleted."""
 
-    def create(self, tx: optax.GradientTransformation) -> TrainState:
-        """The state before the first step. A pure function that can run inside jit."""
-
-    def train_step(
-        self, tx: optax.GradientTransformation, mesh: Mesh
-    ) -> Callable[[TrainState, Batch], tuple[TrainState, dict[str, Array]]]:
-        """The compiled training step, described in `training.step.compile_train_step`."""
+    @functools.cached_property
+    def eval_step(self) -> Callable[..., Any]:
+        """(params, batch on the host, its index) -> (predictions, metrics), compiled."""
+        measure = Partial(self._measure, self.frozen)
+        columns = functools.partial(self.random_columns, train=False)
+        return compile_measure(measure, columns, self.keys, self.config.eval.batch_size)
 
     def evaluate(
         self,
@@ -49,10 +86,11 @@ class Task(Protocol):
         *,
         split: str | None = None,
         max_samples: int = 0,
-        on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
+        on_batch: OnBatch | None = None,
         chosen: Mapping[str, float] | None = None,
+        draws: int = 0,
     ) -> Evaluation:
-        """Computes metrics on a split with `training.evaluation.evaluate_split`.
+        """Metrics on a split.
 
         Args:
           params: parameters of the network.
@@ -61,7 +99,18 @@ class Task(Protocol):
           on_batch: called with (index of the batch, batch, predictions).
           chosen: thresholds from `Evaluation.chosen` of an earlier evaluation. Missing thresholds
             are chosen on this split.
+          draws: number of predictions per image whose distances are measured too; 0 = none. Only
+            for the task "points".
         """
+        return evaluate_split(
+            self.config,
+            params,
+            self.eval_step,
+            split=split,
+            max_samples=max_samples,
+            on_batch=on_batch,
+        )
 
     def picture(self, params: Any) -> np.ndarray | None:
         """An image of some predictions, uint8 [h, w, 3], or None."""
+        return None

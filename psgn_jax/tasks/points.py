@@ -1,97 +1,140 @@
 """The task "points": predicts a cloud from an image, with the paper's networks and losses."""
 
 import functools
-import pathlib
-from collections.abc import Callable, Mapping
-from typing import Any
+import os
+from collections.abc import Callable
+from typing import Any, cast
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-import optax
 from flax import linen as nn
-from jax.sharding import Mesh
+from jax.tree_util import Partial
 
-from psgn_jax.config import Config, ConfigError
+from psgn_jax.array_types import Array
+from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data import loader
+from psgn_jax.evaluation import clouds as metrics_lib
+from psgn_jax.evaluation import samples as sample_metrics
+from psgn_jax.evaluation.aligned import aligned_metrics
+from psgn_jax.evaluation.results import Evaluation
+from psgn_jax.evaluation.split import evaluate_split
+from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.by_name import configured_loss, configured_terms
 from psgn_jax.losses.chamfer import chamfer_sq_mean
-from psgn_jax.losses.distances import map_pairs
-from psgn_jax.metrics import clouds as metrics_lib
-from psgn_jax.metrics import samples as sample_metrics
-from psgn_jax.metrics.aligned import aligned_metrics
-from psgn_jax.metrics.evaluation import Evaluation
-from psgn_jax.models import point_out_net
+from psgn_jax.losses.min_of_n import MinOfN, min_of_n
+from psgn_jax.models import networks, posterior
 from psgn_jax.prediction import sampling
-from psgn_jax.training import evaluation
-from psgn_jax.training import state as state_lib
-from psgn_jax.training import step as step_lib
-from psgn_jax.types import Array
-from psgn_jax.viewing.clouds import render_cases
+from psgn_jax.tasks.base import Batch, Task
+from psgn_jax.viewing.spheres import render_cases
+
+# Weights of the L2 terms in the authors' published training code, each w * sum(kernel**2) / 2 as in
+# tf.nn.l2_loss.
+L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
+
+PairFunction = Callable[..., Any]
 
 
-class Points:
-    """See `tasks.base.Task`."""
+class Points(Task):
+    """Trains a network of `models.point_out_net`; metrics are those of `evaluation.clouds`.
 
-    def __init__(self, config: Config, workdir: pathlib.Path) -> None:
-        self._config = config
-        self._model = point_out_net.build(config.model)
-        self.title: str = config.model.name
-        self.keys = step_lib.input_keys(config)
+    Metrics of a training step, scalars except `kl_of_dims`:
 
-    @functools.cached_property
-    def _eval_step(self) -> Callable[..., Any]:
-        return make_eval_step(self._config, self._model)
+    - `loss_step`: the loss, without the L2 and KL terms.
+    - `loss_<name>`, if the loss is a sum: each term of `loss_step`, without its weight.
+    - `loss_of_draws`, if `loss.min_of_n` > 1: mean of the distances over all draws. `loss_step` is
+      the mean of the smallest distances; the difference shows how much the draws differ.
+    - `l2`, unless `loss.l2` is "none": the L2 term.
 
-    def check(self) -> None:
-        """Raises `ConfigError` if the loss cannot compare the network's points with the truth."""
-        _check_loss(self._config, self._model)
+    With `model.posterior` also:
 
-    def keep_sources(self) -> None:
-        """Does nothing: this task reads no other runs."""
+    - `kl`: divergence in nats, summed over the dimensions of z and averaged over the samples.
+    - `kl_of_dims`: vector of the divergences of the dimensions.
+    - `kl_weight`: weight of `kl` in the objective.
+    """
 
-    def create(self, tx: optax.GradientTransformation) -> state_lib.TrainState:
-        """The state before the first step, see `training.state.create`."""
-        return state_lib.create(self._config, self._model, tx)
+    def __init__(self, config: Config, workdir: str | os.PathLike[str]) -> None:
+        super().__init__(config, workdir)
+        self._model = networks.build(config.model)
+        self._posterior = networks.build_posterior(config.model) if config.model.posterior else None
+        self.title = config.model.name
+        self.keys = networks.input_keys(config)
 
-    def train_step(
-        self, tx: optax.GradientTransformation, mesh: Mesh
-    ) -> Callable[
-        [state_lib.TrainState, step_lib.Batch], tuple[state_lib.TrainState, dict[str, Array]]
-    ]:
-        """`training.step.make_train_step`."""
-        loss = configured_loss(self._config.loss)
-        return step_lib.make_train_step(self._config, self._model, loss, tx, mesh)
+    def init_params(self) -> Any:
+        """Initial parameters, see `models.networks.init_params`."""
+        return networks.init_params(self.config, self._model)
 
-    def evaluate(
-        self,
-        params: Any,
-        *,
-        split: str | None = None,
-        max_samples: int = 0,
-        on_batch: Callable[[int, Any, np.ndarray], None] | None = None,
-        chosen: Mapping[str, float] | None = None,
-        draws: int = 0,
-    ) -> Evaluation:
-        """Computes metrics of clouds on a split.
+    def random_columns(
+        self, step: Array | int, batch_size: int, *, train: bool
+    ) -> dict[str, Array]:
+        """The column `r`, if the network has a random input (`models.networks.random_input`)."""
+        r = networks.random_input(self.config, step, batch_size, train=train)
+        return {} if r is None else {"r": r}
 
-        With `draws`, the metrics of `with_draws` are added. `chosen` is not used, because this task
-        has no thresholds to choose.
-        """
-        eval_step = self._eval_step
-        if draws:
-            eval_step = with_draws(self._config, self._model, eval_step, draws)
-        return evaluation.evaluate_split(
-            self._config,
-            params,
-            eval_step,
-            split=split,
-            max_samples=max_samples,
-            on_batch=on_batch,
+    def objective(self) -> Callable[[Any, Batch, Array], tuple[Array, dict[str, Array]]]:
+        """The loss of the configuration; the metrics are described in the class."""
+        _check_loss(self.config, self._model)
+        return Partial(functools.partial(self._loss, configured_loss(self.config.loss)))
+
+    def _loss(
+        self, loss: PairFunction, params: Any, batch: Batch, step: Array
+    ) -> tuple[Array, dict[str, Array]]:
+        config, r = self.config, batch.get("r")
+        metrics: dict[str, Array] = {}
+        extra = jnp.float32(0)
+        if self._posterior is not None and r is not None:
+            volumes = jax.vmap(posterior.occupied)(batch["points"])
+            encoded = self._posterior.apply({"params": params[posterior.NAME]}, volumes)
+            q = cast(posterior.Gaussian, encoded)
+            r = posterior.reparameterise(q, r)
+            metrics["kl_of_dims"] = jnp.mean(posterior.kl_of_dims(q), axis=0)
+            metrics["kl"] = jnp.sum(metrics["kl_of_dims"])
+            metrics["kl_weight"] = kl_weight_at(config, step)
+            extra += metrics["kl_weight"] * metrics["kl"]
+        if config.loss.min_of_n > 1 and r is not None:
+            value, best = min_of_n_loss(config, self._model, loss, params, batch, r)
+            metrics["loss_of_draws"] = jnp.mean(best.distances)
+            terms = best.aux
+        else:
+            pred = networks.predict(config, self._model, params, batch, r)
+            values, terms = map_pairs(loss)(pred, batch["points"])
+            value = jnp.mean(values)
+        metrics |= {f"loss_{name}": jnp.mean(values) for name, values in terms.items()}
+        metrics["loss_step"] = value
+        if config.loss.l2 != "none":
+            metrics["l2"] = config.loss.l2_scale * l2_authors(params)
+            extra += metrics["l2"]
+        return value + extra, metrics
+
+    def _measure(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
+        pred = networks.predict(self.config, self._model, params, batch, batch.get("r"))
+        visible = [batch["visible"]] if "visible" in batch else []
+        return pred, map_pairs(self._measure_pair)(pred, batch["points"], *visible)
+
+    def _measure_pair(self, pred: Any, gt: Any, visible: Any = None) -> dict[str, Array]:
+        settings = self.config.eval
+        # If there are fewer true points than predicted ones, no bijection exists and the EMD is
+        # left out.
+        emd_tolerance = (settings.emd_tolerance if len(pred) <= len(gt) else 0) or None
+        metrics = metrics_lib.evaluate_pair(
+            pred, gt, visible, threshold=settings.fscore_threshold, emd_tolerance=emd_tolerance
         )
+        if settings.aligned:
+            emd = metrics.get("emd_radius")
+            metrics |= aligned_metrics(pred, gt, emd_tolerance=emd_tolerance, known_emd=emd)
+        return metrics
+
+    def evaluate(self, params: Any, *, draws: int = 0, **options: Any) -> Evaluation:
+        """Metrics on a split, see `Task.evaluate`; with `draws` those of `with_draws` too."""
+        options.pop("chosen", None)  # this task has no thresholds
+        step = self.eval_step
+        if draws:
+            step = with_draws(self.config, self._model, step, draws)
+        return evaluate_split(self.config, params, step, **options)
 
     def picture(self, params: Any) -> np.ndarray:
         """An image of the first evaluation samples: predictions beside the true clouds."""
-        config = self._config
+        config = self.config
         batches = loader.eval_batches(
             config.data,
             split=config.data.eval_split,
@@ -100,39 +143,61 @@ class Points:
             visible_tolerance=config.eval.visible_tolerance,
         )
         batch = next(iter(batches))
-        points, _ = self._eval_step(params, batch, 0)
+        points, _ = self.eval_step(params, batch, 0)
         shown = np.flatnonzero(batch["valid"])[: config.train.num_images]
         return render_cases(batch, np.asarray(points), shown.tolist())
 
 
-def make_eval_step(config: Config, model: Any) -> Callable[..., Any]:
-    """The compiled evaluation step, see `training.evaluation.over_devices`."""
+def kl_weight_at(config: Config, step: Array | int) -> Array:
+    """Weight of the KL at a training step: linear from 0 to `loss.kl_weight`, then constant."""
+    warmup = config.loss.kl_warmup_steps
+    share = jnp.minimum(jnp.float32(1), step / warmup) if warmup else jnp.float32(1)
+    return jnp.asarray(config.loss.kl_weight * share, jnp.float32)
 
-    def pair(pred: Any, gt: Any, visible: Any = None) -> Any:
-        # If there are fewer true points than predicted ones, no bijection exists and the EMD is
-        # left out.
-        emd_tolerance = config.eval.emd_tolerance if len(pred) <= len(gt) else 0
-        metrics = metrics_lib.evaluate_pair(
-            pred,
-            gt,
-            visible,
-            threshold=config.eval.fscore_threshold,
-            emd_tolerance=emd_tolerance or None,
-        )
-        if config.eval.aligned:
-            metrics |= aligned_metrics(
-                pred,
-                gt,
-                emd_tolerance=emd_tolerance or None,
-                known_emd=metrics.get("emd_radius"),
-            )
-        return metrics
 
-    return evaluation.over_devices(
-        config,
-        step_lib.input_keys(config),
-        lambda mesh: step_lib.make_eval_step(config, model, pair, mesh),
-    )
+def l2_authors(params: Any) -> Array:
+    """The authors' L2 terms: half the sum of squares of each kernel, weighted by layer type.
+
+    The weights are 1e-5 for convolutions, 1e-4 for the dense layer `carry` in the fc branch of the
+    hourglass (`models.point_out_net`), and 1e-3 for other dense layers. Biases are left out.
+    """
+    total = jnp.float32(0)
+    for path, leaf in jax.tree_util.tree_flatten_with_path(params)[0]:
+        names = [str(getattr(entry, "key", entry)) for entry in path]
+        if names[-1] != "kernel":
+            continue
+        dense = L2_CARRY if any("carry" in name for name in names) else L2_DENSE
+        total += (L2_CONV if leaf.ndim >= 4 else dense) * 0.5 * jnp.sum(jnp.square(leaf))
+    return total
+
+
+def min_of_n_loss(
+    config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, r: Array
+) -> tuple[Array, MinOfN]:
+    """Batch mean of the Min-of-N distance over the draws of r [B,draws,k].
+
+    Value and gradient equal those of `min_of_n` applied to `predict` with all draws, up to
+    rounding, at less cost. Only the best draw of each sample has a gradient. All draws are
+    therefore computed without storing activations, and only the best draw of each sample is
+    computed again for the backward pass. The parts that do not depend on r (the encoder; in
+    `hourglass` the encoder of the first pass) are the same in both passes, and XLA computes them
+    once. The loss is not computed twice: its derivative with respect to the points is kept from the
+    first pass and used in the backward pass of the second.
+    """
+    constant = jax.lax.stop_gradient(params)
+    preds = networks.predict(config, model, constant, batch, r)
+
+    def total(preds: Array) -> tuple[Array, MinOfN]:
+        best = map_pairs(min_of_n(loss, has_aux=True))(preds, batch["points"])
+        return jnp.sum(best.value), best
+
+    (value, best), by_points = jax.value_and_grad(total, has_aux=True)(preds)
+    rows = jnp.arange(len(r))
+    pred = networks.predict(config, model, params, batch, r[rows, best.winner])
+    # The value is zero; the gradient is that of the loss, by the chain rule through the points.
+    carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))
+    best = jax.lax.stop_gradient(best)
+    return (jax.lax.stop_gradient(value) + jnp.sum(carried)) / len(r), best
 
 
 def with_draws(
@@ -142,16 +207,16 @@ def with_draws(
 
     It adds to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, the same
     of the EMD if `eval.emd_tolerance` is set, and `total_mutual_difference_radius2` if K > 1. They
-    are defined in `metrics.samples`. The draws are those of `prediction.sampling.predict_samples`
-    with the configuration's seed.
+    are defined in `evaluation.samples`. The draws are those of `prediction.sampling.sampler` with
+    the configuration's seed.
 
     Raises:
       ConfigError: the network has no random input.
     """
-    sample = sampling.compile_predict_samples(config, model, num_draws)
+    sample = sampling.sampler(config, model, num_draws)
 
     @jax.jit
-    def measure(points: Any, gt: Any, mutual: Any) -> dict[str, Any]:
+    def measure(points: Any, gt: Any) -> dict[str, Any]:
         distances: dict[str, Any] = {"cd_sq_radius2": chamfer_sq_mean}
         if config.eval.emd_tolerance and points.shape[2] <= gt.shape[1]:
             tolerance = config.eval.emd_tolerance
@@ -162,6 +227,7 @@ def with_draws(
 
         metrics = map_pairs(one)(points, gt)
         if num_draws > 1:
+            mutual = jax.lax.map(sampling.mutual_distances, points)
             difference = jax.vmap(sample_metrics.total_mutual_difference)
             metrics["total_mutual_difference_radius2"] = difference(mutual)
         return metrics
@@ -169,7 +235,7 @@ def with_draws(
     def run(params: Any, batch: Any, index: int) -> Any:
         points, values = eval_step(params, batch, index)
         drawn = sample(params, batch, config.seed, index * len(batch["image"]))
-        return points, {**values, **measure(drawn.points, batch["points"], drawn.mutual)}
+        return points, {**values, **measure(drawn, batch["points"])}
 
     return run
 

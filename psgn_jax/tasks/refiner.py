@@ -10,6 +10,7 @@ that they were trained on than on new ones, so during training the refiner sees 
 at test time.
 """
 
+import os
 import pathlib
 import shutil
 from typing import Any
@@ -17,18 +18,17 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from psgn_jax.config import Config, ConfigError, to_dict, to_json
-from psgn_jax.files import write_atomic
+from psgn_jax.array_types import Array
+from psgn_jax.config.experiment import Config, ConfigError, to_dict, to_json
 from psgn_jax.losses.iou import iou_sweep, soft_iou_loss
-from psgn_jax.models import point_out_net, voxel_refiner
+from psgn_jax.models import networks, voxels
 from psgn_jax.models.inputs import network_inputs
-from psgn_jax.models.layers import DTYPES
+from psgn_jax.system.files import write_atomic
+from psgn_jax.tasks.base import Batch
 from psgn_jax.tasks.voxels import GRID, VoxelTask, apply
-from psgn_jax.training import state as state_lib
-from psgn_jax.training import step as step_lib
-from psgn_jax.training.checkpoint import Checkpoints
-from psgn_jax.training.run_folder import Run, load_config, open_run
-from psgn_jax.types import Array
+from psgn_jax.weights.checkpoint import Checkpoints
+from psgn_jax.weights.leaves import named_leaves
+from psgn_jax.weights.run_folder import Run, load_config, open_run
 
 CLOUDS = ("from_cd", "from_emd")
 
@@ -70,7 +70,7 @@ def keep_source(workdir: pathlib.Path, name: str, source: Run) -> None:
     checkpoints = Checkpoints(folder / "checkpoints")
     checkpoints.save(
         source.step,
-        state_lib.named_leaves({"params": source.params}),
+        named_leaves({"params": source.params}),
         {"config": to_dict(source.config), "seed": source.config.seed},
     )
     checkpoints.close()
@@ -79,76 +79,79 @@ def keep_source(workdir: pathlib.Path, name: str, source: Run) -> None:
 
 
 class Refine(VoxelTask):
-    """Maps clouds of one or two trained networks to a volume (`models.voxel_refiner.VoxelRefiner`).
+    """Maps clouds of one or two trained networks to a volume (`models.voxels.VoxelRefiner`).
 
     Metrics: `iou` of the refiner; `iou_splat_cd`, `iou_splat_emd` of the splats without refiner.
     """
 
     metric = "iou"
 
-    def __init__(self, config: Config, workdir: pathlib.Path) -> None:
+    def __init__(self, config: Config, workdir: str | os.PathLike[str]) -> None:
         super().__init__(config, workdir)
         names = list(config.voxels.sources)
         self._clouds = [name for name in names if name in CLOUDS]
         self._with_volume = "from_volume" in names
-        self._sources = {name: open_source(config, workdir, name) for name in names}
-        self._frozen = {name: source.params for name, source in self._sources.items()}
+        self._sources = {name: open_source(config, self.workdir, name) for name in names}
+        self.frozen = {name: source.params for name, source in self._sources.items()}
         self._networks = {
-            name: point_out_net.build(self._sources[name].config.model) for name in self._clouds
+            name: networks.build(self._sources[name].config.model) for name in self._clouds
         }
         if self._with_volume:
             theirs = self._sources["from_volume"].config.model
-            self._volume_net = voxel_refiner.build_volume_net(theirs)
-        self._model = voxel_refiner.VoxelRefiner(
-            len(self._clouds),
-            self._with_volume,
-            config.voxels.widths,
-            DTYPES[config.model.compute_dtype],
-        )
+            self._volume_net = networks.build_volume_net(theirs)
+        self._model = networks.build_refiner(config.model, config.voxels)
         self.title = "refiner of " + ", ".join(name.removeprefix("from_") for name in names)
 
     def keep_sources(self) -> None:
         """Copies the source runs into the folder of this run."""
         for name, source in self._sources.items():
-            keep_source(self._workdir, name, source)
+            keep_source(self.workdir, name, source)
 
-    def _sample_latents(self, index: Array | int, batch_size: int) -> dict[str, Array | None]:
-        return {
-            name: step_lib.sample_step_latents(
-                self._sources[name].config, index, batch_size, train=False
-            )
-            for name in self._clouds
-        }
+    def random_columns(
+        self, step: Array | int, batch_size: int, *, train: bool
+    ) -> dict[str, Array]:
+        """A column for each cloud network with a random input, drawn as in an evaluation."""
+        columns: dict[str, Array] = {}
+        for name in self._clouds:
+            theirs = self._sources[name].config
+            r = networks.random_input(theirs, step, batch_size, train=False)
+            columns |= {} if r is None else {f"r_{name}": r}
+        return columns
 
-    def _init(self, key: Array) -> Any:
+    def init_params(self) -> Any:
+        """Initial parameters of the refiner."""
+        grids = jnp.zeros((1, *GRID, len(self._clouds)))
         volumes = jnp.zeros(1) if self._with_volume else None
-        return self._model.init(key, jnp.zeros((1, *GRID, len(self._clouds))), volumes)
+        return self._model.init(networks.init_key(self.config), grids, volumes)["params"]
 
-    def _predict(
-        self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
-    ) -> tuple[Array, Array]:
+    def _predict(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, Array]:
         """Returns probabilities [B,x,y,z] and the splats [B,x,y,z,clouds] of the clouds."""
         clouds = [
-            step_lib.predict(
-                self._sources[name].config, self._networks[name], frozen[name], batch, latents[name]
+            networks.predict(
+                self._sources[name].config,
+                self._networks[name],
+                frozen[name],
+                batch,
+                batch.get(f"r_{name}"),
             )
             for name in self._clouds
         ]
-        splats = jax.vmap(lambda *one: voxel_refiner.splat_clouds(one))(*clouds)
+        splats = jax.vmap(lambda *one: voxels.splat_clouds(one))(*clouds)
         volumes = None
         if self._with_volume:
-            seen = network_inputs(self._config, batch)
+            seen = network_inputs(self.config.data.inputs, batch)
             volumes = apply(self._volume_net, frozen["from_volume"], seen)
         return apply(self._model, params, splats, volumes), splats
 
-    def _loss(self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any) -> Array:
-        pred, _ = self._predict(params, frozen, batch, latents)
-        return jax.vmap(soft_iou_loss)(pred, batch["occupancy"].astype(pred.dtype)).mean()
-
-    def _measure(
-        self, params: Any, frozen: Any, batch: step_lib.Batch, latents: Any
+    def _loss(
+        self, frozen: Any, params: Any, batch: Batch, step: Array
     ) -> tuple[Array, dict[str, Array]]:
-        pred, splats = self._predict(params, frozen, batch, latents)
+        pred, _ = self._predict(frozen, params, batch)
+        value = jax.vmap(soft_iou_loss)(pred, batch["occupancy"].astype(pred.dtype)).mean()
+        return value, {"loss_step": value}
+
+    def _measure(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
+        pred, splats = self._predict(frozen, params, batch)
         metrics = {"iou": jax.vmap(iou_sweep)(pred, batch["occupancy"])}
         for channel, name in enumerate(self._clouds):
             sweep = jax.vmap(iou_sweep)(splats[..., channel], batch["occupancy"])

@@ -8,6 +8,7 @@ duplicated.
 
 import collections
 import contextlib
+import datetime
 import errno
 import json
 import math
@@ -22,9 +23,10 @@ import jax
 import numpy as np
 from absl import logging
 
-from psgn_jax.config import Config, UserError
-from psgn_jax.files import finite_or_none, write_atomic
-from psgn_jax.training.state import WATCHED
+from psgn_jax.config.experiment import Config
+from psgn_jax.models import posterior
+from psgn_jax.system.errors import UserError
+from psgn_jax.system.files import finite_or_none, write_atomic
 
 
 class NonFiniteError(UserError):
@@ -37,20 +39,37 @@ class TrainingLog:
     """Logs the metrics of training steps.
 
     It reads the metrics two steps late, so that the device does not wait for the host. It also
-    keeps the host at most two steps ahead of the device.
+    keeps the host at most two steps ahead of the device. A line has the metrics of its last step
+    and `loss`, the mean of `loss_step` over the steps since the line before.
+
+    Args:
+      config: configuration of the run.
+      writer: gets the lines; None = only the terminal does.
+      start: step at which the run starts or resumes.
+      losses: sum and number of the losses before `start` that belong to the next line.
+
+    Attributes:
+      loss_sum: sum of the losses since the last line, float32.
+      loss_count: their number.
     """
 
-    def __init__(self, config: Config, writer: "MetricsWriter | None", start: int):
+    def __init__(
+        self,
+        config: Config,
+        writer: "MetricsWriter | None",
+        start: int,
+        losses: tuple[float, int] = (0.0, 0),
+    ):
         self._config = config
         self._writer = writer
         self._pending: collections.deque[tuple[int, dict[str, jax.Array]]] = collections.deque()
         self._start = self._last_step = start
         self._began = self._last_time = time.monotonic()
         self._paused = 0.0
-        self._last: dict[str, jax.Array] = {}
+        self.loss_sum, self.loss_count = np.float32(losses[0]), int(losses[1])
 
     def add(self, step: int, metrics: dict[str, jax.Array]) -> None:
-        """Adds the metrics of a step that has been dispatched."""
+        """Adds the metrics of a step that has been dispatched; raises `NonFiniteError`."""
         self._pending.append((step, metrics))
         while len(self._pending) > 2:
             self._pop()
@@ -63,7 +82,6 @@ class TrainingLog:
         """Waits for all steps; raises `NonFiniteError` if the loss or gradient was not finite."""
         while self._pending:
             self._pop()
-        self._check()
 
     @contextlib.contextmanager
     def pause(self) -> Iterator[None]:
@@ -86,58 +104,59 @@ class TrainingLog:
             self._writer.flush()
 
     def _pop(self) -> None:
-        step, self._last = self._pending.popleft()
-        jax.block_until_ready(self._last)
-        if step % self._config.train.log_every and step != self._config.train.steps:
-            return
-        self._check()
-        hidden = ("bad_step", "bad_metric", "loss_step")
-        values = {k: float(v) for k, v in self._last.items() if k not in hidden and not v.ndim}
-        vectors = {k: np.asarray(v) for k, v in self._last.items() if v.ndim}
-        seconds = time.monotonic() - self._last_time - self._paused
-        steps = step - self._last_step
-        if steps:  # the time of the first step includes the compilation
-            values["samples_per_second"] = steps * self._config.train.batch_size / seconds
-        self._line(step, values, seconds / max(1, steps))
-        if self._writer:
-            self._writer.scalars(step, "train", values, vectors)
-            self._writer.flush()
-        self._restart_clock(step)
+        step, arrays = self._pending.popleft()
+        watched = jax.device_get([arrays[k] for k in ("objective", "grad_norm", "loss_step")])
+        for name, value in zip(("loss", "gradient norm"), watched, strict=False):
+            if not np.isfinite(value):
+                raise NonFiniteError(
+                    f"the {name} is not finite at step {step}; training has stopped, and the "
+                    "checkpoints are from earlier steps; try a lower optim.learning_rate or "
+                    "optim.clip_norm=1 in a new --workdir"
+                )
+        every = self._config.train.log_every
+        self.loss_sum, self.loss_count = self.loss_sum + watched[2], self.loss_count + 1
+        if step % every == 0 or step == self._config.train.steps:
+            self._line(step, jax.device_get(arrays))
+            self._restart_clock(step)
+        if step % every == 0:
+            self.loss_sum, self.loss_count = np.float32(0), 0
 
     def _restart_clock(self, step: int) -> None:
         self._last_step, self._last_time, self._paused = step, time.monotonic(), 0.0
 
-    def _line(self, step: int, values: Mapping[str, float], seconds_per_step: float) -> None:
-        total = self._config.train.steps
-        if "samples_per_second" in values:
-            left = _duration((total - step) * seconds_per_step)
-            speed = f", {values['samples_per_second']:.3g} samples/s, {left} left"
-        else:
-            speed = ""
-        kl = ""
+    def _line(self, step: int, metrics: Mapping[str, np.ndarray]) -> None:
+        hidden = ("objective", "loss_step")
+        vectors = {k: v for k, v in metrics.items() if v.ndim}
+        values = {k: float(v) for k, v in metrics.items() if k not in hidden and not v.ndim}
+        values["loss"] = float(self.loss_sum / np.float32(self.loss_count))
+        kl = speed = ""
         if "kl" in values:
+            by_dim = vectors["kl_of_dims"]
+            values["kl_dim_min"] = float(by_dim.min())
+            values["kl_dim_mean"] = float(by_dim.mean())
+            values["kl_dim_max"] = float(by_dim.max())
+            values["active_dims"] = float(np.sum(by_dim > posterior.ACTIVE))
             kl = f", KL {values['kl']:.3g} nats in {values['active_dims']:.0f} dimensions"
+        steps, total = step - self._last_step, self._config.train.steps
+        if steps:  # the time of the first step includes the compilation
+            seconds = time.monotonic() - self._last_time - self._paused
+            values["samples_per_second"] = steps * self._config.train.batch_size / seconds
+            left = datetime.timedelta(seconds=round((total - step) * seconds / steps))
+            speed = f", {values['samples_per_second']:.3g} samples/s, {left} left"
         terms = [k for k in values if k.startswith("loss_") and k != "loss_of_draws"]
-        of_terms = "".join(f", {k.removeprefix('loss_')} {values[k]:.4g}" for k in terms)
         logging.info(
             "step %d/%d: loss %.5g%s%s, gradient norm %.3g%s",
             step,
             total,
             values["loss"],
-            of_terms,
+            "".join(f", {k.removeprefix('loss_')} {values[k]:.4g}" for k in terms),
             kl,
             values["grad_norm"],
             speed,
         )
-
-    def _check(self) -> None:
-        if self._last and int(self._last["bad_step"]) >= 0:
-            metric = WATCHED[int(self._last["bad_metric"])]
-            raise NonFiniteError(
-                f"the {metric} is not finite at step {int(self._last['bad_step'])}; training has "
-                "stopped, and the checkpoints are from earlier steps; try a lower "
-                "optim.learning_rate or optim.clip_norm=1 in a new --workdir"
-            )
+        if self._writer:
+            self._writer.scalars(step, "train", values, vectors)
+            self._writer.flush()
 
 
 def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
@@ -237,14 +256,6 @@ class MetricsWriter:
             events = self._tensorboard.file_writer.event_writer
             events.add_event = events._ev_writer.write_event
         return self._tensorboard
-
-
-def _duration(seconds: float) -> str:
-    seconds = round(seconds)
-    hours, minutes = seconds // 3600, seconds % 3600 // 60
-    if hours:
-        return f"{hours} h {minutes:02d} min"
-    return f"{minutes} min {seconds % 60:02d} s" if minutes else f"{seconds} s"
 
 
 def _finite(value: float) -> float | None:

@@ -1,8 +1,9 @@
 """Describes and checks a data set: a report in text, and a contact sheet."""
 
-import dataclasses
+import collections
 import pathlib
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -12,7 +13,7 @@ from psgn_jax.data.codec import field_sizes
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import FORMAT, VERSION, load_manifest
 from psgn_jax.data.schema import RecordError
-from psgn_jax.viewing.clouds import render_cloud, turned
+from psgn_jax.viewing import spheres
 from psgn_jax.viewing.page import nearest_distances
 
 # A sample is flagged if less than this fraction of its points is within `NEAR_PIXELS` pixels of the
@@ -24,8 +25,7 @@ NEAR_PIXELS = 2
 _DEPTH_PIXELS = 400
 
 
-@dataclasses.dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """How well the image, the depth and the points of a sample agree.
 
     Attributes:
@@ -62,36 +62,6 @@ def check(sample: schema.Sample) -> Check:
     )
 
 
-def contact_sheet(samples: Sequence[schema.Sample], labels: Sequence[str]) -> Image.Image:
-    """Draws each sample: image, cloud with the outline of the mask, cloud from another side."""
-    size = samples[0].image.shape[:2]
-    height, width = size
-    columns = 2
-    rows = -(-len(samples) // columns)
-    sheet = Image.new("RGB", (columns * 3 * (width + 4), rows * (height + 16)), "white")
-    pen = ImageDraw.Draw(sheet)
-    for number, (sample, label) in enumerate(zip(samples, labels, strict=True)):
-        left, top = number % columns * 3 * (width + 4), number // columns * (height + 16)
-        # All images are resized to the size of the first one.
-        intrinsics = camera.scale_intrinsics(sample.intrinsics, sample.image.shape[:2], size)
-        front = render_cloud(sample.points, intrinsics, sample.extrinsics, size)
-        side = render_cloud(sample.points, intrinsics, turned(sample.extrinsics, 120), size)
-        image = Image.fromarray(sample.image).resize((width, height), Image.Resampling.BOX)
-        mask = np.asarray(
-            Image.fromarray(sample.mask.view(np.uint8)).resize((width, height), 0), np.bool_
-        )
-        inner = mask.copy()
-        inner[1:] &= mask[:-1]
-        inner[:-1] &= mask[1:]
-        inner[:, 1:] &= mask[:, :-1]
-        inner[:, :-1] &= mask[:, 1:]
-        front[mask & ~inner] = [230, 40, 40]  # the outline of the mask over the cloud
-        for place, picture in enumerate((np.asarray(image), front, side)):
-            sheet.paste(Image.fromarray(picture), (left + place * (width + 4), top + 14))
-        pen.text((left + 2, top + 1), label, fill="black")
-    return sheet
-
-
 def _spread(count: int, wanted: int) -> np.ndarray:
     """At most `wanted` indices, evenly spaced in range(count)."""
     return np.unique(np.linspace(0, count - 1, min(count, wanted)).astype(int))
@@ -105,17 +75,14 @@ def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
         f"split {reader.split}: {len(reader)} samples in {len(shards)} shards, {size / 1e6:.2f} MB"
         f" ({size / max(1, len(reader)) / 1e3:.1f} kB a sample)"
     ]
-    categories: dict[str, int] = {}
-    for shard in shards:
-        for name, count in shard.categories.items():
-            categories[name] = categories.get(name, 0) + count
+    categories = sum((collections.Counter(s.categories) for s in shards), collections.Counter())
     named = ", ".join(f"{name or '(unknown)'} {n}" for name, n in sorted(categories.items()))
     lines.append(f"  categories: {named}")
     try:
         reader.verify()
     except RecordError as error:
         lines.append(f"DAMAGED {error}")
-    checks: dict[int, Check] = {}
+    checks: list[Check] = []
     flagged: list[str] = []
     sizes: dict[str, list[int]] = {}
     for index in map(int, _spread(len(reader), num_checked)):
@@ -127,11 +94,11 @@ def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
             continue
         for field, value in field_sizes(data).items():
             sizes.setdefault(field, []).append(value)
-        checks[index] = check(sample)
-        if checks[index].near < FLAG_BELOW:
+        checks.append(check(sample))
+        if checks[-1].near < FLAG_BELOW:
             flagged.append(
                 f"  flagged: record {index} ({sample.model_id} view {sample.view}): "
-                f"{100 * checks[index].near:.1f} % of its points within {NEAR_PIXELS} pixels"
+                f"{100 * checks[-1].near:.1f} % of its points within {NEAR_PIXELS} pixels"
             )
         if len(checks) == 1:
             optional = [f for f in schema.OPTIONAL_FIELDS if getattr(sample, f) is not None]
@@ -144,28 +111,25 @@ def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
             "  bytes of a record, mean: "
             + ", ".join(f"{f} {np.mean(v):.0f}" for f, v in sizes.items())
         )
-        lines += _summary(list(checks.values()))
+        lines += _summary(checks)
     return lines + flagged
 
 
 def _summary(checks: Sequence[Check]) -> list[str]:
     """Lines about the samples that were checked."""
-    lines = []
     inside = np.array([c.inside for c in checks])
     near = np.array([c.near for c in checks])
-    lines.append(
+    lines = [
         f"  {len(checks)} samples checked: points strictly inside the mask {inside.mean():.2%}"
         f" on average (lowest {inside.min():.2%}); {(near >= FLAG_BELOW).sum()} samples have"
         f" at least {FLAG_BELOW:.0%} of their points within {NEAR_PIXELS} pixels"
-    )
-    medians = [c.depth_median for c in checks if c.depth_median is not None]
-    if medians:
+    ]
+    if medians := [c.depth_median for c in checks if c.depth_median is not None]:
         lines.append(
             f"  depth to the cloud: median {np.median(medians):.4f} of the samples' medians,"
             f" largest {max(medians):.4f} (unit: radius of the bounding hemisphere)"
         )
-    reach = [c.reach for c in checks]
-    lowest = [c.lowest for c in checks]
+    reach, lowest = [c.reach for c in checks], [c.lowest for c in checks]
     lines.append(
         f"  farthest point {min(reach):.3f} to {max(reach):.3f} from the origin, lowest z"
         f" {min(lowest):.3f} to {max(lowest):.3f}"
@@ -200,9 +164,16 @@ def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str],
 
 
 def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
-    """Draws a contact sheet of samples from all splits; damaged samples are skipped."""
-    samples, labels = [], []
-    splits = list(load_manifest(path).splits())
+    """Draws a contact sheet of samples; damaged ones are skipped.
+
+    Each sample has three pictures, of the size of the first image: the image, its cloud with the
+    outline of the mask, and the cloud from another side. A test split is not drawn if there are
+    others, because nothing is chosen by looking at it.
+    """
+    drawn: list[tuple[str, list[np.ndarray]]] = []
+    every = load_manifest(path).splits()
+    splits = [name for name in every if name != "test"] or list(every)
+    size = None
     for split in splits:
         try:
             reader = RecordReader(path, split)
@@ -213,12 +184,43 @@ def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
                 sample = reader[index]
             except RecordError:
                 continue
+            size = size or sample.image.shape[:2]
             checked = check(sample)
-            samples.append(sample)
-            labels.append(
+            label = (
                 f"{split} {index}  {sample.category}  {sample.model_id[:16]}  "
                 f"{checked.inside:.1%} inside, {checked.near:.1%} within {NEAR_PIXELS} px"
             )
-    if not samples:
+            drawn.append((label, _pictures(sample, size)))
+    if not size:
         raise RecordError(f"data set {str(path)!r}: no readable sample")
-    return contact_sheet(samples, labels)
+    height, width = size
+    sheet = Image.new("RGB", (6 * (width + 4), -(-len(drawn) // 2) * (height + 16)), "white")
+    pen = ImageDraw.Draw(sheet)
+    for number, (label, pictures) in enumerate(drawn):
+        left, top = number % 2 * 3 * (width + 4), number // 2 * (height + 16)
+        for place, picture in enumerate(pictures):
+            sheet.paste(Image.fromarray(picture), (left + place * (width + 4), top + 14))
+        pen.text((left + 2, top + 1), label, fill="black")
+    return sheet
+
+
+def _pictures(sample: schema.Sample, size: tuple[int, int]) -> list[np.ndarray]:
+    height, width = size
+    intrinsics = camera.scale_intrinsics(sample.intrinsics, sample.image.shape[:2], size)
+    points = sample.points[:: max(1, len(sample.points) // 2048)]
+    colours = spheres.colours_by_height(points)
+    front, side = (
+        spheres.render(points, colours, intrinsics, extrinsics, size).copy()
+        for extrinsics in (sample.extrinsics, spheres.turned(sample.extrinsics, 120))
+    )
+    image = Image.fromarray(sample.image).resize((width, height), Image.Resampling.BOX)
+    mask = np.asarray(
+        Image.fromarray(sample.mask.astype(np.uint8)).resize((width, height), 0), np.bool_
+    )
+    inner = mask.copy()
+    inner[1:] &= mask[:-1]
+    inner[:-1] &= mask[1:]
+    inner[:, 1:] &= mask[:, :-1]
+    inner[:, :-1] &= mask[:, 1:]
+    front[mask & ~inner] = [230, 40, 40]  # the outline of the mask over the cloud
+    return [np.asarray(image), front, side]

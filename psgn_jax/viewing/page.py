@@ -5,36 +5,28 @@ chooses one. The clouds can be rotated with a mouse or a finger. Points are colo
 branch, error, spread of the samples, or by the colours of the image. `page.html` contains the code
 of the page, which draws on a canvas; a content security policy forbids all requests. Coordinates
 are stored as int16 and have an error below 1e-4 units.
-
-The command for the files that `psgn_jax.predict` writes is:
-
-    python -m psgn_jax.viewing.page OUT/*.npz --out=page.html
 """
 
-import argparse
 import base64
 import contextlib
 import dataclasses
 import io
 import json
 import pathlib
-import sys
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import IO, Any
 
 import numpy as np
 from PIL import Image
 
-from psgn_jax.files import write_atomic
-from psgn_jax.untrusted import message_line, one_line
+from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
-from psgn_jax.viewing.predictions import read_prediction
-
-MAX_BYTES = 5_000_000
-"""Maximum size of a page in bytes; further cases are on further pages, linked at the bottom."""
 
 _TEMPLATE = pathlib.Path(__file__).with_name("page.html")
+CLOUD_SCRIPT = pathlib.Path(__file__).with_name("cloud.js")
+"""Draws clouds in a browser; an ES module."""
+
 _PLACE_OF_DATA = "/*DATA*/"
 _EXTENT = 2.0  # largest coordinate that can be stored; objects extend to about 1
 _ERROR_TOP = 0.2  # distance with the last colour of the scale, unit
@@ -71,9 +63,9 @@ def write_pages(
     cases: Iterable[Case],
     *,
     title: str = "psgn_jax",
-    max_bytes: int = MAX_BYTES,
+    max_bytes: int = 5_000_000,
 ) -> dict[str, pathlib.Path]:
-    """Writes one page, or several if one would be too large: `page.html`, `page-2.html`, ...
+    """Writes one page, or several that link to each other: `page.html`, `page-2.html`, ...
 
     Args:
       path: path of the first page.
@@ -86,10 +78,11 @@ def write_pages(
       The page of each case, by the name of the case.
 
     Raises:
-      ValueError: there is no case, a name occurs twice, or shapes of arrays do not match.
+      ValueError: a name occurs twice.
     """
     path = pathlib.Path(path)
-    template = _TEMPLATE.read_text(encoding="utf-8")
+    drawing = CLOUD_SCRIPT.read_text(encoding="utf-8").replace("export class", "class")
+    template = _TEMPLATE.read_text(encoding="utf-8").replace("/*CLOUD*/", drawing)
     pages: dict[str, pathlib.Path] = {}
     with contextlib.ExitStack() as stack:
         # Pages link to each other, so their number must be known before the first is written.
@@ -100,13 +93,13 @@ def write_pages(
                 raise ValueError(f"cases: the name {case.name!r} occurs twice; accepted: each once")
             text = to_json(_encode(case))
             if not groups or (size and len(template) + 4096 + size + len(text) > max_bytes):
-                groups.append(stack.enter_context(_temporary_text(path.parent)))
+                path.parent.mkdir(parents=True, exist_ok=True)
+                unnamed = tempfile.TemporaryFile("w+", encoding="utf-8", dir=path.parent)  # noqa: SIM115
+                groups.append(stack.enter_context(unnamed))
                 size = 0
             groups[-1].write(("," if size else "") + text)
             size += len(text) + 1
             pages[case.name] = _numbered(path, len(groups))
-        if not groups:
-            raise ValueError("cases is empty: accepted: at least one case")
         files = [_numbered(path, number + 1) for number in range(len(groups))]
         links = [{"file": file.name, "label": f"page {i}"} for i, file in enumerate(files, 1)]
         head = {
@@ -125,12 +118,6 @@ def write_pages(
     return pages
 
 
-def _temporary_text(folder: pathlib.Path) -> IO[str]:
-    """A file without a name, which is removed when the process ends."""
-    folder.mkdir(parents=True, exist_ok=True)
-    return tempfile.TemporaryFile("w+", encoding="utf-8", newline="", dir=folder)
-
-
 def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance [n] of each query to the nearest point; blocks of queries bound the memory."""
     centre = points.mean(axis=0, dtype=np.float64)  # centring reduces cancellation in the squares
@@ -144,37 +131,12 @@ def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.concatenate(distances)
 
 
-def case_of_prediction(path: str | pathlib.Path) -> Case:
-    """Reads a case from an NPZ file of `psgn_jax.predict`.
-
-    Raises:
-      PredictionFileError: the file is not a prediction, or is damaged.
-    """
-    arrays = read_prediction(path, ("points", "colours", "branch", "image"))
-    return Case(
-        name=pathlib.Path(path).stem,
-        image=arrays["image"],
-        samples=arrays["points"],
-        num_fc=int((arrays["branch"] == 0).sum()),
-        colours=arrays["colours"],
-    )
-
-
 def _numbered(path: pathlib.Path, number: int) -> pathlib.Path:
     return path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
 
 
 def _encode(case: Case) -> dict[str, Any]:
     samples, truth = np.asarray(case.samples), case.truth
-    if samples.ndim != 3 or not len(samples) or samples.shape[2] != 3:
-        raise ValueError(
-            f"case {case.name!r}: samples is {list(samples.shape)}: accepted: [k, n, 3], k >= 1"
-        )
-    if case.colours is not None and case.colours.shape != samples.shape:
-        raise ValueError(
-            f"case {case.name!r}: colours is {list(case.colours.shape)}: accepted: "
-            f"{list(samples.shape)}, as samples"
-        )
     item: dict[str, Any] = {
         "name": case.name,
         "about": case.about,
@@ -230,33 +192,3 @@ def picture_uri(image: np.ndarray) -> str:
         if len(best) < 20_000:
             break
     return best
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m psgn_jax.viewing.page", description=(__doc__ or "").split("\n")[0]
-    )
-    parser.add_argument("predictions", nargs="+", metavar="NPZ", help="files of psgn_jax.predict")
-    parser.add_argument("--out", required=True, help="HTML file to write")
-    parser.add_argument("--title", default="psgn_jax")
-    arguments = parser.parse_args(argv)
-    try:
-        cases = [case_of_prediction(path) for path in arguments.predictions]
-        # Files in different folders may have the same name, such as two predictions of one photo.
-        names = [case.name for case in cases]
-        cases = [
-            dataclasses.replace(case, name=str(path)) if names.count(case.name) > 1 else case
-            for case, path in zip(cases, arguments.predictions, strict=True)
-        ]
-        pages = write_pages(arguments.out, cases, title=arguments.title)
-    except (OSError, ValueError) as error:
-        sys.stderr.write(f"error: {message_line(error)}\n")
-        return 2
-    for page in sorted(set(pages.values())):
-        sys.stdout.write(f"{one_line(page)}\n")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -4,30 +4,23 @@ It only needs NumPy and Pillow, and no GPU. Spheres are drawn with their normals
 buffer, lit softly and darkened in the gaps between them. Pictures are computed at twice their size,
 for antialiasing.
 
-The command for the files that `psgn_jax.predict` writes is:
-
-    python -m psgn_jax.viewing.spheres OUT/*.npz --out=sheet.png [--turntable=turn.mp4]
-
 Only this file imports PyAV (`av`, extra `video`). Videos are H.264, because all browsers play it.
 OpenCV's wheels could not be used instead: they have no H.264 encoder.
 """
 
-import argparse
 import dataclasses
 import importlib.util
 import io
 import pathlib
-import sys
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFilter
 
 from psgn_jax.data import camera
-from psgn_jax.files import write_atomic
-from psgn_jax.untrusted import message_line, one_line
-from psgn_jax.viewing.clouds import turned
+from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing.predictions import read_prediction
 
 RADIUS = 0.028
@@ -57,6 +50,7 @@ _SHADOW_SLANT = (-0.25, 0.3)  # offset of the shadow per unit of height: toward 
 _SHADOW_DARKNESS = 0.42
 _WHITE = 255.0
 _MP4_TURNS = 4
+_FRAME = 80  # duration of a frame of a turntable, milliseconds
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -80,6 +74,11 @@ class Case:
 def colours_by_height(points: np.ndarray) -> np.ndarray:
     """Colours uint8 [n, 3] by height; the scale is z from 0 to 1."""
     return _ramp(HEIGHT_COLOURS, points[:, 2])
+
+
+def by_height(clouds: Mapping[str, np.ndarray]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Clouds [n, 3] with their colours by height, as in `Case.clouds`."""
+    return {name: (points, colours_by_height(points)) for name, points in clouds.items()}
 
 
 def colours_by_branch(branch: np.ndarray) -> np.ndarray:
@@ -133,6 +132,13 @@ def render(
     return np.asarray(full.reduce(_OVERSAMPLING))
 
 
+def turned(extrinsics: np.ndarray, degrees: float) -> np.ndarray:
+    """Extrinsics [3, 4] that show the object rotated by an angle about the vertical axis."""
+    cosine, sine = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return np.concatenate([extrinsics[:, :3] @ turn, extrinsics[:, 3:]], axis=1)
+
+
 def render_spheres(case: Case, height: int = 192, turns: Sequence[float] = (0, 75)) -> np.ndarray:
     """Draws the image, then each cloud from its camera, rotated by each of `turns` degrees."""
     scale = height / case.image.shape[0]
@@ -148,28 +154,15 @@ def render_spheres(case: Case, height: int = 192, turns: Sequence[float] = (0, 7
 
 
 def sheet(
-    cases: Sequence[Case],
-    *,
-    columns: int = 2,
-    height: int = 144,
-    turns: Sequence[float] = (0, 75),
+    cases: Sequence[Case], *, columns: int, height: int = 144, turns: Sequence[float] = (0, 75)
 ) -> Image.Image:
-    """Draws many cases in one picture, each with its label and the names of its clouds.
-
-    Raises:
-      ValueError: `cases` is empty.
-    """
-    if not cases:
-        raise ValueError("cases is empty: accepted: at least one case")
+    """Draws many cases, at least one, in one picture, each with its label and names of clouds."""
     drawn = [render_spheres(case, height, turns) for case in cases]
     wide = max(picture.shape[1] for picture in drawn)
     margin, head = 12, 16
     lines = -(-len(drawn) // columns)
-    page = Image.new(
-        "RGB",
-        (columns * (wide + margin) + margin, lines * (height + head) + margin),
-        "white",
-    )
+    size = columns * (wide + margin) + margin, lines * (height + head) + margin
+    page = Image.new("RGB", size, "white")
     pen = ImageDraw.Draw(page)
     for i, (case, picture) in enumerate(zip(cases, drawn, strict=True)):
         left, top = margin + i % columns * (wide + margin), i // columns * (height + head) + 4
@@ -181,6 +174,27 @@ def sheet(
     return page
 
 
+def render_cases(batch: Mapping[str, Any], pred: np.ndarray, indices: Sequence[int]) -> np.ndarray:
+    """Draws samples of a batch in rows: image, prediction and truth from the camera and the side.
+
+    Args:
+      batch: arrays with a first axis of samples: image, points, intrinsics, extrinsics.
+      pred: predicted points [b, n, 3].
+      indices: the samples to draw.
+
+    Returns:
+      uint8 [len(indices) h, 5 w, 3].
+    """
+    rows = []
+    for i in indices:
+        truth = batch["points"][i]
+        truth = truth[:: max(1, len(truth) // max(1, len(pred[i])))]  # as dense as the prediction
+        clouds = by_height({"prediction": pred[i], "truth": truth})
+        case = Case("", batch["image"][i], clouds, batch["intrinsics"][i], batch["extrinsics"][i])
+        rows.append(render_spheres(case, turns=(0, 90)))
+    return np.concatenate(rows)
+
+
 def turntable(
     points: np.ndarray,
     colours: np.ndarray,
@@ -188,9 +202,8 @@ def turntable(
     *,
     frames: int = 36,
     size: tuple[int, int] = (240, 320),
-    milliseconds: int = 80,
 ) -> None:
-    """Writes an animation of a cloud that rotates about the vertical axis; the write is atomic.
+    """Writes an animation of a cloud that rotates about the vertical axis, 12.5 frames a second.
 
     Args:
       points: [n, 3] in the project's frame.
@@ -198,28 +211,25 @@ def turntable(
       path: file to write, ending in `.gif` or `.mp4` (H.264, needs the extra `video`).
       frames: number of frames of one turn.
       size: (height, width); must be even for an MP4, which stores colours at half the resolution.
-      milliseconds: duration of a frame.
 
     Raises:
-      ValueError: another suffix, an odd size for an MP4, or the extra is missing.
+      ValueError: another suffix, or the extra is missing.
     """
-    check_turntable(path, size)
+    check_turntable(path)
     intrinsics, extrinsics = camera.default_camera(size)
     pictures = [
         render(points, colours, intrinsics, turned(extrinsics, 360 * i / frames), size)
         for i in range(frames)
     ]
     make = _mp4 if pathlib.Path(path).suffix.lower() == ".mp4" else _gif
-    write_atomic(path, make(pictures, milliseconds), sync=False)
+    write_atomic(path, make(pictures), sync=False)
 
 
-def check_turntable(path: str | pathlib.Path, size: tuple[int, int] = (240, 320)) -> None:
-    """Raises the errors of `turntable` for this path and size, before anything is drawn."""
+def check_turntable(path: str | pathlib.Path) -> None:
+    """Raises the errors of `turntable` for this path, before anything is drawn."""
     suffix = pathlib.Path(path).suffix.lower()
     if suffix not in (".gif", ".mp4"):
         raise ValueError(f"turntable {path}: accepted: a name that ends with .gif or .mp4")
-    if suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
-        raise ValueError(f"size={size}: accepted for an MP4: even height and width")
     if suffix == ".mp4" and importlib.util.find_spec("av") is None:
         raise ValueError(
             f"turntable {path}: needs the extra 'video': pip install 'psgn-jax[video]'; "
@@ -228,7 +238,7 @@ def check_turntable(path: str | pathlib.Path, size: tuple[int, int] = (240, 320)
 
 
 def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
-    """Reads a case from each NPZ file of `psgn_jax.predict`.
+    """Reads a case from each NPZ file of `psgn_jax.commands.predict`.
 
     A case shows the first two samples, coloured by height. If there is only one sample, it is shown
     twice: coloured by height and by branch.
@@ -251,15 +261,14 @@ def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
     return cases
 
 
-def _gif(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
-    frames = [Image.fromarray(picture).quantize(128) for picture in pictures]
-    options = {"save_all": True, "append_images": frames[1:], "duration": milliseconds, "loop": 0}
+def _gif(pictures: Sequence[np.ndarray]) -> bytes:
+    first, *others = [Image.fromarray(picture).quantize(128) for picture in pictures]
     buffer = io.BytesIO()
-    frames[0].save(buffer, "gif", **options)
+    first.save(buffer, "gif", save_all=True, append_images=others, duration=_FRAME, loop=0)
     return buffer.getvalue()
 
 
-def _mp4(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
+def _mp4(pictures: Sequence[np.ndarray]) -> bytes:
     """H.264 in yuv420p, the pixel format that all browsers decode, with four turns.
 
     One turn lasts only three seconds, and some players do not repeat a video.
@@ -268,7 +277,7 @@ def _mp4(pictures: Sequence[np.ndarray], milliseconds: int) -> bytes:
 
     buffer = io.BytesIO()
     with av.open(buffer, "w", format="mp4") as container:
-        stream = container.add_stream("libx264", rate=Fraction(1000, milliseconds))
+        stream = container.add_stream("libx264", rate=Fraction(1000, _FRAME))
         stream.height, stream.width = pictures[0].shape[:2]
         stream.pix_fmt, stream.options = "yuv420p", {"crf": "18"}
         for picture in [*pictures] * _MP4_TURNS:
@@ -296,9 +305,10 @@ def _stamp(
     offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     offsets = offsets[(offsets**2).sum(axis=1) <= (reach + 1) ** 2]
     limit = 4.0 * max(height, width)
-    corner = np.floor(np.clip(pixels, -limit, 2 * limit)).astype(int)
+    pixels = np.clip(pixels, -limit, 2 * limit)
+    corner = np.floor(pixels).astype(int)
     # Offset of each pixel's centre from the centre of the sphere, in radii.
-    fraction = (corner + 0.5 - np.clip(pixels, -limit, 2 * limit)) / on_screen[:, None]
+    fraction = (corner + 0.5 - pixels) / on_screen[:, None]
     across = fraction[:, 0, None] + offsets[:, 0] / on_screen[:, None]
     down = fraction[:, 1, None] + offsets[:, 1] / on_screen[:, None]
     forward = 1 - across**2 - down**2
@@ -357,9 +367,8 @@ def _ground_light(
     # left of the picture.
     rotation = extrinsics[:, :3]
     right, toward = rotation[0, :2], -rotation[2, :2]
-    slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward / max(
-        float(np.linalg.norm(toward)), 1e-9
-    )
+    toward = toward / max(float(np.linalg.norm(toward)), 1e-9)
+    slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward
     high = np.maximum(points[:, 2], 0)
     place = (points[:, :2] + high[:, None] * slant + _SHADOW_HALF) / cell
     place = np.clip(np.floor(place), 0, _SHADOW_CELLS - 1).astype(int)
@@ -390,31 +399,3 @@ def _ground_light(
     mixed = (dark[y, x] * (1 - u) + dark[y, x + 1] * u) * (1 - v)
     mixed += (dark[y + 1, x] * (1 - u) + dark[y + 1, x + 1] * u) * v
     return np.where(valid, 1 - mixed, 1.0)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m psgn_jax.viewing.spheres", description=(__doc__ or "").split("\n")[0]
-    )
-    parser.add_argument("predictions", nargs="+", metavar="NPZ", help="files of psgn_jax.predict")
-    parser.add_argument("--out", required=True, help="PNG file to write")
-    parser.add_argument("--columns", type=int, default=1)
-    parser.add_argument("--turntable", help="GIF or MP4 of the first prediction, rotating")
-    arguments = parser.parse_args(argv)
-    try:
-        if arguments.turntable:
-            check_turntable(arguments.turntable)
-        cases = cases_of_predictions(arguments.predictions)
-        sheet(cases, columns=max(1, arguments.columns)).save(arguments.out)
-        if arguments.turntable:
-            turntable(*next(iter(cases[0].clouds.values())), arguments.turntable)
-    except (OSError, ValueError) as error:
-        sys.stderr.write(f"error: {message_line(error)}\n")
-        return 2
-    sys.stdout.write(f"{len(cases)} cases: {one_line(arguments.out)}\n")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

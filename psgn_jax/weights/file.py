@@ -17,7 +17,6 @@ of the configuration has exactly these parameters, with the same shapes.
 """
 
 import dataclasses
-import hashlib
 import json
 import os
 import pathlib
@@ -26,22 +25,15 @@ from typing import Any
 
 import jax
 import numpy as np
-import optax
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from psgn_jax.config import (
-    Config,
-    ConfigError,
-    UserError,
-    from_json,
-    require_points_task,
-    to_json,
-)
-from psgn_jax.files import finite_or_none, write_atomic
-from psgn_jax.models import point_out_net
-from psgn_jax.training import state as state_lib
-from psgn_jax.untrusted import kind_of, parse_json, read_json
+from psgn_jax.config.experiment import Config, ConfigError, from_json, require_points_task, to_json
+from psgn_jax.models import networks
+from psgn_jax.system.errors import UserError
+from psgn_jax.system.files import finite_or_none, write_atomic
+from psgn_jax.system.untrusted import brief, kind_of, parse_json, read_json
+from psgn_jax.weights.leaves import checksum, from_named_leaves, named_leaves
 
 FORMAT = "psgn_jax weights 1"
 SUFFIX = ".safetensors"
@@ -94,7 +86,7 @@ def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
         raise WeightsError(f"{path}: accepted: a name with the suffix {SUFFIX}")
     leaves = {
         name: np.ascontiguousarray(leaf, dtype=np.float32)
-        for name, leaf in state_lib.named_leaves({"params": weights.params}).items()
+        for name, leaf in named_leaves({"params": weights.params}).items()
     }
     _check_fits(weights.config, leaves, path)
     with np.errstate(over="ignore"):
@@ -140,7 +132,7 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
             dtype = _common_dtype(path, {name: file.get_slice(name).get_dtype() for name in names})
             stored = {name: file.get_tensor(name) for name in names}
     except (SafetensorError, OSError, UnicodeDecodeError) as error:
-        raise WeightsError(f"{path}: not readable as weights: {_one_line(error)}") from None
+        raise WeightsError(f"{path}: not readable as weights: {brief(error)}") from None
     if _digest(metadata, stored) != metadata.get("sha256"):
         raise WeightsError(f"{path}: damaged: the checksum does not match; download it again")
     leaves = {name: leaf.astype(np.float32) for name, leaf in stored.items()}
@@ -152,7 +144,7 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
         require_points_task(config, "a file of weights")
         figures, sources = parse_json(metadata["figures"]), parse_json(metadata["sources"])
     except (KeyError, ValueError) as error:
-        raise WeightsError(f"{path}: error in its metadata: {_one_line(error)}") from None
+        raise WeightsError(f"{path}: error in its metadata: {brief(error)}") from None
     if not _are_figures(figures) or not _are_rows(sources):
         raise WeightsError(
             f"{path}: error in its metadata: the figures or sources do not have the expected fields"
@@ -170,7 +162,7 @@ def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
     try:
         rows = read_json(path)
     except (OSError, ValueError) as error:
-        raise ConfigError(f"--sources={path}: {_one_line(error)}") from None
+        raise ConfigError(f"--sources={path}: {brief(error)}") from None
     if not rows or not _are_rows(rows):
         raise ConfigError(
             f'--sources={path}: accepted: a list of {{"source": NAME, "licences": {{LICENCE: '
@@ -232,16 +224,12 @@ def _common_dtype(path: pathlib.Path, dtypes: Mapping[str, str]) -> str:
 def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.Path) -> Any:
     """The parameters as a tree, after a check that the network has exactly these parameters."""
     try:
-        shapes = jax.eval_shape(
-            lambda: (
-                state_lib.create(config, point_out_net.build(config.model), optax.identity()).params
-            )
-        )
-        return state_lib.from_named_leaves({"params": shapes}, dict(leaves))["params"]
+        shapes = jax.eval_shape(lambda: networks.init_params(config, networks.build(config.model)))
+        return from_named_leaves({"params": shapes}, dict(leaves))["params"]
     except (ValueError, TypeError, ArithmeticError) as error:
         raise WeightsError(
             f"{path}: the parameters do not belong to the network of its configuration: "
-            f"{_one_line(error)}"
+            f"{brief(error)}"
         ) from None
 
 
@@ -256,14 +244,13 @@ def _without_paths(config: Config) -> Config:
 
 
 def _digest(metadata: Mapping[str, str], leaves: Mapping[str, np.ndarray]) -> str:
-    digest = hashlib.sha256()
-    for key in _TEXTS:
-        text = metadata.get(key, "").encode()
-        digest.update(f"{key} {len(text)}\n".encode() + text)
-    for name, leaf in sorted(leaves.items()):
-        digest.update(f"{name} {leaf.dtype} {leaf.shape}\n".encode())
-        digest.update(np.ascontiguousarray(leaf).reshape(-1).view(np.uint8).data)
-    return digest.hexdigest()
+    texts = {key: metadata.get(key, "").encode() for key in _TEXTS}
+    head = b"".join(f"{key} {len(text)}\n".encode() + text for key, text in texts.items())
+    return checksum(leaves, head)
+
+
+def _is_count(value: Any) -> bool:
+    return type(value) is int and 0 <= value < 1 << 63
 
 
 def _are_figures(figures: Any) -> bool:
@@ -271,11 +258,31 @@ def _are_figures(figures: Any) -> bool:
         return False
     metrics, data = figures.get("metrics"), figures.get("data")
     return (
-        all(isinstance(figures.get(k), int) for k in ("step", "samples_seen", "parameters"))
+        all(_is_count(figures.get(name)) for name in ("step", "samples_seen", "parameters"))
+        and isinstance(figures.get("averaged", False), bool)
         and isinstance(metrics, dict)
-        and all(x is None or isinstance(x, int | float) for x in metrics.values())
+        and all(
+            value is None or (type(value) in (int, float) and abs(value) < 1e30)
+            for value in metrics.values()
+        )
         and isinstance(data, list)
         and all(isinstance(row, dict) for row in data)
+        and all(
+            _is_count(value) if name == "samples" else isinstance(value, str)
+            for row in data
+            for name, value in row.items()
+        )
+    )
+
+
+def _is_licence(licence: Any) -> bool:
+    if not isinstance(licence, dict):
+        return False
+    holders = licence.get("holders") or []
+    return (
+        isinstance(holders, list)
+        and all(isinstance(holder, str) for holder in holders)
+        and _is_count(licence.get("models", 0))
     )
 
 
@@ -284,10 +291,6 @@ def _are_rows(rows: Any) -> bool:
         isinstance(row, dict)
         and isinstance(row.get("source"), str)
         and isinstance(row.get("licences"), dict)
-        and all(isinstance(each, dict) for each in row["licences"].values())
+        and all(map(_is_licence, row["licences"].values()))
         for row in rows
     )
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:200]

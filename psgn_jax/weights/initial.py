@@ -11,10 +11,10 @@ import jax
 import numpy as np
 from absl import logging
 
-from psgn_jax.config import Config, ConfigError
-from psgn_jax.training import state as state_lib
-from psgn_jax.training.run_folder import Run, open_run
-from psgn_jax.weights.opening import open_weights, shipped
+from psgn_jax.config.experiment import Config, ConfigError
+from psgn_jax.weights.leaves import named_leaves
+from psgn_jax.weights.opening import open_network, shipped
+from psgn_jax.weights.run_folder import Run
 
 
 def open_initial(config: Config) -> Run:
@@ -36,8 +36,7 @@ def open_initial(config: Config) -> Run:
         raise ConfigError(f"train.init={init!r}: a name is empty; accepted: names between commas")
     runs = [_open(config, name) for name in names]
     shapes = [
-        {key: np.shape(leaf) for key, leaf in state_lib.named_leaves(run.params).items()}
-        for run in runs
+        {key: np.shape(leaf) for key, leaf in named_leaves(run.params).items()} for run in runs
     ]
     for name, other in zip(names[1:], shapes[1:], strict=True):
         if other != shapes[0]:
@@ -58,9 +57,9 @@ def open_initial(config: Config) -> Run:
 def _open(config: Config, init: str) -> Run:
     path = pathlib.Path(init)
     if path.is_dir():
-        run = open_run(path)
+        run = open_network(path)
     elif path.is_file() or init in shipped():
-        run = open_weights(init)
+        run = open_network(weights=init)
     else:
         names = ", ".join(shipped()) or "none in this version"
         raise ConfigError(
@@ -89,7 +88,7 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
       ConfigError: layers of the two networks differ and are not skipped (the message lists them),
         or a pattern matches no layer.
     """
-    wanted, have = state_lib.named_leaves(drawn), state_lib.named_leaves(trained)
+    wanted, have = named_leaves(drawn), named_leaves(trained)
     patterns = config.train.init_skip
     layers = sorted({name.rpartition(".")[0] for name in (*wanted, *have)})
     skipped = {x for x in layers if any(fnmatch.fnmatchcase(x, p) for p in patterns)}
@@ -105,18 +104,21 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
         if why and layer not in skipped:
             misfits.setdefault(layer, f"{name} {why}")
     if misfits:
+        flag = "".join(f"'{layer}'," for layer in misfits)
         raise ConfigError(
             f"train.init={config.train.init!r}: {len(misfits)} layers differ: "
             f"{'; '.join(misfits.values())}; to keep their random parameters: "
-            f"--config.train.init_skip={_as_flag(misfits)}"
+            f'--config.train.init_skip="({flag})"'
         )
-    if left := [name for name in wanted if name.rpartition(".")[0] in skipped]:
-        names = sorted({name.rpartition(".")[0] for name in left})
-        logging.info("random parameters, not those of %s: %s", config.train.init, ", ".join(names))
-    taken = [
-        leaf if name.rpartition(".")[0] in skipped else np.array(have[name])
-        for name, leaf in wanted.items()
-    ]
+    taken, left = [], set()
+    for name, leaf in wanted.items():
+        layer = name.rpartition(".")[0]
+        if layer in skipped:
+            left.add(layer)
+        taken.append(leaf if layer in skipped else np.array(have[name]))
+    if left:
+        names = ", ".join(sorted(left))
+        logging.info("random parameters, not those of %s: %s", config.train.init, names)
     return jax.tree.unflatten(jax.tree.structure(drawn), taken)
 
 
@@ -128,7 +130,3 @@ def _difference(want: Any, have: Any) -> str:
     if want.shape != have.shape:
         return f"is {list(have.shape)} and not {list(want.shape)}"
     return ""
-
-
-def _as_flag(names: Any) -> str:
-    return '"(' + "".join(f"'{name}'," for name in names) + ')"'

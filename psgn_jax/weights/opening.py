@@ -7,9 +7,9 @@ import os
 import pathlib
 import re
 
-from psgn_jax.config import ConfigError, suggestion
-from psgn_jax.training.run_folder import Run, open_run
-from psgn_jax.weights.file import SUFFIX, Weights, read_weights
+from psgn_jax.config.experiment import ConfigError, suggestion
+from psgn_jax.weights.file import SUFFIX, read_weights
+from psgn_jax.weights.run_folder import Run, open_run
 
 FOLDER = pathlib.Path(__file__).resolve().parent
 """Folder of the files in the package."""
@@ -20,8 +20,12 @@ def shipped() -> dict[str, pathlib.Path]:
 
     They are sorted by name. Digits are compared as numbers: `small-2` comes before `small-10`.
     """
-    paths = {path.stem: path for path in FOLDER.glob(f"*{SUFFIX}")}
-    return {name: paths[name] for name in sorted(paths, key=_natural)}
+
+    def natural(path: pathlib.Path) -> list[tuple[int, str]]:
+        parts = re.split(r"(\d+)", path.stem)
+        return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+    return {path.stem: path for path in sorted(FOLDER.glob(f"*{SUFFIX}"), key=natural)}
 
 
 def weights_path(name_or_file: str = "") -> pathlib.Path:
@@ -49,17 +53,6 @@ def weights_path(name_or_file: str = "") -> pathlib.Path:
     )
 
 
-def open_weights(name_or_file: str = "") -> Run:
-    """Opens the network in a file of weights; the name or file is described in `weights_path`.
-
-    Raises:
-      ConfigError: there is no such file.
-      WeightsError: the file cannot be read.
-    """
-    path = weights_path(name_or_file)
-    return as_run(read_weights(path), path.stem)
-
-
 def open_network(
     workdir: str | os.PathLike[str] | None = None,
     weights: str | None = None,
@@ -67,12 +60,11 @@ def open_network(
 ) -> Run:
     """Opens a trained network from a run or from weights.
 
-    If neither is given, the package's default weights are opened.
-
     Args:
       workdir: folder of a run.
-      weights: name or file of weights.
-      checkpoint: checkpoint of the run, see `training.run_folder.open_run`.
+      weights: name or file of weights (`weights_path`); used if there is no `workdir`. The `scores`
+        of the opened run are then the metrics in the file.
+      checkpoint: checkpoint of the run, see `weights.run_folder.open_run`.
 
     Raises:
       ConfigError: both are given, or the network does not exist.
@@ -80,15 +72,10 @@ def open_network(
     """
     if workdir and weights:
         raise ConfigError(f"--weights={weights}: accepted only without --workdir")
-    return open_run(workdir, checkpoint) if workdir else open_weights(weights or "")
-
-
-def as_run(weights: Weights, name: str) -> Run:
-    """Converts weights to an opened run, whose `scores` are the metrics in the file."""
-    scores = {k: float(v) for k, v in weights.figures["metrics"].items() if v is not None}
-    step = weights.figures["step"]
-    return Run(weights.config, step, weights.params, scores, name, "weights", weights.sources)
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
+    if workdir:
+        return open_run(workdir, checkpoint)
+    path = weights_path(weights or "")
+    read = read_weights(path)
+    scores = {k: float(v) for k, v in read.figures["metrics"].items() if v is not None}
+    step = read.figures["step"]
+    return Run(read.config, step, read.params, scores, path.stem, "weights", read.sources)

@@ -15,12 +15,11 @@ Kinds: near = two disjoint subsets of one cloud, far = clouds of two objects, in
 within 1e-3 of the origin, dup = far with eight copies of every point on average, grid = far,
 rounded to a lattice of step 1/8, which gives ties.
 
-In the table of the EMD, the optimum is that of SciPy's `linear_sum_assignment`. Its time does not
-include the cost matrices, whose time is shown by `cdist` and `torch.cdist` (forward, and with the
-gradient of their sum). PyTorch has no EMD. Errors are (sum of distances) / optimum - 1; for
-Sinkhorn, the sum is the cost of its transport plan. Libraries that are not installed are left out
-with a message. SciPy, `cdist` and this package are measured on all pairs; the others, which are
-slow, on only the first `--emd_pairs`.
+In the table of the EMD, the optimum is that of SciPy's `linear_sum_assignment`. Its time and those
+of POT, lapx and optax's Hungarian algorithm do not include the cost matrices. Errors are (sum of
+distances) / optimum - 1; for Sinkhorn, the sum is the cost of its transport plan. Libraries that
+are not installed are left out with a message. SciPy and this package are measured on all pairs; the
+others, which are slow, on only the first `--emd_pairs`.
 """
 
 import argparse
@@ -34,6 +33,7 @@ import zlib
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 
 from psgn_jax import losses
 
@@ -54,7 +54,7 @@ def real_clouds(folder, pairs):
 
 def default_clouds(pairs):
     """Clouds of the default data set, used if those of the authors are missing."""
-    from psgn_jax import default_data
+    from psgn_jax.commands import default_data
     from psgn_jax.data.dataset import RecordReader
 
     reader = RecordReader(default_data.default_dataset(), "train")
@@ -139,28 +139,6 @@ def torch_cdist(a, b, budget, memory):
     with torch.no_grad():
         value, one = forward().cpu().numpy(), torch_seconds(forward, budget)
     return ("torch.cdist", one, torch_seconds(both, budget), memory, "~"), value
-
-
-def torch_matrix(a, b, budget):
-    """Seconds of `torch.cdist` on pairs one by one: forward, and with its sum's gradient."""
-    import torch
-
-    pairs = [
-        tuple(torch.tensor(x, device=torch_device()) for x in pair)
-        for pair in zip(a, b, strict=True)
-    ]
-
-    def forward():
-        for x, y in pairs:
-            torch.cdist(x, y)
-
-    def both():
-        for x, y in pairs:
-            torch.cdist(x.requires_grad_(), y).sum().backward()
-
-    with torch.no_grad():
-        one = torch_seconds(forward, budget)
-    return one, torch_seconds(both, budget)
 
 
 def import_seconds():
@@ -266,11 +244,19 @@ def lapx_emd(d):
     return lap.lapjv(d)[0]
 
 
+_hungarian = jax.jit(optax.assignment.hungarian_algorithm)
+
+
+def optax_emd(d):
+    row, col = jax.device_get(_hungarian(jnp.asarray(d, jnp.float32)))
+    return d[row, col].sum()
+
+
 def emd_table(args, whole):
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist
 
-    missing = [x for x in ("torch", "ot", "lap", "ott") if importlib.util.find_spec(x) is None]
+    missing = [x for x in ("ot", "lap", "ott") if importlib.util.find_spec(x) is None]
     for name in missing:
         print(f"not installed, left out: {name}")
     print("\n| n | kind | version | fwd ms/pair | fwd+bwd ms/pair | scipy / fwd | mean error"
@@ -282,10 +268,9 @@ def emd_table(args, whole):
             pairs = max(min(args.emd_pairs, len(whole)), len(whole) * 1024**2 // max(n, 1024) ** 2)
             a, b = make_pairs(whole, pairs, n, n, kind, np.random.default_rng(0))
             k = min(args.emd_pairs, pairs)
-            best, matrices, built, solved = [], [], 0.0, 0.0
+            best, matrices, solved = [], [], 0.0
             for x, y in zip(a.astype(np.float64), b.astype(np.float64), strict=True):
-                (d,), spent = clocked(cdist, [(x, y)])
-                built += spent
+                d = cdist(x, y)
                 (match,), spent = clocked(linear_sum_assignment, [(d,)])
                 solved += spent
                 best.append(d[match].sum())
@@ -308,11 +293,6 @@ def emd_table(args, whole):
                 print("| " + " | ".join(str(x or "") for x in cells) + " |", flush=True)
 
             show("scipy", base, None, best, memory=8 * n * n, about="~")
-            show("cdist (the matrix)", built / pairs, None, memory=8 * n * n, about="~")
-            if "torch" not in missing and "torch" not in args.skip:
-                one, both = torch_matrix(a[:k], b[:k], args.budget)
-                size = 4 * n * n
-                show("torch.cdist (the matrix)", one / k, both / k, memory=size, about="~")
             for version in ("map", "vmap"):
                 if version in args.skip:
                     continue
@@ -326,6 +306,12 @@ def emd_table(args, whole):
                 lapx_emd(matrices[0][0][:2, :2])
                 total, spent = clocked(lapx_emd, matrices)
                 show("lapx lapjv", spent / k, None, np.array(total), memory=8 * n * n, about="~")
+            if "optax" not in args.skip:
+                optax_emd(matrices[0][0])  # compiles
+                total, spent = clocked(optax_emd, matrices)
+                show(
+                    "optax Hungarian", spent / k, None, np.array(total), memory=4 * n * n, about="~"
+                )
             if "ott" not in missing and "ott" not in args.skip:
                 for relative in args.sinkhorn:
                     total, rounds, spent, memory = emd_sinkhorn(a[:k], b[:k], relative)

@@ -5,9 +5,8 @@
 
 Every `--data` is a folder of records, with the split after a colon (default: validation). Each is
 evaluated twice: with the images as they are (`--frame=keep` of `psgn evaluate`) and with the object
-placed in them (`--frame=place`). The metrics are means over all samples, by category if the records
-have categories, and by elevation of the camera. For each frame, a sheet shows the first `--cases`
-cases of the first folder, in the order of the records.
+placed in them (`--frame=place`). The metrics are means over all samples. For each frame, a sheet
+shows the first `--cases` cases of the first folder, in the order of the records.
 
 The command replaces the text between `<!-- begin NAME -->` and `<!-- end NAME -->` (weights,
 sources, figures) of docs/model_card.md, and writes it with the sheets into `--out`. A sheet has at
@@ -16,7 +15,6 @@ most 400 kB.
 
 import argparse
 import io
-import itertools
 import pathlib
 import re
 import sys
@@ -25,13 +23,15 @@ import tempfile
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-from psgn_jax.files import write_atomic
-from psgn_jax.metrics import table
-from psgn_jax.tasks.runs import FRAMES, evaluate_run
+from psgn_jax import tasks
+from psgn_jax.commands.evaluate import open_with_records
+from psgn_jax.commands.weights import describe
+from psgn_jax.evaluation import table
+from psgn_jax.evaluation.run import FRAMES, evaluate_run
+from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
 from psgn_jax.viewing.collected import Collector
 from psgn_jax.weights.file import read_weights
-from psgn_jax.weights.listing import describe
 from psgn_jax.weights.opening import weights_path
 
 CARD = pathlib.Path(__file__).resolve().parents[2] / "docs" / "model_card.md"
@@ -44,58 +44,26 @@ METRICS = (
     "aligned_cd_sq_radius2",
     "aligned_emd_radius",
 )
-ELEVATIONS = (-90, 5, 15, 25, 40, 90)
 TITLES = {"keep": "as framed", "place": "placed"}
 
 
-def elevation(extrinsics):
-    """Degrees of a camera [3, 4] above the horizon, seen from the object's centre on the ground."""
-    x, y, z = -extrinsics[:, :3].T @ extrinsics[:, 3]
-    return float(np.degrees(np.arctan2(z, np.hypot(x, y))))
-
-
-def number(metric, value):
-    """The text of a cell."""
-    return f"{100 * value:.1f} %" if metric == "fscore" else f"{value:.4f}"
-
-
-def row(title, values):
-    """Cells of a row: its title, the number of samples, means of the metrics."""
-    count = len(next(iter(values.values())))
-    return [title, str(count), *(number(name, float(np.mean(values[name]))) for name in METRICS)]
-
-
-def parts(evaluation, elevations):
-    """Rows of all samples, of categories and of elevations."""
-    metrics = {name: evaluation.metrics[name] for name in METRICS}
-    rows = [row("all", metrics)]
-    categories = np.array([name.category for name in evaluation.names])
-    groups = [(each, categories == each) for each in sorted(set(categories.tolist())) if each]
-    for low, high in itertools.pairwise(ELEVATIONS):
-        inside = (elevations >= low) & (elevations < high)
-        groups.append((f"elevation {low} to {high} degrees", inside))
-    if np.ptp(elevations) < 0.5:  # one elevation
-        del groups[-len(ELEVATIONS) + 1 :]
-    for title, at in groups:
-        if at.any():
-            rows.append(row(title, {name: values[at] for name, values in metrics.items()}))
-    return rows
-
-
-def figures(name, evaluations, elevations):
-    """A section for a data set: both frames."""
-    lines = []
-    for frame, evaluation in evaluations.items():
-        head = [TITLES[frame], "samples", *(table.header(evaluation, m) for m in METRICS)]
-        lines += [table.markdown([head, *parts(evaluation, elevations)]), ""]
-    return f"### {name}\n\n" + "\n".join(lines)
+def row(data, frame, evaluation):
+    """Cells of a row: data set and split, framing, number of samples, means of the metrics."""
+    folder, _, split = data.partition(":")
+    cells = [f"{pathlib.Path(folder).name}, {split or 'validation'}", TITLES[frame]]
+    cells.append(str(len(evaluation.names)))
+    for name in METRICS:
+        value = float(np.mean(evaluation.metrics[name]))
+        cells.append(f"{100 * value:.1f} %" if name == "fscore" else f"{value:.4f}")
+    return cells
 
 
 def sheet(evaluation, collector, cases):
     """PNG of the first cases: image, prediction, truth."""
     drawn = []
-    for i in range(min(cases, len(collector.samples))):
-        sample, points = collector.samples[i], collector.preds[i]
+    for i in range(min(cases, len(collector))):
+        sample = collector[i]
+        points = sample.pred
         error = evaluation.metrics["cd_sq_radius2"][i]
         clouds = {
             f"{error:.4f}": (points, spheres.colours_by_height(points)),
@@ -141,9 +109,8 @@ def evaluate(weights, data, frame, folder):
     path, _, split = data.partition(":")
     collector = Collector(folder)
     evaluation = evaluate_run(
-        None,
-        weights=weights,
-        data=path,
+        open_with_records(None, weights, data=path),
+        tasks.create,
         split=split or "validation",
         frame=frame,
         out=folder / frame,
@@ -161,31 +128,21 @@ def main():
     arguments = parser.parse_args()
     path = weights_path(arguments.weights)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    sections = []
+    rows = []
     with tempfile.TemporaryDirectory() as name:
         for data in arguments.data:
-            results = {}
             for frame in FRAMES:
                 evaluation, collector = evaluate(arguments.weights, data, frame, pathlib.Path(name))
-                results[frame] = evaluation
+                rows.append(row(data, frame, evaluation))
                 if data == arguments.data[0]:
                     content = sheet(evaluation, collector, arguments.cases)
                     write_atomic(arguments.out / f"model_card_{frame}.png", content)
-                if frame == "keep":
-                    elevations = np.array([elevation(s.extrinsics) for s in collector.samples])
-            folder, _, split = data.partition(":")
-            title = f"{pathlib.Path(folder).name}, split {split or 'validation'}"
-            sections.append(figures(title, results, elevations))
+    head = ["data", "framing", "samples", *(table.header(evaluation, name) for name in METRICS)]
     weights = read_weights(path)
-    pictures = "".join(
-        f"![The first {arguments.cases} cases, {TITLES[frame]}](model_card_{frame}.png)\n\n"
-        f"*In order, {TITLES[frame]}: image, prediction with its CD squared, truth.*\n\n"
-        for frame in FRAMES
-    )
     blocks = {
         "weights": f"```\n{describe(weights, path)}```",
         "sources": sources(weights),
-        "figures": "\n".join(sections) + "\n" + pictures,
+        "figures": table.markdown([head, *rows]),
     }
     text = filled(CARD.read_text(encoding="utf-8"), blocks)
     write_atomic(arguments.out / CARD.name, text)

@@ -25,12 +25,12 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from data_gen import job
 from data_gen.sets import free
 from data_gen.sets.sources import Selection
+from psgn_jax.config.data import PhotoEffects
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.framing import normal_form
 from psgn_jax.data.photo_effects import disturb
-from psgn_jax.data_config import PhotoEffects
+from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.losses.chamfer import chamfer_sq_mean
-from psgn_jax.metrics.aligned import aligned_metrics
 from psgn_jax.prediction.predictor import Predictor
 
 SOURCES = ("furniture", "scenery", "aircraft")
@@ -61,12 +61,12 @@ def render(packages, work, views, workers):
     """Renders both sets of each source: {preset: folders}."""
     folders = {"authors": [], "photo": []}
     for name in SOURCES:
-        source = dataclasses.replace(free.known_sources()[name], views=views)
+        source = dataclasses.replace(free.SOURCES[name], views=views)
         models = TestModels(Selection(source, packages))
         for preset, made in folders.items():
             part = free.Part(source, preset, f"{preset}/{name}", views)
-            options = free.Options(workers=workers)
-            job.render_catalogue(models, work / part.folder, free.settings_of(part, options))
+            options = free.settings_of(part, workers=workers)
+            job.render_catalogue(models, work / part.folder, options)
             made.append(work / part.folder)
     return folders
 

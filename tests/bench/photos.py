@@ -17,12 +17,12 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-from psgn_jax.command_line import exit_on_user_error
+from psgn_jax.commands.common import exit_on_user_error
 from psgn_jax.data import camera, masks, photo
-from psgn_jax.files import write_atomic
 from psgn_jax.prediction.predictor import Predictor
+from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
-from psgn_jax.viewing.clouds import turned
+from psgn_jax.viewing.spheres import turned
 from psgn_jax.weights.opening import open_network
 
 PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
@@ -132,7 +132,7 @@ def main():
     arguments = parser.parse_args()
     with exit_on_user_error():
         network = open_network(arguments.workdir or None, arguments.weights or None)
-        predictor = Predictor.from_run(network)
+        predictor = Predictor(network)
         rows = []
         for path in sorted(arguments.photos.glob("*.jpg")):
             read = photo.read_photo(path)

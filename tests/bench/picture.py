@@ -17,9 +17,9 @@ from PIL import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from psgn_jax.data.dataset import RecordReader
-from psgn_jax.files import write_atomic
 from psgn_jax.losses import chamfer_sq_mean
 from psgn_jax.prediction.predictor import Predictor
+from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
 
 HEIGHT = 168

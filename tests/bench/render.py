@@ -18,7 +18,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 from data_gen import engine, settings  # noqa: E402
 from data_gen.catalogues.by_name import open_catalogue  # noqa: E402
-from data_gen.mitsuba_setup import choose_variant  # noqa: E402
+from data_gen.engine import choose_variant  # noqa: E402
 from data_gen.render_model import Context, peak_megabytes, render_model  # noqa: E402
 
 
@@ -28,7 +28,7 @@ def main():
     parser.add_argument("--source", default="4")
     parser.add_argument("--models", type=int, default=30)
     parser.add_argument("--views", type=int, default=4)
-    parser.add_argument("--variant", default="auto", choices=settings.VARIANTS)
+    parser.add_argument("--variant", default="auto", choices=["auto", "llvm", "scalar"])
     arguments = parser.parse_args()
     variant, message = choose_variant(arguments.variant)
     print(variant.name, message)

@@ -7,13 +7,11 @@ affects all of them alike.
 
     python tests/bench/step.py                  # the full network, batch 32
     python tests/bench/step.py --small          # the half-size network of configs/authors_small.py
-    python tests/bench/step.py --layers         # a table of layers instead
-    python tests/bench/step.py --draws          # the cost of Min-of-N instead (batch 4)
 
 Prints seconds per step (the fastest, the median and the slowest), the ratio to PyTorch channels
 last (the median over the rounds), samples per second, the latency of one image forward, and the
-peak memory of each process. This package is measured with oneDNN, if it is installed, and with its
-own convolutions.
+peak memory of each process. This package is measured with oneDNN, if it is installed, and with
+XLA's convolutions.
 """
 
 import multiprocessing
@@ -21,21 +19,16 @@ import os
 import resource
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from absl import app, flags
 
-_BATCH = flags.DEFINE_integer(
-    "batch", 0, "images in a batch; 0 = 32, or 16 with --small, or 4 with --draws"
-)
+_BATCH = flags.DEFINE_integer("batch", 0, "images in a batch; 0 = 32, or 16 with --small")
 _SMALL = flags.DEFINE_bool("small", False, "the network and image size of authors_small.py")
 _REPEATS = flags.DEFINE_integer("repeats", 5, "timed steps of each implementation")
 _THREADS = flags.DEFINE_integer("threads", 2, "threads that PyTorch uses")
-_LAYERS = flags.DEFINE_bool("layers", False, "time the convolutions one by one instead")
-_DRAWS = flags.DEFINE_bool("draws", False, "time steps with Min-of-N against plain ones instead")
-_FLOPS = flags.DEFINE_bool("flops", False, "with --draws: count operations, run nothing")
 _RETURN_MEMORY = flags.DEFINE_bool(
     "return_memory", True, "also measure this package without `keep_freed_memory`"
 )
@@ -108,19 +101,17 @@ def build_jax(
     os.environ.pop("PSGN_CONVOLUTIONS", None)
     if convolutions:
         os.environ["PSGN_CONVOLUTIONS"] = convolutions
-    from psgn_jax.host_memory import keep_freed_memory
+    from psgn_jax.system.memory import keep_freed_memory
 
     if keep_memory:
         keep_freed_memory()
     import jax
     import jax.numpy as jnp
 
-    from psgn_jax.config import ModelConfig
-    from psgn_jax.models import point_out_net
+    from psgn_jax.config.experiment import ModelConfig
+    from psgn_jax.models import networks
 
-    model = point_out_net.build(
-        ModelConfig(in_channels=IN_CHANNELS, fc_points=FC_POINTS, **network)
-    )
+    model = networks.build(ModelConfig(in_channels=IN_CHANNELS, fc_points=FC_POINTS, **network))
     x = _images(network, batch)
     params = jax.jit(model.init)(jax.random.key(0), x[:1])["params"]
 
@@ -184,8 +175,8 @@ def compare(network: dict[str, Any], batch: int) -> None:
         "psgn_jax": Competitor(build_jax, network, batch),
         "PyTorch channels last": Competitor(build_torch, network, batch, _THREADS.value, True),
     }
-    if onednn.library() is not None:
-        competitors["own convolutions"] = Competitor(build_jax, network, batch, True, "jax")
+    if onednn.library()[0] is not None:
+        competitors["XLA's convolutions"] = Competitor(build_jax, network, batch, True, "xla")
     if _RETURN_MEMORY.value:
         competitors["memory returned"] = Competitor(build_jax, network, batch, False)
     if _DEFAULT_LAYOUT.value:
@@ -215,176 +206,12 @@ def compare(network: dict[str, Any], batch: int) -> None:
         )
 
 
-def layers(network: dict[str, Any]) -> Iterator[tuple[str, int, int, int, int, int, int]]:
-    """The convolutions: (kind, height, width, input channels, output channels, kernel, stride)."""
-    (h, w), widths, top = network["image_size"], network["widths"], network["deconv_level"]
-    last, channels = len(widths) - 1, IN_CHANNELS
-    for level, c in enumerate(widths):
-        if level:
-            size = 5 if level == last else 3
-            yield "conv", h >> (level - 1), w >> (level - 1), channels, c, size, 2
-        else:
-            yield "conv", h, w, channels, c, 3, 1
-        channels = c
-        if level < last:
-            yield "conv", h >> level, w >> level, c, c, 3, 1
-    for level in reversed(range(top, last)):
-        half = widths[level] // 2
-        yield "up", h >> (level + 1), w >> (level + 1), channels, half, 5, 2
-        yield "conv", h >> level, w >> level, widths[level], half, 3, 1
-        yield "conv", h >> level, w >> level, half, half, 3, 1
-        channels = half
-
-
-def compare_layers(network: dict[str, Any], batch: int) -> None:
-    """Prints milliseconds of the three passes of each layer, here and in PyTorch channels last."""
-    import jax
-    import torch
-
-    from psgn_jax.models import cpu_convolution
-
-    torch.set_num_threads(_THREADS.value)
-    rng = np.random.default_rng(0)
-    print("milliseconds here / PyTorch channels last, fastest of the repeats")
-    print(f"{'':34}{'forward':>16}{'input gradient':>18}{'kernel gradient':>18}")
-    for kind, h, w, c_in, c_out, k, s in layers(network):
-        function = cpu_convolution.conv2d if kind == "conv" else cpu_convolution.conv2d_transpose
-        x = jax.numpy.asarray(rng.standard_normal((batch, h, w, c_in), np.float32))
-        kernel = jax.numpy.asarray(rng.standard_normal((k, k, c_in, c_out), np.float32))
-
-        def forward(x: Any, kernel: Any, f: Any = function, s: int = s) -> Any:
-            return f(x, kernel, stride=s)
-
-        def backward_x(x: Any, kernel: Any, dy: Any, f: Any = forward) -> Any:
-            return jax.vjp(lambda x: f(x, kernel), x)[1](dy)
-
-        def backward_kernel(x: Any, kernel: Any, dy: Any, f: Any = forward) -> Any:
-            return jax.vjp(lambda kernel: f(x, kernel), kernel)[1](dy)
-
-        y = jax.jit(forward)(x, kernel)
-        ours = [
-            _thunk(jax.jit(forward), x, kernel),
-            _thunk(jax.jit(backward_x), x, kernel, y),
-            _thunk(jax.jit(backward_kernel), x, kernel, y),
-        ]
-        theirs = _torch_passes(kind, batch, h, w, c_in, c_out, k, s)
-        best = np.full((2, 3), np.inf)
-        for _ in range(_REPEATS.value + 1):
-            for i, runs in enumerate((ours, theirs)):
-                for j, run in enumerate(runs):
-                    start = time.perf_counter()
-                    run()
-                    best[i, j] = min(best[i, j], time.perf_counter() - start)
-        label = f"{kind} {k}x{k} / {s}, {h}x{w}, {c_in} to {c_out}"
-        cells = [f"{1e3 * a:9.1f} /{1e3 * b:6.1f}" for a, b in best.T]
-        print(f"{label:34}" + "  ".join(cells), flush=True)
-
-
-def compare_draws(network: dict[str, Any], batch: int) -> None:
-    """Prints the cost of a step with Min-of-N relative to a plain step, for each network.
-
-    "all" computes forward and backward for every sample; "winners" is
-    `training.step.min_of_n_loss`. The loss is the CD of 1,024 and 4,096 points. The variants are
-    measured in alternation in one process, without oneDNN, whose operations XLA does not count.
-    """
-    os.environ["PSGN_CONVOLUTIONS"] = "jax"
-    import jax
-    import jax.numpy as jnp
-
-    from psgn_jax.config import parse
-    from psgn_jax.losses import chamfer_sq_mean, map_pairs, min_of_n
-    from psgn_jax.models import point_out_net
-    from psgn_jax.training import step
-
-    rng = np.random.default_rng(0)
-    height, width = network["image_size"]
-    data = {
-        "image": rng.integers(0, 255, (batch, height, width, 3), np.uint8),
-        "mask": rng.random((batch, height, width)) < 0.5,
-        "points": rng.normal(0, 0.3, (batch, 4096, 3)).astype(np.float32),
-    }
-    image = np.zeros((1, height, width, IN_CHANNELS), np.float32)
-    one = np.zeros((1, 128), np.float32)
-    print(f"Min-of-N relative to a plain step, images {(height, width)}, batch {batch}")
-    for name in ("two_branch", "hourglass"):
-        fields = {k: v for k, v in network.items() if k != "image_size"}
-        config = parse(
-            {
-                "data": {"image_size": (height, width)},
-                "model": {"name": name, "random_size": 128, **fields},
-            }
-        )
-        model = point_out_net.build(config.model)
-
-        def plain(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
-            return jnp.mean(map_pairs(chamfer_sq_mean)(step.predict(c, m, p, b, r), b["points"]))
-
-        def every(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
-            best = map_pairs(min_of_n(chamfer_sq_mean))(step.predict(c, m, p, b, r), b["points"])
-            return jnp.mean(best.value)
-
-        def winners(p: Any, b: Any, r: Any, c: Any = config, m: Any = model) -> Any:
-            return step.min_of_n_loss(c, m, chamfer_sq_mean, p, b, r)[0]
-
-        cases = [("plain", plain, 1)]
-        cases += [(f"Mo{n}, {how}", f, n) for n in (2, 8) for how, f in
-                  (("all", every), ("winners", winners))]  # fmt: skip
-        shapes = jax.eval_shape(lambda m=model: m.init(jax.random.key(0), image, one)["params"])
-        params = jax.tree.map(lambda s: rng.normal(0, 0.02, s.shape).astype(np.float32), shapes)
-        runs, flops = {}, {}
-        for label, function, n in cases:
-            r = rng.normal(size=(batch, n, 128) if n > 1 else (batch, 128)).astype(np.float32)
-            compiled = jax.jit(jax.grad(function)).lower(params, data, r).compile()
-            flops[label] = compiled.cost_analysis()["flops"]
-            if not _FLOPS.value:
-                runs[label] = _thunk(compiled, params, data, r)
-                runs[label]()
-        best = dict.fromkeys(runs, np.inf)
-        for _ in range(_REPEATS.value):
-            for label, run in runs.items():
-                start = time.perf_counter()
-                run()
-                best[label] = min(best[label], time.perf_counter() - start)
-        for label, _, _ in cases:
-            timed = f"{best[label]:8.3f} s{best[label] / best['plain']:7.2f}" if runs else ""
-            print(f"{name:12}{label:16}{timed}  operations {flops[label] / flops['plain']:5.2f}",
-                  flush=True)  # fmt: skip
-
-
-def _thunk(function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
-    import jax
-
-    return lambda: jax.block_until_ready(function(*args))
-
-
-def _torch_passes(
-    kind: str, batch: int, h: int, w: int, c_in: int, c_out: int, k: int, s: int
-) -> list[Callable[[], Any]]:
-    import torch
-
-    up = kind == "up"
-    x = torch.randn(batch, c_in, h, w).to(memory_format=torch.channels_last)
-    shape = (c_in, c_out, k, k) if up else (c_out, c_in, k, k)
-    kernel = torch.randn(shape).to(memory_format=torch.channels_last)
-    geometry = ([s, s], [k // 2, k // 2], [1, 1], up, [s - 1, s - 1] if up else [0, 0], 1)
-    dy = torch.ops.aten.convolution(x, kernel, None, *geometry)
-    backward = torch.ops.aten.convolution_backward
-    return [
-        lambda: torch.ops.aten.convolution(x, kernel, None, *geometry),
-        lambda: backward(dy, x, kernel, None, *geometry, [True, False, False]),
-        lambda: backward(dy, x, kernel, None, *geometry, [False, True, False]),
-    ]
-
-
 def main(argv: list[str]) -> None:
     if len(argv) > 1:
         raise app.UsageError(f"arguments={argv[1:]}: accepted: none")
     network = SMALL if _SMALL.value else FULL
-    if _DRAWS.value:
-        compare_draws(network, _BATCH.value or 4)
-        return
     batch = _BATCH.value or (16 if _SMALL.value else 32)
-    (compare_layers if _LAYERS.value else compare)(network, batch)
+    compare(network, batch)
 
 
 if __name__ == "__main__":

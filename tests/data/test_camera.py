@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from psgn_jax.data import camera, schema
 
@@ -17,15 +16,6 @@ def test_default_camera_is_the_authors(rng):
     np.testing.assert_allclose(depth, 3.6 - q[:, 2], atol=1e-6)
     np.testing.assert_allclose(pixels[:, 0], 128 + 400 * q[:, 1] / depth, atol=1e-4)
     np.testing.assert_allclose(pixels[:, 1], 96 + 400 * (q[:, 0] + 0.252) / depth, atol=1e-4)
-
-
-def test_y_is_right_z_is_up_x_is_near():
-    intrinsics, extrinsics = camera.default_camera()
-    pixels, depth = camera.project(np.vstack([np.zeros(3), np.eye(3) / 2]), intrinsics, extrinsics)
-    assert depth[1] < depth[0]
-    assert pixels[2, 0] > pixels[0, 0]
-    assert pixels[2, 1] == pytest.approx(pixels[0, 1], abs=1e-4)
-    assert pixels[3, 1] < pixels[0, 1]
 
 
 def test_back_projection_inverts_projection(rng):

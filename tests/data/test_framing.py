@@ -71,24 +71,6 @@ def test_the_error_of_the_projection_is_the_one_stated(numbers, rng):
     assert np.abs(error[at_centre]).max() < 0.1
 
 
-def test_moved_points_are_similar_and_upright(rng):
-    intrinsics, extrinsics = camera.default_camera()
-    points = rng.uniform(-0.5, 0.5, (50, 3)).astype(np.float32)
-    move = about_the_middle((192, 256), 0.8, 9, -7)
-    moved = framing.move_points(points, move, intrinsics, extrinsics)
-    np.testing.assert_allclose(moved - moved.mean(0), 0.8 * (points - points.mean(0)), atol=1e-6)
-    _, depth = camera.project(points, intrinsics, extrinsics)
-    _, depth_after = camera.project(moved, intrinsics, extrinsics)
-    assert depth_after.mean() == pytest.approx(depth.mean(), abs=1e-5)
-    none = np.zeros((0, 3), np.float32)
-    assert framing.move_points(none, move, intrinsics, extrinsics).shape == (0, 3)
-
-
-def test_moves_follow_each_other():
-    first, second = framing.Move(0.5, 3, -2), framing.Move(1.5, 7, 1)
-    np.testing.assert_allclose(first.then(second).matrix(), second.matrix() @ first.matrix())
-
-
 @pytest.mark.parametrize("size", [(192, 256), (96, 128), (48, 64)])
 @pytest.mark.parametrize("category", solids.CATEGORIES)
 def test_a_sample_is_placed_as_a_photo_is(category, size):

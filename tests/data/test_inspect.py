@@ -1,9 +1,10 @@
+import shutil
+
 import numpy as np
 from PIL import Image
 
-from psgn_jax import inspect
+from psgn_jax.commands import inspect_records as inspect
 from psgn_jax.data.dataset import RecordReader, write_dataset
-from psgn_jax.viewing import page
 
 
 def test_report_and_sheet(dataset, tmp_path, capsys):
@@ -28,6 +29,15 @@ def test_samples_off_their_masks_are_flagged(make, rng, tmp_path):
     assert any("flagged: record 0 (m1 view 3): 0.0 %" in line for line in lines)
 
 
+def test_the_sheet_is_in_the_folder_of_the_data(dataset, tmp_path, monkeypatch):
+    shutil.copytree(dataset, tmp_path / "data")
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    assert inspect.main(["../data", "--samples", "2", "--check", "2"]) == 0
+    assert (tmp_path / "data" / "sheet.png").is_file()
+    assert not list((tmp_path / "here").iterdir())
+
+
 def test_damage_is_reported_and_the_rest_goes_on(make, dataset, tmp_path, capsys):
     for path in dataset.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
@@ -45,14 +55,3 @@ def test_damage_is_reported_and_the_rest_goes_on(make, dataset, tmp_path, capsys
     (tmp_path / "train-00001.arrayrecord").unlink()
     assert inspect.main([str(tmp_path), "--sheet", str(tmp_path / "s.png")]) == 1
     assert "no contact sheet: " in capsys.readouterr().err
-
-
-def test_not_a_data_set(tmp_path, capsys):
-    assert inspect.main([str(tmp_path)]) == 2
-    assert "not a data set of this project" in capsys.readouterr().err
-
-
-def test_nearest_distance(rng):
-    a, b = rng.normal(size=(60, 3)), rng.normal(size=(1500, 3))
-    want = np.linalg.norm(a[:, None] - b, axis=2).min(axis=1)
-    np.testing.assert_allclose(page.nearest_distances(a, b), want, atol=1e-7)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from psgn_jax.data import camera, framing, masks, photo
+from psgn_jax.data import camera, framing, masks, photo, resample, resize
 
 GREY = 191
 
@@ -78,14 +78,6 @@ def test_16_bit_colour_and_transparent_palette(tmp_path):
     np.testing.assert_array_equal(found, mask)
 
 
-def test_first_frame_of_an_animation(tmp_path):
-    image, _ = scene()
-    frames = [Image.fromarray(image), Image.new("RGB", (160, 120), "blue")]
-    path = tmp_path / "a.gif"
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=50, loop=0)
-    assert np.abs(photo.read_photo(path).image.astype(int) - image).mean() < 6
-
-
 def test_large_images_are_reduced_as_they_are_read(tmp_path):
     big = Image.new("RGB", (12_000, 9_000), (GREY,) * 3)
     big.paste((200, 60, 20), (3_000, 3_000, 9_000, 6_000))
@@ -142,6 +134,41 @@ def test_masks_of_other_sizes(tmp_path):
         photo.read_mask(saved(tmp_path, np.ones((120, 120), np.uint8), "square.png"), read)
     with pytest.raises(photo.PhotoError, match="empty: no pixel shows the object"):
         photo.read_mask(saved(tmp_path, np.zeros((120, 160), np.uint8), "none.png"), read)
+    with pytest.raises(photo.PhotoError, match=r"white\.png covers the whole image"):
+        photo.read_mask(saved(tmp_path, np.full((120, 160), 255, np.uint8), "white.png"), read)
+
+
+def test_a_few_pixels_that_are_not_opaque_are_no_mask(tmp_path):
+    image, mask = scene()
+    alpha = np.full(mask.shape, 255, np.uint8)
+    alpha[0, :12] = 90
+    rgba = np.dstack([image, alpha])
+    read = photo.read_photo(saved(tmp_path, rgba))
+    assert read.alpha is None
+    assert photo.as_rgb_and_alpha(rgba)[1] is None
+    levels = np.dstack([np.repeat(mask[..., None] * np.uint8(255), 3, axis=2), alpha])
+    np.testing.assert_array_equal(photo.read_mask(saved(tmp_path, levels, "m.png"), read), mask)
+
+
+def mode_1(mask):
+    """The mask as Pillow's mode "1" gives it: a bool array whose True is the byte 255."""
+    array = np.array(Image.fromarray(mask))
+    assert array.view(np.uint8).max() == 255
+    return array
+
+
+def test_masks_of_mode_1_are_masks():
+    image, mask = scene()
+    for size in ((60, 80), (55, 70), (240, 320)):
+        for resized in (photo.resize_mask, resize.resize_mask):
+            np.testing.assert_array_equal(resized(mode_1(mask), size), resized(mask, size))
+    want, got = framing.place(image, mask), framing.place(image, mode_1(mask))
+    np.testing.assert_array_equal(got.mask, want.mask)
+    np.testing.assert_array_equal(got.image, want.image)
+    np.testing.assert_array_equal(
+        resample.recrop(image, mode_1(mask), 0.9, (1, 2))[1],
+        resample.recrop(image, mask, 0.9, (1, 2))[1],
+    )
 
 
 # --- finding the mask ------------------------------------------------------------------------
@@ -196,18 +223,6 @@ def test_an_object_that_differs_little_from_a_shaded_background():
     assert overlap(masks.plain(jpeg), mask) < 0.9
 
 
-def test_two_methods_that_disagree_on_a_shaded_background_are_in_doubt(monkeypatch):
-    image, mask = scene()
-    image[:, :100] += 4
-    for other, expected in ((mask, ""), (~mask, "doubtful")):
-        other = masks.FoundMask(other, "grabcut", "doubtful")
-        monkeypatch.setattr(masks, "_by_colours", lambda image, other=other: other)
-        monkeypatch.setattr(masks, "_has_opencv", lambda: True)
-        found, how, doubt = masks.find_mask(image)
-        assert (how, doubt) == ("plain", expected)
-        assert overlap(found, mask) > 0.95
-
-
 def test_a_shaded_background_without_opencv(monkeypatch):
     monkeypatch.setattr(masks, "_has_opencv", lambda: False)
     image, mask = scene()
@@ -215,42 +230,6 @@ def test_a_shaded_background_without_opencv(monkeypatch):
     found, how, _ = masks.find_mask(image)
     assert how == "plain"
     assert overlap(found, mask) > 0.95
-
-
-def test_grabcut_on_a_busy_background(rng):
-    pytest.importorskip("cv2")
-    image, mask = scene(240, 320, (60, 190, 90, 240), colour=(210, 40, 30))
-    image[~mask] = rng.integers(60, 140, (int((~mask).sum()), 3)) * [0, 1, 1]
-    assert masks.plain(image) is None
-    found, how, _ = masks.find_mask(image)
-    assert how == "grabcut"
-    assert (found & mask).sum() / (found | mask).sum() > 0.9
-    again, _, _ = masks.find_mask(image)
-    np.testing.assert_array_equal(found, again)
-
-
-def test_rembg_is_used_where_its_weights_are(tmp_path, monkeypatch, rng):
-    image = rng.integers(0, 255, (64, 64, 3), np.uint8)
-    levels = np.zeros((64, 64), np.uint8)
-    levels[20:40, 20:40] = 255
-    package = tmp_path / "rembg.py"
-    package.write_text(
-        "import numpy as np\n"
-        "def new_session(name): return name\n"
-        "def remove(image, session, only_mask):\n"
-        "    assert only_mask and session == 'u2net'\n"
-        "    levels = np.zeros(image.shape[:2], np.uint8); levels[20:40, 20:40] = 255\n"
-        "    return levels\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setenv("U2NET_HOME", str(tmp_path))
-    assert not masks.has_rembg()
-    with pytest.raises(photo.PhotoError, match="needs the extra 'photo' and its weights in"):
-        masks.find_mask(image, method="rembg")
-    (tmp_path / "u2net.onnx").write_bytes(b"weights")
-    found, how, _ = masks.find_mask(image)
-    assert how == "rembg"
-    np.testing.assert_array_equal(found, levels > 0)
 
 
 def test_no_object_and_no_way_to_find_one(monkeypatch, rng):
@@ -320,6 +299,8 @@ def test_placing_refuses():
     image, mask = scene()
     with pytest.raises(photo.PhotoError, match="mask is empty"):
         framing.place(image, np.zeros_like(mask))
+    with pytest.raises(photo.PhotoError, match="mask covers the whole image"):
+        framing.place(image, np.ones_like(mask))
     dot = np.zeros_like(mask)
     dot[5, 5] = True
     with pytest.raises(photo.PhotoError, match="1x1 pixels: accepted: a longer side of 8 or more"):

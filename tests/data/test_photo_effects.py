@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 
-from psgn_jax.data import augment, batches, framing, loader, photo_effects
-from psgn_jax.data.dataset import RecordReader
-from psgn_jax.data_config import DataConfig, PhotoEffects
+from psgn_jax.config.data import DataConfig, PhotoEffects
+from psgn_jax.data import framing, loader, photo_effects
 
 EFFECTS = {
     "erode": 3.0,
@@ -35,17 +34,6 @@ def sample():
 def disturbed(sample, seed=0, **effects):
     rng = np.random.default_rng(seed)
     return photo_effects.disturb(sample.image, sample.mask, rng, PhotoEffects(**effects))
-
-
-def test_every_setting_has_a_test_and_is_off():
-    assert {field.name for field in dataclasses.fields(PhotoEffects)} == set(EFFECTS)
-    assert not PhotoEffects().any()
-
-
-def test_nothing_set_nothing_changed(sample):
-    image, mask = disturbed(sample)
-    assert image is sample.image
-    assert mask is sample.mask
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -117,29 +105,6 @@ def cfg(dataset):
         path=str(dataset), image_size=(48, 64), num_points=100, flip=True, stretch=0.1,
         zoom=0.05, shift=0.05, colour_jitter=0.2,
     )  # fmt: skip
-
-
-def test_with_defaults_a_batch_is_what_the_older_augmentations_make(cfg, dataset):
-    """Each row equals `augment` with the generator of (seed, stream, step, row)."""
-    batch = a_batch(cfg)
-    items = batches.Items(cfg, RecordReader(dataset, "train"))
-    everything = [items[i] for i in range(37)]
-    for row in range(4):
-        expected = []
-        for item in everything:
-            rng = np.random.default_rng([7, 1, 2, row])
-            view = batches._view(item, rng, 100)
-            expected.append(
-                augment.augment(
-                    view, rng, flip_half=True, stretch_range=0.1, jitter=0.2, zoom_range=0.05,
-                    shift_range=0.05,
-                )
-            )  # fmt: skip
-        same = [v for v in expected if np.array_equal(v.points, batch["points"][row])]
-        assert len(same) == 1
-        np.testing.assert_array_equal(same[0].image, batch["image"][row])
-        np.testing.assert_array_equal(same[0].mask, batch["mask"][row])
-        np.testing.assert_array_equal(same[0].intrinsics, batch["intrinsics"][row])
 
 
 def test_settings_reach_the_batches(cfg):

@@ -37,8 +37,3 @@ def test_the_surroundings_of_the_object_are_enough(rng, monkeypatch, position, c
         difference = np.abs(got[0].astype(int) - want[0])
         assert difference.max() <= 1
         assert (difference > 0).mean() < 0.005
-
-
-def test_an_empty_mask_has_no_window(rng):
-    image, mask = _object(rng, 9, schema.BACKGROUND_GREY)
-    assert resample._window(image, np.zeros_like(mask)) is None

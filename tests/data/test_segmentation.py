@@ -46,19 +46,12 @@ def test_an_image_without_an_object_is_in_doubt():
     assert "--mask" in found.doubt
 
 
-def test_nothing_to_cut():
-    assert segmentation.segment(np.full((40, 60, 3), 90, np.uint8)) is None
-    assert masks.grabcut(np.full((40, 60, 3), 90, np.uint8)) is None
-
-
 @pytest.mark.parametrize("size", [(16, 16), (17, 900), (700, 40)])
 def test_any_shape_of_image(size):
     image = room(size)
     height, width = size
     image[height // 4 : -height // 4, width // 4 : -width // 4] = (30, 160, 40)
-    mask = masks.grabcut(image)
-    assert mask is not None
-    assert mask.shape == size
+    assert masks.find_mask(image, method="grabcut").mask.shape == size
 
 
 def test_barrier_distance_is_the_range_on_the_best_path():
@@ -70,12 +63,3 @@ def test_barrier_distance_is_the_range_on_the_best_path():
     assert distance[0].max() == 0
     assert distance[3, 15] < 1
     assert distance[15, 15] == pytest.approx(10, abs=1.5)
-
-
-def test_every_feature_has_a_weight():
-    image = room()
-    image[80:180, 100:220] = (190, 40, 30)
-    for candidate in segmentation.candidates(image):
-        assert len(candidate.features) == len(segmentation.FEATURES)
-        assert np.isfinite(candidate.features).all()
-        assert candidate.seed in segmentation.RANK_OF_SEED

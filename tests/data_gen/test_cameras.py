@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -82,11 +84,36 @@ def test_other_ranges_do_not_shift_the_azimuth(rng):
     assert one.azimuth == two.azimuth
 
 
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("elevation", (30, 20)), ("distance", (0.5, 2)), ("image_size", (4, 4)), ("focal", (1, 1)),
-     ("azimuth", (float("nan"), 1.0))],
-)  # fmt: skip
-def test_wrong_settings_name_the_field(field, value):
-    with pytest.raises(ValueError, match=rf"camera\.{field}: got"):
-        CameraSettings(**{field: value})
+def test_size_in_the_image_is_kept_whatever_the_focal_length(rng):
+    points = 0.7 * hemisphere(rng)
+    extents = []
+    for focal in (300.0, 900.0):
+        chosen = cameras.CameraSettings(focal=(focal, focal), distance=(4, 4), keep_size=True)
+        drawn = cameras.draw(np.random.default_rng(1), chosen, points)
+        pixels, _ = cameras.project(points @ drawn.rotation.T, drawn)
+        extents.append(np.ptp(pixels, axis=0))
+        assert drawn.distance == pytest.approx(focal / 100)
+    np.testing.assert_allclose(extents[0], extents[1], rtol=0.15)
+
+
+def test_off_centre_moves_the_object_and_cuts_nothing_off(rng):
+    points = 0.7 * hemisphere(rng)
+    chosen = cameras.CameraSettings(
+        off_centre=1.0, distance=(5, 5), roll=(-20, 20), aim=(0.3, 0.3), elevation=(-5, 60)
+    )
+    middles = []
+    for seed in range(30):
+        drawn = cameras.draw(np.random.default_rng(seed), chosen, points)
+        turned = points @ drawn.rotation.T
+        assert cameras.in_frame(turned, drawn).all()
+        turn = drawn.extrinsics[:, :3]
+        np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+        middles.append(cameras.project(turned, drawn)[0].mean(axis=0))
+        # The position of the camera is the same; only its direction changes.
+        still = cameras.draw(
+            np.random.default_rng(seed), dataclasses.replace(chosen, off_centre=0.0), points
+        )
+        np.testing.assert_allclose(drawn.position, still.position, atol=1e-9)
+    spread = np.ptp(middles, axis=0)
+    assert spread[0] > 80
+    assert spread[1] > 40

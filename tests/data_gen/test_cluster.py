@@ -1,18 +1,15 @@
 """Rendering on a Dask cluster of two workers. Skipped without Dask or Mitsuba."""
 
-import dataclasses
 import os
 import pathlib
 import signal
-import time
 import warnings
 
 import pytest
 
 from data_gen import cluster, job, pool, settings
 from data_gen.catalogues.by_name import open_catalogue
-from data_gen.catalogues.entry import Entry
-from data_gen.mitsuba_setup import Variant, has_mitsuba
+from data_gen.engine import Variant, has_mitsuba
 from data_gen.render_model import Context
 from psgn_jax.data.manifest import MANIFEST, load_manifest
 
@@ -24,7 +21,7 @@ pytestmark = [
 ]
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-SOURCE = "chair=2,table=2,lamp=2"
+SOURCE = "chair=2,table=2,couch=2"
 OPTIONS = settings.parse(
     {
         "views": 1,
@@ -66,6 +63,7 @@ def on(address):
     return lambda tasks, context: cluster.render_on(address, tasks, context)
 
 
+@pytest.mark.slow
 def test_same_bytes_as_the_local_job_though_a_worker_is_killed_and_the_job_broken_off(
     dask, tmp_path
 ):
@@ -99,40 +97,6 @@ def test_same_bytes_as_the_local_job_though_a_worker_is_killed_and_the_job_broke
     assert contents(tmp_path / "out") == contents(tmp_path / "local")
 
 
-def abort():
-    os.abort()
-
-
-def sleep_long():
-    time.sleep(100)
-
-
-class Hostile:
-    name = "hostile"
-
-    def __len__(self):
-        return 3
-
-    def entries(self):
-        good = next(iter(open_catalogue("procedural", "table=1").entries()))
-        yield Entry("abort", "", "train", abort)
-        yield Entry("sleep", "", "train", sleep_long)
-        yield Entry("good", "table", "train", good.loader)
-
-
-@pytest.mark.slow
-def test_models_that_crash_or_hang_end_alone(dask, tmp_path):
-    hurried = dataclasses.replace(
-        OPTIONS, job=dataclasses.replace(OPTIONS.job, seconds_per_model=20.0)
-    )
-    summary = job.render_catalogue(
-        Hostile(), tmp_path / "out", hurried, render=on(dask.scheduler_address)
-    )
-    status = {line["model_id"]: line["status"] for line in summary.lines}
-    assert status == {"abort": "crashed", "sleep": "timeout", "good": "ok"}
-    assert summary.samples == 1
-
-
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
     real = distributed.Client
     monkeypatch.setattr(
@@ -146,4 +110,4 @@ def test_renderers_are_told_apart_from_models_that_cannot_start(tmp_path):
     context = Context(OPTIONS, "procedural", Variant("no such variant"), None, [])
     entry = next(iter(open_catalogue("procedural", "table=1").entries()))
     with pytest.raises(RuntimeError, match="before they were ready"):
-        pool.Renderer(context).render(entry)
+        pool.Renderer(context).render(0, entry)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from data_gen import lights
+from data_gen import environment_maps, lights, surroundings
 from data_gen.lights import LightSettings
 
 
@@ -47,25 +47,16 @@ def test_black_map_still_lights():
 
 
 def test_draw_is_deterministic_and_turns(rng):
-    one, _ = lights.draw(np.random.default_rng(3), LightSettings(), None)
-    two, _ = lights.draw(np.random.default_rng(3), LightSettings(), None)
-    other, _ = lights.draw(np.random.default_rng(4), LightSettings(), None)
+    one, _ = surroundings.draw(np.random.default_rng(3), LightSettings(), None)
+    two, _ = surroundings.draw(np.random.default_rng(3), LightSettings(), None)
+    other, _ = surroundings.draw(np.random.default_rng(4), LightSettings(), None)
     np.testing.assert_array_equal(one.directions, two.directions)
     assert not np.array_equal(one.directions[0], other.directions[0])
     maps = rng.random((2, *lights.MAP_SIZE, 3))
-    _, radiance = lights.draw(np.random.default_rng(3), LightSettings(), maps)
-    assert any(np.isclose(radiance.sum(), m.sum()) for m in maps)
+    _, around = surroundings.draw(np.random.default_rng(3), LightSettings(), maps)
+    assert any(np.isclose(around.radiance.sum(), m.sum()) for m in maps)
 
 
 def test_folder_without_maps(tmp_path):
     with pytest.raises(ValueError, match=r"expected a folder of \.hdr and \.exr"):
-        lights.list_maps(str(tmp_path))
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("source", "sun"), ("count", 0), ("ambient", (0.5, 0.2)), ("saturation", 2.0)],
-)
-def test_wrong_settings_name_the_field(field, value):
-    with pytest.raises(ValueError, match=rf"light\.{field}: got"):
-        LightSettings(**{field: value})
+        environment_maps.list_maps(str(tmp_path))

@@ -1,5 +1,3 @@
-import dataclasses
-
 import numpy as np
 import pytest
 from helpers.solid_models import cube, model_of, sphere
@@ -46,14 +44,6 @@ def test_build_refuses_empty_and_too_large():
         build_model(np.zeros((3, 3)), [[0, 1, 2]])
     with pytest.raises(UnusableModelError, match="limit of 11"):
         model_of(cube(), max_faces=11)
-
-
-def test_model_checks_its_arrays():
-    model = model_of(cube())
-    with pytest.raises(ValueError, match="model faces"):
-        dataclasses.replace(model, faces=model.faces + 100)
-    with pytest.raises(ValueError, match="model uv"):
-        dataclasses.replace(model, uv=model.uv[:3])
 
 
 def test_crease_normals_of_a_cube_are_flat_and_of_a_sphere_round():

@@ -7,11 +7,10 @@ import pytest
 from helpers import drawn_solids as solids
 
 from data_gen import engine, settings
-from data_gen.catalogues import proportions
 from data_gen.catalogues.by_name import open_catalogue, parse_options
 from data_gen.catalogues.records import surfels
+from data_gen.engine import Variant, has_mitsuba
 from data_gen.mesh import UnusableModelError, face_areas
-from data_gen.mitsuba_setup import Variant, has_mitsuba
 from data_gen.render_model import Context, render_model
 from psgn_jax.data.codec import decode
 from psgn_jax.data.dataset import write_dataset
@@ -41,6 +40,17 @@ def test_the_surfels_cover_the_surface():
     top = (middle[:, 2] > high[2] - 1e-3) & (np.abs(middle[:, :2]) < 0.1).all(axis=1)
     assert top.sum() > 100
     assert np.abs(model.normals[top][..., 2]).min() > 0.99
+
+
+def test_no_surfel_extends_below_the_ground_or_out_of_the_unit_ball():
+    sample = box_sample(4000)
+    points = sample.points / np.linalg.norm(sample.points, axis=1).max()
+    points[:, 2] -= points[:, 2].min()
+    model = surfels(
+        dataclasses.replace(sample, points=points / np.linalg.norm(points, axis=1).max())
+    )
+    assert model.vertices[:, 2].min() >= 0
+    assert np.linalg.norm(model.vertices, axis=1).max() <= 1 + 1e-12
 
 
 def test_colours_are_those_of_the_image():
@@ -89,6 +99,12 @@ def test_a_folder_without_records_is_named(tmp_path):
         open_catalogue("records", tmp_path)
 
 
+def test_duplicates_of_held_out_objects_are_not_rendered(tmp_path):
+    sample = box_sample(200)
+    write_dataset(tmp_path, {"train": [sample], "duplicate": [sample]}, source="solids")
+    assert [entry.split for entry in open_catalogue("records", tmp_path).entries()] == ["train"]
+
+
 @pytest.mark.parametrize("wrong", ["no name", "two splits", "a split of another name"])
 def test_ambiguous_models_are_refused(tmp_path, wrong):
     sample = box_sample(200)
@@ -101,38 +117,6 @@ def test_ambiguous_models_are_refused(tmp_path, wrong):
     message = "its splits are" if wrong.startswith("a split") else "expected a name that belongs to"
     with pytest.raises(ValueError, match=message):
         open_catalogue("records", tmp_path)
-
-
-def test_proportions_keep_planes_and_symmetry():
-    points = box_sample().points.astype(np.float64)
-    change = proportions.random_proportions(points, np.random.default_rng(3), 0.3)
-    changed = change(points)
-    # A box remains a box with the same axes and the same middle, standing on the ground.
-    before, after = (proportions._footprint(p[:, :2]) for p in (points, changed))
-    turn = np.abs(before[0] @ after[0].T)
-    np.testing.assert_allclose(np.sort(turn, axis=1), [[0, 1], [0, 1]], atol=0.02)
-    np.testing.assert_allclose(before[1] @ before[0], after[1] @ after[0], atol=0.01)
-    assert changed[:, 2].min() == 0
-    assert np.ptp(changed[:, 2]) == pytest.approx(change.values[2, -1])
-    # The order of points along each axis is kept.
-    order = np.argsort(points[:, 2])
-    assert (np.diff(changed[order, 2]) >= 0).all()
-    # The sides of the box, which are parallel to the axes, stay plane.
-    for axis in before[0]:
-        along, now = points[:, :2] @ axis, changed[:, :2] @ axis
-        side = along > along.max() - 1e-4
-        assert side.sum() > 100
-        assert np.ptp(now[side]) < 1e-3
-    # Each point and its mirror image about the middle have mirror images after the change.
-    middle = before[1] @ before[0]
-    mirrored = np.concatenate([2 * middle - points[:, :2], points[:, 2:]], axis=1)
-    np.testing.assert_allclose(change(mirrored)[:, :2], 2 * middle - changed[:, :2], atol=1e-9)
-
-
-def test_without_deviation_proportions_stay():
-    points = box_sample(500).points.astype(np.float64)
-    change = proportions.random_proportions(points, np.random.default_rng(0), 0.0)
-    np.testing.assert_allclose(change(points), points - [0, 0, points[:, 2].min()], atol=1e-12)
 
 
 def test_variants_replace_their_models(tmp_path):
@@ -159,13 +143,3 @@ def test_variants_replace_their_models(tmp_path):
     np.testing.assert_array_equal(again.vertices, models[1].vertices)
     with pytest.raises(UnusableModelError, match="in a vertical plane, expected a volume"):
         entries[3].load()
-
-
-@pytest.mark.parametrize(("option", "message"), [
-    ({"variants": -1}, "variants: got -1, expected 0 or more"),
-    ({"variants": 2, "deviation": 0.0}, "deviation: got 0, expected a number above 0"),
-    ({"variants": 2, "deviation": 1.5}, "deviation: got 1.5, expected a number above 0, up to 1"),
-])  # fmt: skip
-def test_wrong_options_are_named(tmp_path, option, message):
-    with pytest.raises(ValueError, match=message):
-        open_catalogue("records", tmp_path, **option)

@@ -1,4 +1,3 @@
-import free_meshes
 import numpy as np
 import pytest
 from helpers.solid_models import joined, model_of, sphere
@@ -134,24 +133,3 @@ def test_an_inner_wall_keeps_its_normals():
     sample = sample_surface(model, 4000, 0)
     toward = np.where(np.linalg.norm(sample.points, axis=1) > 0.85, 1, -1)
     assert ((sample.points * sample.normals).sum(axis=1) * toward > 0).all()
-
-
-@pytest.mark.parametrize(
-    "name", ["Reallusion/Reallusion#female01", "Scopia/Scopia#maceta", "Scopia/Scopia#little_lamp2"]
-)
-def test_furniture_with_doubled_faces_has_one_density(name):
-    model = free_meshes.model("sh3f", name)
-    sample = sample_surface(model, 16_384, 0)
-    # Duplicate faces are found by comparing their corners.
-    key = np.sort(np.round(model.corners(), 5).view("f8,f8,f8").reshape(-1, 3), axis=1)
-    _, number, count = np.unique(
-        key.view(np.uint8).reshape(len(key), -1), axis=0, return_inverse=True, return_counts=True
-    )
-    twice = count[number.ravel()] > 1
-    area = face_areas(model.vertices, model.faces)
-    got = twice[sample.face].mean()
-    once = area[~twice].sum()
-    double = (area / count[number.ravel()])[twice].sum()
-    assert double / (once + double) > 0.2
-    ratio = (got / double) / ((1 - got) / once) if once > 0.05 * double else 1
-    assert ratio == pytest.approx(1, abs=0.05)

@@ -12,18 +12,6 @@ TOP = ((0, 0, 0.66), (0.8, 1.2, 0.08))
 LEG = ((0.34, 0.52, 0.31), (0.08, 0.08, 0.62))
 LEGS = [((x * LEG[0][0], y * LEG[0][1], LEG[0][2]), LEG[1]) for x in (1, -1) for y in (1, -1)]
 
-# A part in the format in which the page saves it.
-PART = {
-    "kind": "box", "size": [1, 1, 1], "at": [0, 0, 0], "turn": [0, 0, 0], "mirror": "", "taper": 1,
-    "sides": 3, "outline": [],
-}  # fmt: skip
-
-# JavaScript expression: the controls of the page without an accessible name.
-UNNAMED = """[...document.querySelectorAll("button, input, canvas.top, textarea, img")]
-  .filter(e => e.checkVisibility() && !e.getAttribute("aria-label") && !e.textContent.trim()
-    && !e.closest("label")?.textContent.trim() && !e.hasAttribute("alt"))
-  .map(e => e.outerHTML)"""
-
 
 def box_points(middle, size, count, rng):
     """Points uniform on the surface of a box."""

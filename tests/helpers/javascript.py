@@ -1,11 +1,8 @@
 """Runs functions of JavaScript modules in node."""
 
-import base64
 import json
 import shutil
 import subprocess
-
-import numpy as np
 
 NODE = shutil.which("node")
 
@@ -16,20 +13,13 @@ def node(body, modules, **values):
     Args:
       body: body of the function, as text.
       modules: files of the modules, by the names that the body uses.
-      **values: fields of `input`. Arrays of bytes and booleans become Uint8Array, arrays of floats
-        Float32Array. Arrays in the result become flat lists.
+      **values: fields of `input`. Arrays become Float32Array if they are of floats, otherwise
+        Uint8Array. Arrays in the result become flat lists.
     """
 
-    def plain(value):
-        if isinstance(value, np.ndarray):
-            data = np.ascontiguousarray(value).astype(
-                np.float32 if value.dtype.kind == "f" else np.uint8
-            )
-            kind = "Float32Array" if value.dtype.kind == "f" else "Uint8Array"
-            return {"kind": kind, "base64": base64.b64encode(data.tobytes()).decode()}
-        if isinstance(value, list | tuple):
-            return [plain(v) for v in value]
-        return {k: plain(v) for k, v in value.items()} if isinstance(value, dict) else value
+    def plain(array):
+        kind = "Float32Array" if array.dtype.kind == "f" else "Uint8Array"
+        return {"kind": kind, "values": array.ravel().tolist()}
 
     imports = "\n".join(
         f"import * as {name} from {json.dumps(path.as_uri())};" for name, path in modules.items()
@@ -37,18 +27,14 @@ def node(body, modules, **values):
     code = f"""
 {imports}
 import fs from "node:fs";
-const input = JSON.parse(fs.readFileSync(0), (_, v) => {{
-  if (!v || !v.kind) return v;
-  const bytes = Buffer.from(v.base64, "base64");
-  const copy = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length);
-  return v.kind === "Float32Array" ? new Float32Array(copy) : new Uint8Array(copy);
-}});
+const kinds = {{ Float32Array, Uint8Array }};
+const input = JSON.parse(fs.readFileSync(0), (_, v) => v?.kind ? kinds[v.kind].from(v.values) : v);
 const result = await (async () => {{ {body} }})();
 process.stdout.write(JSON.stringify(result, (_, v) => ArrayBuffer.isView(v) ? Array.from(v) : v));
 """
     done = subprocess.run(
         [NODE, "--input-type=module", "-e", code],
-        input=json.dumps(plain(values)),
+        input=json.dumps(values, default=plain),
         capture_output=True,
         text=True,
         timeout=300,

@@ -4,10 +4,14 @@ The object consists of boxes in ShapeNet's axes (+y up) and has no symmetry. The
 with the camera matrices of those projects, not with the camera of the package.
 """
 
+import base64
+import json
+import zlib
+
 import numpy as np
 from PIL import Image
 
-from psgn_jax.data.sources import binvox
+from psgn_jax.data.sources.binvox import Binvox
 
 BOXES = np.array(
     [
@@ -30,7 +34,7 @@ def voxels(size=32):
     for box in BOXES:
         inside = [(x[a] > box[0, a]) & (x[a] < box[1, a]) for a in range(3)]
         solid |= inside[0][:, None, None] & inside[1][None, :, None] & inside[2][None, None]
-    return binvox.Binvox(solid, low, LONGEST)
+    return Binvox(solid, low, LONGEST)
 
 
 def surface(rng, count):
@@ -91,7 +95,7 @@ def write_r2n2(root, names=("a", "b", "c", "d", "e"), synset="03001627"):
         )
         folder = root / "ShapeNetVox32" / synset / name
         folder.mkdir(parents=True)
-        binvox.write(folder / "model.binvox", voxels())
+        write_binvox(folder / "model.binvox", voxels())
     return root
 
 
@@ -120,6 +124,31 @@ def write_occnet(root, splits=None, synset="03001627"):
                 Image.fromarray(rgb).save(images / f"{i:03d}.jpg", quality=92)
             np.savez(images / "cameras.npz", **cameras)
             np.savez(root / synset / name / "pointcloud.npz", **cloud)
-            binvox.write(root / synset / name / "model.binvox", voxels())
+            write_binvox(root / synset / name / "model.binvox", voxels())
         (root / synset / f"{file}.lst").write_text("\n".join(names) + "\n")
     return root
+
+
+def write_binvox(path, grid):
+    """Writes a file in the form of binvox, with numbers to 17 digits."""
+    dim = len(grid.solid)
+    flat = grid.solid.transpose(0, 2, 1).reshape(-1)
+    edges = np.concatenate([[0], np.flatnonzero(flat[1:] != flat[:-1]) + 1, [flat.size]])
+    lengths = np.diff(edges)
+    pieces = -(-lengths // 255)
+    counts = np.full(pieces.sum(), 255)
+    counts[np.cumsum(pieces) - 1] = lengths - 255 * (pieces - 1)
+    values = np.repeat(flat[edges[:-1]], pieces)
+    translate = " ".join(f"{float(t):.17g}" for t in grid.translate)
+    header = f"#binvox 1\ndim {dim} {dim} {dim}\ntranslate {translate}\nscale {grid.scale:.17g}\n"
+    data = np.stack([values, counts], axis=1).astype(np.uint8).tobytes()
+    path.write_bytes(header.encode() + b"data\n" + data)
+
+
+def grid_of_extra(extra):
+    """The volume in `Sample.extra`: cells, bool [n, n, n], and `grid_to_frame`, float64 [3, 4]."""
+    content = json.loads(extra)
+    size = content["grid_size"]
+    packed = zlib.decompress(base64.b64decode(content["grid"]))
+    bits = np.unpackbits(np.frombuffer(packed, np.uint8), count=size**3)
+    return bits.reshape(size, size, size).astype(bool), np.array(content["grid_to_frame"])

@@ -3,7 +3,7 @@
 import os
 
 from helpers import drawn_solids as solids
-from psgn_jax.config import to_dict
+from psgn_jax.config.experiment import to_dict
 from psgn_jax.data.dataset import write_dataset
 
 

@@ -46,48 +46,26 @@ def stack(samples):
     return {key: np.stack([s[key] for s in samples]) for key in samples[0]}
 
 
-def train_batches(cfg, *, batch_size, seed, start_step, process_index=0, process_count=1):
+def train_batches(cfg, **options):
     if cfg.path:
-        yield from _loader("train_batches")(
-            cfg,
-            batch_size=batch_size,
-            seed=seed,
-            start_step=start_step,
-            process_index=process_index,
-            process_count=process_count,
-        )
-    step = start_step
+        yield from _loader("train_batches")(cfg, **options)
+    batch_size, seed, step = (options[name] for name in ("batch_size", "seed", "start_step"))
+    local = batch_size // options.get("process_count", 1)
+    first = options.get("process_index", 0) * local
     delay = float(os.environ.get("PSGN_STANDIN_DELAY", "0"))
     while True:
         time.sleep(delay)
         rng = np.random.default_rng((seed, step))
         numbers = rng.integers(0, SIZES[cfg.train_split], batch_size)
-        local = batch_size // process_count
         rows = [sample(cfg, n, cfg.num_points, rng) for n in numbers]
-        yield stack(rows[process_index * local : (process_index + 1) * local])
+        yield stack(rows[first : first + local])
         step += 1
 
 
-def eval_batches(
-    cfg,
-    *,
-    split,
-    batch_size,
-    seed=0,
-    visible_tolerance=0.0,
-    process_index=0,
-    process_count=1,
-):
+def eval_batches(cfg, *, split, batch_size, process_index=0, process_count=1, **options):
     if cfg.path:
-        yield from _loader("eval_batches")(
-            cfg,
-            split=split,
-            batch_size=batch_size,
-            seed=seed,
-            visible_tolerance=visible_tolerance,
-            process_index=process_index,
-            process_count=process_count,
-        )
+        options |= {"process_index": process_index, "process_count": process_count}
+        yield from _loader("eval_batches")(cfg, split=split, batch_size=batch_size, **options)
         return
     total = SIZES[split]
     for start in range(process_index * batch_size, total, process_count * batch_size):
@@ -119,7 +97,7 @@ def _loader(name):
 
 def install(monkeypatch):
     """Replaces the loader by this source for trainings and evaluations in this process."""
-    from psgn_jax import default_data
+    from psgn_jax.commands import default_data
     from psgn_jax.data import loader
 
     for function in (train_batches, eval_batches, num_samples):
@@ -130,7 +108,7 @@ def install(monkeypatch):
 
 def config(**changes):
     """A `Config` whose step takes milliseconds, with changes given as `section__field=value`."""
-    from psgn_jax.config import parse
+    from psgn_jax.config.experiment import parse
 
     tree = {
         "seed": 3,
@@ -170,7 +148,8 @@ if __name__ == "__main__":
     import pytest
     from absl import app
 
-    from psgn_jax import command_line, main
+    from psgn_jax import main
+    from psgn_jax.commands import common as command_line
 
     install(pytest.MonkeyPatch())
     app.run(main.main, flags_parser=command_line.parse_flags)

@@ -2,11 +2,10 @@
 
 import jax
 import numpy as np
-import optax
 
 from helpers import standin
-from psgn_jax.models import point_out_net
-from psgn_jax.training import state as state_lib
+from psgn_jax.models import networks
+from psgn_jax.models.networks import init_params
 from psgn_jax.weights.file import Weights, figures_of
 
 SOURCES = [
@@ -23,8 +22,8 @@ def config(**changes):
 
 def random_params(config, seed=0):
     """Random parameters of a configuration's network."""
-    model = point_out_net.build(config.model)
-    shapes = jax.eval_shape(lambda: state_lib.create(config, model, optax.identity()).params)
+    model = networks.build(config.model)
+    shapes = jax.eval_shape(lambda: init_params(config, model))
     rng = np.random.default_rng(seed)
     return jax.tree.map(lambda s: rng.normal(0, 0.1, s.shape).astype("f4"), shapes)
 

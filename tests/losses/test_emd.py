@@ -7,9 +7,7 @@ import pytest
 from helpers import reference
 
 from psgn_jax import losses
-from psgn_jax.config import LossConfig
-from psgn_jax.losses.by_name import configured_loss
-from psgn_jax.metrics import clouds as metrics_lib
+from psgn_jax.evaluation import clouds as metrics_lib
 
 N = 96
 mean = jax.jit(losses.emd_mean)
@@ -166,9 +164,17 @@ def test_bfloat16_is_computed_in_float32(rng):
     assert grads[0].dtype == jnp.bfloat16
 
 
-def test_registry_and_metrics(rng):
-    for name in ("emd_mean", "emd_sum"):
-        assert configured_loss(LossConfig(name=name)).func is getattr(losses, name)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_with_64_bits(rng, dtype):
+    a, b = (x.astype(dtype) for x in clouds(rng, 40))
+    with jax.enable_x64(True):
+        value, grad = jax.value_and_grad(losses.emd_mean)(a, b)
+        assert value.dtype == grad.dtype == dtype
+        best = reference.emd_sum(a, b) / 40
+        assert best * (1 - 1e-6) <= value <= best * 1.0101
+
+
+def test_metrics(rng):
     a, b = clouds(rng)
     more = np.concatenate([b, b + 100])
     found = jax.jit(lambda x, y: metrics_lib.evaluate_pair(x, y, emd_tolerance=0.01))(a, b)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from psgn_jax import losses
-from psgn_jax.metrics import clouds as metrics_lib
 
 
 def test_iou_counts_cells(rng):
@@ -64,10 +63,3 @@ def test_grids_that_differ():
     for function in (losses.soft_iou, losses.iou):
         with pytest.raises(ValueError, match=r"pred has the shape \(3,\), gt \(4,\)"):
             function(jnp.zeros(3), jnp.zeros(4))
-
-
-def test_the_papers_unit():
-    """The paper's unit is a tenth of the grid's edge: .2 for the default edge of 2."""
-    assert metrics_lib.to_grid_units(0.2) == pytest.approx(1)
-    assert metrics_lib.sq_to_grid_units(0.04) == pytest.approx(1)
-    assert metrics_lib.to_grid_units(1.0, grid_edge=1.0) == 10

@@ -6,124 +6,69 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.config import ModelConfig
-from psgn_jax.models import layers, point_layout
-from psgn_jax.models.point_layout import branch_of_point, num_points, output_grid
-from psgn_jax.models.point_out_net import build
+from psgn_jax.config.experiment import ModelConfig
+from psgn_jax.models import layers
+from psgn_jax.models.cpu_convolution import plain_convolutions
+from psgn_jax.models.networks import NETWORKS, build, scaled_widths
 
 # Most of the time of these tests is compilation.
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 
+
 # Layers of the authors' published networks, in order: (kind, kernel size, input channels, output
 # channels). Source: github.com/fanhqme/PointSetGeneration, demo/runsingleimage.py (two branches)
 # and depthestimate/train_nn.py (hourglass).
-_TO_24X32 = [
-    ("conv", 3, 4, 16),
-    ("conv", 3, 16, 16),
-    ("conv", 3, 16, 32),
-    ("conv", 3, 32, 32),
-    ("conv", 3, 32, 32),
-    ("conv", 3, 32, 64),
-    ("conv", 3, 64, 64),
-    ("conv", 3, 64, 64),
-    ("conv", 3, 64, 128),
-    ("conv", 3, 128, 128),
-    ("conv", 3, 128, 128),
-]
-_AT_12X16 = [("conv", 3, 256, 256)] * 2
-_AT_6X8 = [("conv", 3, 512, 512)] * 3
-_ENCODER_TWO_BRANCH = [
-    *_TO_24X32,
-    ("conv", 3, 128, 256),
-    *_AT_12X16,
-    ("conv", 3, 256, 512),
-    *_AT_6X8,
-    ("conv", 5, 512, 512),
-]
-_ENCODER_HOURGLASS = [
-    *_TO_24X32,
-    ("conv", 5, 128, 256),
-    *_AT_12X16,
-    ("conv", 5, 256, 512),
-    *_AT_6X8,
-    ("conv", 5, 512, 512),
-]
-_UP_TO_24X32 = [
-    ("transposed", 5, 512, 256),
-    ("conv", 3, 512, 256),
-    ("conv", 3, 256, 256),
-    ("transposed", 5, 256, 128),
-    ("conv", 3, 256, 128),
-    ("conv", 3, 128, 128),
-    ("transposed", 5, 128, 64),
-    ("conv", 3, 128, 64),
-    ("conv", 3, 64, 64),
-]
-_UP_TO_96X128 = [
-    ("transposed", 5, 64, 32),
-    ("conv", 3, 64, 32),
-    ("conv", 3, 32, 32),
-    ("transposed", 5, 32, 16),
-    ("conv", 3, 32, 16),
-    ("conv", 3, 16, 16),
-]
+def _convs(text: str) -> list[tuple[str, int, int, int]]:
+    """ "3 4-16 16-16" is two convolutions of 3x3, from 4 to 16 and from 16 to 16 channels."""
+    size, *pairs = text.split()
+    channels = (pair.split("-") for pair in pairs)
+    return [("conv", int(size), int(c_in), int(c_out)) for c_in, c_out in channels]
+
+
+def _merges(*widths: tuple[int, int, int]) -> list[tuple[str, int, int, int]]:
+    """Layers of each `Merge` upwards: transposed from a to b, skip from c to b, b to b."""
+    return [
+        layer
+        for a, b, c in widths
+        for layer in (("transposed", 5, a, b), ("conv", 3, c, b), ("conv", 3, b, b))
+    ]
+
+
+_FIRST = _convs("3 4-16 16-16 16-32 32-32 32-32 32-64 64-64 64-64 64-128 128-128 128-128")
+_INNER = _convs("3 256-256 256-256 512-512 512-512 512-512")
+_ENCODER = {
+    "two_branch": _FIRST + _INNER + _convs("3 128-256 256-512") + _convs("5 512-512"),
+    "hourglass": _FIRST + _INNER + _convs("5 128-256 256-512 512-512"),
+}
+_UP_TO_24X32 = _merges((512, 256, 512), (256, 128, 256), (128, 64, 128))
+_UP_TO_96X128 = _merges((64, 32, 64), (32, 16, 32))
 _DOWN_AGAIN = [
-    ("conv", 3, 16, 32),
-    ("conv", 3, 32, 32),
-    ("conv", 3, 32, 32),
-    ("conv", 3, 32, 64),
-    ("conv", 3, 64, 64),
-    ("conv", 3, 64, 64),
-    ("conv", 5, 64, 128),
-    ("conv", 3, 128, 128),
-    ("conv", 3, 128, 128),
-    ("conv", 5, 128, 256),
-    ("conv", 3, 256, 256),
-    ("conv", 3, 256, 256),
-    ("conv", 5, 256, 512),
+    *_convs("3 16-32 32-32 32-32 32-64 64-64 64-64"),
+    *_convs("5 64-128 128-256 256-512"),
+    *_convs("3 128-128 128-128 256-256 256-256"),
 ]
-_UP_AGAIN = [  # the skip convolutions now read features with the decoder's widths
-    ("transposed", 5, 512, 256),
-    ("conv", 3, 256, 256),
-    ("conv", 3, 256, 256),
-    ("transposed", 5, 256, 128),
-    ("conv", 3, 128, 128),
-    ("conv", 3, 128, 128),
-    ("transposed", 5, 128, 64),
-    ("conv", 3, 64, 64),
-    ("conv", 3, 64, 64),
-]
-_HEAD = [("conv", 3, 64, 64), ("conv", 3, 64, 3)]
+# The skip convolutions of the last pass read features with the decoder's widths.
+_UP_AGAIN = _merges((512, 256, 256), (256, 128, 128), (128, 64, 64))
+_HEAD = _convs("3 64-64 64-3")
 _FC_IN = ("dense", 1, 3 * 4 * 512, 2048)
 _FC_HIDDEN = ("dense", 1, 2048, 1024)
 _FC_OUT = ("dense", 1, 1024, 256 * 3)
 
 PUBLISHED = {
     # Not published: the two-branch network without its deconv branch; all points are from fc.
-    "vanilla": [*_ENCODER_TWO_BRANCH, _FC_IN, _FC_HIDDEN, ("dense", 1, 1024, 1024 * 3)],
-    "two_branch": [*_ENCODER_TWO_BRANCH, _FC_IN, _FC_HIDDEN, _FC_OUT, *_UP_TO_24X32, *_HEAD],
+    "vanilla": [*_ENCODER["two_branch"], _FC_IN, _FC_HIDDEN, ("dense", 1, 1024, 1024 * 3)],
+    "two_branch": [*_ENCODER["two_branch"], _FC_IN, _FC_HIDDEN, _FC_OUT, *_UP_TO_24X32, *_HEAD],
     "hourglass": [
-        *_ENCODER_HOURGLASS,
-        _FC_IN,
-        *_UP_TO_24X32,
-        *_UP_TO_96X128,
-        *_DOWN_AGAIN,
-        ("dense", 1, 2048, 2048),
-        _FC_IN,
-        *_UP_AGAIN,
-        _FC_HIDDEN,
-        _FC_OUT,
-        *_HEAD,
+        *_ENCODER["hourglass"], *_UP_TO_24X32, *_UP_TO_96X128, *_DOWN_AGAIN, *_UP_AGAIN, *_HEAD,
+        ("dense", 1, 2048, 2048), _FC_IN, _FC_IN, _FC_HIDDEN, _FC_OUT,
     ],
-}
+}  # fmt: skip
 FULL_COUNT = {"vanilla": 34_608_384, "two_branch": 38_910_019, "hourglass": 70_154_419}
 
 
 def versions(*fast: str):
     """Test parameters: all versions; those that are not in `fast` are marked slow."""
-    return [
-        pytest.param(v, marks=[pytest.mark.slow] * (v not in fast)) for v in point_layout.VERSIONS
-    ]
+    return [pytest.param(v, marks=[pytest.mark.slow] * (v not in fast)) for v in NETWORKS]
 
 
 def full_config(name: str, **changes) -> ModelConfig:
@@ -177,7 +122,7 @@ def apply(config: ModelConfig, params, x, r=None, *, intermediates=False):
     return _jitted(config, intermediates)({"params": params}, x, r)
 
 
-@pytest.mark.parametrize("name", point_layout.VERSIONS)
+@pytest.mark.parametrize("name", NETWORKS)
 def test_full_size_is_the_published_network(name):
     config = full_config(name)
     network = build(config)
@@ -202,7 +147,9 @@ def test_full_size_is_the_published_network(name):
     assert sum(leaf.size for _, leaf in flat) == expected == FULL_COUNT[name]
     out = jax.eval_shape(network.apply, {"params": params}, x)
     assert out.shape == (2, 1024, 3)
-    assert num_points(config) == 1024
+    fc = config.fc_points
+    assert network.branches == (range(fc), range(fc, 1024))
+    assert network.grid == ((0, 0, 0) if name == "vanilla" else (24, 32, 1))
 
 
 def test_random_input_adds_one_dense_layer_per_pass():
@@ -218,27 +165,6 @@ def test_random_input_adds_one_dense_layer_per_pass():
         assert extra == passes * 128 * 3 * 4 * 512
 
 
-def test_branches_of_the_default_configuration():
-    config = ModelConfig()
-    assert output_grid(config) == (24, 32, 1)
-    assert branch_of_point(config) == (range(256), range(256, 1024))
-    vanilla = full_config("vanilla")
-    assert branch_of_point(vanilla) == (range(1024), range(1024, 1024))
-    assert output_grid(vanilla) == (0, 0, 0)
-
-
-def test_layout_of_the_3d_r2n2_variant():
-    """128x128 pixels, 3 channels, widths 32 to 512, deconv branch 16x16x9."""
-    config = ModelConfig(
-        image_size=(128, 128),
-        in_channels=3,
-        widths=(32, 64, 128, 256, 512, 512),
-        deconv_channels=9,
-    )
-    assert output_grid(config) == (16, 16, 3)
-    assert num_points(config) == 1024
-
-
 @pytest.mark.parametrize("name", ["two_branch", pytest.param("hourglass", marks=pytest.mark.slow)])
 def test_output_order(name):
     config = tiny_config(name, deconv_channels=6)
@@ -248,23 +174,15 @@ def test_output_order(name):
     outputs = captured["intermediates"]
     fc = outputs["fc"]["points"]["__call__"][0]
     cells = outputs["deconv_points"]["__call__"][0]
-    cells = cells + layers.grid_offset(*output_grid(config))[None]
-    grid, (fc_range, deconv_range) = output_grid(config), branch_of_point(config)
+    cells = cells + layers.grid_offset(*build(config).grid)[None]
+    grid, (fc_range, deconv_range) = build(config).grid, build(config).branches
     assert cells.shape == (2, grid.height, grid.width, 3 * grid.points_per_cell)
-    assert points.shape == (2, num_points(config), 3)
+    assert points.shape == (2, build(config).num_points, 3)
     np.testing.assert_array_equal(points[:, 5], fc[:, 15:18])
     assert deconv_range[0] == fc_range[-1] + 1
     for row, column, k in [(0, 0, 1), (3, 5, 0), (7, 11, 1)]:
         index = deconv_range[(row * grid.width + column) * 2 + k]
         np.testing.assert_array_equal(points[:, index], cells[:, row, column, 3 * k : 3 * k + 3])
-
-
-def test_coordinates_can_be_negative():
-    config = tiny_config()
-    _, params = initialised(config)
-    points = apply(config, params, arguments(config)[0])
-    for branch in branch_of_point(config):
-        assert points[:, branch.start : branch.stop].min() < 0
 
 
 @pytest.mark.parametrize("name", versions("hourglass"))
@@ -305,14 +223,14 @@ def test_random_input_of_the_fc_branch_alone_moves_its_points_alone():
     assert params["fc"]["random"]["kernel"].shape == (5, 8)
     x, r = arguments(config)
     clouds = apply(config, params, x, jnp.stack([r, r, 2 * r], axis=1))
-    assert clouds.shape == (2, 3, num_points(config), 3)
-    fc, deconv = (clouds[:, :, part.start : part.stop] for part in branch_of_point(config))
+    assert clouds.shape == (2, 3, build(config).num_points, 3)
+    fc, deconv = (clouds[:, :, part.start : part.stop] for part in build(config).branches)
     np.testing.assert_array_equal(fc[:, 0], fc[:, 1])
     assert jnp.all(jnp.any(fc[:, 0] != fc[:, 2], axis=-1))
     np.testing.assert_array_equal(deconv, jnp.broadcast_to(deconv[:, :1], deconv.shape))
     assert jnp.abs(deconv[0] - deconv[1]).max() > 1e-3  # they depend on the image
     one = jax.eval_shape(build(config).apply, {"params": params}, x, r)
-    assert one.shape == (2, num_points(config), 3)
+    assert one.shape == (2, build(config).num_points, 3)
 
 
 @pytest.mark.parametrize("name", ["two_branch", "hourglass"])
@@ -334,32 +252,16 @@ def test_random_input_of_the_fc_branch_alone_moves_its_points_alone():
 def test_other_sizes(name, changes, points):
     config = tiny_config(name, **changes)
     x, r = arguments(config)
-    assert num_points(config) == points
+    assert build(config).num_points == points
     variables = jax.eval_shape(build(config).init, jax.random.key(0), x, r)
     out = jax.eval_shape(build(config).apply, variables, x, r)
     assert (out.shape, out.dtype) == ((2, points, 3), jnp.float32)
 
 
-def test_hourglass_with_five_halvings_runs():
-    config = tiny_config(
-        "hourglass", image_size=(96, 128), widths=(8, 8, 8, 8, 16, 16), deconv_level=2
-    )
-    _, params = initialised(config)
-    assert set(params["first_decoder"]) == {"level4", "level3", "level2", "level1"}
-    assert set(params["reencoder"]) == {"level2", "level3", "level4", "bottleneck"}
-    assert set(params["decoder"]) == {"level4", "level3", "level2"}
-    points = apply(config, params, *arguments(config))
-    assert points.shape == (2, 16 + 768, 3)
-    assert jnp.all(jnp.isfinite(points))
-    assert jnp.all(jnp.any(points[0] != points[1], axis=-1))
-
-
 def test_padding_repeats_the_border_on_both_sides():
     config = tiny_config(image_size=(29, 37))
-    assert point_layout.padded_size((29, 37), 5) == (32, 48)
-    assert point_layout.padded_size((61, 100), 7) == (64, 128)
-    assert point_layout.padded_size((192, 256), 7) == (192, 256)
-    assert point_layout.padded_size((32, 65), 7) == (64, 128)
+    assert build(config).padded_size == (32, 48)
+    assert build(full_config("vanilla", image_size=(32, 65))).padded_size == (64, 128)
     x, _ = arguments(config)
     padded = np.pad(x, [(0, 0), (1, 2), (5, 6), (0, 0)], mode="edge")
     whole = dataclasses.replace(config, image_size=(32, 48))
@@ -369,32 +271,16 @@ def test_padding_repeats_the_border_on_both_sides():
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["two_branch", "hourglass"])
-def test_bfloat16_is_near_float32(name):
-    config = tiny_config(name, random_size=4)
-    _, params = initialised(config)
+def test_bfloat16_keeps_parameters_and_points_in_float32():
+    config = tiny_config("hourglass", random_size=4, compute_dtype="bfloat16")
     x, r = arguments(config)
-    half = dataclasses.replace(config, compute_dtype="bfloat16")
-    variables = jax.eval_shape(build(half).init, jax.random.key(0), x, r)
+    network = build(config)
+    variables = jax.eval_shape(network.init, jax.random.key(0), x, r)
     assert all(leaf.dtype == jnp.float32 for leaf in jax.tree.leaves(variables))
-    assert jax.tree.map(jnp.shape, variables["params"]) == jax.tree.map(jnp.shape, params)
-
-    points, captured = apply(half, params, x, r, intermediates=True)
-    hidden = captured["intermediates"]["deconv_conv"]["__call__"][0]
-    assert hidden.dtype == jnp.bfloat16
+    apply = functools.partial(network.apply, capture_intermediates=True)
+    points, captured = jax.eval_shape(apply, variables, x, r)
     assert points.dtype == jnp.float32
-    exact = apply(config, params, x, r)
-    # A bfloat16 has steps of 2^-8; a dozen layers of rounding add up to about 1 % here.
-    assert jnp.sqrt(jnp.mean((points - exact) ** 2)) < 0.03 * exact.std()
-    assert jnp.abs(points - exact).max() < 0.15 * exact.std()
-    assert not jnp.array_equal(points, exact)
-    grads = quick_jit(jax.grad(lambda p: jnp.sum(build(half).apply({"params": p}, x, r) ** 2)))(
-        params
-    )
-    for leaf in jax.tree.leaves(grads):
-        assert leaf.dtype == jnp.float32
-        assert jnp.all(jnp.isfinite(leaf))
+    assert captured["intermediates"]["deconv_conv"]["__call__"][0].dtype == jnp.bfloat16
 
 
 @pytest.mark.parametrize("name", versions("two_branch"))
@@ -421,7 +307,7 @@ def test_several_draws_are_as_many_separate_calls(name):
     x, _ = arguments(config)
     r = jax.random.normal(jax.random.key(4), (2, 3, 4))
     clouds = apply(config, params, x, r)
-    assert clouds.shape == (2, 3, num_points(config), 3)
+    assert clouds.shape == (2, 3, build(config).num_points, 3)
     assert jnp.abs(clouds[:, 0] - clouds[:, 1]).max() > 1e-4
     separate = jnp.stack([apply(config, params, x, r[:, i]) for i in range(3)], axis=1)
     np.testing.assert_allclose(clouds, separate, rtol=1e-4, atol=1e-5)
@@ -441,7 +327,8 @@ def multiplications(function, *args) -> int:
                 total += np.prod(shapes[2]) * np.prod([shapes[0][i] for i in contracted])
             elif eqn.primitive.name == "conv_general_dilated":
                 out_features = eqn.params["dimension_numbers"].rhs_spec[0]
-                total += np.prod(shapes[2]) * np.prod(np.delete(shapes[1], out_features))
+                products = np.prod(shapes[2]) * np.prod(np.delete(shapes[1], out_features))
+                total += products // np.prod(eqn.params["lhs_dilation"])  # without inserted zeros
             inner = (getattr(param, "jaxpr", param) for param in eqn.params.values())
             total += sum(count(jaxpr) for jaxpr in inner if hasattr(jaxpr, "eqns"))
         return int(total)
@@ -459,7 +346,8 @@ def test_eight_draws_cost_no_eight_encoders(name, most):
     one, eight = (jax.ShapeDtypeStruct((1, *n, 128), jnp.float32) for n in ((), (8,)))
     variables = jax.eval_shape(network.init, jax.random.key(0), x, one)
     count = functools.partial(multiplications, network.apply, variables, x)
-    assert count(eight) < most * count(one)
+    with plain_convolutions():  # calls of oneDNN are not counted
+        assert count(eight) < most * count(one)
 
 
 def test_first_clouds_are_around_the_object_and_repeat_with_the_key():
@@ -491,39 +379,10 @@ def test_initial_variances():
 
 def test_scaled_widths():
     widths = (16, 20, 512)
-    assert point_layout.scaled_widths(widths, 1.0) == widths
-    assert point_layout.scaled_widths(widths, 0.5) == (8, 8, 256)
-    assert point_layout.scaled_widths(widths, 0.01) == (8, 8, 8)
-    assert point_layout.scaled_widths(widths, 1.5) == (24, 32, 768)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"name": "three_branch"}, "model.name='three_branch'.*two_branch"),
-        ({"image_size": (31, 256)}, r"model.image_size=\(31, 256\).*at least 32 pixels"),
-        ({"widths": (16,)}, "model.widths.*two levels"),
-        ({"widths": (16, 0, 16), "deconv_level": 1}, "model.widths.*positive"),
-        ({"width_multiplier": 0.0}, "model.width_multiplier=0.0"),
-        ({"deconv_level": 6}, "model.deconv_level=6: accepted: 0 to 5"),
-        ({"deconv_channels": 4}, "model.deconv_channels=4: accepted: a positive multiple of 3"),
-        ({"deconv_channels": 0}, "model.deconv_channels=0"),
-        ({"fc_points": -1}, "model.fc_points=-1"),
-        ({"name": "vanilla", "fc_points": 0}, "model.fc_points=0: accepted: at least 1"),
-        ({"fc_widths": ()}, "model.fc_widths"),
-        ({"random_size": -1}, "model.random_size=-1"),
-        ({"random_at": "image"}, "model.random_at='image'.*bottleneck.*fc"),
-        (
-            {"random_size": 2, "random_at": "fc", "fc_points": 0},
-            "model.random_at='fc': accepted: 'bottleneck'",
-        ),
-        ({"in_channels": 0}, "model.in_channels=0"),
-        ({"compute_dtype": "float16"}, "model.compute_dtype='float16'.*bfloat16"),
-    ],
-)
-def test_wrong_configurations(changes, message):
-    with pytest.raises(ValueError, match=message):
-        build(dataclasses.replace(ModelConfig(), **changes))
+    assert scaled_widths(widths, 1.0) == widths
+    assert scaled_widths(widths, 0.5) == (8, 8, 256)
+    assert scaled_widths(widths, 0.01) == (8, 8, 8)
+    assert scaled_widths(widths, 1.5) == (24, 32, 768)
 
 
 @pytest.mark.usefixtures("unchecked_annotations")
@@ -536,12 +395,10 @@ def test_wrong_arrays():
 
     with pytest.raises(ValueError, match=r"x has the shape.*accepted: \(batch, \*\(32, 48, 4\)"):
         trace(plain, x[:, :16])
-    with pytest.raises(ValueError, match="x has the shape"):
-        trace(plain, x[0])
-    with pytest.raises(ValueError, match="r=None"):
+    with pytest.raises(ValueError, match=r"r is None: accepted: \(2, 'draws', 4\)"):
         trace(random, x)
-    with pytest.raises(ValueError, match=r"r has the shape .*None"):
+    with pytest.raises(ValueError, match=r"r is of the shape .*None"):
         trace(plain, x, r)
-    for wrong in (r[:1], r[:, :3], r[None], r[:, None, :3], r[:, None, None]):
-        with pytest.raises(ValueError, match=r"r has the shape .*\(2, 4\), or \(2, draws, 4\)"):
+    for wrong in (r[:1], r[:, :3], r[:, None, :3]):
+        with pytest.raises(ValueError, match=r"r is of the shape .*\(2, 'draws', 4\)"):
             trace(random, x, wrong)

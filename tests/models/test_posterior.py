@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.config import ModelConfig
-from psgn_jax.models import cpu_convolution, posterior
+from psgn_jax.config.experiment import ModelConfig
+from psgn_jax.models import networks, posterior
 
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 
@@ -38,26 +38,6 @@ def test_volume_is_mirrored_with_the_points_and_ignores_their_order(rng):
     np.testing.assert_array_equal(np.asarray(posterior.occupied(points[::-1].copy())), volume)
 
 
-@pytest.mark.parametrize(("size", "kernel", "stride"), [(7, 3, 1), (8, 5, 2), (9, 3, 2)])
-def test_convolution_of_volumes_is_that_of_xla(rng, size, kernel, stride):
-    x = rng.normal(size=(2, size, size - 1, size + 2, 3)).astype(np.float32)
-    k = rng.normal(size=(kernel,) * 3 + (3, 4)).astype(np.float32)
-    w = rng.normal(size=4).astype(np.float32)
-
-    def ours(x, k):
-        return jnp.sum(jnp.sin(cpu_convolution.conv3d(x, k, stride=stride)) @ w)
-
-    def xla(x, k):
-        y = jax.lax.conv_general_dilated(
-            x, k, (stride,) * 3, "SAME", dimension_numbers=("NDHWC", "DHWIO", "NDHWC")
-        )
-        return jnp.sum(jnp.sin(y) @ w)
-
-    have = quick_jit(jax.value_and_grad(ours, argnums=(0, 1)))(x, k)
-    want = quick_jit(jax.value_and_grad(xla, argnums=(0, 1)))(x, k)
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=2e-4, atol=2e-4), have, want)
-
-
 @pytest.mark.parametrize(("mean", "log_variance"), [(0.0, 0.0), (1.5, -1.0), (-0.3, 0.7)])
 def test_divergence_is_the_integral(mean, log_variance):
     q = posterior.Gaussian(np.full((1, 1), mean, "f4"), np.full((1, 1), log_variance, "f4"))
@@ -81,7 +61,7 @@ def test_draws_have_the_mean_and_the_variance(rng):
 
 def test_shapes_start_and_gradients(rng):
     config = ModelConfig(random_size=5, posterior=True, posterior_widths=(4, 6), posterior_hidden=8)
-    net = posterior.build(config)
+    net = networks.build_posterior(config)
     points = rng.uniform(-0.9, 0.9, (3, 200, 3)).astype(np.float32)
     volumes = jax.vmap(posterior.occupied)(points + np.array([[[0, 0, 0.95]]], np.float32))
     params = quick_jit(net.init)(jax.random.key(0), volumes)["params"]

@@ -3,19 +3,16 @@
 import functools
 import pathlib
 
-import jax
 import numpy as np
 import pytest
 from helpers import reference, standin
+from helpers.weights import random_params
 
-from psgn_jax.config import ConfigError
-from psgn_jax.metrics import table as table_lib
-from psgn_jax.models import point_out_net
+from psgn_jax.config.experiment import ConfigError
+from psgn_jax.evaluation import table as table_lib
+from psgn_jax.models import networks
 from psgn_jax.prediction import sampling
 from psgn_jax.tasks.points import Points
-from psgn_jax.training import state
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 @functools.cache
@@ -23,11 +20,7 @@ def network(**changes):
     config = standin.config(
         model__name="vanilla", model__widths=(4, 6, 8), model__fc_points=16, **changes
     )
-    model = point_out_net.build(config.model)
-    tx = state.optimizer(config.optim, config.train.steps)
-    quick = {"xla_backend_optimization_level": 0}
-    params = jax.jit(lambda: state.create(config, model, tx), compiler_options=quick)().params
-    return config, model, params
+    return config, networks.build(config.model), random_params(config)
 
 
 def batches(config, batch_size):
@@ -36,20 +29,15 @@ def batches(config, batch_size):
     )
 
 
-def test_draws_and_what_they_differ_by():
+def test_draws_depend_on_the_seed():
     config, model, params = network()
     batch = batches(config, 4)[0]
-    found = sampling.predict_samples(config, model, params, batch, 3, seed=5)
-    points = np.asarray(found.points, np.float64)
+    sample = sampling.sampler(config, model, 3)
+    points = np.asarray(sample(params, batch, 5, 0))
     assert points.shape == (4, 3, 16, 3)
     assert np.abs(points[:, 0] - points[:, 1]).max() > 1e-3
-    np.testing.assert_allclose(found.spread, points.std(axis=1), atol=1e-5)
-    want = [reference.cross_chamfer(p, p) for p in points]
-    np.testing.assert_allclose(found.mutual, want, rtol=1e-3, atol=1e-6)
-    again = sampling.predict_samples(config, model, params, batch, 3, seed=5)
-    np.testing.assert_array_equal(again.points, found.points)
-    other = sampling.predict_samples(config, model, params, batch, 3, seed=6)
-    assert np.abs(np.asarray(other.points) - points).max() > 1e-3
+    np.testing.assert_array_equal(sample(params, batch, 5, 0), points)
+    assert np.abs(np.asarray(sample(params, batch, 6, 0)) - points).max() > 1e-3
 
 
 def test_a_draw_depends_on_seed_sample_and_number_alone():
@@ -64,10 +52,10 @@ def test_a_draw_depends_on_seed_sample_and_number_alone():
 def test_a_network_without_random_input_gives_one_prediction():
     config = standin.config(model__random_size=0)
     with pytest.raises(ConfigError, match=r"model.random_size=0: this network gives one"):
-        sampling.compile_predict_samples(config, point_out_net.build(config.model), 2)
-    config, model, params = network()
+        sampling.sampler(config, networks.build(config.model), 2)
+    config, model, _ = network()
     with pytest.raises(ValueError, match="num_draws: got 0"):
-        sampling.predict_samples(config, model, params, {}, 0)
+        sampling.sampler(config, model, 0)
 
 
 def test_evaluation_with_draws(monkeypatch):
@@ -78,10 +66,10 @@ def test_evaluation_with_draws(monkeypatch):
     assert (best < mean).all()
     assert (result.metrics["emd_radius_best_of_3"] < result.metrics["emd_radius_mean_of_3"]).all()
     first = batches(config, 4)[0]
-    drawn = sampling.predict_samples(config, model, params, first, 3, seed=config.seed)
-    want = reference.cross_chamfer(drawn.points[1], first["points"][1:2])
+    drawn = sampling.sampler(config, model, 3)(params, first, config.seed, 0)
+    want = reference.cross_chamfer(drawn[1], first["points"][1:2])
     np.testing.assert_allclose([best[1], mean[1]], [want.min(), want.mean()], rtol=1e-4)
-    tmd = reference.total_mutual_difference(np.asarray(drawn.points[1]))
+    tmd = reference.total_mutual_difference(np.asarray(drawn[1]))
     difference = result.metrics["total_mutual_difference_radius2"]
     np.testing.assert_allclose(difference[1], tmd, rtol=1e-3)
     text = table_lib.text(result)

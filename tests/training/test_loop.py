@@ -1,26 +1,35 @@
-"""Training end to end in one process, on a stand-in data set."""
+"""Training end to end on a stand-in data set: one tiny run, resumed, killed, stopped, refused."""
 
 import dataclasses
 import json
-import os
 import pathlib
+import re
+import resource
 import runpy
+import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
+from helpers import drawn_solids as solids
 from helpers import standin
+from helpers.processes import wait_until
+from helpers.small_runs import quick_environment, write_config
 
-from psgn_jax.config import ConfigError, from_json, parse
+from psgn_jax import tasks
+from psgn_jax.config.experiment import ConfigError, from_json, parse
 from psgn_jax.data import loader
-from psgn_jax.tasks.runs import evaluate_run
-from psgn_jax.training.checkpoint import Checkpoints
-from psgn_jax.training.log import NonFiniteError, _duration
+from psgn_jax.data.dataset import write_dataset
+from psgn_jax.evaluation.run import evaluate_run
+from psgn_jax.training.log import NonFiniteError
 from psgn_jax.training.loop import train
-from psgn_jax.viewing.clouds import render_case, render_cloud
+from psgn_jax.weights.checkpoint import Checkpoints
+from psgn_jax.weights.run_folder import locked, open_run
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
 
 
 @pytest.fixture(autouse=True)
@@ -30,9 +39,7 @@ def source(monkeypatch):
 
 @pytest.fixture(scope="module")
 def config():
-    return standin.config(
-        model__name="vanilla", model__widths=(4, 6, 8), train__images_every=6, eval__max_samples=6
-    )
+    return standin.config(**TINY, train__images_every=6, train__log_every=4, eval__max_samples=6)
 
 
 @pytest.fixture(scope="module")
@@ -44,24 +51,49 @@ def run(config, tmp_path_factory):
     return workdir, outcome
 
 
+def shorter(config, steps):
+    return dataclasses.replace(config, train=dataclasses.replace(config.train, steps=steps))
+
+
+def newest(workdir):
+    return Checkpoints(workdir / "checkpoints", read_only=True).restore_newest()
+
+
+def lines(workdir):
+    """Lines of metrics without the numbers that depend on the clock."""
+    entries = map(json.loads, (workdir / "metrics.jsonl").read_text().splitlines())
+    return [{k: v for k, v in e.items() if k != "samples_per_second"} for e in entries]
+
+
+def assert_same_end(workdir, reference):
+    have, want = newest(workdir), newest(reference)
+    assert have.step == want.step
+    assert have.leaves.keys() == want.leaves.keys()
+    for name, leaf in want.leaves.items():
+        np.testing.assert_array_equal(have.leaves[name], leaf, err_msg=name)
+    assert lines(workdir) == lines(reference)
+    scores = [json.loads((w / "checkpoints/scores.json").read_text()) for w in (workdir, reference)]
+    assert scores[0] == scores[1]
+
+
 def test_a_run_leaves_everything_behind(run, config):
     workdir, outcome = run
     assert outcome.stopped_by is None
     assert int(outcome.state.step) == 12
     assert from_json((workdir / "config.json").read_text()) == config
-    lines = [json.loads(line) for line in (workdir / "metrics.jsonl").read_text().splitlines()]
-    assert [e["step"] for e in lines if e["kind"] == "train"] == [2, 4, 6, 8, 10, 12]
-    assert [e["step"] for e in lines if e["kind"] == "eval"] == [6, 12]
-    assert all(np.isfinite(v) for e in lines for v in e.values() if isinstance(v, float))
+    entries = lines(workdir)
+    assert [e["step"] for e in entries if e["kind"] == "train"] == [4, 8, 12]
+    assert [e["step"] for e in entries if e["kind"] == "eval"] == [6, 12]
+    assert all(np.isfinite(v) for e in entries for v in e.values() if isinstance(v, float))
     assert list((workdir / "tensorboard").iterdir())
     checkpoints = Checkpoints(workdir / "checkpoints", read_only=True)
     assert 12 in checkpoints.steps()
     assert checkpoints.best_step() in (6, 12)
 
 
-def test_evaluating_the_workdir_repeats_the_evaluation_of_training(run):
+def test_evaluating_the_run_repeats_the_evaluation_of_training(run):
     workdir, _ = run
-    result = evaluate_run(workdir, checkpoint="last", out=workdir / "again")
+    result = evaluate_run(open_run(workdir, "last"), tasks.create, out=workdir / "again")
     scores = json.loads((workdir / "checkpoints" / "scores.json").read_text())["12"]
     first = {name: float(np.mean(values[:6])) for name, values in result.metrics.items()}
     # Unlike training, the command also measures aligned predictions.
@@ -69,6 +101,42 @@ def test_evaluating_the_workdir_repeats_the_evaluation_of_training(run):
     assert set(own) >= {"aligned_cd_sq_radius2", "aligned_scale"}
     assert first == pytest.approx(scores, rel=1e-6)
     assert len(result.names) == standin.SIZES["validation"]
+
+
+def test_a_run_in_parts_ends_with_the_same_bits(run, config, tmp_path):
+    """The parts end between two lines of metrics and between two evaluations."""
+    for steps in (5, 12):
+        train(shorter(config, steps), tmp_path / "run")
+    have, want = newest(tmp_path / "run"), newest(run[0])
+    for name, leaf in want.leaves.items():
+        np.testing.assert_array_equal(have.leaves[name], leaf, err_msg=name)
+    wanted = [e for e in lines(run[0]) if e["kind"] == "train"]
+    found = [e for e in lines(tmp_path / "run") if e["kind"] == "train" and e["step"] % 4 == 0]
+    assert found == wanted
+
+
+def test_a_finished_run_has_nothing_to_do(run, config):
+    before = lines(run[0])
+    train(config, run[0])
+    assert lines(run[0]) == before
+
+
+def test_another_configuration_is_refused_and_harmless_changes_are_not(run, config):
+    other = dataclasses.replace(
+        config,
+        model=dataclasses.replace(config.model, fc_points=16),
+        optim=dataclasses.replace(config.optim, b1=0.8),
+    )
+    message = r"model.fc_points=8 \(now 16\), optim.b1=0.9 \(now 0.8\)"
+    with pytest.raises(ConfigError, match=message):
+        train(other, run[0])
+    kept = dataclasses.replace(config.train, keep_checkpoints=3)
+    train(dataclasses.replace(config, train=kept), run[0])
+
+
+def test_two_trainings_in_one_folder_are_refused(run, config):
+    with locked(run[0]), pytest.raises(ConfigError, match="another training is running there"):
+        train(config, run[0])
 
 
 def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypatch):
@@ -85,18 +153,39 @@ def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypa
     assert Checkpoints(tmp_path / "run" / "checkpoints", read_only=True).steps() == [3]
 
 
-def test_missing_split_is_named_before_anything_is_written(tmp_path):
-    with pytest.raises(ConfigError, match=r"data.eval_split='tset': no samples"):
-        train(standin.config(data__eval_split="tset"), tmp_path / "run")
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"data__eval_split": "tset"}, r"data.eval_split='tset': no samples"),
+        (
+            {"loss__name": "emd_mean", "data__num_points": 33},
+            r"loss.name='emd_mean' with data.num_points=33 and a",
+        ),
+        (
+            {"loss__name": "chamfer_sq_mean + emd_mean@33", "data__num_points": 40},
+            r"the term 'emd_mean@33', with data.num_points=40",
+        ),
+        (
+            {"loss__name": "chamfer_sq_mean@99", "data__num_points": 40},
+            "got 40 points, expected at least 99",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_named_before_anything_is_written(
+    changes, message, tmp_path, unchecked_annotations
+):
+    with pytest.raises(ConfigError, match=message):
+        train(standin.config(**TINY, **changes), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 def test_batches_that_the_devices_do_not_divide(tmp_path):
     """Training refuses the batch before anything is written; an evaluation uses one device."""
     code = f"""
 import jax, pytest, sys
 jax.config.update("jax_num_cpu_devices", 2)
-from psgn_jax.config import ConfigError
+from psgn_jax.config.experiment import ConfigError
 from psgn_jax.training.loop import train
 sys.path.insert(0, {str(ROOT / "tests")!r})
 from helpers import standin
@@ -109,61 +198,17 @@ train(config, {str(tmp_path / "run")!r})
 with pytest.raises(ConfigError, match="train.batch_size=3: accepted: a multiple of the 2 devices"):
     train(standin.config(train__batch_size=3), {str(tmp_path / "refused")!r})
 """
-    environment = os.environ | {
-        "JAX_PLATFORMS": "cpu",
-        "XLA_FLAGS": "--xla_backend_optimization_level=0",
-    }
+    environment = quick_environment(tmp_path) | {"PYTHONPATH": str(ROOT)}
     result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT
     )
     assert result.returncode == 0, result.stderr[-3000:]
     assert not (tmp_path / "refused").exists()
-    lines = (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()
-    assert [json.loads(line)["kind"] for line in lines] == ["train", "eval"]
+    assert [entry["kind"] for entry in lines(tmp_path / "run")] == ["train", "eval"]
 
 
-def test_emd_wants_equal_sizes_and_trains(config, tmp_path, unchecked_annotations):
-    wrong = standin.config(loss__name="emd_mean", data__num_points=33)
-    with pytest.raises(ConfigError, match=r"loss.name='emd_mean' with data.num_points=33 and a"):
-        train(wrong, tmp_path / "wrong")
-    wrong = standin.config(loss__name="chamfer_sq_mean + emd_mean@33", data__num_points=40)
-    with pytest.raises(ConfigError, match=r"the term 'emd_mean@33', with data.num_points=40"):
-        train(wrong, tmp_path / "wrong")
-    wrong = standin.config(loss__name="chamfer_sq_mean@99", data__num_points=40)
-    with pytest.raises(ConfigError, match="got 40 points, expected at least 99"):
-        train(wrong, tmp_path / "wrong")
-    assert not (tmp_path / "wrong").exists()
-    changes = {"train": dataclasses.replace(config.train, steps=4, eval_every=0, images_every=0)}
-    changes["loss"] = dataclasses.replace(config.loss, name="emd_mean", emd_tolerance=0.05)
-    changes["data"] = dataclasses.replace(config.data, num_points=config.model.fc_points)
-    train(dataclasses.replace(config, **changes), tmp_path / "run")
-    lines = (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()
-    assert json.loads(lines[-1])["loss"] > 0
-
-
-def test_durations():
-    assert [_duration(s) for s in (3.4, 61, 3725)] == ["3 s", "1 min 01 s", "1 h 02 min"]
-
-
-def test_clouds_are_drawn_where_the_camera_sees_them():
-    camera = (standin.INTRINSICS.astype(float), standin.EXTRINSICS.astype(float))
-    # Two points are on one ray; the nearer one, which is higher up, hides the other.
-    centre = np.linalg.inv(camera[1][:, :3]) @ (np.array([0, 0, 3.0]) - camera[1][:, 3])
-    nearer = np.linalg.inv(camera[1][:, :3]) @ (np.array([0, 0, 2.0]) - camera[1][:, 3])
-    both = render_cloud(np.stack([nearer, centre]), *camera, (48, 64))
-    alone = render_cloud(nearer[None], *camera, (48, 64))
-    hit = (both != 255).any(axis=-1)
-    assert np.argwhere(hit).min(axis=0).tolist() == [23, 31]
-    assert hit.sum() == 9
-    assert np.abs(both[24, 32].astype(int) - alone[24, 32]).max() < 80
-    outside = np.array([[np.nan, 0, 0], [0, 99, 0], [50, 0, 0]])
-    assert (render_cloud(outside, *camera, (48, 64)) == 255).all()
-    assert (render_cloud(np.zeros((0, 3)), *camera, (48, 64)) == 255).all()
-    image = np.zeros((48, 64, 3), np.uint8)
-    assert render_case(image, both[0, :5].astype(float), outside, *camera).shape == (192, 1280, 3)
-
-
-@pytest.mark.parametrize("name", [pytest.param("authors_emd", marks=pytest.mark.slow), "mo2_emd"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["authors_emd", "mo2_emd"])
 def test_the_emd_configurations_train(tmp_path, name):
     """The configurations with smaller sizes train for three steps and are evaluated."""
     settings = runpy.run_path(str(ROOT / "configs" / f"{name}.py"))["get_config"]()
@@ -178,9 +223,168 @@ def test_the_emd_configurations_train(tmp_path, name):
     settings.eval.update(batch_size=4, emd_tolerance=0.05)
     settings.optim.warmup_steps = 1
     train(parse(settings), tmp_path / name)
-    lines = [
-        json.loads(line) for line in (tmp_path / name / "metrics.jsonl").read_text().splitlines()
-    ]
-    assert [e["step"] for e in lines if e["kind"] == "train"] == [1, 2, 3]
-    assert all(np.isfinite(e["loss"]) for e in lines if e["kind"] == "train")
-    assert [e["emd_radius"] > 0 for e in lines if e["kind"] == "eval"] == [True]
+    entries = lines(tmp_path / name)
+    assert [e["step"] for e in entries if e["kind"] == "train"] == [1, 2, 3]
+    assert all(np.isfinite(e["loss"]) for e in entries if e["kind"] == "train")
+    assert [e["emd_radius"] > 0 for e in entries if e["kind"] == "eval"] == [True]
+
+
+# --- Killed and stopped processes ---------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def command(config, tmp_path_factory):
+    """A function that starts `psgn_jax.main` on the tiny configuration in a workdir."""
+    folder = tmp_path_factory.mktemp("commands")
+    file = write_config(folder / "tiny.py", config)
+    environment = quick_environment(folder)
+
+    def start(workdir, *flags, delay=0.01):
+        with open(f"{workdir}.log", "a") as log:
+            return subprocess.Popen(
+                [
+                    sys.executable,
+                    str(ROOT / "tests/helpers/standin.py"),
+                    f"--config={file}",
+                    f"--workdir={workdir}",
+                    *flags,
+                ],
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=environment | {"PSGN_STANDIN_DELAY": str(delay)},
+                cwd=ROOT,
+            )
+
+    return start
+
+
+def log_of(workdir):
+    return pathlib.Path(f"{workdir}.log").read_text()
+
+
+def saved(workdir):
+    folder = workdir / "checkpoints"
+    return [p.name for p in folder.iterdir()] if folder.is_dir() else []
+
+
+def newest_step(workdir):
+    return max((int(name) for name in saved(workdir) if name.isdigit()), default=0)
+
+
+def wait_for(condition, process, workdir):
+    assert wait_until(lambda: condition() or process.poll() is not None, 120), log_of(workdir)
+    assert process.poll() is None, log_of(workdir)
+
+
+@pytest.mark.slow
+def test_killed_and_stopped_runs_end_with_the_same_bits(command, config, tmp_path):
+    long = shorter(config, 120)
+    train(long, tmp_path / "reference")
+    workdir = tmp_path / "run"
+    for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGKILL):
+        process = command(workdir, "--config.train.steps=120")
+        goal = newest_step(workdir) + 6
+        wait_for(lambda goal=goal: newest_step(workdir) >= goal, process, workdir)
+        if number == signal.SIGKILL:  # while a checkpoint is being written
+            wait_for(lambda: any("tmp" in name for name in saved(workdir)), process, workdir)
+        process.send_signal(number)
+        assert process.wait() == (143 if number == signal.SIGTERM else -number), log_of(workdir)
+    assert 0 < newest_step(workdir) < 120
+    train(long, workdir)
+    assert_same_end(workdir, tmp_path / "reference")
+    assert len(re.findall("resuming at step", log_of(workdir))) == 2
+    assert "stopped by SIGTERM" in log_of(workdir)
+    assert "Traceback" not in log_of(workdir)
+    assert "damaged" not in log_of(workdir)
+
+
+@pytest.mark.slow
+def test_a_second_signal_ends_a_step_that_does_not_end(command, tmp_path):
+    workdir = tmp_path / "run"
+    process = command(workdir, "--config.train.steps=120", delay=600)
+    wait_for(lambda: "starting ->" in log_of(workdir), process, workdir)
+    wait_for(lambda: (workdir / "metrics.jsonl").exists(), process, workdir)
+    time.sleep(1)
+    process.send_signal(signal.SIGTERM)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(3) == 143
+    assert "without waiting for the current step" in log_of(workdir)
+
+
+@pytest.mark.slow
+def test_a_full_disk_ends_in_one_line_and_the_run_goes_on(command, config, tmp_path):
+    workdir = tmp_path / "run"
+    process = command(workdir, "--config.train.steps=120")
+    wait_for(lambda: newest_step(workdir) >= 6, process, workdir)
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (2000, resource.RLIM_INFINITY))
+    assert process.wait() == 5, log_of(workdir)
+    assert "Traceback" not in log_of(workdir)
+    assert log_of(workdir).splitlines()[-1].startswith(f"error: {workdir}")
+    steps = newest_step(workdir) + 3
+    train(shorter(config, steps), workdir)
+    train(shorter(config, steps), tmp_path / "reference")
+    have, want = newest(workdir), newest(tmp_path / "reference")
+    for name, leaf in want.leaves.items():
+        np.testing.assert_array_equal(have.leaves[name], leaf, err_msg=name)
+
+
+@pytest.mark.slow
+def test_resuming_on_records_with_augmentation_and_a_posterior(tmp_path, monkeypatch):
+    """Decoding, augmentation, the choice of points and random inputs are resumed too."""
+    monkeypatch.undo()  # the real loader
+    splits = {
+        "train": solids.samples(20, seed=0, image_size=(48, 64)),
+        "validation": solids.samples(5, seed=1, image_size=(48, 64)),
+    }
+    write_dataset(tmp_path / "records", splits, source="solids", records_per_shard=7)
+    posterior = {"posterior": True, "posterior_widths": (2, 2, 2), "posterior_hidden": 4}
+    config = standin.config(
+        **TINY,
+        **{f"model__{name}": value for name, value in posterior.items()},
+        loss__kl_weight=0.01,
+        data__path=str(tmp_path / "records"),
+        data__flip=True,
+        data__stretch=0.2,
+        data__colour_jitter=0.3,
+    )
+    train(config, tmp_path / "whole")
+    train(shorter(config, 5), tmp_path / "run")
+    train(config, tmp_path / "run")
+    have, want = newest(tmp_path / "run"), newest(tmp_path / "whole")
+    assert any("posterior" in name for name in want.leaves)
+    for name, leaf in want.leaves.items():
+        np.testing.assert_array_equal(have.leaves[name], leaf, err_msg=name)
+    assert {"kl", "active_dims", "kl_weight", "kl_dim_max"} <= lines(tmp_path / "run")[-2].keys()
+
+
+# --- Several processes (gloo) -------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_two_processes_train_and_evaluate_as_one_and_a_signal_stops_both(
+    command, run, config, tmp_path, free_port
+):
+    def start(workdir, *flags):
+        both = [f"--coordinator=127.0.0.1:{free_port()}", "--num_processes=2"]
+        return [command(workdir, *flags, *both, f"--process_id={index}") for index in range(2)]
+
+    workdir = tmp_path / "run"
+    assert [process.wait(300) for process in start(workdir)] == [0, 0], log_of(workdir)
+    have, want = newest(workdir), newest(run[0])
+    for name, leaf in want.leaves.items():
+        np.testing.assert_allclose(have.leaves[name], leaf, rtol=1e-4, atol=2e-6, err_msg=name)
+    for mine, theirs in zip(lines(workdir), lines(run[0]), strict=True):
+        assert mine.pop("kind") == theirs.pop("kind")
+        assert mine == pytest.approx(theirs, rel=1e-4, abs=1e-6)
+    assert log_of(workdir).count("done: step 12 of 12") == 1
+
+    both = start(workdir, "--config.train.steps=100000", "--config.train.eval_every=0")
+    assert wait_until(lambda: newest_step(workdir) > 14, 120), log_of(workdir)
+    both[1].send_signal(signal.SIGTERM)
+    assert [process.wait(60) for process in both] == [143, 143], log_of(workdir)
+    step = newest(workdir).step
+    assert f"stopped by SIGTERM after step {step}, checkpoint saved; run" in log_of(workdir)
+
+    both = start(tmp_path / "wrong", "--config.data.path=/nowhere")
+    assert [process.wait(60) for process in both] == [2, 2]

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from psgn_jax.viewing import page, spheres
+from psgn_jax.commands import spheres as spheres_command
+from psgn_jax.commands import view
 from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
 
 ALL = ("points", "colours", "branch", "image", "intrinsics", "extrinsics")
@@ -35,6 +36,14 @@ def test_a_prediction_is_read(tmp_path):
     }
 
 
+def header(count):
+    """The beginning of an array [1, count, 3] of an NPZ file."""
+    text = io.BytesIO()
+    shape = {"descr": "<f4", "fortran_order": False, "shape": (1, count, 3)}
+    np.lib.format.write_array_header_1_0(text, shape)
+    return text.getvalue()
+
+
 def hostile(folder):
     """Writes unusable files; returns the name of each, with its error message."""
     Image.new("RGB", (8, 8)).save(folder / "x.png")
@@ -55,23 +64,24 @@ def hostile(folder):
     data = (folder / "whole.npz").read_bytes()
     (folder / "cut.npz").write_bytes(data[: len(data) // 2])
     (folder / "flipped.npz").write_bytes(data[:300] + b"x" * 200 + data[500:])
-    with zipfile.ZipFile(folder / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
-        head = io.BytesIO()
-        np.lib.format.write_array_header_1_0(
-            head, {"descr": "<f4", "fortran_order": False, "shape": (1, 1 << 28, 3)}
-        )
-        with archive.open("points.npy", "w", force_zip64=True) as member:
-            member.write(head.getvalue())
-            for _ in range(300):
-                member.write(bytes(1 << 20))
+    with (
+        zipfile.ZipFile(folder / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("points.npy", "w", force_zip64=True) as member,
+    ):
+        member.write(header(1 << 28))
+        for _ in range(300):
+            member.write(bytes(1 << 20))
+    with zipfile.ZipFile(folder / "claims.npz", "w") as archive:
+        archive.writestr("points.npy", header(10**12))
     return {
+        "claims.npz": r"points is float32 \[1, 1000000000000, 3\] in [0-9]+ bytes",
         "x.png": "is not a prediction: expected a file NAME.npz",
         "text.npz": "is not a prediction",
         "empty.npz": "is not a prediction",
         "pickle.npz": "is not a prediction",
         "array.npy": "is not a prediction",
-        "pipe.npz": "is a named pipe, expected a file",
-        ".": "is a folder, expected a file",
+        "pipe.npz": "it is a named pipe, expected a file",
+        ".": "it is a folder, expected a file",
         "absent.npz": "no such file",
         "lacks.npz": "it has no array",
         "object.npz": "damaged, or not a prediction",
@@ -93,7 +103,7 @@ def test_what_is_no_prediction_is_refused_in_one_line(tmp_path, capsys):
             read_prediction(tmp_path / name, ALL)
         assert "pickle" not in str(error.value).replace(name, ""), name
         assert "\n" not in str(error.value)
-        for command in (page.main, spheres.main):
+        for command in (view.main, spheres_command.main):
             if name in ("shape.npz", "camera.npz"):  # one of the readers does not read that field
                 continue
             assert command([str(tmp_path / name), "--out", str(tmp_path / "out")]) == 2
@@ -103,4 +113,4 @@ def test_what_is_no_prediction_is_refused_in_one_line(tmp_path, capsys):
 
 def test_a_camera_from_straight_above_is_drawn(tmp_path):
     np.savez(tmp_path / "a.npz", **arrays(points=np.full((1, 50, 3), [0, 0, 2], np.float32)))
-    assert spheres.main([str(tmp_path / "a.npz"), "--out", str(tmp_path / "a.png")]) == 0
+    assert spheres_command.main([str(tmp_path / "a.npz"), "--out", str(tmp_path / "a.png")]) == 0

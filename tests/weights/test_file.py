@@ -10,10 +10,10 @@ import pytest
 from helpers import standin
 from safetensors.numpy import save
 
-from psgn_jax.config import ConfigError, to_json
-from psgn_jax.training.state import named_leaves
+from psgn_jax.config.experiment import ConfigError, to_json
 from psgn_jax.weights import file as file_lib
 from psgn_jax.weights.file import WeightsError, read_sources, read_weights, write_weights
+from psgn_jax.weights.leaves import named_leaves
 
 
 @pytest.mark.parametrize("dtype", ["float16", "float32"])
@@ -84,34 +84,30 @@ def test_every_flipped_bit_is_noticed(file, tmp_path):
             read_weights(flipped)
 
 
-def test_a_huge_header_is_refused_unread(tmp_path):
-    path = tmp_path / "huge.safetensors"
-    path.write_bytes((1 << 62).to_bytes(8, "little") + b"{}")
-    refused(path, "with a header of 4611686018427387904")
-    length = file_lib.MAX_HEADER_BYTES + 1
-    path.write_bytes(length.to_bytes(8, "little") + b" " * length)
-    refused(path, f"at most {file_lib.MAX_HEADER_BYTES}")
-
-
 def test_foreign_files_are_refused(tmp_path):
     path = tmp_path / "foreign.safetensors"
-    path.write_bytes(save({"a": np.zeros(3, np.float32)}))
-    refused(path, "a file of another program or version")
-    path.write_bytes(b"\x80\x04\x95" + b"pickle" * 20)
-    refused(path, "not a file of weights")
-    path.write_bytes((12).to_bytes(8, "little") + b"not json at all")
-    refused(path, "not readable as weights")
+    length = file_lib.MAX_HEADER_BYTES + 1
+    for content, message in (
+        (save({"a": np.zeros(3, np.float32)}), "a file of another program or version"),
+        (b"\x80\x04\x95" + b"pickle" * 20, "not a file of weights"),
+        ((12).to_bytes(8, "little") + b"not json at all", "not readable as weights"),
+        # Huge headers are refused unread.
+        ((1 << 62).to_bytes(8, "little") + b"{}", "with a header of 4611686018427387904"),
+        (length.to_bytes(8, "little") + b" " * length, f"at most {file_lib.MAX_HEADER_BYTES}"),
+    ):
+        path.write_bytes(content)
+        refused(path, message)
 
 
-def forged(weights, path, *, leaves=None, config=None, figures=None):
+def forged(weights, path, *, leaves=None, figures=None, sources=()):
     """Writes a file with the given content and a correct checksum."""
     stored = {f"params.{k}": v for k, v in named_leaves(weights.params).items()}
     stored = {k: np.asarray(v) for k, v in (stored | (leaves or {})).items() if v is not None}
     metadata = {
         "format": file_lib.FORMAT,
-        "config": to_json(config or weights.config),
+        "config": to_json(weights.config),
         "figures": json.dumps(dict(weights.figures)) if figures is None else figures,
-        "sources": "[]",
+        "sources": json.dumps(list(sources)),
     }
     metadata["sha256"] = file_lib._digest(metadata, stored)
     path.write_bytes(save(stored, metadata))
@@ -122,21 +118,26 @@ def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
     name = f"params.{next(iter(named_leaves(weights.params)))}"
     forged(weights, path)
     read_weights(path)
-    forged(weights, path, leaves={name: np.zeros((2, 3), np.float32)})
-    refused(path, f"leaf {name} is float32[2, 3], expected float32")
-    forged(weights, path, leaves={name: None})
-    refused(path, f"leaf {name} is missing")
-    forged(weights, path, leaves={"params.more": np.zeros(3, np.float32)})
-    refused(path, "leaf params.more is not expected")
-    forged(weights, path, leaves={"params.more": np.zeros(3, np.int8)})
-    refused(path, "parameters of F32, I8; accepted")
     bad = np.array(named_leaves(weights.params)[name.removeprefix("params.")])
     bad.flat[0] = np.nan
-    forged(weights, path, leaves={name: bad})
-    refused(path, f"{name} is not finite")
-    for figures in ("[1]", "{}", json.dumps({**weights.figures, "step": "9"})):
-        forged(weights, path, figures=figures)
-        refused(path, "the figures or sources do not have the expected fields")
+    for key, leaf, message in (
+        (name, np.zeros((2, 3), np.float32), f"leaf {name} is float32[2, 3], expected float32"),
+        (name, None, f"leaf {name} is missing"),
+        ("params.more", np.zeros(3, np.float32), "leaf params.more is not expected"),
+        ("params.more", np.zeros(3, np.int8), "parameters of F32, I8; accepted"),
+        (name, bad, f"{name} is not finite"),
+    ):
+        forged(weights, path, leaves={key: leaf})
+        refused(path, message)
+    good = dict(weights.figures)
+    wrong = [[1], {}, good | {"step": "9"}, good | {"parameters": 10**400}, good | {"step": -1}]
+    wrong += [good | {"metrics": {"emd_radius": 10**400}}, good | {"data": [{"samples": [3]}]}]
+    for figures in wrong:
+        forged(weights, path, figures=json.dumps(figures))
+        refused(path, "its metadata")
+    for licence in ({"holders": 5}, {"models": "x"}, {"holders": [1]}, {"models": 1e400}):
+        forged(weights, path, sources=[{"source": "a", "licences": {"b": licence}}])
+        refused(path, "its metadata")
     forged(weights, path, figures="{")
     refused(path, "its metadata")
     forged(weights, path, figures="[" * 200_000)
@@ -163,10 +164,9 @@ def test_what_cannot_be_written_is_refused(weights, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["w.safetensors"]
 
 
-@pytest.mark.parametrize(
-    "text", ["", "{", "[" * 200_000, "[]", "{}", '[{"source": 3}]', '[{"source": "x"}]']
-)
-def test_wrong_tables_of_sources_are_refused(text, tmp_path):
-    (tmp_path / "s.json").write_text(text)
-    with pytest.raises(ConfigError, match="--sources="):
-        read_sources(tmp_path / "s.json")
+def test_wrong_tables_of_sources_are_refused(tmp_path):
+    path = tmp_path / "s.json"
+    for text in ("", "{", "[" * 200_000, "[]", "{}", '[{"source": 3}]', '[{"source": "x"}]'):
+        path.write_text(text)
+        with pytest.raises(ConfigError, match="--sources="):
+            read_sources(path)

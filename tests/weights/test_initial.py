@@ -10,12 +10,12 @@ import pytest
 from helpers import standin
 from helpers import weights as tiny
 
-from psgn_jax.config import ConfigError, from_json
+from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.tasks.points import Points
 from psgn_jax.training.loop import train
-from psgn_jax.training.state import named_leaves
 from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.initial import initial_params, open_initial
+from psgn_jax.weights.leaves import named_leaves
 
 
 def with_init(config, init, **fields):
@@ -61,29 +61,20 @@ def test_layers_that_do_not_fit_are_named_and_left_out_only_when_asked():
     with pytest.raises(ConfigError) as caught:
         initial_params(config, drawn, trained)
     message = str(caught.value)
-    layers = sorted(
-        {n.rpartition(".")[0] for n in named_leaves(drawn)}
-        & {
-            name.rpartition(".")[0]
-            for name, leaf in named_leaves(drawn).items()
-            if leaf.shape != named_leaves(trained)[name].shape
-        }
-    )
+    shapes = {name: leaf.shape for name, leaf in named_leaves(trained).items()}
+    different = [n for n, leaf in named_leaves(drawn).items() if leaf.shape != shapes[n]]
+    layers = sorted({name.rpartition(".")[0] for name in different})
     assert len(layers) == 2
     assert "2 layers differ" in message
     assert "\n" not in message
     flag = '"(' + "".join(f"'{layer}'," for layer in layers) + ')"'
     assert message.endswith(f"--config.train.init_skip={flag}")
-    partial = dataclasses.replace(
-        config, train=dataclasses.replace(config.train, init_skip=tuple(layers))
-    )
+    partial = with_init(config, "w", init_skip=tuple(layers))
     taken = named_leaves(initial_params(partial, drawn, trained))
     for name, leaf in taken.items():
         source = drawn if name.rpartition(".")[0] in layers else trained
         np.testing.assert_array_equal(leaf, named_leaves(source)[name], err_msg=name)
-    pattern = dataclasses.replace(
-        config, train=dataclasses.replace(config.train, init_skip=("x*",))
-    )
+    pattern = with_init(config, "w", init_skip=("x*",))
     with pytest.raises(ConfigError, match=r"train.init_skip: 'x\*' matches no layer; layers: "):
         initial_params(pattern, drawn, trained)
 

@@ -7,12 +7,12 @@ import jax
 import numpy as np
 import pytest
 
-from psgn_jax.config import ConfigError, to_dict, to_json
+from psgn_jax.commands import weights as command
+from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.prediction.predictor import Predictor
-from psgn_jax.training import state as state_lib
-from psgn_jax.training.checkpoint import Checkpoints
-from psgn_jax.weights import __main__ as command
+from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.file import read_weights
+from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.opening import open_network, weights_path
 from psgn_jax.weights.opening import shipped as shipped_files
 
@@ -23,7 +23,7 @@ def run(config, weights, tmp_path):
     folder = tmp_path / "run"
     checkpoints = Checkpoints(folder / "checkpoints")
     doubled = jax.tree.map(lambda leaf: 2 * leaf, weights.params)
-    leaves = state_lib.named_leaves({"params": doubled, "ema": weights.params})
+    leaves = named_leaves({"params": doubled, "ema": weights.params})
     checkpoints.save(12, leaves, {"config": to_dict(config), "seed": 3})
     checkpoints.close()
     checkpoints.score(12, {"cd_sq_radius2": 0.5, "emd_radius": 0.25})

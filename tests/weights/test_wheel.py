@@ -1,4 +1,4 @@
-"""A wheel built from a tree with weights predicts without a clone and without a run."""
+"""A wheel built from a tree with weights predicts and trains without a clone."""
 
 import os
 import pathlib
@@ -9,6 +9,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from helpers.small_runs import write_solids
 from PIL import Image
 
 from psgn_jax.weights.file import write_weights
@@ -17,8 +18,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.slow
-def test_a_wheel_has_weights_and_examples_and_predicts(weights, tmp_path):
-    tree, packages, out = tmp_path / "tree", tmp_path / "packages", tmp_path / "out"
+def test_a_wheel_has_weights_and_examples_predicts_and_trains(weights, tmp_path):
+    tree, packages = tmp_path / "tree", tmp_path / "packages"
     tree.mkdir()
     for name in ("psgn_jax", "data_gen", "configs"):
         ignored = shutil.ignore_patterns("__pycache__", "*.safetensors")
@@ -33,20 +34,33 @@ def test_a_wheel_has_weights_and_examples_and_predicts(weights, tmp_path):
         names = archive.namelist()
         archive.extractall(packages)
     assert "psgn_jax/weights/tiny-1.safetensors" in names
-    examples = {path.name for path in (ROOT / "psgn_jax" / "prediction" / "examples").glob("*.png")}
-    assert {pathlib.PurePath(n).name for n in names if "prediction/examples/" in n} == examples
+    examples = {path.name for path in (ROOT / "psgn_jax" / "web" / "examples").glob("*.png")}
+    assert {pathlib.PurePath(n).name for n in names if "web/examples/" in n} == examples
+    assert "psgn_jax/configs/quickstart.py" in names
+    (entry_points,) = packages.glob("*.dist-info/entry_points.txt")
+    assert "psgn = psgn_jax.commands.psgn:main" in entry_points.read_text()
+
+    def run(*arguments):
+        return subprocess.run(
+            [sys.executable, "-m", "psgn_jax.commands.psgn", *arguments],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(packages), "PYTHONSAFEPATH": "1"},
+            capture_output=True,
+            text=True,
+            timeout=400,
+        )
+
     image = np.full((90, 120, 3), 230, np.uint8)
     image[30:60, 40:90] = (200, 60, 20)
     Image.fromarray(image).save(tmp_path / "photo.png")
-    done = subprocess.run(
-        [sys.executable, "-m", "psgn_jax.cli", "predict", "photo.png", "--out=out"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(packages), "PYTHONSAFEPATH": "1"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    done = run("predict", "photo.png", "--out=out")
     assert done.returncode == 0, done.stderr
     assert "8 points, mask plain" in done.stdout
-    with np.load(out / "photo.npz") as archive:
+    with np.load(tmp_path / "out" / "photo.npz") as archive:
         assert archive["points"].shape == (1, 8, 3)
+    write_solids(tmp_path / "records")
+    options = ["data.path=records", "train.steps=2", "train.eval_every=0", "train.batch_size=4"]
+    flags = [f"--config.{option}" for option in [*options, "optim.warmup_steps=0"]]
+    done = run("train", "--config=debug", *flags)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "runs" / "debug" / "config.json").is_file()

@@ -1,1 +1,1 @@
-"""Parametric families of objects, described in `data_gen.catalogues.procedural`."""
+"""Parametric families of objects, listed in `data_gen.catalogues.procedural`."""

@@ -1,333 +1,209 @@
-"""The builder of procedural models, and common shapes.
-
-The usual materials of `families.materials` can be imported from here as well.
-"""
+"""The builder of procedural models, and parts that several families use."""
+# fmt: off
+# Formatted by hand: the formatter would put every coordinate on a line of its own.
 
 import dataclasses
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from data_gen.catalogues import solids
-from data_gen.catalogues.families.mapping import Tiled, UVMapping
-from data_gen.catalogues.families.materials import (
-    BLACK,
-    CHROME,
-    DARK_GLASS,
-    GLASS,
-    GOLD,
-    LIGHT,
-    RED_LIGHT,
-    RUBBER,
-    WHITE,
-    TexturedMaterial,
-    fabric,
-    lacquer,
-    metal,
-    paint,
-    pick,
-    plastic,
-    screen,
-    shade_of,
-    wood,
+from data_gen.catalogues.families import materials as m
+from data_gen.catalogues.solids import (
+    Solid,
+    ball,
+    block,
+    box,
+    cylinder,
+    lathe,
+    rod,
+    smooth_path,
+    tube,
 )
-from data_gen.catalogues.solids import Solid
 from data_gen.frame import normalize
 from data_gen.mesh import Material, Model, build_model
 
-__all__ = [
-    "BLACK",
-    "CHROME",
-    "DARK_GLASS",
-    "EVERYWHERE",
-    "GLASS",
-    "GOLD",
-    "LIGHT",
-    "RED_LIGHT",
-    "RUBBER",
-    "WHITE",
-    "HiddenRange",
-    "Kit",
-    "around",
-    "case",
-    "disc",
-    "fabric",
-    "lacquer",
-    "metal",
-    "paint",
-    "pick",
-    "plastic",
-    "rect",
-    "screen",
-    "shade_of",
-    "wood",
-]
-
-EVERYWHERE = ((-180.0, 180.0),)
-
-
-class HiddenRange(NamedTuple):
-    """The range [low, high) from which a hidden parameter is drawn uniformly.
-
-    `whole` says whether only whole numbers are drawn.
-    """
-
-    low: float
-    high: float
-    whole: bool = False
-
-
-class _Part(NamedTuple):
-    """A part, the number of its material, and its texture mapping; None = that of the material."""
-
-    solid: Solid
-    material: int
-    uv: UVMapping | None
-
 
 class Kit:
-    """The builder of a model: its parts and materials, and two random generators.
+    """The builder of a model.
 
     Attributes:
-      rng: generator of the visible parameters.
-      hidden_rng: generator of the hidden parameters.
-      visible: visible parameters, which are stored.
-      hidden: hidden parameters, which are stored.
-      ranges: ranges of the hidden parameters.
-      azimuth: azimuths from which they are hidden.
-
-    Args:
-      rng: generator of the visible parameters.
-      hidden_rng: generator of the hidden parameters.
-      given: hidden parameters that are set instead of drawn.
+      rng: generator of all parameters.
+      parts: the parts so far, each with its material.
     """
 
-    def __init__(
-        self,
-        rng: np.random.Generator,
-        hidden_rng: np.random.Generator,
-        given: Mapping[str, float] | None = None,
-    ) -> None:
-        self.rng, self.hidden_rng = rng, hidden_rng
-        self._given = dict(given or {})
-        self.visible: dict[str, Any] = {}
-        self.hidden: dict[str, Any] = {}
-        self.ranges: dict[str, HiddenRange] = {}
-        self.azimuth: tuple[tuple[float, float], ...] = EVERYWHERE
-        self._parts: list[_Part] = []
-        self._materials: list[Material] = []
-        self._named: dict[str, Material] = {}
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.rng = rng
+        self.parts: list[tuple[Solid, Material]] = []
 
-    def add(self, material: Material, *parts: Solid, uv: UVMapping | None = None) -> None:
-        """Adds parts of one material.
+    def add(self, material: Material, *parts: Solid) -> None:
+        """Adds closed surfaces of one material."""
+        self.parts += [(part, material) for part in parts]
 
-        Args:
-          material: material of the parts.
-          *parts: closed surfaces.
-          uv: texture mapping; None = that of the material.
-        """
-        index = next((i for i, m in enumerate(self._materials) if m is material), None)
-        if index is None:
-            index = len(self._materials)
-            self._materials.append(material)
-        self._parts += [_Part(part, index, uv) for part in parts]
-
-    def move_from(self, start: int, y: float) -> None:
-        """Moves the parts from number `start` on along y."""
-        self._parts[start:] = [p._replace(solid=p.solid.at(y=y)) for p in self._parts[start:]]
-
-    def turn_all(self, axis: str, degrees: float) -> None:
-        """Rotates all parts so far; see `Solid.turned`."""
-        self._parts = [p._replace(solid=p.solid.turned(axis, degrees)) for p in self._parts]
-
-    def take(self, other: "Kit", place: Callable[[Solid], Solid]) -> None:
-        """Adds the parts of another model, each mapped by `place`."""
-        for part in other._parts:
-            self.add(other._materials[part.material], place(part.solid), uv=part.uv)
-
-    def solids(self) -> tuple[Solid, ...]:
-        """The parts so far."""
-        return tuple(part.solid for part in self._parts)
-
-    def paint_all(self, material: Material) -> None:
-        """Replaces the materials of all parts so far."""
-        self._materials = [material]
-        self._parts = [part._replace(material=0) for part in self._parts]
-
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """The smallest and the largest coordinates so far."""
-        corners = [f(p.solid.vertices, axis=0) for f in (np.min, np.max) for p in self._parts]
-        half = len(self._parts)
-        return np.min(corners[:half], axis=0), np.max(corners[half:], axis=0)
-
-    def once(self, name: str, make: Callable[[np.random.Generator], Material]) -> Material:
-        """A material that is drawn at the first call with this name and reused at later calls."""
-        if name not in self._named:
-            self._named[name] = make(self.rng)
-        return self._named[name]
-
-    @property
-    def num_faces(self) -> int:
-        """Number of triangles so far."""
-        return sum(len(part.solid.faces) for part in self._parts)
-
-    @property
-    def num_parts(self) -> int:
-        """Number of parts so far."""
-        return len(self._parts)
-
-    def both(self, material: Material, *parts: Solid, uv: UVMapping | None = None) -> None:
+    def both(self, material: Material, *parts: Solid) -> None:
         """Adds parts and their mirror images (y to -y)."""
-        self.add(material, *parts, *(part.mirrored() for part in parts), uv=uv)
+        self.add(material, *parts, *(part.mirrored() for part in parts))
 
-    def uniform(self, name: str, low: float, high: float) -> float:
-        """Draws a visible parameter and stores it."""
-        self.visible[name] = float(self.rng.uniform(low, high))
-        return self.visible[name]
+    def four(self, material: Material, *parts: Solid) -> None:
+        """Adds parts and their mirror images in x and y."""
+        self.both(material, *parts, *(part.scaled(-1, 1, 1) for part in parts))
 
-    def choose(self, name: str, *choices: Any) -> Any:
-        """Draws a visible parameter from choices and stores it."""
-        self.visible[name] = pick(self.rng, choices)
-        return self.visible[name]
+    def around(self, material: Material, count: int, *parts: Solid, start: float = 0.0) -> None:
+        """Adds parts `count` times around the z axis."""
+        for angle in start + np.arange(count) * 360 / count:
+            self.add(material, *(part.turned("z", angle) for part in parts))
 
-    def chance(self, name: str, probability: float) -> bool:
-        """Draws a visible boolean parameter and stores it."""
-        self.visible[name] = bool(self.rng.random() < probability)
-        return self.visible[name]
+    def change(self, start: int, place: Callable[[Solid], Solid]) -> None:
+        """Moves all parts from number `start` on."""
+        self.parts[start:] = [(place(part), material) for part, material in self.parts[start:]]
 
-    def build_subtype(
-        self, kinds: Mapping[str, Callable[["Kit"], None]], weights: Mapping[str, int] | None = None
-    ) -> None:
-        """Draws the visible parameter `subtype` and adds the parts of that subtype.
+    def uniform(self, low: float, high: float) -> float:
+        """A random number."""
+        return float(self.rng.uniform(low, high))
 
-        Args:
-          kinds: for each subtype the function that adds its parts.
-          weights: relative probabilities of some subtypes; the others have 1.
-        """
-        names = [name for name in kinds for _ in range((weights or {}).get(name, 1))]
-        kinds[self.choose("subtype", *names)](self)
+    def choose(self, *choices: Any) -> Any:
+        """One of the choices."""
+        return choices[int(self.rng.integers(len(choices)))]
 
-    def hide(self, name: str, low: float, high: float) -> float:
-        """Draws a hidden parameter and stores it."""
-        drawn = float(self.hidden_rng.uniform(low, high))
-        return float(self._hide(name, HiddenRange(low, high), drawn))
+    def chance(self, probability: float) -> bool:
+        """Whether an event of this probability happens."""
+        return bool(self.rng.random() < probability)
 
-    def hide_count(self, name: str, high: int) -> int:
-        """Draws a hidden whole number from 0 to `high` - 1 and stores it."""
-        drawn = int(self.hidden_rng.integers(high))
-        return int(self._hide(name, HiddenRange(0, high, True), drawn))
+    def draw(self, *materials: Callable[[np.random.Generator], Material]) -> Material:
+        """A material of one of the kinds."""
+        return self.choose(*materials)(self.rng)
 
-    def _hide(self, name: str, span: HiddenRange, drawn: float) -> float:
-        value = self._given.get(name, drawn)
-        if not span.low <= value <= span.high or (
-            span.whole and not (value == int(value) < span.high)
-        ):
-            kind = "a whole number" if span.whole else "a number"
-            below = " (exclusive)" if span.whole else ""
-            raise ValueError(
-                f"hidden {name}: got {value}, expected {kind} from {span.low:g} to "
-                f"{span.high:g}{below}"
-            )
-        self.ranges[name] = span
-        self.hidden[name] = int(value) if span.whole else float(value)
-        return value
-
-    def model(self, category: str, model_id: str, parameters: dict[str, Any]) -> Model:
+    def model(self, category: str, model_id: str, parameters: Mapping[str, Any]) -> Model:
         """The finished model, normalised."""
-        sizes = np.cumsum([0, *(len(part.solid.vertices) for part in self._parts)])
-        starts = sizes[:-1]
-        vertices = np.concatenate([part.solid.vertices for part in self._parts])
+        starts = np.cumsum([0, *(len(part.vertices) for part, _ in self.parts)])[:-1]
+        vertices = np.concatenate([part.vertices for part, _ in self.parts])
         faces = np.concatenate(
-            [part.solid.faces + start for part, start in zip(self._parts, starts, strict=True)]
-        )
-        part_of = np.repeat(np.arange(len(starts)), [len(part.solid.faces) for part in self._parts])
-        model = build_model(
-            vertices,
-            faces,
-            materials=self._materials,
-            face_material=np.array([part.material for part in self._parts])[part_of],
-            uv=self._texture_coordinates(vertices, faces, starts, part_of),
-            category=category,
-            model_id=model_id,
-            parameters={
-                **parameters,
-                **self.visible,
-                "hidden": self.hidden,
-                "hidden_azimuth": self.azimuth,
-            },
-        )
+            [part.faces + start for (part, _), start in zip(self.parts, starts, strict=True)])
+        materials = list({id(material): material for _, material in self.parts}.values())
+        number = {id(material): k for k, material in enumerate(materials)}
+        owner = np.array([number[id(material)] for _, material in self.parts])
+        part_of = np.repeat(np.arange(len(starts)), [len(part.faces) for part, _ in self.parts])
+        uv = _texture_coordinates(vertices, faces, starts, part_of, materials, owner)
+        model = build_model(vertices, faces, materials=materials, face_material=owner[part_of],
+                            uv=uv, category=category, model_id=model_id, parameters=parameters)
         # Caps with collinear points have triangles without area; no warning is needed.
         return dataclasses.replace(normalize(model), warnings=())
 
-    def _texture_coordinates(
-        self, vertices: np.ndarray, faces: np.ndarray, starts: np.ndarray, part_of: np.ndarray
-    ) -> np.ndarray | None:
-        """Texture coordinates [F, 3, 2] of all corners; None if no material has a texture."""
-        if all(m.texture is None for m in self._materials):
-            return None
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        placed = vertices - [*((low + high) / 2)[:2], low[2]]
-        placed /= np.linalg.norm(placed, axis=1).max()
-        box = np.stack([f.reduceat(placed, starts, axis=0) for f in (np.minimum, np.maximum)])
-        corners = placed[faces]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        groups: dict[UVMapping, list[int]] = {}
-        for number, part in enumerate(self._parts):
-            material = self._materials[part.material]
-            if material.texture is not None:
-                own = material.mapping if isinstance(material, TexturedMaterial) else Tiled()
-                groups.setdefault(part.uv or own, []).append(number)
-        result = np.zeros((len(faces), 3, 2), np.float32)
-        for mapping, numbers in groups.items():
-            here = np.flatnonzero(np.isin(part_of, numbers))
-            result[here] = mapping(corners[here], normals[here], *box[:, part_of[here]])
-        return result
 
+def _texture_coordinates(
+    vertices: np.ndarray, faces: np.ndarray, starts: np.ndarray, part_of: np.ndarray,
+    materials: Sequence[Material], owner: np.ndarray,
+) -> np.ndarray:
+    """Texture coordinates [F, 3, 2]: projections along the axis nearest to each normal.
 
-def rect(x: float, y: float, radius: float = 0.0) -> Callable[[float], np.ndarray]:
-    """A rectangular outline for `solids.tray`."""
-
-    def outline(inward: float) -> np.ndarray:
-        return solids.rounded(x - 2 * inward, y - 2 * inward, max(radius - inward, 0.004), 3)
-
-    return outline
-
-
-def disc(radius: float, sides: int = 32) -> Callable[[float], np.ndarray]:
-    """A round outline for `solids.tray`."""
-    angle = np.arange(sides) / sides * 2 * np.pi
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return lambda inward: circle * (radius - inward)
-
-
-def around(count: int, start: float = 0.0) -> np.ndarray:
-    """`count` directions around the circle, in degrees."""
-    return start + np.arange(count) / count * 360
-
-
-def case(depth: float, width: float, height: float, wall: float, back: float) -> Solid:
-    """A case on z = 0 with a recess in its back.
-
-    Args:
-      depth: length along x, centred at 0.
-      width: length along y.
-      height: length along z.
-      wall: thickness of the walls around the recess.
-      back: depth of the recess.
+    Images are upright and not mirrored for a viewer in front of the face. On a face that points up,
+    the bottom of the image is toward +x.
     """
-    outline = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * 0.5
+    # Relative to the bounding box, which does not depend on parts hidden inside it.
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    placed = vertices - [*((low + high) / 2)[:2], low[2]]
+    placed /= np.linalg.norm(placed, axis=1).max()
+    low, high = (f.reduceat(placed, starts, axis=0)[part_of] for f in (np.minimum, np.maximum))
+    corners, rows = placed[faces], np.arange(len(faces))
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    axis = np.argmax(np.abs(normals) * [1, 1.001, 1.002], axis=1)
+    tile = np.array([getattr(material, "tile", 1.0) for material in materials])[owner[part_of]]
+    covering = (tile == 0)[:, None, None]
+    # Textures that cover the part have a margin, so that rounding does not reach the opposite edge.
+    fitted = 0.99 * (corners - (low + high)[:, None] / 2) / np.maximum(high - low, 1e-9)[:, None]
+    place = np.where(covering, fitted, corners / np.where(covering, 1, tile[:, None, None]))
+    facing = np.sign(normals[rows, axis])
+    u_axis, v_axis = np.array([1, 0, 1])[axis], np.array([2, 2, 0])[axis]
+    sign = np.array([1, -1, 1])[axis] * np.where(axis < 2, facing, 1)
+    u = place[rows, :, u_axis] * sign[:, None]
+    v = place[rows, :, v_axis] * np.where(axis < 2, 1, -facing)[:, None]
+    grain = np.array([getattr(material, "along_grain", False) for material in materials])
+    longest = np.argmax((high - low).round(6) * [1, 1, 0.999], axis=1)
+    turned = (grain[owner[part_of]] & (v_axis == longest))[:, None]
+    result = np.stack([np.where(turned, v, u), np.where(turned, u, v)], axis=2)
+    return (result + np.where(covering, 0.5, 0)).astype(np.float32)
 
-    def ring(x: float, inward: float) -> np.ndarray:
-        size = np.array([width - 2 * inward, height - 2 * inward])
-        return np.column_stack([np.full(4, x), outline * size])
 
-    rear, front, bevel = -depth / 2, depth / 2, 0.004
-    rings = [
-        ring(rear + max(back, 0.002), wall),
-        ring(rear, wall),
-        ring(rear, 0),
-        ring(front - bevel, 0),
-        ring(front, bevel),
-    ]
-    return solids.loft(rings).at(z=height / 2)
+LEGS = ("square", "square", "round", "tapered", "turned", "sabre", "hairpin")
+
+_TURNED = ((0.35, 0), (0.5, 0.08), (0.35, 0.16), (0.6, 0.45), (0.4, 0.6), (0.62, 0.66), (0.4, 0.72),
+           (0.6, 0.78), (0.6, 1.0))
+
+
+def four_legs(kit: Kit, material: Material, x: float, y: float, top: float, thick: float,
+              style: str = "") -> None:
+    """Four legs from z = 0 to `top` below (±x, ±y), some splayed, some with stretchers."""
+    style = style or kit.choose(*LEGS)
+    splay = kit.choose(0.0, 0.0, kit.uniform(0.02, 0.12)) * top
+    head = np.array([x, y, top])
+    foot = head + np.array([x, y, 0]) / max(np.hypot(x, y), 1e-9) * splay - [0, 0, top]
+    if style == "turned":
+        foot = head * [1, 1, 0]
+        kit.four(material, lathe([(r * thick * 0.8, z * top) for r, z in _TURNED], 14).at(x, y))
+    elif style == "sabre":
+        bend = foot * [0.7, 0.7, 1] + head * [0.3, 0.3, 0.45]
+        kit.four(material, tube(smooth_path([foot, bend, head], 4),
+                                np.linspace(0.35, 0.6, 9) * thick))
+    elif style == "hairpin":
+        kit.four(material, rod(foot, head, 0.25 * thick))
+    else:
+        outline = solids.superellipse(thick, thick, 2 if style == "round" else 12, 12)
+        rings = [np.column_stack([size * outline, 0 * outline[:, 0]]) + end
+                 for size, end in ((0.6 if style == "tapered" else 1.0, foot), (1.0, head))]
+        kit.four(material, solids.loft(rings))
+    if style != "hairpin" and kit.chance(0.3):
+        share = kit.uniform(0.15, 0.4)
+        a, b, z = foot * (1 - share) + head * share
+        kit.both(material, rod((a, b, z), (-a, b, z), 0.28 * thick))
+        kit.add(material, rod((0, b, z), (0, -b, z), 0.28 * thick))
+
+
+def wheels(kit: Kit, rim: Material, radius: float, width: float, y: float,
+           places: Sequence[float]) -> None:
+    """Pairs of wheels whose middles are at (x, ±y), on z = 0."""
+    w, r = width / 2, radius
+    tyre = [(0.6 * r, -w), (0.94 * r, -w), (r, -0.7 * w), (r, 0.7 * w), (0.94 * r, w), (0.6 * r, w)]
+    disc = [(0, -1.02 * w), (0.58 * r, -1.04 * w), (0.58 * r, 1.04 * w), (0, 1.02 * w)]
+    for x in places:
+        kit.both(m.BLACK, lathe(tyre).turned("x", 90).at(x, y, r))
+        kit.both(rim, lathe(disc).turned("x", 90).at(x, y, r))
+        kit.add(m.BLACK, rod((x, -y, r), (x, y, r), 0.15 * r))
+
+
+def column(kit: Kit, material: Material, reach: float, top: float, radius: float,
+           style: str) -> None:
+    """A column to z = `top` on a "disc", on the arms of a "star", or on arms with "casters"."""
+    if style == "disc":
+        flare = kit.choose(1.0, 1.0, kit.uniform(1.2, 3.0)) * radius
+        kit.add(material, lathe([(reach, 0), (reach, 0.015), (0.9 * reach, 0.03), (flare, 0.05),
+                                 (radius, 0.3 * top), (radius, 0.7 * top), (flare, top)], 28))
+        return
+    low, count = 0.06 if style == "casters" else 0.0, kit.choose(4, 5, 5)
+    kit.add(material, block((-radius, radius), (-radius, radius), (low + 0.02, top), 0.3 * radius))
+    arm = tube([(0, 0, low + 0.08), (0.6 * reach, 0, low + 0.04), (reach, 0, low + 0.02)], 0.02)
+    kit.around(material, count, arm)
+    if low:
+        kit.around(m.BLACK, count, cylinder(0.032, 0.045, 12).turned("x", 90).at(reach, 0, 0.032),
+                   rod((reach, 0, 0.03), (reach, 0, 0.09), 0.012))
+
+
+def fronts(kit: Kit, front: Material, knob: Material, x: float, y: tuple[float, float],
+           z: tuple[float, float], columns: int, rows: int) -> None:
+    """Drawers or doors with handles, on a face perpendicular to x."""
+    wide, high = (y[1] - y[0]) / columns, (z[1] - z[0]) / rows
+    style, inset = kit.choose("ball", "bar", "upright", "none"), kit.chance(0.4) and min(wide,
+        high) > 0.2
+    for place in range(columns * rows):
+        row, side = divmod(place, columns)
+        at = x + 0.025, y[0] + (side + 0.5) * wide, z[0] + (row + 0.5) * high
+        kit.add(front, box(0.025, wide - 0.012, high - 0.012, 0.004).at(x + 0.0025, *at[1:]))
+        if inset:
+            kit.add(front, box(0.012, wide - 0.12, high - 0.12, 0.004).at(x + 0.019, *at[1:]))
+        if style == "ball":
+            kit.add(knob, ball(0.035, 0.03, 0.03, 10).at(*at))
+        elif style == "bar":
+            kit.add(knob, box(0.025, min(0.15, 0.5 * wide), 0.012).at(*at))
+        elif style == "upright":
+            shift = 0.38 * wide * (-1) ** side
+            kit.add(knob, box(0.025, 0.012, min(0.2, 0.5 * high)).at(at[0], at[1] + shift, at[2]))

@@ -19,10 +19,7 @@ no wider gaps. At least 80 % of the pixels that are clearly not white must be on
 two pixels of it, otherwise the view is left out.
 """
 
-import io
-import math
 import pathlib
-import zipfile
 import zlib
 from collections.abc import Iterator
 
@@ -30,7 +27,9 @@ import numpy as np
 
 from psgn_jax.data import camera, schema, synsets
 from psgn_jax.data.sources import binvox, shapenet
+from psgn_jax.system.untrusted import read_npz
 
+SOURCE = "folder ShapeNet of Occupancy Networks"
 SPLITS = {"train": "train", "val": "validation", "test": "test"}
 IMAGES = "img_choy2016"
 NUM_VIEWS = 24
@@ -85,64 +84,6 @@ def input_files(source: pathlib.Path, synset: str, name: str) -> list[pathlib.Pa
     return [folder / file for file in files]
 
 
-def read_npz(path: pathlib.Path, limits: dict[str, int]) -> dict[str, np.ndarray]:
-    """Reads numeric arrays from an npz file; nothing is unpickled.
-
-    Sizes are checked before an array is inflated, and the header of each array is checked against
-    its size.
-
-    Args:
-      path: the file.
-      limits: names of the arrays, each with its maximum number of elements. Arrays that are not in
-        the file are missing from the result.
-
-    Raises:
-      ValueError: the file is damaged; the message names the file and the reason.
-    """
-    data = shapenet.read_limited(path)
-    arrays = {}
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            names = set(archive.namelist())
-            for key, limit in limits.items():
-                if f"{key}.npy" not in names:
-                    continue
-                size = archive.getinfo(f"{key}.npy").file_size
-                if size > 8 * limit + 4096:
-                    raise ValueError(
-                        f"{key} takes {size} bytes, expected at most {8 * limit + 4096}"
-                    )
-                # `read` without a length would inflate everything, even beyond the stated size.
-                with archive.open(f"{key}.npy") as member:
-                    arrays[key] = _read_npy(member.read(size), key, limit)
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError,
-            RuntimeError) as error:  # fmt: skip
-        raise ValueError(f"{path}: damaged, or not a file of arrays ({error})") from None
-    return arrays
-
-
-def _read_npy(data: bytes, key: str, limit: int) -> np.ndarray:
-    file = io.BytesIO(data)
-    version = np.lib.format.read_magic(file)
-    readers = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }
-    if version not in readers:
-        raise ValueError(f"{key}: npy version {version}, expected (1, 0) or (2, 0)")
-    shape, _, dtype = readers[version](file)
-    count = math.prod(shape)
-    if (
-        dtype.kind not in "fiu"
-        or count > limit
-        or len(data) - file.tell() != count * dtype.itemsize
-    ):
-        raise ValueError(
-            f"{key}: {dtype} {list(shape)} in {len(data)} bytes, expected at most {limit} numbers"
-        )
-    return np.load(io.BytesIO(data), allow_pickle=False)
-
-
 def read_model(
     source: pathlib.Path,
     synset: str,
@@ -164,55 +105,44 @@ def read_model(
     world = (points * scale + loc) @ shapenet.TO_WORLD.T
     solid = None
     if voxel_path.is_file():
-        grid = binvox.read(voxel_path, max_dim=schema.OCCUPANCY_SIZE)
-        if len(grid.solid) != schema.OCCUPANCY_SIZE:
-            raise ValueError(
-                f"{voxel_path}: dim {len(grid.solid)}, expected {schema.OCCUPANCY_SIZE}"
-            )
-        solid = shapenet.solid_of(binvox.Binvox(grid.solid, loc - scale / 2, scale))
+        cells = shapenet.read_grid(voxel_path).solid
+        solid = shapenet.solid_of(binvox.Binvox(cells, loc - scale / 2, scale))
     try:
         placement = shapenet.place(world)
     except ValueError as error:
         raise ValueError(f"{cloud_path}: {error}") from None
     keys = [f"{kind}_mat_{i}" for i in range(NUM_VIEWS) for kind in ("world", "camera")]
-    cameras = read_npz(camera_path, dict.fromkeys(keys, 16))
+    cameras = _arrays(camera_path, dict.fromkeys(keys, 16))
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     chosen = rng.permutation(len(world))[:num_points]
-    centred = (world - placement.origin) / placement.unit
-    for view in range(min(max_views, NUM_VIEWS)):
+    model = shapenet.Model(
+        "occnet", synset, name, world[chosen], normals[chosen] @ shapenet.TO_WORLD.T, solid,
+        placement,
+    )  # fmt: skip
+
+    def read(view: int) -> schema.Sample:
         path = images / f"{view:03d}.jpg"
-        try:
-            eye, inner = _camera(cameras, view, camera_path)
-            turn = shapenet.turn_to_view(eye)
-            extrinsics = shapenet.frame_extrinsics(eye, turn, placement)
-            image = shapenet.read_image(path, "JPEG", "RGB")
-            side = shapenet.IMAGE_SIDE
-            if image.shape[:2] != (side, side):
-                raise ValueError(f"{path}: {image.shape[:2]} pixels, expected {(side, side)}")
-            whole = centred @ turn.T
-            mask = _silhouette(whole, inner, extrinsics, image, path)
-            sample = schema.Sample(
-                image=np.where(mask[..., None], image, np.uint8(schema.BACKGROUND_GREY)),
-                mask=mask,
-                points=whole[chosen].astype(np.float32),
-                normals=(normals[chosen] @ shapenet.TO_WORLD.T @ turn.T).astype(np.float32),
-                occupancy=shapenet.turned_occupancy(solid, placement, turn) if solid else None,
-                intrinsics=inner.astype(np.float32),
-                extrinsics=extrinsics,
-                category=synsets.R2N2[synset],
-                model_id=f"{synset}/{name}",
-                view=view,
-                source="occnet",
-                extra=shapenet.grid_extra(solid, placement, turn) if solid else "",
-            )
-            yield schema.validate(sample)
-        except (ValueError, OSError) as error:
-            yield str(error)
+        eye, inner = _camera(cameras, view, camera_path)
+        image = shapenet.read_image(path, "JPEG", "RGB")
+        mask = _silhouette(world, inner, eye, image, path)
+        image = np.where(mask[..., None], image, np.uint8(schema.BACKGROUND_GREY))
+        return model.sample(view, eye, inner, image, mask)
+
+    return shapenet.each_view(read, min(max_views, NUM_VIEWS))
+
+
+def _arrays(path: pathlib.Path, limits: dict[str, int]) -> dict[str, np.ndarray]:
+    if not path.is_file():
+        raise ValueError(f"{path}: missing")
+    try:
+        return read_npz(path, limits)
+    except (ValueError, OSError) as error:
+        raise ValueError(f"{path}: damaged, or not a file of arrays ({error})") from None
 
 
 def _read_cloud(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     limits = {"points": 3 * _MAX_POINTS, "normals": 3 * _MAX_POINTS, "loc": 3, "scale": 1}
-    arrays = read_npz(path, limits)
+    arrays = _arrays(path, limits)
     for key in limits:
         if key not in arrays:
             raise ValueError(f"{path}: no array {key!r}, it has {sorted(arrays)}")

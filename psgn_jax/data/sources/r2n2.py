@@ -24,11 +24,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from psgn_jax.data import schema, synsets
-from psgn_jax.data.sources import binvox, shapenet
+from psgn_jax.data import camera, schema, synsets
+from psgn_jax.data.sources import shapenet
 
 RENDERINGS = "ShapeNetRendering"
 VOXELS = "ShapeNetVox32"
+SOURCE = f"folder with {RENDERINGS} and {VOXELS}"
 NUM_VIEWS = 24
 TRAIN_SHARE = 0.8
 _MAX_LINES = 1000
@@ -116,61 +117,45 @@ def read_model(
         would get the camera of another view.
     """
     rendering, metadata, voxels = input_files(source, synset, name)
-    if not voxels.is_file():
-        raise ValueError(f"{voxels}: missing")
-    grid = binvox.read(voxels, max_dim=schema.OCCUPANCY_SIZE)
-    if len(grid.solid) != schema.OCCUPANCY_SIZE:
-        raise ValueError(f"{voxels}: dim {len(grid.solid)}, expected {schema.OCCUPANCY_SIZE}")
-    solid = shapenet.solid_of(grid)
+    solid = shapenet.solid_of(shapenet.read_grid(voxels))
     try:
         placement = shapenet.place(shapenet.corners(solid))
     except ValueError as error:
         raise ValueError(f"{voxels}: {error}") from None
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
-    world = shapenet.surface_points(solid, num_points, rng)
+    points = shapenet.surface_points(solid, num_points, rng)
+    model = shapenet.Model("r2n2", synset, name, points, None, solid, placement)
     rows = read_metadata(metadata)
     pictures = sum((rendering / f"{view:02d}.png").exists() for view in range(NUM_VIEWS))
     if len(rows) < pictures:
         raise ValueError(
             f"{metadata}: {len(rows)} rows for {pictures} pictures, expected one row per picture"
         )
-    for view in range(min(max_views, NUM_VIEWS)):
+
+    def read(view: int) -> schema.Sample:
         path = rendering / f"{view:02d}.png"
-        try:
-            if view >= len(rows):
-                raise ValueError(f"{metadata}: no row for view {view}, it has {len(rows)}")
-            row = rows[view]
-            if isinstance(row, str):
-                raise ValueError(f"{metadata}: row {view}: {row}")
-            image, mask = _read_view(path)
-            azimuth, elevation, _, ratio, _ = row
-            eye = shapenet.orbit_camera(azimuth, elevation, ratio * shapenet.MAX_DISTANCE)
-            turn = shapenet.turn_to_view(eye)
-            sample = schema.Sample(
-                image=image,
-                mask=mask,
-                points=((world - placement.origin) @ turn.T / placement.unit).astype(np.float32),
-                occupancy=shapenet.turned_occupancy(solid, placement, turn),
-                intrinsics=shapenet.intrinsics().astype(np.float32),
-                extrinsics=shapenet.frame_extrinsics(eye, turn, placement),
-                category=synsets.R2N2[synset],
-                model_id=f"{synset}/{name}",
-                view=view,
-                source="r2n2",
-                extra=shapenet.grid_extra(solid, placement, turn),
+        row = rows[view] if view < len(rows) else "missing"
+        if isinstance(row, str):
+            raise ValueError(f"{metadata}: row {view}: {row}")
+        image, mask = _read_view(path)
+        azimuth, elevation, _, ratio, _ = row
+        eye = shapenet.orbit_camera(azimuth, elevation, ratio * shapenet.MAX_DISTANCE)
+        sample = model.sample(view, eye, shapenet.intrinsics(), image, mask)
+        pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
+        near = camera.inside_mask(pixels, mask, _NEAR_PIXELS)[depth > 0].sum() / len(depth)
+        if near < _LEAST_NEAR:
+            raise ValueError(
+                f"{path}: {near:.0%} of the points project to within {_NEAR_PIXELS} pixels of the "
+                f"object, expected {_LEAST_NEAR:.0%}; camera, shape and image disagree"
             )
-            schema.validate(sample)
-            yield shapenet.check_projection(sample, _NEAR_PIXELS, _LEAST_NEAR, path)
-        except (ValueError, OSError) as error:
-            yield str(error)
+        return sample
+
+    return shapenet.each_view(read, min(max_views, NUM_VIEWS))
 
 
 def _read_view(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray]:
     """Returns the image over the project's background, and the mask (alpha above one half)."""
     rgba = shapenet.read_image(path, "PNG", "RGBA")
-    side = shapenet.IMAGE_SIDE
-    if rgba.shape[:2] != (side, side):
-        raise ValueError(f"{path}: {rgba.shape[:2]} pixels, expected {(side, side)}")
     alpha = rgba[..., 3:].astype(np.float32) / 255
     mask = rgba[..., 3] > 127
     if not mask.any():

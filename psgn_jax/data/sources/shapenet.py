@@ -19,14 +19,15 @@ import io
 import json
 import pathlib
 import zlib
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
-from psgn_jax.data import camera, schema
+from psgn_jax.data import schema, synsets
+from psgn_jax.data.sources import binvox
 from psgn_jax.data.sources.binvox import Binvox
-from psgn_jax.untrusted import parse_json
 
 NUM_POINTS = 16384
 IMAGE_SIDE = 137
@@ -37,7 +38,6 @@ MAX_DISTANCE = 1.75
 TO_WORLD = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 _MAX_FILE_SIZE = 1 << 24
-_MAX_IMAGE_SIDE = 4096
 _FINE = 4
 _LARGEST = 1e4  # of a model's coordinates and of 1 / radius
 
@@ -175,9 +175,9 @@ def turned_occupancy(solid: Solid, placement: Placement, turn: np.ndarray) -> np
 
     A cell is divided into 4^3 parts. A part counts if its centre is in an occupied cell of `solid`.
     A cell is occupied if at least half of its parts count. To keep thin structures, it is also
-    occupied if any part counts and none of its 26 neighbours is occupied by the first rule
-    (`data_gen` does the same). Rotating a coarse grid loses detail; comparisons with 3D-R2N2 should
-    use its own grid, see `grid_extra`.
+    occupied if any part counts and none of its 26 neighbours is occupied by the first rule.
+    Rotating a coarse grid loses detail; comparisons with 3D-R2N2 should use its own grid, see
+    `grid_extra`.
     """
     size, fine = schema.OCCUPANCY_SIZE, schema.OCCUPANCY_SIZE * _FINE
     along = (np.arange(fine) + 0.5) * (2 / fine)
@@ -216,26 +216,6 @@ def grid_extra(solid: Solid, placement: Placement, turn: np.ndarray) -> str:
     return json.dumps(content)
 
 
-def grid_of_extra(extra: str) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse of `grid_extra`: cells, bool [n, n, n], and `grid_to_frame`, float64 [3, 4].
-
-    Raises:
-      ValueError: `extra` does not contain a volume.
-    """
-    try:
-        content = parse_json(extra)
-        size = content["grid_size"]
-        if not 1 <= size <= 256:
-            raise ValueError(f"grid_size {size}, expected 1 to 256")
-        wanted = -(-(size**3) // 8)
-        packed = zlib.decompressobj().decompress(base64.b64decode(content["grid"]), wanted)
-        bits = np.unpackbits(np.frombuffer(packed, np.uint8), count=size**3)
-        matrix = np.array(content["grid_to_frame"], np.float64).reshape(3, 4)
-    except (ValueError, TypeError, KeyError, zlib.error) as error:
-        raise ValueError(f"extra: expected a volume of `grid_extra` ({error!r})") from None
-    return bits.reshape(size, size, size).astype(np.bool_), matrix
-
-
 def read_limited(path: pathlib.Path) -> bytes:
     """Reads a file.
 
@@ -250,7 +230,7 @@ def read_limited(path: pathlib.Path) -> bytes:
 
 
 def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
-    """Decodes an image to uint8 [H, W, channels of `mode`].
+    """Decodes an image to uint8 [137, 137, channels of `mode`].
 
     Args:
       path: the file.
@@ -258,13 +238,14 @@ def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
       mode: "RGB" (grey images are converted) or "RGBA".
 
     Raises:
-      ValueError: the file cannot be read; the message names the file and the reason.
+      ValueError: the file cannot be read or has another size; the message names the file and the
+        reason.
     """
     data = read_limited(path)
     try:
         picture = Image.open(io.BytesIO(data), formats=(kind,))
-        if max(picture.size) > _MAX_IMAGE_SIDE:
-            raise ValueError(f"{picture.size} pixels, expected at most {_MAX_IMAGE_SIDE} per side")
+        if picture.size != (IMAGE_SIDE, IMAGE_SIDE):
+            raise ValueError(f"{picture.size} pixels, expected {(IMAGE_SIDE, IMAGE_SIDE)}")
         if mode == "RGBA" and picture.mode not in ("RGBA", "LA"):
             raise ValueError(f"mode {picture.mode}, expected one with an alpha channel")
         return np.asarray(picture.convert(mode))
@@ -272,19 +253,81 @@ def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
         raise ValueError(f"{path}: not a readable {kind} image ({error})") from None
 
 
-def check_projection(
-    sample: schema.Sample, radius: int, least: float, path: pathlib.Path
-) -> schema.Sample:
-    """Returns the sample if its points project onto its mask.
+@dataclasses.dataclass(frozen=True, eq=False)
+class Model:
+    """A model in the world, of which views are made.
+
+    Attributes:
+      source: name of the data set.
+      synset, name: category and model.
+      points: [n, 3], points of a sample.
+      normals: [n, 3] or None.
+      solid: the volume, or None.
+      placement: position and scale.
+    """
+
+    source: str
+    synset: str
+    name: str
+    points: np.ndarray
+    normals: np.ndarray | None
+    solid: Solid | None
+    placement: Placement
+
+    def sample(
+        self, view: int, eye: np.ndarray, inner: np.ndarray, image: np.ndarray, mask: np.ndarray
+    ) -> schema.Sample:
+        """The sample of a view.
+
+        Args:
+          view: its number.
+          eye: [3, 4], world to camera.
+          inner: [3, 3], intrinsics.
+          image: uint8 [h, w, 3].
+          mask: bool [h, w].
+
+        Raises:
+          ValueError: the camera is rolled on its side, or a field is wrong.
+        """
+        turn, solid, place = turn_to_view(eye), self.solid, self.placement
+        points = (self.points - place.origin) @ turn.T / place.unit
+        sample = schema.Sample(
+            image=image,
+            mask=mask,
+            points=points.astype(np.float32),
+            normals=None if self.normals is None else (self.normals @ turn.T).astype(np.float32),
+            occupancy=turned_occupancy(solid, place, turn) if solid else None,
+            intrinsics=inner.astype(np.float32),
+            extrinsics=frame_extrinsics(eye, turn, place),
+            category=synsets.R2N2[self.synset],
+            model_id=f"{self.synset}/{self.name}",
+            view=view,
+            source=self.source,
+            extra=grid_extra(solid, place, turn) if solid else "",
+        )
+        return schema.validate(sample)
+
+
+def each_view(
+    read: Callable[[int], schema.Sample], num_views: int
+) -> Iterator[schema.Sample | str]:
+    """Yields the views of a model in order, or a message for one that cannot be read."""
+    for view in range(num_views):
+        try:
+            yield read(view)
+        except (ValueError, OSError) as error:
+            yield str(error)
+
+
+def read_grid(path: pathlib.Path) -> Binvox:
+    """Reads a binvox file of 32^3 cells.
 
     Raises:
-      ValueError: less than the fraction `least` projects to within `radius` pixels of the mask.
+      ValueError: the file is missing, damaged or of another size.
     """
-    pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
-    near = camera.inside_mask(pixels, sample.mask, radius)[depth > 0].sum() / len(depth)
-    if near < least:
-        raise ValueError(
-            f"{path}: {near:.0%} of the points project to within {radius} pixels of the object, "
-            f"expected {least:.0%}; camera, shape and image disagree"
-        )
-    return sample
+    if not path.is_file():
+        raise ValueError(f"{path}: missing")
+    grid = binvox.read(path, max_dim=schema.OCCUPANCY_SIZE)
+    if len(grid.solid) != schema.OCCUPANCY_SIZE:
+        raise ValueError(f"{path}: dim {len(grid.solid)}, expected {schema.OCCUPANCY_SIZE}")
+    return grid

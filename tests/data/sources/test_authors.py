@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from helpers.disk import without_room
 
-from psgn_jax import convert
-from psgn_jax.claims import claim
+from psgn_jax.commands import convert
 from psgn_jax.data import conversion, schema
 from psgn_jax.data.codec import PointLattice, _lattice_keys, decode_stored
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
-from psgn_jax.data.sources import authors
+from psgn_jax.data.sources import authors, duplicates
+from psgn_jax.system.claims import claim
 from psgn_jax.viewing import dataset as dataset_view
 
 
@@ -140,11 +140,46 @@ def test_samples_without_an_object_are_left_out(make, tmp_path, capsys):
     assert kept == [i for i in range(32) if i not in (3, 5)]
 
 
-def test_a_killed_conversion_goes_on(authors_file, tmp_path, monkeypatch):
+def test_shapes_of_held_out_objects_leave_the_training_set(make, tmp_path, capsys):
+    """A test object's torus is in a training file, turned otherwise and sampled anew."""
+    training, test = make.content(0), make.content(1, tube=0.3)
+    known = make.content(2, tube=0.3)
+    for field in ("rotation", "points", "depth", "colour"):
+        training[field][4] = known[field][4]
+    for name, content in (("3.gz", training), ("48.gz", test)):
+        (tmp_path / name).write_bytes(zlib.compress(make.content_bytes(content), 1))
+    assert convert.main(["authors", str(tmp_path), str(tmp_path / "dst")]) == 0
+    out = capsys.readouterr().out
+    for line in ("duplicate: 1 samples", "test: 32 samples", "train: 31 samples"):
+        assert line in out
+    (left_out,) = RecordReader(tmp_path / "dst", "duplicate")
+    assert left_out.model_id.endswith("0004")
+
+
+def test_a_mirrored_and_turned_shape_is_the_same_and_another_is_not(rng):
+    def sampled(stretch=1.0):
+        """Points on an asymmetrical object: four blocks."""
+        low = np.array([[0, 0, 0], [0, 0, 0.5], [0.3, 0.6, 0], [0.9, 0, 0.2]])
+        high = np.array([[0.9, 0.2, 0.5], [0.3, 0.2, 1.2], [0.5, 0.9, 0.3], [1.0, 0.1, 0.9]])
+        box, face = rng.integers(4, size=16384), rng.integers(6, size=16384)
+        points = low[box] + rng.random((16384, 3)) * (high - low)[box]
+        rows = np.arange(16384)
+        points[rows, face % 3] = np.where(face < 3, low[box, face % 3], high[box, face % 3])
+        return points * [1, stretch, 1]
+
+    turn = np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]])
+    held = duplicates.HeldOut([sampled()])
+    assert held.has(sampled() * [1, -1, 1] @ turn * 1.3 + [0.2, 0.1, 0])
+    assert not held.has(sampled(stretch=1.25))
+    assert not duplicates.HeldOut([]).has(sampled())
+
+
+def test_a_killed_conversion_goes_on(make, authors_file, tmp_path, monkeypatch):
     source, target = tmp_path / "src", tmp_path / "dst"
     source.mkdir()
     for i in range(3):
-        (source / f"{i}.gz").write_bytes(authors_file.read_bytes())
+        content = zlib.compress(make.content_bytes(make.content(validation=True)), 1)
+        (source / f"{i}.gz").write_bytes(content)
     monkeypatch.setattr(conversion, "FILES_PER_SHARD", 1)
     calls = []
     real = authors.read_batch
@@ -159,35 +194,13 @@ def test_a_killed_conversion_goes_on(authors_file, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         convert.convert_authors(source, target)
     with pytest.raises(RecordError, match="it is incomplete"):
-        RecordReader(target, "train")
+        RecordReader(target, "validation")
     calls.clear()
     monkeypatch.setattr(authors, "read_batch", lambda path: calls.append(path.name) or real(path))
     manifest, refused = convert.convert_authors(source, target)
     assert calls == ["2.gz"]
     assert not refused
     assert sum(s.count for s in manifest.shards) == 96
-
-
-def test_a_conversion_killed_before_its_second_manifest_goes_on(
-    authors_file, tmp_path, monkeypatch
-):
-    source, target = tmp_path / "src", tmp_path / "dst"
-    source.mkdir()
-    (source / "0.gz").write_bytes(authors_file.read_bytes())
-    save = conversion.save_manifest
-
-    def killed(folder, manifest):
-        if manifest.shards:
-            raise KeyboardInterrupt
-        save(folder, manifest)
-
-    monkeypatch.setattr(conversion, "save_manifest", killed)
-    with pytest.raises(KeyboardInterrupt):
-        convert.convert_authors(source, target)
-    monkeypatch.undo()
-    manifest, _ = convert.convert_authors(source, target)
-    assert manifest.complete
-    assert {p.name for p in target.glob("*.arrayrecord")} == {s.file for s in manifest.shards}
 
 
 def test_a_full_disk_ends_a_conversion_that_goes_on_when_there_is_room(
@@ -240,7 +253,7 @@ def test_real_batches(authors_batches):
     checks, sizes = [], []
     for name in ("15.gz", "3.gz"):
         for number, entry in enumerate(authors.read_batch(authors_batches / name)):
-            assert authors.split_of(entry.sample.model_id) == (
+            assert authors.split_of(authors_batches / name, entry.sample.model_id) == (
                 "validation" if name == "15.gz" else "train"
             )
             if number % 4 == 0:

@@ -5,10 +5,10 @@ import pytest
 from helpers import shapenet_trees as trees
 from PIL import Image
 
-from psgn_jax import convert
+from psgn_jax.commands import convert
 from psgn_jax.data import camera
 from psgn_jax.data.dataset import RecordReader
-from psgn_jax.data.sources import binvox, r2n2, shapenet
+from psgn_jax.data.sources import r2n2, shapenet
 
 CHAIR = "03001627"
 NUM_VIEWS = len(trees.VIEWS)
@@ -68,7 +68,7 @@ def test_frame_is_the_projects(samples):
 
 def test_points_lie_on_the_voxels(samples):
     """Each point has an integer index along one axis, between an occupied and an empty cell."""
-    cells, matrix = shapenet.grid_of_extra(samples[1].extra)
+    cells, matrix = trees.grid_of_extra(samples[1].extra)
     linear, moved = matrix[:, :3], matrix[:, 3]
     index = (samples[1].points - moved) @ np.linalg.inv(linear).T
     off = np.abs(index - np.rint(index))
@@ -86,7 +86,7 @@ def test_points_lie_on_the_voxels(samples):
 def test_volumes_agree(samples):
     original = trees.voxels().solid
     for sample in samples:
-        cells, matrix = shapenet.grid_of_extra(sample.extra)
+        cells, matrix = trees.grid_of_extra(sample.extra)
         # ShapeNet's axes (x, y, z) are (x, z, -y) of the stored grid.
         np.testing.assert_array_equal(cells, original.transpose(0, 2, 1)[:, ::-1])
         unit_volume = abs(np.linalg.det(matrix[:, :3])) * cells.sum()
@@ -94,32 +94,6 @@ def test_volumes_agree(samples):
         centres = (np.argwhere(cells) + 0.5) @ matrix[:, :3].T + matrix[:, 3]
         index = np.floor(np.add(centres, [1, 1, 0]) * 16).astype(int)
         assert sample.occupancy[tuple(index.T)].mean() > 0.85
-
-
-def test_colours_over_the_projects_background(samples):
-    sample = samples[0]
-    assert (sample.image[~sample.mask] == 191).all()
-    assert (sample.image[sample.mask] == trees.COLOUR).all()
-
-
-def test_surface_points_are_uniform(rng):
-    solid = shapenet.Solid(np.pad(np.ones((1, 1, 1), bool), 2), np.zeros(3), 0.5)
-    points = shapenet.surface_points(solid, 6000, rng)
-    assert points.min() == 1
-    assert points.max() == 1.5
-    for axis in range(3):
-        for side in (1, 1.5):
-            assert (points[:, axis] == side).mean() == pytest.approx(1 / 6, abs=0.02)
-
-
-def test_thin_parts_stay():
-    cells = np.zeros((64, 64, 64), bool)
-    cells[:, 32, 32] = True  # a quarter of a target cell in section
-    solid = shapenet.Solid(cells, np.array([-1.0, -1, 0]), 1 / 32)
-    placement = shapenet.Placement(np.zeros(3), 1.0)
-    got = shapenet.turned_occupancy(solid, placement, np.eye(3))
-    assert got[:, 16, 16].all()
-    assert got.sum() == 32
 
 
 def test_conversion(tree, tmp_path, capsys):
@@ -133,7 +107,7 @@ def test_conversion(tree, tmp_path, capsys):
     ]
     assert RecordReader(target, "test")[0].model_id == f"{CHAIR}/e"
     assert train[0].points.shape == (500, 3)
-    assert shapenet.grid_of_extra(train[0].extra)[0].sum() == trees.voxels().solid.sum()
+    assert trees.grid_of_extra(train[0].extra)[0].sum() == trees.voxels().solid.sum()
     before = {p.name: p.stat().st_mtime_ns for p in target.glob("*.arrayrecord")}
     assert convert.main(command) == 0
     assert {p.name: p.stat().st_mtime_ns for p in target.glob("*.arrayrecord")} == before
@@ -155,7 +129,7 @@ def damage(tree):
     metadata.write_text("\n".join(rows[:1] + rows[2:]) + "\n")
     cut = voxels / "c" / "model.binvox"
     cut.write_bytes(cut.read_bytes()[:-20])
-    binvox.write(voxels / "d" / "model.binvox", trees.voxels(16))
+    trees.write_binvox(voxels / "d" / "model.binvox", trees.voxels(16))
     (tree / "ShapeNetRendering" / "04401089" / "x").mkdir(parents=True)
     (voxels / "f").mkdir()
     return {
@@ -204,14 +178,9 @@ def test_damage_names_itself_and_stops_nothing(tree, tmp_path, capsys):
 def test_volumes_of_another_magnitude_are_refused(tmp_path, changes, message):
     tree = trees.write_r2n2(tmp_path, names=("a",))
     grid = dataclasses.replace(trees.voxels(), **changes)
-    binvox.write(tree / "ShapeNetVox32" / CHAIR / "a" / "model.binvox", grid)
+    trees.write_binvox(tree / "ShapeNetVox32" / CHAIR / "a" / "model.binvox", grid)
     with pytest.raises(ValueError, match=rf"model\.binvox: {message}"):
         list(r2n2.read_model(tree, CHAIR, "a", max_views=1))
-
-
-def test_wrong_folders(tmp_path, capsys):
-    assert convert.main(["r2n2", str(tmp_path), str(tmp_path / "dst")]) == 2
-    assert "no folder ShapeNetRendering" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("option", ["--points=1000000000", "--points=0", "--views=100000"])

@@ -5,9 +5,9 @@ import pytest
 from ac3d_files import CUBE, MATERIALS, SIDES, cube, obj, read, write
 from PIL import Image
 
-from data_gen.catalogues import ac3d
 from data_gen.catalogues.by_name import open_catalogue
 from data_gen.mesh import UnusableModelError
+from data_gen.readers import ac3d
 from data_gen.readers.ac3d import read_outline
 
 needs_assimp = pytest.mark.skipif(not ac3d.find_assimp(), reason="assimp is not installed")

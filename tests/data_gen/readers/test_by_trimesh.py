@@ -177,16 +177,3 @@ DEEP = b"[" * 100_000 + b"]" * 100_000
 def test_nested_brackets_are_refused_by_name(write, name, content):
     with pytest.raises(UnusableModelError, match="brackets nested more than 64 deep"):
         load_model(write(name, content))
-
-
-def test_a_material_that_is_none_is_refused(tmp_path):
-    """The file is readable, but its material is not."""
-    trimesh = pytest.importorskip("trimesh")
-    mesh = trimesh.creation.box()
-    material = trimesh.visual.material.PBRMaterial(roughnessFactor=0.5)
-    mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), material=material)
-    data = mesh.export(file_type="glb").replace(b'"roughnessFactor":0.5', b'"roughnessFactor":"x"')
-    path = tmp_path / "a.glb"
-    path.write_bytes(data)
-    with pytest.raises(UnusableModelError, match="not readable as glb"):
-        load_model(path)

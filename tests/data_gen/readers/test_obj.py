@@ -1,11 +1,11 @@
-"""The OBJ reader, compared with a simple reader that reads line by line."""
+"""The OBJ reader."""
 
 import numpy as np
 import pytest
 from helpers.obj_text import CUBE, FACES, QUADS, png
 
 from data_gen.mesh import UnusableModelError, face_areas, face_normals
-from data_gen.readers import obj, textures
+from data_gen.readers import textures
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
 from data_gen.readers.notes import Notes
@@ -48,6 +48,23 @@ def test_negative_indices_count_from_where_they_stand(write):
     two = "v 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n"
     model = load_model(write("a.obj", one + two))
     assert len(model.vertices) == 6
+
+
+def test_blocks_of_lines_do_not_change_the_arrays(write, monkeypatch):
+    lines = []
+    for k in range(60):  # corners in all forms, continued lines, both ends of a line
+        lines += [f"v {np.cos(k)} {np.sin(k)} {k}", f"vt {k} 0", "vn 0 0 1", f"usemtl {k % 2}"]
+        forms = ("f 1 2 3", "f -1/-1 -2/-2 -3/-3", "f 1//1 \\\n-1//-1 2//2", "f 1/1/1 2/2 -1")
+        lines += [forms[k % 4]] * (k > 2)
+    text = "\n".join(lines[:150]) + "\r\n" + "\r\n".join(lines[150:])
+    path = write("a.obj", text)
+    whole = read_obj(text.encode(), FolderFiles(path.parent), "", 64, 999, Notes())
+    assert len(whole["faces"]) == 57
+    np.testing.assert_array_equal(whole["faces"][:3], [[0, 1, 3], [0, 1, 2], [5, 4, 3]])
+    monkeypatch.setattr(_blocks, "__defaults__", (64,))
+    parts = read_obj(text.encode(), FolderFiles(path.parent), "", 64, 999, Notes())
+    for key in ("vertices", "faces", "uv", "normals", "face_material"):
+        np.testing.assert_array_equal(parts[key], whole[key])
 
 
 def test_a_concave_polygon_is_not_filled(write):
@@ -135,16 +152,6 @@ def test_obj_files_that_are_refused(write, text, match):
         load_model(write("a.obj", text))
 
 
-def test_a_truncated_obj_keeps_what_is_whole(write):
-    text = CUBE + FACES
-    for cut in range(len(CUBE) + 20, len(text), 7):
-        try:
-            model = load_model(write("a.obj", text[:cut]))
-        except UnusableModelError:
-            continue
-        assert 2 <= len(model.faces) <= 12
-
-
 def test_too_many_faces_are_refused_before_they_are_built(write):
     text = CUBE + FACES * 5000
     with pytest.raises(UnusableModelError, match="limit of 1000 faces"):
@@ -157,87 +164,6 @@ def test_a_name_that_is_not_ascii(write):
     model = load_model(path)
     assert model.materials[0].diffuse == (1, 0, 0)
     assert model.model_id == "стул 椅子.obj"
-
-
-def plain_obj(text):
-    """Positions of the triangles' corners [n, 3, 3] and their texture coordinates, convex faces."""
-    rows = {"v": [], "vt": [], "vn": []}
-    corners = []
-    for line in text.replace("\r\n", "\n").replace("\\\n", " ").split("\n"):
-        key, *words = line.split("#")[0].split() or [""]
-        if key in rows:
-            rows[key].append([float(w) for w in words])
-        elif key == "f" and len(words) >= 3:
-            parts = [[int(p or 0) for p in w.split("/")] + [0, 0] for w in words]
-            parts = [
-                [i - 1 if i > 0 else len(rows[k]) + i if i else None
-                 for i, k in zip(p[:3], rows, strict=True)]
-                for p in parts
-            ]  # fmt: skip
-            corners += [(parts[0], parts[k], parts[k + 1]) for k in range(1, len(parts) - 1)]
-
-    def of(face, column, key, count):
-        return [
-            rows[key][c[column]][:count] if c[column] is not None else [0] * count for c in face
-        ]
-
-    return (
-        np.array([of(f, 0, "v", 3) for f in corners]),
-        np.array([of(f, 1, "vt", 2) for f in corners]),
-        np.array([of(f, 2, "vn", 3) for f in corners]),
-    )
-
-
-def random_obj(seed, forms, end="\n"):
-    """An OBJ file of random convex fans, statements in any order, corners in the given forms."""
-    rng = np.random.default_rng(seed)
-    lines = ["# made up", "o thing", ""]
-    count = [0, 0, 0]
-    for _ in range(40):
-        for _ in range(int(rng.integers(4, 9))):
-            # Points on an arc: every polygon of them in order is convex.
-            angle = count[0] * 0.11
-            lines.append(f"v {np.cos(angle):.6f}  {np.sin(angle):.6g} {rng.random():.3e}")
-            lines.append(f"\tvt {rng.random():.4f} -{rng.random():.4f} 0.0")
-            lines.append(f"vn 0 {rng.random()} 1")
-            count = [c + 1 for c in count]
-        lines.append(str(rng.choice(["s off", "g part", "usemtl a", "usemtl b c", "", "#f 1 2 3"])))
-        for _ in range(int(rng.integers(1, 4))):
-            start = int(rng.integers(0, count[0] - 4))
-            index = range(start + 1, start + 1 + int(rng.integers(3, 5)))
-            form = str(rng.choice(forms))
-            words = [form.format(i, n=i - count[0] - 1) for i in index]
-            lines.append("f " + " ".join(words) + str(rng.choice(["", " ", "\t"])))
-    return end.join([*lines, ""])
-
-
-@pytest.mark.parametrize(
-    "forms",
-    [["{0}"], ["{0}/{0}"], ["{0}//{0}"], ["{0}/{0}/{0}"], ["{n}/{n}/{n}"], ["{n}"], ["{0}/{0}/"],
-     ["{0}/{0}/{0}", "{0}//{0}"], ["{0}", "{0}/{0}/{0}", "{n}//{n}", "{0}/{n}"]],
-)  # fmt: skip
-@pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_arrays_are_those_of_a_reading_line_by_line(write, monkeypatch, forms, end):
-    monkeypatch.setattr(obj, "triangles", fans)
-    for seed, size in enumerate([1 << 22, 900, 64]):  # sizes of blocks, which end between lines
-        monkeypatch.setattr(_blocks, "__defaults__", (size,))
-        text = random_obj(seed, forms, end)
-        positions, uv, normals = plain_obj(text)
-        path = write("a.obj", text)
-        files = FolderFiles(path.parent)
-        arrays = read_obj(text.encode(), files, "", 64, 9999, Notes())
-        np.testing.assert_array_equal(arrays["vertices"][arrays["faces"]], positions)
-        for name, expected in (("uv", uv), ("normals", normals)):
-            found = arrays[name] if arrays[name] is not None else np.zeros_like(expected)
-            np.testing.assert_array_equal(found, expected)
-
-
-def fans(counts, corners, vertices):
-    """Like `polygons.triangles`, but with a fan for every polygon."""
-    start = np.cumsum(counts) - counts
-    pairs = [(s, k) for s, n in zip(start, counts, strict=True) for k in range(1, n - 1)]
-    polygon = np.repeat(np.arange(len(counts)), counts - 2)
-    return np.array([(s, s + k, s + k + 1) for s, k in pairs]), polygon
 
 
 def test_unusual_lines(write):

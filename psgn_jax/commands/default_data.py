@@ -1,0 +1,71 @@
+"""The default data set: procedural models that are rendered on first use and cached.
+
+A configuration without `data.path` uses it. Commands render it with `data_gen` (extra `render`) to
+the cache folder, which takes a minute or two. `data_gen.default` describes its contents.
+"""
+
+import dataclasses
+import fcntl
+import pathlib
+
+from absl import logging
+
+from data_gen import default
+from psgn_jax.config.experiment import Config, ConfigError
+from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.schema import RecordError
+from psgn_jax.system.files import cache_folder
+
+
+def with_default_data(config: Config) -> Config:
+    """Adds the folder of the default data set to a configuration without `data.path`.
+
+    `data.path` is not changed, and therefore neither is the configuration in the folder of a run.
+
+    Raises:
+      ConfigError: the errors of `default_dataset`.
+    """
+    if config.data.path:
+        return config
+    data = dataclasses.replace(config.data, default_folder=default_dataset())
+    return dataclasses.replace(config, data=data)
+
+
+def default_dataset() -> str:
+    """Returns the folder of the default data set; renders the missing parts of it.
+
+    If the process is killed, the next call continues. If several processes call this, one renders
+    and the others wait.
+
+    Raises:
+      ConfigError: the data set does not exist and cannot be rendered; the message says what to do.
+    """
+    folder = cache_folder() / default.NAME
+    if _is_complete(folder):
+        return str(folder)
+    if not default.can_build():
+        raise ConfigError(
+            "data.path is empty, and rendering the default data set needs Mitsuba: "
+            "pip install -e '.[render]'; or set data.path to a folder of records"
+        )
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"the cache folder (environment variable PSGN_CACHE): {error}") from error
+    with open(folder.with_name(f".{default.NAME}.lock"), "w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            logging.info("waiting for another process that is rendering the default data set")
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        if not _is_complete(folder):
+            logging.info("rendering the default data set in %s", folder)
+            default.build(folder)
+    return str(folder)
+
+
+def _is_complete(folder: pathlib.Path) -> bool:
+    try:
+        return load_manifest(folder, allow_incomplete=True).complete
+    except RecordError:
+        return False

@@ -1,0 +1,96 @@
+"""Evaluates a run, `psgn evaluate --workdir W`, or weights, `--weights NAME|FILE`.
+
+It prints the table and writes it into the run's folder; for weights, into
+`eval_<weights>_<split>` in the current folder. `--report=DIR` also writes a gallery of all samples.
+Several processes (`system.group`) divide the split among themselves. `psgn_jax.evaluation.run`
+describes the metrics and the files.
+"""
+
+import dataclasses
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from absl import app, flags
+
+from psgn_jax import tasks
+from psgn_jax.commands.common import define_network_flags, flags_only, keep_compiled, parse_flags
+from psgn_jax.commands.default_data import with_default_data
+from psgn_jax.config.experiment import ConfigError, check_paths
+from psgn_jax.evaluation import table
+from psgn_jax.evaluation.run import FRAMES, evaluate_run, report_runs
+from psgn_jax.system import group
+from psgn_jax.system.files import check_folder
+from psgn_jax.system.memory import keep_freed_memory
+from psgn_jax.weights.opening import open_network
+from psgn_jax.weights.run_folder import Run
+
+
+def open_with_records(
+    workdir: str | None, weights: str | None, checkpoint: str = "best", data: str | None = None
+) -> Run:
+    """Opens a network to be evaluated; `data` replaces the records of its configuration.
+
+    Raises:
+      ConfigError, CheckpointError, WeightsError: the network or the records are missing.
+    """
+    run = open_network(workdir, weights, checkpoint)
+    config = run.config
+    if data is not None:
+        named = dataclasses.replace(config.data, path=data, eval_path="")
+        config = dataclasses.replace(config, data=named)
+    check_paths(config)
+    return run._replace(config=with_default_data(config))
+
+
+def _main(argv: Sequence[str]) -> None:
+    with flags_only(argv) as values:
+        keep_compiled()
+        keep_freed_memory()
+        if values.compare and not values.report:
+            raise ConfigError(f"--compare={values.compare}: accepted only with --report=DIR")
+        if values.report:
+            check_folder(values.report, "--report")
+        options: dict[str, Any] = {n: values[n].value for n in ("split", "out", "draws", "frame")}
+        with group.joined(values.coordinator, values.num_processes, values.process_id):
+            if values.report and group.index_and_count()[1] > 1:
+                raise ConfigError(f"--report={values.report}: accepted only with one process")
+            opening = {"checkpoint": values.checkpoint, "data": values.data}
+            runs = [open_with_records(values.workdir, values.weights, **opening)]
+            if values.compare:
+                runs.append(open_with_records(values.compare, None, **opening))
+            if values.report:
+                result = report_runs(values.report, runs, tasks.create, **options)
+            else:
+                result = evaluate_run(runs[0], tasks.create, **options)
+            first = group.is_first()
+    if first:
+        sys.stdout.write(table.text(result))
+
+
+if __name__ == "__main__":
+    define_network_flags()
+    flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
+    flags.DEFINE_string("data", None, "Folder of records in place of those of the run.")
+    flags.DEFINE_string(
+        "out",
+        None,
+        "Folder for the tables; default: a folder in the workdir or, for weights, in the current "
+        "folder.",
+    )
+    flags.DEFINE_integer(
+        "draws",
+        0,
+        "Number of predictions per image; the best and the mean of their distances are also "
+        "measured; needs a network with a random input; 0 = off.",
+        lower_bound=0,
+    )
+    flags.DEFINE_enum(
+        "frame", "keep", list(FRAMES), "keep: images as they are; place: crop and place objects."
+    )
+    flags.DEFINE_string("report", None, "Folder for a gallery of all samples, as web pages.")
+    flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")
+    flags.DEFINE_string("coordinator", None, "HOST:PORT of the first of several processes.")
+    flags.DEFINE_integer("num_processes", None, "Number of processes that share the split.")
+    flags.DEFINE_integer("process_id", None, "Index of this process, from 0.")
+    app.run(_main, flags_parser=parse_flags)

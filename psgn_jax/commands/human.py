@@ -1,0 +1,87 @@
+"""The paper's study of human ability: `psgn human --data=RECORDS --out=STUDY`.
+
+    psgn human --data=RECORDS --cases=16 --out=study
+    psgn human score study --workdir=RUN [--workdir=RUN2]
+
+The first command writes a page, `study/index.html`, which can be opened in a browser as a file.
+There a person models the object of each image from boxes, cylinders, cones, spheres and prisms over
+the image, and saves all models as `human.json`. The page sends no requests and does not
+contain the true points of the objects.
+
+The second command reads `study/human.json` (or `--answers=FILE`) and compares the models with the
+networks: `scores.md` and `scores.json` (CD and EMD of each case) and `scores.png` (the paper's
+figure). It needs the extra `experiments`.
+"""
+
+import pathlib
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from absl import app, flags
+
+from psgn_jax.commands.common import (
+    exit_on_user_error,
+    keep_compiled,
+    log_to_terminal,
+    parse_flags,
+)
+from psgn_jax.config.experiment import ConfigError
+from psgn_jax.system.files import check_folder
+from psgn_jax.web.human import study as lib
+
+
+def _build(values: Any) -> None:
+    for name in ("data", "out"):
+        if not getattr(values, name):
+            raise ConfigError(f"--{name} is missing; expected --data=RECORDS --out=STUDY")
+    page = lib.build_study(values.data, values.out, split=values.split, cases=values.cases)
+    sys.stdout.write(f"{page}: {values.cases} cases; open it in a browser\n")
+
+
+def _score(folder: pathlib.Path, values: Any) -> None:
+    study = lib.read_study(folder)
+    answers = lib.read_answers(values.answers or folder / lib.ANSWERS_FILE, study)
+    if not values.workdir and not values.weights:
+        raise ConfigError("--workdir is missing; expected --workdir=RUN or --weights=NAME")
+    out = pathlib.Path(values.out or folder)
+    check_folder(out, "--out")
+    keep_compiled()
+    # Imported here, because the page and the errors above need no JAX.
+    from psgn_jax.studies import figures
+    from psgn_jax.web.human import score
+    from psgn_jax.weights.opening import open_network
+
+    figures.check_installed()
+    samples = lib.open_cases(study, values.data)
+    runs = [open_network(workdir, None, values.checkpoint) for workdir in values.workdir]
+    runs += [open_network(None, weights) for weights in values.weights]
+    networks = score.label_networks(runs)
+    scored = score.score(study, answers, samples, networks, num_points=values.points)
+    text = score.write_scores(out, study, scored, networks, values.points)
+    sys.stdout.write(f"{text}\nwritten to {out}\n")
+
+
+def _main(argv: Sequence[str]) -> None:
+    log_to_terminal()
+    values, arguments = flags.FLAGS, argv[1:]
+    with exit_on_user_error():
+        if not arguments:
+            _build(values)
+        elif arguments[0] == "score" and len(arguments) == 2:
+            _score(pathlib.Path(arguments[1]), values)
+        else:
+            raise ConfigError(f"{' '.join(arguments)}: expected no arguments, or `score STUDY`")
+
+
+if __name__ == "__main__":
+    flags.DEFINE_string("data", "", "Folder of records; `score` needs it only if it was moved.")
+    flags.DEFINE_string("out", "", "Folder for the page; with `score`: for tables and figures.")
+    flags.DEFINE_string("split", "validation", "Split of the records.")
+    flags.DEFINE_integer("cases", 16, "Number of cases, evenly spaced over the split.")
+    flags.DEFINE_string("answers", "", "File saved by the page; default: STUDY/human.json.")
+    flags.DEFINE_multi_string("workdir", [], "Folder of a run to compare with; repeatable.")
+    flags.DEFINE_multi_string("weights", [], "Name or file of weights; repeatable.")
+    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Checkpoint of the runs.")
+    flags.DEFINE_integer("points", 1024, "Points of each cloud.", lower_bound=16)
+    app.run(_main, flags_parser=parse_flags)

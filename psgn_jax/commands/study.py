@@ -1,0 +1,131 @@
+"""Runs an experiment of the paper: `psgn study NAME --workdir=DIR`.
+
+mean_shape: mean shapes under CD and EMD. networks: vanilla, two-branch and hourglass networks.
+branches: the points of each branch. losses: training by CD against training by EMD. completion: RGB
+against RGB-D input. ambiguity: several predictions for one image by Mo2, Mo8 and the cVAE.
+comparison: predicted volumes, compared with 3D-R2N2.
+
+The trainings are ordinary runs in `DIR/CONFIG-SEED`. The same command continues a stopped study.
+`branches` and `losses` measure the runs of `networks` if they get its folder.
+"""
+
+import importlib
+import pathlib
+import sys
+from collections.abc import Callable
+
+from absl import app, flags, logging
+
+from psgn_jax.commands.common import flags_only, keep_compiled, parse_flags
+from psgn_jax.config.experiment import ConfigError, suggestion
+from psgn_jax.system.files import cache_folder
+from psgn_jax.system.memory import keep_freed_memory
+
+
+def _no_data(_: str) -> str:
+    return ""
+
+
+def _usual(_: str) -> str:
+    """The authors' records in their usual folder, or the default data set."""
+    if pathlib.Path("records/authors").is_dir():
+        return "records/authors"
+    from psgn_jax.commands.default_data import default_dataset
+
+    logging.info("no folder in --data: training on the default data set")
+    return default_dataset()
+
+
+def _cabinets(workdir: str) -> str:
+    """Cabinets with hidden depth, rendered in `workdir/data`, or completed."""
+    from data_gen import cameras, job, settings
+    from data_gen.catalogues import doubt
+
+    folder = pathlib.Path(workdir) / "data"
+    # The camera is at elevation 0 in front of the panel and aims at its middle.
+    camera = cameras.CameraSettings(
+        image_size=(64, 64), azimuth=(0.0, 0.0), elevation=(0.0, 0.0), aim=(0.45, 0.45)
+    )
+    options = settings.Settings(views=1, num_points=4096, models_per_shard=64, camera=camera)
+    try:
+        job.render_catalogue(doubt.DoubtCatalogue((80, 8), (4, 8)), folder, options)
+    except (RuntimeError, ValueError) as error:
+        raise ConfigError(f"the study's data set: {error}") from error
+    return str(folder)
+
+
+def _views(_: str) -> str:
+    """Five views of 40 procedural models of each category, rendered in the cache folder."""
+    from data_gen import default, settings
+
+    if not default.can_build():
+        raise ConfigError(
+            "without --data, views of procedural models are rendered, which needs Mitsuba: "
+            "pip install -e '.[render]'"
+        )
+    folder = cache_folder() / f"{default.NAME.rsplit('-', 1)[0]}-40-views-5"
+    options = settings.Settings(views=5, models_per_shard=64)
+    try:
+        return default.build(folder, models_per_category=40, options=options)
+    except (RuntimeError, ValueError) as error:
+        raise ConfigError(f"the study's data set: {error}") from error
+
+
+STUDIES: dict[str, Callable[[str], str]] = {
+    "mean_shape": _no_data,
+    "networks": _usual,
+    "branches": _usual,
+    "losses": _usual,
+    "completion": _usual,
+    "ambiguity": _cabinets,
+    "comparison": _views,
+}
+"""Name -> function from the study's folder to the folder of its records without `--data`."""
+
+
+def _main(argv: list[str]) -> None:
+    with flags_only(argv[:1] + argv[2:]) as values:
+        accepted = f"expected one of {', '.join(STUDIES)}"
+        if len(argv) < 2:
+            raise ConfigError(f"psgn study: no name of a study; {accepted}")
+        name = argv[1]
+        if name not in STUDIES:
+            hint = suggestion(name, STUDIES)
+            raise ConfigError(f"psgn study {name}: no such study; {hint}{accepted}")
+        if values.runs and name not in ("branches", "losses"):
+            raise ConfigError(f"--runs={','.join(values.runs)}: accepted by branches and losses")
+        keep_compiled()
+        keep_freed_memory()
+        from psgn_jax.studies.study import run
+        from psgn_jax.weights.run_folder import load_config
+
+        workdir = values.workdir or f"runs/{name}"
+        data = values.data or ""
+        own_data = bool(values.runs) and bool(load_config(values.runs[0]).data.path)
+        if not data and not own_data:
+            data = STUDIES[name](workdir)
+        text = run(
+            importlib.import_module(f"psgn_jax.studies.{name}").STUDY,
+            workdir,
+            data=data,
+            seeds=values.seeds,
+            steps=values.steps,
+            only=values.only,
+            finished=values.runs,
+        )
+    sys.stdout.write(text)
+
+
+if __name__ == "__main__":
+    flags.DEFINE_string("workdir", None, "Folder of the runs and the results; default: runs/NAME.")
+    flags.DEFINE_string(
+        "data",
+        None,
+        "Folder of records; default: records/authors if it exists, or the default data set; "
+        "ambiguity and comparison render their own.",
+    )
+    flags.DEFINE_integer("seeds", 1, "Runs of each configuration.", lower_bound=1)
+    flags.DEFINE_integer("steps", 0, "Steps of a training; 0 = default.", lower_bound=0)
+    flags.DEFINE_string("only", "", "CONFIG:SEED: train only this run, and measure nothing.")
+    flags.DEFINE_list("runs", [], "Folders of finished runs to measure instead, with commas.")
+    app.run(_main, flags_parser=parse_flags)

@@ -1,0 +1,167 @@
+"""Trained weights as files: `psgn weights COMMAND`.
+
+    psgn weights list [NAME|FILE ...]
+    psgn weights export --workdir=RUN --out=FILE.safetensors
+        [--checkpoint=best|last] [--ema|--no-ema] [--dtype=float16|float32]
+        [--sources=sources.json,more.json] [--samples_before=N]
+
+`list` shows the network, metrics, data and licences of the weights in the package, or of the given
+ones. `export` writes a checkpoint of a run as a file, for `--weights=FILE` of the other commands
+and for `--config.train.init=FILE`. The format is described in `psgn_jax.weights.file`. Exit codes:
+0 done, 2 error, 5 disk full.
+"""
+
+import argparse
+import pathlib
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from psgn_jax.commands.common import exit_on_user_error, log_to_terminal
+from psgn_jax.config.experiment import Config, ConfigError
+from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.schema import RecordError
+from psgn_jax.models import networks
+from psgn_jax.system.untrusted import one_line
+from psgn_jax.weights.file import (
+    DTYPES,
+    Weights,
+    figures_of,
+    read_sources,
+    read_weights,
+    write_weights,
+)
+from psgn_jax.weights.opening import shipped, weights_path
+from psgn_jax.weights.run_folder import open_run
+
+_METRICS = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command; returns its exit code."""
+    parser = argparse.ArgumentParser(
+        prog="psgn weights", description=(__doc__ or "").split("\n")[0]
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    command = commands.add_parser("list", help="show the network, metrics, data and licences")
+    command.add_argument(
+        "names", nargs="*", metavar="NAME|FILE", help="default: all weights in the package"
+    )
+    command = commands.add_parser("export", help="write a checkpoint of a run to a file of weights")
+    command.add_argument("--workdir", required=True, help="folder of the run")
+    command.add_argument("--out", required=True, help="file to be written, *.safetensors")
+    command.add_argument("--checkpoint", default="best", choices=("best", "last"))
+    command.add_argument(
+        "--ema",
+        default=True,
+        action=argparse.BooleanOptionalAction,
+        help="export the averaged parameters, if the run has them",
+    )
+    command.add_argument("--dtype", default="float16", choices=tuple(DTYPES))
+    command.add_argument(
+        "--sources", default="", help="JSON files that list data and licences, separated by commas"
+    )
+    command.add_argument(
+        "--samples_before",
+        type=int,
+        default=0,
+        help="training samples seen before the run, by the networks that it started from",
+    )
+    arguments = parser.parse_args(argv)
+    log_to_terminal()
+    with exit_on_user_error():
+        run = _list if arguments.command == "list" else _export
+        sys.stdout.write(run(arguments))
+    return 0
+
+
+def _list(arguments: argparse.Namespace) -> str:
+    known = list(shipped())
+    if not known and not arguments.names:
+        return "no weights come with this version of the package\n"
+    texts = []
+    for name in arguments.names or known:
+        path = weights_path(name)
+        is_default = bool(known) and path == shipped()[known[-1]]
+        texts.append(describe(read_weights(path), path, is_default=is_default))
+    return "\n".join(texts)
+
+
+def _export(arguments: argparse.Namespace) -> str:
+    before = arguments.samples_before
+    if before < 0:
+        raise ConfigError(f"--samples_before: got {before}, expected 0 or more")
+    rows = [row for path in arguments.sources.split(",") if path for row in read_sources(path)]
+    run = open_run(arguments.workdir, arguments.checkpoint, averaged=arguments.ema)
+    # The scores belong to the averaged parameters, because evaluation uses these if they exist.
+    has_average = run.config.optim.ema_decay > 0
+    averaged = arguments.ema and has_average
+    figures = figures_of(
+        run.config,
+        run.params,
+        step=run.step,
+        averaged=averaged,
+        metrics=run.scores if averaged or not has_average else {},
+        data=_data_of(run.config),
+    )
+    figures["samples_seen"] += before
+    weights = Weights(run.config, run.params, figures, rows, arguments.dtype)
+    write_weights(arguments.out, weights)
+    return describe(weights, pathlib.Path(arguments.out))
+
+
+def _data_of(config: Config) -> list[dict[str, Any]]:
+    """Name of each data set; source and number of training samples if its manifest can be read."""
+    if not config.data.path:
+        return [{"name": "default data set"}]
+    rows: list[dict[str, Any]] = []
+    for folder in map(pathlib.Path, dict.fromkeys(config.data.folders)):
+        rows.append({"name": folder.name})
+        try:
+            manifest = load_manifest(folder)
+        except (RecordError, OSError):
+            continue
+        shards = manifest.splits().get(config.data.train_split, ())
+        rows[-1] |= {"source": manifest.source, "samples": sum(shard.count for shard in shards)}
+    return rows
+
+
+def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) -> str:
+    """A description of a file of weights in a few lines."""
+    config, figures = weights.config, weights.figures
+    branches = networks.build(config.model).branches
+    height, width = config.data.image_size
+    metrics = figures["metrics"]
+    shown = [f"{name} {metrics[name]:.5f}" for name in _METRICS if metrics.get(name) is not None]
+    rows = {
+        "network": f"{config.model.name}, {figures['parameters'] / 1e6:.2f} M parameters, "
+        f"{weights.dtype}, {path.stat().st_size / 1e6:.1f} MB; {'+'.join(config.data.inputs)} of "
+        f"{height}x{width} pixels to {len(branches.fc) + len(branches.deconv)} points",
+        "training": f"step {figures['step']}, {figures['samples_seen']} samples seen"
+        + (", averaged parameters" if figures.get("averaged") else ""),
+        "figures": ", ".join(shown) or "none were measured",
+        "data": ", ".join(map(_data, figures["data"])) or "not stated",
+        "licences": "; ".join(map(_licences, weights.sources)) or "not stated",
+    }
+    title = path.stem + (" (default)" if is_default else "")
+    lines = [title, *(f"  {name:9} {text}" for name, text in rows.items())]
+    return "".join(f"{one_line(line)}\n" for line in lines)
+
+
+def _data(row: Mapping[str, Any]) -> str:
+    samples = f" ({row['samples']} samples)" if "samples" in row else ""
+    return f"{row.get('name', '?')}{samples}"
+
+
+def _licences(row: Mapping[str, Any]) -> str:
+    texts = []
+    for name, each in row["licences"].items():
+        holders = ", ".join(map(str, each.get("holders") or []))
+        count = f"{each['models']} models" if "models" in each else ""
+        details = ": ".join(part for part in (count, holders) if part)
+        texts.append(f"{name} ({details})" if details else name)
+    return f"{row['source']}: {', '.join(texts) or 'not stated'}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

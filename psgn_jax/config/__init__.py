@@ -1,0 +1,5 @@
+"""The configuration: dataclasses, parsing, named recipes."""
+
+from psgn_jax.config.experiment import Config, ConfigError, parse, to_dict
+
+__all__ = ["Config", "ConfigError", "parse", "to_dict"]

@@ -1,0 +1,482 @@
+"""The configuration: frozen dataclasses, and checks that involve several fields.
+
+`parse` turns an `ml_collections.ConfigDict` (or any nested mapping) into a `Config`. The names,
+annotations and defaults of the dataclasses here and in `config.data` are the complete
+specification. Every error is a `ConfigError` with a message of one line, which names the field, its
+value and what is accepted.
+
+Lengths are in the project's unit, the radius of the object's bounding hemisphere; image sizes are
+(height, width) in pixels.
+"""
+
+import dataclasses
+import json
+import os
+import pathlib
+import types
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from psgn_jax.config.data import DERIVED
+from psgn_jax.config.data import DataConfig as DataConfig
+from psgn_jax.config.structured import (
+    Bounds,
+    ConfigError,
+    Count,
+    Fraction,
+    NonNegative,
+    Positive,
+    PositiveInt,
+    Size,
+    build,
+    to_dict,
+    wrong,
+)
+from psgn_jax.config.structured import flatten as flatten
+from psgn_jax.config.structured import suggestion as suggestion
+from psgn_jax.system.untrusted import parse_json, with_checksum, without_checksum
+
+# Decay rates of Adam and of the parameter average. At 1 the mean would never change.
+Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
+Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
+Task = Literal["points", "refine", "volume", "views"]
+Version = Literal["vanilla", "two_branch", "hourglass"]
+
+
+def has_deconv_branch(version: str) -> bool:
+    """Whether a version of the network has a deconv branch besides the fc branch."""
+    return version != "vanilla"
+
+
+CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
+"""Number of channels of each input, see `models.inputs.stack_channels`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelConfig:
+    """The network (paper, section "Point Set Prediction Network").
+
+    The default sizes are those of the authors' published network.
+
+    Attributes:
+      name: version of the network, see `models.point_out_net`.
+      widths: number of feature maps at each resolution level, full size first; each level halves
+        the size.
+      width_multiplier: factor of all hidden widths, except those of the posterior network. If it is
+        not 1, the results are rounded to multiples of 8 and are at least 8.
+      fc_points: number of points of the fully connected branch; all points of `vanilla`.
+      deconv_level: level at which the deconv branch ends (3 = an eighth of the image size).
+      deconv_channels: number of output channels of the deconv branch, 3 for each point of a cell.
+      fc_widths: hidden widths of the fully connected branch.
+      random_size: dimension of the random input r; 0 = none.
+      random_at: where r enters: "bottleneck" affects the points of both branches; "fc" affects only
+        the points of the fully connected branch, which is cheaper (for `vanilla` these are all
+        points).
+      posterior: train as a conditional variational autoencoder: in training, r is drawn from the
+        distribution that the posterior network predicts from the ground truth (`models.posterior`).
+        Elsewhere r is drawn from the prior N(0, I).
+      posterior_widths: feature maps of the posterior network's 3D convolutions, each of which
+        halves the 32^3 grid.
+      posterior_hidden: width of the posterior network's dense layer.
+      compute_dtype: dtype of the arithmetic in the network; parameters are always float32.
+      image_size: filled in from `data`; not a key of a configuration file.
+      in_channels: filled in from `data`, like `image_size`.
+    """
+
+    name: Version = "two_branch"
+    widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
+    width_multiplier: Factor = 1.0
+    fc_points: Annotated[int, Bounds(low=0, high=1_000_000)] = 256
+    deconv_level: Count = 3
+    deconv_channels: Size = 3
+    fc_widths: tuple[Size, ...] = (2048, 1024)
+    random_size: Annotated[int, Bounds(low=0, high=1_000_000)] = 0
+    random_at: Literal["bottleneck", "fc"] = "bottleneck"
+    posterior: bool = False
+    posterior_widths: tuple[Size, ...] = (32, 64, 128)
+    posterior_hidden: Size = 128
+    compute_dtype: Literal["float32", "bfloat16"] = "float32"
+    image_size: tuple[int, int] = dataclasses.field(default=(192, 256), metadata=DERIVED)
+    in_channels: int = dataclasses.field(default=4, metadata=DERIVED)
+
+    @property
+    def divisor(self) -> int:
+        """The network pads both image sides to multiples of this."""
+        return 2 ** (len(self.widths) - 1)
+
+
+@dataclasses.dataclass(frozen=True)
+class LossConfig:
+    """The loss.
+
+    Attributes:
+      name: an entry of `losses.by_name.LOSSES`, or a weighted sum of entries, each with its own
+        number of true points, such as "emd_mean@1024 + 5*chamfer_sq_mean".
+      l2: "authors" adds `l2_scale` times the L2 terms of `tasks.points.l2_authors`.
+      l2_scale: weight of these terms; the authors' value is 0.1.
+      emd_tolerance: accepted relative error of the assignment, for losses with an EMD.
+      min_of_n: number of draws of the random input for each sample and training step, of which only
+        the nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one
+        draw.
+      kl_weight: with `model.posterior`: weight of the Kullback-Leibler divergence from the prior,
+        in the unit of the loss per nat. The variational bound has weight 1 if the loss is -log p of
+        the truth, and 2 sigma^2 if the loss is a sum of squared distances, where sigma is the
+        assumed standard deviation of each coordinate of a point.
+      kl_warmup_steps: number of steps at the start during which the weight grows linearly from 0.
+    """
+
+    name: str = "chamfer_sq_mean"
+    l2: Literal["none", "authors"] = "none"
+    l2_scale: NonNegative = 0.1
+    emd_tolerance: Positive = 0.01
+    min_of_n: Annotated[int, Bounds(low=1, high=1000)] = 1
+    kl_weight: NonNegative = 1.0
+    kl_warmup_steps: Count = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class OptimConfig:
+    """Adam and its schedule.
+
+    Attributes:
+      learning_rate: the peak; the authors' value is 3e-5.
+      schedule: after the warm-up, constant, or half a cosine down to `final_fraction` of the peak.
+      warmup_steps: number of steps of a linear warm-up from 0.
+      final_fraction: ratio of the learning rate at the last step to the peak (cosine only).
+      b1: Adam's decay rate of the mean gradient.
+      b2: Adam's decay rate of the mean squared gradient.
+      eps: Adam's epsilon.
+      clip_norm: largest global norm of the gradient; 0 = no clipping.
+      ema_decay: decay per step of the averaged parameters, which evaluation uses; 0 = no average.
+        Step t (from 0) uses the smaller of `ema_decay` and (t + 1) / (t + 10).
+    """
+
+    learning_rate: Positive = 3e-5
+    schedule: Literal["constant", "cosine"] = "constant"
+    warmup_steps: Count = 0
+    final_fraction: Fraction = 0.0
+    b1: Decay = 0.9
+    b2: Decay = 0.999
+    eps: Positive = 1e-8
+    clip_norm: NonNegative = 0.0
+    ema_decay: Decay = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainConfig:
+    """Length of the training and intervals of its output.
+
+    An interval of 0 disables the output; only `log_every` must be at least 1. A checkpoint is also
+    written at each evaluation and at the end.
+
+    Attributes:
+      batch_size: samples per step, over all devices and processes.
+      steps: total number of updates; 300,000 in the paper.
+      log_every: steps between lines of metrics.
+      eval_every: steps between evaluations on `data.eval_split`; there is one at the end as well.
+      checkpoint_every: steps between checkpoints.
+      images_every: steps between images of predictions in TensorBoard; also at the end.
+      num_images: number of samples in such an image.
+      keep_checkpoints: number of newest checkpoints kept, besides the best one.
+      init: source of the initial parameters, instead of random ones: a file of weights, the name of
+        weights in the package, or the folder of a trained run (its best checkpoint). Several,
+        separated by commas: the mean of their parameters. They are read only before the first step.
+        The state of the optimiser is not restored.
+      init_skip: patterns of the names of layers that keep random initial parameters; `*` matches
+        any text.
+    """
+
+    batch_size: Size = 32
+    steps: PositiveInt = 300_000
+    log_every: PositiveInt = 100
+    eval_every: Count = 5_000
+    checkpoint_every: Count = 1_000
+    images_every: Count = 5_000
+    num_images: Annotated[int, Bounds(low=1, high=1000)] = 6
+    keep_checkpoints: PositiveInt = 2
+    init: str = ""
+    init_skip: tuple[str, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class EvalConfig:
+    """Evaluation, during training and afterwards.
+
+    Attributes:
+      batch_size: samples per step.
+      max_samples: number of samples, from the beginning of the split, that are evaluated during
+        training; 0 = all.
+      fscore_threshold: distance in units below which a point is correct.
+      emd_tolerance: accepted relative error of the earth mover's distance, which compares a
+        prediction with equally many true points; 0 = no EMD.
+      visible_tolerance: a true point is visible if a surface point of the depth image is within
+        this distance, in units (`data.visibility`); 0 = no metrics of visible and hidden points.
+        Records without depth never have these metrics.
+      aligned: whether to measure, during training as well, the distances after the best scale and
+        shift of each prediction (`evaluation.aligned`, about 35 ms of a CPU core per sample). The
+        command `evaluate` always does.
+    """
+
+    batch_size: Size = 32
+    max_samples: Count = 0
+    fscore_threshold: Positive = 0.01
+    emd_tolerance: NonNegative = 0.01
+    visible_tolerance: Annotated[float, Bounds(low=0, high=0.1)] = 0.025
+    aligned: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class VoxelConfig:
+    """Settings of the tasks on solid volumes (see `Config`).
+
+    The description of each field begins with the task that reads it.
+
+    Attributes:
+      from_cd: "refine": folder of a run trained by CD, whose clouds are an input. At least one of
+        `from_cd` and `from_emd` is required. When the refiner starts for the first time, it copies
+        the best checkpoint of that run into its own folder; the copy does not change later.
+      from_emd: "refine": likewise, of a run trained by EMD.
+      from_volume: "refine": folder of a run of the task "volume", whose prediction is an input as
+        well; "" = no such input.
+      widths: "refine": widths of the five hidden layers.
+      cell: "views": the recurrent cell of 3D-R2N2.
+      width_multiplier: "views": factor of all widths.
+      max_views: "views": largest number of views of each model in a training batch; the number is
+        drawn for each batch, at least 1.
+      eval_views: "views": numbers of views in an evaluation; the best checkpoint is chosen by the
+        first of them.
+    """
+
+    from_cd: str = ""
+    from_emd: str = ""
+    from_volume: str = ""
+    widths: tuple[Size, Size, Size, Size, Size] = (16,) * 5
+    cell: Literal["gru", "lstm"] = "gru"
+    width_multiplier: Factor = 1.0
+    max_views: Annotated[int, Bounds(low=1, high=1000)] = 5
+    eval_views: tuple[PositiveInt, ...] = (1, 3, 5)
+
+    @property
+    def sources(self) -> dict[str, str]:
+        """Folders of the runs that a refiner reads, by field name; empty fields are left out."""
+        names = ("from_cd", "from_emd", "from_volume")
+        return {name: getattr(self, name) for name in names if getattr(self, name)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Config:
+    """Everything a run depends on.
+
+    Attributes:
+      seed: seed of all random numbers.
+      task: "points" predicts a cloud from an image. The others use the solid volumes of the
+        records: "refine" predicts a volume from the clouds of trained networks; "volume" predicts
+        the volume of the object (a number) from an image; "views" is 3D-R2N2, a volume from one or
+        more images.
+    """
+
+    seed: Annotated[int, Bounds(low=0, high=2**63 - 1)] = 0
+    data: DataConfig = dataclasses.field(default_factory=DataConfig)
+    model: ModelConfig = dataclasses.field(default_factory=ModelConfig)
+    loss: LossConfig = dataclasses.field(default_factory=LossConfig)
+    optim: OptimConfig = dataclasses.field(default_factory=OptimConfig)
+    train: TrainConfig = dataclasses.field(default_factory=TrainConfig)
+    eval: EvalConfig = dataclasses.field(default_factory=EvalConfig)
+    task: Task = "points"
+    voxels: VoxelConfig = dataclasses.field(default_factory=VoxelConfig)
+
+
+REMOVED: Mapping[str, Any] = types.MappingProxyType(
+    {"data.on_device": False, "loss.emd_schedule": "scaling"}
+)
+"""Fields of removed features, with the only value that is still accepted: the old default."""
+
+
+def parse(config: Any) -> Config:
+    """Checks a nested mapping and converts it to a `Config`; missing keys have their defaults.
+
+    Args:
+      config: an `ml_collections.ConfigDict` or a nested mapping; lists are accepted for tuples.
+
+    Raises:
+      ConfigError: a key is unknown, a type is wrong, a value is out of range, or fields contradict
+        each other; the message names the field, its value and what is accepted.
+    """
+    parsed = build(Config, _without_removed(config), "")
+    views = parsed.task == "views"
+    parsed = dataclasses.replace(
+        parsed,
+        data=dataclasses.replace(
+            parsed.data,
+            occupancy=parsed.task != "points",
+            train_views=parsed.voxels.max_views if views else 0,
+            eval_views=max(parsed.voxels.eval_views, default=0) if views else 0,
+        ),
+        model=dataclasses.replace(
+            parsed.model,
+            image_size=parsed.data.image_size,
+            in_channels=sum(CHANNELS_OF[name] for name in parsed.data.inputs),
+        ),
+    )
+    _check_together(parsed)
+    return parsed
+
+
+def _without_removed(config: Any) -> Any:
+    """The mapping without the fields in `REMOVED`."""
+    tree = config.to_dict() if hasattr(config, "to_dict") else config
+    if not isinstance(tree, Mapping):
+        return tree
+    tree = {key: dict(v) if isinstance(v, Mapping) else v for key, v in tree.items()}
+    for name, value in REMOVED.items():
+        section, _, field = name.partition(".")
+        if isinstance(tree.get(section), dict) and field in tree[section]:
+            given = tree[section].pop(field)
+            if given != value:
+                raise ConfigError(f"{name}={given!r}: this was removed; accepted: {value!r}")
+    return tree
+
+
+def check_paths(config: Config) -> None:
+    """Raises `ConfigError` if the data that the configuration names do not exist."""
+    data = config.data
+    for name, folders, empty in (
+        ("path", data.folders, "the default data set"),
+        ("eval_path", data.eval_folders, "those of data.path"),
+    ):
+        for path in dict.fromkeys(folders):
+            if not pathlib.Path(path).is_dir():
+                what = "is not a folder" if os.path.exists(path) else "does not exist"
+                raise ConfigError(
+                    f"data.{name}={path!r} {what}; accepted: folders of records, separated by "
+                    f"commas, or '' for {empty}"
+                )
+
+
+def to_json(config: Config) -> str:
+    """The configuration as the text of `config.json`, with a checksum."""
+    return json.dumps(with_checksum(to_dict(config)), indent=2) + "\n"
+
+
+class DamagedError(ConfigError):
+    """A stored configuration is not JSON, or its checksum does not match."""
+
+
+def from_json(text: str) -> Config:
+    """Reads the text of `to_json`.
+
+    Raises:
+      DamagedError: it is not a text of `to_json`.
+      ConfigError: the configuration is wrong.
+    """
+    try:
+        raw = parse_json(text)
+    except ValueError as error:
+        raise DamagedError(f"it is not JSON: {error}") from None
+    try:
+        return parse(without_checksum(raw))
+    except ValueError as error:
+        raise error if isinstance(error, ConfigError) else DamagedError(str(error)) from None
+
+
+def _check_together(config: Config) -> None:
+    """Checks that involve several fields, or that annotations cannot express."""
+    data, model, loss, voxels = config.data, config.model, config.loss, config.voxels
+    levels, task = f"(model.widths has {len(model.widths)} levels)", config.task
+
+    def require(met: object, path: str, accepted: str) -> None:
+        if not met:
+            section, _, field = path.partition(".")
+            raise wrong(path, getattr(getattr(config, section), field), accepted)
+
+    require(
+        len(set(data.inputs)) == len(data.inputs) and "rgb" in data.inputs,
+        "data.inputs",
+        "'rgb' and any of 'mask', 'depth', each once",
+    )
+    require(len(model.widths) > 1, "model.widths", "at least two resolution levels")
+    # Smaller images would consist mostly of padding (to multiples of the divisor).
+    smallest = max(8, model.divisor // 2)
+    require(
+        min(data.image_size) >= smallest,
+        "data.image_size",
+        f"(height, width) of at least {smallest} pixels each {levels}; multiples of "
+        f"{model.divisor} need no padding",
+    )
+    require(
+        model.fc_widths or not model.fc_points,
+        "model.fc_widths",
+        "at least one width, such as (1024,)",
+    )
+    if has_deconv_branch(model.name):
+        deepest = len(model.widths) - 2
+        require(model.deconv_level <= deepest, "model.deconv_level", f"0 to {deepest} {levels}")
+        require(model.deconv_channels % 3 == 0, "model.deconv_channels", "a multiple of 3")
+    else:
+        require(
+            model.fc_points, "model.fc_points", f"at least 1 (all the points of {model.name!r})"
+        )
+    require(
+        model.random_at != "fc" or model.fc_points,
+        "model.random_at",
+        "'bottleneck', because there is no fc branch (model.fc_points=0)",
+    )
+    require(
+        loss.min_of_n == 1 or model.random_size,
+        "loss.min_of_n",
+        "1, since without a random input (model.random_size=0) all draws are equal",
+    )
+    if model.posterior:
+        require(model.random_size, "model.random_size", "at least 1 with model.posterior=True")
+        require(
+            loss.min_of_n == 1,
+            "loss.min_of_n",
+            "1 with model.posterior=True, which draws r once per sample, given the truth",
+        )
+        require(1 <= len(model.posterior_widths) <= 5, "model.posterior_widths", "1 to 5 widths")
+    require(
+        config.train.init or not config.train.init_skip, "train.init_skip", "() without train.init"
+    )
+    steps = config.train.steps
+    require(
+        config.optim.warmup_steps < steps,
+        "optim.warmup_steps",
+        f"fewer than train.steps={steps}",
+    )
+    if task == "points":
+        return
+    for field in ("stretch", "place", "reframe_scale", "reframe_shift"):
+        require(
+            not getattr(data, field),
+            f"data.{field}",
+            f"0 with task={task!r} (volumes are not transformed)",
+        )
+    require(loss.l2 == "none", "loss.l2", f"'none' with task={task!r}")
+    if task == "refine":
+        require(
+            voxels.from_cd or voxels.from_emd,
+            "voxels.from_cd",
+            "the folder of a trained run (or voxels.from_emd)",
+        )
+    if task == "volume":
+        require(
+            not any(side % model.divisor for side in data.image_size),
+            "data.image_size",
+            f"multiples of {model.divisor} for 'volume'",
+        )
+    if task == "views":
+        require("depth" not in data.inputs, "data.inputs", "'rgb' and 'mask' with task='views'")
+        for field in ("zoom", "shift"):
+            require(not getattr(data, field), f"data.{field}", "0 with task='views'")
+        counts = voxels.eval_views
+        require(
+            counts and len(set(counts)) == len(counts),
+            "voxels.eval_views",
+            "numbers of views, each once",
+        )
+
+
+def require_points_task(config: Config, what: str) -> None:
+    """Raises `ConfigError` if the run does not predict points, which `what` needs."""
+    if config.task != "points":
+        raise ConfigError(f"task={config.task!r}: {what} expects a run of the task 'points'")

@@ -1,0 +1,201 @@
+"""Builds frozen dataclasses from nested mappings and validates every key and value.
+
+The dataclass is the specification: its field names, annotations (`Annotated[int, Bounds(low=1)]`,
+`Literal`, tuples, nested dataclasses) and defaults. A wrong key or value raises a `ConfigError`.
+Its message is one line with the field, its value and the accepted values.
+
+A field with the metadata `{"derived": "NAMES"}` is computed from the fields or flags in NAMES. It
+is not accepted as a key and is not written out.
+"""
+
+import dataclasses
+import difflib
+import math
+import typing
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+from psgn_jax.system.errors import UserError
+
+T = TypeVar("T")
+
+
+class ConfigError(UserError):
+    """The configuration is wrong."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """Accepted interval of a number; `open_low` and `open_high` exclude the end points."""
+
+    low: float | int = -math.inf
+    high: float | int = math.inf
+    open_low: bool = False
+    open_high: bool = False
+
+    def holds(self, value: float | int) -> bool:
+        """Returns whether `value` is in the interval."""
+        above = value > self.low if self.open_low else value >= self.low
+        return above and (value < self.high if self.open_high else value <= self.high)
+
+    def __str__(self) -> str:
+        ends = [
+            (self.low, ">" if self.open_low else ">="),
+            (self.high, "<" if self.open_high else "<="),
+        ]
+        return " and ".join(
+            f"{sign} {end if isinstance(end, int) else format(end, 'g')}"
+            for end, sign in ends
+            if math.isfinite(end)
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Within:
+    """Accepted pairs (low, high) of numbers: both in an interval, and not in reverse order."""
+
+    low: float
+    high: float
+
+    def holds(self, value: tuple[float, float]) -> bool:
+        """Returns whether the pair is accepted."""
+        return self.low <= value[0] <= value[1] <= self.high
+
+    def __str__(self) -> str:
+        return f"(low, high) from {self.low:g} to {self.high:g}"
+
+
+LARGEST_INT = 2**31 - 1
+"""Largest count in a configuration, because counts are int32 on devices."""
+
+Count = Annotated[int, Bounds(low=0, high=LARGEST_INT)]
+PositiveInt = Annotated[int, Bounds(low=1, high=LARGEST_INT)]
+Size = Annotated[int, Bounds(low=1, high=1_000_000)]
+NonNegative = Annotated[float, Bounds(low=0)]
+Positive = Annotated[float, Bounds(low=0, open_low=True)]
+Fraction = Annotated[float, Bounds(low=0, high=1)]
+
+
+def build(cls: type[T], node: Any, prefix: str = "") -> T:
+    """Builds a dataclass from a mapping; missing keys get their defaults.
+
+    Args:
+      cls: the dataclass.
+      node: an `ml_collections.ConfigDict` or a mapping; lists are accepted as tuples.
+      prefix: prefix of the field names in messages, such as "model.".
+
+    Raises:
+      ConfigError: an unknown key, a wrong type or a value out of range.
+    """
+    if hasattr(node, "to_dict"):
+        node = node.to_dict()
+    if not isinstance(node, Mapping):
+        raise wrong(prefix.rstrip("."), node, f"a section with {_listed(_keys(cls))}")
+    keys = _keys(cls)
+    for key in node:
+        if key in keys:
+            continue
+        path = f"{prefix}{key}"
+        for field in dataclasses.fields(cls):  # type: ignore[arg-type]
+            if field.name == key:
+                raise ConfigError(f"{path} follows from {field.metadata['derived']}; remove it")
+        raise ConfigError(
+            f"{path} is not a field; {suggestion(str(key), keys)}accepted: {_listed(keys)}"
+        )
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return cls(**{key: _convert(hints[key], value, prefix + key) for key, value in node.items()})
+
+
+def to_dict(config: Any) -> dict[str, Any]:
+    """Nested dict of a configuration dataclass, without derived fields; the inverse of `build`."""
+    return {
+        field.name: to_dict(value) if dataclasses.is_dataclass(value) else value
+        for field in dataclasses.fields(config)
+        if not field.metadata.get("derived")
+        for value in [getattr(config, field.name)]
+    }
+
+
+def flatten(config: Any) -> dict[str, Any]:
+    """`{"train.steps": 2000, ...}`, without derived fields."""
+
+    def walk(node: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+        flat: dict[str, Any] = {}
+        for key, value in node.items():
+            if isinstance(value, Mapping):
+                flat |= walk(value, f"{prefix}{key}.")
+            else:
+                flat[prefix + key] = value
+        return flat
+
+    return walk(to_dict(config), "")
+
+
+def suggestion(name: str, choices: typing.Iterable[str]) -> str:
+    """`"did you mean 'x'? "` if one of `choices` is similar to `name`, else ""."""
+    near = difflib.get_close_matches(name, list(choices), n=1)
+    return f"did you mean {near[0]!r}? " if near else ""
+
+
+def wrong(path: str, value: Any, accepted: str, hint: str = "") -> ConfigError:
+    """The error for a wrong field, with its path, its value and the accepted values."""
+    shown = " ".join(repr(value).split())
+    shown = shown if len(shown) <= 80 else shown[:77] + "..."
+    return ConfigError(f"{path or 'config'}={shown}: {hint}accepted: {accepted}")
+
+
+def _convert(hint: Any, value: Any, path: str) -> Any:
+    """Converts `value` to the type of the annotation `hint`, or raises `ConfigError`."""
+    if dataclasses.is_dataclass(hint):
+        return build(typing.cast(type, hint), value, path + ".")
+    origin, args = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        converted = _convert(args[0], value, path)
+        for bounds in args[1:]:
+            if not bounds.holds(converted):
+                kind = "range" if isinstance(bounds, Within) else "number"
+                raise wrong(path, value, f"a {kind} {bounds}")
+        return converted
+    if origin is Literal:
+        if not isinstance(value, str) or value not in args:
+            hint_text = suggestion(value, args) if isinstance(value, str) else ""
+            raise wrong(path, value, _listed(map(repr, args)), hint_text)
+        return value
+    if origin is tuple:
+        return _convert_tuple(args, value, path)
+    if hint is bool or hint is str:
+        if not isinstance(value, hint):
+            raise wrong(path, value, "True or False" if hint is bool else "a string")
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise wrong(path, value, "an integer" if hint is int else "a number")
+    if hint is int:
+        if not isinstance(value, int):
+            raise wrong(path, value, "an integer")
+        return value
+    if not math.isfinite(value):
+        raise wrong(path, value, "a finite number")
+    return float(value)
+
+
+def _convert_tuple(args: tuple[Any, ...], value: Any, path: str) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        raise wrong(path, value, "a tuple")
+    if args[-1] is Ellipsis:
+        hints = args[:1] * len(value)
+    elif len(value) == len(args):
+        hints = args
+    else:
+        raise wrong(path, value, f"a tuple of {len(args)}")
+    return tuple(
+        _convert(hint, item, f"{path}[{i}]")
+        for i, (hint, item) in enumerate(zip(hints, value, strict=True))
+    )
+
+
+def _keys(cls: Any) -> list[str]:
+    return [f.name for f in dataclasses.fields(cls) if not f.metadata.get("derived")]
+
+
+def _listed(names: typing.Iterable[str]) -> str:
+    return ", ".join(names)

@@ -1,0 +1,151 @@
+"""Metrics of every sample of a split, and their averages.
+
+There are two averages: over samples, and over categories (each category has the same weight).
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from psgn_jax.data.schema import OCCUPANCY_SIZE
+from psgn_jax.losses.iou import PREDICTION_THRESHOLDS
+
+OVER_SAMPLES, OVER_CATEGORIES = "mean over samples", "mean over categories"
+THRESHOLD_OF = "threshold_of_"
+"""`THRESHOLD_OF` + the name of a metric is the key of the threshold chosen for that metric."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One row of the table: a category (or an average), its number of samples, its mean metrics."""
+
+    name: str
+    count: int
+    metrics: dict[str, float]
+
+
+class SampleName(NamedTuple):
+    """Identifies the sample of a row of `samples.csv`; `record` is its index in the split."""
+
+    record: int
+    category: str
+    model_id: str
+    view: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluation:
+    """Metrics of every sample of a split, in order.
+
+    Attributes:
+      split: the split's name.
+      names: one per sample.
+      metrics: name -> float64 [samples].
+      threshold: distance threshold of the F-score, in units.
+      num_points: numbers of points of a predicted and of a true cloud; most metrics depend on both.
+      visible_tolerance: largest distance of a visible true point from a point that the depth image
+        measured, in units (`data.visibility`).
+      note: text below the table, in place of the default text about points; "" = default text.
+      frame: "place" if images were placed by the rule of `data.framing` and the true points were
+        moved with them; "keep" if not.
+      chosen: values that were chosen on a split (this or an earlier one) and used in the
+        evaluation, such as thresholds.
+    """
+
+    split: str
+    names: list[SampleName]
+    metrics: dict[str, np.ndarray]
+    threshold: float
+    num_points: tuple[int, int]
+    visible_tolerance: float = 0.0
+    note: str = ""
+    frame: str = "keep"
+    chosen: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def means(self) -> dict[str, float]:
+        """Every metric's mean over samples.
+
+        Samples without visible points are left out of the means of the metrics of visible points;
+        if no sample has any, the mean is NaN. The same holds for hidden points. In all other
+        metrics a NaN makes the mean NaN.
+        """
+        everything = range(len(self.names))
+        return {name: _mean(self._counted(name, everything)) for name in self.metrics}
+
+    def _counted(self, name: str, indices: Sequence[int]) -> np.ndarray:
+        """A metric of some samples.
+
+        A metric of visible (hidden) points leaves out samples without visible (hidden) points.
+        """
+        values, share = self.metrics[name][list(indices)], self.metrics.get("visible_share")
+        if share is not None and "_visible" in name:
+            return values[share[list(indices)] > 0]
+        if share is not None and "_hidden" in name:
+            return values[share[list(indices)] < 1]
+        return values
+
+    def rows(self) -> list[Row]:
+        """A row per category, sorted by name, then the mean over samples and over categories."""
+        members: dict[str, list[int]] = {}
+        for i, name in enumerate(self.names):
+            members.setdefault(name.category or "(none)", []).append(i)
+        rows = [
+            Row(name, len(indices), {k: _mean(self._counted(k, indices)) for k in self.metrics})
+            for name, indices in sorted(members.items())
+        ]
+        over_categories = {
+            name: _mean(
+                [_mean(v) for indices in members.values() if len(v := self._counted(name, indices))]
+            )
+            for name in self.metrics
+        }
+        return [
+            *rows,
+            Row(OVER_SAMPLES, len(self.names), self.means),
+            Row(OVER_CATEGORIES, len(self.names), over_categories),
+        ]
+
+
+def at_thresholds(
+    measured: Evaluation, chosen: Mapping[str, float], *, best: str = ""
+) -> Evaluation:
+    """Replaces the sweeps [samples, thresholds] of an evaluation by the values at one threshold.
+
+    Args:
+      measured: the evaluation with sweeps.
+      chosen: `{"threshold_of_iou": .4, ...}` from an earlier evaluation. A threshold that is
+        missing there is chosen here: the one with the best mean over the samples.
+      best: name of the metric for which `one_minus_iou` is added.
+    """
+    metrics: dict[str, np.ndarray] = {}
+    taken: dict[str, float] = {}
+    fresh = []
+    for name, values in measured.metrics.items():
+        if values.ndim == 1:
+            metrics[name] = values
+            continue
+        key = THRESHOLD_OF + name
+        if key in chosen:
+            column = int(np.argmin(np.abs(np.array(PREDICTION_THRESHOLDS) - chosen[key])))
+        else:
+            column = int(np.argmax(values.mean(axis=0)))
+            fresh.append(name)
+        metrics[name] = values[:, column]
+        taken[key] = PREDICTION_THRESHOLDS[column]
+    if best in metrics:
+        metrics["one_minus_iou"] = 1 - metrics[best]
+    where = "on this split" if fresh else "on the split that was evaluated during training"
+    text = ", ".join(f"{k.removeprefix(THRESHOLD_OF)} {v:g}" for k, v in taken.items())
+    note = (
+        f"IoU of {OCCUPANCY_SIZE}^3 solid volumes; thresholds, chosen {where}: {text}."
+        if taken
+        else "Natural logarithms of volumes in radius^3."
+    )
+    return dataclasses.replace(measured, metrics=metrics, note=note, chosen=taken)
+
+
+def _mean(values: Sequence[float] | np.ndarray) -> float:
+    return float(np.mean(values)) if len(values) else float("nan")

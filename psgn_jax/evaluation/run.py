@@ -1,0 +1,128 @@
+"""Evaluates trained networks, and writes tables and a gallery of all samples.
+
+Every sample of a split is evaluated once. The metrics are those of the network's task
+(`Config.task`); for clouds they are defined in `evaluation.clouds.evaluate_pair`. The unit is the
+radius of an object's bounding hemisphere.
+
+Files in `W/eval_<split>_<best|last>/`, where W is the folder of the run: `table.txt`, `table.csv`
+and `table.json` with one row per category and the two averages; `samples.csv` with one row per
+sample.
+"""
+
+import dataclasses
+import pathlib
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from absl import logging
+
+from psgn_jax.config.experiment import Config, ConfigError, require_points_task
+from psgn_jax.evaluation import report as report_lib
+from psgn_jax.evaluation import table
+from psgn_jax.evaluation.results import Evaluation
+from psgn_jax.evaluation.split import OnBatch
+from psgn_jax.models import networks
+from psgn_jax.system import group
+from psgn_jax.system.files import check_folder, write_atomic
+from psgn_jax.viewing.collected import Collector
+from psgn_jax.weights.run_folder import Run
+
+FRAMES = ("keep", "place")
+
+
+def evaluate_run(
+    run: Run,
+    create_task: Callable[[Config, str], Any],
+    *,
+    split: str | None = None,
+    out: str | pathlib.Path | None = None,
+    draws: int = 0,
+    frame: str = "keep",
+    on_batch: OnBatch | None = None,
+) -> Evaluation:
+    """Evaluates an opened network and writes the tables.
+
+    Args:
+      run: the network, from `weights.opening.open_network`. Its `config.data` names the records.
+      create_task: `tasks.create`.
+      split: name of the split; None: `data.eval_split` of the configuration.
+      out: folder for the files; None: `eval_<split>_<checkpoint>` in the folder of the run, or
+        `eval_<weights>_<split>` for weights. With `frame="place"`, `_placed` is appended.
+      draws: number of predictions per image for the metrics of `tasks.points.with_draws`; 0 = none.
+      frame: "keep": use the images of the records as they are. "place": crop and place every image
+        like a photo, and move its true points accordingly (`data.framing`).
+      on_batch: called with (index of the batch, batch, predictions).
+
+    Raises:
+      ConfigError: the task or the data do not fit; the message is one line.
+    """
+    config, workdir = run.config, run.source if run.source_kind == "workdir" else ""
+    split = split or config.data.eval_split
+    if draws:
+        require_points_task(config, "--draws")
+    if frame not in FRAMES:
+        raise ConfigError(f"--frame={frame}: accepted: {', '.join(FRAMES)}")
+    if frame != "keep":
+        require_points_task(config, f"--frame={frame}")
+    config = dataclasses.replace(
+        config,
+        data=dataclasses.replace(config.data, eval_frame=frame),
+        eval=dataclasses.replace(config.eval, aligned=True),
+    )
+    logging.info("evaluating %s, step %d, split %s", run.source, run.step, split)
+    name = f"{workdir}/eval_{split}_{run.checkpoint}" if workdir else f"eval_{run.source}_{split}"
+    folder = pathlib.Path(out or name + ("_placed" if frame == "place" else ""))
+    check_folder(folder, "--out")
+    result: Evaluation = create_task(config, workdir).evaluate(
+        run.params, split=split, on_batch=on_batch, chosen=run.scores, draws=draws
+    )
+    if not group.is_first():
+        return result
+    write_atomic(folder / "table.txt", table.text(result))
+    write_atomic(folder / "table.csv", table.csv_text(result))
+    write_atomic(folder / "samples.csv", table.samples_csv(result))
+    origin = {run.source_kind: run.source, "step": run.step, "frame": frame}
+    if workdir:
+        origin["checkpoint"] = run.checkpoint
+    write_atomic(folder / "table.json", table.json_text(result, **origin))
+    logging.info("tables written to %s", folder)
+    return result
+
+
+def report_runs(
+    folder: str | pathlib.Path,
+    runs: Sequence[Run],
+    create_task: Callable[[Config, str], Any],
+    **options: Any,
+) -> Evaluation:
+    """Evaluates one network, or two for a comparison, and writes the gallery (`evaluation.report`).
+
+    Args:
+      folder: folder for the pages.
+      runs: one or two networks.
+      create_task: `tasks.create`.
+      **options: options of `evaluate_run`; `out` applies to the first network only.
+
+    Returns:
+      The evaluation of the first network.
+
+    Raises:
+      ConfigError: the errors of `evaluate_run`, or the networks are evaluated on different samples.
+    """
+    for run in runs:
+        require_points_task(run.config, "--report")
+    reported: list[Any] = []
+    for run in runs:
+        collector = Collector(folder)
+        result = evaluate_run(run, create_task, on_batch=collector, **options)
+        options["out"] = None
+        label = pathlib.Path(run.source).resolve().name
+        num_fc = len(networks.build(run.config.model).branches.fc)
+        reported.append(report_lib.Run(label, result, collector, num_fc))
+    try:
+        page = report_lib.write_report(folder, reported)
+    except ValueError as error:
+        raise ConfigError(f"--report: {error}") from error
+    logging.info("gallery written to %s", page)
+    evaluation: Evaluation = reported[0].evaluation
+    return evaluation

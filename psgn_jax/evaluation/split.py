@@ -1,0 +1,153 @@
+"""Evaluation on a split: every sample is predicted and counted once.
+
+Several processes (`system.group`) divide the batches among themselves; each gets the whole
+result.
+"""
+
+import contextlib
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jax.sharding import Mesh, NamedSharding
+from jax.sharding import PartitionSpec as P
+
+from psgn_jax.config.experiment import Config, ConfigError
+from psgn_jax.data import loader
+from psgn_jax.evaluation.results import Evaluation, SampleName
+from psgn_jax.system import group
+from psgn_jax.system.cores import compiler_options
+
+OnBatch = Callable[[int, Any, np.ndarray], None]
+
+
+def evaluate_split(
+    config: Config,
+    params: Any,
+    eval_step: Callable[..., Any],
+    *,
+    split: str | None = None,
+    max_samples: int = 0,
+    on_batch: OnBatch | None = None,
+) -> Evaluation:
+    """Metrics of a network on a split.
+
+    Args:
+      config: configuration of the run.
+      params: parameters of the network.
+      eval_step: maps (params, batch on the host, index of the batch) to predictions and metrics
+        with a row for each sample; see `compile_measure`.
+      split: name of the split; None = `config.data.eval_split`.
+      max_samples: evaluate only this many samples, from the start of the split; 0 = all.
+      on_batch: called with (index of the batch, batch, predictions); what it raises ends the
+        evaluation.
+
+    Raises:
+      ConfigError: the split has no samples.
+    """
+    split = split or config.data.eval_split
+    process, count = group.index_and_count()
+    batches = loader.eval_batches(
+        config.data,
+        split=split,
+        batch_size=config.eval.batch_size,
+        seed=config.seed,
+        visible_tolerance=config.eval.visible_tolerance,
+        process_index=process,
+        process_count=count,
+    )
+    names: list[SampleName] = []
+    parts: list[dict[str, np.ndarray]] = []
+    num_pred = 0
+    with contextlib.closing(batches):
+        for index, batch in zip(itertools.count(process, count), batches, strict=False):
+            start = index * config.eval.batch_size
+            if max_samples and start >= max_samples:
+                break
+            points, metrics = eval_step(params, batch, index)
+            keep = np.flatnonzero(batch["valid"])[: max_samples - start if max_samples else None]
+            names += [
+                SampleName(start + i, batch["category"][i], batch["model_id"][i], batch["view"][i])
+                for i in keep.tolist()
+            ]
+            parts.append({k: np.asarray(rows, np.float64)[keep] for k, rows in metrics.items()})
+            num_pred = points.shape[1]
+            if on_batch:
+                on_batch(index, batch, np.asarray(points))
+    # JAX returns the metrics sorted by name; those after aligning the clouds are put last.
+    metric_names = sorted(parts[0] if parts else (), key=lambda name: name.startswith("aligned_"))
+    values = {name: np.concatenate([part[name] for part in parts]) for name in metric_names}
+    if count > 1:
+        own = [names, {name: array.tolist() for name, array in values.items()}, num_pred]
+        names, values, num_pred = _merged(group.gather(own))
+    if not names:
+        raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
+    return Evaluation(
+        split,
+        names,
+        values,
+        config.eval.fscore_threshold,
+        (num_pred, config.data.num_eval_points),
+        config.eval.visible_tolerance,
+        frame=config.data.eval_frame,
+    )
+
+
+def _merged(parts: Sequence[Any]) -> tuple[list[SampleName], dict[str, np.ndarray], int]:
+    """The measurements of all processes, the samples in the order of the records."""
+    filled = [part for part in parts if part[0]]
+    if not filled:
+        return [], {}, 0
+    names = [SampleName(*name) for part in filled for name in part[0]]
+    order = np.argsort([name.record for name in names])
+    values = {
+        metric: np.concatenate([np.array(part[1][metric], np.float64) for part in filled])[order]
+        for metric in filled[0][1]
+    }
+    return [names[i] for i in order], values, filled[0][2]
+
+
+def compile_measure(
+    measure: Callable[[Any, Any], Any],
+    random_columns: Callable[[Any, int], Mapping[str, Any]],
+    keys: Sequence[str],
+    batch_size: int,
+) -> Callable[[Any, Any, int], Any]:
+    """Compiled (params, batch on the host, its index) -> (predictions, metrics).
+
+    The batch is split over the devices of this process, or computed by one device if their number
+    does not divide it.
+
+    Args:
+      measure: a pytree that is called with (params, batch) of one device's share.
+      random_columns: (index of the batch, its size) -> random inputs, a row for each sample.
+      keys: arrays of a batch that `measure` needs.
+      batch_size: number of samples of a batch.
+    """
+    devices = jax.local_devices()
+    mesh = Mesh(np.asarray(devices[: 1 if batch_size % len(devices) else None]), ("data",))
+    everywhere, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
+    sharded = jax.shard_map(
+        lambda measure, params, batch: measure(params, batch),
+        mesh=mesh,
+        in_specs=(P(), P(), P("data")),
+        out_specs=P("data"),
+        check_vma=False,
+    )
+
+    def step(measure: Any, params: Any, batch: Mapping[str, Any], index: Any) -> Any:
+        return sharded(measure, params, {**batch, **random_columns(index, len(batch["image"]))})
+
+    compiled = jax.jit(step, compiler_options=compiler_options())
+    measure = jax.device_put(measure, everywhere)
+
+    def run(params: Any, batch: Mapping[str, Any], index: int) -> Any:
+        # The parameters may be on more devices than the evaluation uses. A batch has `visible`
+        # only if the records have depth.
+        params = jax.device_put(params, everywhere)
+        arrays = {key: batch[key] for key in (*keys, "visible") if key in batch}
+        return compiled(measure, params, jax.device_put(arrays, split), np.int32(index))
+
+    return run

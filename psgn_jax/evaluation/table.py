@@ -1,0 +1,178 @@
+"""Writes an evaluation as a table: text, CSV and JSON, one row per category and two averages."""
+
+import csv
+import io
+import json
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from psgn_jax.evaluation.aligned import ITERATIONS, LARGEST_SCALE, LEAST_SCALE
+from psgn_jax.evaluation.results import OVER_CATEGORIES, OVER_SAMPLES, Evaluation, SampleName
+from psgn_jax.system.files import finite_or_none
+from psgn_jax.system.untrusted import one_line
+
+_COLUMNS = (
+    "cd_sq_radius2",
+    "cd_l1_radius",
+    "emd_radius",
+    "fscore",
+    "cd_sq_gt_to_pred_visible_radius2",
+    "cd_sq_gt_to_pred_hidden_radius2",
+    "visible_share",
+    "aligned_cd_sq_radius2",
+    "aligned_emd_radius",
+)
+
+
+Lines = Sequence[Sequence[str]]
+"""Cells of a table: the header row, then the other rows."""
+
+
+def aligned(lines: Lines, *, apart: int = 0) -> str:
+    """A table as text: the first column left-aligned, a rule before the last `apart` rows."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    text = [
+        "  ".join(
+            cell.rjust(width) if i else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
+        )
+        for line in lines
+    ]
+    rule = "-" * len(text[0])
+    text.insert(1, rule)
+    if apart:
+        text.insert(len(text) - apart, rule)
+    return "\n".join(text) + "\n"
+
+
+def markdown(lines: Lines) -> str:
+    """A table in Markdown."""
+    head, *rows = lines
+    ruled = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in ruled) + "\n"
+
+
+def header(evaluation: Evaluation, metric: str) -> str:
+    """The column header of a metric: its name and unit."""
+    if of_draws := re.fullmatch(r"(.*)_(best|mean)_of_(\d+)", metric):
+        return f"{of_draws[2]} of {of_draws[3]} draws: {header(evaluation, of_draws[1])}"
+    return {
+        "cd_sq_radius2": "CD squared [radius^2]",
+        "cd_sq_pred_to_gt_radius2": "pred to truth [radius^2]",
+        "cd_sq_gt_to_pred_radius2": "truth to pred [radius^2]",
+        "cd_l1_radius": "CD-L1 [radius]",
+        "emd_radius": "EMD [radius]",
+        "total_mutual_difference_radius2": "total mutual difference [radius^2]",
+        "fscore": f"F-score at {evaluation.threshold:g} radius [%]",
+        "cd_sq_gt_to_pred_visible_radius2": "visible truth to pred [radius^2]",
+        "cd_sq_gt_to_pred_hidden_radius2": "hidden [radius^2]",
+        "cd_l1_gt_to_pred_visible_radius": "visible truth to pred [radius]",
+        "cd_l1_gt_to_pred_hidden_radius": "hidden truth to pred [radius]",
+        "visible_share": "visible [%]",
+        "aligned_cd_sq_radius2": "aligned CD squared [radius^2]",
+        "aligned_emd_radius": "aligned EMD [radius]",
+        "aligned_scale": "scale of the alignment [factor]",
+        "log_volume_abs_error": "|log predicted - log true volume|",
+    }.get(metric, f"{metric} [fraction]")
+
+
+def text(evaluation: Evaluation) -> str:
+    """The table as text."""
+    names = [name for name in _COLUMNS if name in evaluation.metrics]
+    if evaluation.note:
+        names = list(evaluation.metrics)
+    names += [name for name in evaluation.metrics if "_of_" in name or "mutual" in name]
+    head = ["category", "samples", *(header(evaluation, name) for name in names)]
+    body = [
+        [one_line(row.name), str(row.count), *(_number(name, row.metrics[name]) for name in names)]
+        for row in evaluation.rows()
+    ]
+    table = aligned([head, *body], apart=2)
+    if evaluation.note:
+        return f"{table}\nSplit {evaluation.split!r}. {evaluation.note}\n"
+    return table + _note_on_points(evaluation)
+
+
+def csv_text(evaluation: Evaluation) -> str:
+    """The table as CSV; F-score, precision and recall are fractions, not percentages."""
+    rows = [[r.name, r.count, *r.metrics.values()] for r in evaluation.rows()]
+    return csv_of(["category", "samples", *evaluation.metrics], rows)
+
+
+def samples_csv(evaluation: Evaluation) -> str:
+    """The metrics as CSV, one row per sample."""
+    columns = [values.tolist() for values in evaluation.metrics.values()]
+    rows = [[*name, *numbers] for name, *numbers in zip(evaluation.names, *columns, strict=True)]
+    return csv_of([*SampleName._fields, *evaluation.metrics], rows)
+
+
+def json_text(evaluation: Evaluation, **others: Any) -> str:
+    """The table as JSON; `others` are added as further keys.
+
+    F-score, precision and recall are fractions. Numbers that are not finite become null.
+    """
+    *categories, over_samples, over_categories = evaluation.rows()
+    of_points = {
+        "num_pred_points": evaluation.num_points[0],
+        "num_gt_points": evaluation.num_points[1],
+        "fscore_threshold": evaluation.threshold,
+    }
+    document = {
+        **others,
+        "split": evaluation.split,
+        "samples": over_samples.count,
+        **(evaluation.chosen if evaluation.note else of_points),
+        "categories": {
+            r.name: {"samples": r.count, **finite_or_none(r.metrics)} for r in categories
+        },
+        OVER_SAMPLES.replace(" ", "_"): finite_or_none(over_samples.metrics),
+        OVER_CATEGORIES.replace(" ", "_"): finite_or_none(over_categories.metrics),
+    }
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+
+
+def _note_on_points(evaluation: Evaluation) -> str:
+    emd = visibility = aligned = frame = ""
+    if "emd_gap" in evaluation.metrics:
+        gap = 100 * float(np.max(evaluation.metrics["emd_gap"]))
+        emd = f""" EMD: mean distance
+between matched points of the prediction and of as many true points, each of which is used once; it
+is at most {gap:.2f} % above the minimum."""
+    if "visible_share" in evaluation.metrics:
+        tolerance = evaluation.visible_tolerance
+        visibility = f"""
+Visible: true points within {tolerance:g} radius of what the depth image measured;
+hidden: the others. Their columns: mean over such points of the squared distance to the nearest
+predicted one."""
+    if "aligned_cd_sq_radius2" in evaluation.metrics:
+        aligned = f"""
+Aligned: the same distances after a scale in [{LEAST_SCALE:g}, {LARGEST_SCALE:g}] and a shift of
+each prediction that bring it nearest to its truth ({ITERATIONS} nearest-neighbour iterations)."""
+    if evaluation.frame == "place":
+        frame = """
+Images were cropped and placed like photos, and the true points were moved accordingly. The unit is
+that of the frame; an object has radius 1 before it is placed and about 0.8 to 1.2 afterwards."""
+    num_pred, num_gt = evaluation.num_points
+    return f"""
+Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones.
+radius = that of an object's bounding hemisphere, the unit of all coordinates.
+CD squared: mean over predicted points of the squared distance to the nearest true point, plus the
+mean over true points of that to the nearest predicted one. CD-L1: half the sum of both means of the
+distances themselves.{emd}{visibility}{aligned}{frame}
+"""
+
+
+def _number(metric: str, value: float) -> str:
+    if metric in ("fscore", "visible_share"):
+        return f"{100 * value:.2f}"
+    return f"{value:.5f}"
+
+
+def csv_of(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """A table as CSV."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows([head, *rows])
+    return buffer.getvalue()

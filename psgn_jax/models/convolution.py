@@ -1,0 +1,39 @@
+"""Convolutions of batches as pure functions; kernels have the axes [..., c_in, c_out].
+
+They are XLA's. On a CPU `models.networks` sets `faster` to oneDNN's, which computes some of them;
+results agree up to rounding, so that checkpoints do not depend on what computes.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from jax import lax
+
+from psgn_jax.array_types import Array, Float
+
+faster: Callable[..., Array | None] | None = None
+"""(x, kernel, stride, transposed) -> the result, or None to leave it to XLA."""
+
+_LAYOUT: dict[int, Any] = {4: ("NHWC", "HWIO", "NHWC"), 5: ("NDHWC", "DHWIO", "NDHWC")}
+
+
+def convolve(
+    x: Float[Array, "b *size c_in"], kernel: Float[Array, "*taps c_in c_out"], stride: int = 1
+) -> Float[Array, "b *out c_out"]:
+    """Convolution (cross-correlation) of images or volumes, SAME padding of TensorFlow.
+
+    The output has `ceil(size / stride)` cells along each axis.
+    """
+    if faster is not None and (y := faster(x, kernel, stride, False)) is not None:
+        return y
+    strides, layout = (stride,) * (x.ndim - 2), _LAYOUT[x.ndim]
+    return lax.conv_general_dilated(x, kernel, strides, "SAME", dimension_numbers=layout)
+
+
+def convolve_transposed(
+    x: Float[Array, "b h w c_in"], kernel: Float[Array, "kh kw c_in c_out"], stride: int = 2
+) -> Float[Array, "b ho wo c_out"]:
+    """Transposed convolution of images, SAME padding: the output is `stride` times as large."""
+    if faster is not None and (y := faster(x, kernel, stride, True)) is not None:
+        return y
+    return lax.conv_transpose(x, kernel, (stride,) * 2, "SAME", dimension_numbers=_LAYOUT[4])

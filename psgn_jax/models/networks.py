@@ -1,0 +1,158 @@
+"""One door to the networks: constructors, initial parameters, random input, predicted clouds.
+
+A new network that predicts clouds is a class with the properties of `PointOutNet` (`branches`,
+`grid`, `num_points`) and an entry of `NETWORKS`, whose key `config.experiment.Version` accepts. All
+random numbers are functions of the seed, of a purpose and of a step.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, cast
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+
+from psgn_jax.array_types import Array, PRNGKey
+from psgn_jax.config.experiment import Config, ModelConfig, VoxelConfig
+from psgn_jax.models import convolution, cpu_convolution, posterior, r2n2, voxels
+from psgn_jax.models.inputs import network_inputs
+from psgn_jax.models.point_out_net import PointOutNet
+
+convolution.faster = cpu_convolution.convolve
+
+DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
+"""The accepted values of `model.compute_dtype`."""
+
+# Purposes of random numbers, which are folded into the key of the seed.
+_INIT, _TRAIN_RANDOM, _EVAL_RANDOM, _INIT_POSTERIOR = 0, 1, 2, 3
+
+
+def build(config: ModelConfig) -> PointOutNet:
+    """The network that predicts clouds."""
+    return NETWORKS[config.name](config)
+
+
+def build_posterior(config: ModelConfig) -> posterior.Posterior:
+    """The network that predicts the distribution of r from the truth, for `model.posterior`."""
+    return posterior.Posterior(
+        tuple(config.posterior_widths), config.posterior_hidden, config.random_size
+    )
+
+
+def build_volume_net(config: ModelConfig) -> voxels.VolumeNet:
+    """The network that predicts the volume of an object from its image."""
+    widths = scaled_widths(config.widths, config.width_multiplier)
+    (hidden,) = scaled_widths((512,), config.width_multiplier)
+    return voxels.VolumeNet(widths, hidden, DTYPES[config.compute_dtype])
+
+
+def build_refiner(config: ModelConfig, sizes: VoxelConfig) -> voxels.VoxelRefiner:
+    """The network that turns clouds, and optionally a volume, into occupancy."""
+    return voxels.VoxelRefiner(sizes.widths, DTYPES[config.compute_dtype])
+
+
+def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> r2n2.RecurrentVolume:
+    """3D-R2N2 with the published widths times `voxels.width_multiplier`."""
+    factor = sizes.width_multiplier
+    dense, hidden = scaled_widths((r2n2.DENSE_WIDTH, r2n2.HIDDEN_WIDTH), factor)
+    return r2n2.RecurrentVolume(
+        sizes.cell,
+        scaled_widths(r2n2.CONV_WIDTHS, factor),
+        dense,
+        hidden,
+        scaled_widths(r2n2.DECODER_WIDTHS, factor),
+        DTYPES[config.compute_dtype],
+    )
+
+
+def scaled_widths(widths: Sequence[int], multiplier: float) -> tuple[int, ...]:
+    """Widths times `multiplier`, rounded to multiples of 8, at least 8; unchanged if it is 1."""
+    if multiplier == 1:
+        return tuple(widths)
+    return tuple(max(8, 8 * round(width * multiplier / 8)) for width in widths)
+
+
+def _point_out_net(config: ModelConfig) -> PointOutNet:
+    return PointOutNet(
+        version=config.name,
+        image_size=config.image_size,
+        in_channels=config.in_channels,
+        widths=scaled_widths(config.widths, config.width_multiplier),
+        fc_points=config.fc_points,
+        fc_widths=scaled_widths(config.fc_widths, config.width_multiplier),
+        deconv_level=config.deconv_level,
+        deconv_channels=config.deconv_channels,
+        random_size=config.random_size,
+        random_at=config.random_at,
+        dtype=DTYPES[config.compute_dtype],
+    )
+
+
+NETWORKS: dict[str, Callable[[ModelConfig], PointOutNet]] = {
+    "vanilla": _point_out_net,
+    "two_branch": _point_out_net,
+    "hourglass": _point_out_net,
+}
+"""Key: `model.name`."""
+
+
+def init_key(config: Config) -> PRNGKey:
+    """Key of the initial parameters."""
+    return jax.random.fold_in(jax.random.key(config.seed), _INIT)
+
+
+def random_key(seed: int, step: Array | int, *, train: bool = True) -> PRNGKey:
+    """Key of the random input r at a training step, or at a batch of an evaluation."""
+    purpose = _TRAIN_RANDOM if train else _EVAL_RANDOM
+    return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), purpose), step)
+
+
+def init_params(config: Config, model: nn.Module) -> Any:
+    """Initial parameters of the network and, with `model.posterior`, of the posterior network.
+
+    A pure function for use in jit.
+    """
+    height, width = config.model.image_size
+    image = jnp.zeros((1, height, width, config.model.in_channels))
+    r = jnp.zeros((1, config.model.random_size)) if config.model.random_size else None
+    params = model.init(init_key(config), image, r)["params"]
+    if config.model.posterior:
+        key = jax.random.fold_in(jax.random.key(config.seed), _INIT_POSTERIOR)
+        own = build_posterior(config.model).init(key, jnp.zeros((1, *posterior.GRID)))["params"]
+        params = {**params, posterior.NAME: own}
+    return params
+
+
+def input_keys(config: Config) -> tuple[str, ...]:
+    """Keys of the arrays of a batch that the network and its loss read."""
+    depth = ("depth", "extrinsics") if "depth" in config.data.inputs else ()
+    return ("image", "mask", "points", *depth)
+
+
+def random_input(
+    config: Config, step: Array | int, batch_size: int, *, train: bool
+) -> Array | None:
+    """Random input r ~ N(0, I) [B, random_size], or None without one.
+
+    For training with `loss.min_of_n` > 1 it is [B, min_of_n, random_size]. Source: paper, section
+    "Generation of Multiple Plausible Shapes".
+
+    Args:
+      config: configuration of the run.
+      step: number of the training step, or of the batch of an evaluation.
+      batch_size: B, over all devices and processes.
+      train: whether the input is for training.
+    """
+    if not config.model.random_size:
+        return None
+    key = random_key(config.seed, step, train=train)
+    draws = (config.loss.min_of_n,) if train and config.loss.min_of_n > 1 else ()
+    return jax.random.normal(key, (batch_size, *draws, config.model.random_size))
+
+
+def predict(
+    config: Config, model: nn.Module, params: Any, batch: Mapping[str, Any], r: Array | None
+) -> Array:
+    """Points [B,N,3] of a batch's images; [B,draws,N,3] if r is [B,draws,random_size]."""
+    x = network_inputs(config.data.inputs, batch)
+    return cast(Array, model.apply({"params": params}, x, r))

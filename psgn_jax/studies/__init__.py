@@ -1,0 +1,1 @@
+"""Experiments of the paper; `study` has their common parts."""

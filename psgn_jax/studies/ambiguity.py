@@ -1,0 +1,293 @@
+"""Several plausible shapes for one image: `psgn study ambiguity`.
+
+The data are cabinets (`data_gen.catalogues.doubt`) whose depth cannot be seen from the front, but
+can be seen when the cabinet is turned. A deterministic network, Mo2 and Mo8 (trained on the best of
+2 and of 8 draws of the random input) and the conditional variational autoencoder are trained on
+both. Measured are distances from the truth, the spread (standard deviation over draws) of the
+output points along the hidden direction x and along y and z, the depths of the drawn cabinets
+beside their true distribution, and the metrics of `evaluation.samples` for the true shapes that
+share an image.
+
+Source: Fan, Su, Guibas, CVPR 2017, sections "Generation of Multiple Plausible Shapes" and
+"Predicting Multiple Plausible Shapes", which show images and no numbers. Data, measures and goals
+are **ours**. Unit of lengths: the radius of the bounding hemisphere.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from psgn_jax.array_types import Array
+from psgn_jax.config.experiment import Config
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data.schema import RecordError
+from psgn_jax.evaluation import samples as sample_metrics
+from psgn_jax.evaluation.table import Lines
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.models import networks
+from psgn_jax.prediction import sampling
+from psgn_jax.studies import figures, study
+from psgn_jax.system.untrusted import parse_json
+from psgn_jax.viewing import spheres
+from psgn_jax.weights.run_folder import open_run
+
+NUM_DRAWS = 8
+"""K, the number of draws that are compared."""
+
+NUM_MEASURED = 32
+"""Number of draws per image whose depth is measured."""
+
+# Geometry of `data_gen.catalogues.doubt` before normalisation: position of the front of the body
+# along x, from the middle of the rail; and length of the deepest body.
+BODY_BEGINS, DEEPEST = 0.94, 1.94
+DEPTH_RANGE = (0.15, 1.0)
+
+BASE: study.Overrides = {
+    "data.image_size": (64, 64),
+    "data.num_points": 1024,
+    "data.num_eval_points": 2048,
+    "data.cache": True,
+    "data.flip": False,  # because all turned cabinets are rotated in the same direction
+    "model.widths": (8, 16, 32, 64, 64),
+    "model.deconv_level": 2,
+    "model.fc_widths": (256, 256),
+    "model.posterior_widths": (8, 16, 32),
+    "model.posterior_hidden": 64,
+    "optim.learning_rate": 1.5e-3,
+    "optim.schedule": "cosine",
+    "optim.warmup_steps": 75,
+    "optim.final_fraction": 0.01,
+    "optim.clip_norm": 1.0,
+    "optim.ema_decay": 0.998,
+    "train.batch_size": 16,
+    "train.steps": 1500,
+    "train.log_every": 50,
+    "eval.emd_tolerance": 0,
+}
+
+
+def configs(base: Config, _: Callable[[str], str]) -> dict[str, study.Overrides]:
+    """The four networks."""
+    random: study.Overrides = {"model.random_size": 8}
+    kl = {"loss.kl_weight": 2e-4, "loss.kl_warmup_steps": base.train.steps // 4}
+    return {
+        "deterministic": {},
+        "Mo2": {**random, "loss.min_of_n": 2},
+        "Mo8": {**random, "loss.min_of_n": 8},
+        "cVAE": {**random, **kl, "model.posterior": True},
+    }
+
+
+# --- The cabinets -------------------------------------------------------------------------------
+
+
+class Cabinet(NamedTuple):
+    """Parameters of a sample: seed of what is visible from the front, scale, hidden depth."""
+
+    seed: int
+    scale: float
+    depth: float
+
+
+def cabinets(data: str) -> list[Cabinet]:
+    """The parameters of every validation record, in order."""
+    reader = RecordReader(data, "validation")
+    known: list[Cabinet] = []
+    for sample in (reader[index] for index in range(len(reader))):
+        try:
+            entry = parse_json(sample.extra)["parameters"]
+            depth = float(entry["hidden"]["depth"])
+            known.append(Cabinet(int(entry["seed"]), float(entry["scale"]), depth))
+        except (ValueError, KeyError, TypeError) as error:
+            raise RecordError(
+                f"data set {data!r}: {sample.model_id!r} lacks the study's parameters ({error!r}); "
+                "expected records of data_gen.catalogues.doubt"
+            ) from None
+    return known
+
+
+def measured_depth(points: np.ndarray, scale: float) -> float:
+    """The hidden depth of a cabinet seen from the front, measured from its points [n, 3].
+
+    The far end of the body is the 5 % quantile of x over the points above the rail. The back face
+    of the body has more than 5 % of these points, and less than 5 % are stray points.
+    `data_gen.catalogues.doubt` describes the body and the rail.
+
+    Args:
+      points: points in the frame of a sample of the kind `front`.
+      scale: scale of the cabinet, which does not depend on the hidden depth.
+    """
+    above = points[points[:, 2] > 0.1, 0]
+    if not len(above):
+        return DEPTH_RANGE[0]
+    return float((BODY_BEGINS - np.quantile(above, 0.05) / scale) / DEEPEST)
+
+
+# --- Measures -----------------------------------------------------------------------------------
+
+
+@jax.jit
+def _cross(draws: Array, truths: Array) -> Array:
+    return sampling.cross_distances(draws, truths, chamfer_sq_mean)
+
+
+def of_draws(draws: np.ndarray, truth: np.ndarray, scale: float) -> dict[str, float]:
+    """Measures of the draws [k, n, 3] for one image with true points [m, 3]."""
+    some = draws[:NUM_DRAWS]
+    distances = np.asarray(_cross(some, truth[None]))
+    found = {
+        "CD of one draw [radius^2]": float(distances.mean()),
+        "CD of the best draw [radius^2]": float(distances.min()),
+    }
+    if len(draws) == 1:
+        return found
+    variance = some.var(axis=0).mean(axis=0)
+    depths = np.array([measured_depth(cloud, scale) for cloud in draws])
+    difference = sample_metrics.total_mutual_difference(_cross(some, some))
+    return {
+        **found,
+        "total mutual difference [radius^2]": float(difference),
+        "depth: Wasserstein-1 from its true distribution": _from_uniform(depths),
+        "depth: coverage of the range": sample_metrics.range_coverage(depths, *DEPTH_RANGE),
+        "depth: mean": float(depths.mean()),
+        "depth: standard deviation": float(depths.std()),
+        "hidden": float(variance[0]),
+        "visible": float(variance[1:].mean()),
+    }
+
+
+def _from_uniform(depths: np.ndarray) -> float:
+    return sample_metrics.wasserstein_1(depths, np.linspace(*DEPTH_RANGE, 1001))
+
+
+def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]:
+    """The results [samples] of `of_draws`, for each kind of images, and spreads over all samples.
+
+    Args:
+      each: arrays of all samples.
+      front: bool [samples]: which images are ambiguous.
+    """
+    result: dict[str, Any] = {}
+    total = []
+    for kind, of in (("front", front), ("turned", ~front)):
+        for key, values in each.items():
+            if key not in ("hidden", "visible") and not (kind == "turned" and "depth" in key):
+                result[f"{kind}: {key}"] = np.where(of, values, np.nan)
+        if "hidden" in each:
+            hidden, visible = each["hidden"][of].mean(), each["visible"][of].mean()
+            result[f"{kind}: spread along x [radius]"] = hidden**0.5
+            result[f"{kind}: spread along y and z [radius]"] = visible**0.5
+            total.append(hidden + 2 * visible)
+            if kind == "front":
+                ratio = (hidden / visible) ** 0.5
+                result["front: spread along x / along y and z (goal: at least 3)"] = ratio
+    if total:
+        result["spread, turned / front (goal: at most 1/3)"] = (total[1] / total[0]) ** 0.5
+        # For comparison: as many draws from the true distribution.
+        exact = np.random.default_rng(0).uniform(*DEPTH_RANGE, (200, NUM_MEASURED))
+        result["depth: Wasserstein-1 of exact draws"] = np.mean([_from_uniform(d) for d in exact])
+        result["depth: standard deviation of exact draws"] = np.ptp(DEPTH_RANGE) / 12**0.5
+    return result
+
+
+class Shown(NamedTuple):
+    """Data of the figure: a sample, true shapes with the same image, and draws."""
+
+    sample: study.Sample
+    shapes: Sequence[np.ndarray]
+    draws: np.ndarray
+
+
+def measure(run: study.Run) -> study.Measured:
+    """Measures a network on the whole validation split."""
+    config, params = run.config, open_run(run.folder, "last").params
+    model, known = networks.build(config.model), cabinets(config.data.path)
+    cases: list[study.Sample] = []
+    each: list[dict[str, float]] = []
+
+    def draw(case: study.Sample) -> dict[str, float]:
+        draws = case["pred"][None]
+        if config.model.random_size:
+            batch = {key: case[key][None] for key in ("image", "mask")}
+            sample = sampling.sampler(config, model, NUM_MEASURED)
+            draws = np.asarray(sample(params, batch, 0, len(cases))[0])
+        each.append(of_draws(draws, case["points"], known[len(cases)].scale))
+        cases.append({**case, "draws": draws})
+        return {}
+
+    found = study.evaluate(run, draw, keys=(*study.CASE, "mask"), split="validation")
+    front = np.array([name.category == "front" for name in found.names])
+    metrics = by_kind({key: np.array([of[key] for of in each]) for key in each[0]}, front)
+    groups: dict[int, list[int]] = {}  # samples with the same image
+    for i in np.flatnonzero(front).tolist():
+        groups.setdefault(known[i].seed, []).append(i)
+    if config.model.random_size:
+        pairs = [
+            _cross(cases[i[0]]["draws"][:NUM_DRAWS], np.stack([cases[j]["points"] for j in i]))
+            for i in groups.values()
+        ]
+        for key, function in (
+            ("minimum matching distance [radius^2]", sample_metrics.minimum_matching_distance),
+            ("coverage of the true shapes", sample_metrics.coverage),
+        ):
+            metrics[key] = np.mean([function(distances) for distances in pairs])
+    # The samples that share the first ambiguous image, and its draws, sorted by depth.
+    sharing = sorted(min(groups.items())[1][:5], key=lambda i: known[i].depth)
+    first, scale = cases[sharing[0]], known[sharing[0]].scale
+    some = sorted(first["draws"][:6], key=lambda cloud: measured_depth(cloud, scale))
+    shown = Shown(first, [cases[i]["points"] for i in sharing], np.stack(some))
+    arrays = {key: np.atleast_1d(value) for key, value in metrics.items()}
+    about = f"{found.about}, {NUM_DRAWS} draws, {NUM_MEASURED} for depths"
+    return found._replace(metrics=arrays, shown=shown, about=about)
+
+
+# --- Table and figure ---------------------------------------------------------------------------
+
+
+def ratios(results: study.Results) -> list[Lines]:
+    """The best of K draws, divided by the prediction of the deterministic network."""
+    best = {}
+    for name, runs in results.items():
+        key = "front: CD of the best draw [radius^2]"
+        best[name] = float(np.mean([np.nanmean(run.metrics[key]) for run in runs]))
+    alone = best.pop("deterministic", np.nan)
+    cells = [f"{value / alone:.3f}" for value in best.values()]
+    return [[["", *best], ["best of K / deterministic (goal: at most .7)", *cells]]]
+
+
+def figure(results: study.Results) -> figures.Figure:
+    """Predictions for one image, sorted by depth, seen from three angles.
+
+    A network with a single draw is followed by true shapes instead of further draws.
+    """
+    rows, labels = [], []
+    for name, runs in results.items():
+        sample, shapes, draws = runs[0].shown
+        clouds = {f"draw {i + 1}": cloud for i, cloud in enumerate(draws)}
+        if len(draws) == 1:
+            step = max(1, len(shapes[0]) // draws.shape[1])
+            clouds = {"prediction": draws[0]}
+            clouds |= {f"true shape {i + 1}": c[::step] for i, c in enumerate(shapes)}
+        # Rotated shapes are wider than those in the image.
+        zoom = np.array([[0.85, 1, 1], [1, 0.85, 1], [1, 1, 1]])
+        case = {**sample, "intrinsics": sample["intrinsics"] * zoom}
+        for angle in (45, 90, 180):
+            panels = figures.clouds(case, spheres.by_height(clouds), (angle,)).values()
+            rows.append(dict(zip(("image", *clouds), panels, strict=True)))
+            labels.append(f"{name}, {angle} degrees")
+    return figures.grid(rows, labels=labels)
+
+
+STUDY = study.Study(
+    "ambiguity",
+    BASE,
+    configs,
+    {},
+    figure,
+    measure,
+    tables=ratios,
+    recipe="base",
+    note="front: ambiguous images; turned: unambiguous ones. Depths are divided by the largest.",
+)

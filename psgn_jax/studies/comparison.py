@@ -1,0 +1,378 @@
+"""Volumes, compared with 3D-R2N2: `psgn study comparison`.
+
+Trained are the point networks `cd` and `emd`; `volume`, which predicts the logarithm of the
+object's volume; the paper's voxel head with four sets of inputs (`HEADS`); and 3D-R2N2 (`r2n2`) on
+one to five views, for the training time of the head `OURS` and the three networks that it reads.
+Measured on the test split, or on the evaluation split if there is none:
+
+- IoU of 32^3 grids. Thresholds are chosen on the evaluation split;
+- CD and EMD of 1,024 points by the paper's protocol: grids are converted to clouds by farthest
+  point sampling, here from 4,096 points on the surface of the occupied cells (**ours**: the paper
+  does not state which points of a grid are sampled); and, **ours**, to the true surface points;
+- recall of thin parts (**ours**): the share of the true cells in no 2x2x2 block of occupied cells
+  that a predicted grid contains.
+
+The figure shows, for up to six categories, the test sample with the most thin cells.
+
+Source: Fan, Su, Guibas, CVPR 2017, section "Comparison to state-of-the-art", table and figures;
+Choy et al., "3D-R2N2", ECCV 2016. The networks are smaller than theirs; the data differ.
+"""
+
+import dataclasses
+import itertools
+import json
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from absl import logging
+
+from psgn_jax import tasks
+from psgn_jax.config.experiment import Config
+from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.sources import shapenet
+from psgn_jax.evaluation.clouds import evaluate_pair
+from psgn_jax.evaluation.table import Lines
+from psgn_jax.losses.farthest_points import farthest_points
+from psgn_jax.models.voxels import GRID_EDGE, GRID_ORIGIN
+from psgn_jax.studies import figures, study
+from psgn_jax.system.files import write_atomic
+from psgn_jax.training import state as state_lib
+from psgn_jax.training import step as step_lib
+from psgn_jax.viewing import spheres
+from psgn_jax.weights.run_folder import open_run
+
+POINTS = ("cd", "emd")
+HEADS = {
+    "head_cd": ("cd",),
+    "head_cd_volume": ("cd", "volume"),
+    "head_cd_emd": ("cd", "emd"),
+    "head_cd_emd_volume": ("cd", "emd", "volume"),
+}
+"""Name of a voxel head -> the runs that it reads."""
+
+OURS, PEER = "head_cd_emd_volume", "r2n2"
+VIEWS = (1, 3, 5)
+NUM_POINTS = 1024
+CANDIDATES = 4096
+"""Number of points on the surface of a volume from which the farthest points are sampled."""
+
+PAPER = {
+    "plane": (0.601, 0.513, 0.549, 0.561),
+    "bench": (0.550, 0.421, 0.502, 0.527),
+    "cabinet": (0.771, 0.716, 0.763, 0.772),
+    "car": (0.831, 0.798, 0.829, 0.836),
+    "chair": (0.544, 0.466, 0.533, 0.550),
+    "monitor": (0.552, 0.468, 0.545, 0.565),
+    "lamp": (0.462, 0.381, 0.415, 0.421),
+    "speaker": (0.737, 0.662, 0.708, 0.717),
+    "firearm": (0.604, 0.544, 0.593, 0.600),
+    "couch": (0.708, 0.628, 0.690, 0.706),
+    "table": (0.606, 0.513, 0.564, 0.580),
+    "cellphone": (0.749, 0.661, 0.732, 0.754),
+    "watercraft": (0.611, 0.513, 0.596, 0.610),
+    "mean": (0.640, 0.560, 0.617, 0.631),
+}
+"""IoU in the paper's table: the paper's network, and 3D-R2N2 with 1, 3 and 5 views, on ShapeNet."""
+
+_CASES = ("chair", "table", "bench", "lamp", "plane", "firearm")
+
+BASE: study.Overrides = {
+    "data.image_size": (96, 128),
+    "data.num_points": NUM_POINTS,
+    "data.flip": True,
+    "data.cache": True,
+    "model.widths": (8, 16, 32, 64, 128, 256),
+    "model.deconv_level": 2,
+    "model.fc_widths": (512, 512),
+    "optim.learning_rate": 1e-3,
+    "optim.schedule": "cosine",
+    "optim.final_fraction": 0.01,
+    "optim.clip_norm": 1.0,
+    "optim.warmup_steps": 100,
+    "train.batch_size": 16,
+    "train.steps": 800,
+    "train.log_every": 20,
+    "train.eval_every": 10**9,  # evaluated at the end, where thresholds are chosen
+    "eval.batch_size": 16,
+    "eval.emd_tolerance": 0.0,
+    "eval.visible_tolerance": 0.0,
+}
+
+
+def configs(base: Config, folder: Callable[[str], str]) -> dict[str, study.Overrides]:
+    """All networks. Those after `cd` have half as many steps."""
+    half = max(1, base.train.steps // 2)
+    emd = {"loss.name": "emd_mean", "loss.emd_tolerance": 0.02, "train.steps": half}
+    head = {
+        "task": "refine",
+        "voxels.widths": (8,) * 5,
+        "train.steps": half,
+        "train.batch_size": 8,
+        # The heads have few parameters and, on a CPU, few steps.
+        "optim.learning_rate": 5 * base.optim.learning_rate,
+    }
+    heads = {
+        name: {**head, **{f"voxels.from_{source}": folder(source) for source in sources}}
+        for name, sources in HEADS.items()
+    }
+    peer = {
+        "task": "views",
+        "voxels.width_multiplier": 0.125,
+        "voxels.max_views": max(VIEWS),
+        "voxels.eval_views": VIEWS,
+        "train.batch_size": 8,
+    }
+    return {
+        "cd": {"data.num_points": 2048, "loss.name": "chamfer_sq_mean"},
+        "emd": emd,
+        "volume": {"task": "volume", "train.steps": half},
+        **heads,
+        PEER: peer,
+    }
+
+
+# --- Training of 3D-R2N2 ------------------------------------------------------------------------
+
+
+def train(run: study.Run) -> None:
+    """Trains a run, 3D-R2N2 for as long as `OURS` and its networks took together."""
+    if run.name == PEER:
+        path = run.folder.with_suffix(".json")
+        if not path.exists():
+            names = (*HEADS[OURS], OURS)
+            others = [run._replace(folder=run.folder.with_name(f"{n}-{run.seed}")) for n in names]
+            seconds = float(np.nansum([study.cost(other)[1] for other in others]))
+            steps = max(1, round(seconds / step_seconds(run)))
+            write_atomic(path, json.dumps({"seconds": seconds, "steps": steps}) + "\n")
+        steps = int(json.loads(path.read_text())["steps"])
+        optim = dataclasses.replace(run.config.optim, warmup_steps=min(100, steps // 4))
+        settings = dataclasses.replace(run.config.train, steps=steps, eval_every=steps)
+        run = run._replace(config=dataclasses.replace(run.config, train=settings, optim=optim))
+    study.train_network(run)
+
+
+def step_seconds(run: study.Run) -> float:
+    """Mean duration of a step of 3D-R2N2 over the possible numbers of views, in seconds.
+
+    The duration is linear in the number of views, so only the smallest and the largest are timed.
+    """
+    config = run.config
+    task, mesh = tasks.create(config, run.folder), step_lib.data_mesh()
+    step, took = step_lib.make_train_step(task, config, mesh), []
+    for count in (1, config.voxels.max_views):
+        shape = (config.train.batch_size, count, *config.data.image_size)
+        batch = {
+            "image": np.zeros((*shape, 3), np.uint8),
+            "mask": np.ones(shape, np.bool_),
+            "occupancy": np.zeros((shape[0], 32, 32, 32), np.bool_),
+        }
+        device_batch = step_lib.put_batch(batch, mesh, task.keys)
+        current, times = jax.jit(lambda: state_lib.create(config, task.init_params()))(), []
+        for _ in range(4):
+            began = time.monotonic()
+            current, _ = jax.block_until_ready(step(current, device_batch))
+            times.append(time.monotonic() - began)
+        took.append(min(times[1:]))
+    return float(np.mean(took))
+
+
+# --- Measures -----------------------------------------------------------------------------------
+
+
+def solid_at(probability: np.ndarray, threshold: float) -> np.ndarray:
+    """Cells at or above a threshold; if there are none, the most probable cells."""
+    volume = probability >= threshold
+    return volume if volume.any() else probability >= probability.max()
+
+
+def thin_cells(volume: np.ndarray) -> np.ndarray:
+    """Occupied cells that are in no 2x2x2 block of occupied cells, bool like `volume`."""
+    padded, n = np.pad(volume, 1), len(volume) + 1
+    ends = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    corners = [np.s_[i : i + n, j : j + n, k : k + n] for i, j, k in ends]
+    blocks = np.logical_and.reduce([padded[corner] for corner in corners])
+    covered = np.zeros_like(padded)
+    for corner in corners:
+        covered[corner] |= blocks
+    return volume & ~covered[1:-1, 1:-1, 1:-1]
+
+
+@jax.jit
+def _sampled(candidates: Any) -> Any:
+    return farthest_points(candidates, NUM_POINTS)
+
+
+@jax.jit
+def _distances(pred: Any, gt: Any) -> dict[str, Any]:
+    return evaluate_pair(pred, gt, emd_tolerance=0.01)
+
+
+def cloud_of(volume: np.ndarray, number: int) -> np.ndarray:
+    """A cloud [1024, 3], by farthest point sampling of the surface of the occupied cells."""
+    solid = shapenet.Solid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
+    points = shapenet.surface_points(solid, CANDIDATES, np.random.default_rng([0, number]))
+    return np.asarray(_sampled(points.astype(np.float32)))
+
+
+def distances(cloud: np.ndarray, case: study.Sample, number: int) -> dict[str, float]:
+    """CD and EMD of a cloud [1024, 3] to the true volume, and to the true surface."""
+    # A random subset, because the points of a record are ordered by position.
+    order = np.random.default_rng([1, number]).permutation(len(case["points"]))
+    surface = case["points"][order[:NUM_POINTS]]
+    values = {}
+    for label, gt in (("volume", cloud_of(case["occupancy"], number)), ("surface", surface)):
+        measured = _distances(cloud, gt)
+        values[f"cd_{label}"] = float(measured["cd_sq_radius2"])
+        values[f"emd_{label}"] = float(measured["emd_radius"])
+    return values
+
+
+def measure(run: study.Run) -> study.Measured:
+    """Measures a run on the test split, as far as its predictions allow; see `METRICS`."""
+    data = dataclasses.replace(run.config.data, occupancy=True)
+    run = run._replace(config=dataclasses.replace(run.config, data=data))
+    splits = set().union(*(load_manifest(folder).splits() for folder in data.eval_folders))
+    split = "test" if "test" in splits else data.eval_split
+    if split != "test":
+        logging.warning("no test split: measuring on the split on which thresholds were chosen")
+    scores = open_run(run.folder, "last").scores
+    key = "threshold_of_iou_1_views" if run.name == PEER else "threshold_of_iou"
+    shown: dict[str, study.Sample] = {}
+    count = itertools.count()
+
+    def of_sample(case: study.Sample) -> dict[str, float]:
+        if run.name == "volume":
+            return {}
+        number, thin, found, pred = next(count), thin_cells(case["occupancy"]), {}, case["pred"]
+        if run.name in POINTS:
+            found = distances(pred[:NUM_POINTS], case, number)
+        else:
+            pred = solid_at(pred, scores[key])
+            found["thin_recall"] = float(pred[thin].mean()) if thin.any() else np.nan
+        if run.name == PEER:
+            found |= distances(cloud_of(pred, number), case, number)
+        category = str(case["category"])
+        if category not in shown or thin.sum() > shown[category]["thin"].sum():
+            shown[category] = {**case, "pred": pred, "thin": thin}
+        return found
+
+    found = study.evaluate(run, of_sample, keys=(*study.CASE, "occupancy", "category"), split=split)
+    metrics = dict(found.metrics)
+    if run.name == PEER:
+        metrics["iou"] = metrics["iou_1_views"]
+    for name in POINTS:
+        if f"iou_splat_{name}" in metrics:
+            metrics[f"gain_{name}"] = metrics["iou"] - metrics[f"iou_splat_{name}"]
+    chosen = [name for name in dict.fromkeys((*_CASES, *sorted(shown))) if name in shown]
+    shown = {name: shown[name] for name in chosen[: len(_CASES)]}
+    return found._replace(metrics=metrics, shown=shown)
+
+
+METRICS = {
+    "iou": "IoU",
+    **{f"iou_{n}_views": f"IoU, {n} views" for n in VIEWS[1:]},
+    **{f"iou_splat_{name}": f"IoU of the cloud of {name} in the grid" for name in POINTS},
+    **{f"gain_{name}": f"IoU - IoU of the cloud of {name}" for name in POINTS},
+    "thin_recall": "recall of thin parts",
+    "cd_volume": "CD squared to the true volume [radius^2]",
+    "emd_volume": "EMD to the true volume [radius]",
+    "cd_surface": "CD squared to the true surface [radius^2]",
+    "emd_surface": "EMD to the true surface [radius]",
+}
+
+
+# --- Table and figure ---------------------------------------------------------------------------
+
+_UNIT = 10 / GRID_EDGE  # the paper's unit of length is a tenth of the grid's edge
+_COLUMNS: dict[str, tuple[str, str, Any]] = {
+    "ours": (OURS, "iou", 1),
+    "3D-R2N2, 1 view": (PEER, "iou", 1),
+    **{f"3D-R2N2, {n}": (PEER, f"iou_{n}_views", 1) for n in VIEWS[1:]},
+    "thin: ours": (OURS, "thin_recall", 1),
+    "thin: 3D-R2N2": (PEER, "thin_recall", 1),
+    **{
+        f"{metric.upper()}{' to surface' if truth == 'surface' else ''}: {who} [{name}]": (
+            run,
+            f"{metric}_{truth}",
+            unit,
+        )
+        for truth in ("volume", "surface")
+        for metric, unit, name in (("cd", _UNIT**2, "u^2"), ("emd", _UNIT, "u"))
+        for who, run in (("ours", metric), ("3D-R2N2", PEER))
+    },
+}
+"""Title -> name of the runs, metric and factor."""
+
+
+def by_category(results: study.Results) -> list[Lines]:
+    """A row for each category, and the means over categories, of IoU also for all heads."""
+    names = results[OURS][0].names
+    categories = np.array([name.category or "(none)" for name in names])
+    more = {name: (name, "iou", 1) for name in HEADS if name != OURS}
+    more |= {f"cloud of {name}": (OURS, f"iou_splat_{name}", 1) for name in POINTS}
+    columns = {**_COLUMNS, **more}
+    kinds = sorted(set(categories.tolist()))
+    rows = {
+        kind: [
+            factor * _mean([run.metrics[metric][categories == kind] for run in results[name]])
+            for name, metric, factor in columns.values()
+        ]
+        for kind in kinds
+    }
+    rows["mean"] = [_mean([[row[i] for row in rows.values()]]) for i in range(len(columns))]
+    lines = [["", "samples", *columns, "paper*: ours", *(f"3D-R2N2*, {n}" for n in VIEWS)]]
+    for name, values in rows.items():
+        count = len(names) if name == "mean" else int((categories == name).sum())
+        paper = [f"{v:.3f}" for v in PAPER.get(name, ())] or ["-"] * 4
+        lines.append([name, str(count), *(f"{value:.3f}" for value in values), *paper])
+    return [lines]
+
+
+def _mean(parts: Sequence[Any]) -> float:
+    """The mean; an object without thin parts has NaN as the recall of thin parts."""
+    values = np.concatenate(parts)
+    values = values[~np.isnan(values)]
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def figure(results: study.Results) -> figures.Figure:
+    """Image, our cloud, our volume, that of 3D-R2N2, the true volume, from two sides.
+
+    Volumes are shown as spheres at the centres of the occupied cells.
+    """
+    rows, titles = [], {"our volume": OURS, "3D-R2N2, 1 view": PEER}
+    for category, case in results["cd"][0].shown.items():
+        solids = {title: results[name][0].shown[category]["pred"] for title, name in titles.items()}
+        clouds, radius = {"our cloud": case["pred"]}, {}
+        for title, solid in {**solids, "true volume": case["occupancy"]}.items():
+            cell = GRID_EDGE / len(solid)
+            clouds[title] = (np.argwhere(solid) + 0.5) * cell + np.array(GRID_ORIGIN)
+            radius[title] = cell / 2
+        rows.append(figures.clouds(case, spheres.by_height(clouds), (0, 90), radius=radius))
+    return figures.grid(rows, labels=list(results["cd"][0].shown))
+
+
+STUDY = study.Study(
+    "comparison",
+    BASE,
+    configs,
+    METRICS,
+    figure,
+    measure,
+    pairs=[
+        ("head_cd_volume", "head_cd"),
+        ("head_cd_emd", "head_cd"),
+        (OURS, "head_cd_emd"),
+        (OURS, PEER),
+    ],
+    tables=by_category,
+    train=train,
+    recipe="base",
+    by_model=True,
+    note="""* printed in the paper: other data (renderings of ShapeNet), networks and trainings. By
+category: means over samples; mean: over categories. u: a tenth of the grid's edge, the paper's
+unit; the edge is 2 radius. The seconds of 3D-R2N2 include compilation for two to five views.""",
+)

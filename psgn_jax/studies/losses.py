@@ -1,0 +1,72 @@
+"""CD against EMD in training: `psgn study losses [--runs=CD_RUN,EMD_RUN]`.
+
+The two-branch networks of the study `networks` are compared, or two other finished runs. The paper
+says that training with the CD "tends to scatter a few points in its uncertain area" and that
+training with the EMD is "more compact" but "sometimes overly shrinks local structures". Hence the
+shares of predicted points farther than `FAR` from the truth (stray), and of true points farther
+than `FAR` from the prediction (missed).
+
+Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure of both, which shows an example and
+no numbers; networks, sizes and measures here are **ours**.
+"""
+
+import functools
+
+import numpy as np
+
+from psgn_jax.studies import figures, networks
+from psgn_jax.studies.study import Results, Sample, Study, evaluate, squared_distances
+
+FAR = 0.1
+"""Distance in radii from which a point counts as stray or missed."""
+
+METRICS = {
+    "cd_sq_radius2": "CD squared [radius^2]",
+    "emd_radius": "EMD [radius]",
+    "cd_l1_radius": "CD-L1 [radius]",
+    "fscore": "F-score [%]",
+    "cd_sq_pred_to_gt_radius2": "predicted points to truth [radius^2]",
+    "cd_sq_gt_to_pred_radius2": "truth to predicted points [radius^2]",
+    "stray": "predicted points farther than .1 from the truth [%]",
+    "missed": "true points farther than .1 from the prediction [%]",
+    "unevenness": "unevenness: std over mean of the distance to the nearest other point",
+}
+# As in the paper.
+COLOURS, TRUTH = ((70, 130, 180), (90, 165, 90)), (165, 165, 165)
+
+
+def measure_sample(case: Sample) -> dict[str, float]:
+    """Stray points, missed points and unevenness of a prediction [n, 3], n > 1."""
+    pred, gt = case["pred"], case["points"]
+    gaps, among = squared_distances(pred, gt), squared_distances(pred, pred)
+    np.fill_diagonal(among, np.inf)
+    spacing = np.sqrt(among.min(axis=1))
+    return {
+        "stray": float(np.mean(gaps.min(axis=1) > FAR**2)),
+        "missed": float(np.mean(gaps.min(axis=0) > FAR**2)),
+        "unevenness": float(spacing.std() / max(spacing.mean(), 1e-12)),
+    }
+
+
+def figure(results: Results) -> figures.Figure:
+    """A row for each sample: image, predictions and truth seen from the camera, then rotated."""
+    rows = []
+    cases = {name: runs[0].shown for name, runs in results.items()}
+    for number, case in next(iter(cases.values())).items():
+        preds = {name: shown[number]["pred"] for name, shown in cases.items()}
+        painted = {name: (preds[name], c) for name, c in zip(preds, COLOURS, strict=False)}
+        step = max(1, len(case["points"]) // len(case["pred"]))
+        painted["truth"] = case["points"][::step], TRUTH
+        rows.append(figures.clouds(case, painted))
+    return figures.grid(rows)
+
+
+STUDY = Study(
+    "losses",
+    networks.BASE,
+    lambda *_: networks.configs(["two_branch"]),
+    METRICS,
+    figure,
+    functools.partial(evaluate, of_sample=measure_sample),
+    pairs=[("two_branch_emd", "two_branch_cd")],
+)

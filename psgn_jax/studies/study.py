@@ -1,0 +1,478 @@
+"""Studies: a few configurations are trained, and each run is measured, for a table and a figure.
+
+`run` trains the configurations one after another in `WORKDIR/CONFIG-SEED`, which are ordinary
+folders of runs: a stopped study resumes, and a finished run is not trained again. The last
+checkpoints are measured, because the best ones were chosen on the samples of most studies. The
+results are `NAME.md` (tables), `NAME.csv` and `NAME.json` (all numbers) and `NAME.png`.
+"""
+
+import dataclasses
+import json
+import math
+import pathlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from absl import logging
+
+from psgn_jax import tasks
+from psgn_jax.config import recipes
+from psgn_jax.config.experiment import Config, ConfigError, check_paths, parse, to_dict
+from psgn_jax.data import loader
+from psgn_jax.evaluation.results import SampleName
+from psgn_jax.evaluation.table import Lines, aligned, csv_of, markdown
+from psgn_jax.studies import figures
+from psgn_jax.system.errors import UserError
+from psgn_jax.system.files import finite_or_none, write_atomic
+from psgn_jax.training import loop
+from psgn_jax.training.log import read_metrics
+from psgn_jax.weights.run_folder import load_config, open_run
+
+Sample = Mapping[str, np.ndarray]
+"""Arrays of a sample, including its prediction `pred`."""
+
+CASE = ("image", "points", "intrinsics", "extrinsics")
+"""Arrays of a sample that are kept by default, besides `pred`."""
+
+NUM_SHOWN = 6
+"""Number of evenly spaced samples that are kept for the figure."""
+
+Overrides = Mapping[str, Any]
+"""Fields of a configuration that differ, by dotted name, such as `train.steps`."""
+
+
+class Run(NamedTuple):
+    """A training of a study; `name` is that of its configuration."""
+
+    name: str
+    seed: int
+    folder: pathlib.Path
+    config: Config
+
+
+class Measured(NamedTuple):
+    """Measures of one run.
+
+    Attributes:
+      names: the samples. Runs are compared on the same samples.
+      metrics: name -> float64 [samples], NaN for a sample without this metric; [1] for a number of
+        the whole run.
+      shown: data for the figure; by default some samples by number.
+      about: number of samples and points, for the text below the tables.
+    """
+
+    names: Sequence[SampleName]
+    metrics: Mapping[str, np.ndarray]
+    shown: Any = None
+    about: str = ""
+
+
+Results = Mapping[str, Sequence[Measured]]
+"""Name of a configuration -> the measures of its runs, one for each seed."""
+
+
+def train_network(run: Run) -> None:
+    """Trains a run, or resumes it; raises `UserError` if a signal stopped it."""
+    outcome = loop.train(run.config, run.folder)
+    if outcome.stopped_by:
+        stopped = UserError("stopped by a signal; the same command continues")
+        stopped.exit_code = 128 + outcome.stopped_by
+        raise stopped
+
+
+def evaluate(
+    run: Run,
+    of_sample: Callable[[Sample], Mapping[str, float]] = lambda _: {},
+    *,
+    keys: Sequence[str] = CASE,
+    split: str = "",
+) -> Measured:
+    """The metrics of the run's task on every sample of a split, with the last checkpoint.
+
+    Args:
+      run: the run.
+      of_sample: maps `keys` and `pred` of a sample to further metrics.
+      keys: arrays of a sample that are kept, if the batch contains them.
+      split: name of the split; "" = the evaluation split of the configuration.
+    """
+    opened, config = open_run(run.folder, "last"), run.config
+    split = split or config.data.eval_split
+    logging.info("measuring %s, step %d, on %r", run.folder, opened.step, split)
+    total = loader.num_samples(config.data, split, evaluation=True)
+    wanted = {int(i) for i in np.linspace(0, total - 1, NUM_SHOWN)}
+    further: list[Mapping[str, float]] = []
+    shown: dict[int, Sample] = {}
+
+    def keep(index: int, batch: Any, predictions: np.ndarray) -> None:
+        for row in np.flatnonzero(batch["valid"]).tolist():
+            # Copies, because views would keep the whole batch in memory.
+            case = {key: np.array(batch[key][row]) for key in keys if key in batch}
+            case["pred"] = np.array(predictions[row])
+            further.append(of_sample(case))
+            if (number := index * config.eval.batch_size + row) in wanted:
+                shown[number] = case
+
+    task = tasks.create(config, run.folder)
+    found = task.evaluate(opened.params, split=split, on_batch=keep, chosen=opened.scores)
+    metrics = dict(found.metrics)
+    metrics |= {key: np.array([of[key] for of in further], np.float64) for key in further[0]}
+    about = f"{len(found.names)} samples of {split!r} of {config.data.path}"
+    if not found.note:
+        about += f", {found.num_points[0]} predicted points, {found.num_points[1]} true points"
+    return Measured(found.names, metrics, shown, about)
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """An experiment.
+
+    Attributes:
+      name: name of the result files.
+      base: what all configurations change of the recipe.
+      configs: maps the base configuration, and a function from the name of a configuration to the
+        folder of its run with the same seed, to the overrides of each configuration by name.
+      metrics: metric -> title of its row in the table, which ends with the unit in brackets; empty:
+        all metrics, with their names as titles.
+      figure: makes the figure from the results.
+      measure: measures a run.
+      pairs: configurations whose difference, first minus second, is shown.
+      tables: makes further tables from the results.
+      train: trains a run, or resumes it.
+      recipe: name of the configuration file with which all configurations begin.
+      by_model: whether standard errors are over models; views of a model are averaged first.
+      note: definitions, written below the tables.
+    """
+
+    name: str
+    base: Overrides
+    configs: Callable[[Config, Callable[[str], str]], Mapping[str, Overrides]]
+    metrics: Mapping[str, str]
+    figure: Callable[[Results], figures.Figure]
+    measure: Callable[[Run], Measured] = evaluate
+    pairs: Sequence[tuple[str, str]] = ()
+    tables: Callable[[Results], Sequence[Lines]] = lambda _: ()
+    train: Callable[[Run], None] = train_network
+    recipe: str = "authors_small"
+    by_model: bool = False
+    note: str = ""
+
+    def runs(
+        self, workdir: pathlib.Path, data: str = "", seed: int = 0, steps: int = 0
+    ) -> list[Run]:
+        """The runs of all configurations with one seed.
+
+        Args:
+          workdir: folder of the study.
+          data: folder of records.
+          seed: seed of the runs.
+          steps: steps of the base configuration; 0 = the study's own number.
+        """
+        tree = {**_INTERVALS, **self.base, "seed": seed, "data.path": data}
+        tree |= {"train.steps": steps} if steps else {}
+        base = _with(recipes.load(self.recipe).to_dict(), tree)
+        found = self.configs(base, lambda name: str(workdir / f"{name}-{seed}"))
+        return [
+            Run(name, seed, workdir / f"{name}-{seed}", _with(to_dict(base), overrides))
+            for name, overrides in found.items()
+        ]
+
+
+_INTERVALS = {"train.eval_every": 0, "train.images_every": 0, "train.checkpoint_every": 200}
+
+
+def _with(tree: dict[str, Any], overrides: Overrides) -> Config:
+    """The configuration with some fields replaced, and intervals that fit into its steps."""
+    for key, value in overrides.items():
+        section, _, field = key.rpartition(".")
+        (tree[section] if section else tree)[field] = value
+    train, optim = tree["train"], tree["optim"]
+    optim["warmup_steps"] = min(optim["warmup_steps"], train["steps"] // 4)
+    train |= {key: min(train[key], train["steps"]) for key in ("log_every", "eval_every")}
+    return parse(tree)
+
+
+def run(
+    study: Study,
+    workdir: str | pathlib.Path,
+    *,
+    data: str = "",
+    seeds: int = 1,
+    steps: int = 0,
+    only: str = "",
+    finished: Sequence[str] = (),
+) -> str:
+    """Trains, measures and writes the results; returns the tables as text.
+
+    Args:
+      study: the study.
+      workdir: folder of the runs and the results.
+      data: folder of records.
+      seeds: number of runs of each configuration, with the seeds 0, 1, ...
+      steps: see `Study.runs`.
+      only: CONFIG:SEED: train only this run, and measure nothing. Several machines can share a
+        study in this way; a call without it joins the results.
+      finished: folders of finished runs that are measured instead. If there are two, their
+        difference, second minus first, is shown.
+
+    Raises:
+      ConfigError: an argument, the data or a run in `workdir` is not suitable.
+      UserError: a signal stopped a training; the same call continues.
+    """
+    figures.check_installed()
+    folder = pathlib.Path(workdir)
+    if finished:
+        runs = _finished_runs(finished, data)
+        pairs = [(runs[1].name, runs[0].name)] if len(runs) == 2 else []
+        study = dataclasses.replace(study, pairs=pairs)
+    else:
+        runs = [r for seed in range(seeds) for r in study.runs(folder, data, seed, steps)]
+        if only:
+            seed = only.rpartition(":")[2]
+            several = study.runs(folder, data, int(seed) if seed.isdecimal() else 0, steps)
+            runs = [run for run in several if f"{run.name}:{run.seed}" == only]
+            if not runs:
+                names = ", ".join(run.name for run in several)
+                raise ConfigError(f"--only={only}: accepted: CONFIG:SEED with one of {names}")
+        for config in {run.config.data: run.config for run in runs if data}.values():
+            _check_data(config)
+        for i, one in enumerate(runs):
+            logging.info("run %d of %d: %s%s", i + 1, len(runs), one.folder, _time_left(runs, i))
+            study.train(one)
+        if only:
+            return ""
+    results: dict[str, list[Measured]] = {}
+    for one in runs:
+        measured = study.measure(one)
+        results.setdefault(one.name, []).append(measured)
+        if list(measured.names) != list(results[runs[0].name][0].names):
+            raise ConfigError(f"{one.folder}, {runs[0].folder}: measured on different samples")
+    if not study.metrics:
+        titles = {metric: metric for many in results.values() for metric in many[0].metrics}
+        study = dataclasses.replace(study, metrics=titles)
+    return _write(study, folder, runs, results)
+
+
+def _write(study: Study, folder: pathlib.Path, runs: Sequence[Run], results: Results) -> str:
+    """Writes tables, numbers and figure; returns the tables as text."""
+    entries = summarise(results, study)
+    tables = [*_tables(entries, study), *study.tables(results), *_costs(runs)]
+    about = results[runs[0].name][0].about
+    note = f"{about}{'. ' if about else ''}{_ERRORS} {study.note}".strip() + "\n"
+    document = {
+        "about": about,
+        "steps": {run.name: run.config.train.steps for run in runs},
+        "results": [finite_or_none(entry._asdict()) for entry in entries],
+    }
+    for suffix, content in (
+        ("md", "\n".join([*map(markdown, tables), note])),
+        ("csv", csv_of(Entry._fields, entries)),
+        ("json", json.dumps(document, indent=1) + "\n"),
+        ("png", figures.png(study.figure(results))),
+    ):
+        write_atomic(folder / f"{study.name}.{suffix}", content)
+    logging.info("results in %s", folder)
+    return "\n".join([*map(aligned, tables), note])
+
+
+_ERRORS = (
+    "+-: standard error over samples and, with several seeds, over seeds. Differences are paired: "
+    "they are between runs with the same seed on the same samples."
+)
+
+
+def _finished_runs(folders: Sequence[str], data: str) -> list[Run]:
+    """Finished runs, on the evaluation data of the first one or on `data`."""
+    configs = [to_dict(load_config(folder)) for folder in folders]
+    fields = ("path", "eval_path", "eval_split", "num_eval_points")
+    for tree in configs:
+        tree["data"] |= {field: configs[0]["data"][field] for field in fields}
+        tree["data"] |= {"path": data, "eval_path": ""} if data else {}
+        tree["eval"] = configs[0]["eval"]
+    runs = [
+        Run(folder, 0, pathlib.Path(folder), parse(tree))
+        for folder, tree in zip(folders, configs, strict=True)
+    ]
+    check_paths(runs[0].config)
+    return runs
+
+
+def _check_data(config: Config) -> None:
+    """Raises `ConfigError` if the data do not have what the configuration needs."""
+    check_paths(config)
+    try:
+        loader.train_batches(config.data, batch_size=1, seed=0, start_step=0).close()
+        loader.eval_batches(config.data, split=config.data.eval_split, batch_size=1).close()
+    except (ValueError, OSError) as error:
+        raise ConfigError(f"--data={config.data.path!r}: {error}") from error
+
+
+# --- Numbers ------------------------------------------------------------------------------------
+
+
+class Entry(NamedTuple):
+    """A number of the results: the mean of a metric, or of its difference of two configurations.
+
+    Attributes:
+      configuration: name of the configuration.
+      minus: name of the configuration that is subtracted; "" for none.
+      metric: name of the metric.
+      mean: mean over seeds and samples.
+      error_samples: standard error over samples; seeds are averaged first. NaN for one sample.
+      error_seeds: standard error over seeds. NaN for one seed.
+      better: share of samples with a better metric than `minus`; NaN without `minus`.
+      samples, seeds: their numbers.
+    """
+
+    configuration: str
+    minus: str
+    metric: str
+    mean: float
+    error_samples: float
+    error_seeds: float
+    better: float
+    samples: int
+    seeds: int
+
+
+_LARGER_IS_BETTER = ("fscore", "recall", "iou", "gain", "thin_recall")
+
+
+def summarise(results: Results, study: Study) -> list[Entry]:
+    """The means of all metrics of the table, then the differences of `Study.pairs`."""
+    values = {metric: _values(results, metric, by_model=study.by_model) for metric in study.metrics}
+    entries = [
+        _entry(name, "", metric, array)
+        for metric, arrays in values.items()
+        for name, array in arrays.items()
+    ]
+    for one, other in study.pairs:
+        for metric, arrays in values.items():
+            if one in arrays and other in arrays:
+                entries.append(_entry(one, other, metric, arrays[one] - arrays[other]))
+    return entries
+
+
+def _values(results: Results, metric: str, *, by_model: bool) -> dict[str, np.ndarray]:
+    """Name -> [seeds, samples or models]; samples without the metric in any run are left out."""
+    arrays = {
+        name: np.stack([measured.metrics[metric] for measured in many])
+        for name, many in results.items()
+        if metric in many[0].metrics
+    }
+    if not arrays:
+        return {}
+    keep = ~np.isnan(np.concatenate(list(arrays.values()))).all(axis=0)
+    arrays = {name: array[:, keep] for name, array in arrays.items()}
+    if by_model:
+        models = [name.model_id for name in next(iter(results.values()))[0].names]
+        _, model = np.unique(np.array(models)[keep], return_inverse=True)
+        count = np.bincount(model)
+        arrays = {
+            name: np.stack([np.bincount(model, row) / count for row in array])
+            for name, array in arrays.items()
+        }
+    return arrays
+
+
+def _entry(name: str, minus: str, metric: str, array: np.ndarray) -> Entry:
+    seeds, samples = array.shape
+    each, better = array.mean(axis=0), math.nan
+    if minus and samples:
+        sign = 1 if metric.startswith(_LARGER_IS_BETTER) else -1
+        better = float(np.mean(sign * each > 0))
+    mean = float(array.mean()) if array.size else math.nan
+    errors = standard_error(each), standard_error(array.mean(axis=1) if samples else each)
+    return Entry(name, minus, metric, mean, *errors, better, samples, seeds)
+
+
+def standard_error(values: np.ndarray) -> float:
+    """Standard error of the mean of values [n]; NaN if n < 2."""
+    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else math.nan
+
+
+def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Squared distances [n, m] between the points of two clouds."""
+    a, b = a.astype(np.float64), b.astype(np.float64)
+    products = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)[None] - 2 * a @ b.T
+    return np.maximum(products, 0)
+
+
+# --- Tables -------------------------------------------------------------------------------------
+
+
+def _tables(entries: Sequence[Entry], study: Study) -> list[Lines]:
+    """The means, with a column for each configuration, and the differences."""
+    means = {(e.metric, e.configuration): e for e in entries if not e.minus}
+    names = list(dict.fromkeys(name for _, name in means))
+    lines = [["", *names]]
+    for metric, title in study.metrics.items():
+        cells = [_cell(title, means.get((metric, name))) for name in names]
+        if any(cells):
+            lines.append([title, *cells])
+    if len(names) >= len(lines):
+        lines = [list(column) for column in zip(*lines, strict=True)]
+    changes = [["difference", "", "mean", "first better on"]]
+    for e in entries:
+        if e.minus:
+            title = study.metrics[e.metric]
+            cell = _cell(title, e, sign=True)
+            changes.append([f"{e.configuration} - {e.minus}", title, cell, f"{e.better:.0%}"])
+    return [lines, changes] if len(changes) > 1 else [lines]
+
+
+def _cell(title: str, entry: Entry | None, *, sign: bool = False) -> str:
+    """Mean and errors: in per cent if the title ends with "[%]", otherwise with four digits."""
+    if entry is None:
+        return ""
+    scale = 100 if title.endswith("[%]") else 1
+    text = f"{scale * entry.mean:{'+' if sign else ''}.4g}"
+    if not math.isnan(entry.error_samples):
+        text += f" +- {scale * entry.error_samples:.2g}"
+    if not math.isnan(entry.error_seeds):
+        text += f" +- {scale * entry.error_seeds:.2g}"
+    return text
+
+
+def cost(run: Run) -> tuple[float, float]:
+    """Seconds of the steps in the log of a run: median per step, and total; NaN for a short log.
+
+    Compilation before the first step, evaluations and checkpoints are not included.
+    """
+    last, steps, seconds = 0, [], []
+    for line in read_metrics(run.folder / "metrics.jsonl"):
+        if line["kind"] == "train":
+            if rate := line.get("samples_per_second"):
+                steps.append(line["step"] - last)
+                seconds.append(run.config.train.batch_size / rate)
+            last = line["step"]
+    if not steps:
+        return math.nan, math.nan
+    return float(np.median(seconds)), float(np.dot(steps, seconds))
+
+
+def _time_left(runs: Sequence[Run], start: int) -> str:
+    """The time for the runs from `start` on, from the logs of those before it."""
+    known = {run.name: cost(run)[1] for run in runs[:start]}
+    known = {name: seconds for name, seconds in known.items() if not math.isnan(seconds)}
+    if not known:
+        return ""
+    mean = sum(known.values()) / len(known)
+    left = sum(known.get(run.name, mean) for run in runs[start:])
+    return f", about {left / 60:.0f} min left in all"
+
+
+def _costs(runs: Sequence[Run]) -> list[Lines]:
+    """A table of parameters, samples and times; means over seeds. Empty without networks."""
+    lines = [["", "parameters", "samples seen", "seconds per step", "minutes of steps"]]
+    for name in dict.fromkeys(run.name for run in runs):
+        several = [run for run in runs if run.name == name]
+        if not (several[0].folder / "checkpoints").is_dir():
+            continue
+        opened = open_run(several[0].folder, "last")
+        count = sum(np.size(leaf) for leaf in jax.tree.leaves(opened.params))
+        seen = opened.step * opened.config.train.batch_size
+        seconds, total = np.mean([cost(run) for run in several], axis=0)
+        lines.append([name, f"{count:,}", f"{seen:,}", f"{seconds:.3f}", f"{total / 60:.1f}"])
+    return [lines] if len(lines) > 1 else []

@@ -1,0 +1,1 @@
+"""What touches the operating system: files, claims, untrusted input, cores, memory, signals."""

@@ -1,0 +1,162 @@
+"""Atomic writing of files, checks for unwritable folders and full disks, and the cache folder."""
+
+import contextlib
+import errno
+import math
+import os
+import pathlib
+import re
+import tempfile
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+from psgn_jax.system.errors import UserError
+
+DISK_FULL = 5
+"""Exit code of a command that failed because the disk was full."""
+
+_TEMPORARY = re.compile(r"\..+\.[0-9]+\.tmp", re.DOTALL)
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+
+def is_disk_full(error: BaseException) -> bool:
+    """Whether an error, or one that caused it, means that a file system is full.
+
+    An exceeded disk quota and an exceeded maximum file size count as a full file system. Errors of
+    C++ libraries are recognised by their text.
+    """
+    seen: BaseException | None = error
+    while seen is not None:
+        if isinstance(seen, OSError) and seen.errno in _FULL:
+            return True
+        if any(os.strerror(number) in str(seen) for number in _FULL):
+            return True
+        seen = seen.__cause__ or seen.__context__
+    return False
+
+
+def exit_code_of(error: BaseException) -> int | None:
+    """The exit code of a command that ends with `error`; None if the user cannot fix it.
+
+    The user can fix errors with an attribute `exit_code` (`UserError`, and `RecordError` of
+    `data.schema`), errors of the operating system (2, or `DISK_FULL` if the disk is full), and too
+    little memory on a device (2).
+    """
+    if is_disk_full(error):
+        return DISK_FULL
+    no_memory = type(error).__name__ == "JaxRuntimeError" and "RESOURCE_EXHAUSTED" in str(error)
+    return getattr(error, "exit_code", 2 if isinstance(error, OSError) or no_memory else None)
+
+
+def check_folder(folder: str | os.PathLike[str], name: str) -> None:
+    """Checks that files can be written into a folder, without leaving anything there.
+
+    Missing folders are created and removed again.
+
+    Args:
+      folder: the folder.
+      name: name of the flag or argument, for the message.
+
+    Raises:
+      UserError: no file can be written there; one line with the reason.
+      OSError: the disk is full.
+    """
+    path = pathlib.Path(folder)
+    try:
+        try:
+            _try_folder(path)
+        except FileNotFoundError:  # another process that checks the folder has removed it
+            _try_folder(path)
+    except OSError as error:
+        if is_disk_full(error):
+            raise
+        why = "it is a file" if isinstance(error, FileExistsError) else error.strerror or error
+        shown = f"{path}" if len(f"{path}") <= 80 else f"{path}"[:77] + "..."
+        raise UserError(f"{name}={shown}: {why}; expected a folder for files") from error
+
+
+def _try_folder(path: pathlib.Path) -> None:
+    missing = [p for p in (path, *path.parents) if not p.exists()]
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path, prefix="."):
+            pass
+    finally:
+        for created in missing:
+            with contextlib.suppress(OSError):
+                created.rmdir()
+
+
+def cache_folder() -> pathlib.Path:
+    """Folder for data and compiled programs: $PSGN_CACHE, or ~/.cache/psgn_jax.
+
+    Its contents can be deleted; they are created again when needed.
+    """
+    return pathlib.Path(os.environ.get("PSGN_CACHE") or pathlib.Path.home() / ".cache" / "psgn_jax")
+
+
+def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bool = True) -> None:
+    """Writes a file atomically: it appears under its name complete, or not at all.
+
+    Args:
+      path: path of the file; an existing file is replaced, a missing folder is created.
+      content: bytes, or text that is written as UTF-8.
+      sync: whether the file also survives a crash of the machine, not only of the process. Use
+        False for files that are quick to create again.
+    """
+    path = pathlib.Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+        if sync:
+            install(temporary, path)
+        else:
+            temporary.replace(path)
+    except OSError as error:
+        if error.errno and not error.filename:  # the error of a failed write does not name the file
+            error.filename = str(path)
+        raise
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def install(temporary: pathlib.Path, path: pathlib.Path) -> None:
+    """Flushes `temporary` to disk and renames it to `path` atomically."""
+    with temporary.open("rb") as file:
+        os.fsync(file.fileno())
+    temporary.replace(path)
+    _sync_directory(path.parent)
+
+
+def remove_temporaries(folder: pathlib.Path) -> None:
+    """Removes the temporary files (`.NAME.PID.tmp`) that killed processes left in a folder."""
+    for path in folder.glob(".*.tmp"):
+        if _TEMPORARY.fullmatch(path.name):
+            path.unlink(missing_ok=True)
+
+
+def file_crc32(path: pathlib.Path) -> int:
+    """CRC-32 of the content of a file."""
+    crc = 0
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            crc = zlib.crc32(block, crc)
+    return crc
+
+
+def finite_or_none(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Replaces non-finite floats by None (null in JSON), because JSON has no NaN."""
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in entry.items()
+    }
+
+
+def _sync_directory(folder: pathlib.Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

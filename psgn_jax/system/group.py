@@ -1,0 +1,157 @@
+"""Several processes that train or evaluate together, each on its own accelerators.
+
+Every process runs the same program. `jax.distributed.initialize` connects them: it gets their
+number and addresses from the flags --coordinator, --num_processes and --process_id, from Open MPI's
+`mpirun` or from SLURM's `srun`, and it detects by heartbeats that a process has ended. The batches
+are split between the processes, and the training step averages the gradients. All processes read
+the records and the folder of the run; only the first one writes there.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from absl import logging
+
+from psgn_jax.system.errors import UserError
+from psgn_jax.system.files import exit_code_of
+from psgn_jax.system.untrusted import message_line
+
+ENDED = 4
+"""Exit code of a process that ends because another process of its training has ended."""
+
+_HEARTBEAT_SECONDS = 40
+# Set by launchers for each of several processes.
+_COUNTS = ("OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
+
+
+@contextlib.contextmanager
+def joined(
+    coordinator: str | None = None, num_processes: int | None = None, process_id: int | None = None
+) -> Iterator[None]:
+    """Context in which this process is connected with the others; JAX must not be used before.
+
+    With a single process it does nothing. With several, an error inside ends this process, and the
+    others end when they miss it.
+
+    Args:
+      coordinator: HOST:PORT of the first process; None = from the environment.
+      num_processes: number of processes; None = from the environment.
+      process_id: index of this process, from 0; None = from the environment.
+
+    Raises:
+      UserError: the processes cannot connect to each other.
+    """
+    launched = any(os.environ.get(name, "1") != "1" for name in _COUNTS)
+    launched |= "JAX_COORDINATOR_ADDRESS" in os.environ
+    if not coordinator and not process_id and (num_processes or 1) == 1 and not launched:
+        yield
+        return
+    import jax  # imported here because only few processes are several
+
+    try:
+        jax.distributed.initialize(
+            coordinator, num_processes, process_id, heartbeat_timeout_seconds=_HEARTBEAT_SECONDS
+        )
+    except (RuntimeError, ValueError) as error:
+        raise UserError(
+            f"--coordinator={coordinator}: process {process_id} of {num_processes} could not "
+            f"connect to the others: {message_line(error)[:300]}"
+        ) from error
+    if not is_first():
+        logging.set_verbosity(logging.WARNING)  # the first process logs for all
+    try:
+        yield
+    except BaseException as error:
+        _end_with(error)
+    jax.distributed.shutdown()
+
+
+def _end_with(error: BaseException) -> None:
+    """Ends this process without waiting for the others, as Python's exit would."""
+    code = exit_code_of(error)
+    if code is not None:
+        sys.stderr.write(f"error: {message_line(error)}\n")
+    elif type(error).__name__ == "JaxRuntimeError":
+        code = ENDED
+        sys.stderr.write(
+            f"error: another process has ended, so this process ends too "
+            f"({message_line(error)[:200]}); run the same command again to resume from the newest "
+            "checkpoint\n"
+        )
+    elif isinstance(error, SystemExit):
+        code = error.code if isinstance(error.code, int) else 1
+    elif isinstance(error, KeyboardInterrupt):
+        code = 128 + signal.SIGINT
+    else:
+        code = 1
+        traceback.print_exception(error)
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def index_and_count() -> tuple[int, int]:
+    """The index of this process, from 0, and the number of processes."""
+    import jax
+
+    return jax.process_index(), jax.process_count()
+
+
+def is_first() -> bool:
+    """Whether this process is the first one, which writes the files."""
+    return index_and_count()[0] == 0
+
+
+def gather(value: Any) -> list[Any]:
+    """The values (JSON) of all processes, in their order; every process must call this."""
+    if index_and_count()[1] == 1:
+        return [value]
+    from jax.experimental import multihost_utils
+
+    text = np.frombuffer(json.dumps(value).encode(), np.uint8)
+    sizes = multihost_utils.process_allgather(np.int32(len(text)))
+    padded = np.zeros(int(np.max(sizes)), np.uint8)
+    padded[: len(text)] = text
+    rows = np.asarray(multihost_utils.process_allgather(padded))
+    return [
+        json.loads(row[:size].tobytes()) for row, size in zip(rows, sizes.tolist(), strict=True)
+    ]
+
+
+@contextlib.contextmanager
+def first_alone() -> Iterator[None]:
+    """Context that the first process passes before the others enter it."""
+    if not is_first():
+        gather(None)
+    yield
+    if is_first():
+        gather(None)
+
+
+class SharedStop(contextlib.AbstractContextManager["SharedStop"]):
+    """`signals.StopSignal` of several processes: `signal` is set in all of them at the same step.
+
+    JAX receives SIGTERM in any of them and chooses the step.
+    """
+
+    def __init__(self) -> None:
+        self.signal: int | None = None
+
+    def __exit__(self, *_: object) -> None:
+        """Does nothing."""
+
+    def after_step(self, step: int) -> None:
+        """Every process must call this after every step."""
+        from jax.experimental import multihost_utils
+
+        if multihost_utils.reached_preemption_sync_point(step):
+            self.signal = signal.SIGTERM
+
+    def check(self, *_: object) -> None:
+        """Does nothing: an evaluation ends before the processes agree on a step."""

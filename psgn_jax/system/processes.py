@@ -1,0 +1,36 @@
+"""Child processes that cannot import from the current folder.
+
+Python puts the current folder first on the import path of `python -m` and `python -c`. Files from
+others are data, so a `numpy.py` beside a mesh must not run. `psgn_jax/__init__.py` does the same
+for `python -m psgn_jax.main` itself.
+"""
+
+import os
+import pathlib
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+"""The folder that contains the packages `psgn_jax` and `data_gen`."""
+
+
+def python(module: str, *arguments: str) -> list[str]:
+    """The command that runs a module of this package; start it with `environment`."""
+    return [sys.executable, "-P", "-m", module, *arguments]
+
+
+def environment(**changes: str) -> dict[str, str]:
+    """The environment of a child process: this one's, with an import path of absolute folders.
+
+    It holds for Python processes at any depth, also for those that libraries start.
+
+    Args:
+      **changes: further variables.
+    """
+    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    paths = [str(ROOT), *(path for path in given if os.path.isabs(path))]
+    return {
+        **os.environ,
+        **changes,
+        "PYTHONSAFEPATH": "1",
+        "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths)),
+    }

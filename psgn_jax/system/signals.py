@@ -1,0 +1,88 @@
+"""Handles SIGTERM and SIGINT: they end training after the current step, and other work at once."""
+
+import os
+import signal
+import socket
+import sys
+import threading
+from types import FrameType
+from typing import Any
+
+GRACE_SECONDS = 5.0
+"""The time after a signal in which a training may save its last step."""
+
+
+class Stopped(Exception):  # noqa: N818 - not an error
+    """A signal arrived during an evaluation."""
+
+
+class StopSignal:
+    """Context that records SIGTERM or SIGINT in `signal`.
+
+    A second signal, or the end of `GRACE_SECONDS` after the first, ends the process at once with
+    the exit code 128 + the number of the signal. A thread receives the signals, because Python runs
+    handlers in the main thread, which may be waiting for a compilation or a long step.
+    """
+
+    def __init__(self) -> None:
+        self.signal: int | None = None
+        self._old: dict[int, Any] = {}
+
+    def __enter__(self) -> "StopSignal":
+        if threading.current_thread() is not threading.main_thread():
+            return self  # signals can be handled only there
+        self._receiver, self._sender = socket.socketpair()
+        self._sender.setblocking(False)
+        self._old_descriptor = signal.set_wakeup_fd(self._sender.fileno())
+        for number in (signal.SIGTERM, signal.SIGINT):
+            self._old[number] = signal.signal(number, lambda *_: None)
+        self._watcher = threading.Thread(target=self._watch, daemon=True)
+        self._watcher.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if not self._old:
+            return
+        signal.set_wakeup_fd(self._old_descriptor)
+        for number, handler in self._old.items():
+            signal.signal(number, handler)
+        self._sender.close()
+        self._watcher.join()
+        self._receiver.close()
+
+    def check(self, *_: object) -> None:
+        """Raises `Stopped` if a signal has arrived."""
+        if self.signal:
+            raise Stopped
+
+    def after_step(self, step: int) -> None:
+        """Does nothing; see `group.SharedStop`."""
+
+    def _watch(self) -> None:
+        if not (received := self._receiver.recv(1)):
+            return  # the context has ended
+        self.signal = received[0]
+        self._receiver.settimeout(GRACE_SECONDS)
+        try:
+            if not self._receiver.recv(1):
+                return
+        except TimeoutError:
+            pass
+        name = signal.Signals(self.signal).name
+        os.write(
+            2,
+            f"stopped by {name} without waiting for the current step; run the same command again "
+            "to resume from the newest checkpoint\n".encode(),
+        )
+        os._exit(128 + self.signal)
+
+
+def exit_on_signals() -> None:
+    """Makes SIGTERM and Ctrl-C end this process with code 143 or 130."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _exit)
+
+
+def _exit(number: int, frame: FrameType | None) -> None:
+    sys.stderr.write(f"stopped by signal {number}; run the same command again to resume\n")
+    sys.exit(128 + number)

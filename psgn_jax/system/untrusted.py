@@ -1,0 +1,202 @@
+"""Handling of untrusted files: JSON and arrays in bounded memory, one-line messages."""
+
+import io
+import json
+import math
+import os
+import pathlib
+import stat
+import zipfile
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+MAX_DEPTH = 32
+"""Largest depth of nested brackets that `parse_json` accepts."""
+
+MAX_JSON_BYTES = 64 << 20
+"""Largest size of a file that `read_json` accepts."""
+
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+def parse_json(text: str | bytes, *, max_depth: int = MAX_DEPTH) -> Any:
+    """The value of a JSON text.
+
+    Args:
+      text: the text; bytes are UTF-8.
+      max_depth: largest depth of nested brackets. Deeper values would cause a `RecursionError`,
+        here or where the value is shown or compared.
+
+    Raises:
+      ValueError: the text is not JSON (NaN and Infinity are not JSON), or is nested too deeply.
+    """
+    deep = ValueError(f"brackets nested more than {max_depth} deep")
+    try:
+        value = json.loads(text, parse_constant=_refuse)
+    except RecursionError:
+        raise deep from None
+    level = [value]
+    for _ in range(max_depth + 1):
+        containers = [node for node in level if isinstance(node, dict | list)]
+        if not containers:
+            return value
+        level = [
+            child
+            for node in containers
+            for child in (node.values() if isinstance(node, dict) else node)
+        ]
+    raise deep
+
+
+def read_json(path: str | os.PathLike[str], *, max_bytes: int = MAX_JSON_BYTES) -> Any:
+    """The value of a JSON file.
+
+    Raises:
+      ValueError: the errors of `parse_json`, or the file has more than `max_bytes` bytes.
+      OSError: the file cannot be read, or is not a regular file.
+    """
+    path = pathlib.Path(path)
+    kind = kind_of(path)
+    if kind is not None:
+        raise OSError(f"it is {kind}, expected a file")
+    size = path.stat().st_size
+    if size > max_bytes:
+        raise ValueError(f"{size} bytes, expected at most {max_bytes}")
+    return parse_json(path.read_bytes())
+
+
+def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[str, np.ndarray]:
+    """Reads arrays of numbers from an NPZ file; nothing is unpickled.
+
+    The size of an array is checked before it is inflated, and the shape in its header against its
+    size before an array is made. So a small file cannot take much memory.
+
+    Args:
+      path: the file.
+      limits: names of the arrays, each with its largest number of elements. Arrays that are not in
+        the file are missing from the result.
+
+    Raises:
+      ValueError: the file is damaged, or one of the arrays is not one of numbers or is too large.
+      OSError: the file cannot be read, or is not a regular file.
+    """
+    kind = kind_of(path)
+    if kind is not None:
+        raise OSError(f"it is {kind}, expected a file")
+    arrays = {}
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = set(archive.namelist())
+            for key, limit in limits.items():
+                if f"{key}.npy" not in names:
+                    continue
+                size = archive.getinfo(f"{key}.npy").file_size
+                if size > 8 * limit + 4096:
+                    raise ValueError(
+                        f"{key} takes {size} bytes, expected at most {8 * limit + 4096}"
+                    )
+                # `read` without a length would inflate everything, even beyond the stated size.
+                with archive.open(f"{key}.npy") as member:
+                    arrays[key] = _read_npy(member.read(size), key, limit)
+    except (EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, KeyError) as error:
+        # RuntimeError includes the NotImplementedError of an unknown compression.
+        raise ValueError(str(error)) from None
+    return arrays
+
+
+def _read_npy(data: bytes, key: str, limit: int) -> np.ndarray:
+    file = io.BytesIO(data)
+    version = np.lib.format.read_magic(file)
+    if version not in ((1, 0), (2, 0)):
+        raise ValueError(f"{key}: npy version {version}, expected (1, 0) or (2, 0)")
+    read_header = (
+        np.lib.format.read_array_header_1_0
+        if version == (1, 0)
+        else np.lib.format.read_array_header_2_0
+    )
+    shape, _, dtype = read_header(file)
+    count = math.prod(shape)
+    if (
+        dtype.kind not in "bfiu"
+        or not 0 <= count <= limit
+        or len(data) - file.tell() != count * dtype.itemsize
+    ):
+        raise ValueError(
+            f"{key} is {dtype} {list(shape)} in {len(data)} bytes, expected at most {limit} numbers"
+        )
+    return np.load(io.BytesIO(data), allow_pickle=False)
+
+
+def with_checksum(entry: Mapping[str, Any] | Mapping[int, Any]) -> dict[str, Any]:
+    """An object of JSON with the key `crc32`, the checksum of the rest of it."""
+    plain = json.loads(json.dumps(entry))
+    return {**plain, "crc32": _crc32(plain)}
+
+
+def without_checksum(entry: Any) -> dict[str, Any]:
+    """The object that was given to `with_checksum`; objects of earlier versions have no checksum.
+
+    Raises:
+      ValueError: it is no object, or its checksum does not match.
+    """
+    if not isinstance(entry, dict):
+        raise ValueError("it is not an object")
+    rest = {key: value for key, value in entry.items() if key != "crc32"}
+    if "crc32" in entry and entry["crc32"] != _crc32(rest):
+        raise ValueError("its checksum does not match; without the key crc32 it is not checked")
+    return rest
+
+
+def _crc32(entry: Mapping[str, Any]) -> int:
+    return zlib.crc32(json.dumps(entry, sort_keys=True).encode())
+
+
+def kind_of(path: str | os.PathLike[str]) -> str | None:
+    """The kind of a path that is not a regular file, such as "a named pipe"; None for a file.
+
+    Raises:
+      OSError: the path does not exist or cannot be accessed.
+    """
+    mode = os.stat(path).st_mode
+    return next((name for test, name in _KINDS if test(mode)), None)
+
+
+def one_line(text: object) -> str:
+    r"""The text of a name or message as one line of printable characters.
+
+    Line breaks, control characters and undecodable bytes of file names are escaped: a file called
+    "a, line break, b" is shown as `a\nb`.
+    """
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in str(text)
+    )
+
+
+def message_line(error: object) -> str:
+    """An error's message as one line: its lines are joined, unprintable characters are escaped.
+
+    For an error of the operating system, the line contains the file and the reason.
+    """
+    text = str(error)
+    if isinstance(error, OSError) and error.strerror:
+        named = isinstance(error.filename, str | bytes)
+        text = (f"{one_line(os.fsdecode(error.filename))}: " if named else "") + error.strerror
+    return one_line(" ".join(text.split())) or type(error).__name__
+
+
+def brief(error: object) -> str:
+    """The message of an error of another library in one line of at most 200 characters."""
+    return " ".join(str(error).split())[:200]
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is not JSON")

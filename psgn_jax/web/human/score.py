@@ -1,0 +1,250 @@
+"""Compares a person's models with networks: tables and the paper's figure.
+
+The points of each model and of each network are compared with the points of the record by the
+metrics of `evaluation.clouds`. The points of a model are uniform on the surface of the union of its
+parts: surfaces that are inside other parts, or where parts touch, have no points. As in the paper,
+models are not aligned with the truth afterwards: the person builds them in the frame of the record,
+seen through the camera of the image.
+
+Source: Fan, Su, Guibas, CVPR 2017, section "Analysis of human ability for single view 3D
+reconstruction". The paper uses 16 cases and 1,024 points, and shows the figure without numbers. The
+choice of cases, the primitives and the sampling of a union are **ours**.
+"""
+
+import dataclasses
+import json
+import pathlib
+from collections.abc import Mapping, Sequence
+
+import jax
+import numpy as np
+
+from psgn_jax.config.experiment import ConfigError, require_points_task
+from psgn_jax.data import resize
+from psgn_jax.data.schema import Sample
+from psgn_jax.evaluation.clouds import evaluate_pair
+from psgn_jax.evaluation.table import markdown
+from psgn_jax.models import networks
+from psgn_jax.prediction import sampling
+from psgn_jax.studies import figures
+from psgn_jax.system.files import finite_or_none, write_atomic
+from psgn_jax.system.untrusted import one_line
+from psgn_jax.web.human.solids import HiddenSurfaceError, sample_union, solids_of
+from psgn_jax.web.human.study import Answer, AnswersError, StudyFile
+from psgn_jax.weights.run_folder import Run
+
+NUM_POINTS = 1024
+"""Points of each model in the paper."""
+
+MAX_NETWORKS = 3
+"""The figure has colours for this many networks, besides that of the person."""
+
+PERSON = "person"
+METRICS = {"cd_sq_radius2": "CD squared [radius^2]", "emd_radius": "EMD [radius]"}
+_SHOWN = {
+    "emd_radius": ("EMD [0.01 radius]", 100),
+    "cd_sq_radius2": ("CD squared [0.001 radius^2]", 1000),
+}
+_EMD_TOLERANCE = 0.01
+_COLOURS = ("#e2723e", "#4682b4", "#5aa55a", "#966ebe")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scored:
+    """A modelled case.
+
+    Attributes:
+      answer: what the person modelled.
+      sample: the record.
+      metrics: name of the person or of a network -> metric -> value.
+    """
+
+    answer: Answer
+    sample: Sample
+    metrics: Mapping[str, Mapping[str, float]]
+
+
+def label_networks(runs: Sequence[Run]) -> dict[str, Run]:
+    """Names for the networks: the last part of their folder, or of the name of their weights.
+
+    Raises:
+      ConfigError: there are too many, one has another task, or two have the same name.
+    """
+    if len(runs) > MAX_NETWORKS:
+        raise ConfigError(f"{len(runs)} networks: accepted: at most {MAX_NETWORKS}")
+    labelled: dict[str, Run] = {}
+    for run in runs:
+        require_points_task(run.config, "psgn human score")
+        label = one_line(pathlib.Path(run.source).resolve().name)
+        if label in labelled or label == PERSON:
+            raise ConfigError(
+                f"--workdir={run.source}: the name {label!r} is already used; expected another one"
+            )
+        labelled[label] = run
+    return labelled
+
+
+def predict(run: Run, samples: Sequence[Sample], records: Sequence[int]) -> list[np.ndarray]:
+    """Points [n, 3] of a network for each image; a random input depends on the record's number.
+
+    Raises:
+      ConfigError: the network needs depth, which a record does not have.
+    """
+    config, model = run.config, networks.build(run.config.model)
+    size, with_depth = config.data.image_size, "depth" in config.data.inputs
+    network = jax.jit(lambda params, batch, r: networks.predict(config, model, params, batch, r))
+    clouds = []
+    for sample, record in zip(samples, records, strict=True):
+        mask = resize.resize_mask(sample.mask, size)
+        batch = {"image": resize.resize_image(sample.image, size)[None], "mask": mask[None]}
+        if with_depth:
+            if sample.depth is None:
+                raise ConfigError(
+                    f"--workdir={run.source}: the network needs depth, but record {record} has "
+                    "none; expected a network with the inputs 'rgb' and 'mask'"
+                )
+            batch["depth"] = resize.resize_depth(sample.depth, mask)[None]
+        r = sampling.sample_latents(config, record, 1, 1, 0) if config.model.random_size else None
+        clouds.append(np.asarray(network(run.params, batch, r), np.float32).reshape(-1, 3))
+    return clouds
+
+
+def score(
+    study: StudyFile,
+    answers: Sequence[Answer],
+    samples: Sequence[Sample],
+    networks: Mapping[str, Run],
+    *,
+    num_points: int = NUM_POINTS,
+    seed: int = 0,
+) -> list[Scored]:
+    """Points and metrics of every case that has a model.
+
+    Args:
+      study: the study.
+      answers: a model for each case of the study.
+      samples: the record of each case.
+      networks: name -> network.
+      num_points: number of points of a model. The networks must have as many, because the EMD
+        depends on the number.
+      seed: seed of the points on the models.
+
+    Raises:
+      AnswersError: no case has a model, or a model has no visible surface.
+      ConfigError: a network has another number of points, or the records have fewer.
+    """
+    rows = [i for i, answer in enumerate(answers) if answer.parts]
+    if not rows:
+        raise AnswersError("no case has a model yet; expected at least one")
+    kept = [samples[i] for i in rows]
+    records = [study.cases[i].record for i in rows]
+    fewer = min(len(sample.points) for sample in kept)
+    if fewer < num_points:
+        raise ConfigError(
+            f"--points={num_points}: a record has {fewer} points; accepted: at most {fewer}"
+        )
+    clouds = {PERSON: [_model_points(answers[i], num_points, seed + r)
+                       for i, r in zip(rows, records, strict=True)]}  # fmt: skip
+    for name, run in networks.items():
+        clouds[name] = predict(run, kept, records)
+        if (predicted := len(clouds[name][0])) != num_points:
+            raise ConfigError(
+                f"--workdir={run.source}: predicts {predicted} points, --points={num_points}; "
+                "expected the same number, as the EMD depends on it"
+            )
+    measure = jax.jit(lambda pred, gt: evaluate_pair(pred, gt, emd_tolerance=_EMD_TOLERANCE))
+    scored = []
+    for k, i in enumerate(rows):
+        values = {name: measure(cases[k], kept[k].points) for name, cases in clouds.items()}
+        metrics = {
+            name: {key: float(value) for key, value in entry.items()}
+            for name, entry in values.items()
+        }
+        scored.append(Scored(answers[i], kept[k], metrics))
+    return scored
+
+
+def _model_points(answer: Answer, count: int, seed: int) -> np.ndarray:
+    try:
+        return sample_union(solids_of(answer), count, seed)
+    except HiddenSurfaceError as error:
+        raise AnswersError(f"{answer.case}: {error}; expected a model with a surface") from None
+
+
+def write_scores(
+    out: pathlib.Path,
+    study: StudyFile,
+    scored: Sequence[Scored],
+    networks: Mapping[str, Run],
+    num_points: int,
+) -> str:
+    """Writes scores.json, scores.md and scores.png, the paper's figure; returns scores.md."""
+    names = list(scored[0].metrics)
+
+    def mean(name: str, metric: str) -> float:
+        return float(np.mean([case.metrics[name][metric] for case in scored]))
+
+    numbers = {
+        "study": study.id,
+        "data": study.data,
+        "split": study.split,
+        "cases_in_study": len(study.cases),
+        "cases_modelled": len(scored),
+        "num_points": num_points,
+        "num_gt_points": [len(case.sample.points) for case in scored],
+        "points_of_models": "uniform by area on the surface of the union of the parts",
+        "alignment": "none",
+        "networks": {
+            name: {run.source_kind: run.source, "step": run.step, "loss": run.config.loss.name}
+            for name, run in networks.items()
+        },
+        "mean_over_cases": {name: {key: mean(name, key) for key in METRICS} for name in names},
+        "cases": [
+            {
+                "case": case.answer.case,
+                "category": case.sample.category,
+                "model_id": case.sample.model_id,
+                "view": case.sample.view,
+                "seconds": case.answer.seconds,
+                "done": case.answer.done,
+                "parts": len(case.answer.parts),
+                "metrics": {name: finite_or_none(dict(m)) for name, m in case.metrics.items()},
+            }
+            for case in scored
+        ],
+    }
+    columns = [(name, metric) for metric in METRICS for name in names]
+    heads = [f"{name}: {METRICS[metric]}" for name, metric in columns]
+    lines = [["case", "category", "minutes", "parts", *heads]]
+    for case in scored:
+        about = [
+            case.answer.case + ("" if case.answer.done else " (not marked as done)"),
+            one_line(case.sample.category) or "-",
+            f"{case.answer.seconds / 60:.1f}",
+            str(len(case.answer.parts)),
+        ]
+        lines.append([*about, *(f"{case.metrics[n][m]:.5f}" for n, m in columns)])
+    minutes = np.mean([case.answer.seconds for case in scored]) / 60
+    parts = np.mean([len(case.answer.parts) for case in scored])
+    means = [f"{mean(*column):.5f}" for column in columns]
+    lines.append(["mean", "", f"{minutes:.1f}", f"{parts:.1f}", *means])
+    trained = "".join(
+        f"\n`{name}`: loss `{run.config.loss.name}`, step {run.step}."
+        for name, run in networks.items()
+    )
+    text = f"""{markdown(lines)}
+{len(scored)} of {len(study.cases)} cases have a model. Each cloud has {num_points} points. Those of
+a model are uniform by area on the surface of the union of its parts. Models and predictions are not
+aligned with the truth. radius: that of the object's bounding hemisphere.{trained}
+"""
+    groups = [case.answer.case.removeprefix("Case ") for case in scored]
+    charts = [
+        figures.Bars(title, groups, {
+            name: [factor * case.metrics[name][metric] for case in scored] for name in names
+        })
+        for metric, (title, factor) in _SHOWN.items()
+    ]  # fmt: skip
+    write_atomic(out / "scores.json", json.dumps(numbers, indent=2, allow_nan=False) + "\n")
+    write_atomic(out / "scores.md", text)
+    write_atomic(out / "scores.png", figures.png(figures.bars(charts, _COLOURS)))
+    return text

@@ -1,0 +1,59 @@
+"""Builds the page's folder: JavaScript modules, the network, the runtime and example photos."""
+
+import os
+import pathlib
+
+from absl import logging
+
+from psgn_jax.portable.folder import write_network
+from psgn_jax.system.files import write_atomic
+from psgn_jax.viewing.page import CLOUD_SCRIPT
+from psgn_jax.web.page.browser_runtime import runtime_files
+from psgn_jax.weights.run_folder import Run
+
+STATIC = pathlib.Path(__file__).resolve().parent / "static"
+LARGEST = 30_000_000
+"""Size in bytes above which a warning is logged: a larger page may not open well on a phone."""
+
+
+def build_page(
+    run: Run,
+    out: str | os.PathLike[str],
+    *,
+    weights: str = "float16",
+    runtime: str = "",
+    data: str = "",
+    split: str = "validation",
+) -> int:
+    """Writes the page; returns its size in bytes.
+
+    Args:
+      run: the network.
+      out: folder, created if missing; files of an earlier page are replaced.
+      weights: how weights are stored, see `portable.folder.write_network`.
+      runtime: source of the runtime, see `browser_runtime.runtime_files`.
+      data: folder of records for the check, see `portable.folder.write_network`.
+      split: split of the records.
+
+    Raises:
+      ConfigError, ExportError: see `portable.folder.write_network` and `runtime_files`.
+    """
+    out = pathlib.Path(out)
+    files = {f"runtime/{name}": content for name, content in runtime_files(runtime).items()}
+    for path in STATIC.rglob("*"):
+        if path.is_file():
+            files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
+    files[CLOUD_SCRIPT.name] = CLOUD_SCRIPT.read_bytes()
+    network = write_network(run, out, weights=(weights,), stablehlo=False, data=data, split=split)
+    for name, content in files.items():
+        write_atomic(out / name, content, sync=False)
+    size = sum(map(len, files.values())) + sum(row["bytes"] for row in network["files"].values())
+    if size > LARGEST:
+        logging.warning(
+            "%s has %.1f MB; more than %d MB may not open well on a phone; "
+            "--weights_as=int8 --data=RECORDS makes the network smaller",
+            out,
+            size / 1e6,
+            LARGEST // 1_000_000,
+        )
+    return size

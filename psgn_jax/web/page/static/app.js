@@ -1,0 +1,299 @@
+// The page: a photo, its mask, the network, its points.
+
+import * as ort from "./runtime/ort.wasm.min.mjs";
+import { CloudView } from "./cloud.js";
+import { FORMATS } from "./files.js";
+import { coloursFromView, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
+
+const SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
+const MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
+const $ = id => document.getElementById(id);
+const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
+const canvasOf = (width, height) => Object.assign(document.createElement("canvas"), { width, height });
+const contextOf = canvas => canvas.getContext("2d", { willReadFrequently: true });
+
+/** photo: { rgb, width, height, bitmap }; mask: a canvas that is opaque on the object; clouds: one for each guess. */
+const page = { photo: null, mask: null, history: [], clouds: [], sample: 0, name: "" };
+const viewer = new CloudView([$("cloud")]);
+
+function say(text) {
+  $("status").textContent = text;
+  $("problem").hidden = true;
+}
+
+/** Runs a step; an error is shown, and the page stays usable. */
+const guarded = step => async (...values) => {
+  try {
+    return await step(...values);
+  } catch (error) {
+    if (!(error instanceof PhotoError)) console.error(error);
+    say("");
+    $("problem").textContent = error.message || "Something went wrong.";
+    $("problem").hidden = false;
+  }
+};
+
+// --- photo and mask files ------------------------------------------------------------------------
+
+/** Decodes an image, turned upright and reduced to MAX_SIDE: { bitmap, width, height, rgba }. */
+async function decode(file, resize = {}) {
+  if (file.size > MAX_BYTES) throw new PhotoError(`This file has ${Math.round(file.size / 1e6)} MB; up to ${MAX_BYTES / 1e6} MB can be read.`);
+  const bitmap = await createImageBitmap(file, { imageOrientation: "from-image", resizeQuality: "high", ...resize }).catch(() => {
+    throw new PhotoError(`${file.name ?? "This file"} is not an image that this browser can read; expected JPEG, PNG or WebP.`);
+  });
+  const { width, height } = bitmap, scale = MAX_SIDE / Math.max(width, height);
+  if (Math.min(width, height) < MIN_SIDE) throw new PhotoError(`This image has ${width} x ${height} pixels; at least ${MIN_SIDE} per side are needed.`);
+  if (scale < 1 && !resize.resizeWidth) {
+    return decode(file, { resizeWidth: Math.max(MIN_SIDE, Math.round(width * scale)), resizeHeight: Math.max(MIN_SIDE, Math.round(height * scale)) });
+  }
+  const context = contextOf(canvasOf(width, height));
+  context.drawImage(bitmap, 0, 0);
+  return { bitmap, width, height, rgba: context.getImageData(0, 0, width, height).data };
+}
+
+/** Opens a photo, and its mask if there is a second file: the one called NAME_mask. */
+const open = guarded(async files => {
+  const masked = files.length > 1 ? Math.max(0, files.findIndex(file => /_mask\.\w+$/.test(file.name))) : -1;
+  const [file] = files.filter((_, i) => i !== masked);
+  if (!file) throw new PhotoError("What you dropped is not a file; save the picture first, then drop the file.");
+  say("Reading the photo");
+  const { bitmap, width, height, rgba } = await decode(file);
+  page.name = (file.name ?? "photo").replace(/\.[^.]*$/, "").replace(/[^\w-]+/g, "_");
+  page.photo = { bitmap, width, height, rgb: Uint8Array.from({ length: 3 * width * height }, (_, i) => rgba[4 * Math.floor(i / 3) + i % 3]) };
+  page.mask = canvasOf(width, height);
+  page.history = [];
+  Object.assign($("photo"), { width, height }).style.setProperty("--ratio", width / height);
+  document.body.classList.add("has-photo");
+  const opaque = Uint8Array.from({ length: width * height }, (_, i) => rgba[4 * i + 3] > 127);
+  const share = opaque.reduce((a, b) => a + b, 0) / opaque.length;
+  if (masked >= 0) await openMask(files[masked]);
+  else if (share > 0.0005 && share < 0.97) setMask(opaque);
+  else changed();
+});
+
+const openMask = guarded(async file => {
+  if (!file) return;
+  const { width, height } = page.photo, { bitmap, ...read } = await decode(file);
+  if (!sameProportions(read.width, read.height, width, height)) {
+    throw new PhotoError(`The mask has ${read.width} x ${read.height} pixels; expected the photo's ${width} x ${height} or the same proportions.`);
+  }
+  const context = contextOf(canvasOf(width, height));
+  context.drawImage(bitmap, 0, 0, width, height);
+  const { data } = context.getImageData(0, 0, width, height), levels = new Uint8Array(width * height);
+  const transparent = data.some((v, i) => i % 4 === 3 && v < 255);
+  levels.forEach((_, i) => {
+    levels[i] = transparent ? data[4 * i + 3] : Math.round(0.299 * data[4 * i] + 0.587 * data[4 * i + 1] + 0.114 * data[4 * i + 2]);
+  });
+  const half = transparent ? 127 : levels.reduce((a, b) => Math.max(a, b)) / 2;
+  remember();
+  setMask(levels.map(level => level > half));
+});
+
+// --- the mask --------------------------------------------------------------------------------------
+
+/** Replaces the mask by an array with 1 on the object. */
+function setMask(mask) {
+  const image = new ImageData(page.photo.width, page.photo.height);
+  mask.forEach((on, i) => { image.data[4 * i + 3] = on ? 255 : 0; });
+  contextOf(page.mask).putImageData(image, 0, 0);
+  changed();
+}
+
+function maskArray() {
+  const { width, height } = page.mask, { data } = contextOf(page.mask).getImageData(0, 0, width, height);
+  return Uint8Array.from({ length: width * height }, (_, i) => data[4 * i + 3] > 127);
+}
+
+function remember() {
+  const copy = canvasOf(page.mask.width, page.mask.height);
+  contextOf(copy).drawImage(page.mask, 0, 0);
+  page.history = [...page.history, copy].slice(-HISTORY);
+}
+
+function undo() {
+  page.mask = page.history.pop() ?? page.mask;
+  changed();
+}
+
+let timer = 0;
+function changed() {
+  $("undo").disabled = !page.history.length;
+  draw();
+  clearTimeout(timer);
+  timer = setTimeout(predict, PAUSE);
+}
+
+/** Draws the photo, dark outside the mask, and the mask's edge. */
+function draw(path = []) {
+  const { photo, mask } = page, { width, height } = photo, context = $("photo").getContext("2d");
+  const over = canvasOf(width, height), layer = over.getContext("2d"), reach = Math.max(1, width / 400);
+  layer.drawImage(mask, 0, 0);
+  for (const [x, y] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) layer.drawImage(mask, x * reach, y * reach);
+  layer.globalCompositeOperation = "source-in";
+  layer.fillStyle = EDGE;
+  layer.fillRect(0, 0, width, height);
+  layer.globalCompositeOperation = "destination-over";
+  layer.fillStyle = VEIL;
+  layer.fillRect(0, 0, width, height);
+  layer.globalCompositeOperation = "destination-out";
+  layer.drawImage(mask, 0, 0);
+  context.drawImage(photo.bitmap, 0, 0);
+  context.drawImage(over, 0, 0);
+  context.strokeStyle = "#fff";
+  context.lineWidth = 2 * reach;
+  context.beginPath();
+  path.forEach(([x, y]) => context.lineTo(x, y));
+  context.stroke();
+}
+
+const checked = name => document.querySelector(`input[name=${name}]:checked`).value;
+let path = [], removing = false;
+function extend(event) {
+  const { width, height } = page.photo, box = $("photo").getBoundingClientRect();
+  path.push([(event.clientX - box.left) / box.width * width, (event.clientY - box.top) / box.height * height]);
+  if (checked("tool") === "brush") {
+    const context = contextOf(page.mask);
+    context.globalCompositeOperation = removing ? "destination-out" : "source-over";
+    Object.assign(context, { lineWidth: +$("brush").value * width / box.width, lineCap: "round", lineJoin: "round" });
+    context.beginPath();
+    path.slice(-3).forEach(([x, y]) => context.lineTo(x, y));
+    if (path.length === 1) context.lineTo(path[0][0] + 0.01, path[0][1]);
+    context.stroke();
+  }
+  draw(checked("tool") === "outline" ? path : []);
+}
+
+$("photo").addEventListener("contextmenu", event => event.preventDefault());
+$("photo").addEventListener("pointerdown", event => {
+  if (path.length) return;
+  $("photo").setPointerCapture(event.pointerId);
+  remember();
+  removing = (checked("mode") === "remove") !== (event.button === 2);
+  extend(event);
+});
+$("photo").addEventListener("pointermove", event => { if (path.length) extend(event); });
+for (const name of ["pointerup", "pointercancel"]) $("photo").addEventListener(name, () => {
+  if (checked("tool") === "outline" && path.length) {
+    const context = contextOf(page.mask);
+    context.globalCompositeOperation = removing ? "destination-out" : "source-over";
+    context.beginPath();
+    path.forEach(([x, y]) => context.lineTo(x, y));
+    context.fill();
+  }
+  if (path.length) changed();
+  path = [];
+});
+
+// --- points ----------------------------------------------------------------------------------------
+
+/** The network: { about, session }. */
+async function load() {
+  ort.env.wasm.numThreads = 1; // several threads need headers that plain file servers do not send
+  ort.env.wasm.wasmPaths = new URL("runtime/", import.meta.url).href;
+  const fetched = async name => {
+    const response = await fetch(name);
+    if (!response.ok) throw new Error(`The page is incomplete: ${name} is missing.`);
+    return response;
+  };
+  const damaged = new Error("The network's file is damaged or belongs to another page; build the page again.");
+  const about = await (await fetched("network.json")).json().catch(() => { throw damaged; });
+  const [name, row] = Object.entries(about.files ?? {}).find(([file]) => file.endsWith(".onnx")) ?? [];
+  if (about.format !== "psgn_jax network 1" || !name) throw damaged;
+  const bytes = new Uint8Array(await (await fetched(name)).arrayBuffer());
+  if (bytes.length !== row.bytes) throw damaged;
+  const session = await ort.InferenceSession.create(bytes, { executionProviders: ["wasm"] }).catch(error => {
+    throw new Error(`This browser cannot run the network (${String(error.message ?? error).slice(0, 120)}).`);
+  });
+  return { about, session };
+}
+
+const predict = guarded(async () => {
+  const { about, session } = await network, { photo } = page, mask = maskArray(), begin = performance.now();
+  document.body.classList.remove("has-cloud");
+  viewer.show([]);
+  page.clouds = [];
+  if (!mask.includes(1)) return say("Draw around the object, paint over it, or open a mask file.");
+  say("Predicting");
+  await new Promise(resolve => setTimeout(resolve)); // the message is drawn first
+  const view = place(photo, mask, about), { image, mask: small } = networkInputs(view, about), [h, w] = about.image_size;
+  const count = about.random_size ? Math.min(SAMPLES, about.latents.length) : 1, length = 3 * about.num_points;
+  const feeds = { image: new ort.Tensor("uint8", image, [1, h, w, 3]), mask: new ort.Tensor("bool", small, [1, h, w]) };
+  if (about.random_size) {
+    feeds.r = new ort.Tensor("float32", Float32Array.from(about.latents.slice(0, count).flat()), [1, count, about.random_size]);
+  }
+  const points = (await session.run(feeds)).points.data;
+  if (points.length !== count * length || !points.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
+  const parts = Array.from({ length: count }, (_, k) => points.slice(k * length, (k + 1) * length)), stray = parts.map(strayPoints);
+  const { points: normal } = view.placed ? normalForm(points, stray.flat()) : { points };
+  page.clouds = parts.map((part, k) => ({
+    points: normal.slice(k * length, (k + 1) * length), colours: coloursFromView(part, view, about), stray: stray[k],
+  }));
+  document.body.classList.add("has-cloud");
+  $("sampling").hidden = count < 2;
+  $("sample").max = count - 1;
+  show(Math.min(page.sample, count - 1));
+  const corner = mask[0] + mask[photo.width - 1] + mask.at(-photo.width) + mask.at(-1);
+  const doubt = corner === 4 ? " The mask contains all four corners: it may be inverted." : "";
+  say(`${about.num_points.toLocaleString("en")} points in ${((performance.now() - begin) / 1000).toFixed(1)} s.${doubt}`);
+});
+
+function show(sample) {
+  page.sample = sample;
+  $("sample").value = sample;
+  $("which").textContent = `${sample + 1} of ${page.clouds.length}`;
+  viewer.show([shown()]);
+}
+
+/** The chosen cloud without its stray points, as in files. */
+function shown() {
+  const { points, colours, stray } = page.clouds[page.sample], kept = (_, i) => !stray[Math.floor(i / 3)];
+  return { points: points.filter(kept), colours: colours.filter(kept) };
+}
+
+// --- controls --------------------------------------------------------------------------------------
+
+each("input[type=file]", input => input.addEventListener("change", () => {
+  const files = [...input.files];
+  input.value = "";
+  if (input.id === "mask-file") openMask(files[0]);
+  else if (files.length) open(files);
+}));
+for (const [name, on] of [["dragover", true], ["dragleave", false], ["drop", false]]) addEventListener(name, event => {
+  event.preventDefault();
+  document.body.classList.toggle("dragging", on);
+  if (name === "drop") open([...event.dataTransfer.files]);
+});
+addEventListener("paste", event => { if (event.clipboardData?.files.length) open([...event.clipboardData.files]); });
+each("[data-example]", button => button.addEventListener("click", guarded(async () => {
+  const name = `${button.dataset.example}.png`, response = await fetch(`examples/${name}`);
+  await open([new File([await response.blob()], name)]);
+})));
+each("[data-format]", button => button.addEventListener("click", () => {
+  const { points, colours } = shown(), suffix = page.clouds.length > 1 ? `_${page.sample}` : "";
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([FORMATS[button.dataset.format](points, colours)]));
+  link.download = `${page.name}${suffix}.${button.dataset.format}`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}));
+$("undo").addEventListener("click", undo);
+$("invert").addEventListener("click", () => { remember(); setMask(maskArray().map(m => 1 - m)); });
+$("clear").addEventListener("click", () => { remember(); setMask(new Uint8Array(page.mask.width * page.mask.height)); });
+$("sample").addEventListener("input", event => show(+event.target.value));
+$("reset").addEventListener("click", () => { $("turning").checked = false; viewer.reset(); });
+$("turning").addEventListener("change", event => viewer.spin(event.target.checked));
+addEventListener("keydown", event => {
+  if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && page.photo) undo();
+});
+
+const network = load();
+guarded(async () => {
+  const { about } = await network, [height, width] = about.image_size;
+  $("about").textContent = `Network "${about.name}": ${width} x ${height} pixels to ${about.num_points.toLocaleString("en")} points.`;
+  for (const { source, licences } of about.sources) {
+    const texts = Object.entries(licences).map(([name, row]) => name + (row.holders?.length ? ` (${row.holders.join(", ")})` : ""));
+    $("licences").append(Object.assign(document.createElement("li"), { textContent: `${source}: ${texts.join("; ") || "not stated"}` }));
+  }
+  say("");
+})();
+window.psgn = { page, viewer, network, maskArray };

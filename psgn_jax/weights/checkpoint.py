@@ -1,0 +1,299 @@
+"""Checkpoints of a run, written in the background; the newest ones and the best one are kept.
+
+Only this module imports orbax. In the given folder, `<step>/` contains a checkpoint: the arrays by
+dotted name, and a JSON item `meta` with the caller's data and a checksum of every array.
+`scores.json` contains the metrics of the checkpoints that were evaluated. Orbax writes under a
+temporary name and renames the folder when it is complete, so a process that is killed while writing
+leaves no incomplete checkpoint behind; the checksums detect later damage.
+"""
+
+import contextlib
+import errno
+import json
+import logging as python_logging
+import math
+import os
+import pathlib
+import re
+import shutil
+import sys
+import zlib
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple, TypeVar
+
+import jax
+import numpy as np
+import orbax.checkpoint as ocp
+from absl import logging
+
+from psgn_jax.system.errors import UserError
+from psgn_jax.system.files import is_disk_full, write_atomic
+from psgn_jax.system.untrusted import brief, with_checksum, without_checksum
+
+FORMAT = 1
+
+_STEP = re.compile(r"0|[1-9][0-9]{0,17}")
+"""Names of the folders of checkpoints."""
+
+RANKING = ("cd_sq_radius2", "one_minus_iou", "log_volume_abs_error")
+"""A checkpoint is ranked by the first of these metrics that its evaluation contains; lower is
+better."""
+
+
+class Checkpoint(NamedTuple):
+    """One checkpoint as read: its step, arrays by dotted name and the caller's `meta`."""
+
+    step: int
+    leaves: dict[str, np.ndarray]
+    meta: dict[str, Any]
+
+
+_Checkpointer = TypeVar("_Checkpointer", bound=ocp.Checkpointer)
+
+
+class CheckpointError(UserError):
+    """There is no checkpoint that can be read, or a checkpoint cannot be written."""
+
+
+class Checkpoints:
+    """The checkpoints in one folder.
+
+    Args:
+      directory: created when something is saved.
+      keep: number of newest checkpoints to keep, in addition to the best one.
+      read_only: change nothing in the folder, not even leftovers of an interrupted save, because a
+        training may be running.
+    """
+
+    def __init__(self, directory: str | pathlib.Path, keep: int = 2, *, read_only: bool = False):
+        self._directory = pathlib.Path(directory).absolute()
+        self._keep = keep
+        self._read_only = read_only
+        _quiet_threads()
+        self._saver: ocp.AsyncCheckpointer | None = None
+        if self._directory.is_dir() and not read_only:
+            for pattern in ("*.orbax-checkpoint-tmp*", "*.deleting"):
+                for leftover in list(self._directory.glob(pattern)):  # of a process that was killed
+                    shutil.rmtree(leftover, ignore_errors=True)
+        self.scores = _read_scores(self._directory / "scores.json")
+
+    def steps(self) -> list[int]:
+        """Steps with a complete checkpoint, oldest first."""
+        if not self._directory.is_dir():
+            return []
+        folders = [p for p in self._directory.iterdir() if _STEP.fullmatch(p.name) and p.is_dir()]
+        return sorted(int(p.name) for p in folders)
+
+    def best_step(self) -> int | None:
+        """The step with the lowest metric (the latest in case of a tie), or None."""
+        candidates = {
+            step: next((scores[m] for m in RANKING if m in scores), math.nan)
+            for step in self.steps()
+            if (scores := self.scores.get(step)) is not None
+        }
+        finite = [step for step, score in candidates.items() if math.isfinite(score)]
+        return min(finite, key=lambda step: (candidates[step], -step)) if finite else None
+
+    def score(self, step: int, metrics: Mapping[str, float]) -> None:
+        """Records the metrics of a checkpoint."""
+        steps = {step, *self.steps()}
+        self.scores = {s: m for s, m in self.scores.items() if s in steps} | {step: dict(metrics)}
+        text = json.dumps(with_checksum(self.scores), indent=1) + "\n"
+        write_atomic(self._directory / "scores.json", text)
+
+    def save(self, step: int, leaves: Mapping[str, Any], meta: Mapping[str, Any]) -> None:
+        """Copies the arrays to the host and writes them in the background.
+
+        Waits for the previous save. `close` (or the next save) waits for this one.
+
+        Raises:
+          OSError: the disk is full.
+          CheckpointError: the checkpoint cannot be written for another reason.
+
+        An error while writing in the background is raised by the next `save`, `wait` or `close`.
+        """
+        self.wait()
+        # A copy, because the caller donates these buffers while the writer still reads them.
+        arrays = {name: np.array(leaf, copy=True) for name, leaf in leaves.items()}
+        document = {
+            "format": FORMAT,
+            "step": step,
+            "meta": dict(meta),
+            "leaves": {
+                name: {"shape": list(a.shape), "dtype": a.dtype.name, "crc32": _checksum(a)}
+                for name, a in arrays.items()
+            },
+        }
+        items = ocp.args.Composite(
+            state=ocp.args.StandardSave(arrays), meta=ocp.args.JsonSave(with_checksum(document))
+        )
+        self._saver = self._saver or _of_this_process(ocp.AsyncCheckpointer)
+        with _writing(self._directory):
+            self._directory.mkdir(parents=True, exist_ok=True)
+            self._saver.save(self._directory / str(step), args=items)
+
+    def restore_newest(self) -> Checkpoint | None:
+        """The newest intact checkpoint, or None if there are none at all.
+
+        Damaged checkpoints are skipped with a warning, and moved to `damaged/` unless read-only.
+
+        Raises:
+          CheckpointError: there are checkpoints but none can be read. The cause is then probably
+            the disk, a permission or a version, not damage to every checkpoint, so nothing is
+            moved.
+        """
+        unreadable: list[tuple[int, Exception]] = []
+        for step in reversed(self.steps()):
+            try:
+                checkpoint = self.restore(step)
+            except Exception as error:  # orbax raises many types of errors for unreadable files
+                unreadable.append((step, error))
+                continue
+            for newer, why in unreadable:
+                self._set_aside(newer, why)
+            return checkpoint
+        if unreadable:
+            step, why = unreadable[0]
+            raise CheckpointError(
+                f"none of the {len(unreadable)} checkpoints in {self._directory} can be read "
+                f"(step {step}: {brief(why)}); remove the cause, or move the folder away to "
+                "start over"
+            )
+        return None
+
+    def restore(self, step: int) -> Checkpoint:
+        """The checkpoint of one step; raises if it cannot be read or fails its checksums."""
+        folder = self._directory / str(step)
+        reader = _of_this_process(ocp.Checkpointer)
+        try:
+            items = ocp.args.Composite(meta=ocp.args.JsonRestore())
+            document = without_checksum(reader.restore(folder, args=items).meta)
+            if document.get("format") != FORMAT:
+                raise ValueError(f"the format is {document.get('format')!r}, expected {FORMAT}")
+            template = {
+                name: np.zeros(leaf["shape"], leaf["dtype"])
+                for name, leaf in document["leaves"].items()
+            }
+            items = ocp.args.Composite(state=ocp.args.StandardRestore(template))
+            restored = reader.restore(folder, args=items).state
+        finally:
+            reader.close()
+        leaves = {name: np.asarray(restored[name]) for name in template}
+        for name, leaf in leaves.items():
+            if _checksum(leaf) != document["leaves"][name]["crc32"]:
+                raise ValueError(f"the checksum of {name} does not match")
+        return Checkpoint(step, leaves, document["meta"])
+
+    def wait(self) -> None:
+        """Waits until the last save is complete, then deletes checkpoints that are not kept."""
+        if self._saver is None:
+            return
+        with _writing(self._directory):
+            self._saver.wait_until_finished()
+        steps = self.steps()
+        kept = {*steps[-self._keep :], self.best_step()}
+        for step in steps:
+            if step not in kept:
+                # Renamed first, so that a kill leaves no incomplete checkpoint under its own name.
+                doomed = self._directory / f"{step}.deleting"
+                (self._directory / str(step)).rename(doomed)
+                shutil.rmtree(doomed, ignore_errors=True)
+
+    def close(self) -> None:
+        """Waits for the last save and releases the threads."""
+        try:
+            self.wait()
+        finally:
+            saver, self._saver = self._saver, None
+            if saver is not None:
+                with _writing(self._directory):
+                    saver.close()
+
+    def _set_aside(self, step: int, error: Exception) -> None:
+        why = brief(error)
+        if self._read_only:
+            logging.warning("checkpoint %d is damaged (%s); skipped", step, why)
+            return
+        self.scores.pop(step, None)
+        target = self._directory / "damaged" / str(step)
+        target.parent.mkdir(exist_ok=True)
+        shutil.rmtree(target, ignore_errors=True)
+        (self._directory / str(step)).rename(target)
+        logging.warning("checkpoint %d is damaged (%s); moved to %s", step, why, target)
+
+
+def _of_this_process(kind: type[_Checkpointer]) -> _Checkpointer:
+    """A checkpointer of orbax that does not wait for the other processes of a training."""
+    alone = ocp.options.MultiprocessingOptions()
+    if jax.process_count() > 1:
+        own = jax.process_index()
+        alone = ocp.options.MultiprocessingOptions(
+            primary_host=own, active_processes={own}, barrier_sync_key_prefix=f"process{own}"
+        )
+    options = ocp.CompositeOptions(multiprocessing_options=alone)
+    handler = ocp.CompositeCheckpointHandler(composite_options=options)
+    return kind(handler, multiprocessing_options=alone)
+
+
+def _read_scores(path: pathlib.Path) -> dict[int, dict[str, float]]:
+    """The metrics of each step; empty, with a warning, if the file is damaged."""
+    try:
+        raw = without_checksum(json.loads(path.read_text("utf-8")))
+        scores = {int(step): dict(metrics) for step, metrics in raw.items()}
+        if not all(type(m) in (int, float) for one in scores.values() for m in one.values()):
+            raise ValueError("a metric is not a number")
+        return scores
+    except FileNotFoundError:
+        return {}
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        logging.warning("%s is damaged (%s): the best checkpoint is unknown", path, brief(error))
+        return {}
+
+
+def _quiet_threads() -> None:
+    """Suppresses messages of orbax's threads about an error, which is raised here anyway.
+
+    The threads log the error with a stack trace. If one array cannot be read or written, orbax also
+    closes its event loop while operations on other arrays are pending. When such an operation ends,
+    Python prints an exception, "Event loop is closed". If an operation has failed before the loop
+    was closed, asyncio logs that its exception was never retrieved.
+    """
+    logging.get_absl_logger().addFilter(_is_no_stack_of_orbax)  # adding it again has no effect
+    python_logging.getLogger("asyncio").addFilter(_is_no_future_of_tensorstore)
+    before = sys.unraisablehook
+    if getattr(before, "__name__", "") == "_ignore_closed_loops":
+        return
+
+    def _ignore_closed_loops(unraisable: Any) -> None:
+        if str(unraisable.exc_value) != "Event loop is closed":
+            before(unraisable)
+
+    sys.unraisablehook = _ignore_closed_loops
+
+
+def _is_no_stack_of_orbax(record: python_logging.LogRecord) -> bool:
+    return not (record.exc_info and f"{os.sep}orbax{os.sep}" in record.pathname)
+
+
+def _is_no_future_of_tensorstore(record: python_logging.LogRecord) -> bool:
+    message = record.getMessage()
+    names = any(name in message for name in ("tensorstore_spec", "OCDBT database"))
+    return not ("exception was never retrieved" in message and names)
+
+
+@contextlib.contextmanager
+def _writing(folder: pathlib.Path) -> Iterator[None]:
+    """Turns orbax's errors into `OSError` for a full disk, or into `CheckpointError`."""
+    try:
+        yield
+    except Exception as error:
+        if is_disk_full(error):
+            number = errno.ENOSPC
+            raise OSError(number, os.strerror(number), str(folder)) from error
+        raise CheckpointError(
+            f"the checkpoint in {folder} could not be written: {brief(error)}"
+        ) from error
+
+
+def _checksum(array: np.ndarray) -> int:
+    return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)

@@ -1,0 +1,63 @@
+"""Names of the leaves of a tree of arrays, as in checkpoints and files of weights."""
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import numpy as np
+
+
+def named_leaves(tree: Any) -> dict[str, Any]:
+    """Leaves by dotted path, `{"params.head.kernel": ...}`, as named in a checkpoint."""
+    leaves, _ = jax.tree_util.tree_flatten_with_path(tree)
+    return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
+
+
+def from_named_leaves(template: Any, leaves: Mapping[str, np.ndarray]) -> Any:
+    """The tree with the structure of `template` (arrays or shapes) and the given leaves.
+
+    Raises:
+      ValueError: a leaf is missing or not in `template`, or has another shape or dtype.
+    """
+    wanted = named_leaves(template)
+    if different := sorted(wanted.keys() ^ leaves.keys()):
+        where = "missing" if different[0] in wanted else "not expected"
+        raise ValueError(f"leaf {different[0]} is {where} ({len(different)} leaves differ)")
+    for name, want in wanted.items():
+        have = leaves[name]
+        if (have.shape, have.dtype) != (want.shape, want.dtype):
+            raise ValueError(
+                f"leaf {name} is {have.dtype}{list(have.shape)}, "
+                f"expected {want.dtype}{list(want.shape)}"
+            )
+    return jax.tree.unflatten(jax.tree.structure(template), [leaves[name] for name in wanted])
+
+
+def checksum(leaves: Mapping[str, Any], head: bytes = b"") -> str:
+    """SHA-256 over `head`, then names, dtypes, shapes and values of the leaves."""
+    digest = hashlib.sha256(head)
+    for name, leaf in sorted(leaves.items()):
+        array = np.ascontiguousarray(leaf)
+        digest.update(f"{name} {array.dtype} {array.shape}\n".encode())
+        digest.update(array.reshape(-1).view(np.uint8).data)
+    return digest.hexdigest()
+
+
+def params_from_named_leaves(leaves: Mapping[str, np.ndarray], *, averaged: bool = True) -> Any:
+    """The parameters for evaluation, as a nested dict, from the leaves of a checkpoint.
+
+    With `averaged` these are the averaged ones, if they exist.
+    """
+    averaged = averaged and any(name.startswith("ema.") for name in leaves)
+    section = "ema." if averaged else "params."
+    tree: dict[str, Any] = {}
+    for name, leaf in leaves.items():
+        if not name.startswith(section):
+            continue
+        *parents, last = name.removeprefix(section).split(".")
+        node = tree
+        for parent in parents:
+            node = node.setdefault(parent, {})
+        node[last] = leaf
+    return tree

@@ -1,0 +1,154 @@
+"""The folder of a run: reads configuration, checkpoints and scores for evaluation and prediction.
+
+`config.json` contains the configuration, `checkpoints/` the files of `weights.checkpoint`. Reading
+changes nothing in the folder, because a training may be running in it.
+"""
+
+import contextlib
+import fcntl
+import os
+import pathlib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from absl import logging
+
+from psgn_jax.config.experiment import Config, ConfigError, DamagedError, flatten, from_json, parse
+from psgn_jax.system.files import remove_temporaries
+from psgn_jax.system.untrusted import brief
+from psgn_jax.weights.checkpoint import Checkpoint, CheckpointError, Checkpoints
+from psgn_jax.weights.leaves import params_from_named_leaves
+
+
+class Run(NamedTuple):
+    """A trained run, opened at one checkpoint.
+
+    Attributes:
+      config: configuration of the run.
+      step: step of the checkpoint.
+      params: parameters for evaluation: the averaged ones if the run has them.
+      scores: metrics and chosen thresholds that were recorded for this checkpoint during training;
+        empty if it was not evaluated.
+      source: the folder of the run, or the name of the weights.
+      source_kind: "workdir" if `source` is a folder, "weights" if it is the name of weights.
+      sources: the data of weights and their licences, as in `weights.file.Weights`.
+      checkpoint: the checkpoint that was asked for, "best" or "last".
+    """
+
+    config: Config
+    step: int
+    params: Any
+    scores: dict[str, float]
+    source: str = ""
+    source_kind: str = "workdir"
+    sources: Sequence[Mapping[str, Any]] = ()
+    checkpoint: str = "best"
+
+
+def open_run(
+    workdir: str | os.PathLike[str], checkpoint: str = "best", *, averaged: bool = True
+) -> Run:
+    """Opens a run at its best or last checkpoint.
+
+    Args:
+      workdir: folder of the run.
+      checkpoint: "last", or "best" on the validation metric. If no checkpoint was evaluated or the
+        best one is damaged, "best" is the last one, with a warning. If `config.json` is damaged,
+        the copy in the checkpoint is used, with a warning.
+      averaged: whether to use the averaged parameters if the run has them.
+
+    Raises:
+      ConfigError: there is no run, or its configuration does not fit the checkpoint.
+      CheckpointError: there is no checkpoint that can be read.
+    """
+    config, damaged = None, None
+    try:
+        config = load_config(workdir)
+    except DamagedError as error:
+        damaged = error
+    checkpoints = Checkpoints(pathlib.Path(workdir) / "checkpoints", read_only=True)
+    try:
+        opened = _best(checkpoints) if checkpoint == "best" else checkpoints.restore_newest()
+    finally:
+        checkpoints.close()
+    if opened is None:
+        raise CheckpointError(f"--workdir={workdir}: no checkpoint there")
+    if config is None:
+        if "config" not in opened.meta:
+            raise damaged or ConfigError(f"--workdir={workdir}: no configuration there")
+        logging.warning("%s; using the configuration in the checkpoint", damaged)
+        config = parse(opened.meta["config"])
+    _check_fits(config, opened, workdir)
+    params = params_from_named_leaves(opened.leaves, averaged=averaged)
+    scores = checkpoints.scores.get(opened.step, {})
+    return Run(config, opened.step, params, scores, str(workdir), checkpoint=checkpoint)
+
+
+_OF_THE_NETWORK = ("task", "model.", "data.image_size", "data.inputs", "voxels.")
+
+
+def _check_fits(config: Config, checkpoint: Checkpoint, workdir: str | os.PathLike[str]) -> None:
+    """Raises `ConfigError` if `config.json` describes another network than the checkpoint's."""
+    if "config" not in checkpoint.meta:
+        return
+    trained, now = flatten(parse(checkpoint.meta["config"])), flatten(config)
+    names = [name for name in now if name.startswith(_OF_THE_NETWORK)]
+    if different := [name for name in names if trained[name] != now[name]]:
+        texts = [f"{name}={now[name]!r} (trained with {trained[name]!r})" for name in different]
+        raise ConfigError(
+            f"--workdir={workdir}: config.json does not fit the checkpoint of step "
+            f"{checkpoint.step}: {', '.join(texts)}; restore config.json"
+        )
+
+
+def load_config(workdir: str | os.PathLike[str]) -> Config:
+    """The configuration of a run; raises `ConfigError` if there is none."""
+    path = pathlib.Path(workdir) / "config.json"
+    try:
+        text = path.read_text("utf-8", errors="replace")
+    except FileNotFoundError:
+        raise ConfigError(f"--workdir={workdir}: no run there ({path} does not exist)") from None
+    except OSError as error:
+        raise ConfigError(f"--workdir={workdir}: no run there ({error.strerror})") from error
+    try:
+        return from_json(text)
+    except ConfigError as error:
+        raise type(error)(f"{path}: {error}") from None
+
+
+def _best(checkpoints: Checkpoints) -> Checkpoint | None:
+    step = checkpoints.best_step()
+    if step is not None:
+        try:
+            return checkpoints.restore(step)
+        except Exception as error:  # orbax raises many types of errors for unreadable files
+            logging.warning("the best checkpoint (step %d) is damaged: %s", step, brief(error))
+    logging.warning("no best checkpoint can be used; using the last one")
+    return checkpoints.restore_newest()
+
+
+@contextlib.contextmanager
+def locked(workdir: str | pathlib.Path) -> Iterator[None]:
+    """Locks a run's folder against other trainings; the lock also ends if the process is killed.
+
+    Temporary files that trainings left behind when they were killed are removed.
+
+    Raises:
+      ConfigError: another process holds the lock.
+    """
+    path = pathlib.Path(workdir) / ".lock"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "a") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ConfigError(
+                f"--workdir={workdir}: another training is running there; wait for it, stop it, "
+                "or give another folder"
+            ) from None
+        except OSError as error:  # file systems without locks
+            logging.warning("%s cannot be locked (%s): start no second training there", path, error)
+        else:
+            for folder in (path.parent, path.parent / "checkpoints"):
+                remove_temporaries(folder)
+        yield

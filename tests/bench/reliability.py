@@ -1,0 +1,589 @@
+"""Kills, file errors, damage and hostile input, many times at random; counts what held.
+
+    python tests/bench/reliability.py --minutes=60 [--seed=0] [--part=kill ...] --out=campaign-0
+
+kill: a command gets one to three signals at random moments and is started again. Must hold: the
+exit code of the signal, no traceback, no process left, and the result of an undisturbed command.
+
+fault: one file operation of a command fails, or is the last one before a kill, or the disk is full
+from then on. Must hold: exit code, one line, no traceback; the next start gives the result of an
+undisturbed one.
+
+damage: one file of a finished run or data set is changed, cut off or removed, and read. Must hold:
+the result of the undamaged one, or exit code 2 and one line.
+
+input: bytes or fields of a mesh, image, record, manifest, prediction or weights file are changed.
+Must hold: within 20 s and 2 GiB a correct result, or the reader's documented error in one line.
+
+The time is divided equally among the parts. `--out` gets a line of JSON for each trial that did not
+hold, and `table.md`. The random choices depend on the seed; the moments of kills also on the speed
+of the machine. Needs Linux, the extra `dev`, and a C compiler for `fault`. The exit code is 1 if
+anything did not hold.
+"""
+
+import argparse
+import collections
+import dataclasses
+import errno
+import io
+import json
+import os
+import pathlib
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import warnings
+import zlib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import msgpack
+import numpy as np
+from PIL import Image
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+from helpers import drawn_solids  # noqa: E402
+from helpers import weights as tiny  # noqa: E402
+from helpers.obj_text import CUBE, FACES, png  # noqa: E402
+from helpers.small_runs import quick_environment  # noqa: E402
+
+from data_gen.mesh import UnusableModelError  # noqa: E402
+from data_gen.readers.load import load_model  # noqa: E402
+from psgn_jax.data import photo, schema  # noqa: E402
+from psgn_jax.data.codec import decode, encode  # noqa: E402
+from psgn_jax.data.dataset import RecordReader, write_dataset  # noqa: E402
+from psgn_jax.data.manifest import MANIFEST  # noqa: E402
+from psgn_jax.data.schema import RecordError  # noqa: E402
+from psgn_jax.viewing.predictions import PredictionFileError, read_prediction  # noqa: E402
+from psgn_jax.weights.checkpoint import Checkpoints  # noqa: E402
+from psgn_jax.weights.file import WeightsError, read_weights, write_weights  # noqa: E402
+from psgn_jax.weights.leaves import named_leaves  # noqa: E402
+
+TIMES = ("seconds", "samples_per_second", "seconds_per_sample")
+"""Fields of results that depend on the clock."""
+
+# --- The commands ------------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """A command and the folder of its result.
+
+    Attributes:
+      words: arguments of Python; `{out}` is the folder of the result.
+      reader: arguments of a command that reads a damaged result; empty = the command itself.
+      expected: exit codes when it succeeds.
+    """
+
+    words: list[str]
+    reader: tuple[str, ...] = ()
+    expected: tuple[int, ...] = (0,)
+
+
+def make_commands(work: pathlib.Path) -> dict[str, Command]:
+    """Writes the inputs of all commands; returns the commands."""
+    splits = {
+        "train": drawn_solids.samples(10, seed=0, image_size=(16, 32)),
+        "validation": drawn_solids.samples(5, seed=1, image_size=(16, 32)),
+    }
+    write_dataset(work / "records", splits, source="solids", records_per_shard=4)
+    photos = work / "photos"
+    photos.mkdir()
+    for number in range(4):
+        picture = Image.new("RGB", (80, 60), (191, 191, 191))
+        picture.paste((200, 60, 20 * number), (20, 15, 50 + number, 45))
+        picture.save(photos / f"{number}.png")
+    meshes = work / "meshes"
+    meshes.mkdir()
+    for name in "abc":
+        (meshes / f"{name}.obj").write_text(CUBE + FACES)
+    authors = work / "authors"
+    authors.mkdir()
+    for number in range(4):
+        (authors / f"{number}.gz").write_bytes(_batch_of_noise(number))
+    train = [
+        "-m", "psgn_jax.main", "--config=configs/debug.py", "--workdir={out}",
+        f"--config.data.path={work / 'records'}", "--config.model.widths=(4,8,16)",
+        "--config.model.fc_points=8", "--config.model.fc_widths=(8,)",
+        "--config.model.deconv_level=1", "--config.data.image_size=(16,32)",
+        "--config.data.num_points=32", "--config.data.num_eval_points=32",
+        "--config.eval.max_samples=4", "--config.eval.batch_size=4", "--config.train.steps=24",
+        "--config.train.batch_size=4", "--config.train.checkpoint_every=4",
+        "--config.train.eval_every=8", "--config.train.images_every=0",
+    ]  # fmt: skip
+    render = [
+        "data_gen/render.py", "--catalogue=folder", f"--source={meshes}", "--out={out}",
+        "--config.views=1", "--config.job.workers=1", "--config.models_per_shard=1",
+        "--config.num_points=3000", "--config.job.variant=scalar", "--config.image.samples=1",
+        "--config.camera.image_size=(24, 32)",
+    ]  # fmt: skip
+    run = f"--workdir={work / 'train'}"
+    psgn = ["-m", "psgn_jax.commands.psgn"]
+    read_records = (*psgn, "inspect", "{out}", f"--sheet={work / 'sheet.png'}")
+    return {
+        "train": Command(train, (*psgn, "evaluate", "--workdir={out}")),
+        "train, 2 workers": Command([*train, "--config.data.num_workers=2"]),
+        "render": Command(render, read_records),
+        "convert": Command([*psgn, "convert", "authors", str(authors), "{out}"], read_records),
+        "predict": Command([*psgn, "predict", str(photos), run, "--out={out}"]),
+        "evaluate": Command([*psgn, "evaluate", run, "--out={out}/t", "--report={out}/gallery"]),
+    }
+
+
+def _batch_of_noise(seed: int) -> bytes:
+    """A file in the layout of the authors' batches."""
+    rng = np.random.default_rng(seed)
+    depth = np.zeros((32, 192, 256), np.uint16)
+    depth[:, 60:120, 80:180] = rng.integers(1, 65535, (32, 1, 1))
+    colour = np.full((32, 192, 256, 3), 191, np.uint8)
+    colour[depth > 0] = (10, 20, 200)
+    rotation = np.repeat(np.eye(3, dtype=np.float32)[None], 32, axis=0)
+    points = rng.integers(0, 256, (32, 16384, 3), np.uint8)
+    other = np.zeros((32, 1024, 4), np.uint16)
+    names = "\n".join(f"a{seed:03d}{i:028x}" for i in range(32))
+    arrays = (colour, depth, rotation, points, other)
+    return zlib.compress(b"".join(a.tobytes() for a in arrays) + names.encode(), 1)
+
+
+def result_of(out: pathlib.Path) -> dict[str, Any]:
+    """The result in a folder without times: leaves of the last checkpoint, or contents of files."""
+    if (out / "checkpoints").is_dir():
+        last = Checkpoints(out / "checkpoints", read_only=True).restore_newest()
+        lines = (out / "metrics.jsonl").read_text().splitlines()
+        leaves = {} if last is None else {n: leaf.tobytes() for n, leaf in last.leaves.items()}
+        return leaves | {"metrics": [_without_times(json.loads(line)) for line in lines]}
+    found: dict[str, Any] = {}
+    for path in sorted(p for p in out.rglob("*") if p.is_file()):
+        name = str(path.relative_to(out))
+        if path.suffix == ".npz":
+            with np.load(path, allow_pickle=False) as arrays:
+                found[name] = {key: arrays[key].tobytes() for key in arrays.files}
+        elif path.name == "models.jsonl" or path.name.startswith("."):
+            continue
+        elif path.suffix == ".json":
+            found[name] = _without_times(json.loads(path.read_text()))
+        else:
+            found[name] = path.read_bytes()
+    return found
+
+
+def _without_times(tree: Any) -> Any:
+    return {k: v for k, v in tree.items() if k not in TIMES} if isinstance(tree, dict) else tree
+
+
+# --- The parts ---------------------------------------------------------------------------------
+
+
+class Campaign:
+    """The inputs, the commands and their undisturbed results, in a folder."""
+
+    def __init__(self, work: pathlib.Path, seed: int) -> None:
+        self.work = work
+        self.rng = random.Random(seed)
+        self.log = work / "log"
+        self.environment = quick_environment(work) | {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
+        self.commands = make_commands(work)
+        self.results: dict[str, dict[str, Any]] = {}
+        for name, command in self.commands.items():
+            out = work / name
+            code, text = self.run(command.words, out)
+            if code not in command.expected:
+                raise RuntimeError(f"{name} fails undisturbed: {code}: {text[-2000:]}")
+            self.results[name] = result_of(out)
+
+    def start(self, words: list[str], out: pathlib.Path, **variables: str) -> subprocess.Popen[str]:
+        """Starts a command in a process group of its own; its output goes to `log`."""
+        with open(self.log, "w") as log:
+            return subprocess.Popen(
+                [sys.executable, *(word.format(out=out) for word in words)],
+                stdout=log, stderr=log, cwd=ROOT, env=self.environment | variables, text=True,
+                start_new_session=True,
+            )  # fmt: skip
+
+    def run(self, words: list[str], out: pathlib.Path, **variables: str) -> tuple[int, str]:
+        """Runs a command to its end; returns exit code and output."""
+        code = self.start(words, out, **variables).wait(600)
+        return code, self.log.read_text(errors="replace")
+
+    def again(self, name: str, out: pathlib.Path) -> str:
+        """Runs a disturbed command to its end; returns what did not hold."""
+        command = self.commands[name]
+        code, text = self.run(command.words, out)
+        if code not in command.expected or "Traceback" in text:
+            return f"the next start ends with {code}: {text[-600:]}"
+        if result_of(out) != self.results[name]:
+            return "the result differs from an undisturbed one"
+        # `predict` and `evaluate` leave the temporary files of other processes alone.
+        left = [] if name in ("predict", "evaluate") else [*out.rglob("*tmp*")]
+        return f"left behind: {left}" if left else ""
+
+    def kill(self, out: pathlib.Path) -> tuple[str, str]:
+        """A trial of the part `kill`."""
+        name = self.rng.choice(list(self.commands))
+        numbers = [signal.SIGKILL] * 4
+        if name.startswith("train"):
+            numbers += [signal.SIGTERM, signal.SIGINT]
+        kind = ""
+        for _ in range(self.rng.randint(1, 3)):
+            number, send = self.rng.choice(numbers), self.rng.choice((os.kill, os.killpg))
+            kind = f"{name}: {number.name} to the {'group' if send is os.killpg else 'process'}"
+            process = self.start(self.commands[name].words, out)
+            time.sleep(self.rng.uniform(0, 12))
+            try:
+                send(process.pid, number)
+            except ProcessLookupError:
+                break
+            code = process.wait(120)
+            text = self.log.read_text(errors="replace")
+            if code not in (0, -number, 128 + number) or ("Traceback" in text and code > 0):
+                return kind, f"exit code {code}: {text[-500:]}"
+            end = time.monotonic() + 15
+            while left := _group(process.pid):
+                if time.monotonic() > end:
+                    return kind, f"processes live on: {left}"
+                time.sleep(0.1)
+        return kind, self.again(name, out)
+
+    def fault(self, out: pathlib.Path) -> tuple[str, str]:
+        """A trial of the part `fault`."""
+        library = self.work / "faults.so"
+        if not library.exists():
+            source = pathlib.Path(__file__).with_name("faults.c")
+            build = ["cc", "-shared", "-fPIC", "-O1", "-o", str(library), str(source), "-ldl"]
+            subprocess.run(build, check=True)
+        faults = {
+            "EIO": ("e", errno.EIO, {0, 1, 2}),
+            "no room": ("f", errno.ENOSPC, {0, 2, 5}),
+            "short write": ("s", 0, {0, 2, 5}),
+            "kill": ("k", 0, {0, 2, -9}),
+        }
+        name = self.rng.choice(list(self.commands))
+        fault = self.rng.choice(list(faults))
+        letter, number, codes = faults[fault]
+        at = int(2 ** self.rng.uniform(0, 8))
+        kind = f"{name}: {fault}"
+        code, text = self.run(
+            self.commands[name].words, out, LD_PRELOAD=str(library),
+            PSGN_FAULT=f"{letter}:{number}:{at}:{out}",
+        )  # fmt: skip
+        if code not in codes or "Traceback" in text:
+            return kind, f"operation {at}: exit code {code}: {text[-600:]}"
+        wrong = self.again(name, out)
+        return kind, wrong and f"operation {at}: {wrong}"
+
+    def damage(self, out: pathlib.Path) -> tuple[str, str]:
+        """A trial of the part `damage`."""
+        name = self.rng.choice([n for n, command in self.commands.items() if command.reader])
+        shutil.copytree(self.work / name, out)
+        file = self.rng.choice(sorted(p for p in out.rglob("*") if p.is_file()))
+        data = file.read_bytes()
+        damages: dict[str, bytes | None] = {
+            "a bit flipped": flipped(self.rng, data),
+            "cut off": data[: self.rng.randrange(len(data) + 1)],
+            "zeros": bytes(len(data)),
+            "noise": self.rng.randbytes(self.rng.randrange(1, 5000)),
+            "another text": self.rng.choice([b"", b"[]", b"null", b'{"a": {}}', b"[" * 100_000]),
+            "removed": None,
+        }
+        damage = self.rng.choice(list(damages))
+        content = damages[damage]
+        file.unlink() if content is None else file.write_bytes(content)
+        kind, where = f"{name}: {damage}", f"{file.relative_to(out)}: "
+        code, text = self.run(list(self.commands[name].reader), out)
+        if code not in (0, 1, 2) or "Traceback" in text:
+            return kind, f"{where}the reader ends with {code}: {text[-600:]}"
+        code, text = self.run(self.commands[name].words, out)
+        if code not in (0, 2) or "Traceback" in text:
+            return kind, f"{where}the next start ends with {code}: {text[-600:]}"
+        if code == 0 and name == "train" and result_of(out) != self.results[name]:
+            return kind, f"{where}the result differs from an undisturbed one"
+        return kind, ""
+
+
+def flipped(rng: random.Random, data: bytes) -> bytes:
+    """A file with one bit changed."""
+    if not data:
+        return b"x"
+    at = rng.randrange(len(data))
+    return data[:at] + bytes([data[at] ^ 1 << rng.randrange(8)]) + data[at + 1 :]
+
+
+def _group(leader: int) -> list[str]:
+    """Command names of the living processes of a group."""
+    found = []
+    for path in pathlib.Path("/proc").glob("[0-9]*/stat"):
+        try:
+            name, rest = path.read_text().rsplit(")", 1)
+        except OSError:
+            continue
+        state, _, group = rest.split()[:3]
+        if int(group) == leader and state != "Z":
+            found.append(name)
+    return found
+
+
+# --- Hostile input -----------------------------------------------------------------------------
+
+SECONDS, MEMORY = 20, 2 << 30
+"""Bounds on reading one input: time, and growth of the peak memory in bytes."""
+
+_WORDS = (
+    b"0", b"-1", b"1e300", b"nan", b"inf", b"99999999999999999999", b"[" * 2000, b"\0", b"\xff",
+    b"../../etc/passwd", b"\n", b"", b"true", b"1.5", b"#", b"//", b"\\",
+)  # fmt: skip
+_VALUES: tuple[Any, ...] = (
+    None, True, -1, 0, 1, 2**31, 10**18, 1.5, 1e300, "", "x", "../x", "a\nb", [], [1], {}, {"a": 1},
+)  # fmt: skip
+
+
+def mutated(rng: random.Random, data: bytes) -> bytes:
+    """Some bytes or words of a file changed, removed, repeated or replaced."""
+    out = bytearray(data)
+    for _ in range(rng.choice((1, 1, 2, 5, 20))):
+        at = rng.randrange(len(out) + 1)
+        end = min(len(out), at + rng.choice((1, 2, 4, 8, 64, 1000)))
+        word = (b"", out[at:end] * 2, rng.choice(_WORDS), rng.randbytes(end - at))
+        out[at:end] = rng.choice(word)
+    return bytes(out)
+
+
+def mutated_tree(rng: random.Random, tree: Any) -> Any:
+    """A tree of dicts and lists with one value replaced or removed."""
+    copy = msgpack.unpackb(msgpack.packb(tree))
+    places: list[tuple[Any, Any]] = []
+
+    def collect(node: Any) -> None:
+        for key in list(node if isinstance(node, dict) else range(len(node))):
+            places.append((node, key))
+            if isinstance(node[key], dict | list):
+                collect(node[key])
+
+    collect(copy)
+    container, key = rng.choice(places)
+    if rng.random() < 0.25:
+        del container[key]
+    elif isinstance(container[key], bytes):
+        container[key] = mutated(rng, container[key])
+    else:
+        container[key] = rng.choice(_VALUES)
+    return copy
+
+
+Attempt = tuple[str, Callable[[], bool], type[Exception]]
+"""Name, a function that reads the input and says whether the result is right, accepted error."""
+
+
+def hostile_inputs(rng: random.Random, folder: pathlib.Path) -> Iterator[Attempt]:
+    """Mutated inputs of all kinds, without end."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(1)
+    meshes: dict[str, Any] = {
+        f"a.{kind}": ball.export(file_type=kind) for kind in ("stl", "ply", "off", "glb")
+    }
+    meshes = {n: data.encode() if isinstance(data, str) else data for n, data in meshes.items()}
+    (folder / "x.png").write_bytes(png((1, 2, 3)))
+    material = b"newmtl a\nKd 1 0 0\nmap_Kd -s 1 1 x.png\nd 0.5\nnewmtl b\nKd .1 .2 .3\n"
+    shape = f"mtllib m.mtl\n{CUBE}vt 0 0\nusemtl a\n{FACES}usemtl b\nf 1/1 2/1 3/1\n".encode()
+    meshes |= {"m.mtl": material, "a.obj": shape}
+    picture = Image.new("RGB", (60, 40), (191, 191, 191))
+    picture.paste((200, 60, 20), (10, 10, 40, 30))
+    images = {}
+    for kind in ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM", "TGA"):
+        picture.save(stream := io.BytesIO(), kind)
+        images[kind] = stream.getvalue()
+    sample = next(iter(drawn_solids.samples(1, seed=3, image_size=(24, 32))))
+    record = encode(dataclasses.replace(sample, points=sample.points[:100], normals=None))
+    solids = list(drawn_solids.samples(6, seed=4, image_size=(24, 32)))
+    write_dataset(folder / "set", {"train": solids}, source="campaign", records_per_shard=2)
+    manifest = (folder / "set" / MANIFEST).read_bytes()
+    known = {RecordReader(folder / "set", "train").read(i) for i in range(6)}
+    fields = {
+        "points": np.zeros((2, 50, 3), np.float32),
+        "branch": np.zeros(50, np.uint8),
+        "image": np.zeros((24, 32, 3), np.uint8),
+    }
+    np.savez(stream := io.BytesIO(), **fields)
+    prediction = stream.getvalue()
+    made = tiny.weights(tiny.config(), "float32")
+    write_weights(folder / "w.safetensors", made)
+    weights, leaves = (folder / "w.safetensors").read_bytes(), named_leaves(made.params)
+
+    def mesh() -> Attempt:
+        name = rng.choice(list(meshes))
+        for part in ("m.mtl", "a.obj"):
+            (folder / part).write_bytes(meshes[part])
+        (folder / name).write_bytes(mutated(rng, meshes[name]))
+
+        def read() -> bool:
+            model = load_model(folder / ("a.obj" if name == "m.mtl" else name))
+            finite = np.isfinite(model.vertices).all() and np.isfinite(model.normals).all()
+            return bool(finite and abs(np.linalg.norm(model.vertices, axis=1).max() - 1) < 1e-3)
+
+        return f"mesh {name}", read, UnusableModelError
+
+    def image() -> Attempt:
+        kind = rng.choice(list(images))
+        (folder / "image").write_bytes(mutated(rng, images[kind]))
+
+        def read() -> bool:
+            array = photo.read_photo(folder / "image").image
+            return array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3
+
+        return "image", read, photo.PhotoError
+
+    def damaged_record() -> Attempt:
+        changed = mutated(rng, record)
+
+        def read() -> bool:
+            decode(changed)
+            return changed == record
+
+        return "record, bytes", read, ValueError
+
+    def crafted_record() -> Attempt:
+        body = msgpack.packb(mutated_tree(rng, msgpack.unpackb(record[4:])))
+        crafted = zlib.crc32(body).to_bytes(4, "little") + body
+
+        def read() -> bool:
+            schema.validate(decode(crafted))
+            return True
+
+        return "record, fields", read, ValueError
+
+    def changed_manifest() -> Attempt:
+        tree = mutated_tree(rng, json.loads(manifest))
+        by_bytes = rng.random() < 0.5
+        changed = mutated(rng, manifest) if by_bytes else json.dumps(tree).encode()
+        (folder / "set" / MANIFEST).write_bytes(changed)
+
+        def read() -> bool:
+            reader = RecordReader(folder / "set", "train")
+            reader.verify()
+            records = [reader.read(i) for i in range(len(reader))]
+            return set(records) <= known and len(set(records)) == len(records)
+
+        return "manifest", read, RecordError
+
+    def changed_prediction() -> Attempt:
+        (folder / "a.npz").write_bytes(mutated(rng, prediction))
+
+        def read() -> bool:
+            found = read_prediction(folder / "a.npz", tuple(fields))
+            return found["points"].shape[1:] == (50, 3)
+
+        return "prediction", read, PredictionFileError
+
+    def changed_weights() -> Attempt:
+        (folder / "w.safetensors").write_bytes(mutated(rng, weights))
+
+        def read() -> bool:
+            found = named_leaves(read_weights(folder / "w.safetensors").params)
+            return found.keys() == leaves.keys() and all(
+                np.array_equal(found[name], leaves[name]) for name in leaves
+            )
+
+        return "weights", read, WeightsError
+
+    kinds = (
+        mesh, image, damaged_record, crafted_record, changed_manifest, changed_prediction,
+        changed_weights,
+    )  # fmt: skip
+    while True:
+        for kind in kinds:
+            yield kind()
+
+
+class _TooLong(BaseException):
+    pass
+
+
+def attempt(read: Callable[[], bool], accepted: type[Exception]) -> str:
+    """Reads an input; returns what did not hold."""
+
+    def stop(number: int, frame: Any) -> None:
+        raise _TooLong
+
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    signal.signal(signal.SIGALRM, stop)
+    signal.alarm(SECONDS)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            wrong = "" if read() else "a wrong result"
+    except accepted as error:
+        wrong = f"a message of several lines: {error}" if "\n" in str(error) else ""
+    except BaseException as error:
+        wrong = f"{type(error).__name__}: {error}"
+    finally:
+        signal.alarm(0)
+    grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+    return wrong or (f"{grown / 1e6:.0f} MB more memory" if grown > MEMORY else "")
+
+
+# --- The runner --------------------------------------------------------------------------------
+
+PARTS = ("kill", "fault", "damage", "input")
+
+
+def main() -> int:
+    """Runs the campaign; returns its exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--minutes", type=float, default=60)
+    parser.add_argument("--part", action="append", choices=PARTS, help="default: all")
+    parser.add_argument("--out", type=pathlib.Path, required=True)
+    arguments = parser.parse_args()
+    out = arguments.out.absolute()
+    out.mkdir(parents=True)
+    work = out / "work"
+    work.mkdir()
+    chosen = arguments.part or PARTS
+    campaign = Campaign(work, arguments.seed) if set(chosen) != {"input"} else None
+    tried, held = collections.Counter[str](), collections.Counter[str]()
+
+    def count(part: str, kind: str, wrong: str) -> None:
+        key = f"| `{part}` | {kind} |"
+        tried[key] += 1
+        held[key] += not wrong
+        if wrong:
+            line = {"part": part, "kind": kind, "trial": tried.total(), "wrong": wrong}
+            with open(out / "failures.jsonl", "a") as file:
+                file.write(json.dumps(line) + "\n")
+
+    for number, part in enumerate(chosen):
+        end = time.monotonic() + 60 * arguments.minutes / len(chosen)
+        if part == "input":
+            folder = work / "input"
+            folder.mkdir()
+            rng = random.Random(arguments.seed)
+            for kind, read, accepted in hostile_inputs(rng, folder):
+                if time.monotonic() > end:
+                    break
+                count(part, kind, attempt(read, accepted))
+            continue
+        assert campaign is not None
+        campaign.rng.seed(f"{arguments.seed} {number}")
+        while time.monotonic() < end:
+            trial = work / "trial"
+            shutil.rmtree(trial, ignore_errors=True)
+            try:
+                count(part, *getattr(campaign, part)(trial))
+            except Exception as error:  # a result that cannot be read has not held
+                count(part, "a result that cannot be read", f"{type(error).__name__}: {error}")
+    rows = [f"{key} {tried[key]} | {held[key]} |" for key in sorted(tried)]
+    table = "\n".join(["| part | what | tried | held |", "|---|---|---|---|", *rows, ""])
+    (out / "table.md").write_text(table)
+    sys.stdout.write(table)
+    shutil.rmtree(work)
+    return 0 if tried == held else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,1 +1,0 @@
-"""The reliability campaign: kills, damage, faults and hostile input, seeded; see `__main__`."""

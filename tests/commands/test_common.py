@@ -1,0 +1,102 @@
+import errno
+import os
+import pathlib
+import subprocess
+import sys
+
+import jax
+import pytest
+
+from psgn_jax.commands.common import exit_on_user_error
+from psgn_jax.system.errors import UserError
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+def test_terminal_shows_own_progress_and_others_warnings():
+    code = """
+from absl import logging
+from psgn_jax.commands import common as command_line
+from psgn_jax.data.sources import authors
+from psgn_jax.commands import convert
+command_line.log_to_terminal()
+logging.info("of another package")
+logging.warning("their warning")
+exec(compile("logging.info('own progress')", convert.__file__, "exec"))
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    lines = [line.partition(" ")[2] for line in result.stderr.splitlines()]
+    assert lines == ["their warning", "own progress"], result.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (UserError("one\n two"), 2, "error: one two"),
+        (FileNotFoundError(2, "No such file", "/no/such"), 2, "error: /no/such: No such file"),
+        (OSError("two\nlines"), 2, "error: two lines"),
+        (OSError(errno.ENOSPC, "No space left", "/a/b"), 5, "error: /a/b: No space left"),
+        (UserError(f"p: {os.strerror(errno.EDQUOT)}"), 5, "error: p: Disk quota exceeded"),
+        (KeyboardInterrupt(), 130, "stopped by Ctrl-C"),
+        (
+            jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory\nallocating 9 bytes"),
+            2,
+            "error: RESOURCE_EXHAUSTED: Out of memory allocating 9 bytes",
+        ),
+    ],
+)
+def test_errors_of_the_system_end_in_one_line(capsys, error, code, line):
+    with pytest.raises(SystemExit) as caught, exit_on_user_error():
+        raise error
+    assert caught.value.code == code
+    assert capsys.readouterr().err == line + "\n"
+
+
+def test_errors_of_the_program_keep_their_traceback():
+    with pytest.raises(ValueError, match="ours"), exit_on_user_error():
+        raise ValueError("ours")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["train", "--config=configs/debug.py", "--config.data.path=tests", "--workdir=FILE"],
+        ["evaluate", "--workdir=run", "--report=FILE"],
+        ["evaluate", "--workdir=FILE"],
+        ["predict", "docs/renders.png", "--workdir=run", "--out=FILE"],
+        ["convert", "authors", "docs", "FILE"],
+    ],
+)
+def test_a_file_in_place_of_a_folder_ends_in_one_line(arguments, tmp_path):
+    file = tmp_path / "file"
+    file.touch()
+    arguments = [argument.replace("FILE", str(file)) for argument in arguments]
+    command = [sys.executable, "-m", "psgn_jax.commands.psgn", *arguments]
+    environment = os.environ | {"JAX_PLATFORMS": "cpu"}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment)
+    assert done.returncode == 2, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ")
+    assert str(file) in line
+
+
+def test_a_second_start_reads_compiled_programs_without_a_word(tmp_path):
+    code = """
+from psgn_jax.commands.common import keep_compiled
+keep_compiled()
+import jax
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+print(jax.jit(lambda x: x @ x + 1)(jax.numpy.ones((64, 64))).sum())
+"""
+    environment = {"PATH": "/usr/bin:/bin", "JAX_PLATFORMS": "cpu", "PSGN_CACHE": str(tmp_path)}
+    outputs = []
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, env=environment
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stderr == ""
+        outputs.append(done.stdout)
+    assert outputs[0] == outputs[1]
+    assert [path for path in tmp_path.rglob("*") if path.is_file()]

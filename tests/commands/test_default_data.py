@@ -1,0 +1,73 @@
+import dataclasses
+import pathlib
+
+import pytest
+
+from data_gen import default as recipe
+from data_gen import job, settings
+from data_gen.engine import has_mitsuba
+from psgn_jax.commands import default_data
+from psgn_jax.config.experiment import Config, ConfigError, DataConfig, to_dict
+from psgn_jax.data import loader
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data.manifest import Manifest, load_manifest, save_manifest
+from psgn_jax.data.schema import RecordError
+
+TINY = settings.Settings(views=1, num_points=4096, job=settings.JobSettings(workers=1))
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
+    return tmp_path
+
+
+def test_without_mitsuba_the_remedy_is_named(monkeypatch):
+    monkeypatch.setattr(recipe, "has_mitsuba", lambda: False)
+    with pytest.raises(ConfigError, match=r"pip install -e '\.\[render\]'"):
+        default_data.with_default_data(Config())
+
+
+def test_data_is_never_made_while_it_is_read():
+    with pytest.raises(RecordError, match="no data set is named; expected a folder of records"):
+        loader.num_samples(DataConfig(), "train")
+
+
+def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch):
+    made = []
+
+    def build(folder):
+        made.append(folder)
+        pathlib.Path(folder).mkdir()
+        save_manifest(folder, Manifest("procedural", True, ()))
+
+    monkeypatch.setattr(recipe, "can_build", lambda: True)
+    monkeypatch.setattr(recipe, "build", build)
+    first = default_data.default_dataset()
+    assert default_data.default_dataset() == first == str(cache / recipe.NAME)
+    assert len(made) == 1
+    named = default_data.with_default_data(Config())
+    assert named.data.folders == (first,)
+    assert named.data.path == ""
+    assert to_dict(named) == to_dict(Config())
+
+
+@pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
+def test_one_begun_otherwise_is_begun_anew(cache, monkeypatch):
+    """Built by the real job, three models; what another renderer had begun is dropped."""
+    source = recipe.open_catalogue("procedural", "chair=3")
+    monkeypatch.setattr(recipe, "open_catalogue", lambda *_: source)
+    folder = cache / "data"
+    other = dataclasses.replace(TINY, seed=1)
+
+    def stopped(tasks, context):
+        raise KeyboardInterrupt
+        yield
+
+    with pytest.raises(KeyboardInterrupt):
+        job.render_catalogue(source, folder, other, render=stopped)
+    recipe.build(folder, options=TINY)
+    splits = load_manifest(folder).splits()
+    assert sum(len(RecordReader(folder, split)) for split in splits) == 3
+    with pytest.raises(job.OtherSettingsError, match="complete data set"):
+        recipe.build(folder, options=other)

@@ -1,0 +1,184 @@
+"""Evaluation counts every sample once and names its averages."""
+
+import csv
+import dataclasses
+import json
+import pathlib
+
+import numpy as np
+import pytest
+from helpers import drawn_solids as solids
+from helpers import standin
+from helpers.weights import config as small_config
+from helpers.weights import random_params
+
+from psgn_jax.commands.evaluate import open_with_records
+from psgn_jax.config.experiment import ConfigError, to_json
+from psgn_jax.data.dataset import write_dataset
+from psgn_jax.evaluation import table as table_lib
+from psgn_jax.evaluation.results import Evaluation, SampleName
+from psgn_jax.evaluation.split import evaluate_split
+from psgn_jax.tasks.points import Points
+from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
+
+
+@pytest.fixture(autouse=True)
+def source(monkeypatch):
+    standin.install(monkeypatch)
+
+
+def fake_step(params, batch, index):
+    """One number per sample, known in advance."""
+    value = np.asarray(batch["points"], np.float64).mean(axis=(1, 2))
+    return np.zeros((len(value), 2, 3)), {"cd_sq_radius2": value, "fscore": value / 2}
+
+
+def expected(config):
+    rows = [
+        standin.sample(config.data, 1000 + n, config.data.num_eval_points, np.random.default_rng(n))
+        for n in range(standin.SIZES["validation"])
+    ]
+    return np.array([row["points"].astype(np.float64).mean() for row in rows])
+
+
+@pytest.mark.parametrize(("batch_size", "count"), [(4, 11), (16, 11), (4, 6)])
+def test_every_sample_counts_once(batch_size, count):
+    config = standin.config(eval__batch_size=batch_size)
+    seen = []
+    result = evaluate_split(
+        config, {}, fake_step, max_samples=count, on_batch=lambda *a: seen.append(a[0])
+    )
+    np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config)[:count])
+    assert result.names == [
+        SampleName(n, standin.CATEGORIES[n % 3], f"model{n}", n) for n in range(count)
+    ]
+    assert result.num_points == (2, 64)
+    assert seen == list(range(-(-count // batch_size)))
+
+
+def test_emd_is_measured_where_there_are_points_enough():
+    config = small_config(eval__emd_tolerance=0.05, data__num_eval_points=12)
+    params = random_params(config)
+    result = Points(config, pathlib.Path()).evaluate(params, max_samples=4)
+    assert (result.metrics["emd_radius"] > 0.1).all()
+    assert (result.metrics["emd_gap"] <= 0.05).all()
+    assert "EMD [radius]" in table_lib.text(result)
+    few = dataclasses.replace(config, data=dataclasses.replace(config.data, num_eval_points=7))
+    assert "emd_radius" not in Points(few, pathlib.Path()).evaluate(params, max_samples=4).metrics
+
+
+@pytest.fixture
+def table():
+    models = [("car", "a"), ("car", "b"), ("car", "c"), ("lamp", "d")]
+    names = [SampleName(i, *name, view=7) for i, name in enumerate(models)]
+    metrics = {
+        "cd_sq_radius2": np.array([1.0, 2.0, 3.0, 6.0]),
+        "precision": np.array([0.0, 0.0, 0.0, 1.0]),
+        "fscore": np.array([0.1, 0.2, 0.3, 0.6]),
+    }
+    return Evaluation("validation", names, metrics, 0.01, (1024, 4096))
+
+
+def test_table_as_text_csv_and_json(table):
+    text = table_lib.text(table)
+    head = text.splitlines()[0]
+    assert "CD squared [radius^2]" in head
+    assert "F-score at 0.01 radius [%]" in head
+    (line,) = [line for line in text.splitlines() if line.startswith("mean over samples")]
+    assert line.split() == ["mean", "over", "samples", "4", "3.00000", "30.00"]
+    rows = list(csv.DictReader(table_lib.csv_text(table).splitlines()))
+    samples = list(csv.DictReader(table_lib.samples_csv(table).splitlines()))
+    assert [r["model_id"] for r in samples] == list("abcd")
+    assert [r["record"] for r in samples] == list("0123")
+    assert samples[3]["view"] == "7"
+    assert [row["category"] for row in rows] == [
+        "car", "lamp", "mean over samples", "mean over categories",
+    ]  # fmt: skip
+    assert [float(row["cd_sq_radius2"]) for row in rows] == [2, 6, 3, 4]
+    assert rows[-1]["samples"] == "4"
+    assert "1024 predicted points against 4096 true ones" in text
+    document = json.loads(table_lib.json_text(table, step=7))
+    assert document["mean_over_samples"]["fscore"] == pytest.approx(0.3)
+    assert document["categories"]["car"]["samples"] == 3
+    assert document["step"] == 7
+    assert document["num_pred_points"] == 1024
+
+
+def test_missing_runs_and_checkpoints_are_named(tmp_path):
+    with pytest.raises(ConfigError, match=r"no run there"):
+        open_with_records(tmp_path, None)
+    (tmp_path / "config.json").write_text(to_json(standin.config()))
+    with pytest.raises(CheckpointError, match="no checkpoint there"):
+        open_with_records(tmp_path, None)
+    checkpoints = Checkpoints(tmp_path / "checkpoints")
+    checkpoints.save(1, {"params.a.kernel": np.zeros(1)}, {})
+    checkpoints.close()
+    with pytest.raises(ConfigError, match=r"data.path='/no/such' does not exist"):
+        open_with_records(tmp_path, None, data="/no/such")
+
+
+def visibility_table(share, visible):
+    models = [("car", "a"), ("car", "b"), ("lamp", "c")]
+    names = [SampleName(i, *name, view=0) for i, name in enumerate(models)]
+    hidden = np.where(np.asarray(share) < 1, 4.0, np.nan)
+    metrics = {
+        "cd_sq_radius2": np.ones(3),
+        "cd_sq_gt_to_pred_visible_radius2": np.array(visible),
+        "cd_sq_gt_to_pred_hidden_radius2": hidden,
+        "visible_share": np.array(share),
+    }
+    return Evaluation("validation", names, metrics, 0.01, (1024, 4096), 0.025)
+
+
+def test_samples_without_visible_points_have_no_part_in_their_means():
+    table = visibility_table([0.5, 0.0, 0.0], [2.0, np.nan, np.nan])
+    rows = {row.name: row.metrics for row in table.rows()}
+    key = "cd_sq_gt_to_pred_visible_radius2"
+    assert rows["car"][key] == 2
+    assert np.isnan(rows["lamp"][key])
+    assert rows["mean over samples"][key] == rows["mean over categories"][key] == 2
+    assert rows["mean over samples"]["visible_share"] == pytest.approx(1 / 6)
+    text = table_lib.text(table)
+    assert "visible truth to pred [radius^2]" in text
+    assert "hidden [radius^2]" in text
+    assert "visible [%]" in text
+    assert "within 0.025 radius of what the depth image measured" in text
+    assert "16.67" in text
+    assert json.loads(table_lib.json_text(table))["categories"]["lamp"][key] is None
+    # A broken prediction is not left out.
+    table = visibility_table([0.5, 0.5, 0.5], [2.0, np.nan, 3.0])
+    rows = {row.name: row.metrics for row in table.rows()}
+    for name in ("car", "mean over samples", "mean over categories"):
+        assert np.isnan(rows[name]["cd_sq_gt_to_pred_visible_radius2"])
+
+
+def test_records_with_depth_have_the_columns_whatever_the_network_sees(monkeypatch, tmp_path):
+    deep = list(solids.samples(5, seed=1, image_size=(48, 64)))
+    bare = [dataclasses.replace(sample, depth=None) for sample in deep]
+    for name, samples in (("deep", deep), ("bare", bare)):
+        write_dataset(tmp_path / name, {"validation": samples}, source="")
+
+    def configured(folder, **changes):
+        return small_config(data__path=str(tmp_path / folder), **changes)
+
+    config = configured("deep", eval__batch_size=2)
+    result = Points(config, pathlib.Path()).evaluate(random_params(config))
+    share = result.metrics["visible_share"]
+    assert ((share > 0.1) & (share < 0.9)).all()
+    assert "hidden [radius^2]" in table_lib.text(result)
+
+    def shares(config):
+        """What reaches the compiled step: the share of visible points, or None."""
+        seen = []
+
+        def step(params, batch, index):
+            seen.append(batch.get("visible"))
+            return fake_step(params, batch, index)
+
+        evaluate_split(config, {}, step)
+        return None if seen[0] is None else np.concatenate(seen)[:5].mean(axis=1)
+
+    seen = shares(configured("deep", data__inputs=("rgb", "depth"), data__image_size=(24, 40)))
+    np.testing.assert_allclose(seen, share, rtol=1e-6)
+    assert shares(configured("deep", eval__visible_tolerance=0)) is None
+    assert shares(configured("bare")) is None

@@ -1,0 +1,85 @@
+"""The console script: every command is reached by name, with its own flags and exit codes."""
+
+import importlib.util
+import pathlib
+import re
+import subprocess
+import sys
+
+import pytest
+
+from psgn_jax.commands import psgn as cli
+from psgn_jax.config import recipes as config_files
+from psgn_jax.config.experiment import ConfigError
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+def run(*arguments):
+    command = [sys.executable, "-m", "psgn_jax.commands.psgn", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=400)
+
+
+def test_help_lists_each_command_and_each_is_a_module_that_runs(capsys):
+    assert cli.main([]) == cli.main(["--help"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    for name, summary in cli.COMMANDS.items():
+        assert lines.count([name, *summary.split()]) == 2, name
+        spec = importlib.util.find_spec(cli.module(name))
+        assert 'if __name__ == "__main__":' in pathlib.Path(spec.origin).read_text(), name
+
+
+def test_an_unknown_command_ends_in_one_line(capsys):
+    assert cli.main(["trian"]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    (line,) = shown.err.splitlines()
+    assert line.startswith(
+        "error: psgn trian: no such command; did you mean 'train'? expected one of train"
+    )
+
+
+def test_arguments_and_exit_codes_are_those_of_the_command():
+    for name, flag in (("inspect", "--sheet"), ("train", "--workdir")):
+        shown = run(name, "--help")
+        assert shown.returncode == 0
+        assert flag in shown.stdout
+    done = run("study", "losss")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: psgn study losss: no such study; did you mean 'losses'?")
+    done = run("train", "--config=quickstart", "--config.train.steps=-1")
+    assert done.returncode == 2
+    assert done.stderr == "error: train.steps=-1: accepted: a number >= 1 and <= 2147483647\n"
+
+
+def test_a_configuration_is_a_path_or_a_name():
+    assert config_files.path_of("configs/debug.py") == "configs/debug.py"
+    assert config_files.path_of("debug") == str(ROOT / "configs" / "debug.py")
+    assert config_files.path_of("debug:small") == str(ROOT / "configs" / "debug.py") + ":small"
+    assert set(config_files.names()) == {p.stem for p in (ROOT / "configs").glob("*.py")}
+    for wrong in ("debgu", "configs/debgu.py"):
+        with pytest.raises(ConfigError, match=r"did you mean 'debug'\? expected the path"):
+            config_files.path_of(wrong)
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"root:x:0:0:root:/root:/bin/bash\n", "SyntaxError"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "null bytes"),
+        (b"x = 1", "it has no function get_config"),
+        (b"import no_such_module", "No module named 'no_such_module'"),
+        (b"def get_config(): raise RuntimeError('what')", "RuntimeError: what"),
+        (b"def get_config(): return get_config()", "RecursionError"),
+        (b"def get_config(): return 5", "get_config returns int"),
+        (b"def get_config(text): return 5", "missing 1 required positional"),
+        (b"#" * 1_000_001, "more than 1000000 bytes"),
+    ],
+)
+def test_files_that_are_no_configurations(content, why, tmp_path):
+    path = tmp_path / "file.py"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match=re.escape(why)) as caught:
+        config_files.with_paths(["psgn", f"--config={path}"])
+    assert str(caught.value).startswith(f"--config={path} is not a configuration (")
+    assert "a Python file with a function get_config()" in str(caught.value)

@@ -1,0 +1,71 @@
+"""Models with missing faces, and the checks of views."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import scipy.spatial
+
+from data_gen import cameras, render_model
+from data_gen.catalogues.procedural import generate
+from data_gen.picture import Picture
+from data_gen.settings import ImageSettings, Settings
+from psgn_jax.system.untrusted import parse_json
+
+ALL = Settings(image=ImageSettings(missing=1.0))
+
+
+@pytest.fixture(scope="module")
+def model():
+    return generate("chair", 3)
+
+
+def test_nothing_is_missing_by_default(model):
+    assert render_model.without_faces(model, Settings(), 7) == (model, Settings())
+
+
+def test_faces_are_missing_and_vertices_are_not(model):
+    shares = []
+    for seed in range(40):
+        part, settings = render_model.without_faces(model, ALL, seed)
+        assert np.array_equal(part.vertices, model.vertices)
+        assert 0 < len(part.faces) <= len(model.faces)
+        assert set(map(tuple, part.faces)) <= set(map(tuple, model.faces))
+        shares.append(len(part.faces) / len(model.faces))
+        if part is model:  # no face would be left
+            assert settings is ALL
+            continue
+        assert settings.checks.inside == 0
+        assert settings.checks.coverage == render_model.COVERAGE
+        assert dataclasses.replace(settings, checks=ALL.checks) == ALL
+    assert min(shares) < 0.2
+    assert shares.count(1.0) < 10
+
+
+def test_the_same_seed_draws_the_same_part(model):
+    first, again = (render_model.without_faces(model, ALL, 5)[0] for _ in range(2))
+    assert np.array_equal(first.faces, again.faces)
+
+
+def test_a_fraction_of_the_models_loses_faces(model):
+    settings = Settings(image=ImageSettings(missing=0.25))
+    parts = [render_model.without_faces(model, settings, seed)[0] for seed in range(200)]
+    changed = sum(part is not model for part in parts)
+    assert 30 <= changed <= 70
+
+
+def test_an_empty_view_is_refused_and_its_line_can_be_read(rng):
+    points = rng.uniform(-0.2, 0.2, (64, 3))
+    shape = (192, 256)
+    picture = Picture(
+        np.zeros((*shape, 3), np.uint8),
+        np.zeros(shape, bool),
+        np.zeros(shape, np.float32),
+        np.zeros((*shape, 3), np.float32),
+        np.zeros(shape, np.float32),
+    )
+    camera = cameras.draw(rng, cameras.CameraSettings(), points)
+    checks = render_model.check_view(picture, camera, points, scipy.spatial.cKDTree(points))
+    assert render_model.objection_to(checks, Settings()).startswith("the object covers")
+    assert parse_json(json.dumps(checks)) == checks

@@ -1,0 +1,258 @@
+"""Solid cells compared with winding numbers, and marked surfaces with exact geometry."""
+
+import numpy as np
+import pytest
+import scipy.ndimage
+from helpers.solid_models import cube, joined, model_of
+
+from data_gen import cameras
+from data_gen.catalogues import solids
+from data_gen.frame import normalize
+from data_gen.mesh import UnusableModelError, build_model, face_normals
+from data_gen.solid import mark_surface, peel, solid_occupancy
+from data_gen.surface import sample_surface
+
+SIDE = 5  # points along the edge of a cell
+ANGLES = (0.0, 20.0, 45.0, 77.0)
+
+
+def winding_occupancy(model, rotation, size=32):
+    """Cells of which at least half of 5 x 5 x 5 points have a winding number other than 0.
+
+    The winding number of a point is that of the faces above it whose front is up, less those whose
+    back is.
+    """
+    fine = size * SIDE
+    shift = np.array([0.01234567, 0.00765432, 0.01012345])  # no vertex is exactly above a point
+    corners = ((model.vertices @ rotation.T + [1, 1, 0]) * (fine / 2) - shift)[model.faces]
+    steps = np.zeros((fine, fine, fine + 1), int)
+    for a, b, c in corners:
+        b, c = b - a, c - a
+        det = b[0] * c[1] - c[0] * b[1]
+        if det == 0:
+            continue
+        low = np.ceil(np.minimum(np.minimum(b, c), 0) + a - 0.5).astype(int).clip(0)
+        high = np.floor(np.maximum(np.maximum(b, c), 0) + a + 0.5).astype(int).clip(None, fine)
+        column, row = (g.ravel() for g in np.mgrid[low[0] : high[0], low[1] : high[1]])
+        x, y = column + 0.5 - a[0], row + 0.5 - a[1]
+        s, t = (x * c[1] - c[0] * y) / det, (b[0] * y - x * b[1]) / det
+        hit = (s >= 0) & (t >= 0) & (s + t <= 1)
+        above = np.ceil(a[2] + s[hit] * b[2] + t[hit] * c[2] - 0.5).astype(int).clip(0, fine)
+        np.add.at(steps, (column[hit], row[hit], above), 1 if det > 0 else -1)
+    inside = steps[..., ::-1].cumsum(axis=2)[..., ::-1][..., 1:] != 0
+    return inside.reshape(size, SIDE, size, SIDE, size, SIDE).sum(axis=(1, 3, 5)) * 2 >= SIDE**3
+
+
+def parts_of(cells):
+    """The number of 26-connected components."""
+    return scipy.ndimage.label(cells, np.ones((3, 3, 3)))[1]
+
+
+def build(*parts):
+    return normalize(build_model(*joined(*parts)))
+
+
+THICK = {
+    "box": (solids.box(1.0, 0.7, 0.5),),
+    "ball": (solids.ball(1, 1, 1, 32),),
+    "table": (
+        solids.box(1.4, 1.0, 0.25).at(z=0.8),
+        *(solids.box(0.22, 0.22, 0.7).at(x, y, 0.33) for x in (-0.5, 0.5) for y in (-0.3, 0.3)),
+    ),
+    "couch": (
+        solids.box(1.6, 0.7, 0.4).at(z=0.2),
+        solids.box(1.6, 0.25, 0.8).at(0, -0.3, 0.4),
+        *(solids.box(0.2, 0.7, 0.6).at(x, 0, 0.3) for x in (-0.7, 0.7)),
+    ),
+    "mushroom": (solids.ball(1.2, 1.2, 0.6, 32).at(z=1), solids.rod((0, 0, 0), (0, 0, 1), 0.2)),
+}
+"""Watertight bodies whose parts are thicker than two cells."""
+
+LEGS = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+JUNCTIONS = {
+    "thin top": (
+        solids.box(1.4, 1.4, 0.02).at(z=0.9),
+        *(solids.box(0.2, 0.2, 0.9).at(x, y, 0.45) for x, y in LEGS),
+    ),
+    "thin legs": (
+        solids.box(1.4, 1.4, 0.2).at(z=0.9),
+        *(solids.rod((x, y, 0), (x, y, 0.9), 0.012) for x, y in LEGS),
+    ),
+    "brim": (solids.ball(0.8, 0.8, 0.8, 32).at(z=0.1), solids.box(1.6, 1.6, 0.01)),
+    "shelf": (
+        *(solids.box(0.15, 0.6, 1.2).at(x, 0, 0.6) for x in (-0.6, 0.6)),
+        *(solids.box(1.2, 0.6, 0.015).at(z=z) for z in (0.1, 0.45, 0.8, 1.15)),
+    ),
+}
+"""Thin parts that meet thick ones."""
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+@pytest.mark.parametrize("name", THICK)
+def test_thick_bodies_agree_with_winding_numbers(name, angle):
+    model, rotation = build(*THICK[name]), cameras.turn_about_vertical(angle)
+    want, got = winding_occupancy(model, rotation), solid_occupancy(model, rotation)
+    assert (got & want).sum() / (got | want).sum() >= 0.95
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+@pytest.mark.parametrize("name", JUNCTIONS)
+def test_a_solid_falls_apart_no_more_than_its_surface(name, angle):
+    model, rotation = build(*JUNCTIONS[name]), cameras.turn_about_vertical(angle)
+    corners = (model.vertices @ rotation.T + [1, 1, 0]) * 16
+    surface, _ = mark_surface(corners, model.faces, model.edges, 32)
+    got = solid_occupancy(model, rotation)
+    assert parts_of(surface) == 1
+    assert parts_of(got) == 1
+    assert got.sum() < 1.3 * (winding_occupancy(model, rotation) | surface).sum()
+
+
+def test_peeling_keeps_parts_and_holes(rng):
+    # A sheet with a hole that ends in a block: only the block's loose layer goes.
+    cells = np.zeros((9, 9, 9), bool)
+    cells[:, :, 4] = True
+    cells[2, 2, 4] = False
+    cells[5:, 5:, 2:7] = True
+    loose = np.zeros_like(cells)
+    loose[5:, 5:, 6] = loose[4, 5:, 4] = True
+    loose[4, 8, 4] = False
+    want = cells & ~(loose & (np.arange(9) == 6))
+    np.testing.assert_array_equal(peel(cells, loose), want)
+    for share in (0.2, 0.5, 0.8):
+        cells = rng.random((12, 12, 12)) < share
+        assert parts_of(peel(cells, np.ones_like(cells))) == parts_of(cells)
+
+
+def crossings(corners, axis, size):
+    """Whether a triangle meets the segments from each cell's centre to the next along an axis."""
+    a, b, c = np.roll(corners, -1 - axis, axis=1)
+    centre = np.arange(size) + 0.5
+    x, y = np.meshgrid(centre, centre, indexing="ij")
+    det = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+    s = ((x - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (y - a[1])) / det
+    t = ((b[0] - a[0]) * (y - a[1]) - (x - a[0]) * (b[1] - a[1])) / det
+    z = a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2])
+    met = ((s >= 0) & (t >= 0) & (s + t <= 1))[..., None]
+    met = met & (z[..., None] >= centre[:-1]) & (z[..., None] <= centre[1:])
+    return np.moveaxis(met, (0, 1, 2), ((axis + 1) % 3, (axis + 2) % 3, axis))
+
+
+def slivers(rng, count, size):
+    """Long thin triangles, some of them thinner than any cell, in all directions."""
+    ends = rng.uniform(-2, size + 2, (count, 2, 3))
+    part = rng.uniform(-0.2, 1.2, (count, 1))
+    third = ends[:, 0] + part * (ends[:, 1] - ends[:, 0])
+    third += rng.normal(size=(count, 3)) * 10 ** rng.uniform(-4, 0.7, (count, 1))
+    return np.concatenate([ends, third[:, None]], axis=1)
+
+
+def test_no_step_of_air_crosses_a_marked_sliver(rng):
+    size, face, edges = 20, np.array([[0, 1, 2]]), np.array([[0, 1], [1, 2], [0, 2]])
+    for corners in slivers(rng, 150, size):
+        marked, crossed = mark_surface(corners, face, edges, size)
+        for axis in range(3):
+            met = crossings(corners, axis, size)
+            first = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
+            second = tuple(slice(1, None) if k == axis else slice(None) for k in range(3))
+            assert (marked[first] | marked[second])[met].all()
+            np.testing.assert_array_equal(crossed[axis][first], met)
+        if (corners > 0.1).all() and (corners < size - 0.1).all():
+            # The marked cells hold the surface: each is near it, and all of it is near one.
+            points = rng.dirichlet([1, 1, 1], 5_000) @ corners
+            cells = np.argwhere(marked) + 0.5
+            assert np.abs(points[:100, None] - cells).max(axis=2).min(axis=1).max() < 1.5
+            assert np.abs(cells[:, None] - points).max(axis=2).min(axis=1).max() < 2
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_a_body_of_slivers_is_solid(angle):
+    # A flat cushion whose lid is a fan of slivers, which is common in furniture models.
+    around = np.linspace(0, 2 * np.pi, 240, endpoint=False)
+    rim = np.stack([np.cos(around), 0.6 * np.sin(around), np.zeros(240)], axis=1)
+    vertices = np.concatenate([rim, rim + np.array([0, 0, 0.25]), [[0.9, 0, 0], [0.9, 0, 0.32]]])
+    here, there = np.arange(240), np.roll(np.arange(240), -1)
+    faces = [
+        np.stack([there, here, np.full(240, 480)], axis=1),
+        np.stack([here + 240, there + 240, np.full(240, 481)], axis=1),
+        np.stack([here, there, there + 240], axis=1),
+        np.stack([here, there + 240, here + 240], axis=1),
+    ]
+    model = normalize(build_model(vertices, np.concatenate(faces)))
+    rotation = cameras.turn_about_vertical(angle)
+    want, got = winding_occupancy(model, rotation), solid_occupancy(model, rotation)
+    assert (got & want).sum() / (got | want).sum() > 0.95
+
+
+def test_thin_walls_close_a_room():
+    outer, inner = solids.box(1.0, 1.0, 0.8), solids.box(0.996, 0.996, 0.796)
+    vertices, faces = joined(outer, inner)
+    faces[len(outer.faces) :] = faces[len(outer.faces) :, ::-1]
+    model = normalize(build_model(vertices, faces))
+    full = solid_occupancy(normalize(model_of(outer)), np.eye(3))
+    np.testing.assert_array_equal(solid_occupancy(model, np.eye(3)), full)
+
+
+def test_the_volume_of_a_flat_box_has_no_bias():
+    # Tops above and below the middle of cells: a cell counts if at least half of it is full.
+    for height, layers in ((0.46, 7), (0.49, 8), (0.52, 8)):
+        box = model_of(solids.box(1.6, 0.9, height).at(z=height / 2))
+        assert box.vertices[:, 2].min() == 0
+        assert solid_occupancy(box, np.eye(3)).any(axis=(0, 1)).sum() == layers
+
+
+def test_occupancy_is_indexed_x_y_z_and_turned():
+    bar = normalize(model_of(solids.box(4, 1, 1)))
+    along = solid_occupancy(bar, np.eye(3))
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    x, y, z = (np.ptp(i) + 1 for i in np.nonzero(along))
+    assert x > 25
+    assert y < 12
+    assert z < 12
+    assert np.nonzero(along)[2].min() == 0
+    np.testing.assert_array_equal(solid_occupancy(bar, quarter), along.transpose(1, 0, 2))
+
+
+def test_occupancy_fills_through_cracks_and_an_open_bottom():
+    box = solids.box(1, 1, 1)
+    closed = normalize(model_of(box))
+    normal = face_normals(box.vertices, box.faces)
+    without_bottom = normalize(build_model(box.vertices, box.faces[normal[:, 2] > -0.5]))
+    want = solid_occupancy(closed, np.eye(3))
+    np.testing.assert_array_equal(solid_occupancy(without_bottom, np.eye(3)), want)
+    # Gaps of half a cell between faces are closed.
+    corners = closed.corners() + 0.012 * face_normals(closed.vertices, closed.faces)[:, None]
+    got = solid_occupancy(
+        build_model(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3)), np.eye(3)
+    )
+    assert got[16, 16, 5]
+    assert (got & want).sum() / want.sum() > 0.95
+
+
+def test_occupancy_keeps_an_open_vessel_open():
+    normal = face_normals(cube().vertices, cube().faces)
+    vessel = normalize(build_model(cube().vertices, cube().faces[normal[:, 2] < 0.5]))
+    got = solid_occupancy(vessel, np.eye(3))
+    assert not got[16, 16, 8]
+    assert got[16, 16, 0]
+
+
+def test_occupancy_keeps_thin_parts_one_cell_thick():
+    model = build(
+        solids.box(1.4, 1.4, 0.02).at(z=0.9),
+        *(solids.rod((x, y, 0), (x, y, 0.9), 0.008) for x, y in LEGS),
+    )
+    got = solid_occupancy(model, np.eye(3))
+    points = sample_surface(model, 5000, 0).points
+    cell = np.clip(np.floor((points + np.array([1, 1, 0])) * 16).astype(int), 0, 31)
+    # A sheet on the border between two layers of cells is in one of them.
+    assert got[tuple(cell.T)].mean() > 0.85
+    assert scipy.ndimage.maximum_filter(got, size=3)[tuple(cell.T)].all()
+    assert got[16, 16].sum() <= 2
+    assert not got[16, 16, 3]
+
+
+def test_occupancy_refuses_endless_surface():
+    vertices = np.tile([[-0.7, -0.7, 0], [0.7, -0.7, 0], [0, 0.7, 0.6]], (20000, 1))
+    model = build_model(vertices, np.arange(60000).reshape(-1, 3))
+    with pytest.raises(UnusableModelError, match="more than the limit"):
+        solid_occupancy(model, np.eye(3))

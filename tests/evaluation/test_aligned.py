@@ -1,0 +1,70 @@
+"""Metrics after the best scale and shift of the prediction."""
+
+import jax
+import numpy as np
+import pytest
+
+from psgn_jax.evaluation import aligned
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+
+metrics = jax.jit(aligned.aligned_metrics)
+
+
+def surface(rng, count):
+    """An ellipsoid with three different axes and a bump, so that the best alignment is unique."""
+    points = rng.normal(size=(count, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    points *= [0.8, 0.5, 0.3]
+    points[points[:, 0] > 0.5] += [0.0, 0.0, 0.2]
+    return points.astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("scale", "shift"), [(1.0, (0, 0, 0)), (1.1, (0.1, -0.05, 0.06)), (0.88, (-0.1, 0.1, 0))]
+)
+def test_a_moved_copy_comes_back(rng, scale, shift):
+    gt = surface(rng, 1500)
+    pred = ((surface(rng, 400) - np.float32(shift)) / np.float32(scale)).astype(np.float32)
+    result = metrics(pred, gt)
+    floor = float(chamfer_sq_mean(surface(rng, 400), gt))
+    assert float(result["aligned_cd_sq_radius2"]) < 1.15 * floor
+    assert float(result["aligned_scale"]) == pytest.approx(scale, abs=0.03)
+
+
+def test_the_scale_has_bounds_and_nothing_gets_worse(rng):
+    gt = surface(rng, 300)
+    for factor, want in ((0.5, 1.25), (2.0, 0.8)):
+        result = metrics(np.float32(factor) * gt, gt)
+        assert float(result["aligned_scale"]) == pytest.approx(want)
+    for _ in range(3):
+        pred = rng.normal(size=(300, 3)).astype(np.float32)
+        assert metrics(pred, gt)["aligned_cd_sq_radius2"] <= chamfer_sq_mean(pred, gt)
+    same = metrics(gt, gt)
+    assert float(same["aligned_cd_sq_radius2"]) == 0
+    assert float(same["aligned_scale"]) == 1
+
+
+def test_no_round_makes_it_worse(rng):
+    gt = surface(rng, 300)
+    pred = (surface(rng, 300) * 1.15 + [0.15, 0.1, -0.1]).astype(np.float32)
+    values = []
+    for rounds in (0, 1, 3, 10):
+        found = aligned.align(pred, gt, iterations=rounds)
+        values.append(float(chamfer_sq_mean(found.scale * pred + found.shift[None], gt)))
+    assert values == sorted(values, reverse=True)
+
+
+def test_a_broken_point_is_a_broken_number(rng):
+    gt = surface(rng, 300)
+    pred = gt.copy()
+    pred[3, 1] = np.nan
+    assert np.isnan(float(metrics(pred, gt)["aligned_cd_sq_radius2"]))
+    one = metrics(np.zeros((5, 3), np.float32), gt)
+    assert np.isfinite(float(one["aligned_cd_sq_radius2"]))
+
+
+def test_emd_of_the_aligned_prediction(rng):
+    gt = surface(rng, 120)
+    pred = (gt * np.float32(1.1) + np.float32([0.05, 0, 0])).astype(np.float32)
+    result = jax.jit(lambda p, g: aligned.aligned_metrics(p, g, emd_tolerance=0.05))(pred, gt)
+    assert float(result["aligned_emd_radius"]) < 0.02

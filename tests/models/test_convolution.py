@@ -1,0 +1,217 @@
+"""Values and gradients of the convolutions, by XLA and by oneDNN, are those of the definition."""
+
+import concurrent.futures
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax.models import cpu_convolution, networks, onednn
+from psgn_jax.models.convolution import convolve, convolve_transposed
+
+assert networks.NETWORKS  # its import makes the convolutions use oneDNN
+NEEDS_ONEDNN = pytest.mark.skipif(onednn.library()[0] is None, reason="oneDNN is not installed")
+
+
+@pytest.fixture(params=["xla", pytest.param("onednn", marks=NEEDS_ONEDNN)])
+def library(request, monkeypatch):
+    monkeypatch.setenv("PSGN_CONVOLUTIONS", request.param)
+    jax.clear_caches()
+    return request.param
+
+
+def correlate(x, kernel, dy, stride):
+    """VALID correlation by its definition in float64: y, and with dy the gradients dx, dkernel."""
+    x, kernel = x.astype(np.float64), kernel.astype(np.float64)
+    taps = kernel.shape[:-2]
+    out = [1 + (n - k) // stride for n, k in zip(x.shape[1:-1], taps, strict=True)]
+    y = np.zeros((x.shape[0], *out, kernel.shape[-1]))
+    dx, dk = np.zeros_like(x), np.zeros_like(kernel)
+    for tap in np.ndindex(taps):
+        inner = (slice(t, t + stride * n, stride) for t, n in zip(tap, out, strict=True))
+        here = (slice(None), *inner)
+        y += x[here] @ kernel[tap]
+        dx[here] += dy @ kernel[tap].T
+        dk[tap] = x[here].reshape(-1, x.shape[-1]).T @ dy.reshape(-1, dy.shape[-1])
+    return y, dx, dk
+
+
+def reference(x, kernel, dy, stride, transposed):
+    """y, dx and dkernel by `correlate`."""
+    sizes, pads = x.shape[1:-1], []
+    if transposed:
+        dilated = np.zeros((x.shape[0], *(stride * (n - 1) + 1 for n in sizes), x.shape[-1]))
+        dilated[:, ::stride, ::stride] = x
+        for k in kernel.shape[:2]:
+            low = k - 1 if stride > k - 1 else -(-(k + stride - 2) // 2)
+            pads.append((low, k + stride - 2 - low))
+        step = 1
+    else:
+        dilated, step = x, stride
+        for n, k in zip(sizes, kernel.shape[:-2], strict=True):
+            pad = max(0, (-(-n // stride) - 1) * stride + k - n)
+            pads.append((pad // 2, pad - pad // 2))
+    y, dx, dk = correlate(np.pad(dilated, [(0, 0), *pads, (0, 0)]), kernel, dy, step)
+    inner = tuple(slice(p, p + n) for (p, _), n in zip(pads, dilated.shape[1:-1], strict=True))
+    dx = dx[(slice(None), *inner)]
+    return y, dx[:, ::stride, ::stride] if transposed else dx, dk
+
+
+def make(size, c_in, c_out, taps, stride, transposed, seed=0, batch=2):
+    rng = np.random.default_rng(seed)
+    out = [stride * n if transposed else -(-n // stride) for n in size]
+    shapes = (batch, *size, c_in), (*(taps,) * len(size), c_in, c_out), (batch, *out, c_out)
+    return [rng.standard_normal(shape, np.float32) for shape in shapes]
+
+
+def run(x, kernel, dy, stride, transposed):
+    function = convolve_transposed if transposed else convolve
+
+    def all_three(x, kernel, dy):
+        y, vjp = jax.vjp(lambda x, kernel: function(x, kernel, stride), x, kernel)
+        return y, *vjp(dy)
+
+    return jax.jit(all_three)(x, kernel, dy)
+
+
+def assert_close(ours, expected, relative=3e-6):
+    """Small errors relative to the largest number: the rounding depends on the largest terms."""
+    for name, a, b in zip(("output", "dx", "dkernel"), ours, expected, strict=True):
+        assert a.shape == b.shape, name
+        error = np.abs(np.asarray(a, np.float64) - b).max() / np.abs(b).max()
+        assert error < relative, (name, error)
+
+
+CASES = {
+    # size, input channels, output channels, kernel size, stride, transposed
+    "narrow output": ((6, 8), 64, 3, 3, 1, False),
+    "one channel": ((5, 6), 1, 1, 3, 1, False),
+    "even kernel": ((6, 7), 8, 16, 4, 1, False),
+    "kernel of 1": ((6, 8), 16, 5, 1, 1, False),
+    "strided": ((8, 12), 16, 32, 3, 2, False),
+    "strided, kernel of 5, odd size": ((5, 7), 24, 16, 5, 2, False),
+    "strided, one pixel": ((1, 1), 8, 8, 3, 2, False),
+    "kernel smaller than the stride": ((7, 8), 8, 8, 1, 2, False),
+    "stride of 3": ((8, 9), 8, 8, 3, 3, False),
+    "transposed": ((3, 4), 64, 32, 5, 2, True),
+    "transposed, kernel of 2": ((3, 3), 8, 16, 2, 2, True),
+    "transposed, stride of 1": ((5, 6), 16, 8, 3, 1, True),
+    "volume": ((5, 6, 7), 3, 4, 3, 1, False),
+    "volume, strided": ((8, 7, 10), 3, 4, 5, 2, False),
+}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_is_the_definition(case, library):
+    arrays = make(*case)
+    assert_close(run(*arrays, *case[-2:]), reference(*arrays, *case[-2:]))
+
+
+@pytest.mark.parametrize("name", ["strided", "transposed"])
+def test_bfloat16(name, library):
+    case = CASES[name]
+    arrays = [jnp.asarray(a, jnp.bfloat16) for a in make(*case)]
+    ours = run(*arrays, *case[-2:])
+    assert all(a.dtype == jnp.bfloat16 for a in ours)
+    exact = [np.asarray(a, np.float64) for a in arrays]
+    assert_close(ours, reference(*exact, *case[-2:]), relative=0.02)
+
+
+@NEEDS_ONEDNN
+def test_vmap_over_kernels_and_images():
+    case = CASES["strided"]
+    x, kernel, dy = (np.stack(a) for a in zip(*(make(*case, seed=s) for s in (0, 1)), strict=True))
+
+    def gradients(x, kernel, dy):
+        y, vjp = jax.vjp(lambda x, kernel: convolve(x, kernel, 2), x, kernel)
+        return y, *vjp(dy)
+
+    many = jax.jit(jax.vmap(gradients))(x, kernel, dy)
+    for s in (0, 1):
+        assert_close([a[s] for a in many], reference(x[s], kernel[s], dy[s], 2, False))
+
+
+def calls_onednn(function, *arguments):
+    return "buffer_callback" in str(jax.make_jaxpr(function)(*arguments))
+
+
+@NEEDS_ONEDNN
+def test_where_onednn_is_used(monkeypatch):
+    x, kernel, _ = make(*CASES["strided"])
+    assert calls_onednn(lambda x: convolve(x, kernel), x)
+    mesh = jax.sharding.Mesh(np.array(jax.devices()[:1]), ("data",))
+    P = jax.sharding.PartitionSpec
+    mapped = jax.shard_map(convolve, mesh=mesh, in_specs=(P("data"), P()), out_specs=P("data"))
+    assert calls_onednn(mapped, x, kernel)
+    with cpu_convolution.plain_convolutions():
+        assert not calls_onednn(lambda x: convolve(x, kernel), x)
+    monkeypatch.setenv("PSGN_CONVOLUTIONS", "xla")
+    assert not calls_onednn(lambda x: convolve(x, kernel), x)
+    monkeypatch.delenv("PSGN_CONVOLUTIONS")
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    assert not calls_onednn(lambda x: convolve(x, kernel), x)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [("jax", "PSGN_CONVOLUTIONS='jax': accepted: onednn, xla"), ("onednn", "not found: the pack")],
+)
+def test_environment_refuses(value, message, monkeypatch):
+    monkeypatch.setenv("PSGN_CONVOLUTIONS", value)
+    monkeypatch.setattr(onednn, "library", lambda: (None, "the package is not installed"))
+    x, kernel, _ = make(*CASES["strided"])
+    with pytest.raises(ValueError, match=message):
+        convolve(x, kernel)
+    monkeypatch.delenv("PSGN_CONVOLUTIONS")
+    assert not calls_onednn(lambda x: convolve(x, kernel), x)
+
+
+@NEEDS_ONEDNN
+def test_an_error_of_the_library_reaches_the_caller(monkeypatch):
+    def fails(_):
+        raise onednn.OneDNNError("dnnl_primitive_execute", 1)
+
+    x, kernel, _ = make(*CASES["strided"])
+    monkeypatch.setattr(onednn._Step, "run", fails)
+    with pytest.raises(Exception, match="dnnl_primitive_execute returned status 1"):
+        convolve(x, kernel).block_until_ready()
+
+
+@NEEDS_ONEDNN
+def test_threads():
+    x, kernel, _ = make((24, 32), 8, 8, 3, 1, False)
+
+    @jax.jit
+    def gradient(x):
+        return jax.grad(lambda k: jnp.sum(jnp.sin(convolve(x, k))))(kernel)
+
+    expected = [np.asarray(gradient(x + i)) for i in range(8)]
+    with concurrent.futures.ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(lambda i: np.asarray(gradient(x + i)), range(8)))
+    np.testing.assert_array_equal(found, expected)
+
+
+ENDING = """
+import jax, jax.numpy as jnp
+from psgn_jax.models import networks
+from psgn_jax.models.convolution import convolve
+x, kernel = jnp.ones((8, 96, 128, 8)), jnp.ones((3, 3, 8, 8))
+@jax.jit
+def many(x):
+    for _ in range(30):
+        x = convolve(x, kernel)
+    return x
+many(x).block_until_ready()
+many(x)  # still runs when the interpreter ends
+"""
+
+
+@NEEDS_ONEDNN
+def test_interpreter_ends_during_a_call():
+    done = subprocess.run(
+        [sys.executable, "-c", ENDING], capture_output=True, text=True, timeout=300
+    )
+    assert (done.returncode, done.stderr) == (0, "")

@@ -1,0 +1,125 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax.config.experiment import parse
+from psgn_jax.models.networks import build_volume_net
+from psgn_jax.models.voxels import VoxelRefiner, log_volume, splat, splat_clouds
+
+
+def naive_splat(points, size=32):
+    """`splat` by loops over points and cells: the intersections with each point's cube."""
+    grid = np.zeros((size,) * 3)
+    for u in np.add(points, [1, 1, 0], dtype=np.float64) * size / 2:
+        overlap = []
+        for axis in range(3):
+            cells = np.arange(size)
+            overlap.append(
+                np.clip(
+                    np.minimum(cells + 1, u[axis] + 0.5) - np.maximum(cells, u[axis] - 0.5), 0, 1
+                )
+            )
+        grid += np.einsum("i,j,k->ijk", *overlap)
+    return np.minimum(grid, 1)
+
+
+def test_splat_is_the_intersection_volume(rng):
+    points = rng.uniform([-0.6, -0.6, 0.1], [0.6, 0.6, 1.3], (300, 3)).astype(np.float32)
+    np.testing.assert_allclose(splat(points), naive_splat(points), atol=1e-5)
+    np.testing.assert_allclose(splat(points, 8), naive_splat(points, 8), atol=1e-5)
+
+
+def test_splat_uses_the_schemas_frame():
+    """Cell (i, j, k) spans [-1 + i/16, ...] x [-1 + j/16, ...] x [k/16, ...]."""
+    cell = np.array([3, 17, 30])
+    centre = (cell + 0.5) / 16 - [1, 1, 0]
+    grid = np.asarray(splat(centre[None].astype(np.float32)))
+    assert grid[3, 17, 30] == pytest.approx(1, abs=1e-5)
+    assert grid.sum() == pytest.approx(1, abs=1e-5)
+    corner = cell / 16 - [1, 1, 0]
+    grid = np.asarray(splat(corner[None].astype(np.float32)))
+    np.testing.assert_allclose(grid[2:4, 16:18, 29:31], 1 / 8, atol=1e-5)
+
+
+def test_splat_at_and_beyond_the_border():
+    points = np.array([[-1, -1, 0], [1, 1, 2], [5, 0, 1], [-1e9, 0, 1], [0, 0, -0.2]], np.float32)
+    grid = np.asarray(splat(points))
+    assert grid[0, 0, 0] == pytest.approx(1 / 8)
+    assert grid[31, 31, 31] == pytest.approx(1 / 8)
+    assert grid.sum() == pytest.approx(1 / 4)
+    assert jnp.isnan(splat(np.array([[0, np.nan, 1]], np.float32))).all()
+
+
+def test_splat_is_clipped_and_differentiable(rng):
+    points = np.repeat(np.array([[1 / 32, 1 / 32, 1 + 1 / 32]], np.float32), 5, axis=0)
+    assert splat(points).max() == 1
+    cloud = rng.uniform(0.1, 0.9, (20, 3))
+    weights, direction = rng.random((8, 8, 8)), rng.normal(size=(20, 3))
+    with jax.enable_x64(True):
+
+        def value(p):
+            return (splat(p, 8) * weights).sum()
+
+        slope = (jax.grad(value)(jnp.asarray(cloud)) * direction).sum()
+        h = 1e-7
+        difference = (value(cloud + h * direction) - value(cloud - h * direction)) / (2 * h)
+        np.testing.assert_allclose(slope, difference, rtol=1e-5)
+
+
+def test_splat_batched_under_jit(rng):
+    clouds = rng.uniform(-0.5, 0.5, (3, 50, 3)).astype(np.float32)
+    got = jax.jit(jax.vmap(splat))(clouds)
+    np.testing.assert_allclose(got[2], splat(clouds[2]), atol=1e-6)
+    both = splat_clouds([clouds[0], clouds[1, :20]])
+    assert both.shape == (32, 32, 32, 2)
+    np.testing.assert_allclose(both[..., 0], got[0], atol=1e-6)
+
+
+def test_log_volume_is_in_cubic_units():
+    occupancy = np.zeros((32, 32, 32), bool)
+    assert log_volume(occupancy) == pytest.approx(np.log(1 / 16**3))
+    occupancy[:16] = True
+    assert log_volume(occupancy) == pytest.approx(np.log(4))
+
+
+def parameters(module, *inputs):
+    shapes = jax.eval_shape(module.init, jax.random.key(0), *inputs)
+    return sum(np.prod(leaf.shape) for leaf in jax.tree.leaves(shapes))
+
+
+def test_six_layers_of_27_taps():
+    module = VoxelRefiner()
+    splats = jax.ShapeDtypeStruct((2, 32, 32, 32, 2), jnp.float32)
+    volumes = jax.ShapeDtypeStruct((2,), jnp.float32)
+    params = jax.eval_shape(module.init, jax.random.key(0), splats, volumes)
+    assert len(params["params"]) == 6
+    count = 27 * (3 * 16 + 4 * 16 * 16 + 16) + 5 * 16 + 1
+    assert parameters(module, splats, volumes) == count
+    out = jax.eval_shape(module.apply, params, splats, volumes)
+    assert out.shape == (2, 32, 32, 32)
+
+
+@pytest.mark.slow
+def test_local_and_of_any_size(rng):
+    """Each output depends on the cells up to a distance of 6 in every direction, and no others."""
+    module = VoxelRefiner(widths=(4,) * 5)
+    x = rng.random((1, 16, 16, 16, 1)).astype(np.float32)
+    params = module.init(jax.random.key(0), x)
+    apply = jax.jit(module.apply)
+    moved = x.copy()
+    moved[0, 0, 8, 8] += 1
+    change = np.abs(apply(params, moved) - apply(params, x))[0]
+    assert change[7:].max() == 0
+    assert change[:7].max() > 0
+
+
+@pytest.mark.slow
+def test_volume_net():
+    config = parse({"model": {"width_multiplier": 0.25}, "data": {"image_size": (64, 64)}}).model
+    module = build_volume_net(config)
+    x = jnp.zeros((2, 64, 64, 4))
+    params = module.init(jax.random.key(0), x)
+    out = jax.jit(module.apply)(params, x)
+    assert out.shape == (2,)
+    assert jnp.isfinite(out).all()

@@ -1,0 +1,49 @@
+"""`psgn_jax.load`: one door from Python, with paths, PIL images and arrays."""
+
+import pathlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import psgn_jax
+
+PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
+
+
+@pytest.fixture(scope="module")
+def model():
+    return psgn_jax.load()
+
+
+def test_paths_images_and_arrays_give_the_same_cloud(model):
+    path, mask = PHOTOS / "chair.jpg", PHOTOS / "chair_mask.png"
+    cloud = model(path, mask=str(mask))
+    image, pixels = Image.open(path), np.array(Image.open(mask))
+    given = pixels > 0 if pixels.dtype == bool else pixels > 127
+    assert cloud.points.shape == (1, 1024, 3)
+    np.testing.assert_array_equal(cloud.mask, given)
+    for other in (given, given.astype(np.uint8), pixels, Image.open(mask)):
+        np.testing.assert_array_equal(model(image, mask=other).points, cloud.points)
+    np.testing.assert_array_equal(model(np.array(image), mask=given).points, cloud.points)
+
+
+def test_a_cloud_is_saved_and_read(model, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    cloud = model(PHOTOS / "car.jpg", mask=PHOTOS / "car_mask.png")
+    for suffix, axes in (("ply", [0, 1, 2]), ("glb", [1, 2, 0])):
+        cloud.save(tmp_path / f"car.{suffix}")
+        read = trimesh.load(tmp_path / f"car.{suffix}", force="scene")
+        (geometry,) = read.geometry.values()
+        np.testing.assert_allclose(geometry.vertices, cloud.points[0][:, axes], atol=1e-5)
+        np.testing.assert_array_equal(geometry.colors[:, :3], cloud.colours[0])
+    np.testing.assert_array_equal(cloud.to_trimesh().vertices, cloud.points[0])
+    with pytest.raises(ValueError, match=r"accepted: a name that ends in \.ply"):
+        cloud.save(tmp_path / "car.stl")
+
+
+def test_the_import_is_light():
+    code = "import sys, psgn_jax; sys.exit('jax' in sys.modules or 'numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

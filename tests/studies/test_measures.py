@@ -1,0 +1,221 @@
+"""What each study measures, on arrays whose answer is known, and its figure."""
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+
+from data_gen.catalogues import doubt
+from data_gen.surface import sample_surface
+from psgn_jax.config.experiment import ConfigError, parse
+from psgn_jax.data import camera
+from psgn_jax.evaluation.results import SampleName
+from psgn_jax.models.networks import build
+from psgn_jax.studies import ambiguity, branches, comparison, figures, losses, mean_shape, networks
+from psgn_jax.studies.study import Measured, Run
+
+
+def view():
+    intrinsics, extrinsics = camera.default_camera((24, 32))
+    image = np.full((24, 32, 3), 100, np.uint8)
+    return {"image": image, "intrinsics": intrinsics, "extrinsics": extrinsics}
+
+
+def test_networks_differ_in_their_network_and_loss_alone(tmp_path):
+    runs = {run.name: run.config for run in networks.STUDY.runs(tmp_path)}
+    base = runs["two_branch_cd"]
+    for name, config in runs.items():
+        model = {"name", "fc_points", "fc_widths"}
+        same = {field: getattr(config.model, field) for field in model}
+        assert dataclasses.replace(base.model, **same) == config.model, name
+        assert dataclasses.replace(base, model=config.model, loss=config.loss) == config, name
+    values = {"cd_sq_radius2": np.array([2.0, 4.0]), "emd_radius": np.array([1.0, 1.0])}
+    found = {name: [Measured([], values)] for name in runs}
+    found["hourglass_cd"] = [Measured([], {**values, "cd_sq_radius2": np.array([1.0, 2.0])})]
+    heights = [bars[0].get_height() for bars in networks.figure(found).axes[0].containers[1::2]]
+    assert heights == [1, 1, 1, 0.5]
+
+
+def test_stray_missed_and_uneven_points():
+    gt = np.stack([np.linspace(0, 1, 101), np.zeros(101), np.zeros(101)], axis=1)
+    pred = gt[0:51:10].copy()
+    pred[0] += [0, 0, 0.3]
+    found = losses.measure_sample({"pred": pred, "points": gt})
+    assert found["stray"] == pytest.approx(1 / 6)
+    assert found["missed"] == pytest.approx(40 / 101, abs=0.021)
+    assert found["unevenness"] > 0.3
+    even = losses.measure_sample({"pred": gt[::10], "points": gt})
+    assert even["unevenness"] == pytest.approx(0, abs=1e-6)
+
+
+# --- Branches -----------------------------------------------------------------------------------
+
+CONFIG = parse(
+    {
+        "data": {"image_size": (24, 32)},
+        "model": {"widths": (4, 6, 8), "deconv_level": 1, "fc_points": 30, "fc_widths": (8,)},
+    }
+)
+
+
+def sheet_and_tips(rng):
+    """A sheet and two thin rods: deconv points lie on the sheet, fc points on the rods."""
+    grid = build(CONFIG.model).grid
+    row, column = np.mgrid[: grid.height, : grid.width]
+    sheet = np.stack([row / grid.height, column / grid.width, 0 * row], axis=-1) - [0.5, 0.5, 0]
+    along = rng.permutation(np.concatenate([np.linspace(-1.0, -0.6, 15), np.linspace(0.6, 1, 15)]))
+    rods = np.stack([0 * along, along, 0 * along], axis=1)
+    pred = np.concatenate([rods, sheet.reshape(-1, 3)]).astype(np.float32)
+    flat = np.concatenate([rng.uniform(-0.5, 0.5, (900, 2)), np.zeros((900, 1))], axis=1)
+    return {"pred": pred, "points": np.concatenate([flat, rods, rods, rods]).astype(np.float32)}
+
+
+def test_a_sheet_with_rods_is_told_from_the_rods(rng):
+    case = sheet_and_tips(rng)
+    found = branches.measure_sample(case, CONFIG.model)
+    assert found.keys() == branches.METRICS.keys()
+    assert (found["fc_points"], found["deconv_points"]) == (30, len(case["pred"]) - 30)
+    assert found["deconv_order"] < 0.25
+    assert found["fc_order"] > 0.7
+    assert found["fc_pred_to_gt"] == pytest.approx(0, abs=1e-9)
+    assert found["fc_share"] + found["deconv_share"] == pytest.approx(1)
+    assert found["gt_to_pred"] <= min(found["fc_gt_to_pred"], found["deconv_gt_to_pred"])
+    assert found["by_distance_5"] > 0.4 > 0.1 > found["by_distance_1"]
+    assert found["by_surface_change"] > 0
+    gaps = np.linalg.norm(case["points"][:, None] - case["pred"][None, 30:], axis=-1) ** 2
+    assert found["deconv_gt_to_pred"] == pytest.approx(gaps.min(axis=1).mean(), rel=1e-5)
+    panels = list(branches.panels({**view(), **case}, CONFIG.model).values())
+    x, y, z = panels[1:4]
+    assert (x[0] == x[0, 0]).all()
+    assert x[0, 0] != x[-1, 0]  # x runs down the grid,
+    assert y[0, 0] != y[0, -1]  # y across it,
+    assert (z == z[0, 0]).all()  # and z is constant
+
+
+def test_a_network_with_one_branch_is_refused(tmp_path):
+    alone = parse({"model": {"name": "vanilla"}})
+    with pytest.raises(ConfigError, match="expected a network with both branches"):
+        branches.measure(Run("a", 0, tmp_path, alone))
+
+
+# --- Mean shapes --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", list(mean_shape.DISTRIBUTIONS))
+def test_random_shapes_lie_where_the_measures_expect_them(name):
+    draw, measure = mean_shape.DISTRIBUTIONS[name]
+    keys = jax.random.split(jax.random.key(0), 40)
+    clouds = np.asarray(jax.vmap(lambda k: draw(k, 200))(keys))
+    assert np.abs(clouds).max() < 0.6
+    assert len(np.unique(clouds[:, 0], axis=0)) == 40
+    for cloud in clouds:
+        assert measure(cloud).get("points in no shape at all [%]", 0) == 0
+    if name == "bar, disk half of the time":
+        outside = [measure(cloud)["points outside the bar [%]"] for cloud in clouds]
+        assert 12 < np.count_nonzero(outside) < 28
+
+
+@pytest.mark.slow
+def test_emd_keeps_the_circle_and_cd_blurs_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(mean_shape, "NUM_POINTS", 48)
+    circle = "circle of random radius"
+    monkeypatch.setattr(mean_shape, "DISTRIBUTIONS", {circle: mean_shape.DISTRIBUTIONS[circle]})
+    found = {}
+    for run in mean_shape.STUDY.runs(tmp_path, steps=150):
+        mean_shape.train(run)
+        found[run.name] = [mean_shape.measure(run)]
+    radius, spread = (f"{circle}: {key}" for key in ("mean radius", "spread of the radius"))
+    emd, cd = (found[name][0].metrics for name in ("EMD", "CD"))
+    for metrics in (emd, cd):
+        assert metrics[radius] == pytest.approx(np.mean(mean_shape.RADII), abs=0.03)
+    assert emd[spread] < 0.3 * cd[spread]
+    assert figures.png(mean_shape.figure(found)).startswith(b"\x89PNG")
+
+
+# --- Ambiguity ----------------------------------------------------------------------------------
+
+
+def test_depth_is_read_off_the_true_points():
+    assert ambiguity.DEPTH_RANGE == doubt.DEPTH
+    for seed in range(4):
+        model = doubt.generate("front", seed, seed + 1)
+        points = sample_surface(model, 4096, 0).points.astype(np.float32)
+        found = ambiguity.measured_depth(points, model.parameters["scale"])
+        assert found == pytest.approx(model.parameters["hidden"]["depth"], abs=0.02)
+
+
+def test_exact_draws_have_the_spread_of_the_truth(rng):
+    """Clouds of two equal points, whose x is the hidden depth."""
+    depth = rng.uniform(*doubt.DEPTH, (32, 33))
+    depth[1::2] = 0.5
+    x = ambiguity.BODY_BEGINS - ambiguity.DEEPEST * depth
+    y = 0.01 * rng.normal(size=(32, 33))
+    clouds = np.stack([x, y, 0 * x + 0.5], axis=-1)[:, :, None].repeat(2, axis=2)
+    clouds = clouds.astype(np.float32)
+    each = [ambiguity.of_draws(c[1:], c[0], 1.0) for c in clouds]
+    arrays = {key: np.array([of[key] for of in each]) for key in each[0]}
+    found = ambiguity.by_kind(arrays, np.arange(32) % 2 == 0)
+    mean = {key: np.nanmean(value) for key, value in found.items()}
+    var_x, var_y = (v[:, 1:9].var(axis=1) for v in (x, y))
+    hidden, visible = var_x[::2].mean(), var_y[::2].mean() / 2
+    assert mean["front: spread along x [radius]"] == pytest.approx(hidden**0.5, rel=1e-4)
+    ratio = mean["front: spread along x / along y and z (goal: at least 3)"]
+    assert ratio == pytest.approx((hidden / visible) ** 0.5, rel=1e-4)
+    ratio = mean["spread, turned / front (goal: at most 1/3)"] ** 2
+    assert ratio == pytest.approx(var_y[1::2].mean() / (hidden + 2 * visible), rel=1e-3)
+    offset = (x[:, 1:9] - x[:, :1]) ** 2 + (y[:, 1:9] - y[:, :1]) ** 2
+    key = "front: CD of the best draw [radius^2]"
+    assert mean[key] == pytest.approx(2 * offset[::2].min(axis=1).mean(), rel=1e-4)
+    assert np.isnan(found[key][1::2]).all()
+    key = "front: depth: Wasserstein-1 from its true distribution"
+    assert mean[key] == pytest.approx(mean["depth: Wasserstein-1 of exact draws"], rel=0.2)
+    assert mean["front: depth: standard deviation"] == pytest.approx(0.245, abs=0.02)
+    assert ambiguity.of_draws(clouds[0, :1], clouds[0, 0], 1.0)["CD of one draw [radius^2]"] < 1e-6
+
+
+# --- Volumes ------------------------------------------------------------------------------------
+
+
+def test_surfaces_thin_cells_and_empty_predictions(monkeypatch):
+    monkeypatch.setattr(comparison, "NUM_POINTS", 64)
+    monkeypatch.setattr(comparison, "CANDIDATES", 512)
+    volume = np.zeros((32, 32, 32), bool)
+    volume[8:24, 12:20, 0:4] = True
+    points = comparison.cloud_of(volume, 0)
+    low, high = np.array([-0.5, -0.25, 0]), np.array([0.5, 0.25, 0.25])
+    on_face = (np.abs(points - low) < 1e-6) | (np.abs(points - high) < 1e-6)
+    assert (points >= low - 1e-6).all()
+    assert (points <= high + 1e-6).all()
+    assert on_face.any(axis=1).all()
+    volume[:] = False
+    volume[4:6, 4:6, 4:6] = True  # a block
+    volume[10, 10, :20] = True  # a rod
+    volume[20:30, 20:30, 31] = True  # a sheet at the border
+    thin = comparison.thin_cells(volume)
+    assert thin.sum() == 20 + 100
+    assert not thin[4:6, 4:6, 4:6].any()
+    probability = np.zeros((32, 32, 32), np.float32)
+    probability[3, 4, 5] = 0.2
+    assert np.argwhere(comparison.solid_at(probability, 0.5)).tolist() == [[3, 4, 5]]
+
+
+def test_a_row_for_each_category():
+    names = [
+        SampleName(i, category, "m", 0) for i, category in enumerate(("chair", "chair", "box"))
+    ]
+    iou, thin = np.array([0.2, 0.4, 0.6]), np.array([np.nan, 0.5, np.nan])
+    clouds = {f"{m}_{t}": np.full(3, 0.01) for m in ("cd", "emd") for t in ("volume", "surface")}
+    every = {name: iou for name in comparison.METRICS if name.startswith("iou")}
+    found = Measured(names, {**every, **clouds, "thin_recall": thin})
+    results = {run: [found] for run in (*comparison.POINTS, *comparison.HEADS, comparison.PEER)}
+    (lines,) = comparison.by_category(results)
+    rows = {line[0]: dict(zip(lines[0], line, strict=True)) for line in lines}
+    assert (rows["chair"]["ours"], rows["chair"]["paper*: ours"]) == ("0.300", "0.544")
+    assert (rows["mean"]["ours"], rows["mean"]["samples"]) == ("0.450", "3")
+    assert (rows["chair"]["thin: ours"], rows["box"]["thin: ours"]) == ("0.500", "nan")
+    # .01 radius^2 is .25 u^2 and .01 radius is .05 u, where u is the paper's unit.
+    assert rows["box"]["CD: ours [u^2]"] == "0.250"
+    assert rows["box"]["EMD: 3D-R2N2 [u]"] == "0.050"
+    published = [row for name, row in comparison.PAPER.items() if name != "mean"]
+    np.testing.assert_allclose(np.mean(published, axis=0), comparison.PAPER["mean"], atol=1.5e-3)

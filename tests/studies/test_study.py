@@ -1,0 +1,143 @@
+"""The runner of studies: resuming, sharing by `only`, tables with errors; finished runs."""
+
+import csv
+import dataclasses
+import json
+import math
+import types
+
+import numpy as np
+import pytest
+from helpers import drawn_solids
+from helpers.small_runs import write_solids
+
+from psgn_jax.config.experiment import ConfigError
+from psgn_jax.data.dataset import write_dataset
+from psgn_jax.evaluation.results import SampleName
+from psgn_jax.studies import branches, completion
+from psgn_jax.studies import study as lib
+from psgn_jax.system.errors import UserError
+
+TINY = {
+    "data.image_size": (12, 16),
+    "data.num_points": 64,
+    "data.num_eval_points": 256,
+    "model.widths": (4, 6),
+    "model.deconv_level": 0,
+    "model.fc_points": 20,
+    "model.fc_widths": (8,),
+    "loss.name": "chamfer_sq_mean",
+    "train.batch_size": 4,
+    "train.steps": 2,
+    "train.log_every": 1,
+    "eval.batch_size": 8,
+    "eval.emd_tolerance": 0,
+}
+STUDY = dataclasses.replace(completion.STUDY, base=TINY)
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory):
+    return str(write_solids(tmp_path_factory.mktemp("records")))
+
+
+def files(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("metrics.jsonl"))}
+
+
+@pytest.mark.slow
+def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monkeypatch):
+    options = {"data": records, "seeds": 2}
+    assert lib.run(STUDY, tmp_path / "a", data=records, only="rgbd:1") == ""
+    assert [p.name for p in (tmp_path / "a").iterdir()] == ["rgbd-1"]
+    alone = (tmp_path / "a" / "rgbd-1" / "checkpoints").stat().st_mtime_ns
+
+    train, started = lib.loop.train, []
+
+    def stopped_at_the_second(config, folder):
+        started.append(folder.name)
+        if len(started) == 2:
+            return types.SimpleNamespace(stopped_by=15)
+        return train(config, folder)
+
+    monkeypatch.setattr(lib.loop, "train", stopped_at_the_second)
+    with pytest.raises(UserError, match="the same command continues") as caught:
+        lib.run(STUDY, tmp_path / "a", **options)
+    assert caught.value.exit_code == 143
+    text = lib.run(STUDY, tmp_path / "a", **options)
+    assert started == ["rgb-0", "rgbd-0", "rgb-0", "rgbd-0", "rgb-1", "rgbd-1"]
+    assert (tmp_path / "a" / "rgbd-1" / "checkpoints").stat().st_mtime_ns == alone
+
+    numbers = (tmp_path / "a" / "completion.csv").read_text()
+    logs = files(tmp_path / "a")
+    assert len(logs) == 4
+    assert lib.run(STUDY, tmp_path / "a", **options) == text
+    assert (tmp_path / "a" / "completion.csv").read_text() == numbers
+    assert files(tmp_path / "a") == logs
+
+    rows = list(csv.DictReader(numbers.splitlines()))
+    by_key = {(r["configuration"], r["minus"], r["metric"]): r for r in rows}
+    change = by_key["rgbd", "rgb", "cd_sq_radius2"]
+    means = [float(by_key[name, "", "cd_sq_radius2"]["mean"]) for name in ("rgbd", "rgb")]
+    assert float(change["mean"]) == pytest.approx(means[0] - means[1])
+    assert (change["samples"], change["seeds"]) == ("11", "2")
+    assert float(change["error_samples"]) > 0
+    assert float(change["error_seeds"]) > 0
+    document = json.loads((tmp_path / "a" / "completion.json").read_text())
+    assert len(document["results"]) == len(rows)
+    assert "rgbd - rgb" in (tmp_path / "a" / "completion.md").read_text()
+    assert (tmp_path / "a" / "completion.png").read_bytes().startswith(b"\x89PNG")
+
+    # Finished runs are measured by another study.
+    runs = [str(tmp_path / "a" / name) for name in ("rgb-0", "rgb-1")]
+    text = lib.run(branches.STUDY, tmp_path / "b", finished=runs)
+    assert f"{runs[1]} - {runs[0]}" in text
+    assert "11 samples of 'validation'" in text
+
+
+def test_data_without_depth_are_refused_before_anything_is_trained(tmp_path):
+    drawn = drawn_solids.samples(2, seed=0, image_size=(12, 16))
+    flat = [dataclasses.replace(s, depth=None) for s in drawn]
+    write_dataset(tmp_path / "data", {"train": flat, "validation": flat}, source="")
+    with pytest.raises(ConfigError, match="asks for depth"):
+        lib.run(STUDY, tmp_path / "work", data=str(tmp_path / "data"))
+    assert not (tmp_path / "work").exists()
+
+
+@pytest.mark.parametrize("only", ["rgb", "rgb:x", "depth:0"])
+def test_only_names_a_run(only, tmp_path):
+    with pytest.raises(ConfigError, match=f"--only={only}: accepted: "):
+        lib.run(STUDY, tmp_path, only=only)
+
+
+def measured(metrics, models="aabb"):
+    names = [SampleName(i, "car", model, 0) for i, model in enumerate(models)]
+    return lib.Measured(names, {name: np.array(values) for name, values in metrics.items()})
+
+
+def test_means_differences_and_their_errors():
+    results = {
+        "a": [measured({"cd": [1.0, 2, 3, np.nan]}), measured({"cd": [3.0, 2, 3, np.nan]})],
+        "b": [measured({"cd": [2.0, 4, 3, np.nan], "iou": [0.5]})] * 2,
+    }
+    study = dataclasses.replace(
+        STUDY, metrics={"cd": "CD [radius^2]", "iou": "IoU [%]"}, pairs=[("b", "a")]
+    )
+    a, b, iou, change = lib.summarise(results, study)
+    assert (a.mean, a.samples, a.seeds) == (pytest.approx(7 / 3), 3, 2)
+    assert a.error_samples == pytest.approx(np.std([2, 2, 3], ddof=1) / np.sqrt(3))
+    assert a.error_seeds == pytest.approx(np.std([2, 8 / 3], ddof=1) / np.sqrt(2))
+    assert (b.error_seeds, math.isnan(iou.error_samples)) == (0, True)
+    assert change.mean == pytest.approx(2 / 3)
+    assert change.error_samples == pytest.approx(np.std([0, 2, 0], ddof=1) / np.sqrt(3))
+    assert change.better == 0
+    # Views of a model are averaged first: a has 2 and 3, b has 3 and 3.
+    by_model = dataclasses.replace(study, by_model=True, metrics={"cd": "CD [radius^2]"})
+    *_, change = lib.summarise(results, by_model)
+    assert (change.mean, change.error_samples) == (pytest.approx(0.5), pytest.approx(0.5))
+    means, changes = lib._tables(lib.summarise(results, study), study)
+    assert means[1:] == [
+        ["CD [radius^2]", "2.333 +- 0.33 +- 0.33", "3 +- 0.58 +- 0"],
+        ["IoU [%]", "", "50 +- 0"],
+    ]
+    assert changes[1] == ["b - a", "CD [radius^2]", "+0.6667 +- 0.67 +- 0.33", "0%"]

@@ -1,0 +1,36 @@
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from psgn_jax.system.claims import ClaimedError, claim
+
+HOLD = """
+import pathlib, sys
+from psgn_jax.system.claims import claim
+with claim(pathlib.Path(sys.argv[1]), (0, 2)):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_claim_ends_with_its_process(tmp_path):
+    folder = tmp_path / "job" / ".work"
+    command = [sys.executable, "-c", HOLD, str(folder)]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "held\n"
+        message = rf"\(pid {process.pid}\) does part 0/2"
+        with pytest.raises(ClaimedError, match=message), claim(folder, (0, 2)):
+            pass
+        with pytest.raises(ClaimedError, match="into 2 parts, not 1"), claim(folder, (0, 1)):
+            pass
+        with claim(folder, (1, 2)):
+            pass
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    with claim(folder, (0, 1)):
+        assert folder.is_dir()
+    assert not folder.exists()

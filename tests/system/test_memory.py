@@ -1,0 +1,41 @@
+"""The process keeps freed memory; in separate processes, because the setting is permanent."""
+
+import subprocess
+import sys
+
+import pytest
+
+_PAGE_FAULTS_OF_SECOND = """
+import resource, threading
+import numpy as np
+from psgn_jax.system.memory import keep_freed_memory
+
+if {keep}:
+    assert keep_freed_memory()
+
+def page_faults():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+
+def run():
+    np.ones(2**27, np.uint8)
+    before = page_faults()
+    np.ones(2**27, np.uint8)
+    print(page_faults() - before)
+
+run()
+thread = threading.Thread(target=run)
+thread.start()
+thread.join()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a setting of glibc")
+@pytest.mark.parametrize("keep", [False, True])
+def test_memory_is_used_again_without_page_faults(keep):
+    program = _PAGE_FAULTS_OF_SECOND.format(keep=keep)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    for faults in map(int, done.stdout.split()):
+        # 128 MiB are 32,768 pages of 4 KiB, or 64 huge pages.
+        assert (faults < 50) == keep

@@ -1,0 +1,61 @@
+"""A signal is recorded at once; a second one, or the end of the grace, ends the process."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+# A signal's Python handler does not run before the call into C returns, as in a compilation.
+BLOCKED = """
+import hashlib, sys
+from psgn_jax.system import signals
+signals.GRACE_SECONDS = float(sys.argv[1])
+with signals.StopSignal():
+    print("ready", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
+"""
+
+STOPPING = """
+import time
+from psgn_jax.system import signals
+with signals.StopSignal() as stop:
+    print("ready", flush=True)
+    while not stop.signal:
+        time.sleep(0.01)
+    try:
+        stop.check()
+    except signals.Stopped:
+        print("stopped by", int(stop.signal))
+"""
+
+
+def start(code, *arguments):
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+@pytest.mark.parametrize(("grace", "signals"), [("0.2", 1), ("600", 2)])
+def test_a_blocked_process_ends(grace, signals):
+    process = start(BLOCKED, grace)
+    for _ in range(signals):
+        process.send_signal(signal.SIGTERM)
+        time.sleep(0.1)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 143
+    (line,) = err.splitlines()
+    assert line.startswith("stopped by SIGTERM without waiting for the current step; run the same")
+
+
+def test_one_signal_is_recorded_and_the_process_goes_on():
+    process = start(STOPPING)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=20)
+    assert (process.returncode, out, err) == (0, "stopped by 2\n", "")

@@ -1,0 +1,144 @@
+import dataclasses
+import io
+import os
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+from helpers import drawn_solids
+
+from psgn_jax.commands import convert, view
+from psgn_jax.commands import inspect_records as inspect
+from psgn_jax.commands import spheres as spheres_command
+from psgn_jax.data.dataset import write_dataset
+from psgn_jax.system.untrusted import kind_of, one_line, parse_json, read_json, read_npz
+
+
+def test_json_is_read_within_bounds(tmp_path):
+    assert parse_json('{"a": [1, {"b": null}]}') == {"a": [1, {"b": None}]}
+    assert parse_json(b'"\xc3\xa4"') == "ä"
+    assert parse_json("[" * 32 + "]" * 32)
+    for text in ("[" * 33 + "]" * 33, "[" * 200_000, '{"a":' * 200_000, "[NaN]", "[-Infinity]",
+                 b"\xff", b"\xff\xfe", "", "1" * 10_000, "{'a': 1}"):  # fmt: skip
+        with pytest.raises(ValueError, match=r"."):
+            parse_json(text)
+    path = tmp_path / "a.json"
+    path.write_text("[1, 2]")
+    assert read_json(path) == [1, 2]
+    with pytest.raises(ValueError, match="6 bytes, expected at most 5"):
+        read_json(path, max_bytes=5)
+
+
+def test_what_is_no_file_is_called_what_it_is(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    assert kind_of(pipe) == "a named pipe"
+    assert kind_of(tmp_path) == "a folder"
+    assert kind_of("/dev/null") == "a device"
+    with pytest.raises(OSError, match="it is a named pipe, expected a file"):
+        read_json(pipe)
+    with pytest.raises(FileNotFoundError):
+        kind_of(tmp_path / "none")
+
+
+def test_names_fit_into_one_line():
+    assert one_line("bär 椅子.png") == "bär 椅子.png"
+    assert one_line("a\nb\r\t\x1b[31m\u2028\x85") == r"a\nb\r\t\x1b[31m\u2028\x85"
+    assert one_line(os.fsdecode(b"a\xff")) == r"a\udcff"
+    one_line(os.fsdecode(b"\xff")).encode()
+
+
+ODD = "two\nlines \x1b[31m"
+
+
+def test_names_of_files_never_split_a_line(tmp_path, capsys):
+    """Of the commands, whatever they print them for."""
+    folder = tmp_path / ODD
+    folder.mkdir()
+    (folder / f"{ODD}.png").write_text("no image")
+    (folder / f"{ODD}.npz").write_text("no archive")
+    commands = (
+        (view.main, [f"{folder}/{ODD}.npz", "--out", str(tmp_path / "x.html")]),
+        (spheres_command.main, [f"{folder}/{ODD}.png", "--out", str(tmp_path / "x.png")]),
+        (inspect.main, [str(folder)]),
+        (convert.main, ["authors", str(folder), str(tmp_path / "out")]),
+        (convert.main, ["r2n2", str(folder), str(tmp_path / "out")]),
+    )
+    for command, arguments in commands:
+        assert command(arguments) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1, error
+        assert "\x1b" not in error
+
+
+def test_names_in_results_never_split_a_line(dataset_with_odd_names, capsys, tmp_path):
+    sheet = tmp_path / "sheet.png"
+    assert inspect.main([str(dataset_with_odd_names), "--sheet", str(sheet)]) == 0
+    out = capsys.readouterr().out
+    assert r"two\nlines \x1b[31m" in out
+    assert "\x1b" not in out
+    assert not any(line.startswith("lines") for line in out.splitlines())
+
+
+def test_messages_of_the_log_are_one_line(tmp_path):
+    code = (
+        "from absl import logging\n"
+        "from psgn_jax.commands import convert\n"
+        "from psgn_jax.commands.common import log_to_terminal\n"
+        "log_to_terminal()\n"
+        "exec(compile('logging.info(\"%s\", \"two\\\\nlines\")', convert.__file__, 'exec'))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert done.stderr.endswith(" two\\nlines\n")
+
+
+@pytest.fixture
+def dataset_with_odd_names(tmp_path):
+    rng = np.random.default_rng(0)
+    names = {"category": ODD, "model_id": ODD}
+    sample = next(iter(drawn_solids.samples(1, seed=0, image_size=(48, 64))))
+    # Off its mask, so that it is named.
+    off = dataclasses.replace(
+        sample, mask=rng.random(sample.mask.shape) < 0.01, depth=None, **names
+    )
+    write_dataset(tmp_path / "odd", {"train": [off]}, source="test")
+    return tmp_path / "odd"
+
+
+def npz(path, members):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members.items():
+            archive.writestr(name, data)
+    return path
+
+
+def npy(array, **changes):
+    file = io.BytesIO()
+    np.lib.format.write_array(file, array, allow_pickle=True)
+    data = file.getvalue()
+    for old, new in changes.values():
+        assert len(old) == len(new)
+        data = data.replace(old, new)
+    return data
+
+
+def test_arrays_are_read_in_bounded_memory(tmp_path):
+    good = npz(tmp_path / "good.npz", {"points.npy": npy(np.eye(3))})
+    np.testing.assert_array_equal(read_npz(good, {"points": 9, "x": 1})["points"], np.eye(3))
+    huge = npy(np.zeros((10, 3)), shape=(b"(10, 3)", b"(99, 9)"))
+    hostile = {
+        "objects": npy(np.array([{}, []], object)),
+        "larger_than_said": npy(np.zeros((1000, 3))),
+        "shape": huge,
+        "bomb": bytes(50_000_000),
+        "not_npy": b"hello",
+        "negative": npy(np.zeros((10, 3)), shape=(b"(10, 3)", b"(-1, 3)")),
+        "strings": npy(np.array(["abc"])),
+    }
+    for name, data in hostile.items():
+        path = npz(tmp_path / f"{name}.npz", {"points.npy": data})
+        with pytest.raises(ValueError, match=r"."):
+            read_npz(path, {"points": 100})

@@ -1,0 +1,168 @@
+"""The page in a real browser: a table of five boxes is modelled, saved, restored and scored."""
+
+import re
+
+import numpy as np
+import pytest
+from helpers.human_study import LEG, TOP, TURN, table_points
+
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.web.human.solids import sample_union, solids_of
+from psgn_jax.web.human.study import Answer, Part, read_answers, read_study
+
+
+@pytest.fixture
+def page(browser, study_folder):
+    """The page, opened as a file; it must log nothing and send no requests."""
+    complaints, requests = [], []
+    context = browser.new_context(viewport={"width": 1200, "height": 700})
+    context.on("request", lambda request: requests.append(request.url))
+    page = context.new_page()
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto((study_folder / "index.html").as_uri())
+    yield page
+    context.close()
+    assert complaints == []
+    assert {url for url in requests if not url.startswith(("data:", "blob:"))} == {
+        (study_folder / "index.html").as_uri()
+    }
+
+
+def model_of(page):
+    return page.evaluate("JSON.parse(JSON.stringify(human.model()))")
+
+
+def button(page, name):
+    return page.get_by_role("button", name=name, exact=True)
+
+
+def fill(page, label, value):
+    page.get_by_label(label, exact=True).fill(str(value))
+    page.keyboard.press("Tab")
+
+
+def add_box(page, middle, size):
+    button(page, "Box").click()
+    for axis, place, extent in zip(("front", "right", "up"), middle, size, strict=True):
+        fill(page, f"Position, {axis}", place)
+        fill(page, f"Size, {axis}", extent)
+
+
+def drag_handle(page, view, axis, by):
+    """Drags the handle of an axis in a view; returns how a unit along the axis looks there."""
+    handle = page.evaluate(
+        """([view, axis]) => {
+          const { canvas } = human.views[view], box = canvas.getBoundingClientRect();
+          const { to, way } = human.views[view].handles(human.views[view].camera())[axis];
+          return [box.left + to[0], box.top + to[1], ...way];
+        }""",
+        [view, axis],
+    )
+    page.mouse.move(*handle[:2])
+    page.mouse.down()
+    page.mouse.move(handle[0] + by[0], handle[1] + by[1], steps=4)
+    page.mouse.up()
+    return np.array(handle[2:])
+
+
+def test_a_table_is_modelled_saved_and_restored(page, study_folder, tmp_path):
+    fill(page, "Direction of the object, degrees", TURN)
+    add_box(page, *TOP)
+    add_box(page, (LEG[0][0], LEG[0][1], 0.6), LEG[1])
+    button(page, "To ground").click()
+    page.get_by_label("Mirror left and right").check()
+    page.get_by_label("Mirror front and back").check()
+    model = model_of(page)
+    assert model["turn"] == TURN
+    np.testing.assert_allclose(model["parts"][1]["at"], LEG[0], atol=1e-9)
+    assert model["parts"][1]["mirror"] == "xy"
+    page.click("#done")
+    assert page.text_content("#case-name") == "Case 2 of 2"
+    with page.expect_download() as download:
+        page.click("#save")
+    assert download.value.suggested_filename == "human.json"
+    download.value.save_as(tmp_path / "human.json")
+    answers = read_answers(tmp_path / "human.json", read_study(study_folder))
+    assert [(a.done, len(a.parts)) for a in answers] == [(True, 2), (False, 0)]
+    points = sample_union(solids_of(answers[0]), 4096, 0)
+    assert chamfer_sq_mean(points, table_points(4096)) < 0.001
+    page.reload()
+    assert model_of(page) == model
+    page.evaluate("localStorage.clear(); human.state.entries.forEach(e => { e.model.parts = []; })")
+    page.set_input_files("#open", str(tmp_path / "human.json"))
+    page.get_by_text(re.compile("2 box . 4")).wait_for()
+    assert model_of(page) == model
+    (tmp_path / "other.json").write_text('{"format": "other"}')
+    page.set_input_files("#open", str(tmp_path / "other.json"))
+    page.get_by_text("This file cannot be used: it belongs to another study.").wait_for()
+
+
+def test_handles_move_resize_and_turn(page):
+    add_box(page, (0, 0, 0.3), (0.4, 0.6, 0.2))
+    for view in (0, 1):
+        before = model_of(page)["parts"][0]["at"]
+        way = drag_handle(page, view, 1, (30, 0))
+        at = model_of(page)["parts"][0]["at"]
+        moved = 30 * way[0] / (way @ way)
+        np.testing.assert_allclose(at, np.add(before, [0, moved, 0]), atol=1e-6)
+        button(page, "Undo").click()
+        assert model_of(page)["parts"][0]["at"] == before
+    button(page, "Size").click()
+    drag_handle(page, 0, 2, (0, -20))
+    resized = model_of(page)["parts"][0]
+    assert resized["size"][2] > 0.21
+    assert resized["at"][2] - resized["size"][2] / 2 == pytest.approx(0.2)  # the lower side
+    page.focus("#free-view")
+    page.keyboard.press("t")
+    drag_handle(page, 0, 2, (40, 0))
+    turn = model_of(page)["parts"][0]["turn"]
+    assert turn[:2] == [0, 0]
+    assert abs(turn[2]) == pytest.approx(20, abs=2)
+    page.keyboard.press("Control+d")
+    assert len(model_of(page)["parts"]) == 2
+    page.keyboard.press("Delete")
+    page.keyboard.press("Control+z")
+    assert len(model_of(page)["parts"]) == 2
+    # A click selects the part that is nearest to the viewer; one beside it, none.
+    box = page.locator("#free-view").bounding_box()
+    page.mouse.click(box["x"] + 5, box["y"] + 5)
+    assert page.evaluate("human.state.selected") == -1
+    x, y, _ = page.evaluate(
+        """human.project(
+          human.views[1].camera(), human.toWorld(human.model(), human.model().parts[0].at))"""
+    )
+    page.mouse.click(box["x"] + x, box["y"] + y)
+    assert page.evaluate("human.state.selected") in (0, 1)
+
+
+@pytest.mark.parametrize("kind", ["box", "cylinder", "cone", "sphere", "prism"])
+def test_the_page_draws_the_solids_that_are_scored(page, kind):
+    part = {
+        "kind": kind, "size": [0.7, 0.4, 0.9], "at": [0.1, 0.2, 0.5], "turn": [30, -50, 110],
+        "mirror": "x", "taper": 0.5, "sides": 5,
+    }  # fmt: skip
+    page.evaluate("part => { human.model().turn = 35; human.insert(part); }", part)
+    meshes = page.evaluate("human.meshesOf(human.model())")
+    fields = {k: tuple(v) if isinstance(v, list) else v for k, v in part.items()}
+    solids = solids_of(Answer("", 0, False, 35.0, 0.0, 0.0, (Part(**fields),)))
+    for mesh, solid in zip(meshes, solids, strict=True):
+        own = np.unique(np.round(mesh["corners"], 6), axis=0)
+        expected = np.unique(np.round(solid.points, 6), axis=0)
+        np.testing.assert_allclose(own, expected, atol=2e-6)
+        corners = np.array(mesh["corners"])
+        centre = corners.mean(axis=0)
+        for face in mesh["faces"]:
+            a, b, c = corners[[face[0], face[len(face) // 3], face[2 * len(face) // 3]]]
+            assert np.dot(np.cross(b - a, c - a), a - centre) > -1e-9
+
+
+def test_every_control_has_a_name(page):
+    button(page, "Prism").click()
+    unnamed = page.evaluate(
+        """[...document.querySelectorAll("button, input, select, canvas, img")]
+          .filter(e => e.checkVisibility() && !e.getAttribute("aria-label") && !e.textContent.trim()
+            && !e.closest("label")?.textContent.trim() && !e.querySelector("[alt]") && !e.alt)
+          .map(e => e.outerHTML)"""
+    )
+    assert unnamed == []

@@ -1,0 +1,246 @@
+"""Solids, files that are not trusted, scores, and the commands."""
+
+import copy
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from helpers import weights as helper
+from helpers.human_study import LEG, TOP, TURN, table_points
+from PIL import Image
+
+from psgn_jax.config.experiment import ConfigError
+from psgn_jax.data.dataset import write_dataset
+from psgn_jax.web.human import score
+from psgn_jax.web.human.solids import HiddenSurfaceError, sample_union, solids_of
+from psgn_jax.web.human.study import (
+    Answer,
+    AnswersError,
+    Part,
+    build_study,
+    open_cases,
+    read_answers,
+    read_study,
+)
+from psgn_jax.weights.run_folder import Run
+
+
+def part(kind="box", size=(1.0, 1.0, 1.0), at=(0.0, 0.0, 0.5), **fields):
+    return Part(kind, tuple(map(float, size)), tuple(map(float, at)), **fields)
+
+
+def answer(*parts, turn=0.0):
+    return Answer("Case 1", 90.0, True, turn, 0.0, 0.0, parts)
+
+
+TABLE = answer(part("box", TOP[1], TOP[0]), part("box", LEG[1], LEG[0], mirror="xy"), turn=25.0)
+
+
+def saved(study_id):
+    """The content of a saved file: a model of the table, and none for the second case."""
+    case = {"seconds": 90, "done": True, "turn": TURN, "x": 0, "y": 0}
+    top, leg = ({"kind": "box", "at": at, "size": size} for at, size in (TOP, LEG))
+    return {
+        "format": "psgn human study",
+        "version": 1,
+        "study": study_id,
+        "cases": [
+            {"case": "Case 1", **case, "parts": [top, {**leg, "mirror": "xy"}]},
+            {"case": "Case 2", **case, "done": False, "parts": []},
+        ],
+    }
+
+
+# --- solids ------------------------------------------------------------------------------------
+
+CIRCLE = 24 * np.sin(2 * np.pi / 24) / 8  # area of 24 corners in a circle of diameter 1
+VOLUMES = {
+    "box": (part(), 1),
+    "pyramid": (part(taper=0.25), (1 + 0.25 + 0.25**2) / 3),
+    "cylinder": (part("cylinder", turn=(30.0, -50.0, 110.0)), CIRCLE),
+    "cone": (part("cone", taper=0.0), CIRCLE / 3),
+    "prism": (part("prism", (2, 1, 1)), 1),
+    "sphere": (part("sphere"), np.pi / 6),
+}
+
+
+@pytest.mark.parametrize("name", VOLUMES)
+def test_volumes_of_primitives(name):
+    shape, volume = VOLUMES[name]
+    (solid,) = solids_of(answer(shape, turn=35.0))
+    assert solid.volume == pytest.approx(volume, rel=0.04 if name == "sphere" else 1e-9)
+
+
+def test_points_are_uniform_on_the_table():
+    points, truth = sample_union(solids_of(TABLE), 20_000, 0), table_points(20_000)
+    for low, high in ((0, 0.3), (0.3, 0.61), (0.61, 0.63), (0.69, 0.71)):
+        share = [np.mean((c[:, 2] >= low) & (c[:, 2] < high)) for c in (points, truth)]
+        assert share[0] == pytest.approx(share[1], abs=0.012)
+    # There are no points under the top where the legs touch it.
+    angle = np.deg2rad(TURN)
+    own = points[:, :2] @ np.array(
+        [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    )
+    near = np.abs(np.abs(own) - LEG[0][:2]).max(axis=1) < 0.039
+    assert not (near & (np.abs(points[:, 2] - 0.62) < 1e-4)).any()
+
+
+def test_parts_that_share_faces_or_are_inside_others():
+    left = part(size=(1.0, 0.6, 1.0), at=(0.0, -0.2, 0.5))
+    right = part(size=(1.0, 0.6, 1.0), at=(0.0, 0.2, 0.5))
+    ball = part("sphere", (0.5, 0.5, 0.5))
+    points = sample_union(solids_of(answer(left, right, ball, left)), 30_000, 0)
+    assert np.isclose(np.abs(points - [0, 0, 0.5]).max(axis=1), 0.5, atol=1e-4).all()
+    # The overlap is neither empty nor counted twice: y is uniform on the top.
+    top = points[np.abs(points[:, 2] - 1) < 1e-5]
+    counts, _ = np.histogram(top[:, 1], bins=5, range=(-0.5, 0.5))
+    assert counts.min() > 0.9 * counts.mean()
+    nested = [part(), *[part(size=(0.99, 0.99, 0.99))] * 199]
+    with pytest.raises(HiddenSurfaceError, match="almost all of its surface"):
+        sample_union(solids_of(answer(*nested)), 500, 0)
+
+
+# --- files that are not trusted ----------------------------------------------------------------
+
+
+@pytest.fixture
+def study(study_folder):
+    return read_study(study_folder)
+
+
+FIRST = ("cases", 0, "parts", 0)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("study",), "0" * 16, "expected '"),
+        (("version",), 2, "version=2"),
+        (("more",), 1, "more is not a field"),
+        (("cases",), [], "expected the 2 cases of the study"),
+        (("cases", 0, "case"), "Case 2", "each once"),
+        (("cases", 0, "turn"), 1e9, r"cases\[0\].turn=1000000000.0: accepted: a number >= -360"),
+        (("cases", 0, "parts"), {}, r"cases\[0\].parts=\{\}: accepted: a tuple"),
+        (("cases", 0, "parts"), saved("")["cases"][0]["parts"][:1] * 201, "201 parts, expected"),
+        ((*FIRST, "kind"), "torus", "kind='torus'"),
+        ((*FIRST, "size"), [1, 1, 0], r"size\[2\]=0"),
+        ((*FIRST, "at"), [0, 0, "1e400"], "accepted: a number"),
+        (FIRST, None, r"parts\[0\]=None"),
+    ],
+)
+def test_files_out_of_bounds_end_in_one_line(study, tmp_path, path, value, message):
+    document = copy.deepcopy(saved(study.id))
+    node = document
+    for key in path[:-1]:
+        node = node[key]
+    node[path[-1]] = value
+    file = tmp_path / "human.json"
+    file.write_text(json.dumps(document))
+    with pytest.raises(AnswersError, match=message) as caught:
+        read_answers(file, study)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(str(file))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"[1, 2]", "accepted: a section"),
+        (b'{"version": NaN}', "NaN is not JSON"),
+        (b"\xff\xfe\x00", "decode"),
+        (None, "press `Save all` in the page"),
+    ],
+)
+def test_files_of_another_kind_end_in_one_line(study, tmp_path, content, message):
+    file = tmp_path / "human.json"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(AnswersError, match=message):
+        read_answers(file, study)
+
+
+def test_other_records_are_refused(study, tmp_path, records):
+    known, other = open_cases(study, str(records))
+    assert known.model_id == "known"
+    for name, samples in {"other": [other, known], "few": [known]}.items():
+        write_dataset(tmp_path / name, {"validation": samples}, source="test")
+        with pytest.raises(ConfigError, match="images or cameras differ from those of the study"):
+            open_cases(study, str(tmp_path / name))
+    with pytest.raises(ConfigError, match="--cases=3: the split has 2 records; accepted: 1 to 2"):
+        build_study(str(records), tmp_path, cases=3)
+    (tmp_path / "study.json").write_text('{"format": 1}')
+    with pytest.raises(ConfigError, match=r"study.json is damaged \(format=1: .*write the study"):
+        read_study(tmp_path)
+
+
+# --- scores ------------------------------------------------------------------------------------
+
+
+def network(source, **changes):
+    config = helper.config(model__fc_points=40, **changes)
+    return Run(config, 7, helper.random_params(config), {}, source, "weights", helper.SOURCES)
+
+
+@pytest.fixture
+def answers(study, tmp_path):
+    (tmp_path / "human.json").write_text(json.dumps(saved(study.id)))
+    return read_answers(tmp_path / "human.json", study)
+
+
+def test_the_table_is_scored_beside_networks(study, answers, tmp_path):
+    runs = [network("runs/cd"), network("runs/emd", model__random_size=3)]
+    networks = score.label_networks(runs)
+    scored = score.score(study, answers, open_cases(study), networks, num_points=40)
+    text = score.write_scores(tmp_path, study, scored, networks, 40)
+    numbers = json.loads((tmp_path / "scores.json").read_text())
+    assert list(numbers["networks"]) == ["cd", "emd"]
+    assert (numbers["cases_modelled"], numbers["cases_in_study"]) == (1, 2)
+    (case,) = numbers["cases"]
+    assert [case[key] for key in ("case", "category", "seconds", "parts")] == [
+        "Case 1", "table", 90, 2
+    ]  # fmt: skip
+    person, *others = case["metrics"].values()
+    assert all(person["emd_radius"] < other["emd_radius"] for other in others)
+    assert all(person["cd_sq_radius2"] < 0.1 * other["cd_sq_radius2"] for other in others)
+    assert (tmp_path / "scores.md").read_text() == text
+    assert "| Case 1 | table | 1.5 | 2 |" in text
+    with Image.open(tmp_path / "scores.png") as picture:
+        assert min(picture.size) > 200
+
+
+def test_what_cannot_be_compared_is_refused(study, answers):
+    samples = open_cases(study)
+    with pytest.raises(ConfigError, match="predicts 40 points, --points=1024; expected the same"):
+        score.score(study, answers, samples, {"a": network("a")})
+    with pytest.raises(ConfigError, match=r"--points=9000: a record has \d+ points; accepted"):
+        score.score(study, answers, samples, {}, num_points=9000)
+    with pytest.raises(AnswersError, match="no case has a model yet"):
+        score.score(study, [answers[1], answers[1]], samples, {})
+    with pytest.raises(ConfigError, match="the name 'a' is already used"):
+        score.label_networks([network("x/a"), network("y/a")])
+    with pytest.raises(ConfigError, match="4 networks: accepted: at most 3"):
+        score.label_networks([network("a")] * 4)
+
+
+def test_the_commands(records, tmp_path):
+    environment = os.environ | {"JAX_PLATFORMS": "cpu", "PSGN_CACHE": str(tmp_path / "cache")}
+
+    def run(*arguments):
+        command = [sys.executable, "-m", "psgn_jax.commands.human", *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, env=environment)
+
+    out = tmp_path / "study"
+    done = run(f"--data={records}", "--cases=2", f"--out={out}")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f"{out / 'index.html'}: 2 cases; open it in a browser\n"
+    for arguments, message in [
+        (["score", out], f"error: {out / 'human.json'}: no such file; press `Save all`"),
+        (["skore", out], "expected no arguments, or `score STUDY`"),
+    ]:
+        done = run(*arguments)
+        assert (done.returncode, done.stdout) == (2, "")
+        (line,) = done.stderr.splitlines()
+        assert message in line

@@ -1,0 +1,339 @@
+"""The page in a real browser: it predicts the same points as Python, and shows errors.
+
+The page's content security policy forbids `eval`, which Playwright's `wait_for_function` needs.
+Tests therefore evaluate expressions repeatedly.
+"""
+
+import pathlib
+import re
+import shutil
+import time
+
+import numpy as np
+import pytest
+from helpers import drawn_solids
+from PIL import Image
+
+from psgn_jax.prediction import export
+from psgn_jax.prediction.predictor import Predictor
+
+SECONDS = 120
+SHAPE = (240, 320)
+
+
+@pytest.fixture(scope="module")
+def address(site, serve):
+    return serve(site)
+
+
+@pytest.fixture
+def opened(browser, address):
+    """Opens the page; checks at the end that it logged nothing and used only its own server."""
+    complaints, requests, contexts = [], [], []
+
+    def open_page(at=address, complain=True, **options):
+        context = browser.new_context(
+            **{"viewport": {"width": 1200, "height": 860}, "reduced_motion": "reduce", **options}
+        )
+        context.set_default_timeout(1000 * SECONDS)
+        contexts.append(context)
+        context.on("request", lambda request: requests.append(request.url))
+        page = context.new_page()
+        if complain:
+            page.on("console", lambda message: complaints.append(message.text))
+            page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(at)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert complaints == []
+    outside = ("blob:", "data:", "http://127.0.0.1:")
+    assert [url for url in requests if not url.startswith(outside)] == []
+
+
+def wait(page, expression):
+    """Waits until an expression is true."""
+    end = time.monotonic() + SECONDS
+    while not page.evaluate(expression):
+        assert time.monotonic() < end, (expression, status(page), problem(page))
+        page.wait_for_timeout(40)
+
+
+def status(page):
+    return page.text_content("#status")
+
+
+def problem(page):
+    return page.text_content("#problem") if page.is_visible("#problem") else ""
+
+
+def settled(page, action):
+    """Performs an action and waits for points, for advice or for an error."""
+    page.evaluate("document.getElementById('status').textContent = ''")
+    page.evaluate("document.getElementById('problem').hidden = true")
+    action()
+    wait(
+        page,
+        "/points in|Draw around/.test(document.getElementById('status').textContent)"
+        " || !document.getElementById('problem').hidden",
+    )
+
+
+def give(page, *paths, to="#file"):
+    """Chooses files and waits."""
+    settled(page, lambda: page.set_input_files(to, [str(path) for path in paths]))
+
+
+def clouds(page):
+    """Points float32 [k, n, 3] and colours uint8 [k, n, 3]."""
+    state = page.evaluate(
+        "psgn.page.clouds.map(c => [Array.from(c.points), Array.from(c.colours)])"
+    )
+    points = np.array([p for p, _ in state], np.float32)
+    colours = np.array([c for _, c in state], np.uint8)
+    return points.reshape(len(state), -1, 3), colours.reshape(len(state), -1, 3)
+
+
+def mask_of(page, shape=SHAPE):
+    return np.reshape(page.evaluate("Array.from(psgn.maskArray())"), shape).astype(bool)
+
+
+def write_photo(folder):
+    """Writes a photo without transparency and its mask; returns both as arrays."""
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (60, 80, 3), dtype=np.uint8).repeat(4, 0).repeat(4, 1)
+    mask = np.zeros(SHAPE, bool)
+    mask[60:180, 80:200] = mask[90:130, 180:280] = True
+    mask[100:110, 100:140] = False
+    Image.fromarray(image).save(folder / "my chair.png")
+    Image.fromarray(mask).save(folder / "my chair_mask.png")
+    return image, mask
+
+
+def write_cut_out(folder):
+    """Writes the photo with the mask as its transparency; returns the array."""
+    image, mask = write_photo(folder)
+    rgba = np.dstack([np.where(mask[..., None], image, 0), np.uint8(255) * mask]).astype(np.uint8)
+    Image.fromarray(rgba).save(folder / "cut.png")
+    return rgba
+
+
+@pytest.fixture(scope="module")
+def predictor(run):
+    return Predictor(run)
+
+
+def test_points_and_files_are_those_of_python(opened, predictor, tmp_path):
+    image, mask = write_photo(tmp_path)
+    expected = predictor(image, mask, samples=8, seed=0)
+    page = opened()
+    give(page, tmp_path / "my chair_mask.png", tmp_path / "my chair.png")
+    np.testing.assert_array_equal(mask_of(page), mask)
+    points, colours = clouds(page)
+    np.testing.assert_allclose(points, expected.points, atol=1e-4)
+    assert (colours != expected.colours).any(axis=-1).mean() < 0.01
+    page.locator("#sample").fill("3")
+    assert page.text_content("#which") == "4 of 8"
+    for name, write in {"ply": export.ply, "obj": export.obj, "xyz": export.xyz}.items():
+        with page.expect_download() as download:
+            page.click(f"[data-format={name}]")
+        assert download.value.suggested_filename == f"my_chair_3.{name}"
+        own = pathlib.Path(download.value.path()).read_bytes()
+        kept = ~expected.stray[3]
+        written = write(points[3][kept], colours[3][kept])
+        zero = (b"-0.000000", b"0.000000") if name != "ply" else (b"", b"")
+        assert own.replace(*zero) == written.replace(*zero)
+
+
+@pytest.mark.slow
+def test_transparency_is_the_mask(opened, predictor, tmp_path):
+    rgba = write_cut_out(tmp_path)
+    page = opened()
+    give(page, tmp_path / "cut.png")
+    expected = predictor(rgba, samples=8).points
+    np.testing.assert_allclose(clouds(page)[0], expected, atol=1e-4)
+    rgba[..., 3] = 255
+    rgba[:3, :3, 3] = 0
+    Image.fromarray(rgba).save(tmp_path / "corner.png")
+    give(page, tmp_path / "corner.png")
+    assert "Draw around the object" in status(page)
+
+
+@pytest.mark.slow
+def test_a_training_rendering_is_taken_as_framed(opened, predictor, tmp_path):
+    sample = next(iter(drawn_solids.samples(1, seed=2, image_size=(192, 256))))
+    Image.fromarray(sample.image).save(tmp_path / "a.png")
+    Image.fromarray(sample.mask.view(np.uint8)).save(tmp_path / "a_mask.png")  # 0 and 1
+    expected = predictor(sample.image, sample.mask, samples=8)
+    assert not expected.view.placed
+    page = opened()
+    give(page, tmp_path / "a.png", tmp_path / "a_mask.png")
+    np.testing.assert_allclose(clouds(page)[0], expected.points, atol=1e-4)
+
+
+@pytest.mark.slow
+def test_a_mask_file_for_an_open_photo(opened, tmp_path):
+    _, mask = write_photo(tmp_path)
+    page = opened()
+    give(page, tmp_path / "my chair.png")
+    assert "Draw around the object" in status(page)
+    Image.new("L", (100, 400), 255).save(tmp_path / "tall.png")
+    give(page, tmp_path / "tall.png", to="#mask-file")
+    assert problem(page).startswith("The mask has 100 x 400 pixels; expected the photo's 320 x 240")
+    give(page, tmp_path / "my chair_mask.png", to="#mask-file")
+    np.testing.assert_array_equal(mask_of(page), mask)
+    settled(page, lambda: page.click("#invert"))
+    assert "it may be inverted" in status(page)
+    settled(page, lambda: page.click("#undo"))
+    np.testing.assert_array_equal(mask_of(page), mask)
+
+
+@pytest.mark.slow
+def test_the_mask_is_drawn(opened, predictor, tmp_path):
+    image, _ = write_photo(tmp_path)
+    page = opened()
+    give(page, tmp_path / "my chair.png")
+    box = page.locator("#photo").bounding_box()
+    scale = box["width"] / SHAPE[1]
+
+    def draw(*corners):
+        places = [(box["x"] + x * scale, box["y"] + y * scale) for x, y in corners]
+        page.mouse.move(*places[0])
+        page.mouse.down()
+        for place in places[1:]:
+            page.mouse.move(*place)
+        page.mouse.up()
+
+    square = [(50, 60), (150, 60), (150, 160), (50, 160)]
+    settled(page, lambda: draw(*square))
+    outlined = mask_of(page)
+    assert outlined[65:155, 55:145].all()
+    assert outlined.sum() == pytest.approx(100 * 100, rel=0.03)
+    expected = predictor(image, outlined, samples=8).points
+    np.testing.assert_allclose(clouds(page)[0], expected, atol=1e-4)
+    page.check("input[value=brush]", force=True)
+    page.locator("#brush").fill(str(round(20 * scale)))
+    settled(page, lambda: draw((200, 100), (280, 100)))
+    painted = mask_of(page) & ~outlined
+    assert painted[93:107, 200:280].all()
+    assert painted.sum() == pytest.approx(80 * 20 + np.pi * 10**2, rel=0.1)
+    page.check("input[value=remove]", force=True)
+    settled(page, lambda: draw((195, 100), (285, 100)))
+    assert (mask_of(page) & painted).sum() < 0.05 * painted.sum()
+    settled(page, lambda: page.click("#clear"))
+    assert "Draw around the object" in status(page)
+    assert not page.is_visible("[data-format=ply]")
+    settled(page, lambda: page.keyboard.press("Control+z"))
+    assert "points in" in status(page)
+
+
+@pytest.mark.slow
+def test_a_phone(opened, tmp_path):
+    write_cut_out(tmp_path)
+    phone = {"viewport": {"width": 375, "height": 700}, "has_touch": True, "is_mobile": True}
+    page = opened(device_scale_factor=2, **phone)
+    give(page, tmp_path / "cut.png")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 375
+    page.locator("#cloud").scroll_into_view_if_needed()
+    box = page.locator("#cloud").bounding_box()
+    session = page.context.new_cdp_session(page)
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    view = page.evaluate("psgn.viewer.view.turn")
+    for kind, by in (("Start", 0), ("Move", 30), ("Move", 80)):
+        touch = {"type": f"touch{kind}", "touchPoints": [{"x": x + by, "y": y}]}
+        session.send("Input.dispatchTouchEvent", touch)
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    assert page.evaluate("psgn.viewer.view.turn") > view + 0.3
+
+
+@pytest.mark.slow
+def test_every_control_has_a_name(opened, tmp_path):
+    write_cut_out(tmp_path)
+    page = opened()
+    give(page, tmp_path / "cut.png")
+    tree = page.locator("body").aria_snapshot()
+    controls = re.findall(r"- (button|slider|checkbox|radio|textbox|application)(.*)", tree)
+    assert len(controls) > 12
+    assert [control for control in controls if not re.match(r' ".+"', control[1])] == []
+    page.focus("#cloud")
+    view = page.evaluate("({...psgn.viewer.view})")
+    for key in ("ArrowLeft", "ArrowUp", "+"):
+        page.keyboard.press(key)
+    turned = page.evaluate("({...psgn.viewer.view})")
+    assert all(turned[name] != view[name] for name in view)
+
+
+def test_files_that_are_no_photos_end_in_a_sentence_and_the_page_goes_on(opened, tmp_path):
+    write_cut_out(tmp_path)
+    Image.new("RGB", (5, 900)).save(tmp_path / "ribbon.png")
+    for name in ("empty.png", "notes.txt", "cut.jpg"):
+        (tmp_path / name).write_bytes(b"\xff\xd8\xff\xe0" * (name == "cut.jpg"))
+    page = opened()
+    for name in ("empty.png", "notes.txt", "cut.jpg"):
+        give(page, tmp_path / name)
+        sentence = f"{name} is not an image that this browser can read"
+        wait(page, f"document.getElementById('problem').textContent.startsWith('{sentence}')")
+    give(page, tmp_path / "ribbon.png")
+    assert "at least 16 per side" in problem(page)
+    page.evaluate(
+        "document.body.dispatchEvent(new DragEvent('drop', "
+        "{ bubbles: true, dataTransfer: new DataTransfer() }))"
+    )
+    wait(page, "document.getElementById('problem').textContent.includes('not a file')")
+    Image.new("RGB", (3000, 2000), (240, 240, 240)).save(tmp_path / "large.jpg")
+    give(page, tmp_path / "large.jpg")
+    assert page.evaluate("[psgn.page.photo.width, psgn.page.photo.height]") == [1600, 1067]
+    give(page, tmp_path / "cut.png")
+    assert problem(page) == ""
+    assert "points in" in status(page)
+
+
+DAMAGE = {
+    "half of the weights": ("network.onnx", lambda b: b[: len(b) // 2]),
+    "another description": ("network.json", lambda b: b.replace(b"psgn_jax", b"other")),
+    "no description": ("network.json", lambda b: b"<!DOCTYPE html>"),
+    "a graph that does not run": ("network.onnx", lambda b: b"\x08\x08" + b"\0" * (len(b) - 2)),
+    "weights that are gone": ("network.onnx", None),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGE)
+def test_wrong_or_damaged_weights_are_refused(name, opened, site, serve, tmp_path):
+    copy = shutil.copytree(site, tmp_path / "site")
+    file, change = DAMAGE[name]
+    if change is None:
+        (copy / file).unlink()
+    else:
+        (copy / file).write_bytes(change((copy / file).read_bytes()))
+    expected = {
+        "weights that are gone": "The page is incomplete: network.onnx is missing.",
+        "a graph that does not run": "This browser cannot run the network",
+    }.get(name, "The network's file is damaged or belongs to another page")
+    page = opened(serve(copy), complain=False)
+    wait(page, "!document.getElementById('problem').hidden")
+    assert problem(page).startswith(expected)
+    write_cut_out(tmp_path)
+    give(page, tmp_path / "cut.png")
+    assert problem(page).startswith(expected)
+
+
+def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predictor):
+    """The page in the folder of `psgn export`, with the runtime beside it."""
+    from psgn_jax.portable.folder import write_folder
+    from psgn_jax.web.page.browser_runtime import runtime_files
+
+    write_folder(run, tmp_path, weights=("float32",), stablehlo=False)
+    for name, content in runtime_files(runtime).items():
+        (tmp_path / name).write_bytes(content)
+    rgba = write_cut_out(tmp_path)
+    page = browser.new_page()
+    page.goto(serve(tmp_path) + "example.html")
+    page.wait_for_function("!document.querySelector('input').disabled", timeout=1000 * SECONDS)
+    page.set_input_files("input", str(tmp_path / "cut.png"))
+    page.get_by_text("points, the first at").wait_for(timeout=1000 * SECONDS)
+    text = page.text_content("output")
+    numbers = [float(v) for v in re.findall(r"at (.*)", text)[0].split(",")]
+    np.testing.assert_allclose(numbers, predictor(rgba).points[0, 0], atol=1e-3)
+    page.close()

@@ -1,0 +1,202 @@
+"""Checkpoints are read as saved, damage is detected, the newest and the best are kept."""
+
+import logging
+import subprocess
+import sys
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers.disk import without_room
+
+from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
+
+
+def leaves(value):
+    return {
+        "params.a.kernel": jnp.full((2, 3, 4), value, jnp.float32),
+        "params.a.bias": np.arange(5, dtype=np.float32) + value,
+        "step": jnp.int32(value),
+    }
+
+
+def fill(folder, steps, keep=2, scores=()):
+    checkpoints = Checkpoints(folder, keep)
+    scores = dict(scores)
+    for step in steps:
+        checkpoints.save(step, leaves(step), {"config": {"seed": step}})
+        if step in scores:
+            checkpoints.score(step, {"cd_sq_radius2": scores[step]})
+    checkpoints.close()
+    return checkpoints
+
+
+def test_round_trip_keeps_every_bit(tmp_path):
+    fill(tmp_path / "c", [1, 5])
+    found = Checkpoints(tmp_path / "c").restore_newest()
+    assert found.step == 5
+    assert found.meta == {"config": {"seed": 5}}
+    for name, leaf in leaves(5).items():
+        have = found.leaves[name]
+        assert have.dtype == leaf.dtype
+        assert have.shape == leaf.shape
+        np.testing.assert_array_equal(have, leaf)
+    # The caller may overwrite the arrays at once.
+    array = np.zeros(300_000, np.float32)
+    checkpoints = Checkpoints(tmp_path / "c")
+    checkpoints.save(6, {"a": array}, {})
+    array[:] = 1
+    checkpoints.close()
+    assert not checkpoints.restore(6).leaves["a"].any()
+
+
+def test_newest_and_best_are_kept(tmp_path):
+    checkpoints = fill(tmp_path / "c", range(1, 7), 2, {1: 0.5, 2: 0.1, 4: 0.3, 6: float("nan")})
+    assert checkpoints.steps() == [2, 5, 6]
+    assert checkpoints.best_step() == 2
+    assert Checkpoints(tmp_path / "c").best_step() == 2
+
+
+@pytest.mark.parametrize("damage", ["flip", "truncate", "remove", "meta", "flip in meta"])
+def test_damaged_newest_falls_back(tmp_path, damage, caplog):
+    folder = tmp_path / "c"
+    checkpoints = Checkpoints(folder)
+    noise = np.random.default_rng(0).normal(size=100_000).astype(np.float32)
+    for step in (1, 2):
+        checkpoints.save(step, leaves(step) | {"noise": noise}, {"seed": 0})
+    checkpoints.score(2, {"cd_sq_radius2": 0.1})
+    checkpoints.close()
+    largest = max((folder / "2").rglob("*"), key=lambda p: p.stat().st_size * p.is_file())
+    data = bytearray(largest.read_bytes())
+    if damage == "flip":
+        data[len(data) // 2] ^= 1
+        largest.write_bytes(data)
+    elif damage == "truncate":
+        largest.write_bytes(data[: len(data) // 2])
+    elif damage == "remove":
+        largest.unlink()
+    elif damage == "meta":
+        (folder / "2" / "meta" / "metadata").write_text("{")
+    else:
+        path = folder / "2" / "meta" / "metadata"
+        path.write_text(path.read_text().replace('"seed": 0', '"seed": 1'))
+    reader = Checkpoints(folder, read_only=True)
+    assert reader.restore_newest().step == 1
+    assert reader.steps() == [1, 2]
+    again = Checkpoints(folder)
+    with caplog.at_level(logging.WARNING, "absl"):
+        assert again.restore_newest().step == 1
+    assert "checkpoint 2 is damaged" in caplog.text
+    assert again.best_step() is None
+    again.save(2, leaves(2), {})
+    again.close()
+    assert again.steps() == [1, 2]
+    assert (folder / "damaged" / "2").is_dir()
+    assert Checkpoints(folder).restore_newest().step == 2
+
+
+def test_a_damaged_checkpoint_prints_nothing_but_the_warning(tmp_path):
+    noise = {f"params.{n}": np.random.default_rng(n).normal(size=20_000) for n in range(30)}
+    checkpoints = Checkpoints(tmp_path)
+    for step in (1, 2):
+        checkpoints.save(step, noise, {})
+    checkpoints.close()
+    for path in (tmp_path / "2" / "state").rglob("d/*"):
+        path.write_bytes(path.read_bytes()[::-1])
+    code = (
+        "import sys; from psgn_jax.weights.checkpoint import Checkpoints;"
+        "print(Checkpoints(sys.argv[1], read_only=True).restore_newest().step)"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "1\n"
+    (line,) = done.stderr.splitlines()
+    assert "checkpoint 2 is damaged" in line
+
+
+def test_folders_that_are_no_checkpoints_are_left_alone(tmp_path):
+    folder = tmp_path / "c"
+    fill(folder, [1, 2])
+    names = ["\N{SUPERSCRIPT TWO}", "0095", "-1", "1_0"]
+    for name in names:
+        (folder / name).mkdir()
+    (folder / "7").write_text("a file")
+    checkpoints = Checkpoints(folder)
+    assert checkpoints.steps() == [1, 2]
+    assert checkpoints.restore_newest().step == 2
+    assert all((folder / name).is_dir() for name in names)
+
+
+def test_damaged_scores_are_none_with_a_warning(tmp_path, caplog):
+    folder = tmp_path / "c"
+    fill(folder, [1, 2], scores={1: 0.5})
+    for content in (
+        b"[]",
+        b"null",
+        b'{"a":{}}',
+        b"\xff",
+        b"[" * 100_000,
+        b'{"1": 5}',
+        b'{"1": {"iou": "x"}}',
+        b"",
+        b'{"1": {"cd_sq_radius2": 0.25}, "crc32": 1}',
+    ):
+        (folder / "scores.json").write_bytes(content)
+        caplog.clear()
+        with caplog.at_level(logging.WARNING, "absl"):
+            checkpoints = Checkpoints(folder)
+        assert "scores.json is damaged" in caplog.text, content[:40]
+        assert checkpoints.scores == {}
+        assert checkpoints.best_step() is None
+    checkpoints.score(2, {"cd_sq_radius2": 0.25})
+    assert Checkpoints(folder).best_step() == 2
+    # Scores of earlier versions have no checksum.
+    path = folder / "scores.json"
+    path.write_text(path.read_text().replace("0.25", "0.7"))
+    assert Checkpoints(folder).scores == {}
+    path.write_text('{"1": {"cd_sq_radius2": 0.7}}')
+    assert Checkpoints(folder).scores == {1: {"cd_sq_radius2": 0.7}}
+
+
+def test_leftovers_of_a_kill_are_removed_but_not_by_a_reader(tmp_path):
+    fill(tmp_path / "c", [1])
+    leftovers = [tmp_path / "c" / n for n in ("2.orbax-checkpoint-tmp", "0.deleting")]
+    for leftover in leftovers:
+        leftover.mkdir()
+        (leftover / "file").touch()
+    assert Checkpoints(tmp_path / "c", read_only=True).restore_newest().step == 1
+    assert all(leftover.exists() for leftover in leftovers)
+    assert Checkpoints(tmp_path / "c").restore_newest().step == 1
+    assert not any(leftover.exists() for leftover in leftovers)
+
+
+def test_a_full_disk_is_one_error_and_damages_nothing(tmp_path, capfd):
+    large = {f"params.{n}": np.random.default_rng(n).normal(size=5_000) for n in range(8)}
+    checkpoints = Checkpoints(tmp_path / "c")
+    checkpoints.save(1, large, {})
+    checkpoints.wait()
+    # The captured output is a file, too; the limit leaves room for lines of the log.
+    with without_room(20_000):
+        checkpoints.save(2, large, {})
+        with pytest.raises(OSError, match="No space left") as caught:
+            checkpoints.close()
+    assert caught.value.filename == str(tmp_path / "c")
+    assert "Traceback" not in capfd.readouterr().err
+    again = Checkpoints(tmp_path / "c")
+    assert again.restore_newest().step == 1
+    again.save(2, large, {})
+    again.close()
+    assert again.restore_newest().step == 2
+
+
+def test_none_readable_is_an_error_and_moves_nothing(tmp_path):
+    folder = tmp_path / "checkpoints"
+    checkpoints = Checkpoints(folder)
+    checkpoints.save(1, {"a": np.arange(3.0)}, {})
+    checkpoints.close()
+    for path in [p for p in (folder / "1").rglob("*") if p.is_file()]:
+        path.write_bytes(b"")
+    again = Checkpoints(folder)
+    with pytest.raises(CheckpointError, match="none of the 1 checkpoints in"):
+        again.restore_newest()
+    assert again.steps() == [1]

@@ -1,0 +1,80 @@
+import re
+
+import numpy as np
+import pytest
+
+from psgn_jax.config.experiment import ConfigError, parse, to_dict, to_json
+from psgn_jax.weights.checkpoint import Checkpoints
+from psgn_jax.weights.run_folder import locked, open_run
+
+
+def test_a_folder_is_locked_and_cleared_of_what_killed_trainings_left(tmp_path):
+    (tmp_path / "checkpoints").mkdir()
+    left = [tmp_path / ".config.json.123.tmp", tmp_path / "checkpoints/.scores.json.9.tmp"]
+    others = [tmp_path / "config.json", tmp_path / ".mine.tmp"]
+    for path in left + others:
+        path.touch()
+    with locked(tmp_path):
+        assert [path.exists() for path in left + others] == [False] * 2 + [True] * 2
+        with pytest.raises(ConfigError, match="another training is running"):
+            locked(tmp_path).__enter__()
+    with locked(tmp_path):
+        pass
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A run of one checkpoint without a network."""
+    config = parse({"model": {"fc_points": 64}})
+    (tmp_path / "config.json").write_text(to_json(config))
+    checkpoints = Checkpoints(tmp_path / "checkpoints")
+    checkpoints.save(3, {"params.a.kernel": np.zeros(2)}, {"config": to_dict(config)})
+    checkpoints.close()
+    return tmp_path
+
+
+def edit(run, old, new, checksum=False):
+    """Replaces text of config.json; without its checksum, as in earlier versions."""
+    text = (run / "config.json").read_text()
+    if not checksum:
+        text = re.sub(r',\s*"crc32": \d+', "", text)
+    assert old in text
+    (run / "config.json").write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"fc_points": 64', '"fc_points": 32', r"step 3: model.fc_points=32 \(trained with 64\)"),
+        ('"points"', '"volume"', r"does not fit the checkpoint of step 3: task='volume'"),
+        ('"fc_points": 64', '"fc_points": -1', r"config.json: model.fc_points=-1: accepted"),
+    ],
+)
+def test_a_configuration_that_does_not_fit_its_checkpoint(run, old, new, message):
+    edit(run, old, new)
+    with pytest.raises(ConfigError, match=message):
+        open_run(run)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ('"fscore_threshold": 0.01', '"fscore_threshold": 0.03', "its checksum does not match"),
+        ("{", "[" * 100_000, "it is not JSON"),
+        ("{", "\0", "it is not JSON"),
+        ("{", "\N{REPLACEMENT CHARACTER}", "it is not JSON"),
+    ],
+)
+def test_a_damaged_configuration_is_that_of_the_checkpoint(run, old, new, why, caplog):
+    config = open_run(run).config
+    edit(run, old, new, checksum=True)
+    caplog.clear()
+    assert open_run(run).config == config
+    (line,) = [r.message for r in caplog.records if "config.json" in r.message]
+    assert f"config.json: {why}" in line
+    assert line.endswith("using the configuration in the checkpoint")
+
+
+def test_fields_that_say_nothing_of_the_network_may_differ(run):
+    edit(run, '"num_workers": 0', '"num_workers": 3')
+    assert open_run(run).config.data.num_workers == 3
