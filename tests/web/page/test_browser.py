@@ -31,7 +31,7 @@ def opened(browser, address):
     """Opens the page; checks at the end that it logged nothing and used only its own server."""
     complaints, requests, contexts = [], [], []
 
-    def open_page(at=address, complain=True, **options):
+    def open_page(at=address, complain=True, prepare=lambda page: None, **options):
         context = browser.new_context(
             **{"viewport": {"width": 1200, "height": 860}, "reduced_motion": "reduce", **options}
         )
@@ -39,6 +39,7 @@ def opened(browser, address):
         contexts.append(context)
         context.on("request", lambda request: requests.append(request.url))
         page = context.new_page()
+        prepare(page)
         if complain:
             page.on("console", lambda message: complaints.append(message.text))
             page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -287,6 +288,20 @@ def test_files_that_are_no_photos_end_in_a_sentence_and_the_page_goes_on(opened,
     assert page.evaluate("[psgn.page.photo.width, psgn.page.photo.height]") == [1600, 1067]
     give(page, tmp_path / "cut.png")
     assert problem(page) == ""
+    assert "points in" in status(page)
+
+
+def test_a_message_about_a_file_stays_when_the_network_arrives_after_it(opened, tmp_path):
+    held = []
+    (tmp_path / "notes.txt").write_text("no photo")
+    page = opened(prepare=lambda p: p.route("**/network.json", lambda route: held.append(route)))
+    give(page, tmp_path / "notes.txt")
+    held.pop().continue_()
+    wait(page, "document.getElementById('about').textContent !== ''")
+    page.wait_for_timeout(100)
+    assert "not an image" in problem(page)
+    write_cut_out(tmp_path)
+    give(page, tmp_path / "cut.png")
     assert "points in" in status(page)
 
 

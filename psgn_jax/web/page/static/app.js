@@ -294,6 +294,6 @@ guarded(async () => {
     const texts = Object.entries(licences).map(([name, row]) => name + (row.holders?.length ? ` (${row.holders.join(", ")})` : ""));
     $("licences").append(Object.assign(document.createElement("li"), { textContent: `${source}: ${texts.join("; ") || "not stated"}` }));
   }
-  say("");
+  if ($("status").textContent.startsWith("Starting")) say(""); // a message about a file stays
 })();
 window.psgn = { page, viewer, network, maskArray };
