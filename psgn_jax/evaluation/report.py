@@ -1,4 +1,4 @@
-"""Writes an evaluation as HTML pages and pictures.
+"""Writes an evaluation as HTML pages and a picture.
 
     psgn evaluate --workdir=W --report=DIR [--compare=W2]
 
@@ -9,7 +9,6 @@ Files in DIR:
 - `viewer.html`, `viewer-2.html`, ...: the clouds in the interactive viewer (`viewing.page`).
 - `sheet.png`: up to 160 cases drawn as spheres: image, prediction, prediction of the second run (if
   there is one), ground truth.
-- `extremes.png`: the best, median and worst cases, drawn in the same way.
 
 No page needs an internet connection. A split of any size can be shown: cases are read one at a
 time, the viewer is divided into pages of 5 MB, and the gallery lists 120 cases at a time. The error
@@ -20,7 +19,7 @@ import base64
 import dataclasses
 import io
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from psgn_jax.evaluation import table
 from psgn_jax.evaluation.results import Evaluation
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import page, spheres
-from psgn_jax.viewing.collected import Collector, Shown
+from psgn_jax.viewing.collected import Collector
 
 ERROR = "cd_sq_radius2"
 SHEET_CASES = 160
@@ -38,10 +37,9 @@ SHEET_CASES = 160
 
 _TEMPLATE = pathlib.Path(__file__).with_name("report.html")
 _TABLE = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
-_PICTURES = 600  # with more cases, pictures are only in the viewer
-_THUMB = (96, 128)
+_PICTURES = 600  # with more cases, only the best, median and worst have pictures in the gallery
+_EXTREMES = 10  # number of best, of median and of worst cases in `report.html`
 _BARS = 16
-_EXTREMES = 5  # number of best cases, of median cases and of worst cases
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -51,37 +49,36 @@ class Run:
     Attributes:
       label: a short name.
       evaluation: metrics and names of the samples.
-      cases: the samples with their predictions; a `Collector` keeps them on disk.
+      cases: the samples with their predictions, as in `Collector`, which keeps them on disk.
       num_fc: number of points of the fc branch, which come first.
     """
 
     label: str
     evaluation: Evaluation
-    cases: Sequence[Shown] | Collector
+    cases: Sequence[Mapping[str, np.ndarray]] | Collector
     num_fc: int = 0
 
 
 def write_report(folder: str | pathlib.Path, runs: Sequence[Run]) -> pathlib.Path:
-    """Writes the pages and sheets; returns the path of `index.html`.
+    """Writes the pages and the sheet; returns the path of `index.html`.
 
     Args:
       folder: folder for the files; created if missing.
       runs: one run, or two runs on the same samples; cases are ranked by the errors of the first.
 
     Raises:
-      ValueError: the number of runs is not 1 or 2, there is no sample, or the runs were evaluated
-        on different samples.
+      ValueError: there is no sample, or the runs were evaluated on different samples.
     """
     folder = pathlib.Path(folder)
-    if not 1 <= len(runs) <= 2 or not len(runs[0].cases):
-        raise ValueError(f"{len(runs)} runs: expected 1 or 2, with at least 1 sample")
-    names = runs[0].evaluation.names
+    first = runs[0].evaluation
+    names, errors = first.names, [run.evaluation.metrics[ERROR] for run in runs]
+    if not names:
+        raise ValueError("no samples: expected at least 1")
     for run in runs:
-        if run.evaluation.names != names or len(run.cases) != len(names):
+        if run.evaluation.names != names:
             raise ValueError(
                 f"run {run.label!r} has other samples: accepted: the same split of the same data"
             )
-    errors = [run.evaluation.metrics[ERROR] for run in runs]
     titles = [
         " ".join(filter(None, (f"{name.record:05d}", name.category, name.model_id[:16])))
         for name in names
@@ -91,7 +88,11 @@ def write_report(folder: str | pathlib.Path, runs: Sequence[Run]) -> pathlib.Pat
         (_viewer_case(i, titles[i], runs, errors) for i in range(len(names))),
         title=runs[0].label,
     )
-    pictures = len(names) <= _PICTURES
+    ranked = np.argsort(errors[0], kind="stable").tolist()  # NaN comes last
+    middle = max(0, len(names) - _EXTREMES) // 2
+    pictured = set(ranked[:_EXTREMES] + ranked[-_EXTREMES:] + ranked[middle:][:_EXTREMES])
+    if len(names) <= _PICTURES:
+        pictured = set(ranked)
     cases = [
         {
             "name": titles[i],
@@ -100,12 +101,11 @@ def write_report(folder: str | pathlib.Path, runs: Sequence[Run]) -> pathlib.Pat
             "model": name.model_id,
             "record": name.record,
             "error": float(errors[0][i]) if np.isfinite(errors[0][i]) else None,
-            "pictures": _thumbs(runs[0].cases[i]) if pictures else [],
+            "pictures": _thumbs(runs[0].cases[i]) if i in pictured else [],
         }
         for i, name in enumerate(names)
     ]
-    first = runs[0].evaluation
-    document = {
+    data = {
         "title": " and ".join(run.label for run in runs),
         "about": f"{len(names)} cases of the split {first.split!r}; {first.num_points[0]} "
         f"predicted points, {first.num_points[1]} ground-truth points; radius = radius of the "
@@ -115,70 +115,53 @@ def write_report(folder: str | pathlib.Path, runs: Sequence[Run]) -> pathlib.Pat
         "histogram": _histogram(errors[0]),
         "cases": cases,
     }
-    text = _TEMPLATE.read_text(encoding="utf-8").replace("/*DATA*/", page.to_json(document), 1)
-    write_atomic(folder / "index.html", text)
-    _write_sheets(folder, runs, errors)
+    write_atomic(folder / "index.html", page.document(_TEMPLATE, page.to_json(data)))
+    shown = np.unique(np.linspace(0, len(names) - 1, SHEET_CASES).astype(int)).tolist()
+    sheet = spheres.sheet([_sheet_row(i, runs, errors) for i in shown], columns=4)
+    buffer = io.BytesIO()
+    sheet.save(buffer, "png")
+    write_atomic(folder / "sheet.png", buffer.getvalue())
     return folder / "index.html"
-
-
-def _write_sheets(folder: pathlib.Path, runs: Sequence[Run], errors: Sequence[np.ndarray]) -> None:
-    """Writes `sheet.png` and `extremes.png`."""
-    ranked = np.argsort(errors[0], kind="stable").tolist()  # NaN comes last
-    chosen = np.unique(np.linspace(0, len(ranked) - 1, SHEET_CASES).astype(int)).tolist()
-    sheet = [_sheet_case(i, "", runs, errors) for i in chosen]
-    _save(spheres.sheet(sheet, columns=4, height=84, turns=(0,)), folder / "sheet.png")
-    few = min(_EXTREMES, len(ranked))
-    middle = (len(ranked) - few) // 2
-    groups = {
-        "best": ranked[:few],
-        "median": ranked[middle : middle + few],
-        "worst": ranked[::-1][:few],
-    }
-    extremes = [
-        _sheet_case(i, f"{group}: ", runs, errors)
-        for group, members in groups.items()
-        for i in members
-    ]
-    _save(spheres.sheet(extremes, columns=1, height=144), folder / "extremes.png")
 
 
 def _viewer_case(
     i: int, title: str, runs: Sequence[Run], errors: Sequence[np.ndarray]
 ) -> page.Case:
-    shown = [run.cases[i] for run in runs]
+    cases = [run.cases[i] for run in runs]
     # The slider of the viewer can only show clouds with the same number of points.
-    same = [k for k, case in enumerate(shown) if case.pred.shape == shown[0].pred.shape]
+    same = [k for k, case in enumerate(cases) if case["pred"].shape == cases[0]["pred"].shape]
     return page.Case(
         name=title,
-        image=shown[0].image,
-        samples=np.stack([shown[k].pred for k in same]),
-        truth=shown[0].points,
+        image=cases[0]["image"],
+        samples=np.stack([cases[k]["pred"] for k in same]),
+        truth=cases[0]["points"],
         num_fc=runs[0].num_fc,
         about=runs[0].evaluation.names[i].category,
         metrics=tuple(f"{runs[k].label}: CD squared {errors[k][i]:.5f} radius^2" for k in same),
     )
 
 
-def _sheet_case(
-    i: int, prefix: str, runs: Sequence[Run], errors: Sequence[np.ndarray]
-) -> spheres.Case:
-    case = runs[0].cases[i]
-    preds = {
-        f"{run.label[:18]} {error[i]:.4f}": run.cases[i].pred
+def _sheet_row(
+    i: int, runs: Sequence[Run], errors: Sequence[np.ndarray]
+) -> tuple[str, dict[str, np.ndarray]]:
+    case, name = runs[0].cases[i], runs[0].evaluation.names[i]
+    clouds = {
+        f"{run.label[:18]} {error[i]:.4f}": run.cases[i]["pred"]
         for run, error in zip(runs, errors, strict=True)
     }
-    name = runs[0].evaluation.names[i]
-    label = f"{prefix}{name.record} {name.category}"[:22]
-    clouds = spheres.by_height(preds | {"truth": case.points})
-    return spheres.Case(label, case.image, clouds, case.intrinsics, case.extrinsics)
+    painted = spheres.by_height(clouds | {"truth": case["points"]})
+    return f"{name.record} {name.category}"[:22], spheres.panels(case, painted, (0,), height=84)
 
 
-def _thumbs(case: Shown) -> list[str]:
+def _thumbs(case: Mapping[str, np.ndarray]) -> list[str]:
     """Data URIs of small pictures of the image and of the prediction."""
-    clouds = spheres.by_height({"": case.pred})
-    drawn = spheres.Case("", case.image, clouds, case.intrinsics, case.extrinsics)
-    parts = np.split(spheres.render_spheres(drawn, _THUMB[0], turns=(0,)), 2, axis=1)
-    return [_jpeg(part) for part in parts]
+    uris = []
+    clouds = spheres.by_height({"prediction": case["pred"]})
+    for picture in spheres.panels(case, clouds, (0,), height=96).values():
+        buffer = io.BytesIO()
+        Image.fromarray(picture).save(buffer, "jpeg", quality=82)
+        uris.append("data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode())
+    return uris
 
 
 def _table(runs: Sequence[Run]) -> list[list[str]]:
@@ -191,10 +174,7 @@ def _table(runs: Sequence[Run]) -> list[list[str]]:
         prefix = f"{run.label}: " if len(runs) > 1 else ""
         head += [prefix + table.header(run.evaluation, name) for name in names]
         for cells, row in zip(body, run.evaluation.rows(), strict=True):
-            cells += [
-                f"{100 * row.metrics[n]:.2f}" if n == "fscore" else f"{row.metrics[n]:.5f}"
-                for n in names
-            ]
+            cells += [table.cell(name, row.metrics[name]) for name in names]
     return [head, *body]
 
 
@@ -207,15 +187,3 @@ def _histogram(errors: np.ndarray) -> dict[str, list[Any]]:
     edges[0], edges[-1] = min(low, edges[0]), max(high, edges[-1])
     counts, _ = np.histogram(np.clip(finite, low, high), edges)
     return {"edges": edges.tolist(), "counts": counts.tolist()}
-
-
-def _jpeg(picture: np.ndarray) -> str:
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "jpeg", quality=82)
-    return "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode()
-
-
-def _save(picture: Image.Image, path: pathlib.Path) -> None:
-    buffer = io.BytesIO()
-    picture.save(buffer, "png")
-    write_atomic(path, buffer.getvalue())

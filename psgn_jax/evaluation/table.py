@@ -14,18 +14,21 @@ from psgn_jax.evaluation.results import OVER_CATEGORIES, OVER_SAMPLES, Evaluatio
 from psgn_jax.system.files import finite_or_none
 from psgn_jax.system.untrusted import one_line
 
-_COLUMNS = (
-    "cd_sq_radius2",
-    "cd_l1_radius",
-    "emd_radius",
-    "fscore",
-    "cd_sq_gt_to_pred_visible_radius2",
-    "cd_sq_gt_to_pred_hidden_radius2",
-    "visible_share",
-    "aligned_cd_sq_radius2",
-    "aligned_emd_radius",
-)
-
+COLUMNS = {
+    "cd_sq_radius2": "CD squared [radius^2]",
+    "cd_l1_radius": "CD-L1 [radius]",
+    "emd_radius": "EMD [radius]",
+    "fscore": "F-score at {threshold:g} radius [%]",
+    "cd_sq_gt_to_pred_visible_radius2": "visible truth to pred [radius^2]",
+    "cd_sq_gt_to_pred_hidden_radius2": "hidden [radius^2]",
+    "visible_share": "visible [%]",
+    "aligned_cd_sq_radius2": "aligned CD squared [radius^2]",
+    "aligned_emd_radius": "aligned EMD [radius]",
+    "total_mutual_difference_radius2": "total mutual difference [radius^2]",
+    "log_volume_abs_error": "|log predicted - log true volume|",
+}
+"""Columns of the printed table: metric -> title, which ends with the unit. "[%]": the values are
+fractions, and printed as percentages. CSV and JSON have all metrics."""
 
 Lines = Sequence[Sequence[str]]
 """Cells of a table: the header row, then the other rows."""
@@ -57,37 +60,29 @@ def markdown(lines: Lines) -> str:
 
 def header(evaluation: Evaluation, metric: str) -> str:
     """The column header of a metric: its name and unit."""
-    if of_draws := re.fullmatch(r"(.*)_(best|mean)_of_(\d+)", metric):
+    if of_draws := _OF_DRAWS.fullmatch(metric):
         return f"{of_draws[2]} of {of_draws[3]} draws: {header(evaluation, of_draws[1])}"
-    return {
-        "cd_sq_radius2": "CD squared [radius^2]",
-        "cd_sq_pred_to_gt_radius2": "pred to truth [radius^2]",
-        "cd_sq_gt_to_pred_radius2": "truth to pred [radius^2]",
-        "cd_l1_radius": "CD-L1 [radius]",
-        "emd_radius": "EMD [radius]",
-        "total_mutual_difference_radius2": "total mutual difference [radius^2]",
-        "fscore": f"F-score at {evaluation.threshold:g} radius [%]",
-        "cd_sq_gt_to_pred_visible_radius2": "visible truth to pred [radius^2]",
-        "cd_sq_gt_to_pred_hidden_radius2": "hidden [radius^2]",
-        "cd_l1_gt_to_pred_visible_radius": "visible truth to pred [radius]",
-        "cd_l1_gt_to_pred_hidden_radius": "hidden truth to pred [radius]",
-        "visible_share": "visible [%]",
-        "aligned_cd_sq_radius2": "aligned CD squared [radius^2]",
-        "aligned_emd_radius": "aligned EMD [radius]",
-        "aligned_scale": "scale of the alignment [factor]",
-        "log_volume_abs_error": "|log predicted - log true volume|",
-    }.get(metric, f"{metric} [fraction]")
+    return COLUMNS.get(metric, f"{metric} [fraction]").format(threshold=evaluation.threshold)
+
+
+_OF_DRAWS = re.compile(r"(.*)_(best|mean)_of_(\d+)")
+
+
+def cell(metric: str, value: float) -> str:
+    """A value as text."""
+    percent = COLUMNS.get(metric, "").endswith("[%]")
+    return f"{100 * value:.2f}" if percent else f"{value:.5f}"
 
 
 def text(evaluation: Evaluation) -> str:
     """The table as text."""
-    names = [name for name in _COLUMNS if name in evaluation.metrics]
+    names = [name for name in COLUMNS if name in evaluation.metrics]
+    names += filter(_OF_DRAWS.fullmatch, evaluation.metrics)
     if evaluation.note:
         names = list(evaluation.metrics)
-    names += [name for name in evaluation.metrics if "_of_" in name or "mutual" in name]
     head = ["category", "samples", *(header(evaluation, name) for name in names)]
     body = [
-        [one_line(row.name), str(row.count), *(_number(name, row.metrics[name]) for name in names)]
+        [one_line(row.name), str(row.count), *(cell(name, row.metrics[name]) for name in names)]
         for row in evaluation.rows()
     ]
     table = aligned([head, *body], apart=2)
@@ -163,12 +158,6 @@ CD squared: mean over predicted points of the squared distance to the nearest tr
 mean over true points of that to the nearest predicted one. CD-L1: half the sum of both means of the
 distances themselves.{emd}{visibility}{aligned}{frame}
 """
-
-
-def _number(metric: str, value: float) -> str:
-    if metric in ("fscore", "visible_share"):
-        return f"{100 * value:.2f}"
-    return f"{value:.5f}"
 
 
 def csv_of(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:

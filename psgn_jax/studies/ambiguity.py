@@ -5,7 +5,7 @@ can be seen when the cabinet is turned. A deterministic network, Mo2 and Mo8 (tr
 2 and of 8 draws of the random input) and the conditional variational autoencoder are trained on
 both. Measured are distances from the truth, the spread (standard deviation over draws) of the
 output points along the hidden direction x and along y and z, the depths of the drawn cabinets
-beside their true distribution, and the metrics of `evaluation.samples` for the true shapes that
+beside their true distribution, and the metrics of `evaluation.draws` for the true shapes that
 share an image.
 
 Source: Fan, Su, Guibas, CVPR 2017, sections "Generation of Multiple Plausible Shapes" and
@@ -23,7 +23,7 @@ from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
-from psgn_jax.evaluation import samples as sample_metrics
+from psgn_jax.evaluation import draws as draw_metrics
 from psgn_jax.evaluation.table import Lines
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
@@ -145,12 +145,12 @@ def of_draws(draws: np.ndarray, truth: np.ndarray, scale: float) -> dict[str, fl
         return found
     variance = some.var(axis=0).mean(axis=0)
     depths = np.array([measured_depth(cloud, scale) for cloud in draws])
-    difference = sample_metrics.total_mutual_difference(_cross(some, some))
+    difference = draw_metrics.total_mutual_difference(_cross(some, some))
     return {
         **found,
         "total mutual difference [radius^2]": float(difference),
         "depth: Wasserstein-1 from its true distribution": _from_uniform(depths),
-        "depth: coverage of the range": sample_metrics.range_coverage(depths, *DEPTH_RANGE),
+        "depth: coverage of the range": draw_metrics.range_coverage(depths, *DEPTH_RANGE),
         "depth: mean": float(depths.mean()),
         "depth: standard deviation": float(depths.std()),
         "hidden": float(variance[0]),
@@ -159,7 +159,7 @@ def of_draws(draws: np.ndarray, truth: np.ndarray, scale: float) -> dict[str, fl
 
 
 def _from_uniform(depths: np.ndarray) -> float:
-    return sample_metrics.wasserstein_1(depths, np.linspace(*DEPTH_RANGE, 1001))
+    return draw_metrics.wasserstein_1(depths, np.linspace(*DEPTH_RANGE, 1001))
 
 
 def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]:
@@ -229,8 +229,8 @@ def measure(run: study.Run) -> study.Measured:
             for i in groups.values()
         ]
         for key, function in (
-            ("minimum matching distance [radius^2]", sample_metrics.minimum_matching_distance),
-            ("coverage of the true shapes", sample_metrics.coverage),
+            ("minimum matching distance [radius^2]", draw_metrics.minimum_matching_distance),
+            ("coverage of the true shapes", draw_metrics.coverage),
         ):
             metrics[key] = np.mean([function(distances) for distances in pairs])
     # The samples that share the first ambiguous image, and its draws, sorted by depth.
@@ -267,14 +267,14 @@ def figure(results: study.Results) -> figures.Figure:
         sample, shapes, draws = runs[0].shown
         clouds = {f"draw {i + 1}": cloud for i, cloud in enumerate(draws)}
         if len(draws) == 1:
-            step = max(1, len(shapes[0]) // draws.shape[1])
             clouds = {"prediction": draws[0]}
-            clouds |= {f"true shape {i + 1}": c[::step] for i, c in enumerate(shapes)}
+            for i, cloud in enumerate(shapes, 1):
+                clouds[f"true shape {i}"] = spheres.thinned(cloud, draws[0])
         # Rotated shapes are wider than those in the image.
         zoom = np.array([[0.85, 1, 1], [1, 0.85, 1], [1, 1, 1]])
         case = {**sample, "intrinsics": sample["intrinsics"] * zoom}
         for angle in (45, 90, 180):
-            panels = figures.clouds(case, spheres.by_height(clouds), (angle,)).values()
+            panels = spheres.panels(case, spheres.by_height(clouds), (angle,)).values()
             rows.append(dict(zip(("image", *clouds), panels, strict=True)))
             labels.append(f"{name}, {angle} degrees")
     return figures.grid(rows, labels=labels)

@@ -135,12 +135,11 @@ def panels(case: study.Sample, model: ModelConfig) -> dict[str, np.ndarray]:
     network, pred = build(model), case["pred"]
     branches = network.branches
     branch = np.repeat([0, 1], [len(branches.fc), len(branches.deconv)])
-    truth = case["points"][:: max(1, len(case["points"]) // len(pred))]
     painted = {
         "fc orange, deconv blue": (pred, spheres.colours_by_branch(branch)),
-        "truth": (truth, np.array([150, 150, 150])),
+        "truth": (spheres.thinned(case["points"], pred), np.array([150, 150, 150])),
     }
-    image, *others = figures.clouds(case, painted).items()
+    image, *others = spheres.panels(case, painted).items()
     # The first point of each cell.
     maps = pred[list(branches.deconv)].reshape(*network.grid, 3)[:, :, 0]
     titles = ("x (to the camera)", "y (to the right)", "z (up)")

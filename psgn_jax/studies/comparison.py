@@ -351,7 +351,7 @@ def figure(results: study.Results) -> figures.Figure:
             cell = GRID_EDGE / len(solid)
             clouds[title] = (np.argwhere(solid) + 0.5) * cell + np.array(GRID_ORIGIN)
             radius[title] = cell / 2
-        rows.append(figures.clouds(case, spheres.by_height(clouds), (0, 90), radius=radius))
+        rows.append(spheres.panels(case, spheres.by_height(clouds), (0, 90), radius=radius))
     return figures.grid(rows, labels=list(results["cd"][0].shown))
 
 

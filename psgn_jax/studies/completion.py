@@ -15,6 +15,7 @@ import numpy as np
 
 from psgn_jax.studies import figures
 from psgn_jax.studies.study import CASE, Results, Study, evaluate, squared_distances
+from psgn_jax.viewing import spheres
 
 METRICS = {
     "cd_sq_radius2": "CD squared [radius^2]",
@@ -43,10 +44,8 @@ def figure(results: Results) -> figures.Figure:
         for title in ("rgb", "rgbd"):
             pred = results[title][0].shown[number]["pred"]
             painted[title] = pred, colours[squared_distances(pred, truth).argmin(axis=1)]
-        # As many true points as predicted ones, because a denser cloud looks better.
-        step = max(1, len(truth) // len(case["pred"]))
-        painted["truth"] = truth[::step], colours[::step]
-        image, *others = figures.clouds(case, painted).items()
+        painted["truth"] = [spheres.thinned(array, case["pred"]) for array in (truth, colours)]
+        image, *others = spheres.panels(case, painted).items()
         depth = np.where(case["depth"] > 0, case["depth"], np.nan)
         rows.append(dict([image, ("depth", depth), *others]))
     return figures.grid(rows)

@@ -9,13 +9,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
-from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError
-from psgn_jax.data.camera import scale_intrinsics
-from psgn_jax.viewing import spheres
-from psgn_jax.viewing.spheres import turned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,9 +18,6 @@ else:
     Figure = Any
 
 COLOURS = ("#969696", "#c5b096", "#4682b4", "#e2723e")
-HEIGHT = 192
-"""Height of a panel in pixels."""
-
 _DPI = 100
 
 
@@ -84,36 +76,6 @@ def bars(charts: Sequence[Bars], colours: Sequence[str] = COLOURS) -> Figure:
     return figure
 
 
-def clouds(
-    case: Mapping[str, np.ndarray],
-    painted: Mapping[str, tuple[np.ndarray, ArrayLike]],
-    turns: Sequence[float] = (0, 75),
-    *,
-    radius: Mapping[str, float] | None = None,
-) -> dict[str, np.ndarray]:
-    """Panels of a sample: its image, and clouds seen from its camera and rotated.
-
-    Args:
-      case: image, intrinsics and extrinsics.
-      painted: title -> points [n, 3] and colours uint8 [n, 3] or [3].
-      turns: angles about the vertical axis in degrees.
-      radius: title -> radius of the spheres; the default is `spheres.RADIUS`.
-    """
-    shape = case["image"].shape[:2]
-    size = (HEIGHT, round(shape[1] * HEIGHT / shape[0]))
-    intrinsics = scale_intrinsics(case["intrinsics"], shape, size)
-    image = Image.fromarray(case["image"]).resize(size[::-1], Image.Resampling.BICUBIC)
-    panels = {"image": np.asarray(image)}
-    for angle in turns:
-        view = turned(case["extrinsics"], angle)
-        for title, (points, colours) in painted.items():
-            paint = np.broadcast_to(np.asarray(colours, np.uint8), points.shape)
-            ball = (radius or {}).get(title, spheres.RADIUS)
-            name = f"{title}, {angle:g} degrees" if angle else title
-            panels[name] = spheres.render(points, paint, intrinsics, view, size, radius=ball)
-    return panels
-
-
 def grid(
     rows: Sequence[Mapping[str, np.ndarray]],
     *,
@@ -132,9 +94,8 @@ def grid(
       scale_title: title of the colour bar.
     """
     columns = max(map(len, rows))
-    first = next(iter(rows[0].values()))
-    width = HEIGHT * first.shape[1] / first.shape[0]
-    figure = blank(columns * (width + 8) + 40, len(rows) * (HEIGHT + 26) + 20 + 60 * bool(scale))
+    height, width = next(iter(rows[0].values())).shape[:2]
+    figure = blank(columns * (width + 8) + 40, len(rows) * (height + 26) + 20 + 60 * bool(scale))
     axes = figure.subplots(len(rows), columns, squeeze=False)
     values: Any = None
     above = [""] * columns

@@ -16,6 +16,7 @@ import numpy as np
 
 from psgn_jax.studies import figures, networks
 from psgn_jax.studies.study import Results, Sample, Study, evaluate, squared_distances
+from psgn_jax.viewing import spheres
 
 FAR = 0.1
 """Distance in radii from which a point counts as stray or missed."""
@@ -55,9 +56,8 @@ def figure(results: Results) -> figures.Figure:
     for number, case in next(iter(cases.values())).items():
         preds = {name: shown[number]["pred"] for name, shown in cases.items()}
         painted = {name: (preds[name], c) for name, c in zip(preds, COLOURS, strict=False)}
-        step = max(1, len(case["points"]) // len(case["pred"]))
-        painted["truth"] = case["points"][::step], TRUTH
-        rows.append(figures.clouds(case, painted))
+        painted["truth"] = spheres.thinned(case["points"], case["pred"]), TRUTH
+        rows.append(spheres.panels(case, painted))
     return figures.grid(rows)
 
 

@@ -15,7 +15,7 @@ from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data import loader
 from psgn_jax.evaluation import clouds as metrics_lib
-from psgn_jax.evaluation import samples as sample_metrics
+from psgn_jax.evaluation import draws as draw_metrics
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
 from psgn_jax.evaluation.split import evaluate_split
@@ -207,7 +207,7 @@ def with_draws(
 
     It adds to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, the same
     of the EMD if `eval.emd_tolerance` is set, and `total_mutual_difference_radius2` if K > 1. They
-    are defined in `evaluation.samples`. The draws are those of `prediction.sampling.sampler` with
+    are defined in `evaluation.draws`. The draws are those of `prediction.sampling.sampler` with
     the configuration's seed.
 
     Raises:
@@ -223,12 +223,12 @@ def with_draws(
             distances["emd_radius"] = lambda a, b: metrics_lib.emd(a, b, tolerance=tolerance).emd
 
         def one(draws: Any, gt: Any) -> dict[str, Any]:
-            return sample_metrics.summarise_draws(draws, gt, distances)
+            return draw_metrics.summarise_draws(draws, gt, distances)
 
         metrics = map_pairs(one)(points, gt)
         if num_draws > 1:
             mutual = jax.lax.map(sampling.mutual_distances, points)
-            difference = jax.vmap(sample_metrics.total_mutual_difference)
+            difference = jax.vmap(draw_metrics.total_mutual_difference)
             metrics["total_mutual_difference_radius2"] = difference(mutual)
         return metrics
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image
+from scipy import ndimage
 
 from psgn_jax.data import camera, schema
 from psgn_jax.data.codec import field_sizes
@@ -166,14 +167,14 @@ def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str],
 def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
     """Draws a contact sheet of samples; damaged ones are skipped.
 
-    Each sample has three pictures, of the size of the first image: the image, its cloud with the
+    Each sample has three pictures, as high as the first image: the image, its cloud with the
     outline of the mask, and the cloud from another side. A test split is not drawn if there are
     others, because nothing is chosen by looking at it.
     """
-    drawn: list[tuple[str, list[np.ndarray]]] = []
+    rows: list[tuple[str, dict[str, np.ndarray]]] = []
     every = load_manifest(path).splits()
     splits = [name for name in every if name != "test"] or list(every)
-    size = None
+    height = 0
     for split in splits:
         try:
             reader = RecordReader(path, split)
@@ -184,43 +185,23 @@ def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
                 sample = reader[index]
             except RecordError:
                 continue
-            size = size or sample.image.shape[:2]
+            height = height or len(sample.image)
             checked = check(sample)
             label = (
                 f"{split} {index}  {sample.category}  {sample.model_id[:16]}  "
                 f"{checked.inside:.1%} inside, {checked.near:.1%} within {NEAR_PIXELS} px"
             )
-            drawn.append((label, _pictures(sample, size)))
-    if not size:
+            rows.append((label, _pictures(sample, height)))
+    if not rows:
         raise RecordError(f"data set {str(path)!r}: no readable sample")
-    height, width = size
-    sheet = Image.new("RGB", (6 * (width + 4), -(-len(drawn) // 2) * (height + 16)), "white")
-    pen = ImageDraw.Draw(sheet)
-    for number, (label, pictures) in enumerate(drawn):
-        left, top = number % 2 * 3 * (width + 4), number // 2 * (height + 16)
-        for place, picture in enumerate(pictures):
-            sheet.paste(Image.fromarray(picture), (left + place * (width + 4), top + 14))
-        pen.text((left + 2, top + 1), label, fill="black")
-    return sheet
+    return spheres.sheet(rows, columns=2)
 
 
-def _pictures(sample: schema.Sample, size: tuple[int, int]) -> list[np.ndarray]:
-    height, width = size
-    intrinsics = camera.scale_intrinsics(sample.intrinsics, sample.image.shape[:2], size)
+def _pictures(sample: schema.Sample, height: int) -> dict[str, np.ndarray]:
     points = sample.points[:: max(1, len(sample.points) // 2048)]
-    colours = spheres.colours_by_height(points)
-    front, side = (
-        spheres.render(points, colours, intrinsics, extrinsics, size).copy()
-        for extrinsics in (sample.extrinsics, spheres.turned(sample.extrinsics, 120))
-    )
-    image = Image.fromarray(sample.image).resize((width, height), Image.Resampling.BOX)
-    mask = np.asarray(
-        Image.fromarray(sample.mask.astype(np.uint8)).resize((width, height), 0), np.bool_
-    )
-    inner = mask.copy()
-    inner[1:] &= mask[:-1]
-    inner[:-1] &= mask[1:]
-    inner[:, 1:] &= mask[:, :-1]
-    inner[:, :-1] &= mask[:, 1:]
-    front[mask & ~inner] = [230, 40, 40]  # the outline of the mask over the cloud
-    return [np.asarray(image), front, side]
+    clouds = spheres.by_height({"": points})
+    image, front, side = spheres.panels(vars(sample), clouds, (0, 120), height=height).values()
+    small = Image.fromarray(sample.mask).resize(front.shape[1::-1], Image.Resampling.NEAREST)
+    mask, front = np.asarray(small), front.copy()
+    front[mask & ~ndimage.binary_erosion(mask, border_value=1)] = (230, 40, 40)
+    return {"image": image, " ": front, "": side}  # the label takes the place of titles

@@ -8,29 +8,27 @@ are stored as int16 and have an error below 1e-4 units.
 """
 
 import base64
-import contextlib
 import dataclasses
 import io
 import json
 import pathlib
-import tempfile
 from collections.abc import Iterable
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from PIL import Image
+from scipy.spatial import cKDTree
 
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
 
+_HEAD = pathlib.Path(__file__).with_name("head.html")
 _TEMPLATE = pathlib.Path(__file__).with_name("page.html")
 CLOUD_SCRIPT = pathlib.Path(__file__).with_name("cloud.js")
 """Draws clouds in a browser; an ES module."""
 
-_PLACE_OF_DATA = "/*DATA*/"
 _EXTENT = 2.0  # largest coordinate that can be stored; objects extend to about 1
 _ERROR_TOP = 0.2  # distance with the last colour of the scale, unit
-_BLOCK = 512
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -82,53 +80,56 @@ def write_pages(
     """
     path = pathlib.Path(path)
     drawing = CLOUD_SCRIPT.read_text(encoding="utf-8").replace("export class", "class")
-    template = _TEMPLATE.read_text(encoding="utf-8").replace("/*CLOUD*/", drawing)
+    room = max_bytes - len(document(_TEMPLATE, "", CLOUD=drawing)) - 4096
     pages: dict[str, pathlib.Path] = {}
-    with contextlib.ExitStack() as stack:
-        # Pages link to each other, so their number must be known before the first is written.
-        groups: list[IO[str]] = []
-        size = 0
-        for case in cases:
-            if case.name in pages:
-                raise ValueError(f"cases: the name {case.name!r} occurs twice; accepted: each once")
-            text = to_json(_encode(case))
-            if not groups or (size and len(template) + 4096 + size + len(text) > max_bytes):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                unnamed = tempfile.TemporaryFile("w+", encoding="utf-8", dir=path.parent)  # noqa: SIM115
-                groups.append(stack.enter_context(unnamed))
-                size = 0
-            groups[-1].write(("," if size else "") + text)
-            size += len(text) + 1
-            pages[case.name] = _numbered(path, len(groups))
-        files = [_numbered(path, number + 1) for number in range(len(groups))]
-        links = [{"file": file.name, "label": f"page {i}"} for i, file in enumerate(files, 1)]
+    texts: list[str] = []
+    number = 1
+
+    def write(*, last: bool) -> None:
+        links = {number - 1: "previous page"} if number > 1 else {}
+        links |= {} if last else {number + 1: "next page"}
         head = {
             "title": title,
             "extent": _EXTENT,
             "height_colours": spheres.HEIGHT_COLOURS.tolist(),
             "value_colours": spheres.VALUE_COLOURS.tolist(),
             "branch_colours": spheres.BRANCH_COLOURS,
-            "pages": links if len(groups) > 1 else [],
+            "pages": [{"file": _numbered(path, n).name, "label": t} for n, t in links.items()],
         }
-        for file, group in zip(files, groups, strict=True):
-            group.seek(0)
-            document = f'{to_json(head)[:-1]},"cases":[{group.read()}]}}'
-            write_atomic(file, template.replace(_PLACE_OF_DATA, document, 1))
-            group.close()
+        data = f'{to_json(head)[:-1]},"cases":[{",".join(texts)}]}}'
+        write_atomic(_numbered(path, number), document(_TEMPLATE, data, CLOUD=drawing))
+
+    for case in cases:
+        if case.name in pages:
+            raise ValueError(f"cases: the name {case.name!r} occurs twice; accepted: each once")
+        text = to_json(_encode(case))
+        if texts and sum(map(len, texts)) + len(texts) + len(text) > room:
+            write(last=False)
+            texts.clear()
+            number += 1
+        texts.append(text)
+        pages[case.name] = _numbered(path, number)
+    write(last=True)
     return pages
 
 
+def document(template: pathlib.Path, data: str, **pieces: str) -> str:
+    """A page that makes no requests: a template with its pieces and its data, a text of JSON.
+
+    A template begins with `/*HEAD*/`, the place of `head.html`, which holds the data. `/*NAME*/` is
+    the place of the piece NAME.
+    """
+    pieces["HEAD"] = _HEAD.read_text(encoding="utf-8")
+    text = template.read_text(encoding="utf-8")
+    for name, piece in pieces.items():
+        text = text.replace(f"/*{name}*/", piece, 1)
+    return text.replace("/*DATA*/", data, 1)
+
+
 def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distance [n] of each query to the nearest point; blocks of queries bound the memory."""
-    centre = points.mean(axis=0, dtype=np.float64)  # centring reduces cancellation in the squares
-    queries, points = queries - centre, points - centre
-    squares = (points**2).sum(axis=1)
-    distances = []
-    for i in range(0, len(queries), _BLOCK):
-        part = queries[i : i + _BLOCK]
-        least = (squares - 2 * part @ points.T).min(axis=1) + (part**2).sum(axis=1)
-        distances.append(np.sqrt(np.maximum(least, 0)))
-    return np.concatenate(distances)
+    """Distance [n] of each query to the nearest point; points that are not finite are far away."""
+    near, far = (np.nan_to_num(a, nan=1e9, posinf=1e9, neginf=-1e9) for a in (points, queries))
+    return cKDTree(near).query(far)[0]
 
 
 def _numbered(path: pathlib.Path, number: int) -> pathlib.Path:
@@ -147,7 +148,7 @@ def _encode(case: Case) -> dict[str, Any]:
         "fc": case.num_fc,
     }
     if truth is not None:
-        truth = truth[:: max(1, len(truth) // samples.shape[1])]  # as dense as the prediction
+        truth = spheres.thinned(truth, samples[0])
         item["truth"] = _points(truth)
         item["errors"] = [_levels(nearest_distances(s, truth), _ERROR_TOP) for s in samples]
         item["truth_errors"] = [_levels(nearest_distances(truth, s), _ERROR_TOP) for s in samples]

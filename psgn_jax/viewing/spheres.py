@@ -8,7 +8,6 @@ Only this file imports PyAV (`av`, extra `video`). Videos are H.264, because all
 OpenCV's wheels could not be used instead: they have no H.264 encoder.
 """
 
-import dataclasses
 import importlib.util
 import io
 import pathlib
@@ -17,11 +16,11 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw, ImageFilter
 
 from psgn_jax.data import camera
 from psgn_jax.system.files import write_atomic
-from psgn_jax.viewing.predictions import read_prediction
 
 RADIUS = 0.028
 """Radius of a sphere in units of the frame.
@@ -53,22 +52,8 @@ _MP4_TURNS = 4
 _FRAME = 80  # duration of a frame of a turntable, milliseconds
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Case:
-    """One row of a sheet.
-
-    Attributes:
-      label: a short text.
-      image: uint8 [H, W, 3].
-      clouds: for each name (points [n, 3] in the project's frame, colours uint8 [n, 3]).
-      intrinsics, extrinsics: the camera of `image`.
-    """
-
-    label: str
-    image: np.ndarray
-    clouds: Mapping[str, tuple[np.ndarray, np.ndarray]]
-    intrinsics: np.ndarray
-    extrinsics: np.ndarray
+Clouds = Mapping[str, tuple[np.ndarray, ArrayLike]]
+"""Title -> points [n, 3] in the project's frame, and their colours uint8 [n, 3] or [3]."""
 
 
 def colours_by_height(points: np.ndarray) -> np.ndarray:
@@ -77,7 +62,7 @@ def colours_by_height(points: np.ndarray) -> np.ndarray:
 
 
 def by_height(clouds: Mapping[str, np.ndarray]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Clouds [n, 3] with their colours by height, as in `Case.clouds`."""
+    """Clouds [n, 3] with their colours by height."""
     return {name: (points, colours_by_height(points)) for name, points in clouds.items()}
 
 
@@ -139,38 +124,63 @@ def turned(extrinsics: np.ndarray, degrees: float) -> np.ndarray:
     return np.concatenate([extrinsics[:, :3] @ turn, extrinsics[:, 3:]], axis=1)
 
 
-def render_spheres(case: Case, height: int = 192, turns: Sequence[float] = (0, 75)) -> np.ndarray:
-    """Draws the image, then each cloud from its camera, rotated by each of `turns` degrees."""
-    scale = height / case.image.shape[0]
-    size = (height, round(case.image.shape[1] * scale))
-    image = Image.fromarray(case.image).resize(size[::-1], Image.Resampling.BICUBIC)
-    intrinsics = camera.scale_intrinsics(case.intrinsics, case.image.shape[:2], size)
-    panels = [np.asarray(image)]
-    for points, colours in case.clouds.values():
-        for angle in turns:
-            view = turned(case.extrinsics, angle)
-            panels.append(render(points, colours, intrinsics, view, size))
-    return np.concatenate(panels, axis=1)
+def panels(
+    case: Mapping[str, Any],
+    clouds: Clouds,
+    turns: Sequence[float] = (0, 75),
+    *,
+    height: int = 192,
+    radius: Mapping[str, float] | None = None,
+) -> dict[str, np.ndarray]:
+    """Pictures of a sample: its image, and clouds seen from its camera, then rotated.
+
+    Args:
+      case: `image` uint8 [h, w, 3] and its camera, `intrinsics` and `extrinsics`.
+      clouds: the clouds.
+      turns: angles about the vertical axis in degrees.
+      height: height of a picture in pixels.
+      radius: title -> radius of the spheres; the default is `RADIUS`.
+
+    Returns:
+      `image`, and TITLE or `TITLE, ANGLE degrees` -> uint8 [height, w, 3].
+    """
+    shape = case["image"].shape[:2]
+    size = (height, round(shape[1] * (height / shape[0])))
+    intrinsics = camera.scale_intrinsics(case["intrinsics"], shape, size)
+    image = Image.fromarray(case["image"]).resize(size[::-1], Image.Resampling.BICUBIC)
+    drawn = {"image": np.asarray(image)}
+    for angle in turns:
+        view = turned(case["extrinsics"], angle)
+        for title, (points, colours) in clouds.items():
+            paint = np.broadcast_to(np.asarray(colours, np.uint8), points.shape)
+            ball = (radius or {}).get(title, RADIUS)
+            name = f"{title}, {angle:g} degrees" if angle else title
+            drawn[name] = render(points, paint, intrinsics, view, size, radius=ball)
+    return drawn
 
 
-def sheet(
-    cases: Sequence[Case], *, columns: int, height: int = 144, turns: Sequence[float] = (0, 75)
-) -> Image.Image:
-    """Draws many cases, at least one, in one picture, each with its label and names of clouds."""
-    drawn = [render_spheres(case, height, turns) for case in cases]
-    wide = max(picture.shape[1] for picture in drawn)
+def sheet(rows: Sequence[tuple[str, Mapping[str, np.ndarray]]], *, columns: int) -> Image.Image:
+    """Draws many cases, at least one, in one picture.
+
+    Args:
+      rows: label and pictures of each case; the label stands over the first picture, the titles
+        over the others. All pictures of a sheet have the same height.
+      columns: number of cases beside each other.
+    """
+    lengths = [sum(picture.shape[1] for picture in pictures.values()) for _, pictures in rows]
+    wide, high = max(lengths), next(iter(rows[0][1].values())).shape[0]
     margin, head = 12, 16
-    lines = -(-len(drawn) // columns)
-    size = columns * (wide + margin) + margin, lines * (height + head) + margin
+    lines = -(-len(rows) // columns)
+    size = columns * (wide + margin) + margin, lines * (high + head) + margin
     page = Image.new("RGB", size, "white")
     pen = ImageDraw.Draw(page)
-    for i, (case, picture) in enumerate(zip(cases, drawn, strict=True)):
-        left, top = margin + i % columns * (wide + margin), i // columns * (height + head) + 4
-        page.paste(Image.fromarray(picture), (left, top + head - 4))
-        pen.text((left, top), case.label, fill=(60, 60, 60))
-        panel = (picture.shape[1]) // (1 + len(case.clouds) * len(turns))
-        for j, name in enumerate(case.clouds):
-            pen.text((left + panel * (1 + j * len(turns)) + 8, top), name, fill=(130, 130, 130))
+    for i, (label, pictures) in enumerate(rows):
+        left, top = margin + i % columns * (wide + margin), i // columns * (high + head) + 4
+        for j, (title, picture) in enumerate(pictures.items()):
+            page.paste(Image.fromarray(picture), (left, top + head - 4))
+            grey = 130 if j else 60
+            pen.text((left + 8 * bool(j), top), title if j else label, fill=(grey, grey, grey))
+            left += picture.shape[1]
     return page
 
 
@@ -187,12 +197,15 @@ def render_cases(batch: Mapping[str, Any], pred: np.ndarray, indices: Sequence[i
     """
     rows = []
     for i in indices:
-        truth = batch["points"][i]
-        truth = truth[:: max(1, len(truth) // max(1, len(pred[i])))]  # as dense as the prediction
-        clouds = by_height({"prediction": pred[i], "truth": truth})
-        case = Case("", batch["image"][i], clouds, batch["intrinsics"][i], batch["extrinsics"][i])
-        rows.append(render_spheres(case, turns=(0, 90)))
+        case = {key: batch[key][i] for key in ("image", "intrinsics", "extrinsics")}
+        clouds = by_height({"prediction": pred[i], "truth": thinned(batch["points"][i], pred[i])})
+        rows.append(np.concatenate(list(panels(case, clouds, (0, 90)).values()), axis=1))
     return np.concatenate(rows)
+
+
+def thinned(truth: np.ndarray, pred: np.ndarray) -> np.ndarray:
+    """Every k-th true point, about as many as predicted: a denser cloud looks better."""
+    return truth[:: max(1, len(truth) // max(1, len(pred)))]
 
 
 def turntable(
@@ -235,30 +248,6 @@ def check_turntable(path: str | pathlib.Path) -> None:
             f"turntable {path}: needs the extra 'video': pip install 'psgn-jax[video]'; "
             "a .gif needs none"
         )
-
-
-def cases_of_predictions(paths: Sequence[str | pathlib.Path]) -> list[Case]:
-    """Reads a case from each NPZ file of `psgn_jax.commands.predict`.
-
-    A case shows the first two samples, coloured by height. If there is only one sample, it is shown
-    twice: coloured by height and by branch.
-
-    Raises:
-      PredictionFileError: a file is not a prediction.
-    """
-    cases = []
-    for path in paths:
-        arrays = read_prediction(path, ("points", "branch", "image", "intrinsics", "extrinsics"))
-        points = arrays["points"]
-        clouds = {
-            f"sample {k}" if len(points) > 1 else "prediction": (p, colours_by_height(p))
-            for k, p in enumerate(points[:2])
-        }
-        if len(points) == 1:
-            clouds["by branch"] = points[0], colours_by_branch(arrays["branch"])
-        cameras = arrays["intrinsics"], arrays["extrinsics"]
-        cases.append(Case(pathlib.Path(path).stem, arrays["image"], clouds, *cameras))
-    return cases
 
 
 def _gif(pictures: Sequence[np.ndarray]) -> bytes:

@@ -62,18 +62,12 @@ def sheet(evaluation, collector, cases):
     """PNG of the first cases: image, prediction, truth."""
     drawn = []
     for i in range(min(cases, len(collector))):
-        sample = collector[i]
-        points = sample.pred
+        case = collector[i]
         error = evaluation.metrics["cd_sq_radius2"][i]
-        clouds = {
-            f"{error:.4f}": (points, spheres.colours_by_height(points)),
-            "truth": (sample.points, spheres.colours_by_height(sample.points)),
-        }
+        clouds = spheres.by_height({f"{error:.4f}": case["pred"], "truth": case["points"]})
         label = f"{evaluation.names[i].record} {evaluation.names[i].category}"[:22]
-        drawn.append(
-            spheres.Case(label, sample.image, clouds, sample.intrinsics, sample.extrinsics)
-        )
-    picture = spheres.sheet(drawn, columns=4, height=84, turns=(0,))
+        drawn.append((label, spheres.panels(case, clouds, (0,), height=84)))
+    picture = spheres.sheet(drawn, columns=4)
     for colours in (256, 128, 64, 32, 16):
         stream = io.BytesIO()
         picture.quantize(colours).save(stream, "PNG", optimize=True)

@@ -42,14 +42,9 @@ def median_case(predictor, data, most):
 
 def draw(sample, points, truth):
     """One row of the picture."""
-    clouds = {
-        name: (cloud, spheres.colours_by_height(cloud))
-        for name, cloud in (("prediction", points), ("truth", truth))
-    }
-    case = spheres.Case("", sample.image, clouds, sample.intrinsics, sample.extrinsics)
-    row = spheres.render_spheres(case, HEIGHT, (0, 75))
-    image, p0, p1, t0, t1 = np.split(row, 5, axis=1)
-    return np.concatenate([image, p0, t0, p1, t1], axis=1)
+    clouds = spheres.by_height({"prediction": points, "truth": truth})
+    panels = spheres.panels(vars(sample), clouds, height=HEIGHT)
+    return np.concatenate(list(panels.values()), axis=1)
 
 
 def main():

@@ -71,8 +71,10 @@ def test_colours():
 def test_a_sheet_holds_every_case(rng):
     points = rng.uniform((-0.5, -0.5, 0), (0.5, 0.5, 1), (1024, 3))
     clouds = {"prediction": (points, spheres.colours_by_height(points))}
-    case = spheres.Case("a", np.full((*SIZE, 3), 191, np.uint8), clouds, *CAMERA)
-    page = spheres.sheet([case] * 3, columns=2, height=48, turns=(0,))
+    case = {"image": np.full((*SIZE, 3), 191, np.uint8)}
+    case |= dict(zip(("intrinsics", "extrinsics"), CAMERA, strict=True))
+    drawn = spheres.panels(case, clouds, (0,), height=48)
+    page = spheres.sheet([("a", drawn)] * 3, columns=2)
     assert page.size == (2 * (128 + 12) + 12, 2 * (48 + 16) + 12)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers import reference
 
-from psgn_jax.evaluation import samples as lib
+from psgn_jax.evaluation import draws as lib
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.prediction import sampling
 
