@@ -13,6 +13,18 @@ LEG = ((0.34, 0.52, 0.31), (0.08, 0.08, 0.62))
 LEGS = [((x * LEG[0][0], y * LEG[0][1], LEG[0][2]), LEG[1]) for x in (1, -1) for y in (1, -1)]
 
 
+def corners(middle, size):
+    """Corners [8, 3] of a box."""
+    signs = np.stack(np.meshgrid(*[(-0.5, 0.5)] * 3), axis=-1).reshape(-1, 3)
+    return signs * size + np.array(middle)
+
+
+def turn(points):
+    """Points in the frame of the record."""
+    cosine, sine = np.cos(np.deg2rad(TURN)), np.sin(np.deg2rad(TURN))
+    return points @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
+
+
 def box_points(middle, size, count, rng):
     """Points uniform on the surface of a box."""
     size = np.array(size)
@@ -35,10 +47,7 @@ def table_points(count, seed=0):
     bottom = TOP[0][2] - TOP[1][2] / 2
     under = np.abs(points[:, 2] - bottom) < 1e-9
     near = np.abs(np.abs(points[:, :2]) - LEG[0][:2]).max(axis=1) < LEG[1][0] / 2
-    points = rng.permutation(points[~(under & near)])[:count]
-    cosine, sine = np.cos(np.deg2rad(TURN)), np.sin(np.deg2rad(TURN))
-    turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
-    return (points @ turn.T).astype(np.float32)
+    return turn(rng.permutation(points[~(under & near)])[:count]).astype(np.float32)
 
 
 def table_sample(size=(96, 128)):

@@ -18,19 +18,20 @@ from collections.abc import Mapping, Sequence
 
 import jax
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from psgn_jax.config.experiment import ConfigError, require_points_task
 from psgn_jax.data import resize
 from psgn_jax.data.schema import Sample
 from psgn_jax.evaluation.clouds import evaluate_pair
-from psgn_jax.evaluation.table import markdown
+from psgn_jax.evaluation.table import COLUMNS, markdown
 from psgn_jax.models import networks
 from psgn_jax.prediction import sampling
 from psgn_jax.studies import figures
 from psgn_jax.system.files import finite_or_none, write_atomic
-from psgn_jax.system.untrusted import one_line
-from psgn_jax.web.human.solids import HiddenSurfaceError, sample_union, solids_of
-from psgn_jax.web.human.study import Answer, AnswersError, StudyFile
+from psgn_jax.system.untrusted import message_line, one_line
+from psgn_jax.web.human.solids import sample_union
+from psgn_jax.web.human.study import Answer, StudyFile
 from psgn_jax.weights.run_folder import Run
 
 NUM_POINTS = 1024
@@ -40,7 +41,7 @@ MAX_NETWORKS = 3
 """The figure has colours for this many networks, besides that of the person."""
 
 PERSON = "person"
-METRICS = {"cd_sq_radius2": "CD squared [radius^2]", "emd_radius": "EMD [radius]"}
+METRICS = ("cd_sq_radius2", "emd_radius")
 _SHOWN = {
     "emd_radius": ("EMD [0.01 radius]", 100),
     "cd_sq_radius2": ("CD squared [0.001 radius^2]", 1000),
@@ -91,13 +92,13 @@ def predict(run: Run, samples: Sequence[Sample], records: Sequence[int]) -> list
       ConfigError: the network needs depth, which a record does not have.
     """
     config, model = run.config, networks.build(run.config.model)
-    size, with_depth = config.data.image_size, "depth" in config.data.inputs
+    size = config.data.image_size
     network = jax.jit(lambda params, batch, r: networks.predict(config, model, params, batch, r))
     clouds = []
     for sample, record in zip(samples, records, strict=True):
         mask = resize.resize_mask(sample.mask, size)
         batch = {"image": resize.resize_image(sample.image, size)[None], "mask": mask[None]}
-        if with_depth:
+        if "depth" in config.data.inputs:
             if sample.depth is None:
                 raise ConfigError(
                     f"--workdir={run.source}: the network needs depth, but record {record} has "
@@ -114,9 +115,7 @@ def score(
     answers: Sequence[Answer],
     samples: Sequence[Sample],
     networks: Mapping[str, Run],
-    *,
     num_points: int = NUM_POINTS,
-    seed: int = 0,
 ) -> list[Scored]:
     """Points and metrics of every case that has a model.
 
@@ -127,15 +126,14 @@ def score(
       networks: name -> network.
       num_points: number of points of a model. The networks must have as many, because the EMD
         depends on the number.
-      seed: seed of the points on the models.
 
     Raises:
-      AnswersError: no case has a model, or a model has no visible surface.
-      ConfigError: a network has another number of points, or the records have fewer.
+      ConfigError: no case has a model, a model has no visible surface, a network has another number
+        of points, or the records have fewer.
     """
-    rows = [i for i, answer in enumerate(answers) if answer.parts]
+    rows = [i for i, answer in enumerate(answers) if answer.solids]
     if not rows:
-        raise AnswersError("no case has a model yet; expected at least one")
+        raise ConfigError("no case has a model yet; expected at least one")
     kept = [samples[i] for i in rows]
     records = [study.cases[i].record for i in rows]
     fewer = min(len(sample.points) for sample in kept)
@@ -143,7 +141,7 @@ def score(
         raise ConfigError(
             f"--points={num_points}: a record has {fewer} points; accepted: at most {fewer}"
         )
-    clouds = {PERSON: [_model_points(answers[i], num_points, seed + r)
+    clouds = {PERSON: [_model_points(answers[i], num_points, r)
                        for i, r in zip(rows, records, strict=True)]}  # fmt: skip
     for name, run in networks.items():
         clouds[name] = predict(run, kept, records)
@@ -154,21 +152,19 @@ def score(
             )
     measure = jax.jit(lambda pred, gt: evaluate_pair(pred, gt, emd_tolerance=_EMD_TOLERANCE))
     scored = []
-    for k, i in enumerate(rows):
-        values = {name: measure(cases[k], kept[k].points) for name, cases in clouds.items()}
-        metrics = {
-            name: {key: float(value) for key, value in entry.items()}
-            for name, entry in values.items()
-        }
-        scored.append(Scored(answers[i], kept[k], metrics))
+    for i, sample, *preds in zip(rows, kept, *clouds.values(), strict=True):
+        values = [jax.device_get(measure(pred, sample.points)) for pred in preds]
+        metrics = [{key: float(value) for key, value in each.items()} for each in values]
+        scored.append(Scored(answers[i], sample, dict(zip(clouds, metrics, strict=True))))
     return scored
 
 
 def _model_points(answer: Answer, count: int, seed: int) -> np.ndarray:
     try:
-        return sample_union(solids_of(answer), count, seed)
-    except HiddenSurfaceError as error:
-        raise AnswersError(f"{answer.case}: {error}; expected a model with a surface") from None
+        return sample_union([ConvexHull(corners) for corners in answer.solids], count, seed)
+    except (ValueError, QhullError) as error:
+        why = message_line(error)[:200]
+        raise ConfigError(f"{answer.case}: {why}; expected a model with a surface") from None
 
 
 def write_scores(
@@ -192,8 +188,6 @@ def write_scores(
         "cases_modelled": len(scored),
         "num_points": num_points,
         "num_gt_points": [len(case.sample.points) for case in scored],
-        "points_of_models": "uniform by area on the surface of the union of the parts",
-        "alignment": "none",
         "networks": {
             name: {run.source_kind: run.source, "step": run.step, "loss": run.config.loss.name}
             for name, run in networks.items()
@@ -207,25 +201,25 @@ def write_scores(
                 "view": case.sample.view,
                 "seconds": case.answer.seconds,
                 "done": case.answer.done,
-                "parts": len(case.answer.parts),
+                "parts": case.answer.parts,
                 "metrics": {name: finite_or_none(dict(m)) for name, m in case.metrics.items()},
             }
             for case in scored
         ],
     }
     columns = [(name, metric) for metric in METRICS for name in names]
-    heads = [f"{name}: {METRICS[metric]}" for name, metric in columns]
+    heads = [f"{name}: {COLUMNS[metric]}" for name, metric in columns]
     lines = [["case", "category", "minutes", "parts", *heads]]
     for case in scored:
         about = [
             case.answer.case + ("" if case.answer.done else " (not marked as done)"),
             one_line(case.sample.category) or "-",
             f"{case.answer.seconds / 60:.1f}",
-            str(len(case.answer.parts)),
+            str(case.answer.parts),
         ]
         lines.append([*about, *(f"{case.metrics[n][m]:.5f}" for n, m in columns)])
     minutes = np.mean([case.answer.seconds for case in scored]) / 60
-    parts = np.mean([len(case.answer.parts) for case in scored])
+    parts = np.mean([case.answer.parts for case in scored])
     means = [f"{mean(*column):.5f}" for column in columns]
     lines.append(["mean", "", f"{minutes:.1f}", f"{parts:.1f}", *means])
     trained = "".join(

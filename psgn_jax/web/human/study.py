@@ -5,40 +5,30 @@ import hashlib
 import json
 import os
 import pathlib
-import re
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 
 from psgn_jax.config import structured
 from psgn_jax.config.experiment import ConfigError
-from psgn_jax.config.structured import Bounds, Count, Fraction
+from psgn_jax.config.structured import Bounds, Count
 from psgn_jax.data.dataset import open_split
 from psgn_jax.data.schema import Sample
-from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.untrusted import message_line, one_line, read_json
-from psgn_jax.viewing.page import picture_uri, to_json
+from psgn_jax.viewing.page import document, picture_uri, to_json
 
 STATIC = pathlib.Path(__file__).resolve().parent / "static"
 PAGE, STUDY_FILE = "index.html", "study.json"
 ANSWERS_FILE = "human.json"
 """The name under which the page saves its models."""
 
-MAX_CASES, MAX_PARTS = 200, 200
-_MAX_BYTES = 20_000_000
+MAX_CASES, MAX_SOLIDS = 200, 800
+_MAX_BYTES = 60_000_000
 
-Version = Annotated[int, Bounds(low=1, high=1)]
-Place = Annotated[float, Bounds(low=-4, high=4)]
-Extent = Annotated[float, Bounds(low=0.002, high=8)]
-Degrees = Annotated[float, Bounds(low=-360, high=360)]
-Middle = Annotated[float, Bounds(low=-2, high=2)]
+Coordinate = Annotated[float, Bounds(low=-20, high=20)]
 Seconds = Annotated[float, Bounds(low=0, high=1e8)]
-Sides = Annotated[int, Bounds(low=3, high=12)]
-
-
-class AnswersError(UserError):
-    """The file of models cannot be used."""
+T = TypeVar("T")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,34 +55,11 @@ class StudyFile:
     """
 
     format: Literal["psgn human study"]
-    version: Version
+    version: Annotated[int, Bounds(low=1, high=1)]
     id: str
     data: str
     split: str
     cases: tuple[CaseRecord, ...]
-
-
-@dataclasses.dataclass(frozen=True)
-class Part:
-    """A primitive and its symmetric copies, in the object's frame (see `Answer`).
-
-    Attributes:
-      kind: the primitive.
-      size: extents along its own axes.
-      at: position of its centre.
-      turn: angles a, b, c in degrees; its rotation is Rz(c) Ry(b) Rx(a).
-      mirror: "x", "y" or "xy": copies with the opposite signs of these coordinates; "" = none.
-      taper: scale of the upper end, 0 = a tip.
-      sides: number of sides of a prism.
-    """
-
-    kind: Literal["box", "cylinder", "cone", "sphere", "prism"]
-    size: tuple[Extent, Extent, Extent]
-    at: tuple[Place, Place, Place]
-    turn: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
-    mirror: Literal["", "x", "y", "xy"] = ""
-    taper: Fraction = 1.0
-    sides: Sides = 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,20 +70,17 @@ class Answer:
       case: name of the case.
       seconds: time that the person spent on it.
       done: whether the person marked it as done.
-      turn: rotation of the object's x axis about the vertical, degrees. The object's frame is the
-        project's frame, rotated by this angle and moved by (x, y, 0).
-      x: see `turn`; unit of the frame.
-      y: see `turn`; unit of the frame.
-      parts: the primitives; none if the case was not modelled.
+      parts: number of parts; each has up to three mirrored copies.
+      solids: corners of all convex parts and copies, in the project's frame.
+      model: the model as the page reads it back.
     """
 
     case: str
     seconds: Seconds
     done: bool
-    turn: Degrees
-    x: Middle
-    y: Middle
-    parts: tuple[Part, ...]
+    parts: Count
+    solids: tuple[tuple[tuple[Coordinate, Coordinate, Coordinate], ...], ...]
+    model: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,7 +88,7 @@ class AnswersFile:
     """The file of models; `study` is the id of the study that it belongs to."""
 
     format: Literal["psgn human study"]
-    version: Version
+    version: Annotated[int, Bounds(low=2, high=2)]
     study: str
     cases: tuple[Answer, ...]
 
@@ -175,15 +139,10 @@ def build_study(
         }
         for record, sample in zip(records, samples, strict=True)
     ]
-    pieces = {
-        "STYLE": (STATIC / "style.css").read_text("utf-8"),
-        "DATA": to_json({"id": study.id, "cases": shown}),
-        "SCRIPT": (STATIC / "page.js").read_text("utf-8"),
-    }
-    template = (STATIC / "index.html").read_text("utf-8")
-    page = re.sub(r"/\*(STYLE|DATA|SCRIPT)\*/", lambda match: pieces[match[1]], template)
+    text = to_json({"id": study.id, "cases": shown})
+    script = (STATIC / "page.js").read_text("utf-8")
     write_atomic(out / STUDY_FILE, json.dumps(dataclasses.asdict(study), indent=1) + "\n")
-    write_atomic(out / PAGE, page)
+    write_atomic(out / PAGE, document(STATIC / PAGE, text, SCRIPT=script))
     return out / PAGE
 
 
@@ -197,21 +156,21 @@ def _checksum(samples: list[Sample]) -> str:
     return digest.hexdigest()[:16]
 
 
-def read_study(folder: str | os.PathLike[str]) -> StudyFile:
-    """Reads `study.json`.
-
-    Raises:
-      ConfigError: it is missing, damaged or not written by `psgn human`.
-    """
-    path = pathlib.Path(folder) / STUDY_FILE
+def _read(kind: type[T], path: pathlib.Path, missing: str, damaged: str) -> T:
+    """The content of a file; raises `ConfigError` of one line."""
+    shown = one_line(path)
     try:
-        return structured.build(StudyFile, read_json(path, max_bytes=_MAX_BYTES))
+        return structured.build(kind, read_json(path, max_bytes=_MAX_BYTES))
     except FileNotFoundError:
-        raise ConfigError(f"{path}: no such file; expected a folder of `psgn human`") from None
-    except (OSError, ValueError, TypeError) as error:
-        raise ConfigError(
-            f"{path} is damaged ({message_line(error)}); write the study again"
-        ) from None
+        raise ConfigError(f"{shown}: no such file; {missing}") from None
+    except (OSError, ValueError, TypeError, RecursionError) as error:
+        raise ConfigError(f"{shown}: {message_line(error)[:300]}; {damaged}") from None
+
+
+def read_study(folder: str | os.PathLike[str]) -> StudyFile:
+    """Reads `study.json`; raises `ConfigError` if it is missing, damaged or another file."""
+    path = pathlib.Path(folder) / STUDY_FILE
+    return _read(StudyFile, path, "expected a folder of `psgn human`", "write the study again")
 
 
 def open_cases(study: StudyFile, data: str = "") -> list[Sample]:
@@ -235,31 +194,27 @@ def read_answers(path: str | os.PathLike[str], study: StudyFile) -> tuple[Answer
     """The models of all cases, in the order of the study. The file is not trusted.
 
     Raises:
-      AnswersError: the file is missing or damaged, belongs to another study, or has values out of
+      ConfigError: the file is missing or damaged, belongs to another study, or has values out of
         bounds.
     """
+    answers = _read(
+        AnswersFile,
+        pathlib.Path(path),
+        "press `Save all` in the page and move human.json there, or give --answers=FILE",
+        "expected the file that the page saves",
+    )
     shown = one_line(path)
-    try:
-        answers = structured.build(AnswersFile, read_json(path, max_bytes=_MAX_BYTES))
-    except FileNotFoundError:
-        raise AnswersError(
-            f"{shown}: no such file; press `Save all` in the page and move human.json there, or "
-            "give --answers=FILE"
-        ) from None
-    except (OSError, ValueError, TypeError, RecursionError) as error:
-        why = message_line(error)[:300]
-        raise AnswersError(f"{shown}: {why}; expected the file that the page saves") from None
     if answers.study != study.id:
-        raise AnswersError(
+        raise ConfigError(
             f"{shown}: saved for the study {one_line(answers.study)[:40]!r}, expected {study.id!r}"
         )
     names = [case.name for case in study.cases]
     if [answer.case for answer in answers.cases] != names:
-        raise AnswersError(f"{shown}: expected the {len(names)} cases of the study, each once")
+        raise ConfigError(f"{shown}: expected the {len(names)} cases of the study, each once")
     for answer in answers.cases:
-        if len(answer.parts) > MAX_PARTS:
-            raise AnswersError(
-                f"{shown}: {answer.case} has {len(answer.parts)} parts, expected at most "
-                f"{MAX_PARTS}"
+        if len(answer.solids) > MAX_SOLIDS:
+            raise ConfigError(
+                f"{shown}: {answer.case} has {len(answer.solids)} solids, expected at most "
+                f"{MAX_SOLIDS}"
             )
     return answers.cases

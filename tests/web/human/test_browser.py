@@ -4,11 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from helpers.human_study import LEG, TOP, TURN, table_points
+from helpers.human_study import LEG, LEGS, TOP, TURN, corners, turn
+from scipy.spatial import ConvexHull
 
-from psgn_jax.losses.chamfer import chamfer_sq_mean
-from psgn_jax.web.human.solids import sample_union, solids_of
-from psgn_jax.web.human.study import Answer, Part, read_answers, read_study
+from psgn_jax.web.human.study import read_answers, read_study
 
 
 @pytest.fixture
@@ -84,9 +83,12 @@ def test_a_table_is_modelled_saved_and_restored(page, study_folder, tmp_path):
     assert download.value.suggested_filename == "human.json"
     download.value.save_as(tmp_path / "human.json")
     answers = read_answers(tmp_path / "human.json", read_study(study_folder))
-    assert [(a.done, len(a.parts)) for a in answers] == [(True, 2), (False, 0)]
-    points = sample_union(solids_of(answers[0]), 4096, 0)
-    assert chamfer_sq_mean(points, table_points(4096)) < 0.001
+    assert [(a.done, a.parts, len(a.solids)) for a in answers] == [(True, 2, 5), (False, 0, 0)]
+    boxes = [np.unique(np.round(turn(corners(*box)), 4), axis=0) for box in (TOP, *LEGS)]
+    found = [np.unique(np.round(solid, 4), axis=0) for solid in answers[0].solids]
+    np.testing.assert_allclose(
+        sorted(map(np.ravel, found), key=tuple), sorted(map(np.ravel, boxes), key=tuple), atol=2e-4
+    )
     page.reload()
     assert model_of(page) == model
     page.evaluate("localStorage.clear(); human.state.entries.forEach(e => { e.model.parts = []; })")
@@ -136,25 +138,37 @@ def test_handles_move_resize_and_turn(page):
     assert page.evaluate("human.state.selected") in (0, 1)
 
 
-@pytest.mark.parametrize("kind", ["box", "cylinder", "cone", "sphere", "prism"])
-def test_the_page_draws_the_solids_that_are_scored(page, kind):
-    part = {
-        "kind": kind, "size": [0.7, 0.4, 0.9], "at": [0.1, 0.2, 0.5], "turn": [30, -50, 110],
-        "mirror": "x", "taper": 0.5, "sides": 5,
-    }  # fmt: skip
-    page.evaluate("part => { human.model().turn = 35; human.insert(part); }", part)
-    meshes = page.evaluate("human.meshesOf(human.model())")
-    fields = {k: tuple(v) if isinstance(v, list) else v for k, v in part.items()}
-    solids = solids_of(Answer("", 0, False, 35.0, 0.0, 0.0, (Part(**fields),)))
-    for mesh, solid in zip(meshes, solids, strict=True):
-        own = np.unique(np.round(mesh["corners"], 6), axis=0)
-        expected = np.unique(np.round(solid.points, 6), axis=0)
-        np.testing.assert_allclose(own, expected, atol=2e-6)
-        corners = np.array(mesh["corners"])
-        centre = corners.mean(axis=0)
-        for face in mesh["faces"]:
-            a, b, c = corners[[face[0], face[len(face) // 3], face[2 * len(face) // 3]]]
-            assert np.dot(np.cross(b - a, c - a), a - centre) > -1e-9
+CIRCLE = 24 * np.sin(2 * np.pi / 24) / 8  # area of 24 corners in a circle of diameter 1
+VOLUMES = {
+    "box": ({}, 1),
+    "pyramid": ({"kind": "box", "taper": 0.25}, (1 + 0.25 + 0.25**2) / 3),
+    "cylinder": ({}, CIRCLE),
+    "cone": ({"taper": 0}, CIRCLE / 3),
+    "prism": ({"sides": 3}, 0.5),
+    "sphere": ({}, np.pi / 6),
+}
+
+
+def test_primitives_are_convex_solids_with_their_volumes(page):
+    for name, (fields, volume) in VOLUMES.items():
+        part = {
+            "kind": name, "size": [0.7, 0.4, 0.9], "at": [0.1, 0.2, 0.5], "turn": [30, -50, 110],
+            "mirror": "x", "taper": 1, "sides": 5, **fields,
+        }  # fmt: skip
+        page.evaluate(
+            "part => { human.model().parts = []; human.model().turn = 35; human.insert(part); }",
+            part,
+        )
+        for mesh in page.evaluate("human.meshesOf(human.model())"):
+            points = np.array(mesh["corners"])
+            expected = pytest.approx(
+                0.7 * 0.4 * 0.9 * volume, rel=0.04 if name == "sphere" else 1e-6
+            )
+            assert ConvexHull(points).volume == expected, name
+            centre = points.mean(axis=0)
+            for face in mesh["faces"]:
+                a, b, c = points[[face[0], face[len(face) // 3], face[2 * len(face) // 3]]]
+                assert np.dot(np.cross(b - a, c - a), a - centre) > -1e-9
 
 
 def test_every_control_has_a_name(page):

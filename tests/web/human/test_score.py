@@ -1,6 +1,7 @@
 """Solids, files that are not trusted, scores, and the commands."""
 
 import copy
+import dataclasses
 import json
 import os
 import subprocess
@@ -9,73 +10,37 @@ import sys
 import numpy as np
 import pytest
 from helpers import weights as helper
-from helpers.human_study import LEG, TOP, TURN, table_points
+from helpers.human_study import LEG, LEGS, TOP, TURN, corners, table_points, turn
 from PIL import Image
+from scipy.spatial import ConvexHull
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.web.human import score
-from psgn_jax.web.human.solids import HiddenSurfaceError, sample_union, solids_of
-from psgn_jax.web.human.study import (
-    Answer,
-    AnswersError,
-    Part,
-    build_study,
-    open_cases,
-    read_answers,
-    read_study,
-)
+from psgn_jax.web.human.solids import sample_union
+from psgn_jax.web.human.study import build_study, open_cases, read_answers, read_study
 from psgn_jax.weights.run_folder import Run
 
-
-def part(kind="box", size=(1.0, 1.0, 1.0), at=(0.0, 0.0, 0.5), **fields):
-    return Part(kind, tuple(map(float, size)), tuple(map(float, at)), **fields)
-
-
-def answer(*parts, turn=0.0):
-    return Answer("Case 1", 90.0, True, turn, 0.0, 0.0, parts)
-
-
-TABLE = answer(part("box", TOP[1], TOP[0]), part("box", LEG[1], LEG[0], mirror="xy"), turn=25.0)
+TABLE = [turn(corners(*box)).tolist() for box in (TOP, *LEGS)]
 
 
 def saved(study_id):
     """The content of a saved file: a model of the table, and none for the second case."""
-    case = {"seconds": 90, "done": True, "turn": TURN, "x": 0, "y": 0}
-    top, leg = ({"kind": "box", "at": at, "size": size} for at, size in (TOP, LEG))
-    return {
-        "format": "psgn human study",
-        "version": 1,
-        "study": study_id,
-        "cases": [
-            {"case": "Case 1", **case, "parts": [top, {**leg, "mirror": "xy"}]},
-            {"case": "Case 2", **case, "done": False, "parts": []},
-        ],
-    }
+    first = {"case": "Case 1", "seconds": 90, "done": True, "parts": 2, "solids": TABLE}
+    second = {"case": "Case 2", "seconds": 90, "done": False, "parts": 0, "solids": []}
+    about = {"format": "psgn human study", "version": 2, "study": study_id}
+    return {**about, "cases": [first, second]}
 
 
 # --- solids ------------------------------------------------------------------------------------
 
-CIRCLE = 24 * np.sin(2 * np.pi / 24) / 8  # area of 24 corners in a circle of diameter 1
-VOLUMES = {
-    "box": (part(), 1),
-    "pyramid": (part(taper=0.25), (1 + 0.25 + 0.25**2) / 3),
-    "cylinder": (part("cylinder", turn=(30.0, -50.0, 110.0)), CIRCLE),
-    "cone": (part("cone", taper=0.0), CIRCLE / 3),
-    "prism": (part("prism", (2, 1, 1)), 1),
-    "sphere": (part("sphere"), np.pi / 6),
-}
 
-
-@pytest.mark.parametrize("name", VOLUMES)
-def test_volumes_of_primitives(name):
-    shape, volume = VOLUMES[name]
-    (solid,) = solids_of(answer(shape, turn=35.0))
-    assert solid.volume == pytest.approx(volume, rel=0.04 if name == "sphere" else 1e-9)
+def sampled(*solids, count):
+    return sample_union([ConvexHull(corners) for corners in solids], count, 0)
 
 
 def test_points_are_uniform_on_the_table():
-    points, truth = sample_union(solids_of(TABLE), 20_000, 0), table_points(20_000)
+    points, truth = sampled(*TABLE, count=20_000), table_points(20_000)
     for low, high in ((0, 0.3), (0.3, 0.61), (0.61, 0.63), (0.69, 0.71)):
         share = [np.mean((c[:, 2] >= low) & (c[:, 2] < high)) for c in (points, truth)]
         assert share[0] == pytest.approx(share[1], abs=0.012)
@@ -89,18 +54,14 @@ def test_points_are_uniform_on_the_table():
 
 
 def test_parts_that_share_faces_or_are_inside_others():
-    left = part(size=(1.0, 0.6, 1.0), at=(0.0, -0.2, 0.5))
-    right = part(size=(1.0, 0.6, 1.0), at=(0.0, 0.2, 0.5))
-    ball = part("sphere", (0.5, 0.5, 0.5))
-    points = sample_union(solids_of(answer(left, right, ball, left)), 30_000, 0)
+    left, right = (corners((0, y, 0.5), (1, 0.6, 1)) for y in (-0.2, 0.2))
+    within = corners((0, 0, 0.5), (0.5, 0.5, 0.5))
+    points = sampled(left, right, within, left, count=30_000)
     assert np.isclose(np.abs(points - [0, 0, 0.5]).max(axis=1), 0.5, atol=1e-4).all()
     # The overlap is neither empty nor counted twice: y is uniform on the top.
     top = points[np.abs(points[:, 2] - 1) < 1e-5]
     counts, _ = np.histogram(top[:, 1], bins=5, range=(-0.5, 0.5))
     assert counts.min() > 0.9 * counts.mean()
-    nested = [part(), *[part(size=(0.99, 0.99, 0.99))] * 199]
-    with pytest.raises(HiddenSurfaceError, match="almost all of its surface"):
-        sample_union(solids_of(answer(*nested)), 500, 0)
 
 
 # --- files that are not trusted ----------------------------------------------------------------
@@ -111,24 +72,23 @@ def study(study_folder):
     return read_study(study_folder)
 
 
-FIRST = ("cases", 0, "parts", 0)
+FIRST = ("cases", 0, "solids", 0)
 
 
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
         (("study",), "0" * 16, "expected '"),
-        (("version",), 2, "version=2"),
+        (("version",), 1, "version=1"),
         (("more",), 1, "more is not a field"),
         (("cases",), [], "expected the 2 cases of the study"),
         (("cases", 0, "case"), "Case 2", "each once"),
-        (("cases", 0, "turn"), 1e9, r"cases\[0\].turn=1000000000.0: accepted: a number >= -360"),
-        (("cases", 0, "parts"), {}, r"cases\[0\].parts=\{\}: accepted: a tuple"),
-        (("cases", 0, "parts"), saved("")["cases"][0]["parts"][:1] * 201, "201 parts, expected"),
-        ((*FIRST, "kind"), "torus", "kind='torus'"),
-        ((*FIRST, "size"), [1, 1, 0], r"size\[2\]=0"),
-        ((*FIRST, "at"), [0, 0, "1e400"], "accepted: a number"),
-        (FIRST, None, r"parts\[0\]=None"),
+        (("cases", 0, "seconds"), -1, r"cases\[0\].seconds=-1: accepted: a number >= 0"),
+        (("cases", 0, "solids"), {}, r"cases\[0\].solids=\{\}: accepted: a tuple"),
+        (("cases", 0, "solids"), [TABLE[0]] * 801, "801 solids, expected"),
+        ((*FIRST, 0), [1, 1e9, 0], r"\[1\]=1000000000.0: accepted: a number >= -20"),
+        ((*FIRST, 0), [0, 0, "1e400"], "accepted: a number"),
+        ((*FIRST, 0), [0, 0], "accepted: a tuple of 3"),
     ],
 )
 def test_files_out_of_bounds_end_in_one_line(study, tmp_path, path, value, message):
@@ -139,7 +99,7 @@ def test_files_out_of_bounds_end_in_one_line(study, tmp_path, path, value, messa
     node[path[-1]] = value
     file = tmp_path / "human.json"
     file.write_text(json.dumps(document))
-    with pytest.raises(AnswersError, match=message) as caught:
+    with pytest.raises(ConfigError, match=message) as caught:
         read_answers(file, study)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(str(file))
@@ -158,7 +118,7 @@ def test_files_of_another_kind_end_in_one_line(study, tmp_path, content, message
     file = tmp_path / "human.json"
     if content is not None:
         file.write_bytes(content)
-    with pytest.raises(AnswersError, match=message):
+    with pytest.raises(ConfigError, match=message):
         read_answers(file, study)
 
 
@@ -172,7 +132,7 @@ def test_other_records_are_refused(study, tmp_path, records):
     with pytest.raises(ConfigError, match="--cases=3: the split has 2 records; accepted: 1 to 2"):
         build_study(str(records), tmp_path, cases=3)
     (tmp_path / "study.json").write_text('{"format": 1}')
-    with pytest.raises(ConfigError, match=r"study.json is damaged \(format=1: .*write the study"):
+    with pytest.raises(ConfigError, match=r"study.json: format=1: .*write the study"):
         read_study(tmp_path)
 
 
@@ -217,8 +177,14 @@ def test_what_cannot_be_compared_is_refused(study, answers):
         score.score(study, answers, samples, {"a": network("a")})
     with pytest.raises(ConfigError, match=r"--points=9000: a record has \d+ points; accepted"):
         score.score(study, answers, samples, {}, num_points=9000)
-    with pytest.raises(AnswersError, match="no case has a model yet"):
+    with pytest.raises(ConfigError, match="no case has a model yet"):
         score.score(study, [answers[1], answers[1]], samples, {})
+    first, second = answers
+    hollow = [corners((0, 0, 0.5), (1, 1, 1)), *[corners((0, 0, 0.5), (0.99, 0.99, 0.99))] * 199]
+    for solids, why in ((hollow, "almost all of its surface"), (([(0, 0, 0)] * 5,), "QH6")):
+        bad = dataclasses.replace(first, solids=solids)
+        with pytest.raises(ConfigError, match=f"Case 1: {why}.*expected a model with a surface"):
+            score.score(study, [bad, second], samples, {})
     with pytest.raises(ConfigError, match="the name 'a' is already used"):
         score.label_networks([network("x/a"), network("y/a")])
     with pytest.raises(ConfigError, match="4 networks: accepted: at most 3"):

@@ -1,8 +1,5 @@
-"use strict";
 // The page: models of the cases, two views of the open one, and files.
 
-const data = JSON.parse(document.getElementById("data").textContent);
-const $ = id => document.getElementById(id);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
 const copy = value => JSON.parse(JSON.stringify(value));
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
@@ -11,7 +8,7 @@ const FORMAT = "psgn human study", KEY = `psgn-human-${data.id}`, HISTORY = 200,
 const COLOURS = [[94, 139, 214], [232, 150, 88], [104, 178, 130], [205, 112, 135], [150, 128, 206], [82, 172, 184], [214, 181, 84]];
 const AXES = ["#de484c", "#2ea057", "#3970e2"], UNITS = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 
-// --- geometry; psgn_jax.web.human.solids builds the same solids ------------------------------------
+// --- geometry --------------------------------------------------------------------------------------
 
 const ROUND = 24, RINGS = 12; // corners of a circle; rings of a sphere from pole to pole
 
@@ -140,19 +137,23 @@ const actions = {
     else show();
   },
   save: () => {
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(new Blob([JSON.stringify(savedModels(), null, 1) + "\n"], { type: "application/json" }));
-    link.download = "human.json";
+    const href = URL.createObjectURL(new Blob([savedModels(solidsOf)], { type: "application/json" })), link = make("a", { href, download: "human.json" });
     link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    setTimeout(() => URL.revokeObjectURL(href), 1000);
   },
 };
 
 // --- files -----------------------------------------------------------------------------------------
 
-function savedModels() {
-  const cases = state.entries.map(({ seconds, done, model: { turn, x, y, parts } }, i) => ({ case: data.cases[i].name, seconds, done, turn, x, y, parts }));
-  return { format: FORMAT, version: 1, study: data.id, cases };
+/** Corners of all parts and copies of a model, for the score. */
+const solidsOf = model => meshesOf(model).map(({ corners }) => corners.map(corner => corner.map(v => +v.toFixed(7))));
+
+/** The text of a file: times, the models, and their `solids`. */
+function savedModels(solids) {
+  const cases = state.entries.map(({ seconds, done, model }, i) => (
+    { case: data.cases[i].name, seconds, done, parts: model.parts.length, solids: solids(model), model: JSON.stringify(model) }
+  ));
+  return JSON.stringify({ format: FORMAT, version: 2, study: data.id, cases }) + "\n";
 }
 
 /** Replaces all models by those of a text that this page has saved. */
@@ -160,7 +161,7 @@ function restore(text) {
   const saved = JSON.parse(text);
   if (saved.format !== FORMAT || saved.study !== data.id) throw new Error("it belongs to another study");
   const entries = data.cases.map((_, i) => {
-    const { seconds, done, turn, x, y, parts } = saved.cases[i], read = { turn, x, y, parts };
+    const { seconds, done, model } = saved.cases[i], read = JSON.parse(model);
     const numbers = meshesOf(read).flatMap(mesh => mesh.corners.flat());
     if (!numbers.every(Number.isFinite)) throw new Error(`the model of case ${i + 1} is damaged`);
     return { ...emptyEntry(), seconds, done, model: read };
@@ -170,7 +171,7 @@ function restore(text) {
 
 function keep() {
   try {
-    localStorage.setItem(KEY, JSON.stringify(savedModels()));
+    localStorage.setItem(KEY, savedModels(() => []));
     $("status").textContent = "Saved in this browser";
   } catch {
     $("status").textContent = "This browser cannot keep your work: press Save all before you leave";
@@ -343,8 +344,7 @@ function dragged({ axis, own, way }) {
 const DIRECTIONS = ["front", "right", "up"];
 const fields = []; // [input, read, write]
 function field(parent, label, read, write, options = {}) {
-  const input = Object.assign(document.createElement("input"), { type: "number", step: "any", ...options });
-  input.setAttribute("aria-label", label);
+  const input = make("input", { type: "number", step: "any", ariaLabel: label, ...options });
   input.addEventListener("change", () => {
     if (input.value !== "" && input.checkValidity()) edit(() => write(+input.value));
     else show();
@@ -353,9 +353,7 @@ function field(parent, label, read, write, options = {}) {
   fields.push([input, read]);
 }
 
-function title(parent, text) {
-  parent.append(Object.assign(document.createElement("span"), { textContent: text }));
-}
+const title = (parent, textContent) => parent.append(make("span", { textContent }));
 
 title($("object"), "Turn, place");
 field($("object"), "Direction of the object, degrees", () => model().turn, v => { model().turn = v; }, { min: -360, max: 360 });
@@ -383,13 +381,11 @@ function show() {
   each("[data-mode]", button => button.setAttribute("aria-pressed", button.dataset.mode === state.mode));
   each("[data-mirror]", box => { box.checked = !!part?.mirror.includes(box.dataset.mirror); });
   $("parts").replaceChildren(...model().parts.map(({ kind, mirror }, number) => {
-    const item = document.createElement("li"), button = document.createElement("button"), swatch = document.createElement("i");
+    const swatch = make("i"), copies = mirror ? ` × ${2 ** mirror.length}` : "";
+    const button = make("button", { ariaPressed: number === state.selected }, swatch, `${number + 1} ${kind}${copies}`);
     swatch.style.background = `rgb(${COLOURS[number % COLOURS.length]})`;
-    button.append(swatch, `${number + 1} ${kind}${mirror ? ` × ${2 ** mirror.length}` : ""}`);
-    button.setAttribute("aria-pressed", number === state.selected);
     button.addEventListener("click", () => { state.selected = number; show(); });
-    item.append(button);
-    return item;
+    return make("li", {}, button);
   }));
   [...$("strip").children].forEach((button, i) => {
     button.setAttribute("aria-current", i === at);
@@ -416,8 +412,7 @@ function open(at) {
 
 const views = [new View($("image-view"), true), new View($("free-view"), false)];
 data.cases.forEach(({ name, image }, i) => {
-  const button = document.createElement("button"), picture = Object.assign(new Image(), { src: image, alt: name });
-  button.append(picture);
+  const button = make("button", {}, make("img", { src: image, alt: name }));
   button.addEventListener("click", () => open(i));
   $("strip").append(button);
 });
