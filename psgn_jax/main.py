@@ -21,6 +21,7 @@ from absl import app, flags
 from ml_collections import config_flags
 
 from psgn_jax.commands.common import (
+    define_group_flags,
     exit_on_user_error,
     keep_compiled,
     log_to_terminal,
@@ -32,29 +33,17 @@ from psgn_jax.system.files import check_folder
 from psgn_jax.system.group import joined
 from psgn_jax.system.memory import keep_freed_memory
 
-_CONFIG = config_flags.DEFINE_config_file(
-    "config", None, "A configuration: its path, or a name such as quickstart.", lock_config=True
-)
-_WORKDIR = flags.DEFINE_string(
-    "workdir", None, "Folder of the run; default: runs/<name of the configuration file>."
-)
-_COORDINATOR = flags.DEFINE_string(
-    "coordinator", None, "HOST:PORT of the first of several processes that train together."
-)
-_NUM_PROCESSES = flags.DEFINE_integer("num_processes", None, "Number of processes.")
-_PROCESS_ID = flags.DEFINE_integer("process_id", None, "Index of this process, from 0.")
-flags.mark_flag_as_required("config")
-
 
 def main(argv: Sequence[str]) -> None:
     """Checks the configuration, then trains."""
     log_to_terminal()
+    values = flags.FLAGS
     with exit_on_user_error():
         if len(argv) > 1:
             raise ConfigError(f"unexpected argument {argv[1]!r}; a field is --config.NAME=VALUE")
         given = parse(_config())
-        path = config_flags.get_config_filename(flags.FLAGS["config"])
-        workdir = _WORKDIR.value or os.path.join("runs", pathlib.Path(path).stem)
+        path = config_flags.get_config_filename(values["config"])
+        workdir = values.workdir or os.path.join("runs", pathlib.Path(path).stem)
         check_paths(given)
         check_folder(workdir, "--workdir")
         # Imported here so that a wrong configuration is reported before JAX is loaded.
@@ -63,7 +52,7 @@ def main(argv: Sequence[str]) -> None:
         from psgn_jax.commands.default_data import with_default_data
         from psgn_jax.training.loop import train
 
-        with joined(_COORDINATOR.value, _NUM_PROCESSES.value, _PROCESS_ID.value):
+        with joined(values.coordinator, values.num_processes, values.process_id):
             outcome = train(with_default_data(given), workdir)
     if outcome.stopped_by:
         sys.exit(128 + outcome.stopped_by)
@@ -72,10 +61,10 @@ def main(argv: Sequence[str]) -> None:
 def _config() -> Any:
     """The value of `--config`; raises `ConfigError` if the file cannot be read."""
     try:
-        _CONFIG.value.to_dict()
+        flags.FLAGS.config.to_dict()
     except OSError as error:
         raise ConfigError(f"--config: {error}") from error
-    return _CONFIG.value
+    return flags.FLAGS.config
 
 
 def _parse_flags(argv: list[str]) -> list[str]:
@@ -84,5 +73,18 @@ def _parse_flags(argv: list[str]) -> list[str]:
     return parse_flags(argv)
 
 
+def define_flags() -> None:
+    """Defines the command's flags."""
+    config_flags.DEFINE_config_file(
+        "config", None, "A configuration: its path, or a name such as quickstart.", lock_config=True
+    )
+    flags.DEFINE_string(
+        "workdir", None, "Folder of the run; default: runs/<name of the configuration file>."
+    )
+    define_group_flags()
+    flags.mark_flag_as_required("config")
+
+
 if __name__ == "__main__":
+    define_flags()
     app.run(main, flags_parser=_parse_flags)

@@ -87,6 +87,13 @@ def define_network_flags() -> None:
     flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Checkpoint of the run.")
 
 
+def define_group_flags() -> None:
+    """Defines --coordinator, --num_processes and --process_id, for `system.group.joined`."""
+    flags.DEFINE_string("coordinator", None, "HOST:PORT of the first of several processes.")
+    flags.DEFINE_integer("num_processes", None, "Number of processes that share the work.")
+    flags.DEFINE_integer("process_id", None, "Index of this process, from 0.")
+
+
 def parse_flags(argv: list[str]) -> list[str]:
     """Parses flags like absl, but ends the process with one line if a flag is wrong.
 

@@ -14,7 +14,13 @@ from typing import Any
 from absl import app, flags
 
 from psgn_jax import tasks
-from psgn_jax.commands.common import define_network_flags, flags_only, keep_compiled, parse_flags
+from psgn_jax.commands.common import (
+    define_group_flags,
+    define_network_flags,
+    flags_only,
+    keep_compiled,
+    parse_flags,
+)
 from psgn_jax.commands.default_data import with_default_data
 from psgn_jax.config.experiment import ConfigError, check_paths
 from psgn_jax.evaluation import table
@@ -90,7 +96,5 @@ if __name__ == "__main__":
     )
     flags.DEFINE_string("report", None, "Folder for a gallery of all samples, as web pages.")
     flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")
-    flags.DEFINE_string("coordinator", None, "HOST:PORT of the first of several processes.")
-    flags.DEFINE_integer("num_processes", None, "Number of processes that share the split.")
-    flags.DEFINE_integer("process_id", None, "Index of this process, from 0.")
+    define_group_flags()
     app.run(_main, flags_parser=parse_flags)

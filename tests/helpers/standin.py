@@ -152,4 +152,5 @@ if __name__ == "__main__":
     from psgn_jax.commands import common as command_line
 
     install(pytest.MonkeyPatch())
+    main.define_flags()
     app.run(main.main, flags_parser=command_line.parse_flags)
