@@ -163,6 +163,10 @@ def _convert(hint: Any, value: Any, path: str) -> Any:
         return value
     if origin is tuple:
         return _convert_tuple(args, value, path)
+    if origin is Mapping:
+        if not isinstance(value, Mapping):
+            raise wrong(path, value, "a section")
+        return {key: _convert(args[1], one, f"{path}[{key!r}]") for key, one in value.items()}
     if hint is bool or hint is str:
         if not isinstance(value, hint):
             raise wrong(path, value, "True or False" if hint is bool else "a string")

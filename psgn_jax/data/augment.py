@@ -11,12 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from psgn_jax.config.data import DataConfig, PhotoEffects
+from psgn_jax.config.data import DataConfig
 from psgn_jax.data import camera, framing, resample
 from psgn_jax.data.photo_effects import disturb
-
-# How far the image's x axis may be from the frame's y axis for a stretch to be exact.
-_ALIGNED = 1e-4
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -57,9 +54,8 @@ def flip(view: View) -> View:
 
 def can_stretch(view: View) -> bool:
     """Whether `stretch` is exact for the view's camera: it is neither rolled nor skewed."""
-    across = view.extrinsics[0, :3]
-    level = abs(abs(across[1]) - 1) <= _ALIGNED and max(abs(across[0]), abs(across[2])) <= _ALIGNED
-    return bool(level and not view.intrinsics[0, 1])
+    across = np.abs(view.extrinsics[0, :3])
+    return bool(np.abs(across - [0, 1, 0]).max() <= 1e-4 and not view.intrinsics[0, 1])
 
 
 def stretch(view: View, factor: float) -> View:
@@ -69,24 +65,9 @@ def stretch(view: View, factor: float) -> View:
     column, column - cx = fx (+-y + t0) / z, and t0 is multiplied by the same factor. Colours are
     interpolated between columns, mask and depth take the nearest column. Columns without source
     pixels become background: grey if the image's background is grey, otherwise an extension of the
-    image (`resample`).
-
-    Args:
-      view: the sample.
-      factor: positive.
-
-    Raises:
-      ValueError: `factor` is not positive; the camera is rolled or skewed, so that stretching the
-        object would move pixels across rows; or the view has an occupancy grid, which this
-        function does not transform.
+    image (`resample`). The occupancy grid is not transformed.
     """
-    _check_move("stretch", view, factor)
-    if not can_stretch(view):
-        raise ValueError(
-            f"stretch: the camera is rolled or skewed (the image's x axis is "
-            f"{view.extrinsics[0, :3].tolist()} in the frame, expected its y axis; skew "
-            f"{view.intrinsics[0, 1]:g}, expected 0)"
-        )
+    _check_no_occupancy("stretch", view)
     width = view.image.shape[1]
     centre = float(view.intrinsics[0, 2])
     # Source coordinate of each column's centre; a column i has its centre at i + 0.5.
@@ -104,11 +85,9 @@ def stretch(view: View, factor: float) -> View:
     )
 
 
-def _check_move(name: str, view: View, factor: float = 1.0) -> None:
+def _check_no_occupancy(name: str, view: View) -> None:
     if view.occupancy is not None:
         raise ValueError(f"{name}: the view has an occupancy grid, which is not transformed")
-    if not factor > 0:
-        raise ValueError(f"{name} factor: got {factor}, expected a positive number")
 
 
 def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
@@ -118,18 +97,8 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     moved with the image. Colours are interpolated, mask and depth take the nearest pixel.
     Pixels without a source become background: grey if the image's background is grey, otherwise an
     extension of the image (`resample`). If part of the object would leave the image, the scale and
-    the shift are reduced so that the whole object stays in it.
-
-    Args:
-      view: the sample.
-      factor: positive; above 1 enlarges.
-      shift: (down, right) in pixels.
-
-    Raises:
-      ValueError: `factor` is not positive.
+    the shift (down, right) in pixels are reduced so that the whole object stays in it.
     """
-    if not factor > 0:
-        raise ValueError(f"recrop factor: got {factor}, expected a positive number")
     height, width = view.mask.shape
     # Per axis, for output coordinate o and input coordinate i (edges at integers): o = s i + t.
     moves = []
@@ -157,11 +126,8 @@ def follow(view: View, move: framing.Move) -> View:
     """Moves image, mask, depth and points together; the camera does not change (`data.framing`).
 
     The background becomes grey. A view without an object is returned unchanged.
-
-    Raises:
-      ValueError: the view has an occupancy grid, which this function does not transform.
     """
-    _check_move("follow", view)
+    _check_no_occupancy("follow", view)
     if not view.mask.any():
         return view
     size = view.mask.shape[0], view.mask.shape[1]
@@ -201,11 +167,11 @@ def reframe(
     If the object would leave the image, the random move is reduced.
 
     A view from another angle than the authors' (`framing.has_authors_angle`) is always placed,
-    unless `place_share` is 0 or the view shows too little of its object
-    (`framing.rule_move_within`). The points of such a view do not move with its image: they are
-    placed by the rule as if the object were seen by the authors' camera, which becomes the camera
-    of the result. So the points of an object have nearly the same scale and position for every
-    angle of the camera. Views with depth or occupancy are not treated in this way.
+    unless `place_share` is 0 or the view shows too little of its object. The points of such a view
+    do not move with its image: they are placed by the rule as if the object were seen by the
+    authors' camera, which becomes the camera of the result. So the points of an object have nearly
+    the same scale and position for every angle of the camera. Views with depth or occupancy are not
+    treated in this way.
 
     Args:
       view: the sample.
@@ -225,7 +191,6 @@ def reframe(
     placed |= place_share > 0 and other_angle
     rule = framing.rule_move_within(view.mask) if placed else None
     scale = math.exp(scale_deviation * size)
-    shift = (shift_deviation * down, shift_deviation * right)
 
     def scattered(
         first: framing.Move, box: tuple[float, float, float, float], shape: tuple[int, ...]
@@ -237,13 +202,9 @@ def reframe(
         # Both shifts are fractions of the height of the view. `across` is this height, measured in
         # columns of the array, whose pixels need not be square.
         across = framing.VIEW_SIZE[0] / framing.VIEW_SIZE[1] * shape[1]
-        return first.then(
-            framing.Move(
-                scale,
-                (1 - scale) * column + shift[1] * across,
-                (1 - scale) * row + shift[0] * shape[0],
-            )
-        )
+        shift = (shift_deviation * right) * across, (shift_deviation * down) * shape[0]
+        again = framing.Move(scale, (1 - scale) * column + shift[0], (1 - scale) * row + shift[1])
+        return first.then(again)
 
     move = rule
     if scale_deviation or shift_deviation:
@@ -264,23 +225,11 @@ def reframe(
     return dataclasses.replace(moved, points=points, intrinsics=intrinsics, extrinsics=extrinsics)
 
 
-def photo_effects(view: View, rng: np.random.Generator, effects: PhotoEffects) -> View:
-    """Adds effects of photos and of their masks (`data.photo_effects`); the points stay."""
-    image, mask = disturb(view.image, view.mask, rng, effects)
-    depth = None if view.depth is None else np.where(mask, view.depth, np.float32(0))
-    return dataclasses.replace(view, image=image, mask=mask, depth=depth)
-
-
 def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View:
     """Changes brightness, contrast (about middle grey) and each channel's gain on the object.
 
     Each is uniform within +-`strength` (channel gains within half of it), brightness in units of a
     quarter of the full range. The background keeps its colour.
-
-    Args:
-      view: the sample.
-      rng: source of the random numbers.
-      strength: 0 (no change) to 1.
     """
     brightness, contrast = rng.uniform(-strength, strength, 2)
     gains = 1 + rng.uniform(-strength, strength, 3) / 2
@@ -308,8 +257,7 @@ def augment(
     Args:
       view: the sample.
       cfg: the section `data` of the configuration, which describes each augmentation.
-      rng: source of the random numbers of mirroring, width, crop and colours. Those of one
-        augmentation do not depend on which of the others are enabled.
+      rng: source of the random numbers of mirroring, width, crop and colours.
       photo_seeds: seeds of the effects and the framing of photos.
     """
     mirrored, factor = rng.random(), 1 + cfg.stretch * rng.uniform(-1, 1)
@@ -327,7 +275,9 @@ def augment(
     if framed or cfg.photo.any():
         framing_rng, effects_rng = np.random.default_rng(photo_seeds).spawn(2)
         if cfg.photo.any():
-            view = photo_effects(view, effects_rng, cfg.photo)
+            image, mask = disturb(view.image, view.mask, effects_rng, cfg.photo)
+            depth = None if view.depth is None else np.where(mask, view.depth, np.float32(0))
+            view = dataclasses.replace(view, image=image, mask=mask, depth=depth)
         if framed:
             # The rule uses the disturbed mask: in a prediction, masks are imperfect too.
             view = reframe(

@@ -14,15 +14,13 @@ normals    Octahedral, 2 x 8 bits, in the order of the points; the error is belo
 occupancy  Bits, deflated, exact.
 extra      Text, absent if empty.
 
-Duplicate points are kept. The order of the points is not kept; it has no meaning. An image of the
-authors takes 9.6 kB as WebP and 13.7 kB as PNG, and WebP decodes in two thirds of the time. Slower
-settings of WebP save another 4 %, but encode three times as long.
+Duplicate points are kept. The order of the points is not kept; it has no meaning.
 """
 
 import dataclasses
 import io
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import msgpack
@@ -33,8 +31,7 @@ from psgn_jax.data import schema
 from psgn_jax.data.schema import Sample
 
 DEFAULT_POINT_BITS = 12
-MAX_POINT_BITS = 16
-DEFAULT_NORMAL_BITS = 8
+_NORMAL_BITS = 8
 
 # Upper limits for valid records; they bound the memory that a malicious record can allocate.
 _MAX_IMAGE_SIDE = 4096
@@ -86,14 +83,10 @@ class DepthCodes:
 
 
 def lattice_of(points: np.ndarray, bits: int = DEFAULT_POINT_BITS) -> PointLattice:
-    """Rounds points to a lattice with 2**bits levels on each axis of their bounding box.
+    """Rounds points [M, 3] to 2**bits levels on each axis of their bounding box, bits = 1 to 16.
 
-    Args:
-      points: float [M, 3], finite.
-      bits: 1 to 16. The error on each axis is at most half a step, extent / (2**bits - 1) / 2.
+    The error on each axis is at most half a step, extent / (2**bits - 1) / 2.
     """
-    if not 1 <= bits <= MAX_POINT_BITS:
-        raise ValueError(f"point bits: got {bits}, expected 1 to {MAX_POINT_BITS}")
     points = np.asarray(points, np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
     top = 2**bits - 1
@@ -111,9 +104,6 @@ def depth_codes_of(depth: np.ndarray) -> DepthCodes:
     scale = (high - low) / 65535 if high > low else 1.0
     codes = np.where(valid, np.rint((depth - low) / scale), 0).astype(np.uint16)
     return DepthCodes(codes, valid, float(scale), float(low))
-
-
-# --- Bytes of one field -----------------------------------------------------------------------
 
 
 def _deflate(data: np.ndarray) -> bytes:
@@ -167,8 +157,7 @@ def _image_size(stored: Mapping[str, Any]) -> tuple[int, int]:
     )
 
 
-def _decode_image(stored: Mapping[str, Any]) -> np.ndarray:
-    size = _image_size(stored)
+def _decode_image(stored: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
     picture = Image.open(io.BytesIO(stored["image"]["webp"]), formats=("WEBP",))
     # Check the header before decoding, because it decides how much memory the pixels take.
     if picture.size != size[::-1] or picture.mode != "RGB":
@@ -258,7 +247,7 @@ def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
     return PointLattice(codes, matrix)
 
 
-def _encode_normals(normals: np.ndarray, order: np.ndarray, bits: int) -> dict[str, Any]:
+def _encode_normals(normals: np.ndarray, order: np.ndarray) -> dict[str, Any]:
     """Octahedral map: projects the sphere to |x| + |y| + |z| = 1, unfolded to a square.
 
     Source: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors",
@@ -268,27 +257,20 @@ def _encode_normals(normals: np.ndarray, order: np.ndarray, bits: int) -> dict[s
     n /= np.abs(n).sum(axis=1, keepdims=True)
     sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
     square = np.where(n[:, 2:] >= 0, n[:, :2], (1 - np.abs(n[:, 1::-1])) * sign)
-    top = 2**bits - 1
-    codes = np.rint((square + 1) / 2 * top).astype(np.uint16)
-    planes = 1 if bits <= 8 else 2
-    return {"bits": bits, "codes": _deflate(_byte_planes(codes.T.reshape(-1), planes))}
+    codes = np.rint((square + 1) / 2 * 255).astype(np.uint8)
+    return {"bits": _NORMAL_BITS, "codes": _deflate(codes.T)}
 
 
 def _decode_normals(stored: Mapping[str, Any]) -> np.ndarray:
     field, count = stored["normals"], _num_points(stored)
-    bits = _integer(field["bits"], 1, 16, "bits of the normals")
-    planes = 1 if bits <= 8 else 2
-    data = _inflate(field["codes"], 2 * planes * count, "normals")
-    codes = _from_byte_planes(data, planes, np.uint16).reshape(2, count).T
-    square = codes / (2**bits - 1) * 2 - 1
+    _integer(field["bits"], _NORMAL_BITS, _NORMAL_BITS, "bits of the normals")
+    codes = np.frombuffer(_inflate(field["codes"], 2 * count, "normals"), np.uint8)
+    square = codes.reshape(2, count).T / 255 * 2 - 1
     z = 1 - np.abs(square).sum(axis=1)
     fold = np.maximum(-z, 0)[:, None]
     xy = square - np.where(square >= 0, 1.0, -1.0) * fold
     n = np.concatenate([xy, z[:, None]], axis=1)
     return (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(np.float32)
-
-
-# --- Bytes of one record ----------------------------------------------------------------------
 
 
 def encode(
@@ -297,7 +279,6 @@ def encode(
     points: PointLattice | None = None,
     depth: DepthCodes | None = None,
     point_bits: int = DEFAULT_POINT_BITS,
-    normal_bits: int = DEFAULT_NORMAL_BITS,
 ) -> bytes:
     """Encodes one sample as the bytes of a record.
 
@@ -306,7 +287,6 @@ def encode(
       points: the lattice of `sample.points`, in the same order; it is stored exactly.
       depth: the codes from which `sample.depth` was computed; they are stored exactly.
       point_bits: resolution of the lattice if `points` is None.
-      normal_bits: resolution of normals on each of the two octahedral axes, 1 to 16.
 
     Raises:
       ValueError: a field of the sample does not pass `schema.validate`.
@@ -335,7 +315,7 @@ def encode(
     if sample.depth is not None:
         stored["depth"] = _encode_depth(depth or depth_codes_of(sample.depth), sample.mask)
     if sample.normals is not None:
-        stored["normals"] = _encode_normals(sample.normals, order, normal_bits)
+        stored["normals"] = _encode_normals(sample.normals, order)
     if sample.occupancy is not None:
         stored["occupancy"] = _deflate(np.packbits(sample.occupancy))
     body = msgpack.packb(stored)
@@ -372,16 +352,12 @@ class Stored:
         """
         if self.image is None or self.mask is None or self.points is None:
             raise ValueError("a field is missing, expected image, mask and points")
-        depth = None if self.depth is None else self.depth.depth()
+        depth = self.depth and self.depth.depth()
         return Sample(**{**vars(self), "depth": depth, "points": self.points.points()})
 
 
 def unpack(data: bytes) -> dict[str, Any]:
-    """Verifies the checksum of a record and returns its msgpack map.
-
-    Raises:
-      ValueError: the checksum does not match, or the bytes are not a record.
-    """
+    """The msgpack map of a record; ValueError if its checksum does not match, or it is no map."""
     body = data[4:]
     if len(data) < 5 or zlib.crc32(body) != int.from_bytes(data[:4], "little"):
         raise ValueError("its checksum does not match")
@@ -403,24 +379,25 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
       ValueError: the record is damaged, or a field is invalid.
     """
     stored = unpack(data)
-    wanted = set(fields) & set(stored)
-    if "depth" in wanted:
-        wanted.add("mask")
+    present = {field for field in fields if field in stored}
+    values: dict[str, Any] = dict.fromkeys(
+        ("image", "mask", "depth", "points", "normals", "occupancy")
+    )
     try:
         size = _image_size(stored)
-        mask: Any = _decode_bits(stored["mask"], size, "mask") if "mask" in wanted else None
-        occupied = (schema.OCCUPANCY_SIZE,) * 3
-        decoders: dict[str, Callable[[], Any]] = {
-            "image": lambda: _decode_image(stored),
-            "mask": lambda: mask,
-            "depth": lambda: _decode_depth(stored, mask),
-            "points": lambda: _decode_points(stored),
-            "normals": lambda: _decode_normals(stored),
-            "occupancy": lambda: _decode_bits(stored["occupancy"], occupied, "occupancy"),
-        }
-        values: dict[str, Any] = {
-            name: read() if name in wanted else None for name, read in decoders.items()
-        }
+        if "image" in present:
+            values["image"] = _decode_image(stored, size)
+        if present & {"mask", "depth"}:
+            values["mask"] = _decode_bits(stored["mask"], size, "mask")
+        if "depth" in present:
+            values["depth"] = _decode_depth(stored, values["mask"])
+        if "points" in present:
+            values["points"] = _decode_points(stored)
+        if "normals" in present:
+            values["normals"] = _decode_normals(stored)
+        if "occupancy" in present:
+            shape = (schema.OCCUPANCY_SIZE,) * 3
+            values["occupancy"] = _decode_bits(stored["occupancy"], shape, "occupancy")
         values |= {name: stored[name] for name in ("category", "model_id", "view", "source")}
         decoded = Stored(
             **values,
@@ -437,9 +414,5 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
 
 
 def decode(data: bytes) -> Sample:
-    """Decodes the bytes of a record to a sample.
-
-    Raises:
-      ValueError: the record is damaged.
-    """
+    """The sample of a record; ValueError if the record is damaged."""
     return decode_stored(data).sample()

@@ -11,8 +11,10 @@ aborted the process). The CRC-32 of a record also detects changes that happen ou
 between encoder and decoder.
 """
 
+import collections
 import contextlib
 import errno
+import itertools
 import os
 import pathlib
 import threading
@@ -23,7 +25,7 @@ import numpy as np
 from array_record.python import array_record_module
 
 from psgn_jax.data import schema
-from psgn_jax.data.codec import Stored, decode_stored, encode
+from psgn_jax.data.codec import Stored, decode, decode_stored, encode
 from psgn_jax.data.manifest import (
     MANIFEST,
     SPLIT_NAME,
@@ -34,7 +36,7 @@ from psgn_jax.data.manifest import (
 )
 from psgn_jax.data.schema import RecordError, Sample
 from psgn_jax.system.files import file_crc32, install, is_disk_full, remove_temporaries
-from psgn_jax.system.untrusted import kind_of
+from psgn_jax.system.untrusted import brief, kind_of
 
 # With one record per group, reading a record does not decode its neighbours. The records are
 # compressed already.
@@ -64,19 +66,14 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
     """
 
     def __init__(
-        self,
-        folder: pathlib.Path,
-        split: str,
-        number: int,
-        inputs: Iterable[str] = (),
-        *,
-        tag: str = "",
-    ) -> None:
+        self, folder: pathlib.Path, split: str, number: int, inputs: Iterable[str] = (),
+        *, tag: str = "",
+    ) -> None:  # fmt: skip
         self._path = folder / shard_name(split, number, tag)
         self._temporary = folder / f".{self._path.name}.{os.getpid()}.tmp"
         self._split, self.inputs = split, tuple(inputs)
-        self._categories: dict[str, int] = {}
-        self._fields: set[str] = set(schema.FIELDS)
+        self._categories: collections.Counter[str] = collections.Counter()
+        self._fields = set(schema.FIELDS)
         self._writer = array_record_module.ArrayRecordWriter(str(self._temporary), _WRITER_OPTIONS)
         self.count = 0
         self.shard: Shard  # set at the end of the block
@@ -86,7 +83,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
         with self._os_errors():
             self._writer.write(record)
         self.count += 1
-        self._categories[sample.category] = self._categories.get(sample.category, 0) + 1
+        self._categories[sample.category] += 1
         self._fields -= {f for f in schema.OPTIONAL_FIELDS if getattr(sample, f) is None}
 
     @contextlib.contextmanager
@@ -99,7 +96,6 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
             raise OSError(number, os.strerror(number), str(self._path)) from error
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        """Closes the file and renames it to its name, or removes it after an error."""
         try:
             with self._os_errors():
                 self._writer.close()
@@ -120,7 +116,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
             crc32=file_crc32(self._path),
             categories=dict(sorted(self._categories.items())),
             fields=tuple(f for f in schema.FIELDS if f in self._fields),
-            inputs=tuple(self.inputs),
+            inputs=self.inputs,
         )
 
 
@@ -149,16 +145,15 @@ def write_dataset(
     remove_temporaries(folder)
     shards: list[Shard] = []
     for split, samples in splits.items():
-        iterator = iter(samples)
-        sample = next(iterator, None)
-        number = 0
-        while sample is not None:
+        remaining = iter(samples)
+        for number in itertools.count():
+            part = itertools.islice(remaining, records_per_shard)
+            if (first := next(part, None)) is None:
+                break
             with ShardWriter(folder, split, number) as writer:
-                while sample is not None and writer.count < records_per_shard:
+                for sample in itertools.chain([first], part):
                     writer.write(encode(sample), sample)
-                    sample = next(iterator, None)
             shards.append(writer.shard)
-            number += 1
     manifest = Manifest(source, True, tuple(shards))
     save_manifest(folder, manifest)
     return manifest
@@ -167,36 +162,35 @@ def write_dataset(
 class RecordReader:
     """Random access to the records of one split of one or more data sets, concatenated.
 
-    It can be pickled and shared between threads. The constructor checks that every shard exists and
-    has the size stated in the manifest. Decoding a record checks its CRC-32; `read` does not.
+    Folders without the split are skipped; a folder that is repeated counts again. A reader can be
+    pickled and shared between threads. The constructor checks that every shard exists and has the
+    size stated in the manifest. Decoding a record checks its CRC-32; `read` does not.
+
+    Raises:
+      RecordError: a folder has no complete data set, none has the split, or a shard is missing.
     """
 
     def __init__(
         self, folders: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], split: str
     ) -> None:
-        """Opens `split` of a data set, or of several; a folder that is repeated counts again."""
         if isinstance(folders, str | os.PathLike):
             folders = [folders]
-        self.split = split
-        shards: dict[pathlib.Path, tuple[Shard, ...]] = {}
-        for folder in dict.fromkeys(map(pathlib.Path, folders)):
-            splits = load_manifest(folder).splits()
-            if split not in splits:
+        paths = [pathlib.Path(folder) for folder in folders]
+        splits = {path: load_manifest(path).splits() for path in dict.fromkeys(paths)}
+        if not any(split in found for found in splits.values()):
+            names, present = ",".join(map(str, splits)), sorted(set().union(*splits.values()))
+            raise RecordError(f"data set {names!r} has no split {split!r}; it has {present}")
+        parts = [(path / s.file, s) for path in paths for s in splits[path].get(split, ())]
+        for path, shard in dict(parts).items():
+            _check_readable(path)
+            if (size := path.stat().st_size) != shard.size:
                 raise RecordError(
-                    f"data set {str(folder)!r} has no split {split!r}; it has {sorted(splits)}"
+                    f"shard {path} has {size} bytes, the manifest says {shard.size}; "
+                    + _remedy(path)
                 )
-            shards[folder] = splits[split]
-            for shard in splits[split]:
-                path = folder / shard.file
-                _check_readable(path)
-                if path.stat().st_size != shard.size:
-                    raise RecordError(
-                        f"shard {path} has {path.stat().st_size} bytes, the manifest says "
-                        f"{shard.size}; {_remedy(path)}"
-                    )
-        self._paths = [path / s.file for path in map(pathlib.Path, folders) for s in shards[path]]
-        self.shards = tuple(s for path in map(pathlib.Path, folders) for s in shards[path])
-        self._ends = np.cumsum([s.count for s in self.shards])
+        self.split = split
+        self._paths, self.shards = [path for path, _ in parts], tuple(shard for _, shard in parts)
+        self._ends = np.cumsum([shard.count for shard in self.shards])
         self.__setstate__({})
 
     def __getstate__(self) -> dict[str, Any]:
@@ -213,26 +207,6 @@ class RecordReader:
         """Number of records."""
         return int(self._ends[-1]) if len(self._ends) else 0
 
-    def _open(self, number: int) -> Any:
-        path, count = self._paths[number], self.shards[number].count
-        with self._lock:
-            if path not in self._readers:
-                try:
-                    reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
-                    found = reader.num_records()
-                except (RuntimeError, OSError) as error:
-                    _check_readable(path)
-                    raise RecordError(
-                        f"shard {path} cannot be opened ({_first_line(error)}); {_remedy(path)}"
-                    ) from error
-                if found != count:
-                    raise RecordError(
-                        f"shard {path} is damaged: it has {found} records, expected {count}; "
-                        + _remedy(path)
-                    )
-                self._readers[path] = reader
-            return self._readers[path]
-
     def _find(self, index: int) -> tuple[int, int]:
         """The number of the shard of record `index`, and of the record in the shard."""
         if not 0 <= index < len(self):
@@ -244,6 +218,26 @@ class RecordReader:
         """The file of record `index` and its number within the file."""
         number, position = self._find(index)
         return self._paths[number], position
+
+    def _open(self, number: int) -> Any:
+        path, count = self._paths[number], self.shards[number].count
+        with self._lock:
+            if path not in self._readers:
+                try:
+                    reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
+                    found = reader.num_records()
+                except (RuntimeError, OSError) as error:
+                    _check_readable(path)
+                    raise RecordError(
+                        f"shard {path} cannot be opened ({brief(error)}); {_remedy(path)}"
+                    ) from error
+                if found != count:
+                    raise RecordError(
+                        f"shard {path} is damaged: it has {found} records, expected {count}; "
+                        + _remedy(path)
+                    )
+                self._readers[path] = reader
+            return self._readers[path]
 
     def read(self, index: int) -> bytes:
         """The bytes of one record.
@@ -263,7 +257,7 @@ class RecordReader:
     def _damaged(self, index: int, error: Exception) -> RecordError:
         path, position = self.locate(index)
         return RecordError(
-            f"record {position} of {path} is damaged: {_first_line(error)}; {_remedy(path)}"
+            f"record {position} of {path} is damaged: {brief(error)}; {_remedy(path)}"
         )
 
     def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Stored:
@@ -275,19 +269,13 @@ class RecordReader:
             raise self._damaged(index, error) from error
 
     def __getitem__(self, index: int) -> Sample:
-        """Sample `index`.
-
-        Raises:
-          RecordError: the record is damaged; the message names file and record.
-        """
-        stored = self.stored(index)
+        data = self.read(index)
         try:
-            return stored.sample()
+            return decode(data)
         except ValueError as error:
             raise self._damaged(index, error) from error
 
     def __iter__(self) -> Iterator[Sample]:
-        """All samples in order."""
         return (self[i] for i in range(len(self)))
 
     def verify(self) -> None:
@@ -304,24 +292,6 @@ class RecordReader:
                 )
 
 
-def open_split(folders: Sequence[str | os.PathLike[str]], split: str) -> RecordReader:
-    """Opens a split of one or more data sets; data sets without that split are skipped.
-
-    Raises:
-      RecordError: a folder has no complete data set, or none of them has the split.
-      TypeError: `folders` is a single path instead of a list.
-    """
-    if isinstance(folders, str | os.PathLike):
-        raise TypeError(f"folders: got {folders!r}, expected a list of folders")
-    if len(folders) > 1:
-        having = {f for f in dict.fromkeys(folders) if split in load_manifest(f).splits()}
-        if not having:
-            names = [str(folder) for folder in folders]
-            raise RecordError(f"none of the data sets {names} has a split {split!r}")
-        folders = [folder for folder in folders if folder in having]
-    return RecordReader(folders, split)
-
-
 def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
     """The bytes of all records of one file; no manifest is needed.
 
@@ -333,7 +303,7 @@ def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
         reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
         return list(reader.read(list(range(reader.num_records()))))
     except (RuntimeError, IndexError, OSError) as error:
-        raise RecordError(f"shard {path} is damaged: {_first_line(error)}") from error
+        raise RecordError(f"shard {path} is damaged: {brief(error)}") from error
 
 
 def _remedy(path: pathlib.Path) -> str:
@@ -341,14 +311,9 @@ def _remedy(path: pathlib.Path) -> str:
 
 
 def _check_readable(path: pathlib.Path) -> None:
-    """Distinguishes a shard that is missing or cannot be read from a damaged one.
-
-    Raises:
-      RecordError: the shard is missing, is not a file, or cannot be read.
-    """
+    """Distinguishes a shard that is missing or cannot be read from a damaged one."""
     try:
-        kind = kind_of(path)
-        if kind is not None:
+        if (kind := kind_of(path)) is not None:
             raise RecordError(f"shard {path} is {kind}, expected a file")
         with path.open("rb") as file:
             file.read(1)
@@ -359,8 +324,3 @@ def _check_readable(path: pathlib.Path) -> None:
             f"shard {path} cannot be read: {error.strerror or error}; check its permissions "
             "and the disk"
         ) from None
-
-
-def _first_line(error: BaseException) -> str:
-    lines = str(error).splitlines()
-    return lines[0][:200] if lines else type(error).__name__

@@ -6,12 +6,9 @@ images (192x256), the bounding box of the mask, `h` x `w` pixels, is near the cu
 
     (w / 223)^4 + (h / 124)^4 = 1
 
-(standard deviation of the scale 12 %): wide objects are about 220 pixels wide, tall ones about 125
-pixels high. The centre of the box is at column 128 (sd 11) and row 63 + 0.224 w (sd 14): a tall
-object stands on the ground at row 124, the row of the origin; a wide object extends below this row.
-`rule_move` maps the box of an object to this curve and this centre. The rule was fitted by least
-squares on `((1.8 h)^4 + w^4)^(1/4)`, over the images in which both sides of the box have at least
-20 pixels.
+(standard deviation of the scale 12 %), with its centre at column 128 (sd 11) and row 63 + 0.224 w
+(sd 14). `rule_move` maps the box of an object to this curve and this centre. The rule was fitted by
+least squares, over the images in which both sides of the box have at least 20 pixels.
 
 **Images and points together.** A photo determines neither the size nor the position of its object.
 Therefore a move of the image, from column and row `p` to `s p + (right, down)`, moves the points of
@@ -27,12 +24,8 @@ points at depth z0 the projection is exact. For a point at depth `z = z0 + d` th
 
     q' - (s q + (u, v)) = s d / (z0 + s d) * ((1 - s) q - (u, v))
 
-times the focal length in pixels. Examples for the authors' camera (400 pixels, z0 about 3.6) and
-192x256 pixels: for a point at the left edge of the image, 0.4 in front of the centre (d = -0.4),
-the error is 1.7 pixels under a reduction by 12 % and 1.7 pixels under a shift by 14 pixels. For a
-point half-way to the edge with d = -0.2 the errors are 0.4 and 0.8 pixels. The root mean square
-error over a box of 1 x 1.2 x 0.7 under a shift by 14 pixels is 1.2 pixels. An exact move would have
-to shear the object (x' = s x + u z at the same z).
+times the focal length in pixels: 1.2 pixels (root mean square) for a box of 1 x 1.2 x 0.7 under a
+shift by 14 pixels with the authors' camera. An exact move would have to shear the object.
 """
 
 import dataclasses
@@ -53,12 +46,8 @@ SMALLEST_BOX = 8
 LARGEST_CHANGE = 2.0
 """A sample of a data set is not placed if its size would change by more than this factor.
 
-A larger change means that the mask shows little of the object. One of the authors' 64 validation
-images shows a plate edge-on, with a box of 14 x 30 pixels; the rule would enlarge its points by a
-factor of seven.
+A larger change means that the mask shows little of the object, such as a plate seen edge-on.
 """
-
-_TRAINING_SPREAD = 1  # largest deviation of the border of a training rendering from its grey
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,7 +100,7 @@ def is_framed(image: np.ndarray) -> bool:
     if not same_proportions(image.shape[:2], VIEW_SIZE):
         return False
     border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]]).astype(int)
-    near = np.abs(border - schema.BACKGROUND_GREY).max(axis=1) <= _TRAINING_SPREAD
+    near = np.abs(border - schema.BACKGROUND_GREY).max(axis=1) <= 1
     return bool(near.mean() > 0.97)
 
 
@@ -143,18 +132,12 @@ def rule_move(box: tuple[float, float, float, float]) -> Move:
 
 
 def rule_move_within(mask: np.ndarray) -> Move | None:
-    """The move by the rule within a view of another size, such as a training sample.
+    """The move by the rule, in pixels of a mask [h, w] whose sides correspond to 192 and 256.
 
-    Args:
-      mask: bool [h, w]; its rows and columns correspond to 192 and 256.
-
-    Returns:
-      The move in pixels of the array; None if the longer side of the object's box is below
-      `SMALLEST_BOX` pixels or its size would change by more than `LARGEST_CHANGE`.
+    None if the longer side of the object's box is below `SMALLEST_BOX` pixels, or if its size would
+    change by more than `LARGEST_CHANGE`.
     """
-    if not mask.any():
-        return None
-    top, bottom, left, right = box_of(mask)
+    top, bottom, left, right = box_of(mask) if mask.any() else (0, 0, 0, 0)
     if max(bottom - top, right - left) < SMALLEST_BOX:
         return None
     down, across = VIEW_SIZE[0] / mask.shape[0], VIEW_SIZE[1] / mask.shape[1]
@@ -211,18 +194,11 @@ def keep_inside(move: Move, mask: np.ndarray) -> Move:
 def move_image(
     image: np.ndarray, mask: np.ndarray, to_view: np.ndarray, size: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Resamples image and mask to a view of `size` (H, W).
+    """Resamples image uint8 [h, w, 3] and mask bool [h, w] to a view of `size` (H, W).
 
-    Pillow's bilinear filter is used. When it reduces an image, it averages over all pixels.
-
-    Args:
-      image: uint8 [h, w, 3].
-      mask: bool [h, w].
-      to_view: [3, 3], maps (column, row) of the array to those of the view; scale and shift only.
-      size: size of the view.
-
-    Returns:
-      uint8 [H, W, 3], grey 191 outside the mask, and bool [H, W].
+    `to_view` [3, 3] maps (column, row) of the array to those of the view, by scale and shift.
+    The result is grey 191 outside its mask. Pillow's bilinear filter averages over all pixels when
+    it reduces an image.
     """
     # Corners of the view in the array. Parts of the view outside the array are grey.
     factors = 1 / np.diag(to_view)[:2]
@@ -255,16 +231,9 @@ def on_mask(mask: np.ndarray, image: np.ndarray, other: np.ndarray | np.uint8) -
 def move_points(
     points: np.ndarray, move: Move, intrinsics: np.ndarray, extrinsics: np.ndarray
 ) -> np.ndarray:
-    """Moves points together with their image, by the equation in the module's docstring.
+    """Moves points [n, 3] with the image of their camera, by the equation of the module.
 
-    Args:
-      points: float32 [n, 3] in the project's frame, in front of the camera; n may be 0.
-      move: move of the image of this camera.
-      intrinsics: [3, 3].
-      extrinsics: [3, 4].
-
-    Returns:
-      float32 [n, 3]: `scale * points` plus one vector.
+    The result, float32 [n, 3], is `scale * points` plus one vector.
     """
     if not len(points):
         return points
@@ -281,13 +250,9 @@ def move_points(
 def move_depth(
     depth: np.ndarray, points: np.ndarray, move: Move, extrinsics: np.ndarray
 ) -> np.ndarray:
-    """Moves a depth map together with image and points; depths are scaled about z0.
+    """Moves a depth map [h, w], 0 = none, with its image; depths are scaled about z0.
 
-    Args:
-      depth: float32 [h, w], 0 = none; the resampling uses the nearest pixel.
-      points: float32 [n, 3], the points before `move_points`, n > 0.
-      move: move of the image.
-      extrinsics: [3, 4].
+    Each pixel takes the nearest one. `points` are those before `move_points`.
     """
     height, width = depth.shape
     rows = np.floor((np.arange(height) + 0.5 - move.down) / move.scale).astype(np.intp)
@@ -356,11 +321,7 @@ def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:
     Training objects have this form (`data_gen.frame.normalize`): the lowest point is at z = 0, the
     centre of the bounding box at x = y = 0, and the farthest point at distance 1 from the origin.
 
-    Args:
-      points: [..., 3], all clouds of an object; they have a common scale and shift.
-
-    Returns:
-      a > 0 (1 if all points are equal) and b, float64 [3].
+    The points [..., 3] may be several clouds, with a common a > 0 (1 if all are equal) and b [3].
     """
     flat = points.reshape(-1, 3).astype(np.float64)
     low, high = flat.min(axis=0), flat.max(axis=0)

@@ -24,7 +24,7 @@ from grain.multiprocessing import SharedMemoryArray
 from psgn_jax.config.experiment import DataConfig
 from psgn_jax.data import workers
 from psgn_jax.data.batches import ORDER, Batch, EvalBatch, Items, Models, TrainBatch
-from psgn_jax.data.dataset import RecordReader, open_split
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.cores import num_cores
 
@@ -38,7 +38,7 @@ def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader
             "no data set is named; expected a folder of records, or a configuration from "
             "psgn_jax.commands.default_data.with_default_data, which renders the default data set"
         )
-    reader = open_split(folders, split)
+    reader = RecordReader(folders, split)
     name = ",".join(dict.fromkeys(folders))
     if not len(reader):
         raise RecordError(f"data set {name!r}: split {split!r} is empty")

@@ -17,7 +17,8 @@ import numpy as np
 from PIL import Image, ImageFilter
 from scipy import ndimage
 
-from psgn_jax.data.photo import PhotoError, resize_mask
+from psgn_jax.data.photo import PhotoError
+from psgn_jax.data.resize import smooth_mask
 
 METHODS = ("auto", "alpha", "plain", "grabcut")
 
@@ -136,7 +137,7 @@ def plain(image: np.ndarray) -> np.ndarray | None:
     mask = ~ndimage.binary_propagation(outside & near, mask=near)
     # A 3x3 majority filter removes specks and keeps edges.
     count = ndimage.correlate(mask.astype(np.uint8), np.ones((3, 3), np.uint8), mode="nearest")
-    return resize_mask(count > 4, image.shape[:2])
+    return smooth_mask(count > 4, image.shape[:2])
 
 
 def _border(plane: np.ndarray) -> np.ndarray:
@@ -178,7 +179,7 @@ def _by_colours(image: np.ndarray) -> FoundMask | None:
     found = segmentation.segment(image)
     if found is None:
         return None
-    mask = resize_mask(found.mask, image.shape[:2])
+    mask = smooth_mask(found.mask, image.shape[:2])
     if not _SMALLEST <= mask.mean() <= _LARGEST:
         return None
     doubt = DOUBT.format(found.score) if found.score < segmentation.DOUBTFUL else ""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from psgn_jax.data import resize
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import kind_of, one_line
 
@@ -113,7 +114,7 @@ def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
     mask = levels > levels.max() / 2
     if mask.all():
         raise PhotoError(f"mask {path} covers the whole image: expected a background without it")
-    return resize_mask(mask, photo.image.shape[:2])
+    return resize.smooth_mask(mask, photo.image.shape[:2])
 
 
 def useful_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
@@ -123,14 +124,6 @@ def useful_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
     ordinary photo not fully opaque.
     """
     return None if alpha is None or (alpha < 128).mean() < _LEAST_TRANSPARENT else alpha
-
-
-def resize_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
-    """Resizes bool [h, w] to `size`, with smooth edges when enlarging."""
-    if mask.shape == tuple(size):
-        return mask
-    levels = Image.fromarray(mask.astype(np.uint8) * np.uint8(255))
-    return np.asarray(levels.resize((size[1], size[0]), Image.Resampling.BILINEAR)) > 127
 
 
 def same_proportions(size: tuple[int, ...], other: tuple[int, ...]) -> bool:

@@ -21,43 +21,29 @@ _GREY = (schema.BACKGROUND_GREY,) * 3
 def stretch(
     image: np.ndarray, mask: np.ndarray, source: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Image and mask with other columns.
+    """Image and mask with the columns at the coordinates `source`, which ascend.
 
-    Colours are interpolated, with weights rounded to 1/256; the mask takes the nearest column.
-    Columns without source pixels become background, see `augment.stretch`.
-
-    Args:
-      image: the image.
-      mask: the mask.
-      source: coordinates of the new columns in the image, ascending; column i has its centre at
-        i + 0.5.
+    Column i has its centre at i + 0.5. Colours are interpolated, with weights rounded to 1/256; the
+    mask takes the nearest column. Columns without source pixels become background, see
+    `augment.stretch`.
     """
+    rows, part = slice(None), slice(None)
     if window := _window(image, mask):
-        rows, columns = window
-        first, last = np.searchsorted(source, (columns.start - 0.5, columns.stop + 0.5))
-        part, source = np.s_[rows, first:last], source[first:last]
-        new = np.full_like(image, schema.BACKGROUND_GREY)
-        new[part] = _columns(image[rows], source)
-        moved = np.zeros_like(mask)
-        moved[part], _ = take_nearest(mask[rows], source)
-        return new, moved
-    width = mask.shape[1]
-    moved, vacated = take_nearest(mask, source)
-    if not vacated.any() or _has_grey_background(image, mask):
-        new = _columns(image, source)
-        new[:, vacated] = schema.BACKGROUND_GREY
-        return new, moved
-    before, after = _margins(float(source[0]), float(source[-1]), width)
-    return _columns(_extend(image, mask, (0, 0), (before, after)), source + before), moved
+        first, last = np.searchsorted(source, (window[1].start - 0.5, window[1].stop + 0.5))
+        rows, part = window[0], slice(first, last)
+    new, moved = np.full_like(image, schema.BACKGROUND_GREY), np.zeros_like(mask)
+    source = source[part]
+    moved[rows, part], vacated = take_nearest(mask[rows], source)
+    if vacated.any() and not _has_grey_background(image, mask):
+        before, after = _margins(float(source[0]), float(source[-1]), mask.shape[1])
+        return _columns(_extend(image, mask, (0, 0), (before, after)), source + before), moved
+    new[rows, part] = _columns(image[rows], source)
+    new[:, part][:, vacated] = schema.BACKGROUND_GREY
+    return new, moved
 
 
 def take_nearest(plane: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The nearest columns of a plane [h, w], 0 outside it; and which columns are outside, bool [w].
-
-    Args:
-      plane: any dtype.
-      source: coordinates of the columns, as in `stretch`.
-    """
+    """The columns of a plane [h, w] nearest to `source`, 0 outside it; and which are outside."""
     nearest = np.floor(source).astype(np.intp)
     outside = (nearest < 0) | (nearest >= plane.shape[1])
     taken = plane.take(np.clip(nearest, 0, plane.shape[1] - 1), axis=1)
@@ -71,13 +57,7 @@ def recrop(
     """Image and mask, scaled and moved: row i becomes row `factor * i + offset[0]`.
 
     Colours are interpolated, the mask takes the nearest pixel. Pixels without a source become
-    background, see `augment.recrop`.
-
-    Args:
-      image: the image.
-      mask: the mask; all its pixels stay inside.
-      factor: positive.
-      offset: (down, right) in pixels; edges of pixels are at integers.
+    background, see `augment.recrop`. The object must stay inside.
     """
     size = mask.shape
     moved = resample(mask.astype(np.uint8), size, factor, offset).astype(np.bool_)

@@ -47,6 +47,14 @@ def resize_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return _area_average(mask, size) > 0.5 - 1e-6
 
 
+def smooth_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
+    """Resizes a photo's mask, bool [h, w], by a bilinear filter: smooth edges when enlarging."""
+    if mask.shape == tuple(size):
+        return mask
+    levels = Image.fromarray(mask.astype(np.uint8) * np.uint8(255))
+    return np.asarray(levels.resize((size[1], size[0]), Image.Resampling.BILINEAR)) > 127
+
+
 def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Resizes a depth map [H, W] (0 = none) to the size of a mask that is already resized.
 
@@ -55,13 +63,6 @@ def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
     of its four quarters. Holes narrower than a new pixel are therefore filled; wider ones remain.
     The result is 0 outside `mask`, and where all five positions have no depth. Non-finite depths
     count as none.
-
-    Args:
-      depth: float32 [H, W].
-      mask: bool [H', W'].
-
-    Returns:
-      float32 [H', W'].
     """
     depth = np.where(np.isfinite(depth), depth, np.float32(0))
     if depth.shape == mask.shape:

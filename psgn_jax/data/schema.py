@@ -1,7 +1,5 @@
 """The definition of a sample: fields, shapes, dtypes, units and frames.
 
-The only package that this module needs is numpy, so the renderer (`data_gen`) can use it too.
-
 **Frame** (of every data set, prediction and export): right-handed, +z up, +y to the right of the
 image, +x horizontally toward the camera, origin on the ground under the object. The unit of length
 is the radius of the object's bounding hemisphere.
@@ -22,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import parse_json
 
 BACKGROUND_GREY = 191
@@ -53,10 +52,8 @@ FIELDS = (
 OPTIONAL_FIELDS = ("depth", "normals", "occupancy")
 
 
-class RecordError(ValueError):
+class RecordError(UserError):
     """A data set, a shard or a record is missing, damaged or of another format."""
-
-    exit_code = 2  # commands print only the message and exit with this code
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

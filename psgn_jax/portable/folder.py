@@ -15,7 +15,7 @@ from absl import logging
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import camera, framing, resize, schema
-from psgn_jax.data.dataset import open_split
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
 from psgn_jax.portable.network import PortableNetwork
@@ -181,7 +181,7 @@ def _recorded(
     network: PortableNetwork, path: str, split: str, count: int
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """The inputs and the true clouds of the first `count` samples of a split of records."""
-    reader = open_split([path], split)
+    reader = RecordReader(path, split)
     samples = [reader[i] for i in range(min(count, len(reader)))]
     size = network.config.data.image_size
     images = np.stack([resize.resize_image(sample.image, size) for sample in samples])

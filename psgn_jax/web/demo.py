@@ -22,7 +22,7 @@ import numpy as np
 from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError
-from psgn_jax.data import masks, photo
+from psgn_jax.data import masks, photo, resize
 from psgn_jax.prediction.files import predict_photo
 from psgn_jax.prediction.predictor import FC, Predictor
 from psgn_jax.viewing import page
@@ -87,7 +87,7 @@ class Demo:
         except ValueError as error:
             line = f"{_failed(error, path, mask_path)} Paint the object, then press Predict."
         else:
-            layer[rows, columns][photo.resize_mask(mask, size[::-1])] = PAINT
+            layer[rows, columns][resize.smooth_mask(mask, size[::-1])] = PAINT
             line = html.escape(f"Mask: {source}. {doubt} ") + _CORRECT
         return {"background": background, "layers": [layer], "composite": None}, line
 
@@ -175,7 +175,7 @@ def painted(layers: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
                 "drop the photo again"
             )
         mask |= layer[..., 3] > PAINT[3] // 2
-    return photo.resize_mask(mask[place_in_editor(shape)].copy(), shape[:2])
+    return resize.smooth_mask(mask[place_in_editor(shape)].copy(), shape[:2])
 
 
 def in_frame(document: str) -> str:

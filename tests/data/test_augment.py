@@ -78,14 +78,6 @@ def test_stretch(factor, mirror):
         np.testing.assert_array_equal(stretched.mask, view.mask)
 
 
-def test_stretch_refuses_what_it_cannot_do():
-    view = view_of("box")
-    with pytest.raises(ValueError, match=r"the camera is rolled or skewed"):
-        augment.stretch(rolled(view), 1.1)
-    with pytest.raises(ValueError, match="stretch factor: got -1"):
-        augment.stretch(view, -1)
-
-
 def augmented(view, seed, **settings):
     return augment.augment(view, DataConfig(**settings), np.random.default_rng(seed), [seed])
 
@@ -161,8 +153,6 @@ def test_recrop_keeps_the_object_in_the_image():
         assert (pixels > -1.5).all()
         assert (pixels < np.array(view.mask.shape)[::-1] + 1.5).all()
         assert_consistent(cropped)
-    with pytest.raises(ValueError, match="recrop factor: got 0"):
-        augment.recrop(view, 0, (0, 0))
 
 
 def test_colour_jitter_stays_on_the_object():

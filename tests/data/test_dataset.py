@@ -12,10 +12,10 @@ import msgpack
 import numpy as np
 import pytest
 
+from psgn_jax.data import codec, schema
 from psgn_jax.data import dataset as dataset_lib
-from psgn_jax.data import schema
 from psgn_jax.data.codec import DepthCodes, PointLattice, decode, decode_stored, encode, unpack
-from psgn_jax.data.dataset import RecordReader, ShardWriter, open_split, shard_name, write_dataset
+from psgn_jax.data.dataset import RecordReader, ShardWriter, shard_name, write_dataset
 from psgn_jax.data.manifest import MANIFEST, Manifest, load_manifest, save_manifest
 from psgn_jax.data.schema import RecordError
 
@@ -39,13 +39,11 @@ def test_round_trip_of_every_field(sample):
 @pytest.mark.parametrize("bits", [1, 8, 9, 12, 16])
 def test_point_error_is_half_a_lattice_step(make, rng, bits):
     sample = make.sample(rng, num_points=500)
-    back = decode(encode(sample, point_bits=bits, normal_bits=16))
-    # The normals are stored in the order of the points, so they identify the points.
-    distance = np.linalg.norm(back.normals[:, None] - sample.normals, axis=2)
-    match = distance.argmin(axis=1)
-    assert sorted(match) == list(range(500))
+    lattice = codec.lattice_of(sample.points, bits)
     step = np.ptp(sample.points, axis=0) / (2**bits - 1)
-    assert (np.abs(back.points - sample.points[match]) <= step / 2 * (1 + 1e-4) + 1e-6).all()
+    assert (np.abs(lattice.points() - sample.points) <= step / 2 * (1 + 1e-4) + 1e-6).all()
+    stored = decode_stored(encode(sample, point_bits=bits)).points
+    np.testing.assert_array_equal(sorted_rows(stored.codes), sorted_rows(lattice.codes))
 
 
 def test_normal_error_is_under_a_degree(make, rng):
@@ -132,47 +130,35 @@ def copied(dataset, tmp_path):
 
 
 def edit(folder, change):
-    """Changes the content of a manifest, which then has no checksum, as in earlier versions."""
+    """Changes the content of a manifest, which then has no checksum."""
     content = json.loads((folder / MANIFEST).read_text())
     del content["crc32"]
     change(content)
     (folder / MANIFEST).write_text(json.dumps(content))
 
 
-def test_manifests_of_earlier_versions_are_read(copied):
-    edit(copied, lambda content: None)
-    assert len(RecordReader(copied, "train")) == 37
-
-
-@pytest.mark.parametrize("checked", [True, False])
-def test_a_shard_that_is_relabelled_to_another_split_is_refused(copied, checked):
-    """By the checksum, and by the name of the file in a manifest without one."""
-
-    def relabel(content):
-        content["shards"][0]["split"] = "validation"
-
-    if checked:
-        content = json.loads((copied / MANIFEST).read_text())
-        relabel(content)
-        (copied / MANIFEST).write_text(json.dumps(content))
-    else:
-        edit(copied, relabel)
-    with pytest.raises(RecordError, match=r"json: damaged \((its checksum|shard 'train-0)"):
+def test_a_changed_manifest_is_refused_by_its_checksum(copied):
+    text = (copied / MANIFEST).read_text()
+    (copied / MANIFEST).write_text(text.replace('"train"', '"validation"', 1))
+    with pytest.raises(RecordError, match=r"json: damaged \(its checksum"):
+        load_manifest(copied)
+    edit(copied, lambda content: content["shards"].append(content["shards"][0]))
+    with pytest.raises(RecordError, match="is listed "):
         load_manifest(copied)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"version": 99}, "format version 99, this version of psgn_jax reads 1"),
-        ({"version": {}}, "format version {}"),
+        ({"version": 99}, "version 99; this version of psgn_jax reads '.*', version 1"),
+        ({"version": {}}, "version {}"),
         ({"format": "other"}, "format 'other'"),
         ({"complete": False}, "it is incomplete"),
-        ({"complete": 1}, "damaged .complete is 1, expected true or false"),
-        ({"source": 5}, "damaged .source is 5"),
-        ({"shards": 3}, "damaged .shards is 3"),
-        ({"shards": [5]}, "damaged .a shard with missing or unknown fields 5"),
-        ({"shards": [{"file": "a"}]}, "damaged .a shard with missing"),
+        ({"complete": 1}, "damaged .complete=1: accepted: True or False"),
+        ({"source": 5}, "damaged .source=5"),
+        ({"shards": 3}, "damaged .shards=3"),
+        ({"shards": [5]}, r"damaged .shards\[0\]=5: accepted: a section with file"),
+        ({"shards": [{"file": "a"}]}, "damaged .*missing 7 required .*'split'"),
     ],
 )
 def test_wrong_manifests(copied, changes, message):
@@ -211,12 +197,6 @@ def test_a_manifest_with_a_wrong_field_is_refused_by_name(copied, field, value):
     assert "\n" not in str(error.value)
 
 
-def test_a_shard_that_is_there_twice_is_refused(copied):
-    edit(copied, lambda content: content["shards"].append(content["shards"][0]))
-    with pytest.raises(RecordError, match="is listed twice"):
-        load_manifest(copied)
-
-
 def test_folders_without_the_data_are_refused_by_name(dataset, tmp_path):
     with pytest.raises(RecordError, match="no such folder"):
         RecordReader(tmp_path / "missing", "train")
@@ -224,8 +204,6 @@ def test_folders_without_the_data_are_refused_by_name(dataset, tmp_path):
         RecordReader(tmp_path, "train")
     with pytest.raises(RecordError, match=r"no split 'test'.*'train', 'validation'"):
         RecordReader(dataset, "test")
-    with pytest.raises(TypeError, match="expected a list of folders"):
-        open_split(str(tmp_path), "train")
 
 
 def test_missing_and_truncated_shards(copied):

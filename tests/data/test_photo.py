@@ -160,7 +160,7 @@ def mode_1(mask):
 def test_masks_of_mode_1_are_masks():
     image, mask = scene()
     for size in ((60, 80), (55, 70), (240, 320)):
-        for resized in (photo.resize_mask, resize.resize_mask):
+        for resized in (resize.smooth_mask, resize.resize_mask):
             np.testing.assert_array_equal(resized(mode_1(mask), size), resized(mask, size))
     want, got = framing.place(image, mask), framing.place(image, mode_1(mask))
     np.testing.assert_array_equal(got.mask, want.mask)

@@ -15,7 +15,7 @@ from helpers.weights import random_params
 from PIL import Image
 
 from psgn_jax.config import ConfigError
-from psgn_jax.data import photo
+from psgn_jax.data import photo, resize
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.web import demo as lib
 from psgn_jax.weights.run_folder import Run
@@ -85,7 +85,7 @@ def test_a_mask_survives_the_editor(shape):
     mask = np.zeros(shape, np.bool_)
     mask[shape[0] // 4 : shape[0] // 2, shape[1] // 3 :] = True
     layer = np.zeros((*lib.EDITOR_SIZE, 4), np.uint8)
-    layer[rows, columns][photo.resize_mask(mask, on_canvas)] = lib.PAINT
+    layer[rows, columns][resize.smooth_mask(mask, on_canvas)] = lib.PAINT
     back = lib.painted([layer], shape)
     coarse = max(1, shape[0] / on_canvas[0])
     assert (back != mask).sum() <= coarse * (2 * mask.any(0).sum() + mask.any(1).sum())

@@ -12,7 +12,7 @@ import numpy as np
 from psgn_jax.config import structured
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.config.structured import Bounds, Count
-from psgn_jax.data.dataset import open_split
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import Sample
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.untrusted import message_line, one_line, read_json
@@ -114,7 +114,7 @@ def build_study(
     """
     out = pathlib.Path(out)
     check_folder(out, "--out")
-    reader = open_split(data.split(","), split)
+    reader = RecordReader(data.split(","), split)
     available = min(len(reader), MAX_CASES)
     if not 1 <= cases <= available:
         raise ConfigError(
@@ -180,7 +180,7 @@ def open_cases(study: StudyFile, data: str = "") -> list[Sample]:
       ConfigError: the records are not those of the study.
       RecordError: they cannot be read.
     """
-    reader = open_split((data or study.data).split(","), study.split)
+    reader = RecordReader((data or study.data).split(","), study.split)
     samples = [reader[case.record] for case in study.cases if case.record < len(reader)]
     if _checksum(samples) != study.id:
         raise ConfigError(
