@@ -40,7 +40,7 @@ from psgn_jax.system.untrusted import parse_json, with_checksum, without_checksu
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
 Task = Literal["points", "refine", "volume", "views"]
-Version = Literal["vanilla", "two_branch", "hourglass"]
+Version = Literal["vanilla", "two_branch", "hourglass", "lite0"]
 
 
 def has_deconv_branch(version: str) -> bool:
@@ -61,7 +61,7 @@ class ModelConfig:
     Attributes:
       name: version of the network, see `models.point_out_net`.
       widths: number of feature maps at each resolution level, full size first; each level halves
-        the size.
+        the size. `lite0` has seven levels, of which the decoder reads those from `deconv_level` on.
       width_multiplier: factor of all hidden widths, except those of the posterior network. If it is
         not 1, the results are rounded to multiples of 8 and are at least 8.
       fc_points: number of points of the fully connected branch; all points of `vanilla`.
@@ -72,6 +72,8 @@ class ModelConfig:
       random_at: where r enters: "bottleneck" affects the points of both branches; "fc" affects only
         the points of the fully connected branch, which is cheaper (for `vanilla` these are all
         points).
+      trained_blocks: how many of the encoder's 16 blocks are trained, counted from the last one
+        (`lite0` only). The others keep the parameters of `train.init`.
       posterior: train as a conditional variational autoencoder: in training, r is drawn from the
         distribution that the posterior network predicts from the ground truth (`models.posterior`).
         Elsewhere r is drawn from the prior N(0, I).
@@ -92,6 +94,7 @@ class ModelConfig:
     fc_widths: tuple[Size, ...] = (2048, 1024)
     random_size: Annotated[int, Bounds(low=0, high=1_000_000)] = 0
     random_at: Literal["bottleneck", "fc"] = "bottleneck"
+    trained_blocks: Annotated[int, Bounds(low=0, high=16)] = 0
     posterior: bool = False
     posterior_widths: tuple[Size, ...] = (32, 64, 128)
     posterior_hidden: Size = 128
@@ -140,6 +143,7 @@ class OptimConfig:
 
     Attributes:
       learning_rate: the peak; the authors' value is 3e-5.
+      encoder_rate: factor of the learning rate of the blocks of `lite0`.
       schedule: after the warm-up, constant, or half a cosine down to `final_fraction` of the peak.
       warmup_steps: number of steps of a linear warm-up from 0.
       final_fraction: ratio of the learning rate at the last step to the peak (cosine only).
@@ -152,6 +156,7 @@ class OptimConfig:
     """
 
     learning_rate: Positive = 3e-5
+    encoder_rate: Fraction = 1.0
     schedule: Literal["constant", "cosine"] = "constant"
     warmup_steps: Count = 0
     final_fraction: Fraction = 0.0
@@ -408,6 +413,10 @@ def _check_together(config: Config) -> None:
         "model.fc_widths",
         "at least one width, such as (1024,)",
     )
+    if model.name == "lite0":
+        require(len(model.widths) == 7, "model.widths", "seven levels for 'lite0'")
+        require(model.deconv_level, "model.deconv_level", "1 to 5 for 'lite0'")
+        require(data.inputs[0] == "rgb", "data.inputs", "'rgb' first for 'lite0'")
     if has_deconv_branch(model.name):
         deepest = len(model.widths) - 2
         require(model.deconv_level <= deepest, "model.deconv_level", f"0 to {deepest} {levels}")

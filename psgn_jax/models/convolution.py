@@ -37,3 +37,15 @@ def convolve_transposed(
     if faster is not None and (y := faster(x, kernel, stride, True)) is not None:
         return y
     return lax.conv_transpose(x, kernel, (stride,) * 2, "SAME", dimension_numbers=_LAYOUT[4])
+
+
+def convolve_depthwise(
+    x: Float[Array, "b h w c"], kernel: Float[Array, "kh kw 1 c"], stride: int = 1
+) -> Float[Array, "b ho wo c"]:
+    """Convolution of each channel by itself, SAME padding of TensorFlow."""
+    if faster is not None and (y := faster(x, kernel, stride, False)) is not None:
+        return y
+    groups, strides = x.shape[-1], (stride,) * 2
+    return lax.conv_general_dilated(
+        x, kernel, strides, "SAME", dimension_numbers=_LAYOUT[4], feature_group_count=groups
+    )

@@ -84,6 +84,7 @@ def _point_out_net(config: ModelConfig) -> PointOutNet:
         deconv_channels=config.deconv_channels,
         random_size=config.random_size,
         random_at=config.random_at,
+        trained_blocks=config.trained_blocks,
         dtype=DTYPES[config.compute_dtype],
     )
 
@@ -92,6 +93,7 @@ NETWORKS: dict[str, Callable[[ModelConfig], PointOutNet]] = {
     "vanilla": _point_out_net,
     "two_branch": _point_out_net,
     "hourglass": _point_out_net,
+    "lite0": _point_out_net,
 }
 """Key: `model.name`."""
 

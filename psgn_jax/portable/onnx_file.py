@@ -12,7 +12,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from psgn_jax.config.experiment import has_deconv_branch
-from psgn_jax.models import layers, networks
+from psgn_jax.models import efficientnet, layers, networks
 from psgn_jax.models.inputs import BACKGROUND
 from psgn_jax.portable.network import PortableNetwork
 
@@ -104,10 +104,11 @@ class _Graph:
 
     # --- layers -------------------------------------------------------------------------------
 
-    def conv(self, x: str, layer: Mapping[str, Any], stride: int = 1) -> str:
+    def conv(self, x: str, layer: Mapping[str, Any], stride: int = 1, groups: int = 1) -> str:
         kernel = self.kernel(np.transpose(layer["kernel"], (3, 2, 0, 1)), 0)
         bias, strides = self.constant(layer["bias"]), [stride, stride]
-        return self.node("Conv", x, kernel, bias, strides=strides, auto_pad="SAME_UPPER")
+        options = {"strides": strides, "group": groups, "auto_pad": "SAME_UPPER"}
+        return self.node("Conv", x, kernel, bias, **options)
 
     def up(self, x: str, layer: Mapping[str, Any]) -> str:
         """`models.layers.ConvTranspose` with stride 2.
@@ -129,6 +130,9 @@ class _Graph:
 
     def relu(self, x: str) -> str:
         return self.node("Relu", x)
+
+    def relu6(self, x: str) -> str:
+        return self.node("Clip", x, self.constant(0), self.constant(6))
 
     def per_draw(self, x: str, rank: int) -> str:
         """Repeats the rows of a tensor of this rank for each draw."""
@@ -183,6 +187,34 @@ class _Graph:
             features.append(x)
         return features, self.bottleneck(x, params["bottleneck"])
 
+    def photo_encoder(self, x: str, params: Mapping[str, Any]) -> tuple[list[str], str]:
+        """`PhotoEncoder`: the image and the maps of EfficientNet-Lite0, and the bottleneck."""
+        features, params_lite0 = [x], params[efficientnet.NAME]
+        image = self.node("Slice", x, self.integers(0), self.integers(3), self.integers(1))
+        others = self.node("Slice", x, self.integers(3), self.integers(99), self.integers(1))
+        image = self.node("Mul", image, self.constant(255 / 128))
+        image = self.node("Sub", image, self.constant(127 / 128))
+        x = self.relu6(self.conv(image, params_lite0["stem"], 2))
+        maps, stride, number = {}, 2, 0
+        for stage in efficientnet.STAGES:
+            stride *= stage.stride
+            for i in range(stage.blocks):
+                layer, y = params_lite0[f"block{number}"], x
+                if "expand" in layer:
+                    y = self.relu6(self.conv(y, layer["expand"]))
+                groups = layer["depthwise"]["bias"].size
+                step = stage.stride if i == 0 else 1
+                y = self.relu6(self.conv(y, layer["depthwise"], step, groups))
+                y = self.conv(y, layer["project"])
+                x = self.node("Add", x, y) if i else y
+                number += 1
+            maps[stride] = x
+        for stride, y in maps.items():
+            others = self.node("AveragePool", others, kernel_shape=[2, 2], strides=[2, 2])
+            scaled = self.node("Mul", y, self.constant(efficientnet.SCALES[stride]))
+            features.append(self.node("Concat", scaled, others, axis=1))
+        return features, self.bottleneck(features[-1], params["bottleneck"])
+
     def merge(self, x: str, skip: str, params: Mapping[str, Any]) -> str:
         moved = self.up(x, params["up"]) if "up" in params else self.conv(x, params["down"], 2)
         x = self.relu(self.add(moved, self.conv(skip, params["skip"]), 4))
@@ -233,7 +265,8 @@ class _Graph:
 
     def points(self) -> str:
         model, params = self.config.model, self.params
-        features, x = self.encoder(self.image(), params["encoder"])
+        encoder = self.photo_encoder if model.name == "lite0" else self.encoder
+        features, x = encoder(self.image(), params["encoder"])
         bottlenecks, last = [x], len(features)
         if model.name == "hourglass":
             top = min(1, model.deconv_level)

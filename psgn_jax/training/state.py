@@ -14,6 +14,7 @@ import optax
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, OptimConfig
+from psgn_jax.models import efficientnet
 from psgn_jax.weights.leaves import from_named_leaves
 
 
@@ -73,8 +74,16 @@ def schedule(config: OptimConfig, steps: int) -> optax.Schedule:
 def optimizer(config: OptimConfig, steps: int) -> optax.GradientTransformation:
     """Adam (Kingma and Ba, 2015) under the schedule, after clipping by the global norm."""
     clip = optax.clip_by_global_norm(config.clip_norm) if config.clip_norm else optax.identity()
-    return optax.chain(
-        clip,
-        optax.scale_by_adam(b1=config.b1, b2=config.b2, eps=config.eps),
-        optax.scale_by_learning_rate(schedule(config, steps)),
-    )
+    adam = optax.scale_by_adam(b1=config.b1, b2=config.b2, eps=config.eps)
+    rate = optax.scale_by_learning_rate(schedule(config, steps))
+    if config.encoder_rate == 1:
+        return optax.chain(clip, adam, rate)
+
+    def factors(updates: Any, _: Any) -> Any:
+        def scaled(path: Any, update: Array) -> Array:
+            pretrained = any(getattr(key, "key", None) == efficientnet.NAME for key in path)
+            return config.encoder_rate * update if pretrained else update
+
+        return jax.tree_util.tree_map_with_path(scaled, updates)
+
+    return optax.chain(clip, adam, optax.stateless(factors), rate)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from psgn_jax.models import cpu_convolution, networks, onednn
-from psgn_jax.models.convolution import convolve, convolve_transposed
+from psgn_jax.models.convolution import convolve, convolve_depthwise, convolve_transposed
 
 assert networks.NETWORKS  # its import makes the convolutions use oneDNN
 NEEDS_ONEDNN = pytest.mark.skipif(onednn.library()[0] is None, reason="oneDNN is not installed")
@@ -118,6 +118,19 @@ def test_bfloat16(name, library):
     assert all(a.dtype == jnp.bfloat16 for a in ours)
     exact = [np.asarray(a, np.float64) for a in arrays]
     assert_close(ours, reference(*exact, *case[-2:]), relative=0.02)
+
+
+@pytest.mark.parametrize(("taps", "stride"), [(3, 1), (3, 2), (5, 2)])
+@pytest.mark.parametrize("size", [(6, 8), (5, 7), (1, 1)])
+def test_depthwise_is_one_convolution_for_each_channel(size, taps, stride):
+    x, kernel, dy = make(size, 3, 1, taps, stride, False)
+    kernel, dy = kernel.swapaxes(2, 3), dy.repeat(3, -1)
+    y, vjp = jax.vjp(lambda x, kernel: convolve_depthwise(x, kernel, stride), x, kernel)
+    single = [
+        reference(x[..., c : c + 1], kernel[..., c : c + 1], dy[..., c : c + 1], stride, False)
+        for c in range(3)
+    ]
+    assert_close((y, *vjp(dy)), [np.concatenate(parts, -1) for parts in zip(*single, strict=True)])
 
 
 @NEEDS_ONEDNN

@@ -9,7 +9,7 @@ import pytest
 from psgn_jax.config.experiment import ModelConfig
 from psgn_jax.models import layers
 from psgn_jax.models.cpu_convolution import plain_convolutions
-from psgn_jax.models.networks import NETWORKS, build, scaled_widths
+from psgn_jax.models.networks import build, scaled_widths
 
 # Most of the time of these tests is compilation.
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
@@ -68,7 +68,7 @@ FULL_COUNT = {"vanilla": 34_608_384, "two_branch": 38_910_019, "hourglass": 70_1
 
 def versions(*fast: str):
     """Test parameters: all versions; those that are not in `fast` are marked slow."""
-    return [pytest.param(v, marks=[pytest.mark.slow] * (v not in fast)) for v in NETWORKS]
+    return [pytest.param(v, marks=[pytest.mark.slow] * (v not in fast)) for v in PUBLISHED]
 
 
 def full_config(name: str, **changes) -> ModelConfig:
@@ -122,7 +122,7 @@ def apply(config: ModelConfig, params, x, r=None, *, intermediates=False):
     return _jitted(config, intermediates)({"params": params}, x, r)
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("name", PUBLISHED)
 def test_full_size_is_the_published_network(name):
     config = full_config(name)
     network = build(config)

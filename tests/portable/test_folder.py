@@ -35,6 +35,9 @@ NETWORKS = {
     },
     "hourglass with r": {"model__name": "hourglass", "model__random_size": 2},
     "padded": {"model__name": "hourglass", "size": (18, 24)},
+    "lite0 with r": {
+        "model__name": "lite0", "model__widths": (4, 4, 4, 8, 8, 8, 8), "model__random_size": 2,
+    },
 }  # fmt: skip
 
 

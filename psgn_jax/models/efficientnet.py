@@ -1,0 +1,112 @@
+"""EfficientNet-Lite0: features of an image by a network that was trained on photographs.
+
+Sources: Tan and Le 2019, "EfficientNet"; the Lite variants of github.com/tensorflow/tpu, which have
+ReLU6 and no squeeze-and-excitation. The published parameters were trained on ImageNet. Batch
+normalisation is folded into kernels and biases, and the head of the classifier is left out:
+2.9 M parameters remain. `tests/bench/encoder.py` converts them.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from flax import linen as nn
+from jax import lax
+
+from psgn_jax.array_types import Array, Float
+from psgn_jax.models import layers
+from psgn_jax.models.convolution import convolve_depthwise
+
+NAME = "lite0"
+"""Name of the module, and of its parameters, in a network that contains it."""
+
+STEM = 32
+
+
+class Stage(NamedTuple):
+    """Equal blocks; only the first one has the stride."""
+
+    blocks: int
+    kernel_size: int
+    stride: int
+    expansion: int
+    features: int
+
+
+STAGES = (
+    Stage(1, 3, 1, 1, 16),
+    Stage(2, 3, 2, 6, 24),
+    Stage(2, 5, 2, 6, 40),
+    Stage(3, 3, 2, 6, 80),
+    Stage(3, 5, 1, 6, 112),
+    Stage(4, 5, 2, 6, 192),
+    Stage(1, 3, 1, 6, 320),
+)
+SCALES = {2: 0.25, 4: 0.15, 8: 0.15, 16: 0.2, 32: 0.4}
+"""Factor of the feature map of each stride, so that its values have a standard deviation near 1."""
+
+
+def relu6(x: Array) -> Array:
+    """min(max(x, 0), 6)."""
+    return jnp.clip(x, 0, 6)
+
+
+class Depthwise(nn.Module):
+    """A convolution of each channel by itself, with a bias."""
+
+    kernel_size: int
+    stride: int
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b ho wo c"]:
+        """Maps a batch of feature maps."""
+        shape = (self.kernel_size, self.kernel_size, 1, x.shape[-1])
+        kernel = self.param("kernel", layers.RELU, shape, jnp.float32)
+        bias = self.param("bias", nn.initializers.zeros_init(), (x.shape[-1],), jnp.float32)
+        return convolve_depthwise(x, kernel, self.stride) + bias[None, None, None]
+
+
+class Block(nn.Module):
+    """An inverted residual: 1x1 expansion, depthwise convolution, linear 1x1 projection."""
+
+    stage: Stage
+    stride: int
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "b h w c_in"]) -> Float[Array, "b ho wo c_out"]:
+        """Maps a batch of feature maps; adds the input if the shape stays the same."""
+        y, width = x, x.shape[-1] * self.stage.expansion
+        if self.stage.expansion > 1:
+            y = relu6(layers.Conv(width, 1, name="expand")(y))
+        y = relu6(Depthwise(self.stage.kernel_size, self.stride, name="depthwise")(y))
+        y = layers.Conv(self.stage.features, 1, name="project")(y)
+        return x + y if x.shape == y.shape else y
+
+
+class EfficientNetLite0(nn.Module):
+    """Feature maps of a batch of images.
+
+    Attributes:
+      trained: number of blocks, counted from the last one, that training changes. The other layers
+        get no gradient.
+    """
+
+    trained: int = 0
+
+    @nn.compact
+    def __call__(self, image: Float[Array, "b h w 3"]) -> list[Float[Array, "b hs ws c"]]:
+        """Maps RGB images with values in [0, 1] to five maps, of strides 2, 4, 8, 16 and 32.
+
+        The map of a stride is the last one of that size, a linear projection, times `SCALES`.
+        """
+        x = relu6(layers.Conv(STEM, 3, stride=2, name="stem")((255 * image - 127) / 128))
+        blocks = [(stage, i == 0) for stage in STAGES for i in range(stage.blocks)]
+        stride, features = 2, {}
+        for number, (stage, first) in enumerate(blocks):
+            if number == len(blocks) - self.trained:
+                x, features = lax.stop_gradient((x, features))
+            stride *= stage.stride if first else 1
+            x = Block(stage, stage.stride if first else 1, name=f"block{number}")(x)
+            features[stride] = x
+        if not self.trained:
+            features = lax.stop_gradient(features)
+        return [SCALES[stride] * x for stride, x in features.items()]

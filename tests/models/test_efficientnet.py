@@ -1,0 +1,68 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax.config.experiment import ConfigError, OptimConfig, parse
+from psgn_jax.models import efficientnet
+from psgn_jax.training.state import optimizer
+
+BLOCKS = sum(stage.blocks for stage in efficientnet.STAGES)
+
+
+def random_like(shapes, seed=0):
+    rng = np.random.default_rng(seed)
+    return jax.tree.map(lambda s: rng.normal(0, 0.1, s.shape).astype("f4"), shapes)
+
+
+def test_maps_and_parameters_of_the_published_network():
+    network = efficientnet.EfficientNetLite0()
+    image = jnp.zeros((2, 192, 256, 3))
+    maps, variables = jax.eval_shape(lambda: network.init_with_output(jax.random.key(0), image))
+    assert [m.shape[1:] for m in maps] == [
+        (96, 128, 16), (48, 64, 24), (24, 32, 40), (12, 16, 112), (6, 8, 320)
+    ]  # fmt: skip
+    # 4,652,008 in the paper's table, less the head (413,440 and 1,281,000), less one of two
+    # numbers of each normalised channel (18,448).
+    leaves = jax.tree.leaves(variables)
+    assert sum(leaf.size for leaf in leaves) == 4_652_008 - 413_440 - 1_281_000 - 18_448
+
+
+@pytest.mark.parametrize("trained", [0, 2])
+def test_only_the_last_blocks_get_gradients(trained):
+    network = efficientnet.EfficientNetLite0(trained)
+    x = jnp.asarray(np.random.default_rng(0).random((1, 32, 32, 3)), jnp.float32)
+    params = random_like(jax.eval_shape(network.init, jax.random.key(0), x)["params"])
+
+    def total(params):
+        return sum(jnp.sum(maps) for maps in network.apply({"params": params}, x))
+
+    quick = {"xla_backend_optimization_level": 0}
+    gradients = jax.jit(jax.grad(total), compiler_options=quick)(params)
+    changed = {name for name, tree in gradients.items() if any(map(jnp.any, jax.tree.leaves(tree)))}
+    assert changed == {f"block{i}" for i in range(BLOCKS - trained, BLOCKS)}
+
+
+def test_the_encoder_may_have_a_lower_rate():
+    params = {"encoder": {efficientnet.NAME: jnp.ones(3), "bottleneck": jnp.ones(3)}}
+    steps = {}
+    for factor in (1.0, 0.1):
+        rule = optimizer(OptimConfig(encoder_rate=factor), 10)
+        steps[factor] = rule.update(params, rule.init(params), params)[0]["encoder"]
+    full, reduced = steps[1.0], steps[0.1]
+    np.testing.assert_array_equal(reduced["bottleneck"], full["bottleneck"])
+    np.testing.assert_allclose(reduced[efficientnet.NAME], 0.1 * full[efficientnet.NAME])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"model": {"widths": (8, 8, 8)}}, "model.widths=.*: accepted: seven levels for 'lite0'"),
+        ({"model": {"deconv_level": 0}}, "model.deconv_level=0: accepted: 1 to 5 for 'lite0'"),
+        ({"data": {"inputs": ("mask", "rgb")}}, "data.inputs=.*: accepted: 'rgb' first"),
+    ],
+)
+def test_wrong_configurations(changes, message):
+    model = {"name": "lite0", **changes.pop("model", {})}
+    with pytest.raises(ConfigError, match=message):
+        parse({"model": model, **changes})
