@@ -291,10 +291,10 @@ class Config:
     voxels: VoxelConfig = dataclasses.field(default_factory=VoxelConfig)
 
 
-REMOVED: Mapping[str, Any] = types.MappingProxyType(
-    {"data.on_device": False, "loss.emd_schedule": "scaling"}
+# Fields of removed features, which configurations of earlier runs have with these values.
+_REMOVED: Mapping[str, Mapping[str, Any]] = types.MappingProxyType(
+    {"data": {"on_device": False}, "loss": {"emd_schedule": "scaling"}}
 )
-"""Fields of removed features, with the only value that is still accepted: the old default."""
 
 
 def parse(config: Any) -> Config:
@@ -328,17 +328,14 @@ def parse(config: Any) -> Config:
 
 
 def _without_removed(config: Any) -> Any:
-    """The mapping without the fields in `REMOVED`."""
     tree = config.to_dict() if hasattr(config, "to_dict") else config
     if not isinstance(tree, Mapping):
         return tree
-    tree = {key: dict(v) if isinstance(v, Mapping) else v for key, v in tree.items()}
-    for name, value in REMOVED.items():
-        section, _, field = name.partition(".")
-        if isinstance(tree.get(section), dict) and field in tree[section]:
-            given = tree[section].pop(field)
-            if given != value:
-                raise ConfigError(f"{name}={given!r}: this was removed; accepted: {value!r}")
+    tree = dict(tree)
+    for name in tree.keys() & _REMOVED:
+        if isinstance(tree[name], Mapping):
+            gone = _REMOVED[name].items()
+            tree[name] = {key: v for key, v in tree[name].items() if (key, v) not in gone}
     return tree
 
 
@@ -387,102 +384,62 @@ def from_json(text: str) -> Config:
 def _check_together(config: Config) -> None:
     """Checks that involve several fields, or that annotations cannot express."""
     data, model, loss, voxels = config.data, config.model, config.loss, config.voxels
-    levels, task = f"(model.widths has {len(model.widths)} levels)", config.task
-
-    def require(met: object, path: str, accepted: str) -> None:
-        if not met:
-            section, _, field = path.partition(".")
-            raise wrong(path, getattr(getattr(config, section), field), accepted)
-
-    require(
-        len(set(data.inputs)) == len(data.inputs) and "rgb" in data.inputs,
-        "data.inputs",
-        "'rgb' and any of 'mask', 'depth', each once",
-    )
-    require(len(model.widths) > 1, "model.widths", "at least two resolution levels")
+    task, steps, deepest = config.task, config.train.steps, len(model.widths) - 2
+    levels, deconv = f"(model.widths has {deepest + 2} levels)", has_deconv_branch(model.name)
+    on_volumes, views, counts = task != "points", task == "views", voxels.eval_views
+    lite = model.name == "lite0"
     # Smaller images would consist mostly of padding (to multiples of the divisor).
     smallest = max(8, model.divisor // 2)
-    require(
-        min(data.image_size) >= smallest,
-        "data.image_size",
-        f"(height, width) of at least {smallest} pixels each {levels}; multiples of "
-        f"{model.divisor} need no padding",
-    )
-    require(
-        model.fc_widths or not model.fc_points,
-        "model.fc_widths",
-        "at least one width, such as (1024,)",
-    )
-    if model.name == "lite0":
-        require(len(model.widths) == 7, "model.widths", "seven levels for 'lite0'")
-        require(model.deconv_level, "model.deconv_level", "1 to 5 for 'lite0'")
-        require(data.inputs[0] == "rgb", "data.inputs", "'rgb' first for 'lite0'")
-    if has_deconv_branch(model.name):
-        deepest = len(model.widths) - 2
-        require(model.deconv_level <= deepest, "model.deconv_level", f"0 to {deepest} {levels}")
-        require(model.deconv_channels % 3 == 0, "model.deconv_channels", "a multiple of 3")
-    else:
-        require(
-            model.fc_points, "model.fc_points", f"at least 1 (all the points of {model.name!r})"
-        )
-    require(
-        model.random_at != "fc" or model.fc_points,
-        "model.random_at",
-        "'bottleneck', because there is no fc branch (model.fc_points=0)",
-    )
-    require(
-        loss.min_of_n == 1 or model.random_size,
-        "loss.min_of_n",
-        "1, since without a random input (model.random_size=0) all draws are equal",
-    )
-    if model.posterior:
-        require(model.random_size, "model.random_size", "at least 1 with model.posterior=True")
-        require(
-            loss.min_of_n == 1,
-            "loss.min_of_n",
-            "1 with model.posterior=True, which draws r once per sample, given the truth",
-        )
-        require(1 <= len(model.posterior_widths) <= 5, "model.posterior_widths", "1 to 5 widths")
-    require(
-        config.train.init or not config.train.init_skip, "train.init_skip", "() without train.init"
-    )
-    steps = config.train.steps
-    require(
-        config.optim.warmup_steps < steps,
-        "optim.warmup_steps",
-        f"fewer than train.steps={steps}",
-    )
-    if task == "points":
-        return
-    for field in ("stretch", "place", "reframe_scale", "reframe_shift"):
-        require(
-            not getattr(data, field),
-            f"data.{field}",
-            f"0 with task={task!r} (volumes are not transformed)",
-        )
-    require(loss.l2 == "none", "loss.l2", f"'none' with task={task!r}")
-    if task == "refine":
-        require(
-            voxels.from_cd or voxels.from_emd,
-            "voxels.from_cd",
-            "the folder of a trained run (or voxels.from_emd)",
-        )
-    if task == "volume":
-        require(
-            not any(side % model.divisor for side in data.image_size),
-            "data.image_size",
-            f"multiples of {model.divisor} for 'volume'",
-        )
-    if task == "views":
-        require("depth" not in data.inputs, "data.inputs", "'rgb' and 'mask' with task='views'")
-        for field in ("zoom", "shift"):
-            require(not getattr(data, field), f"data.{field}", "0 with task='views'")
-        counts = voxels.eval_views
-        require(
-            counts and len(set(counts)) == len(counts),
-            "voxels.eval_views",
-            "numbers of views, each once",
-        )
+    # A field, whether it is wrong, and what is accepted.
+    rules: list[tuple[str, object, str]] = [
+        ("data.inputs", len(set(data.inputs)) < len(data.inputs) or "rgb" not in data.inputs,
+         "'rgb' and any of 'mask', 'depth', each once"),
+        ("model.widths", len(model.widths) < 2, "at least two resolution levels"),
+        ("data.image_size", min(data.image_size) < smallest,
+         f"(height, width) of at least {smallest} pixels each {levels}; multiples of "
+         f"{model.divisor} need no padding"),
+        ("model.fc_widths", model.fc_points and not model.fc_widths,
+         "at least one width, such as (1024,)"),
+        ("model.widths", lite and len(model.widths) != 7, "seven levels for 'lite0'"),
+        ("model.deconv_level", lite and not model.deconv_level, "1 to 5 for 'lite0'"),
+        ("data.inputs", lite and data.inputs[:1] != ("rgb",), "'rgb' first for 'lite0'"),
+        ("model.deconv_level", deconv and model.deconv_level > deepest, f"0 to {deepest} {levels}"),
+        ("model.deconv_channels", deconv and model.deconv_channels % 3, "a multiple of 3"),
+        ("model.fc_points", not deconv and not model.fc_points,
+         f"at least 1 (all the points of {model.name!r})"),
+        ("model.random_at", model.random_at == "fc" and not model.fc_points,
+         "'bottleneck', because there is no fc branch (model.fc_points=0)"),
+        ("loss.min_of_n", loss.min_of_n > 1 and not model.random_size,
+         "1, since without a random input (model.random_size=0) all draws are equal"),
+        ("model.random_size", model.posterior and not model.random_size,
+         "at least 1 with model.posterior=True"),
+        ("loss.min_of_n", model.posterior and loss.min_of_n > 1,
+         "1 with model.posterior=True, which draws r once per sample, given the truth"),
+        ("model.posterior_widths", model.posterior and not 1 <= len(model.posterior_widths) <= 5,
+         "1 to 5 widths"),
+        ("train.init_skip", config.train.init_skip and not config.train.init,
+         "() without train.init"),
+        ("optim.warmup_steps", config.optim.warmup_steps >= steps,
+         f"fewer than train.steps={steps}"),
+        *((f"data.{name}", on_volumes and getattr(data, name),
+           f"0 with task={task!r} (volumes are not transformed)")
+          for name in ("stretch", "place", "reframe_scale", "reframe_shift")),
+        ("loss.l2", on_volumes and loss.l2 != "none", f"'none' with task={task!r}"),
+        ("voxels.from_cd", task == "refine" and not (voxels.from_cd or voxels.from_emd),
+         "the folder of a trained run (or voxels.from_emd)"),
+        ("data.image_size",
+         task == "volume" and any(side % model.divisor for side in data.image_size),
+         f"multiples of {model.divisor} for 'volume'"),
+        ("data.inputs", views and "depth" in data.inputs, "'rgb' and 'mask' with task='views'"),
+        ("data.zoom", views and data.zoom, "0 with task='views'"),
+        ("data.shift", views and data.shift, "0 with task='views'"),
+        ("voxels.eval_views", views and (not counts or len(set(counts)) < len(counts)),
+         "numbers of views, each once"),
+    ]  # fmt: skip
+    for path, is_wrong, accepted in rules:
+        if is_wrong:
+            section, _, field = path.partition(".")
+            raise wrong(path, getattr(getattr(config, section), field), accepted)
 
 
 def require_points_task(config: Config, what: str) -> None:

@@ -1,11 +1,10 @@
 """Nearest neighbours and the Chamfer distance of two clouds: the definition, then a faster form.
 
 All functions take one pair, pred [n, 3] and gt [m, 3] with n, m >= 1; `losses.map_pairs` applies
-them to a batch. Functions with `sq` in their name return unit^2, where "unit" is the caller's unit
-of length (in this project the radius of the bounding hemisphere).
+them to a batch. With `sq` in its name, a distance is in the square of the clouds' unit of length.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,22 +14,14 @@ from psgn_jax.array_types import Array, Float, Int
 from psgn_jax.losses.points import check_points
 
 
-def nearest_by_definition(a: Array, b: Array) -> Array:
-    """Index of the nearest point of b for each point of a, 64 points of a at a time."""
-    a, b = lax.stop_gradient((a, b))
-    return lax.map(lambda x: jnp.argmin(jnp.square(x[None] - b).sum(-1)), a, batch_size=64)
-
-
 def chamfer_by_definition(pred: Array, gt: Array) -> Array:
     """`chamfer_sq_mean`, four times slower; the tests compare the two."""
-    to_gt = jnp.square(pred - gt[nearest_by_definition(pred, gt)]).sum(-1)
-    to_pred = jnp.square(gt - pred[nearest_by_definition(gt, pred)]).sum(-1)
-    return to_gt.mean() + to_pred.mean()
 
+    def one_way(a: Array, b: Array) -> Array:
+        index = lax.map(lambda x: jnp.argmin(jnp.square(x[None] - b).sum(-1)), a, batch_size=64)
+        return jnp.square(a - b[index]).sum(-1).mean()
 
-# A tile of distances has _TILE rows and one column for each point of the shorter cloud: 256 kB at
-# 1,024 points. It stays in the cache of a core while the minima of rows and columns are taken.
-_TILE, _BLOCK = 64, 32
+    return one_way(pred, gt) + one_way(gt, pred)
 
 
 class Nearest(NamedTuple):
@@ -40,44 +31,37 @@ class Nearest(NamedTuple):
     index: Int[Array, " n"]  # type: ignore[assignment]  # hides tuple.index
 
 
+# A tile of distances has _TILE rows and one column for each point of the shorter cloud: 256 kB at
+# 1,024 points. It stays in the cache of a core while the minima of rows and columns are taken.
+_TILE, _BLOCK = 64, 32
+
+
 def _first_min(x: Array) -> tuple[Array, Array]:
     """Minimum and its first position on the last axis; XLA's argmin is 2 to 4 times slower."""
-    smallest = x.min(axis=-1)
-    position = lax.broadcasted_iota(jnp.int32, x.shape, x.ndim - 1)
-    hit = jnp.where(x == smallest[..., None], position, x.shape[-1] - 1)
-    return smallest, hit.min(axis=-1)
+    smallest, position = x.min(axis=-1), lax.broadcasted_iota(jnp.int32, x.shape, x.ndim - 1)
+    return smallest, jnp.where(x == smallest[..., None], position, x.shape[-1] - 1).min(axis=-1)
 
 
-def _pad(points: Array, multiple: int) -> Array:
-    # Copies of the last point tie with it, and the lowest index wins: no copy is ever chosen.
-    return jnp.pad(points, ((0, -len(points) % multiple), (0, 0)), mode="edge")
-
-
-_Pairs = tuple[Array, Array, Array, Array]
-
-
-def _search(rows: Array, cols: Array) -> _Pairs:
+def _search(rows: Array, cols: Array) -> tuple[Nearest, Nearest]:
     """The nearest column of every row and vice versa, from one pass over tiles of rows."""
     n, m = len(rows), len(cols)
-    cols, tiles = _pad(cols, _BLOCK), _pad(rows, _TILE).reshape(-1, _TILE, 3)
+    # Copies of the last point tie with it, and the lowest index wins: no copy is ever chosen.
+    tiles = jnp.pad(rows, ((0, -n % _TILE), (0, 0)), mode="edge").reshape(-1, _TILE, 3)
+    cols = jnp.pad(cols, ((0, -m % _BLOCK), (0, 0)), mode="edge")
 
-    def step(
-        carry: tuple[Array, Array], inputs: tuple[Array, Array]
-    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        best, best_tile = carry
-        number, tile = inputs
+    def step(best: tuple[Array, Array], numbered: tuple[Array, Array]) -> Any:
+        number, tile = numbered
         x, y, z = (jnp.square(tile[:, None, axis] - cols[None, :, axis]) for axis in range(3))
         d = lax.optimization_barrier(x + y + z)  # written once, not computed again for each use
         # The minimum of a row: first the best block of columns, then its place in that block.
         blocks = d.reshape(_TILE, -1, _BLOCK)
         row_min, block = _first_min(blocks.min(axis=-1))
         winner = jnp.take_along_axis(blocks, block[:, None, None], axis=1)[:, 0]
-        _, offset = _first_min(winner)
         # The minimum of a column: the best tile so far.
         col_min = d.min(axis=0)
-        better = col_min < best
-        carry = jnp.where(better, col_min, best), jnp.where(better, number, best_tile)
-        return carry, (row_min, block * _BLOCK + offset)
+        better = col_min < best[0]
+        best = jnp.where(better, col_min, best[0]), jnp.where(better, number, best[1])
+        return best, (row_min, block * _BLOCK + _first_min(winner)[1])
 
     # Inside `shard_map` the state of a loop must depend on the sharded data; `where` makes it so.
     here = cols[:, 0] == rows[0, 0]
@@ -87,36 +71,34 @@ def _search(rows: Array, cols: Array) -> _Pairs:
     (col_min, tile), (row_min, row_index) = lax.scan(step, start, (numbers, tiles))
     # The row of a column's minimum: its best tile is computed once more.
     _, offset = _first_min(jnp.sum(jnp.square(tiles[tile] - cols[:, None, :]), axis=-1))
-    row_index = jnp.minimum(row_index.reshape(-1)[:n], m - 1)
-    col_index = jnp.minimum((tile * _TILE + offset)[:m], n - 1)
-    return row_min.reshape(-1)[:n], row_index, col_min[:m], col_index
+    of_rows = Nearest(row_min.reshape(-1)[:n], jnp.minimum(row_index.reshape(-1)[:n], m - 1))
+    return of_rows, Nearest(col_min[:m], jnp.minimum((tile * _TILE + offset)[:m], n - 1))
 
 
-@jax.custom_vjp
-def _nearest_both(a: Array, b: Array) -> _Pairs:
-    if len(a) >= len(b):  # the longer cloud is cut into tiles
-        from_a, index_a, from_b, index_b = _search(a, b)
-    else:
-        from_b, index_b, from_a, index_a = _search(b, a)
+def _both(a: Array, b: Array) -> tuple[Nearest, Nearest]:
+    # The longer cloud is cut into tiles.
+    of_a, of_b = _search(a, b) if len(a) >= len(b) else _search(b, a)[::-1]
     # XLA's minimum may ignore a NaN; a non-finite point would then go unnoticed.
     finite = jnp.isfinite(a).all() & jnp.isfinite(b).all()
-    return jnp.where(finite, from_a, jnp.nan), index_a, jnp.where(finite, from_b, jnp.nan), index_b
+    distances = (jnp.where(finite, x.distance_sq, jnp.nan) for x in (of_a, of_b))
+    return Nearest(next(distances), of_a.index), Nearest(next(distances), of_b.index)
 
 
-def _forward(a: Array, b: Array) -> tuple[_Pairs, tuple[Array, ...]]:
-    out = _nearest_both(a, b)
-    return out, (a, b, out[1], out[3])
+def _forward(a: Array, b: Array) -> Any:
+    out = _both(a, b)
+    return out, (a, b, out[0].index, out[1].index)
 
 
-def _backward(saved: tuple[Array, ...], weights: tuple[Array, ...]) -> tuple[Array, Array]:
+def _backward(saved: tuple[Array, ...], weights: tuple[Nearest, Nearest]) -> tuple[Array, Array]:
     a, b, index_a, index_b = saved
-    pull_a = 2 * weights[0][:, None] * (a - b[index_a])
-    pull_b = 2 * weights[2][:, None] * (b - a[index_b])
+    pull_a = 2 * weights[0].distance_sq[:, None] * (a - b[index_a])
+    pull_b = 2 * weights[1].distance_sq[:, None] * (b - a[index_b])
     return pull_a.at[index_b].add(-pull_b), pull_b.at[index_a].add(-pull_a)
 
 
-_nearest_both.defvjp(_forward, _backward)
-_nearest_both_jit = jax.jit(_nearest_both)  # compiled once per size, without an enclosing jit too
+_nearest = jax.custom_vjp(_both)
+_nearest.defvjp(_forward, _backward)
+_nearest_jit = jax.jit(_nearest)  # compiled once per size, without an enclosing jit too
 
 
 def nearest_both(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> tuple[Nearest, Nearest]:
@@ -133,13 +115,8 @@ def nearest_both(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> tuple[Ne
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     dtype = jnp.promote_types(pred.dtype, gt.dtype)
-    out = _nearest_both_jit(pred.astype(dtype), gt.astype(dtype))
-    return Nearest(out[0], out[1]), Nearest(out[2], out[3])
-
-
-def nearest(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Nearest:
-    """The nearest point of gt for every point of pred."""
-    return nearest_both(pred, gt)[0]
+    both: tuple[Nearest, Nearest] = _nearest_jit(pred.astype(dtype), gt.astype(dtype))
+    return both
 
 
 def chamfer_sq(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
@@ -153,14 +130,6 @@ def chamfer_sq(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Arra
 
 
 def chamfer_sq_mean(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
-    """1/n sum_i min_j |pred_i - gt_j|^2 + 1/m sum_j min_i |pred_i - gt_j|^2: the reported CD.
-
-    Examples:
-      >>> import jax.numpy as jnp
-      >>> from psgn_jax import losses
-      >>> gt = jnp.array([[3.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
-      >>> float(losses.chamfer_sq_mean(jnp.zeros((1, 3)), gt))  # 9 + (9 + 16) / 2
-      21.5
-    """
+    """1/n sum_i min_j |pred_i - gt_j|^2 + 1/m sum_j min_i |pred_i - gt_j|^2: the reported CD."""
     to_gt, to_pred = nearest_both(pred, gt)
     return to_gt.distance_sq.mean() + to_pred.distance_sq.mean()

@@ -5,20 +5,6 @@ from psgn_jax.losses.chamfer import nearest_both
 from psgn_jax.losses.points import safe_sqrt
 
 
-def chamfer_sq_pred_to_gt_mean(
-    pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]
-) -> Float[Array, ""]:
-    """1/n sum_i min_j |pred_i - gt_j|^2: how far predictions are from the object, unit^2."""
-    return nearest_both(pred, gt)[0].distance_sq.mean()
-
-
-def chamfer_sq_gt_to_pred_mean(
-    pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]
-) -> Float[Array, ""]:
-    """1/m sum_j min_i |pred_i - gt_j|^2: how well the object is covered, unit^2."""
-    return nearest_both(pred, gt)[1].distance_sq.mean()
-
-
 def chamfer_l1_mean(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:
     """1/2 (1/n sum_i min_j |pred_i - gt_j| + 1/m sum_j min_i |pred_i - gt_j|), in unit.
 

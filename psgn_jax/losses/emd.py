@@ -1,27 +1,22 @@
-"""Earth mover's distance (EMD) of two clouds of n points: by auction with a certificate, or exact.
+"""Earth mover's distance (EMD) of two clouds of n points, by auction with a certificate.
 
     EMD(a, b) = min over bijections s of sum_i |a_i - b_{s(i)}|
 
 The distance is Euclidean, not squared: Fan, Su, Guibas, "A Point Set Generation Network for 3D
 Object Reconstruction from a Single Image", CVPR 2017, section "Distance Metric between Point Sets".
-All functions take one pair, `pred` and `gt` [n, 3]; use `losses.map_pairs` for batches.
-
-Units: results are in the unit of the caller's clouds. `emd_sum` is the sum of the paper. `emd_mean`
-is the sum divided by n, which is the mean distance between matched points and can be compared
-between clouds of different sizes. Distances are square roots of float32 squares: below 1e-19 they
-become 0, above 1e19 they overflow.
+All functions take one pair, `pred` and `gt` [n, 3]; use `losses.map_pairs` for batches. Results are
+in the unit of the clouds. Distances are square roots of float32 squares: below 1e-19 they become 0,
+above 1e19 they overflow.
 
 The first call for a number of points compiles for 3 to 4 seconds on a CPU. Later calls do not
 compile, with or without an enclosing `jax.jit`.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
-import numpy as np
 
-from psgn_jax.array_types import Array, Float, Int
+from psgn_jax.array_types import Array, Float
 from psgn_jax.losses.auction import TOLERANCE, Assignment, assign
 from psgn_jax.losses.points import check_points, safe_sqrt
 
@@ -67,58 +62,17 @@ def matched_distances(
     return MatchedDistances(safe_sqrt(square) * healthy, matched)
 
 
-def emd_sum(
-    pred: Float[Array, "n 3"],
-    gt: Float[Array, "n 3"],
-    *,
-    tolerance: float | Array = TOLERANCE,
-    max_bids: int | Array | None = None,
-) -> Float[Array, ""]:
+def emd_sum(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"], **options: Any) -> Float[Array, ""]:
     """The EMD of the paper (unit): sum_i |pred_i - gt_{s(i)}|.
 
     If the auction converged, this is at most (1 + tolerance) times the minimum over all bijections.
-    Arguments, errors and gradient: `matched_distances`.
+    Options (`tolerance`, `max_bids`), errors and gradient: `matched_distances`.
     """
-    return matched_distances(pred, gt, tolerance=tolerance, max_bids=max_bids).distance.sum()
+    return matched_distances(pred, gt, **options).distance.sum()
 
 
 def emd_mean(
-    pred: Float[Array, "n 3"],
-    gt: Float[Array, "n 3"],
-    *,
-    tolerance: float | Array = TOLERANCE,
-    max_bids: int | Array | None = None,
+    pred: Float[Array, "n 3"], gt: Float[Array, "n 3"], **options: Any
 ) -> Float[Array, ""]:
     """1/n times `emd_sum` (unit): the mean distance between matched points."""
-    return matched_distances(pred, gt, tolerance=tolerance, max_bids=max_bids).distance.mean()
-
-
-class ExactAssignment(NamedTuple):
-    """An optimal bijection (`pred[i]` with `gt[index[i]]`) and its sum of distances (unit)."""
-
-    index: Int[np.ndarray, " n"]  # type: ignore[assignment]  # hides tuple.index
-    cost: float
-
-
-def emd_exact(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"]) -> ExactAssignment:
-    """The optimal bijection, in float64 by scipy's `linear_sum_assignment` on the host.
-
-    For evaluation: it does not work inside `jit` and has no gradient. It needs 24 n^2 bytes, and
-    its time grows like n^3: about .1 to 1 s at 1,024 points. The error of `cost` is about 1e-12
-    of the extent.
-
-    Raises:
-      ValueError: wrong shape or dtype, unequal sizes, a non-finite coordinate, or traced clouds.
-    """
-    if isinstance(pred, jax.core.Tracer) or isinstance(gt, jax.core.Tracer):
-        raise ValueError("emd_exact: got traced clouds, expected arrays (it runs on the host)")
-    for cloud, name in ((pred, "pred"), (gt, "gt")):
-        check_points(cloud, name)
-    if len(pred) != len(gt):
-        raise ValueError(f"gt: got {len(gt)} points, expected as many as pred has ({len(pred)})")
-    from scipy.optimize import linear_sum_assignment
-
-    x, y = np.asarray(pred, np.float64), np.asarray(gt, np.float64)
-    costs = np.sqrt(sum(np.square(x[:, None, axis] - y[None, :, axis]) for axis in range(3)))
-    row, col = linear_sum_assignment(costs)
-    return ExactAssignment(col.astype(np.int32), float(costs[row, col].sum()))
+    return matched_distances(pred, gt, **options).distance.mean()

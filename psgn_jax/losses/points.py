@@ -8,22 +8,20 @@ from psgn_jax.array_types import Array, Float
 
 
 def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
-    """Validates one cloud, n >= 1, and returns it as float32 (float64 stays float64).
-
-    Values are checked only outside `jit`, `vmap` and `grad`, where they are known.
+    """One cloud, n >= 1, as float32 (float64 stays float64).
 
     Raises:
-      ValueError: wrong type, shape or dtype, or a non-finite coordinate; it starts with `name`.
+      ValueError: wrong type, shape or dtype, or (outside `jit`, `vmap` and `grad`, where values are
+        not known) a non-finite coordinate.
     """
-    if not isinstance(points, jax.Array | np.ndarray):
-        raise ValueError(f"{name}: got {type(points).__name__}, expected an array [n, 3] of floats")
-    if points.ndim != 2 or points.shape[-1] != 3 or points.shape[0] < 1:
+    is_array = isinstance(points, jax.Array | np.ndarray)
+    is_cloud = is_array and points.ndim == 2 and points.shape[1] == 3 and len(points) > 0
+    if not is_cloud or not jnp.issubdtype(points.dtype, jnp.floating):
+        got = f"{points.dtype}{list(points.shape)}" if is_array else type(points).__name__
         raise ValueError(
-            f"{name}: got shape {tuple(points.shape)}, expected [n, 3] with n >= 1"
+            f"{name}: got {got}, expected an array [n, 3] of floats with n >= 1"
             " (one cloud; use jax.vmap or losses.map_pairs for a batch)"
         )
-    if not jnp.issubdtype(points.dtype, jnp.floating):
-        raise ValueError(f"{name}: got dtype {points.dtype}, expected a floating dtype")
     if not isinstance(points, jax.core.Tracer) and getattr(points, "is_fully_addressable", True):
         bad = np.flatnonzero(~np.isfinite(np.asarray(points, np.float32)).all(axis=-1))
         if len(bad):
@@ -31,8 +29,7 @@ def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
                 f"{name}: point {bad[0]} of {len(points)} is {np.asarray(points[bad[0]]).tolist()},"
                 f" expected finite coordinates ({len(bad)} points are not)"
             )
-    points = jnp.asarray(points)
-    return points.astype(jnp.promote_types(points.dtype, jnp.float32))
+    return jnp.asarray(points).astype(jnp.promote_types(points.dtype, jnp.float32))
 
 
 def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:

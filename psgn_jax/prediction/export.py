@@ -12,6 +12,7 @@ import pathlib
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from psgn_jax.data import camera
 from psgn_jax.data.framing import Framed
@@ -19,11 +20,6 @@ from psgn_jax.system.files import write_atomic
 
 UNSEEN = (150, 150, 150)
 """Colour of the points of a cloud of which no point is visible in the image."""
-
-STRAY_NEIGHBOUR, STRAY_FACTOR = 4, 5.0
-
-FORMATS = ("ply", "xyz", "obj", "npz", "glb")
-DEFAULT_FORMATS = FORMATS[:4]
 
 # Radius of the disc of a point, and largest distance of a visible point behind the nearest disc
 # (unit). Compared with depth maps, for 1,024 points of the authors' surfaces, the precision of the
@@ -77,9 +73,8 @@ def colours_from_view(points: np.ndarray, view: Framed) -> tuple[np.ndarray, np.
     seen[front] = visible
     colours[seen] = view.image[row[visible], column[visible]]
     if seen.any():
-        hidden = points[~seen].astype(np.float32)
-        sq = np.square(hidden[:, None] - points[seen].astype(np.float32)).sum(axis=-1)
-        colours[~seen] = colours[seen][sq.argmin(axis=1)]
+        _, nearest_seen = KDTree(points[seen]).query(points[~seen])
+        colours[~seen] = colours[seen][nearest_seen]
     return colours, seen
 
 
@@ -90,11 +85,10 @@ def stray_points(points: np.ndarray) -> np.ndarray:
     median of this distance over the cloud (ours). Exports leave strays out, and the normal form
     does not consider them. Metrics always use all points.
     """
-    if len(points) <= STRAY_NEIGHBOUR:
+    if len(points) < 5:
         return np.zeros(len(points), np.bool_)
-    sq = np.square(points[:, None].astype(np.float32) - points.astype(np.float32)).sum(axis=-1)
-    distance = np.sqrt(np.partition(sq, STRAY_NEIGHBOUR, axis=1)[:, STRAY_NEIGHBOUR])
-    return distance > STRAY_FACTOR * np.median(distance)
+    distance = KDTree(points).query(points, [5])[0][:, 0]  # the nearest is the point itself
+    return np.asarray(distance > 5 * np.median(distance))
 
 
 def ply(points: np.ndarray, colours: np.ndarray) -> bytes:
@@ -144,6 +138,8 @@ def glb(points: np.ndarray, colours: np.ndarray) -> bytes:
 
 _MAKERS: Mapping[str, Callable[[np.ndarray, np.ndarray], bytes]]
 _MAKERS = {"ply": ply, "xyz": xyz, "obj": obj, "glb": glb}
+FORMATS = (*_MAKERS, "npz")
+DEFAULT_FORMATS = ("ply", "xyz", "obj", "npz")
 
 
 def write_cloud(path: str | os.PathLike[str], points: np.ndarray, colours: np.ndarray) -> None:

@@ -124,10 +124,17 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bo
 
 def install(temporary: pathlib.Path, path: pathlib.Path) -> None:
     """Flushes `temporary` to disk and renames it to `path` atomically."""
-    with temporary.open("rb") as file:
-        os.fsync(file.fileno())
+    _sync(temporary)
     temporary.replace(path)
-    _sync_directory(path.parent)
+    _sync(path.parent)
+
+
+def _sync(path: pathlib.Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def remove_temporaries(folder: pathlib.Path) -> None:
@@ -146,17 +153,10 @@ def file_crc32(path: pathlib.Path) -> int:
     return crc
 
 
-def finite_or_none(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Replaces non-finite floats by None (null in JSON), because JSON has no NaN."""
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in entry.items()
-    }
-
-
-def _sync_directory(folder: pathlib.Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+def finite_or_none(value: Any) -> Any:
+    """A value of JSON with None (null) for the floats that are not finite: JSON has no NaN."""
+    if isinstance(value, Mapping):
+        return {key: finite_or_none(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [finite_or_none(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

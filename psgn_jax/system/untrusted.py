@@ -2,7 +2,6 @@
 
 import io
 import json
-import math
 import os
 import pathlib
 import stat
@@ -64,21 +63,16 @@ def read_json(path: str | os.PathLike[str], *, max_bytes: int = MAX_JSON_BYTES) 
       ValueError: the errors of `parse_json`, or the file has more than `max_bytes` bytes.
       OSError: the file cannot be read, or is not a regular file.
     """
-    path = pathlib.Path(path)
-    kind = kind_of(path)
-    if kind is not None:
-        raise OSError(f"it is {kind}, expected a file")
-    size = path.stat().st_size
+    size = size_of(path)
     if size > max_bytes:
         raise ValueError(f"{size} bytes, expected at most {max_bytes}")
-    return parse_json(path.read_bytes())
+    return parse_json(pathlib.Path(path).read_bytes())
 
 
 def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[str, np.ndarray]:
     """Reads arrays of numbers from an NPZ file; nothing is unpickled.
 
-    The size of an array is checked before it is inflated, and the shape in its header against its
-    size before an array is made. So a small file cannot take much memory.
+    The size of an array is checked before it is inflated, so a small file cannot take much memory.
 
     Args:
       path: the file.
@@ -89,51 +83,56 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
       ValueError: the file is damaged, or one of the arrays is not one of numbers or is too large.
       OSError: the file cannot be read, or is not a regular file.
     """
-    kind = kind_of(path)
-    if kind is not None:
-        raise OSError(f"it is {kind}, expected a file")
+    size_of(path)
     arrays = {}
     try:
         with zipfile.ZipFile(path) as archive:
-            names = set(archive.namelist())
-            for key, limit in limits.items():
-                if f"{key}.npy" not in names:
-                    continue
+            for key in limits.keys() & {name.removesuffix(".npy") for name in archive.namelist()}:
+                largest = 8 * limits[key] + 4096
                 size = archive.getinfo(f"{key}.npy").file_size
-                if size > 8 * limit + 4096:
-                    raise ValueError(
-                        f"{key} takes {size} bytes, expected at most {8 * limit + 4096}"
-                    )
+                if size > largest:
+                    raise ValueError(f"{key} takes {size} bytes, expected at most {largest}")
                 # `read` without a length would inflate everything, even beyond the stated size.
                 with archive.open(f"{key}.npy") as member:
-                    arrays[key] = _read_npy(member.read(size), key, limit)
-    except (EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, KeyError) as error:
+                    data = io.BytesIO(member.read(size))
+                # A shape that does not fit the data ends with an error, before memory is used.
+                array = np.lib.format.read_array(data, allow_pickle=False)
+                if array.dtype.kind not in "bfiu" or array.size > limits[key]:
+                    raise ValueError(
+                        f"{key} is {array.dtype} {list(array.shape)}, expected at most "
+                        f"{limits[key]} numbers"
+                    )
+                arrays[key] = array
+    except (EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, KeyError, MemoryError) as error:
         # RuntimeError includes the NotImplementedError of an unknown compression.
         raise ValueError(str(error)) from None
     return arrays
 
 
-def _read_npy(data: bytes, key: str, limit: int) -> np.ndarray:
-    file = io.BytesIO(data)
-    version = np.lib.format.read_magic(file)
-    if version not in ((1, 0), (2, 0)):
-        raise ValueError(f"{key}: npy version {version}, expected (1, 0) or (2, 0)")
-    read_header = (
-        np.lib.format.read_array_header_1_0
-        if version == (1, 0)
-        else np.lib.format.read_array_header_2_0
-    )
-    shape, _, dtype = read_header(file)
-    count = math.prod(shape)
-    if (
-        dtype.kind not in "bfiu"
-        or not 0 <= count <= limit
-        or len(data) - file.tell() != count * dtype.itemsize
-    ):
-        raise ValueError(
-            f"{key} is {dtype} {list(shape)} in {len(data)} bytes, expected at most {limit} numbers"
+def matches(value: Any, shape: Any) -> bool:
+    """Whether a value of JSON has a shape.
+
+    A shape is a type (`int` means a count below 2^63, `float` a number below 1e30), None, a tuple
+    of alternatives, `[shape of the items]`, or `{key: shape}`; there, `...` stands for all other
+    keys, and a key that ends with "?" may be missing.
+    """
+    if isinstance(shape, tuple):
+        return any(matches(value, alternative) for alternative in shape)
+    if isinstance(shape, list):
+        return isinstance(value, list) and all(matches(item, shape[0]) for item in value)
+    if isinstance(shape, dict):
+        if not isinstance(value, dict):
+            return False
+        known = {key if key is ... else key.rstrip("?"): inner for key, inner in shape.items()}
+        needed = {key for key in shape if key is not ... and not key.endswith("?")}
+        return needed <= value.keys() and all(
+            matches(item, known.get(key, known.get(..., object))) for key, item in value.items()
         )
-    return np.load(io.BytesIO(data), allow_pickle=False)
+    if shape is int:
+        return type(value) is int and 0 <= value < 1 << 63
+    if shape is float:
+        return type(value) in (int, float) and abs(value) < 1e30
+    return value is None if shape is None else isinstance(value, shape)
 
 
 def with_checksum(entry: Mapping[str, Any] | Mapping[int, Any]) -> dict[str, Any]:
@@ -168,6 +167,14 @@ def kind_of(path: str | os.PathLike[str]) -> str | None:
     """
     mode = os.stat(path).st_mode
     return next((name for test, name in _KINDS if test(mode)), None)
+
+
+def size_of(path: str | os.PathLike[str]) -> int:
+    """The size of a regular file in bytes; `OSError` for anything else, such as a pipe."""
+    kind = kind_of(path)
+    if kind is not None:  # opening a pipe would wait for its other end
+        raise OSError(f"it is {kind}, expected a file")
+    return os.stat(path).st_size
 
 
 def one_line(text: object) -> str:

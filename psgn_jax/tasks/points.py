@@ -1,6 +1,5 @@
 """The task "points": predicts a cloud from an image, with the paper's networks and losses."""
 
-import functools
 import os
 from collections.abc import Callable
 from typing import Any, cast
@@ -9,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import linen as nn
-from jax.tree_util import Partial
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError
@@ -73,13 +71,13 @@ class Points(Task):
 
     def objective(self) -> Callable[[Any, Batch, Array], tuple[Array, dict[str, Array]]]:
         """The loss of the configuration; the metrics are described in the class."""
-        _check_loss(self.config, self._model)
-        return Partial(functools.partial(self._loss, configured_loss(self.config.loss)))
+        _check_loss(self.config, self._model.num_points)
+        return super().objective()
 
     def _loss(
-        self, loss: PairFunction, params: Any, batch: Batch, step: Array
+        self, frozen: Any, params: Any, batch: Batch, step: Array
     ) -> tuple[Array, dict[str, Array]]:
-        config, r = self.config, batch.get("r")
+        config, loss, r = self.config, configured_loss(self.config.loss), batch.get("r")
         metrics: dict[str, Array] = {}
         extra = jnp.float32(0)
         if self._posterior is not None and r is not None:
@@ -240,24 +238,21 @@ def with_draws(
     return run
 
 
-def _check_loss(config: Config, model: nn.Module) -> None:
+def _check_loss(config: Config, num_points: int) -> None:
     """Raises `ConfigError` if the loss cannot compare the network's points with the ground truth.
 
     An EMD requires equal numbers of points.
     """
-    height, width = config.model.image_size
-    image = jax.ShapeDtypeStruct((1, height, width, config.model.in_channels), np.float32)
-    size = config.model.random_size
-    r = jax.ShapeDtypeStruct((1, size), np.float32) if size else None
-    pred, _ = jax.eval_shape(lambda x, r: model.init_with_output(jax.random.key(0), x, r), image, r)
-    gt = jax.ShapeDtypeStruct((config.data.num_points, 3), np.float32)
+    pred, gt = (
+        jax.ShapeDtypeStruct((n, 3), np.float32) for n in (num_points, config.data.num_points)
+    )
     terms = configured_terms(config.loss)
     for term, loss in terms:
         try:
-            jax.eval_shape(loss, jax.ShapeDtypeStruct(pred.shape[1:], pred.dtype), gt)
+            jax.eval_shape(loss, pred, gt)
         except ValueError as error:
             which = f", the term {term.text!r}," if len(terms) > 1 else ""
             raise ConfigError(
                 f"loss.name={config.loss.name!r}{which} with data.num_points="
-                f"{config.data.num_points} and a network of {pred.shape[1]} points: {error}"
+                f"{config.data.num_points} and a network of {num_points} points: {error}"
             ) from error

@@ -28,7 +28,7 @@ from psgn_jax.tasks.base import Batch
 from psgn_jax.tasks.voxels import GRID, VoxelTask, apply
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
-from psgn_jax.weights.run_folder import Run, load_config, open_run
+from psgn_jax.weights.run_folder import Run, open_run
 
 CLOUDS = ("from_cd", "from_emd")
 
@@ -49,7 +49,8 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Run:
             f"voxels.{name}={path!r}: no run there; accepted: the folder of a trained run of the "
             f"task {wanted!r}"
         )
-    theirs = load_config(folder)
+    run = open_run(folder, "last" if kept else "best")
+    theirs = run.config
     if theirs.task != wanted:
         raise ConfigError(
             f"voxels.{name}={path!r} is a run of the task {theirs.task!r}; accepted: {wanted!r}"
@@ -58,7 +59,7 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Run:
         have, want = getattr(theirs.data, field), getattr(config.data, field)
         if have != want:
             raise ConfigError(f"data.{field}={want!r}: accepted: {have!r}, as in voxels.{name}")
-    return open_run(folder, "last" if kept else "best")
+    return run
 
 
 def keep_source(workdir: pathlib.Path, name: str, source: Run) -> None:

@@ -11,7 +11,6 @@ import contextlib
 import datetime
 import errno
 import json
-import math
 import os
 import pathlib
 import time
@@ -214,7 +213,7 @@ class MetricsWriter:
 
         `vectors` are lists in the line and histograms in TensorBoard.
         """
-        lists = {k: [_finite(float(x)) for x in v] for k, v in vectors.items()}
+        lists = {name: vector.tolist() for name, vector in vectors.items()}
         # The whole line in one write in append mode: if the process is killed, the line is complete
         # or, rarely, cut off.
         line = _line({"step": step, "kind": kind, **values, **lists}).encode()
@@ -256,10 +255,6 @@ class MetricsWriter:
             events = self._tensorboard.file_writer.event_writer
             events.add_event = events._ev_writer.write_event
         return self._tensorboard
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _line(entry: Mapping[str, Any]) -> str:

@@ -35,9 +35,9 @@ from psgn_jax.training import state as state_lib
 from psgn_jax.training.log import MetricsWriter, TrainingLog
 from psgn_jax.training.state import TrainState
 from psgn_jax.training.step import data_mesh, make_train_step, put_batch, put_replicated
-from psgn_jax.weights import initial
 from psgn_jax.weights.checkpoint import Checkpoint, Checkpoints
 from psgn_jax.weights.leaves import named_leaves
+from psgn_jax.weights.opening import initial_params, open_initial
 from psgn_jax.weights.run_folder import Run, locked
 
 MAY_CHANGE = frozenset(
@@ -248,13 +248,11 @@ def _restored(
         ) from error
 
 
-def _losses(config: Config, checkpoint: Checkpoint | None) -> tuple[Any, Any]:
+def _losses(config: Config, checkpoint: Checkpoint | None) -> tuple[float, int]:
     """Sum and number of the losses since the last line of metrics."""
     if checkpoint is None or checkpoint.step % config.train.log_every == 0:
         return 0.0, 0
-    # Older checkpoints have them as leaves.
-    stored: Mapping[str, Any] = {**checkpoint.leaves, **checkpoint.meta}
-    return stored.get("loss_sum", 0.0), stored.get("loss_count", 0)
+    return checkpoint.meta["loss_sum"], checkpoint.meta["loss_count"]
 
 
 def _open_initial(config: Config, task: Task) -> Run | None:
@@ -265,8 +263,8 @@ def _open_initial(config: Config, task: Task) -> Run | None:
     """
     if not config.train.init:
         return None
-    run = initial.open_initial(config)
-    initial.initial_params(config, jax.eval_shape(task.init_params), run.params)
+    run = open_initial(config)
+    initial_params(config, jax.eval_shape(task.init_params), run.params)
     logging.info("starting from the parameters of %s, step %d", run.source, run.step)
     return run
 
@@ -280,7 +278,7 @@ def _initialised(config: Config, task: Task, trained: Run | None) -> TrainState:
     state = jax.tree.map(np.array, create())
     if trained is None:
         return state
-    params = initial.initial_params(config, state.params, trained.params)
+    params = initial_params(config, state.params, trained.params)
     ema = jax.tree.map(np.array, params) if jax.tree.leaves(state.ema) else ()
     return state._replace(params=jax.tree.map(np.array, params), ema=ema)
 

@@ -32,7 +32,7 @@ from psgn_jax.config.experiment import Config, ConfigError, from_json, require_p
 from psgn_jax.models import networks
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import finite_or_none, write_atomic
-from psgn_jax.system.untrusted import brief, kind_of, parse_json, read_json
+from psgn_jax.system.untrusted import brief, matches, parse_json, read_json, size_of
 from psgn_jax.weights.leaves import checksum, from_named_leaves, named_leaves
 
 FORMAT = "psgn_jax weights 1"
@@ -43,6 +43,18 @@ DTYPES = {"float16": "F16", "float32": "F32"}
 """The accepted dtypes, and their names in safetensors."""
 
 _TEXTS = ("format", "config", "figures", "sources")
+
+# The fields of `figures` and `sources`, for `matches`.
+_FIGURES = {
+    "step": int,
+    "samples_seen": int,
+    "parameters": int,
+    "averaged?": bool,
+    "metrics": {...: (float, None)},
+    "data": [{"samples?": int, ...: str}],
+}
+_LICENCE = {"models?": int, "holders?": ([str], None)}
+_SOURCES = [{"source": str, "licences": {...: _LICENCE}}]
 
 
 class WeightsError(UserError):
@@ -145,7 +157,7 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
         figures, sources = parse_json(metadata["figures"]), parse_json(metadata["sources"])
     except (KeyError, ValueError) as error:
         raise WeightsError(f"{path}: error in its metadata: {brief(error)}") from None
-    if not _are_figures(figures) or not _are_rows(sources):
+    if not matches(figures, _FIGURES) or not matches(sources, _SOURCES):
         raise WeightsError(
             f"{path}: error in its metadata: the figures or sources do not have the expected fields"
         )
@@ -163,7 +175,7 @@ def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
         rows = read_json(path)
     except (OSError, ValueError) as error:
         raise ConfigError(f"--sources={path}: {brief(error)}") from None
-    if not rows or not _are_rows(rows):
+    if not rows or not matches(rows, _SOURCES):
         raise ConfigError(
             f'--sources={path}: accepted: a list of {{"source": NAME, "licences": {{LICENCE: '
             '{"models": N, "holders": [...]}}}, like sources.json of a training set'
@@ -194,11 +206,8 @@ def figures_of(
 def _check_sizes(path: pathlib.Path) -> None:
     """Checks the sizes of the file and of its header, reading only eight bytes."""
     try:
-        kind = kind_of(path)
-        if kind is not None:  # opening a pipe would wait for its other end
-            raise WeightsError(f"{path}: it is {kind}, expected a file")
+        size = size_of(path)
         with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
             header = int.from_bytes(file.read(8), "little")
     except OSError as error:
         raise WeightsError(f"{path}: {error.strerror or error}") from None
@@ -247,50 +256,3 @@ def _digest(metadata: Mapping[str, str], leaves: Mapping[str, np.ndarray]) -> st
     texts = {key: metadata.get(key, "").encode() for key in _TEXTS}
     head = b"".join(f"{key} {len(text)}\n".encode() + text for key, text in texts.items())
     return checksum(leaves, head)
-
-
-def _is_count(value: Any) -> bool:
-    return type(value) is int and 0 <= value < 1 << 63
-
-
-def _are_figures(figures: Any) -> bool:
-    if not isinstance(figures, dict):
-        return False
-    metrics, data = figures.get("metrics"), figures.get("data")
-    return (
-        all(_is_count(figures.get(name)) for name in ("step", "samples_seen", "parameters"))
-        and isinstance(figures.get("averaged", False), bool)
-        and isinstance(metrics, dict)
-        and all(
-            value is None or (type(value) in (int, float) and abs(value) < 1e30)
-            for value in metrics.values()
-        )
-        and isinstance(data, list)
-        and all(isinstance(row, dict) for row in data)
-        and all(
-            _is_count(value) if name == "samples" else isinstance(value, str)
-            for row in data
-            for name, value in row.items()
-        )
-    )
-
-
-def _is_licence(licence: Any) -> bool:
-    if not isinstance(licence, dict):
-        return False
-    holders = licence.get("holders") or []
-    return (
-        isinstance(holders, list)
-        and all(isinstance(holder, str) for holder in holders)
-        and _is_count(licence.get("models", 0))
-    )
-
-
-def _are_rows(rows: Any) -> bool:
-    return isinstance(rows, list) and all(
-        isinstance(row, dict)
-        and isinstance(row.get("source"), str)
-        and isinstance(row.get("licences"), dict)
-        and all(map(_is_licence, row["licences"].values()))
-        for row in rows
-    )

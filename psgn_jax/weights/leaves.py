@@ -6,6 +6,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from flax import traverse_util
 
 
 def named_leaves(tree: Any) -> dict[str, Any]:
@@ -51,13 +52,5 @@ def params_from_named_leaves(leaves: Mapping[str, np.ndarray], *, averaged: bool
     """
     averaged = averaged and any(name.startswith("ema.") for name in leaves)
     section = "ema." if averaged else "params."
-    tree: dict[str, Any] = {}
-    for name, leaf in leaves.items():
-        if not name.startswith(section):
-            continue
-        *parents, last = name.removeprefix(section).split(".")
-        node = tree
-        for parent in parents:
-            node = node.setdefault(parent, {})
-        node[last] = leaf
-    return tree
+    chosen = {n.removeprefix(section): x for n, x in leaves.items() if n.startswith(section)}
+    return traverse_util.unflatten_dict(chosen, sep=".")

@@ -1,14 +1,21 @@
 """Opens a trained network: from the folder of a run, from a file of weights, or by name.
 
 The names are those of the files of weights in `psgn_jax/weights/`, which are part of the package.
+With `train.init`, a training starts from such a network (`open_initial`, `initial_params`).
 """
 
+import fnmatch
 import os
 import pathlib
-import re
+from typing import Any
 
-from psgn_jax.config.experiment import ConfigError, suggestion
+import jax
+import numpy as np
+from absl import logging
+
+from psgn_jax.config.experiment import Config, ConfigError, suggestion
 from psgn_jax.weights.file import SUFFIX, read_weights
+from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Run, open_run
 
 FOLDER = pathlib.Path(__file__).resolve().parent
@@ -16,16 +23,12 @@ FOLDER = pathlib.Path(__file__).resolve().parent
 
 
 def shipped() -> dict[str, pathlib.Path]:
-    """The files of weights in the package by name; the last one is the default.
+    """The files of weights in the package by name, `small-2` before `small-10`.
 
-    They are sorted by name. Digits are compared as numbers: `small-2` comes before `small-10`.
+    The last one is the default.
     """
-
-    def natural(path: pathlib.Path) -> list[tuple[int, str]]:
-        parts = re.split(r"(\d+)", path.stem)
-        return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
-
-    return {path.stem: path for path in sorted(FOLDER.glob(f"*{SUFFIX}"), key=natural)}
+    paths = sorted(FOLDER.glob(f"*{SUFFIX}"), key=lambda path: (len(path.stem), path.stem))
+    return {path.stem: path for path in paths}
 
 
 def weights_path(name_or_file: str = "") -> pathlib.Path:
@@ -79,3 +82,108 @@ def open_network(
     scores = {k: float(v) for k, v in read.figures["metrics"].items() if v is not None}
     step = read.figures["step"]
     return Run(read.config, step, read.params, scores, path.stem, "weights", read.sources)
+
+
+def open_initial(config: Config) -> Run:
+    """Opens the network that `train.init` names: the folder of a run, a file of weights, or a name.
+
+    Several, separated by commas, must have the same layers; the result has the mean of their
+    parameters. The mean of networks that were trained from the same parameters with different
+    seeds is often better than each of them (Wortsman et al., "Model soups", ICML 2022).
+
+    Raises:
+      ConfigError: there is no such network, its task differs, or the layers of several differ.
+      CheckpointError, WeightsError: one of them cannot be read.
+    """
+    init = config.train.init
+    names = [name.strip() for name in init.split(",")]
+    if len(names) == 1 or pathlib.Path(init).exists():
+        return _open(config, init)
+    if "" in names:
+        raise ConfigError(f"train.init={init!r}: a name is empty; accepted: names between commas")
+    runs = [_open(config, name) for name in names]
+    shapes = [
+        {key: np.shape(leaf) for key, leaf in named_leaves(run.params).items()} for run in runs
+    ]
+    for name, other in zip(names[1:], shapes[1:], strict=True):
+        if other != shapes[0]:
+            raise ConfigError(
+                f"train.init={init!r}: the layers of {name!r} differ from those of {names[0]!r}; "
+                "expected networks with the same layers"
+            )
+
+    def mean(*leaves: Any) -> np.ndarray:
+        total = np.sum([np.asarray(leaf, np.float32) for leaf in leaves], axis=0)
+        return (total / np.float32(len(leaves))).astype(leaves[0].dtype)
+
+    params = jax.tree.map(mean, *(run.params for run in runs))
+    source = "the mean of " + ", ".join(run.source for run in runs)
+    return runs[0]._replace(params=params, source=source)
+
+
+def _open(config: Config, init: str) -> Run:
+    path = pathlib.Path(init)
+    if path.is_dir():
+        run = open_network(path)
+    elif path.is_file() or init in shipped():
+        run = open_network(weights=init)
+    else:
+        names = ", ".join(shipped()) or "none in this version"
+        raise ConfigError(
+            f"train.init={init!r}: does not exist; accepted: the folder of a trained run, a file "
+            f"of weights, or the name of weights in the package ({names})"
+        )
+    if run.config.task != config.task:
+        raise ConfigError(
+            f"train.init={init!r} has the task {run.config.task!r}; accepted: {config.task!r}"
+        )
+    return run
+
+
+def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
+    """The trained parameters, with random ones for the layers in `train.init_skip`.
+
+    Args:
+      config: configuration of the new training.
+      drawn: random parameters (or their shapes) of the new network, a nested dict.
+      trained: parameters of the trained network.
+
+    Returns:
+      A tree like `drawn`: NumPy arrays for trained layers, the leaves of `drawn` for the others.
+
+    Raises:
+      ConfigError: layers of the two networks differ and are not skipped (the message lists them),
+        or a pattern matches no layer.
+    """
+    wanted, have = named_leaves(drawn), named_leaves(trained)
+    names = sorted(wanted.keys() | have.keys())
+    layer_of = {name: name.rpartition(".")[0] for name in names}
+    layers = sorted(set(layer_of.values()))
+    skipped: set[str] = set()
+    for pattern in config.train.init_skip:
+        if not (matched := fnmatch.filter(layers, pattern)):
+            raise ConfigError(
+                f"train.init_skip: {pattern!r} matches no layer; layers: {', '.join(layers)}"
+            )
+        skipped |= set(matched)
+    misfits: dict[str, str] = {}
+    for name in names:
+        new, old = (list(tree[name].shape) if name in tree else None for tree in (wanted, have))
+        if new != old and layer_of[name] not in skipped:
+            why = f"is {old} and not {new}"
+            if new is None or old is None:
+                why = f"is not in the {'new' if new is None else 'trained'} network"
+            misfits.setdefault(layer_of[name], f"{name} {why}")
+    if misfits:
+        flag = "".join(f"'{layer}'," for layer in misfits)
+        raise ConfigError(
+            f"train.init={config.train.init!r}: {len(misfits)} layers differ: "
+            f"{'; '.join(misfits.values())}; to keep their random parameters: "
+            f'--config.train.init_skip="({flag})"'
+        )
+    if left := sorted(skipped.intersection(map(layer_of.__getitem__, wanted))):
+        logging.info("random parameters, not those of %s: %s", config.train.init, ", ".join(left))
+    taken = [
+        leaf if layer_of[name] in skipped else np.array(have[name]) for name, leaf in wanted.items()
+    ]
+    return jax.tree.unflatten(jax.tree.structure(drawn), taken)

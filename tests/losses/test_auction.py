@@ -14,12 +14,8 @@ from psgn_jax.losses import auction
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 KINDS = ["near", "far", "init", "dup", "grid"]
-solve = jax.jit(losses.assign)
-solve_map = jax.jit(
-    lambda a, b, tolerance=0.01: losses.map_pairs(
-        lambda x, y: losses.assign(x, y, tolerance=tolerance), platform="cpu"
-    )(a, b)
-)
+solve = losses.assign  # without `jit`, it is compiled once per size
+solve_map = jax.jit(losses.map_pairs(losses.assign, platform="cpu"))
 
 
 def check(a, b, found, tolerance=0.01, *, converged=True):
@@ -79,30 +75,27 @@ def test_real_pairs(authors_batches, rng, kind):
         check(a[i], b[i], jax.tree.map(lambda x, i=i: x[i], found))
 
 
-@pytest.mark.parametrize("n", [1, 2, 17, 128, 300])
+@pytest.mark.parametrize("n", [1, 17, 300])
 def test_any_size(rng, n):
     a, b = clouds(rng, n)
     check(a, b, solve(a, b))
 
 
-@pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001])
-def test_tolerance(rng, tolerance):
+def test_any_tolerance_and_budget(rng):
     a, b = clouds(rng, 128)
-    check(a, b, solve(a, b, tolerance=tolerance), tolerance)
-
-
-@pytest.mark.parametrize("max_bids", [0, 1, 7, 50, 128, 200, 400])
-def test_always_a_bijection(rng, max_bids):
-    a, b = clouds(rng, 128)
-    found = solve(a, b, tolerance=1e-4, max_bids=max_bids)
-    check(a, b, found, 1e-4, converged=False)
-    assert int(found.iterations) <= max_bids
-    assert not found.converged
+    for tolerance in (0.1, 0.001):
+        check(a, b, solve(a, b, tolerance=tolerance), tolerance)
+    for max_bids in (0, 1, 7, 50, 128, 200, 400):
+        found = solve(a, b, tolerance=1e-4, max_bids=max_bids)
+        check(a, b, found, 1e-4, converged=False)
+        assert int(found.iterations) <= max_bids
+        assert not found.converged
 
 
 def test_prices_prove_the_gap(rng):
     a, b = clouds(rng, 128)
     found = solve(a, b)
+    jax.tree.map(np.testing.assert_array_equal, found, solve(a, b))  # the same bits every time
     lower = reference.emd_lower_bound(a, b, found.prices)
     cost = reference.matching_cost(a, b, found.index)
     assert cost / lower - 1 <= float(found.gap)
@@ -122,9 +115,7 @@ def test_any_scale_and_offset(rng, scale, offset):
 
 def lattice(rng, n):
     grid = np.stack(np.meshgrid(*[np.arange(6)] * 3), -1).reshape(-1, 3)
-    return rng.permutation(grid)[:n].astype(np.float32), rng.permutation(grid)[:n].astype(
-        np.float32
-    )
+    return tuple(rng.permutation(grid)[:n] for _ in range(2))
 
 
 def degenerate(rng):
@@ -164,14 +155,13 @@ def test_an_extent_that_underflows_proves_nothing():
     assert np.isnan(found.gap)
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("argument", ["a", "b"])
+@pytest.mark.parametrize(("argument", "bad"), [("a", np.inf), ("b", np.nan)])
 def test_non_finite(rng, bad, argument):
     pair = dict(zip(("a", "b"), clouds(rng, 128), strict=True))
     pair[argument][33, 1] = bad
     with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
         losses.assign(**pair)
-    found = solve(pair["a"], pair["b"])
+    found = jax.jit(solve)(pair["a"], pair["b"])
     np.testing.assert_array_equal(found.index, np.arange(128))
     assert not found.converged
     assert np.isnan(found.gap)
@@ -183,7 +173,7 @@ def test_wrong_arguments():
     for call in (losses.assign, jax.jit(losses.assign)):
         with pytest.raises(ValueError, match=r"b: got 3 points, expected as many as a has \(4\)"):
             call(good, good[:3])
-        with pytest.raises(ValueError, match=r"a: got shape .* expected \[n, 3\]"):
+        with pytest.raises(ValueError, match=r"a: got float32\[0, 3\], expected an array"):
             call(good[:0], good)
     with pytest.raises(ValueError, match="tolerance: got -1, expected >= 0"):
         losses.assign(good, good, tolerance=-1)
@@ -191,21 +181,25 @@ def test_wrong_arguments():
         losses.assign(good, good, max_bids=-5)
 
 
-def test_jit_vmap_map_and_shard_map_agree(rng):
-    a = rng.normal(size=(3, 128, 3)).astype(np.float32)
-    b = rng.normal(size=(3, 128, 3)).astype(np.float32)
+def test_vmap_map_and_shard_map_agree(rng):
+    a, b = rng.normal(size=(2, 3, 17, 3)).astype(np.float32)
     want = np.stack([solve(x, y).index for x, y in zip(a, b, strict=True)])
     mesh = jax.make_mesh((1,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
     spec = jax.sharding.PartitionSpec("data")
-
-    def sharded(platform):
-        local = losses.map_pairs(losses.assign, platform=platform)
-        return jax.shard_map(local, mesh=mesh, in_specs=(spec, spec), out_specs=spec)
-
     # "gpu" is vmap.
-    for version in (jax.vmap(losses.assign), sharded("cpu"), sharded("gpu")):
+    for platform in ("cpu", "gpu"):
+        local = losses.map_pairs(losses.assign, platform=platform)
+        version = jax.shard_map(local, mesh=mesh, in_specs=(spec, spec), out_specs=spec)
         np.testing.assert_array_equal(jax.jit(version)(a, b).index, want)
-    np.testing.assert_array_equal(solve_map(a, b).index, want)
+
+
+def test_lock_step_version(rng):
+    # The solver for accelerators.
+    a, b = rng.normal(size=(2, 3, 40, 3)).astype(np.float32)
+    step = jax.vmap(lambda x, y: auction.solve_in_lock_step(x, y, jnp.float32(0.01), 10_000))
+    index, prices, bids, gap = jax.jit(step)(a, b)
+    for i in range(3):
+        check(a[i], b[i], losses.Assignment(index[i], prices[i], gap[i] <= 0.01, bids[i], gap[i]))
 
 
 @pytest.mark.slow
@@ -231,27 +225,7 @@ for function in (losses.assign, jax.value_and_grad(losses.emd_mean)):
     assert result.returncode == 0, result.stderr[-3000:]
 
 
-def test_lock_step_version(rng):
-    # The solver for accelerators.
-    a = rng.normal(size=(3, 40, 3)).astype(np.float32)
-    b = rng.normal(size=(3, 40, 3)).astype(np.float32)
-    tolerance, max_bids = jnp.float32(0.01), jnp.int32(10_000)
-    index, prices, bids, gap = jax.jit(
-        jax.vmap(lambda x, y: auction.solve_in_lock_step(x, y, tolerance, max_bids))
-    )(a, b)
-    for i in range(3):
-        found = losses.Assignment(index[i], prices[i], gap[i] <= 0.01, bids[i], gap[i])
-        check(a[i], b[i], found)
-
-
 def test_memory_is_linear():
     a = jnp.zeros((16384, 3))
-    memory = solve.lower(a, a).compile().memory_analysis()
+    memory = jax.jit(losses.assign).lower(a, a).compile().memory_analysis()
     assert memory.temp_size_in_bytes < 16e6  # the distance matrix would take 1 GB
-
-
-def test_same_bits_every_time(rng):
-    a, b = clouds(rng, 128)
-    first, second = solve(a, b), solve(a, b)
-    np.testing.assert_array_equal(first.index, second.index)
-    np.testing.assert_array_equal(first.prices, second.prices)

@@ -9,7 +9,7 @@ from psgn_jax import losses
 from psgn_jax.losses import batches
 
 
-@pytest.mark.parametrize("num_pairs", [1, 3, 9, 16, 17])
+@pytest.mark.parametrize("num_pairs", [3, 17])
 def test_parts_give_the_results_of_the_whole(num_pairs, rng, monkeypatch):
     a, b, w = (
         jnp.asarray(rng.normal(size=(num_pairs, *shape)), jnp.float32)

@@ -7,12 +7,7 @@ import pytest
 
 from psgn_jax import losses
 from psgn_jax.config.experiment import ConfigError, LossConfig
-from psgn_jax.losses.by_name import (
-    LOSSES,
-    chosen_points,
-    configured_loss,
-    parse_terms,
-)
+from psgn_jax.losses.by_name import LOSSES, chosen_points, configured_loss, parse_terms
 
 
 @pytest.mark.parametrize("name", list(LOSSES))
@@ -26,43 +21,31 @@ def test_every_loss_is_a_number_of_one_pair(name):
 
 
 def test_the_tolerance_reaches_the_loss(rng):
-    pred, gt = rng.normal(size=(2, 30, 3)).astype("f4")
-    rough = configured_loss(LossConfig(name="emd_mean", emd_tolerance=100.0))(pred, gt)[0]
-    assert rough == losses.emd_mean(pred, gt, tolerance=100.0) > losses.emd_mean(pred, gt)
+    pred, gt = rng.normal(size=(2, 4, 3)).astype("f4")
+    rough = configured_loss(LossConfig(name="emd_mean", emd_tolerance=1e3))(pred, gt)[0]
+    assert rough == losses.emd_mean(pred, gt, tolerance=1e3) > losses.emd_mean(pred, gt)
 
 
-def test_an_unknown_name_lists_the_choices():
-    with pytest.raises(ConfigError, match=r"loss.name='hausdorff' is unknown; accepted: chamf"):
-        configured_loss(LossConfig(name="hausdorff"))
-
-
-SUM = "emd_mean@8 + 5*chamfer_sq_mean + .5 * chamfer_l1_mean@12"
+SUM = "emd_mean@4 + 5*chamfer_sq_mean + .5 * chamfer_l1_mean@12"
 
 
 def by_hand(pred, gt):
     return (
-        losses.emd_mean(pred, chosen_points(gt, 8), tolerance=0.01)
+        losses.emd_mean(pred, chosen_points(gt, 4), tolerance=0.01)
         + 5 * losses.chamfer_sq_mean(pred, gt)
         + 0.5 * losses.chamfer_l1_mean(pred, chosen_points(gt, 12))
     )
 
 
 def test_a_sum_and_its_gradient_are_those_written_by_hand(rng):
-    pred, gt = rng.normal(size=(8, 3)).astype("f4"), rng.normal(size=(20, 3)).astype("f4")
+    pred, gt = rng.normal(size=(4, 3)).astype("f4"), rng.normal(size=(20, 3)).astype("f4")
     loss = configured_loss(LossConfig(name=SUM))
-    quick = {"xla_backend_optimization_level": 0}
-    have, grad = jax.jit(jax.value_and_grad(loss, has_aux=True), compiler_options=quick)(pred, gt)
-    want = jax.jit(jax.value_and_grad(by_hand), compiler_options=quick)(pred, gt)
-    np.testing.assert_allclose(have[0], want[0], rtol=1e-6)
-    np.testing.assert_allclose(grad, want[1], rtol=1e-5, atol=1e-7)
-    value, terms = have
-    assert list(terms) == ["chamfer_l1_mean", "chamfer_sq_mean", "emd_mean"]
+    (value, terms), grad = jax.value_and_grad(loss, has_aux=True)(pred, gt)
+    want, want_grad = jax.value_and_grad(by_hand)(pred, gt)
+    np.testing.assert_allclose(value, want, rtol=1e-6)
+    np.testing.assert_allclose(grad, want_grad, rtol=1e-5, atol=1e-7)
+    assert set(terms) == {"chamfer_l1_mean", "chamfer_sq_mean", "emd_mean"}
     np.testing.assert_allclose(terms["chamfer_sq_mean"], losses.chamfer_sq_mean(pred, gt), 1e-6)
-    np.testing.assert_allclose(
-        value,
-        terms["emd_mean"] + 5 * terms["chamfer_sq_mean"] + 0.5 * terms["chamfer_l1_mean"],
-        rtol=1e-6,
-    )
 
 
 def test_chosen_points_are_spread_over_a_sorted_cloud():
@@ -74,17 +57,17 @@ def test_chosen_points_are_spread_over_a_sorted_cloud():
 
 
 def test_a_weight_alone_and_points_alone(rng):
-    pred, gt = rng.normal(size=(4, 3)).astype("f4"), rng.normal(size=(9, 3)).astype("f4")
-    twice = configured_loss(LossConfig(name="2*chamfer_sq"))(pred, gt)[0]
-    np.testing.assert_allclose(twice, 2 * losses.chamfer_sq(pred, gt), rtol=1e-6)
-    few = configured_loss(LossConfig(name="chamfer_sq@3"))(pred, gt)[0]
-    np.testing.assert_allclose(few, losses.chamfer_sq(pred, chosen_points(gt, 3)), rtol=1e-6)
+    pred, gt = rng.normal(size=(4, 3)).astype("f4"), rng.normal(size=(20, 3)).astype("f4")
+    twice = configured_loss(LossConfig(name="2*chamfer_sq@12"))(pred, gt)[0]
+    want = 2 * losses.chamfer_sq(pred, chosen_points(gt, 12))
+    np.testing.assert_allclose(twice, want, rtol=1e-6)
     assert parse_terms("1e-2*emd_mean@7")[0].weight == 0.01
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("hausdorff", "loss.name='hausdorff' is unknown; accepted: chamf"),
         ("emd_mean + 5*chamfer", "the term '5*chamfer' is unknown; did you mean 'chamfer_"),
         ("emd_mean + ", "the term '' is not understood"),
         ("emd_mean*5", "loss.name='emd_mean*5' is not understood; accepted: a loss, or a sum"),

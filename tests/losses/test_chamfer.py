@@ -7,16 +7,9 @@ from helpers import reference
 from psgn_jax import losses
 from psgn_jax.losses import chamfer
 
-NAMES = [
-    "chamfer_sq",
-    "chamfer_sq_mean",
-    "chamfer_sq_pred_to_gt_mean",
-    "chamfer_sq_gt_to_pred_mean",
-    "chamfer_l1_mean",
-    "chamfer_authors",
-]
+NAMES = ["chamfer_sq", "chamfer_sq_mean", "chamfer_l1_mean", "chamfer_authors"]
 # Sizes on both sides of the search's block (32) and tile boundaries.
-SIZES = [(1, 1), (1, 40), (40, 1), (31, 32), (33, 31), (63, 65), (129, 127), (256, 70), (300, 1025)]
+SIZES = [(1, 1), (1, 40), (40, 1), (31, 32), (63, 65), (129, 127), (300, 1025)]
 
 
 def clouds(rng, n, m, scale=1.0, offset=0.0):
@@ -63,20 +56,12 @@ def test_ties_take_the_lowest_index(rng):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(("n", "m"), [(40, 130), (1, 1)])
-def test_losses_equal_reference(rng, name, n, m):
-    a, b = clouds(rng, n, m)
-    value = getattr(losses, name)(a, b)
-    assert value.shape == ()
-    assert value.dtype == jnp.float32
-    np.testing.assert_allclose(value, getattr(reference, name)(a, b), rtol=1e-5)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_gradient_equals_directional_difference(rng, name):
+def test_loss_and_gradient_equal_the_reference(rng, name):
     a, b = clouds(rng, 70, 33)
-    grads = jax.grad(getattr(losses, name), argnums=(0, 1))(a, b)
     slow = getattr(reference, name)
+    value, grads = jax.value_and_grad(getattr(losses, name), argnums=(0, 1))(a, b)
+    assert (value.shape, value.dtype) == ((), jnp.float32)
+    np.testing.assert_allclose(value, slow(a, b), rtol=1e-5)
     for _ in range(3):
         u, v = clouds(rng, 70, 33)
         h = 1e-6  # so small that no point gets another neighbour
@@ -86,11 +71,10 @@ def test_gradient_equals_directional_difference(rng, name):
         np.testing.assert_allclose(got, want, rtol=1e-4, atol=1e-4 * abs(want))
 
 
-@pytest.mark.parametrize(("n", "m"), [(130, 200), (200, 130)])
-def test_is_the_definition(rng, n, m):
-    a, b = clouds(rng, n, m)
+def test_is_the_definition(rng):
+    a, b = clouds(rng, 130, 200)
     fast, slow = (
-        jax.value_and_grad(f, (0, 1))(jnp.asarray(a), jnp.asarray(b))
+        jax.jit(jax.value_and_grad(f, (0, 1)))(a, b)
         for f in (losses.chamfer_sq_mean, chamfer.chamfer_by_definition)
     )
     jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-6, atol=1e-8), fast, slow)
@@ -98,70 +82,30 @@ def test_is_the_definition(rng, n, m):
 
 @pytest.mark.parametrize("name", ["chamfer_sq", "chamfer_l1_mean"])
 def test_coincident_points_have_zero_gradient(rng, name):
-    a, _ = clouds(rng, 40, 1)
+    a, _ = clouds(rng, 70, 1)
     value, grads = jax.value_and_grad(getattr(losses, name), argnums=(0, 1))(a, a[::-1])
     assert value == 0
     assert not np.any(grads)
 
 
-@pytest.mark.parametrize("name", ["chamfer_sq", "chamfer_l1_mean"])
-def test_invariances(rng, name):
-    loss = getattr(losses, name)
-    a, b = clouds(rng, 60, 90)
-    value = loss(a, b)
-    # Permutation of the points.
-    np.testing.assert_allclose(loss(rng.permutation(a), rng.permutation(b)), value, rtol=1e-5)
-    # Rigid motion.
-    rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    moved = [(x @ rotation + [1, -2, 3]).astype(np.float32) for x in (a, b)]
-    np.testing.assert_allclose(loss(*moved), value, rtol=1e-4)
-    # Duplicates of points do not change the distances from the other cloud.
-    np.testing.assert_allclose(
-        losses.chamfer_sq_gt_to_pred_mean(np.concatenate([a, a]), b),
-        losses.chamfer_sq_gt_to_pred_mean(a, b),
-    )
-    # Scale.
-    power = 1 if name == "chamfer_l1_mean" else 2
-    np.testing.assert_allclose(loss(8 * a, 8 * b), value * 8.0**power, rtol=1e-5)
-
-
-def test_jit_vmap_map_and_batched_agree(rng):
-    a = rng.normal(size=(3, 40, 3)).astype(np.float32)
-    b = rng.normal(size=(3, 150, 3)).astype(np.float32)
-    loss = losses.chamfer_sq_mean
-    want = [reference.chamfer_sq_mean(x, y) for x, y in zip(a, b, strict=True)]
-    versions = [
-        jax.vmap(loss),
-        losses.map_pairs(loss, platform="cpu"),
-    ]
-    single = np.stack([jax.grad(loss)(x, y) for x, y in zip(a, b, strict=True)])
-    for version in versions:
-        np.testing.assert_allclose(jax.jit(version)(a, b), want, rtol=1e-5)
-        grad = jax.jit(jax.grad(lambda a, b, version=version: version(a, b).sum()))(a, b)
-        np.testing.assert_allclose(grad, single, rtol=1e-4, atol=1e-7)
-
-
-def test_shard_map(rng):
+def test_vmap_map_and_shard_map_agree(rng):
+    a = rng.normal(size=(3, 70, 3)).astype(np.float32)
+    b = rng.normal(size=(3, 33, 3)).astype(np.float32)
     mesh = jax.make_mesh((1,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
     spec = jax.sharding.PartitionSpec("data")
-    a = rng.normal(size=(4, 40, 3)).astype(np.float32)
-    b = rng.normal(size=(4, 70, 3)).astype(np.float32)
-    local = jax.value_and_grad(lambda a, b: losses.map_pairs(losses.chamfer_sq_mean)(a, b).sum())
-
-    def one_device(a, b):
-        value, grad = local(a, b)
-        return value[None], grad
-
-    values, grads = jax.jit(
-        jax.shard_map(one_device, mesh=mesh, in_specs=(spec, spec), out_specs=(spec, spec))
-    )(a, b)
-    want, want_grad = local(a, b)
-    np.testing.assert_allclose(values.sum(), want, rtol=1e-5)
-    np.testing.assert_allclose(grads, want_grad, atol=1e-6)
+    single = [jax.value_and_grad(losses.chamfer_sq_mean)(x, y) for x, y in zip(a, b, strict=True)]
+    want, want_grads = zip(*single, strict=True)
+    both = jax.value_and_grad(losses.chamfer_sq_mean)
+    local = losses.map_pairs(both, platform="cpu")
+    sharded = jax.shard_map(local, mesh=mesh, in_specs=(spec, spec), out_specs=spec)
+    for version in (jax.vmap(both), local, sharded):
+        values, grads = jax.jit(version)(a, b)
+        np.testing.assert_allclose(values, want, rtol=1e-5)
+        np.testing.assert_allclose(grads, want_grads, rtol=1e-4, atol=1e-7)
 
 
 def test_bfloat16_is_computed_in_float32(rng):
-    a, b = (jnp.asarray(x, jnp.bfloat16) for x in clouds(rng, 40, 50))
+    a, b = (jnp.asarray(x, jnp.bfloat16) for x in clouds(rng, 70, 33))
     value, grad = jax.value_and_grad(losses.chamfer_sq_mean)(a, b)
     assert value.dtype == jnp.float32
     assert grad.dtype == jnp.bfloat16
@@ -170,15 +114,14 @@ def test_bfloat16_is_computed_in_float32(rng):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("argument", ["pred", "gt"])
-@pytest.mark.parametrize("name", NAMES[2:5])
-def test_non_finite(rng, bad, argument, name):
-    loss = getattr(losses, name)
-    pair = dict(zip(("pred", "gt"), clouds(rng, 70, 140), strict=True))
-    pair[argument][33, 1] = bad
-    with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
-        loss(**pair)
-    # Inside jit the values are not known; the loss must be NaN, not a finite number.
-    assert np.isnan(jax.jit(loss)(pair["pred"], pair["gt"]))
+def test_non_finite(rng, bad, argument):
+    pair = dict(zip(("pred", "gt"), clouds(rng, 70, 33), strict=True))
+    pair[argument][22, 1] = bad
+    with pytest.raises(ValueError, match=f"{argument}: point 22 of .* finite"):
+        losses.chamfer_l1_mean(**pair)
+    # Inside jit the values are not known; every distance must be NaN, not a finite number.
+    for found in jax.jit(losses.nearest_both)(pair["pred"], pair["gt"]):
+        assert np.isnan(found.distance_sq).all()
 
 
 @pytest.mark.parametrize("shape", [(0, 3), (5, 2), (3,), (2, 5, 3)])
@@ -186,19 +129,23 @@ def test_non_finite(rng, bad, argument, name):
 def test_wrong_shape(shape):
     good = np.ones((4, 3), np.float32)
     for call in (losses.chamfer_sq_mean, jax.jit(losses.chamfer_sq_mean)):
-        with pytest.raises(ValueError, match=r"pred: got shape .* expected \[n, 3\]"):
+        with pytest.raises(
+            ValueError, match=r"pred: got float32\[.*\], expected an array \[n, 3\]"
+        ):
             call(np.ones(shape, np.float32), good)
-        with pytest.raises(ValueError, match=r"gt: got shape .* expected \[n, 3\]"):
+        with pytest.raises(ValueError, match=r"gt: got float32\[.*\], expected an array \[n, 3\]"):
             call(good, np.ones(shape, np.float32))
 
 
 @pytest.mark.usefixtures("unchecked_annotations")
 def test_wrong_type():
     good = np.ones((4, 3), np.float32)
-    with pytest.raises(ValueError, match="gt: got dtype uint8, expected a floating"):
+    with pytest.raises(
+        ValueError, match=r"gt: got uint8\[4, 3\], expected an array \[n, 3\] of floats"
+    ):
         losses.chamfer_sq(good, np.ones((4, 3), np.uint8))
     with pytest.raises(ValueError, match="pred: got list, expected an array"):
-        losses.nearest(good.tolist(), good)
+        losses.chamfer_sq(good.tolist(), good)
 
 
 def test_memory_is_bounded():

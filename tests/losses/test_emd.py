@@ -10,8 +10,9 @@ from psgn_jax import losses
 from psgn_jax.evaluation import clouds as metrics_lib
 
 N = 96
-mean = jax.jit(losses.emd_mean)
-mean_and_grad = jax.jit(jax.value_and_grad(losses.emd_mean, argnums=(0, 1)))
+# Without `jit`, all tests share the solver, which is compiled once per size.
+mean = losses.emd_mean
+mean_and_grad = jax.value_and_grad(losses.emd_mean, argnums=(0, 1))
 
 
 def clouds(rng, n=N):
@@ -22,7 +23,7 @@ def clouds(rng, n=N):
 def test_equals_reference_within_the_gap(rng):
     a, b = clouds(rng)
     best = reference.emd_sum(a, b)
-    matched = jax.jit(losses.matched_distances)(a, b)
+    matched = losses.matched_distances(a, b)
     total = float(matched.distance.sum())
     assert best * (1 - 1e-6) <= total <= best * (1 + float(matched.assignment.gap)) * (1 + 1e-6)
     np.testing.assert_allclose(
@@ -30,7 +31,7 @@ def test_equals_reference_within_the_gap(rng):
         np.linalg.norm(a - b[np.asarray(matched.assignment.index)], axis=1),
         rtol=1e-6,
     )
-    np.testing.assert_allclose(jax.jit(losses.emd_sum)(a, b), total, rtol=1e-6)
+    np.testing.assert_allclose(losses.emd_sum(a, b), total, rtol=1e-6)
     np.testing.assert_allclose(mean(a, b), total / N, rtol=1e-6)
 
 
@@ -55,31 +56,10 @@ def test_wrong_sizes(rng):
         metrics_lib.emd(a, b[:90])
 
 
-def test_invariances(rng):
-    a, b = clouds(rng)
-    value = float(mean(a, b))
-
-    def near(x, y, factor=1.0):
-        # Each value is between the optimum and 1.01 times the optimum.
-        assert value * factor / 1.0101 <= float(mean(x, y)) <= value * factor * 1.0101
-
-    near(rng.permutation(a), rng.permutation(b))
-    near(b, a)
-    rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    near(*((x @ rotation + [1, -2, 3]).astype(np.float32) for x in (a, b)))
-    near(1000 * a, 1000 * b, 1000)
-    # A factor that is a power of two changes only the exponents.
-    np.testing.assert_allclose(mean(a / 1024, b / 1024), value / 1024, rtol=1e-6)
-
-
-def test_triangle_inequality(rng):
-    a, b = clouds(rng)
-    c = rng.uniform(-1, 2, (N, 3)).astype(np.float32)
-    assert float(mean(a, c)) <= 1.0101 * (float(mean(a, b)) + float(mean(b, c)))
-    assert float(mean(a, a)) == 0
+def test_a_translated_cloud(rng):
     # If b is a moved by a translation, matching every point with its copy is optimal.
-    shift = np.float32([0.3, -0.4, 0])
-    np.testing.assert_allclose(mean(a, a + shift), 0.5, rtol=1e-2)
+    a, _ = clouds(rng)
+    np.testing.assert_allclose(mean(a, a + np.float32([0.3, -0.4, 0])), 0.5, rtol=1e-2)
 
 
 def test_gradient_equals_directional_difference(rng):
@@ -102,7 +82,7 @@ def test_gradient_equals_directional_difference(rng):
 
 def test_gradient_is_of_unit_vectors(rng):
     a, b = clouds(rng)
-    index = np.asarray(jax.jit(losses.matched_distances)(a, b).assignment.index)
+    index = np.asarray(losses.matched_distances(a, b).assignment.index)
     unit = (a - b[index]) / np.linalg.norm(a - b[index], axis=1, keepdims=True)
     _, (grad_a, grad_b) = mean_and_grad(a, b)
     np.testing.assert_allclose(grad_a, unit / N, atol=1e-7)
@@ -116,24 +96,18 @@ def test_coincident_points_have_zero_gradient(rng):
     assert not np.any(grads)
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-@pytest.mark.parametrize("argument", ["pred", "gt"])
+@pytest.mark.parametrize(("argument", "bad"), [("pred", np.inf), ("gt", np.nan)])
 def test_non_finite(rng, bad, argument):
     pair = dict(zip(("pred", "gt"), clouds(rng), strict=True))
     pair[argument][33, 1] = bad
     with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
         losses.emd_mean(**pair)
-    assert np.isnan(mean(pair["pred"], pair["gt"]))
-    if (argument, bad) != ("pred", np.inf):
-        return
+    assert np.isnan(jax.jit(mean)(pair["pred"], pair["gt"]))
     # `grad` and `vmap` trace the values too. The other pairs of a batch are not affected.
-    fine = clouds(rng)
-    for grad in jax.grad(losses.emd_mean, argnums=(0, 1))(pair["pred"], pair["gt"]):
-        assert np.isnan(grad).all()
-    batch = [np.stack(x) for x in zip(pair.values(), fine, strict=True)]
-    grads = jax.vmap(jax.grad(losses.emd_mean))(*batch)
-    assert np.isnan(grads[0]).all()
-    assert np.isfinite(grads[1]).all()
+    batch = [np.stack(x) for x in zip(pair.values(), clouds(rng), strict=True)]
+    for grad in jax.jit(jax.vmap(jax.grad(losses.emd_mean, (0, 1))))(*batch):
+        assert np.isnan(grad[0]).all()
+        assert np.isfinite(grad[1]).all()
 
 
 def test_a_second_call_compiles_nothing(rng, caplog):
@@ -147,16 +121,6 @@ def test_a_second_call_compiles_nothing(rng, caplog):
         assert not [r for r in caplog.records if "compilation" in r.getMessage()]
 
 
-def test_gradient_of_a_batch(rng):
-    a = rng.normal(size=(3, N, 3)).astype(np.float32)
-    b = rng.normal(size=(3, N, 3)).astype(np.float32)
-    want = np.stack([mean_and_grad(x, y)[1][0] for x, y in zip(a, b, strict=True)])
-    for platform in ("cpu", "gpu"):
-        batch = losses.map_pairs(losses.emd_mean, platform=platform)
-        grad = jax.jit(jax.grad(lambda a, b, batch=batch: batch(a, b).sum()))(a, b)
-        np.testing.assert_allclose(grad, want, atol=1e-7)
-
-
 def test_bfloat16_is_computed_in_float32(rng):
     a, b = (jnp.asarray(x, jnp.bfloat16) for x in clouds(rng))
     value, grads = mean_and_grad(a, b)
@@ -168,7 +132,7 @@ def test_bfloat16_is_computed_in_float32(rng):
 def test_with_64_bits(rng, dtype):
     a, b = (x.astype(dtype) for x in clouds(rng, 40))
     with jax.enable_x64(True):
-        value, grad = jax.value_and_grad(losses.emd_mean)(a, b)
+        value, grad = jax.jit(jax.value_and_grad(losses.emd_mean))(a, b)
         assert value.dtype == grad.dtype == dtype
         best = reference.emd_sum(a, b) / 40
         assert best * (1 - 1e-6) <= value <= best * 1.0101
@@ -177,10 +141,10 @@ def test_with_64_bits(rng, dtype):
 def test_metrics(rng):
     a, b = clouds(rng)
     more = np.concatenate([b, b + 100])
-    found = jax.jit(lambda x, y: metrics_lib.evaluate_pair(x, y, emd_tolerance=0.01))(a, b)
+    found = metrics_lib.evaluate_pair(a, b, emd_tolerance=0.01)
     np.testing.assert_allclose(found["emd_radius"], mean(a, b), rtol=1e-6)
     assert 0 <= found["emd_gap"] <= 0.01
     assert "emd_radius" not in metrics_lib.evaluate_pair(a, b)
-    subset = jax.jit(metrics_lib.emd)(a, more)
+    subset = metrics_lib.emd(a, more)
     assert subset.emd > 10  # about half of the chosen points are from the distant copy
-    np.testing.assert_allclose(jax.jit(metrics_lib.emd)(a, more).emd, subset.emd)
+    np.testing.assert_allclose(metrics_lib.emd(a, more).emd, subset.emd)

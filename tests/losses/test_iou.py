@@ -52,12 +52,6 @@ def test_nan_is_never_a_score():
     assert jnp.isnan(losses.soft_iou(pred, jnp.ones(2)))
 
 
-def test_batched(rng):
-    pred, gt = rng.random((3, 4, 4, 4)).astype(np.float32), rng.random((3, 4, 4, 4)) < 0.5
-    got = jax.jit(jax.vmap(losses.iou_sweep))(pred, gt)
-    np.testing.assert_allclose(got[1], losses.iou_sweep(pred[1], gt[1]), rtol=1e-6)
-
-
 @pytest.mark.usefixtures("unchecked_annotations")
 def test_grids_that_differ():
     for function in (losses.soft_iou, losses.iou):

@@ -1,5 +1,3 @@
-import functools
-
 import jax
 import numpy as np
 import pytest
@@ -7,20 +5,16 @@ import pytest
 from psgn_jax import losses
 
 CD, EMD = losses.chamfer_sq, losses.emd_sum
-# Most of the time of these tests is compilation.
-quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 
 
 def case(rng, draws, n=24, m=24):
     return rng.normal(size=(draws, n, 3)).astype(np.float32), rng.normal(size=(m, 3)).astype("f4")
 
 
-@pytest.mark.parametrize(
-    ("distance", "draws"), [(CD, 1), (CD, 5), (losses.chamfer_l1_mean, 2), (EMD, 3)]
-)
+@pytest.mark.parametrize(("distance", "draws"), [(CD, 1), (CD, 5), (EMD, 3)])
 def test_value_and_gradient_are_those_of_the_nearest(rng, distance, draws):
     preds, gt = case(rng, draws)
-    alone = quick_jit(jax.value_and_grad(distance, argnums=(0, 1)))
+    alone = jax.jit(jax.value_and_grad(distance, argnums=(0, 1)))
     want, want_grads = zip(*(alone(pred, gt) for pred in preds), strict=True)
     want = np.array(want)
     j = int(want.argmin())
@@ -29,7 +23,7 @@ def test_value_and_gradient_are_those_of_the_nearest(rng, distance, draws):
         best = losses.min_of_n(distance)(preds, gt)
         return best.value, best
 
-    (_, best), grads = quick_jit(jax.value_and_grad(value, argnums=(0, 1), has_aux=True))(preds, gt)
+    (_, best), grads = jax.jit(jax.value_and_grad(value, argnums=(0, 1), has_aux=True))(preds, gt)
     np.testing.assert_allclose(best.distances, want, rtol=1e-6)
     assert best.winner == j
     assert best.value == best.distances[j]
@@ -38,23 +32,7 @@ def test_value_and_gradient_are_those_of_the_nearest(rng, distance, draws):
     assert not np.delete(grads[0], j, axis=0).any()
 
 
-def test_different_sizes_and_a_distance_that_closes_over_a_traced_value(rng):
-    preds, gt = case(rng, 3, n=10, m=17)
-
-    def scaled(preds, scale):
-        def distance(pred, gt):
-            return scale * losses.chamfer_sq_mean(pred, gt)
-
-        return losses.min_of_n(distance)(preds, gt).value
-
-    want = min(float(losses.chamfer_sq_mean(pred, gt)) for pred in preds)
-    value, by_scale = quick_jit(jax.value_and_grad(scaled, argnums=1))(preds, 2.0)
-    np.testing.assert_allclose([value, by_scale], [2 * want, want], rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("over", "distance"), [(jax.vmap, CD), (losses.map_pairs, CD), (losses.map_pairs, EMD)]
-)
+@pytest.mark.parametrize(("over", "distance"), [(jax.vmap, CD), (losses.map_pairs, EMD)])
 def test_over_a_batch(rng, over, distance):
     preds = rng.normal(size=(4, 3, 16, 3)).astype(np.float32)
     gt = rng.normal(size=(4, 16, 3)).astype(np.float32)
@@ -63,8 +41,8 @@ def test_over_a_batch(rng, over, distance):
         best = over(losses.min_of_n(distance))(preds, gt)
         return best.value.sum(), best
 
-    (_, best), grads = quick_jit(jax.value_and_grad(total, has_aux=True))(preds)
-    single = quick_jit(losses.min_of_n(distance))
+    (_, best), grads = jax.jit(jax.value_and_grad(total, has_aux=True))(preds)
+    single = jax.jit(losses.min_of_n(distance))
     for i in range(4):
         want = single(preds[i], gt[i])
         assert best.winner[i] == want.winner
@@ -82,16 +60,15 @@ def test_of_equally_near_draws_the_first_wins(rng):
         best = losses.min_of_n(CD)(preds, gt)
         return best.value, best.winner
 
-    grads, winner = quick_jit(jax.grad(value, has_aux=True))(preds)
+    grads, winner = jax.jit(jax.grad(value, has_aux=True))(preds)
     assert winner == 1
     assert np.abs(grads[1]).max() > 0
     assert not np.delete(grads, 1, axis=0).any()
 
 
-@pytest.mark.parametrize("distance", [CD, EMD])
-def test_a_nan_of_any_draw_shows(rng, distance):
+def test_a_nan_of_any_draw_shows(rng):
     preds, gt = case(rng, 3)
-    min_of_n = quick_jit(losses.min_of_n(distance))
+    min_of_n = jax.jit(losses.min_of_n(EMD))
     for broken in range(3):
         spoilt = preds.copy()
         spoilt[broken, 5, 1] = np.nan

@@ -56,7 +56,7 @@ def test_several_samples_have_a_file_each_and_one_archive(tmp_path):
 
 
 def test_what_cannot_be_written_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="accepted: any of ply, xyz, obj, npz"):
+    with pytest.raises(ValueError, match="accepted: any of ply, xyz, obj, glb, npz"):
         export.write_clouds(tmp_path, "a", POINTS[None], COLOURS[None], ("stl",))
     broken = np.where(np.arange(5)[:, None] == 1, np.nan, POINTS)
     with pytest.raises(ValueError, match="3 values that are not finite"):

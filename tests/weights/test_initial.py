@@ -14,8 +14,8 @@ from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.tasks.points import Points
 from psgn_jax.training.loop import train
 from psgn_jax.weights.file import write_weights
-from psgn_jax.weights.initial import initial_params, open_initial
 from psgn_jax.weights.leaves import named_leaves
+from psgn_jax.weights.opening import initial_params, open_initial
 
 
 def with_init(config, init, **fields):
