@@ -39,7 +39,13 @@ from absl import logging
 from data_gen import pool
 from data_gen.catalogues import choosing
 from data_gen.catalogues.choosing import Choice
-from data_gen.catalogues.entry import Catalogue, Entry
+from data_gen.catalogues.entry import (
+    SPLITS,
+    Catalogue,
+    Entry,
+    moved_to_empty_splits,
+    original_name,
+)
 from data_gen.engine import choose_variant
 from data_gen.environment_maps import load_maps
 from data_gen.render_model import Context
@@ -71,6 +77,10 @@ class OtherSettingsError(ValueError):
 
 
 # --- The specification of a job ---------------------------------------------------------------
+
+
+FEW_MODELS = 20
+"""A warning is logged for smaller sets."""
 
 
 class Name(NamedTuple):
@@ -119,11 +129,18 @@ class Job:
         model, besides its name and category.
       choice: how the models were chosen, as text for messages.
       names: the models, in the order of the catalogue.
+      moved: new splits of objects that left the split of their catalogue, see `_with_all_splits`.
     """
 
     statement: Mapping[str, Any]
     choice: Mapping[str, Any]
     names: tuple[Name, ...]
+    moved: Mapping[str, str]
+
+    def stated(self) -> dict[str, Any]:
+        """The content of `job.json`."""
+        stated = {"job": self.statement, "choice": self.choice}
+        return stated | ({"moved": self.moved} if self.moved else {})
 
     def blocks(self) -> list[Block]:
         """All blocks, sorted by their first model."""
@@ -141,8 +158,9 @@ class Job:
 
 
 def job_of(
-    name: str, entries: Sequence[Entry], options: Settings, variant: str, choice: Choice, limit: int
-) -> Job:
+    name: str, entries: Sequence[Entry], options: Settings, variant: str, choice: Choice,
+    limit: int, moved: Mapping[str, str],
+) -> Job:  # fmt: skip
     """Everything that determines the bytes of the data set, except the contents of model files."""
     values = structured.to_dict(options)
     del values["job"]
@@ -155,7 +173,39 @@ def job_of(
         },
         choice=json.loads(json.dumps({**dataclasses.asdict(choice), "limit": limit})),
         names=tuple(Name(e.model_id, e.category, e.split) for e in entries),
+        moved=moved,
     )
+
+
+def _with_all_splits(
+    out: pathlib.Path, entries: Sequence[Entry], fractions: Sequence[float]
+) -> tuple[list[Entry], dict[str, str]]:
+    """The models with splits such that none is empty, and the objects that this moves.
+
+    Models in the folder keep their splits. See `catalogues.entry.moved_to_empty_splits`.
+    """
+    stated = [s for s in map(_specification, (out / JOB, out / WORK / JOB)) if s is not None]
+    lines = read_report(out) if (out / REPORT).exists() else []
+    there = {
+        original_name(n.model_id) for n in [*_names(lines), *(n for s in stated for n in s[1])]
+    }
+    moved = {name: split for s in stated for name, split in s[0].get("moved", {}).items()}
+    moved = {name: split for name, split in moved.items() if split in SPLITS}
+    splits = {original_name(e.model_id): e.split for e in entries}
+    splits |= {name: split for name, split in moved.items() if name in splits}
+    wanted = [split for split, fraction in zip(SPLITS, fractions, strict=True) if fraction]
+    moved |= moved_to_empty_splits(splits, wanted, there)
+    splits |= moved
+    if len(splits) < FEW_MODELS:
+        counts = Counter(splits.values())
+        logging.warning(
+            "a small set: %s; a network overfits on it, and its figures say little; "
+            "--option=fractions=0.6,0.2,0.2 sets the fractions of the splits",
+            ", ".join(f"{counts[split]} models in {split!r}" for split in wanted),
+        )
+    return [
+        dataclasses.replace(e, split=splits[original_name(e.model_id)]) for e in entries
+    ], moved  # fmt: skip
 
 
 # --- The job ----------------------------------------------------------------------------------
@@ -243,6 +293,7 @@ def render_catalogue(
 
     If the folder contains a complete data set and all its models are among those of this call, the
     other models of this call are added. Readers see the old state until the new one is complete.
+    If a catalogue divides its models by `split_of` and a split would be empty, a model is moved.
 
     Args:
       catalogue: source of the models.
@@ -268,7 +319,10 @@ def render_catalogue(
     variant, message = choose_variant(options.job.variant)
     if message:
         logging.warning("%s", message)
-    job = job_of(catalogue.name, entries, options, variant.name, choice, limit)
+    moved: dict[str, str] = {}
+    if catalogue.fractions is not None:
+        entries, moved = _with_all_splits(out, entries, catalogue.fractions)
+    job = job_of(catalogue.name, entries, options, variant.name, choice, limit, moved)
     lines: list[Line] = []
     rendered, complete = 0, _check(out, job)
     if not complete:
@@ -385,7 +439,8 @@ def _specification(path: pathlib.Path) -> tuple[dict[str, Any], list[Name]] | No
     try:
         stated = read_json(path)
         names = [Name(*map(str, name)) for name in stated.get("models", [])]
-        return (stated, names) if isinstance(stated["job"], dict) else None
+        sections = (stated["job"], stated.get("choice", {}), stated.get("moved", {}))
+        return (stated, names) if all(isinstance(s, dict) for s in sections) else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
@@ -425,7 +480,7 @@ def _difference(one: Any, two: Any, name: str = "") -> str:
 
 def _begin(out: pathlib.Path, job: Job) -> None:
     """Writes the specification of a job, and an empty manifest if there is none."""
-    stated = {"job": job.statement, "choice": job.choice, "models": job.names}
+    stated = job.stated() | {"models": job.names}
     write_atomic(out / WORK / JOB, json.dumps(stated) + "\n")
     if not (out / MANIFEST).exists():
         save_manifest(out, Manifest(job.statement["source"], False, ()))
@@ -461,8 +516,7 @@ def _complete(out: pathlib.Path, job: Job) -> tuple[list[Line], bool]:
     text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
     # Characters that UTF-8 cannot encode are written as escapes of JSON.
     write_atomic(out / REPORT, text.encode("utf-8", "backslashreplace"))
-    stated = {"job": job.statement, "choice": job.choice}
-    write_atomic(out / JOB, json.dumps(stated, indent=1) + "\n")
+    write_atomic(out / JOB, json.dumps(job.stated(), indent=1) + "\n")
     shards = [content["shard"] for _, content in blocks if content and content["shard"]]
     shards.sort(key=lambda shard: str(shard["file"]))
     # Switches readers to the new state.

@@ -50,7 +50,7 @@ class Variants(Catalogue):
                 f"deviation: got {deviation:g}, expected a number above 0, up to 1 "
                 "(variants=0 keeps the proportions)"
             )
-        self.name = models.name
+        self.name, self.fractions = models.name, models.fractions
         self._entries = [
             e.variant(number, deviation) for e in models.entries() for number in range(variants)
         ]

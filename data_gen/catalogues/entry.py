@@ -7,7 +7,8 @@ import dataclasses
 import functools
 import hashlib
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 from data_gen.catalogues.proportions import vary
 from data_gen.mesh import Model
@@ -78,9 +79,14 @@ def _load_variant(load: Callable[[], Model], name: str, deviation: float) -> Mod
 
 
 class Catalogue:
-    """A list of models. A subclass has a `name` and fills `_entries`."""
+    """A list of models. A subclass has a `name` and fills `_entries`.
+
+    Attributes:
+      fractions: those with which `split_of` divides the models; None = the splits are given.
+    """
 
     name: str
+    fractions: tuple[float, float, float] | None = None
     _entries: Sequence[Entry]
 
     def __len__(self) -> int:
@@ -107,14 +113,50 @@ def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -
             f"split fractions: got {list(fractions)}, expected {len(SPLITS)} numbers of 0 or more "
             "with a sum of 1"
         )
-    digest = hashlib.sha256(model_id.encode("utf-8", "surrogatepass")).digest()
-    place = int.from_bytes(digest[:8], "big") / 2**64
+    place = _place(model_id)
     for split, fraction in zip(SPLITS, fractions, strict=True):
         if place < fraction:
             return split
         place -= fraction
     # Reached only if the hash exceeds the sum of the fractions because of rounding.
     return next(s for s, f in zip(SPLITS[::-1], fractions[::-1], strict=True) if f > 0)
+
+
+def _place(model_id: str) -> float:
+    """A number in [0, 1), by a hash of the name."""
+    digest = hashlib.sha256(model_id.encode("utf-8", "surrogatepass")).digest()
+    return int.from_bytes(digest[:8], "big") / 2**64
+
+
+def moved_to_empty_splits(
+    splits: Mapping[str, str], wanted: Sequence[str], fixed: Collection[str] = ()
+) -> dict[str, str]:
+    """Objects of a small set that change their split so that no split is empty.
+
+    An empty split gets one object of the largest split, chosen by a hash of its name. If no split
+    has two objects, a later split gives its own: two objects are for training and validation.
+
+    Args:
+      splits: split of each object, by name.
+      wanted: the splits that should not be empty, in the order of `SPLITS`.
+      fixed: names of objects that keep their split.
+
+    Returns:
+      The new splits of the objects that change, by name.
+    """
+    moved: dict[str, str] = {}
+    for place, empty in enumerate(wanted):
+        now = {**splits, **moved}
+        counts = Counter(now.values())
+        if counts[empty] or not counts:
+            continue
+        givers = [s for s in wanted if counts[s] > 1] or [s for s in wanted[place:] if counts[s]]
+        for giver in sorted(givers, key=lambda s: -counts[s]):
+            free = [name for name in now if now[name] == giver and name not in fixed]
+            if free:
+                moved[min(free, key=_place)] = empty
+                break
+    return moved
 
 
 def unique_names(names: list[str]) -> list[str]:

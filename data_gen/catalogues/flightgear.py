@@ -109,6 +109,7 @@ class FlightGearCatalogue(Catalogue):
             name = folded.get(model.casefold())
             if name and livery and (root / livery).is_dir():
                 dresses[name].add(livery)
+        self.fractions = fractions
         self._entries = []
         for name, found in dresses.items():  # sorted by file and livery
             for livery in _spread(sorted(found), liveries) or [""]:

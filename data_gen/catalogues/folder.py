@@ -128,6 +128,7 @@ class FolderCatalogue(Catalogue):
                 len(names) - len(kept), ", ".join(leave_out),
             )  # fmt: skip
         files = FolderFiles(source)
+        self.fractions = fractions
         self._entries = []
         for name in kept:
             category = name.split("/")[0] if "/" in name else ""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from data_gen.catalogues.entry import FRACTIONS, Entry, split_of
+from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.catalogues.families import devices, furniture, seats, vehicles
 from data_gen.catalogues.families import materials as m
 from data_gen.catalogues.families.kit import Kit
@@ -86,7 +86,7 @@ def generate(category: str, seed: int) -> Model:
     return kit.model(category, f"{category}-{seed}", {"seed": seed, "kind": kind})
 
 
-class ProceduralCatalogue:
+class ProceduralCatalogue(Catalogue):
     """Models of the families of the paper's table.
 
     Args:
@@ -124,7 +124,8 @@ class ProceduralCatalogue:
         if first_seed < 0:
             raise ValueError(f"first_seed: got {first_seed}, expected 0 or more")
         self._counts = {category: int(count) for category, count in counts.items()}
-        self._first, self._fractions = first_seed, fractions
+        self._first = first_seed
+        self.fractions: tuple[float, float, float] = fractions
 
     def __len__(self) -> int:
         """Number of models."""
@@ -137,5 +138,5 @@ class ProceduralCatalogue:
             for category, count in self._counts.items():
                 if offset < count:
                     name = f"{category}-{seed}"
-                    split = split_of(name, self._fractions)
+                    split = split_of(name, self.fractions)
                     yield Entry(name, category, split, functools.partial(generate, category, seed))

@@ -195,6 +195,7 @@ class SweetHomeCatalogue(Catalogue):
         for problem in problems:
             logging.warning("left out: %s", problem)
         names = unique_names([piece.model_id for _, piece in pieces])
+        self.fractions = fractions
         self._entries = []
         for (library, piece), name in zip(pieces, names, strict=True):
             load = functools.partial(

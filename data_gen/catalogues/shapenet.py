@@ -76,6 +76,7 @@ class ShapeNetCatalogue(Catalogue):
                 f"categories {sorted(unknown)}: expected some of "
                 f"{[synsets.SHAPENET.get(s, s) for s in there]}, which are in {str(source)!r}"
             )
+        self.fractions = fractions if split == "hash" else None
         self._entries = []
         for synset in there:
             if wanted and synset not in wanted:

@@ -143,6 +143,7 @@ class TorcsCatalogue(Catalogue):
             )
         check_assimp(self.name)
         files = FolderFiles(root)
+        self.fractions = fractions
         self._entries = []
         for name in names:
             load = functools.partial(

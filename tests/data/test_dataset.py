@@ -202,7 +202,10 @@ def test_folders_without_the_data_are_refused_by_name(dataset, tmp_path):
         RecordReader(tmp_path / "missing", "train")
     with pytest.raises(RecordError, match="not a data set of this project"):
         RecordReader(tmp_path, "train")
-    with pytest.raises(RecordError, match=r"no split 'test'.*'train', 'validation'"):
+    with pytest.raises(
+        RecordError,
+        match=r"no split 'test'.*'train', 'validation'.*--config.data.eval_split.*fractions=",
+    ):
         RecordReader(dataset, "test")
 
 

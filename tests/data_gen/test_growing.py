@@ -11,7 +11,7 @@ from helpers import drawn_solids as solids
 
 from data_gen import job, pool, settings
 from data_gen.catalogues.choosing import Choice
-from data_gen.catalogues.entry import Entry
+from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, moved_to_empty_splits, split_of
 from data_gen.engine import Variant
 from data_gen.render_model import model_seed
 from psgn_jax.data import schema
@@ -22,7 +22,7 @@ from psgn_jax.system.claims import ClaimedError
 from psgn_jax.system.files import write_atomic
 
 
-class Listed:
+class Listed(Catalogue):
     """A catalogue of given names."""
 
     name = "listed"
@@ -243,6 +243,42 @@ def test_two_processes_do_not_do_the_same_part(tmp_path):
     assert make(out, TEN, part=(1, 2))[0].complete
     make(tmp_path / "once", TEN)
     assert contents(out) == contents(tmp_path / "once")
+
+
+def test_a_small_set_has_all_splits_and_keeps_them_when_it_grows(tmp_path, caplog):
+    def hashed(count, fractions=FRACTIONS):
+        source = Listed([f"n{k}" for k in range(count)], lambda name: split_of(name, fractions))
+        source.fractions = fractions
+        return source
+
+    def splits_of(folder):
+        return {line["model_id"]: line["split"] for line in job.read_report(folder)}
+
+    assert {e.split for e in hashed(5).entries()} == {"train"}
+    before = {}
+    for count in (1, 2, 5, 40):
+        _, rendered = make(tmp_path / "grown", hashed(count))
+        found = splits_of(tmp_path / "grown")
+        assert len(rendered) == len(found) - len(before)
+        assert before.items() <= found.items()
+        assert set(found.values()) == {"train", "validation", "test"} or count < 5
+        assert ("a small set" in caplog.text) == (count < 20)
+        before = found
+        caplog.clear()
+    make(tmp_path / "five", hashed(5))
+    five = splits_of(tmp_path / "five")
+    assert sorted(five.values()) == ["test", "train", "train", "train", "validation"]
+    # The same after a kill and in parts; what the options exclude stays empty.
+    with pytest.raises(KeyboardInterrupt):
+        make(tmp_path / "killed", hashed(5), stop_after=2)
+    make(tmp_path / "killed", hashed(5), part=(1, 2))
+    make(tmp_path / "killed", hashed(5), part=(0, 2))
+    assert contents(tmp_path / "killed") == contents(tmp_path / "five")
+    make(tmp_path / "two", hashed(2))
+    assert set(splits_of(tmp_path / "two").values()) == {"train", "validation"}
+    make(tmp_path / "all", hashed(5, (1.0, 0.0, 0.0)))
+    assert set(splits_of(tmp_path / "all").values()) == {"train"}
+    assert moved_to_empty_splits({"a": "test"}, ["train", "validation", "test"]) == {"a": "train"}
 
 
 class Killed(BaseException):
