@@ -6,19 +6,18 @@ same if it is rendered on a cluster, or extended instead of rendered at once.
 
 The folder of a job:
 
-    <split>-<number>-<digest>.arrayrecord   samples of a block of models
+    <split>-<number>-<digest>.arrayrecord   shard: samples of a block of models
     manifest.json                           the shards that readers see
     models.jsonl                            a line for each model, in the catalogue's order
     job.json                                settings, and how the models were chosen
     .work/job.json                          the same of the job under way, with its models
     .work/<hash>.model                      line and samples of a model
-    .work/<split>-<number>-<digest>.json    lines and shard of a complete block
 
-When all models of a block are rendered, the block becomes a shard. The digest of a block is
-computed from the settings and the names of its models, and is part of the name of the shard. When a
-data set is extended, new shards are written next to the existing ones, and the manifest is then
-replaced, which switches readers to the new state atomically. Shards of unchanged blocks are kept.
-The samples of other existing shards are copied, not rendered again.
+When all models are rendered, the shards are written. The digest of a shard is computed from the
+settings and the names of its models. When a data set is extended, new shards are written next to
+the existing ones, and the manifest is then replaced, which switches readers to the new state
+atomically. Unchanged shards are kept; the samples of other existing shards are copied, not rendered
+again.
 """
 
 import contextlib
@@ -54,7 +53,7 @@ from data_gen.settings import Settings
 from psgn_jax.config import structured
 from psgn_jax.data.codec import decode, unpack
 from psgn_jax.data.dataset import ShardWriter, read_shard, shard_name
-from psgn_jax.data.manifest import MANIFEST, Manifest, load_manifest, save_manifest, shard_of
+from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
 from psgn_jax.system.claims import claim
 from psgn_jax.system.files import remove_temporaries, write_atomic
 from psgn_jax.system.untrusted import one_line, parse_json, read_json
@@ -91,33 +90,25 @@ class Name(NamedTuple):
     split: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """The models of a shard: from one split, in the order of the catalogue.
 
     Attributes:
       split: their split.
       number: number of the block in its split.
       indices: numbers of the models in the job.
-      names: the models.
       digest: digest of the settings and the names.
     """
 
     split: str
     number: int
     indices: tuple[int, ...]
-    names: tuple[Name, ...]
     digest: str
 
     @property
     def shard(self) -> str:
         """The name of the file of records."""
         return shard_name(self.split, self.number, self.digest[:8])
-
-    @property
-    def note(self) -> str:
-        """The name of the file that marks the block as complete."""
-        return f"{self.split}-{self.number:05d}-{self.digest}.json"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,27 +141,24 @@ class Job:
             own = [i for i, name in enumerate(self.names) if name.split == split]
             for number, start in enumerate(range(0, len(own), size)):
                 indices = tuple(own[start : start + size])
-                names = tuple(self.names[i] for i in indices)
-                text = json.dumps([self.statement, names], sort_keys=True)
+                text = json.dumps(
+                    [self.statement, [self.names[i] for i in indices]], sort_keys=True
+                )
                 digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:16]
-                result.append(Block(split, number, indices, names, digest))
+                result.append(Block(split, number, indices, digest))
         return sorted(result, key=lambda block: block.indices[0])
 
 
-def job_of(
+def _job_of(
     name: str, entries: Sequence[Entry], options: Settings, variant: str, choice: Choice,
     limit: int, moved: Mapping[str, str],
 ) -> Job:  # fmt: skip
     """Everything that determines the bytes of the data set, except the contents of model files."""
     values = structured.to_dict(options)
     del values["job"]
+    statement = {"format": _FORMAT, "source": name, "settings": values, "variant": variant}
     return Job(
-        statement={
-            "format": _FORMAT,
-            "source": name,
-            "settings": json.loads(json.dumps(values)),
-            "variant": variant,
-        },
+        statement=json.loads(json.dumps(statement)),
         choice=json.loads(json.dumps({**dataclasses.asdict(choice), "limit": limit})),
         names=tuple(Name(e.model_id, e.category, e.split) for e in entries),
         moved=moved,
@@ -185,7 +173,7 @@ def _with_all_splits(
     Models in the folder keep their splits. See `catalogues.entry.moved_to_empty_splits`.
     """
     stated = [s for s in map(_specification, (out / JOB, out / WORK / JOB)) if s is not None]
-    lines = read_report(out) if (out / REPORT).exists() else []
+    lines = _read_report(out) if (out / REPORT).exists() else []
     there = {
         original_name(n.model_id) for n in [*_names(lines), *(n for s in stated for n in s[1])]
     }
@@ -217,7 +205,8 @@ class Summary:
 
     Attributes:
       models: number of models of the catalogue.
-      lines: lines of the models rendered so far, in the order of the catalogue.
+      lines: lines of the models, in the order of the catalogue; if the job is not complete, those
+        of this part.
       complete: whether all parts are done.
       seconds: duration of this call.
       rendered: number of images that this call rendered.
@@ -231,12 +220,12 @@ class Summary:
 
     @property
     def samples(self) -> int:
-        """Number of samples in the data set."""
+        """Number of samples of the lines."""
         return sum(line["samples"] for line in self.lines)
 
     @property
     def statuses(self) -> dict[str, int]:
-        """Number of models with each status; "open" if another part has not rendered them yet."""
+        """Number of models with each status; "open" are those of other parts."""
         counts = Counter(line["status"] for line in self.lines)
         left = self.models - len(self.lines)
         return dict(counts) | ({"open": left} if left else {})
@@ -322,7 +311,7 @@ def render_catalogue(
     moved: dict[str, str] = {}
     if catalogue.fractions is not None:
         entries, moved = _with_all_splits(out, entries, catalogue.fractions)
-    job = job_of(catalogue.name, entries, options, variant.name, choice, limit, moved)
+    job = _job_of(catalogue.name, entries, options, variant.name, choice, limit, moved)
     lines: list[Line] = []
     rendered, complete = 0, _check(out, job)
     if not complete:
@@ -335,11 +324,11 @@ def render_catalogue(
             complete = _check(out, job)  # another process may have completed it meanwhile
             if not complete:
                 _begin(out, job)
-                rendered = _render_part(out, job, entries, context, part, render, started)
-                lines, complete = _complete(out, job)
+                lines, rendered = _render_part(out, job, entries, context, part, render, started)
+                complete = _complete(out, job)
     if complete:
         _tidy_up(out, job)
-        lines = read_report(out)
+        lines = _read_report(out)
     seconds = time.monotonic() - started
     return Summary(len(entries), tuple(lines), complete, seconds, rendered)
 
@@ -352,20 +341,22 @@ def _render_part(
     part: tuple[int, int],
     render: pool.Pool,
     started: float,
-) -> int:
-    """Renders the missing models of a part of the work; returns the number of images."""
+) -> tuple[list[Line], int]:
+    """Renders the missing models of a part; returns its lines and the number of new images."""
     if part == (0, 1):
         remove_temporaries(out / WORK)  # left by a process that was killed
     blocks = job.blocks()[part[0] :: part[1]]
-    _take_over(out, blocks, job)
-    open_blocks = [block for block in blocks if _read_block(out, block) is None]
-    left: dict[int, tuple[Block, set[int]]] = {}  # by model: its block, and what this one lacks
-    for block in open_blocks:
-        lacking = {i for i in block.indices if _read_result(out, entries[i].model_id) is None}
-        left |= dict.fromkeys(lacking, (block, lacking))
-        if not lacking:
-            _finish_block(out, block)
-    todo = [i for block in open_blocks for i in block.indices if i in left]
+    old, kept = _take_over(out, job, blocks)
+    lines: dict[int, Line] = {}
+    todo = []
+    for block in blocks:
+        for i in block.indices:
+            name = entries[i].model_id
+            result = (old[name], ()) if block.shard in kept else _read_result(out, name)
+            if result is None:
+                todo.append(i)
+            else:
+                lines[i] = result[0]
     logging.info(
         "%d of %d models to render, %d views each, %s", len(todo), len(entries),
         context.settings.views, context.variant.name,
@@ -375,10 +366,7 @@ def _render_part(
     with contextlib.closing(render([(i, entries[i]) for i in todo], context)) as results:
         for done, (index, line, records) in enumerate(results if todo else (), 1):
             _write_result(out, line, records)
-            block, lacking = left[index]
-            lacking.discard(index)
-            if not lacking:
-                _finish_block(out, block)
+            lines[index] = line
             rendered += line["samples"]
             if line["status"] != "ok":
                 refused += 1
@@ -393,7 +381,7 @@ def _render_part(
                     done, len(todo), rendered, rendered / (now - started), refused,
                     seconds // 3600, seconds % 3600 // 60, seconds % 60,
                 )  # fmt: skip
-    return rendered
+    return [lines[i] for i in sorted(lines)], rendered
 
 
 # --- The state of the folder ------------------------------------------------------------------
@@ -408,9 +396,8 @@ def _check(out: pathlib.Path, job: Job) -> bool:
     """
     if not out.exists():
         return False
-    hidden_only = all(path.name.startswith(".") for path in out.iterdir())
     if not (out / MANIFEST).exists():
-        if not hidden_only:
+        if not all(path.name.startswith(".") for path in out.iterdir()):
             raise ValueError(
                 f"--out {str(out)!r}: not a data set, expected an empty or new folder or a data set"
             )
@@ -421,13 +408,16 @@ def _check(out: pathlib.Path, job: Job) -> bool:
                 f"--out {str(out)!r}: holds a complete data set without {REPORT if stated else JOB}"
                 ", made by another command or an earlier version; give another folder, or remove it"
             )
-        lines = read_report(out)
+        lines = _read_report(out)
         there = _names(lines)
         _check_same(out, stated[0], there, job, "holds a complete data set made with")
-        if there == list(job.names) and _shards_of(job, lines) == {
-            shard.file for shard in load_manifest(out).shards
-        }:
-            return True
+        if there == list(job.names):
+            full = {line["model_id"] for line in lines if line["samples"]}
+            blocks = (
+                b for b in job.blocks() if any(job.names[i].model_id in full for i in b.indices)
+            )
+            if {block.shard for block in blocks} == {s.file for s in load_manifest(out).shards}:
+                return True
     unfinished = _specification(out / WORK / JOB)
     if unfinished is not None:
         _check_same(out, *unfinished, job, "was started with")
@@ -470,11 +460,9 @@ def _check_same(
 def _difference(one: Any, two: Any, name: str = "") -> str:
     """The first field in which two specifications differ; "" if they are equal."""
     if isinstance(one, dict) and isinstance(two, dict):
-        for key in sorted({*one, *two}):
-            text = _difference(one.get(key), two.get(key), f"{name}.{key}" if name else key)
-            if text:
-                return text
-        return ""
+        keys = sorted({*one, *two})
+        texts = (_difference(one.get(k), two.get(k), f"{name}.{k}".lstrip(".")) for k in keys)
+        return next(filter(None, texts), "")
     return "" if one == two else f"{name}: {one!r} before, {two!r} now"
 
 
@@ -486,42 +474,63 @@ def _begin(out: pathlib.Path, job: Job) -> None:
         save_manifest(out, Manifest(job.statement["source"], False, ()))
 
 
-def _complete(out: pathlib.Path, job: Job) -> tuple[list[Line], bool]:
-    """Completes the data set if all blocks are done.
-
-    Returns:
-      The lines of the models rendered so far, in order, and whether the data set is complete.
+def _complete(out: pathlib.Path, job: Job) -> bool:
+    """Completes the data set if all models are rendered; returns whether it is complete.
 
     Raises:
       RuntimeError: another command has started a different job in the folder.
+      ValueError: a result was damaged meanwhile.
     """
-    blocks = [(block, _read_block(out, block)) for block in job.blocks()]
-    numbered = {
-        index: line
-        for block, content in blocks
-        if content is not None
-        for index, line in zip(block.indices, content["lines"], strict=True)
-    }
-    lines = [numbered[index] for index in sorted(numbered)]
+    blocks = job.blocks()
+    old, kept = _finished(out)
+    fresh = [block for block in blocks if block.shard not in kept]
+    names = [job.names[i].model_id for block in fresh for i in block.indices]
+    if not all(_result_path(out, name).exists() for name in names):
+        return _check(out, job)  # another part may have completed it
     unfinished = _specification(out / WORK / JOB)
-    if unfinished is None and _check(out, job):
-        return lines, True  # another part has completed the data set
-    if len(lines) < len(job.names):
-        return lines, False
     if unfinished is None or unfinished[1] != list(job.names):
         raise RuntimeError(
             f"--out {str(out)!r}: another command has started to render other models to it; the "
             "samples rendered so far are kept for that command"
         )
-    text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
+    lines: dict[int, Line] = {}
+    shards = []
+    for block in blocks:
+        if block in fresh:
+            block_lines, shard = _write_shard(out, job, block)
+        else:
+            block_lines, shard = (
+                [old[job.names[i].model_id] for i in block.indices],
+                kept[block.shard],
+            )
+        lines |= zip(block.indices, block_lines, strict=True)
+        shards += [shard] if shard else []
+    text = "".join(json.dumps(lines[i], ensure_ascii=False) + "\n" for i in sorted(lines))
     # Characters that UTF-8 cannot encode are written as escapes of JSON.
     write_atomic(out / REPORT, text.encode("utf-8", "backslashreplace"))
     write_atomic(out / JOB, json.dumps(job.stated(), indent=1) + "\n")
-    shards = [content["shard"] for _, content in blocks if content and content["shard"]]
-    shards.sort(key=lambda shard: str(shard["file"]))
+    shards.sort(key=lambda shard: shard.file)
     # Switches readers to the new state.
-    save_manifest(out, Manifest(job.statement["source"], True, tuple(map(shard_of, shards))))
-    return lines, True
+    save_manifest(out, Manifest(job.statement["source"], True, tuple(shards)))
+    return True
+
+
+def _write_shard(out: pathlib.Path, job: Job, block: Block) -> tuple[list[Line], Shard | None]:
+    """Writes the shard of a block from the results of its models, if they have samples."""
+    results = [_read_result(out, job.names[i].model_id) for i in block.indices]
+    whole = [result for result in results if result is not None]
+    if len(whole) < len(results):
+        raise ValueError(f"{out / WORK}: samples were damaged meanwhile; run the command again")
+    lines = [line for line, _ in whole]
+    if not any(records for _, records in whole):
+        return lines, None
+    with ShardWriter(
+        out, block.split, block.number, (block.digest,), tag=block.digest[:8]
+    ) as writer:
+        for _, records in whole:
+            for record in records:
+                writer.write(record, decode(record))
+    return lines, writer.shard
 
 
 def _tidy_up(out: pathlib.Path, job: Job) -> None:
@@ -546,7 +555,7 @@ def _tidy_up(out: pathlib.Path, job: Job) -> None:
         (out / WORK).rmdir()
 
 
-# --- Results, blocks, lines -------------------------------------------------------------------
+# --- Results and lines ------------------------------------------------------------------------
 
 
 def _result_path(out: pathlib.Path, model_id: str) -> pathlib.Path:
@@ -559,7 +568,7 @@ def _write_result(out: pathlib.Path, line: Line, records: Sequence[bytes]) -> No
     write_atomic(_result_path(out, line["model_id"]), packed, sync=False)
 
 
-def _read_result(out: pathlib.Path, model_id: str) -> tuple[dict[str, Any], list[bytes]] | None:
+def _read_result(out: pathlib.Path, model_id: str) -> tuple[Line, Sequence[bytes]] | None:
     """The line and the records of a rendered model; None if they are missing or damaged."""
     try:
         content = msgpack.unpackb(_result_path(out, model_id).read_bytes())
@@ -568,47 +577,7 @@ def _read_result(out: pathlib.Path, model_id: str) -> tuple[dict[str, Any], list
         return None
 
 
-def _finish_block(out: pathlib.Path, block: Block) -> None:
-    """Writes the shard of a block from the files of its models and marks the block as complete."""
-    results = [_read_result(out, name.model_id) for name in block.names]
-    whole = [result for result in results if result is not None]
-    if len(whole) < len(results):
-        raise ValueError(f"{out / WORK}: samples were damaged meanwhile; run the command again")
-    shard = None
-    if any(records for _, records in whole):
-        with ShardWriter(
-            out, block.split, block.number, (block.digest,), tag=block.digest[:8]
-        ) as writer:
-            for _, records in whole:
-                for record in records:
-                    writer.write(record, decode(record))
-        shard = dataclasses.asdict(writer.shard)
-    _write_note(out, block, shard, [line for line, _ in whole])
-    for name in block.names:
-        _result_path(out, name.model_id).unlink(missing_ok=True)
-
-
-def _write_note(out: pathlib.Path, block: Block, shard: Any, lines: Sequence[Line]) -> None:
-    write_atomic(out / WORK / block.note, json.dumps({"shard": shard, "lines": lines}) + "\n")
-
-
-def _read_block(out: pathlib.Path, block: Block) -> dict[str, Any] | None:
-    """The note of a complete block; None if the block is not complete or its shard is damaged."""
-    try:
-        content: dict[str, Any] = read_json(out / WORK / block.note)
-        shard = content["shard"]
-        if not all(map(_is_line, content["lines"])):
-            return None
-        if _names(content["lines"]) != list(block.names):
-            return None
-        if shard and (out / shard_of(shard).file).stat().st_size != shard["size"]:
-            return None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    return content
-
-
-def read_report(out: pathlib.Path) -> list[Line]:
+def _read_report(out: pathlib.Path) -> list[Line]:
     """The lines of the models of a complete data set.
 
     Raises:
@@ -639,63 +608,50 @@ def _names(lines: Iterable[Line]) -> list[Name]:
     return [Name(line["model_id"], line["category"], line["split"]) for line in lines]
 
 
-def _shards_of(job: Job, lines: Sequence[Line]) -> set[str]:
-    """Names of the shards of a complete job, whose models have these lines."""
-    samples = {line["model_id"]: line["samples"] for line in lines}
-    return {block.shard for block in job.blocks() if any(samples[n.model_id] for n in block.names)}
-
-
 # --- Growth -----------------------------------------------------------------------------------
 
 
-def _take_over(out: pathlib.Path, blocks: Iterable[Block], job: Job) -> None:
-    """Reuses the results of earlier, smaller versions of a job in the folder.
+def _finished(out: pathlib.Path) -> tuple[dict[str, Line], dict[str, Shard]]:
+    """The lines of a complete data set by model, and its shards by name; empty without one."""
+    manifest = load_manifest(out, allow_incomplete=True)
+    if not manifest.complete:
+        return {}, {}
+    shards = {shard.file: shard for shard in manifest.shards if _is_whole(out, shard)}
+    return {line["model_id"]: line for line in _read_report(out)}, shards
 
-    Unchanged blocks are marked as complete. The samples of models whose blocks have changed are
-    written to the files of these models, as if they had just been rendered.
+
+def _is_whole(out: pathlib.Path, shard: Shard) -> bool:
+    path = out / shard.file
+    return path.exists() and path.stat().st_size == shard.size
+
+
+def _take_over(
+    out: pathlib.Path, job: Job, blocks: Iterable[Block]
+) -> tuple[dict[str, Line], dict[str, Shard]]:
+    """Reuses the samples of a complete, smaller version of a job in the folder.
+
+    Shards of unchanged blocks are kept. The samples of models whose blocks have changed are written
+    to the files of these models, as if they had just been rendered.
 
     Args:
       out: the folder.
-      blocks: blocks of `job` that are to be completed.
       job: the job whose data set is written.
+      blocks: its blocks that are to be completed.
+
+    Returns:
+      See `_finished`.
     """
-    manifest = load_manifest(out, allow_incomplete=True)
-    complete = manifest.complete and (out / REPORT).exists()
-    lines = {line["model_id"]: line for line in read_report(out)} if complete else {}
-    shards = {shard.file: shard for shard in manifest.shards}
-    wanted: set[str] = set()
-    for block in blocks:
-        if _read_block(out, block) is not None:
-            continue
-        known = [lines[name.model_id] for name in block.names if name.model_id in lines]
-        shard = shards.get(block.shard)
-        if len(known) == len(block.names) and (shard or not any(x["samples"] for x in known)):
-            _write_note(out, block, dataclasses.asdict(shard) if shard else None, known)
-            if _read_block(out, block) is not None:
-                continue
-        names = (name.model_id for name in block.names)
-        wanted |= {name for name in names if not _result_path(out, name).exists()}
-    for file, old in _earlier_blocks(out, job, lines) if wanted else ():
-        if wanted & {line["model_id"] for line in old}:
-            for line, records in _samples(out / file, old):
+    old, kept = _finished(out)
+    changed = (job.names[i].model_id for b in blocks if b.shard not in kept for i in b.indices)
+    wanted = {name for name in changed if name in old and not _result_path(out, name).exists()}
+    earlier = dataclasses.replace(job, names=tuple(_names(old.values())))
+    for block in earlier.blocks() if wanted else ():
+        lines = [old[earlier.names[i].model_id] for i in block.indices]
+        if not wanted.isdisjoint(line["model_id"] for line in lines):
+            for line, records in _samples(out / block.shard, lines):
                 if line["model_id"] in wanted:
                     _write_result(out, line, records)
-
-
-def _earlier_blocks(
-    out: pathlib.Path, job: Job, lines: Mapping[str, Line]
-) -> Iterator[tuple[str, list[Line]]]:
-    """Names of shards that may exist in a folder, with the lines of their models.
-
-    They are the shards of the complete data set and those of unfinished jobs.
-    """
-    for block in dataclasses.replace(job, names=tuple(_names(lines.values()))).blocks():
-        yield block.shard, [lines[name.model_id] for name in block.names]
-    for path in sorted((out / WORK).glob("*-*-*.json")):
-        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # rendered again
-            content = read_json(path)
-            if all(map(_is_line, content["lines"])):
-                yield shard_of(content["shard"]).file if content["shard"] else "", content["lines"]
+    return old, kept
 
 
 def _samples(path: pathlib.Path, lines: Sequence[Line]) -> Iterator[tuple[Line, list[bytes]]]:

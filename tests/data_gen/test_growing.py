@@ -98,21 +98,17 @@ def test_damaged_job_folders_are_refused_or_made_again(tmp_path):
             job.render_catalogue(Listed(TEN), tmp_path, OPTIONS, render=Pool())
 
 
-def test_damaged_notes_of_a_job_under_way_are_made_again(tmp_path):
-    whole = tmp_path / "whole"
-    job.render_catalogue(Listed(TEN), whole, OPTIONS, render=Pool())
-    for number, text in enumerate(
-        ("[" * 200_000, "[]", '{"shard": {"file": 5}, "lines": []}', "5")
-    ):
-        out = tmp_path / str(number)
-        with pytest.raises(KeyboardInterrupt):
-            job.render_catalogue(Listed(TEN), out, OPTIONS, render=Pool(stop_after=8))
-        for path in (out / job.WORK).glob("*-*-*.json"):
-            path.write_text(text)
-        (out / job.WORK / job.JOB).write_text("[" * 200_000)
-        job.render_catalogue(Listed(TEN), out, OPTIONS, render=Pool())
-        for path in whole.iterdir():
-            assert (out / path.name).read_bytes() == path.read_bytes()
+def test_damaged_samples_of_a_job_under_way_are_made_again(tmp_path):
+    make(tmp_path / "whole", TEN)
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        make(out, TEN, stop_after=8)
+    first, second, *_ = sorted((out / job.WORK).glob("*.model"))
+    first.write_bytes(b"[" * 200_000)
+    second.write_bytes(b"")
+    (out / job.WORK / job.JOB).write_text("[" * 200_000)
+    assert len(make(out, TEN)[1]) == 4
+    assert contents(out) == contents(tmp_path / "whole")
 
 
 OPTIONS = settings.parse({"views": 1, "models_per_shard": 3})
