@@ -2,7 +2,7 @@
 
 from data_gen.readers.ac3d import read_ac3d
 from data_gen.readers.files import FolderFiles
-from data_gen.readers.notes import Notes
+from data_gen.readers.textures import Assets
 
 MATERIALS = (
     'MATERIAL "rouge é" rgb 1 0 0  amb 1 1 1  emis 0 0 0  spec 0.5 0.5 0.5  shi 64  trans 0\n'
@@ -35,10 +35,7 @@ def write(path, *objects):
     return path
 
 
-def read(path, **options):
-    """The arrays of a file, before they are cleaned and normalised."""
-    notes = Notes()
-    values = {"side": 64, "max_faces": 1000, **options}
-    files = FolderFiles(path.parent)
-    arrays = read_ac3d(path.read_bytes(), files, "", values["side"], values["max_faces"], notes)
-    return arrays, notes.lines
+def read(path):
+    """The arrays of a file, before they are cleaned and normalised, and the warnings."""
+    assets = Assets(FolderFiles(path.parent))
+    return read_ac3d(path.read_bytes(), assets), assets.warnings

@@ -18,10 +18,9 @@ import numpy as np
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.mesh import MAX_FACES, UnusableModelError
 from data_gen.readers.ac3d import check_assimp, read_ac3d
-from data_gen.readers.files import Files, FolderFiles
+from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
-from data_gen.readers.notes import Notes
-from data_gen.readers.textures import bounded
+from data_gen.readers.textures import Assets
 
 _MAX_XML_BYTES = 1 << 20
 _WHEELS = "trb1-3"  # for cars without a wheel model
@@ -73,23 +72,22 @@ def wheel_places(parameters: bytes) -> tuple[str, list[tuple[np.ndarray, float, 
     return folder if re.fullmatch(r"[\w.-]+", folder) else _WHEELS, result
 
 
-def read_car(
-    data: bytes, files: Files, base: str, side: int, max_faces: int, notes: Notes
-) -> dict[str, Any]:
+def read_car(data: bytes, assets: Assets) -> dict[str, Any]:
     """Arrays of the body and the wheels of a car for `mesh.build_model`; a `readers.load.Reader`.
 
     Raises:
       UnusableModelError: a file is damaged, too large or empty, or assimp is not installed.
     """
-    parts = [read_ac3d(data, files, base, side, max_faces, notes)]
-    name = base.rpartition("/")[2]
+    parts = [read_ac3d(data, assets)]
+    name = assets.base.rpartition("/")[2]
     try:
-        folder, places = wheel_places(files.open(base, f"{name}.xml")[:_MAX_XML_BYTES])
-        place_of_wheels = f"wheels/{folder}"
-        model = files.open(place_of_wheels, "wheel0.acc")
-        wheel = read_ac3d(model, files, place_of_wheels, side, max_faces, notes)
+        folder, places = wheel_places(
+            assets.files.open(assets.base, f"{name}.xml")[:_MAX_XML_BYTES]
+        )
+        of_wheel = assets.at(f"wheels/{folder}")
+        wheel = read_ac3d(of_wheel.files.open(of_wheel.base, "wheel0.acc"), of_wheel)
     except (FileNotFoundError, UnusableModelError) as error:
-        notes.add(f"no wheels: {error}")
+        assets.warn(f"no wheels: {error}")
         places = []
     for where, radius, width in places:
         # The outer side of the wheel model points toward -z.
@@ -110,7 +108,7 @@ def read_car(
         for key in ("vertices", "faces", "normals", "uv", "face_material")
     }
     together = tuple(m for part in parts for m in part["materials"])
-    return {**merged, "materials": bounded(together, notes)}
+    return {**merged, "materials": assets.bounded(together)}
 
 
 class TorcsCatalogue(Catalogue):

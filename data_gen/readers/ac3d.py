@@ -33,9 +33,7 @@ from data_gen.mesh import (
     crease_normals,
 )
 from data_gen.polygons import triangles
-from data_gen.readers.files import Files
-from data_gen.readers.notes import Notes
-from data_gen.readers.textures import Textures, bounded
+from data_gen.readers.textures import Assets
 
 NO_ASSIMP = (
     "assimp is not installed: `pip install 'psgn-jax[render]'`, or the system's own (on Debian "
@@ -102,12 +100,10 @@ def _numbers(words: bytes, count: int, what: str) -> np.ndarray:
     return values
 
 
-def read_outline(
-    data: bytes, max_faces: int = MAX_FACES, notes: Notes | None = None
-) -> list[Object]:
+def read_outline(data: bytes, assets: Assets | None = None) -> list[Object]:
     """The objects of a file in order. All counts in the file are compared with its contents.
 
-    Some exporters count objects that they do not write. If `notes` is given, such a file is
+    Some exporters count objects that they do not write. If `assets` is given, such a file is
     accepted with a warning, provided that its last object is complete and fewer objects are missing
     than present.
 
@@ -160,7 +156,7 @@ def read_outline(
         elif key == b"refs":
             count = _count(rest, "refs", size // 4)
             faces += max(count - 2, 0)
-            check_face_count(faces, max_faces)
+            check_face_count(faces, assets.max_faces if assets else MAX_FACES)
         elif key == b"loc":
             here.location = _numbers(rest, 3, "loc")
         elif key == b"rot":
@@ -170,10 +166,10 @@ def read_outline(
     if not objects:
         raise UnusableModelError("the mesh is empty: no objects, expected at least one")
     missing = sum(left for _, left in open_)
-    if objects[-1].kids is None or (missing and (notes is None or missing >= len(objects))):
+    if objects[-1].kids is None or (missing and (assets is None or missing >= len(objects))):
         raise UnusableModelError("not readable as AC3D: the file is truncated: objects are missing")
-    if missing and notes is not None:
-        notes.add(f"{missing} objects are missing, compared with the counts in the file")
+    if missing and assets is not None:
+        assets.warn(f"{missing} objects are missing, compared with the counts in the file")
     if any(o.surfaces_read != o.surfaces for o in objects):
         raise UnusableModelError(
             "not readable as AC3D: the file is truncated: surfaces are missing"
@@ -274,7 +270,7 @@ def _nodes(node: dict[str, Any]) -> Iterator[dict[str, Any]]:
         stack += reversed(here.get("children", []))
 
 
-def _material(properties: list[dict[str, Any]], textures: Textures) -> tuple[Material, Any]:
+def _material(properties: list[dict[str, Any]], assets: Assets) -> tuple[Material, Any]:
     """A material, and the scale and offset still to be applied to the texture coordinates."""
     value = {p["key"]: p["value"] for p in properties}
     name = value.get("$tex.file")
@@ -288,7 +284,7 @@ def _material(properties: list[dict[str, Any]], textures: Textures) -> tuple[Mat
         specular=colour("$clr.specular"),
         shininess=min(max(float(value.get("$mat.shininess", 20.0)), 1.0), 1000.0),
         opacity=min(max(float(value.get("$mat.opacity", 1.0)), 0.0), 1.0),
-        texture=textures.get(name) if name else None,
+        texture=assets.texture(name) if name else None,
         name=str(value.get("?mat.name", "")),
     )
     return material, value.get("$tex.uvtrafo", (0.0, 0.0, 1.0, 1.0, 0.0))
@@ -300,16 +296,14 @@ def _is_wake(properties: list[dict[str, Any]]) -> bool:
     return bool(_NO_PARTS.match(re.split(r"[/\\]", name)[-1]))
 
 
-def read_ac3d(
-    data: bytes, files: Files, base: str, side: int, max_faces: int, notes: Notes
-) -> dict[str, Any]:
+def read_ac3d(data: bytes, assets: Assets) -> dict[str, Any]:
     """Arrays of an AC3D file for `mesh.build_model`; a reader for `readers.load.load_model`.
 
     Raises:
       UnusableModelError: this is not an AC3D file, it is truncated, too large or empty, or assimp
         is not installed.
     """
-    objects = read_outline(data, max_faces, notes)
+    objects = read_outline(data, assets)
 
     # Assimp would write the back sides of two-sided surfaces as separate faces.
     def one_sided(match: re.Match[bytes]) -> bytes:
@@ -323,15 +317,14 @@ def read_ac3d(
         raise UnusableModelError(
             f"not readable as AC3D: assimp read {len(nodes)} objects, expected {len(objects)}"
         )
-    textures = Textures(files, base, side, notes)
-    looks = [_material(m["properties"], textures) for m in tree.get("materials", [])]
+    looks = [_material(m["properties"], assets) for m in tree.get("materials", [])]
     no_parts = {i for i, m in enumerate(tree.get("materials", [])) if _is_wake(m["properties"])}
     parts: dict[str, list[np.ndarray]] = {k: [] for k in ("faces", "vertices", "uv", "owner")}
     normals = []
     offset = 0
     for node, each, (turn, move) in zip(nodes, objects, _places(objects), strict=True):
         if _NO_PARTS.match(str(node.get("name", ""))):
-            notes.add(_NO_PART)
+            assets.warn(_NO_PART)
             continue
         begin = len(parts["faces"])
         start = offset
@@ -341,7 +334,7 @@ def read_ac3d(
             if not polygons:
                 continue
             if mesh["materialindex"] in no_parts:
-                notes.add(_NO_PART)
+                assets.warn(_NO_PART)
                 continue
             # Assimp has applied the translation already; it belongs after the rotation.
             local = np.array(mesh["vertices"], np.float64).reshape(-1, 3) - each.location
@@ -362,7 +355,7 @@ def read_ac3d(
             vertices = np.concatenate([np.zeros((0, 3)), *parts["vertices"][begin:]])
             normals.append(crease_normals(vertices, faces - start, each.crease))
             if np.linalg.det(turn) < 0:
-                notes.add("faces of mirrored objects reversed")
+                assets.warn("faces of mirrored objects reversed")
                 parts["faces"][begin:] = [f[:, ::-1] for f in parts["faces"][begin:]]
                 parts["uv"][begin:] = [u[:, ::-1] for u in parts["uv"][begin:]]
                 normals[-1] = -normals[-1][:, ::-1]
@@ -373,6 +366,6 @@ def read_ac3d(
         "faces": np.concatenate(parts["faces"]),
         "normals": np.concatenate(normals),
         "uv": np.concatenate(parts["uv"]),
-        "materials": bounded([material for material, _ in looks], notes),
+        "materials": assets.bounded([material for material, _ in looks]),
         "face_material": np.concatenate(parts["owner"]),
     }

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 from data_gen.mesh import Material, UnusableModelError, check_face_count
-from data_gen.readers.files import Files
 from data_gen.readers.mtl import GREY, floats
-from data_gen.readers.notes import Notes
-from data_gen.readers.textures import bounded, decode_texture
+from data_gen.readers.textures import Assets, decode_texture
 from psgn_jax.system.untrusted import one_line, parse_json
 
 _MAX_XML_BYTES = 64 << 20
@@ -55,8 +53,8 @@ def _faces_in_header(data: bytes, kind: str) -> int:
     return 0
 
 
-def _resolver(files: Files, base: str, notes: Notes) -> Any:
-    """`files` as the resolver that trimesh uses for files that a model refers to."""
+def _resolver(assets: Assets) -> Any:
+    """The files as the resolver that trimesh uses for files that a model refers to."""
     import trimesh
 
     class Resolver(trimesh.resolvers.Resolver):
@@ -65,16 +63,16 @@ def _resolver(files: Files, base: str, notes: Notes) -> Any:
 
         def get(self, key: str) -> bytes:
             try:
-                return files.open(base, key)
+                return assets.files.open(assets.base, key)
             except FileNotFoundError:
-                notes.add(f"file {key!r} is missing")
+                assets.warn(f"file {key!r} is missing")
                 raise
 
         def write(self, name: str, data: Any) -> None:
             raise OSError(f"{name}: read only")
 
         def namespaced(self, namespace: str) -> Any:
-            return _resolver(files, posixpath.join(base, namespace), notes)
+            return _resolver(assets.at(posixpath.join(assets.base, namespace)))
 
         def keys(self) -> list[str]:
             return []
@@ -86,7 +84,7 @@ def _srgb(linear: float) -> float:
     return float(min(max(linear, 0.0), 1.0) ** (1 / 2.2))
 
 
-def _from_trimesh_material(material: Any, side: int, notes: Notes) -> Material:
+def _from_trimesh_material(material: Any, assets: Assets) -> Material:
     """A material of trimesh (simple or physically based) as a Blinn-Phong material."""
     name = str(getattr(material, "name", "") or "")
 
@@ -94,9 +92,9 @@ def _from_trimesh_material(material: Any, side: int, notes: Notes) -> Material:
         if picture is None:
             return None
         try:
-            return decode_texture(picture, side)
+            return decode_texture(picture)
         except ValueError as error:
-            notes.add(f"texture of {name!r}: {error}; the plain colour is used instead")
+            assets.warn(f"texture of {name!r}: {error}; the plain colour is used instead")
             return None
 
     def rgba(values: Any, fallback: tuple[float, ...]) -> list[float]:
@@ -165,16 +163,14 @@ def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
     )
 
 
-def read_trimesh(
-    data: bytes, kind: str, files: Files, base: str, side: int, max_faces: int, notes: Notes
-) -> dict[str, Any]:
+def read_trimesh(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
     """Arrays of a file in any format that the installed trimesh reads, for `mesh.build_model`.
 
     Raises:
       UnusableModelError: the file is damaged, of an unknown format or too large.
     """
     try:
-        return _read(data, kind, files, base, side, max_faces, notes)
+        return _read(data, kind, assets)
     except UnusableModelError:
         raise
     except Exception as error:
@@ -183,16 +179,14 @@ def read_trimesh(
         raise UnusableModelError(f"not readable as {kind}: {what}"[:200]) from error
 
 
-def _read(
-    data: bytes, kind: str, files: Files, base: str, side: int, max_faces: int, notes: Notes
-) -> dict[str, Any]:
+def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
     """Implements `read_trimesh`; it may raise any exception."""
     import trimesh
 
     formats = trimesh.available_formats() - _ARCHIVES
     if kind not in formats:
         raise UnusableModelError(f"format {kind!r}: expected one of {sorted(formats)}")
-    check_face_count(_faces_in_header(data, kind), max_faces)
+    check_face_count(_faces_in_header(data, kind), assets.max_faces)
     if kind in ("dae", "zae", "3mf", "xaml", "3dxml"):
         if len(data) > _MAX_XML_BYTES:
             raise UnusableModelError(
@@ -205,7 +199,7 @@ def _read(
         scene = trimesh.load_scene(
             io.BytesIO(data),
             file_type=kind,
-            resolver=_resolver(files, base, notes),
+            resolver=_resolver(assets),
             process=False,
         )
         names = [scene.graph[node] for node in scene.graph.nodes_geometry]
@@ -222,7 +216,7 @@ def _read(
         if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
             continue
         total += len(mesh.faces)
-        check_face_count(total, max_faces)
+        check_face_count(total, assets.max_faces)
         corner = np.asarray(mesh.faces, np.int64)
         if corner.min() < 0 or corner.max() >= len(mesh.vertices):
             raise UnusableModelError(
@@ -249,7 +243,7 @@ def _read(
             key = id(visual.material)
             if key not in known:
                 known[key] = len(materials)
-                materials.append(_from_trimesh_material(visual.material, side, notes))
+                materials.append(_from_trimesh_material(visual.material, assets))
             owner = known[key]
         elif visual.kind in ("vertex", "face"):
             colours = np.asarray(
@@ -275,6 +269,6 @@ def _read(
         "faces": np.concatenate(faces),
         "normals": normal if normal.any() else None,
         "uv": np.concatenate(uvs),
-        "materials": bounded(materials, notes),
+        "materials": assets.bounded(materials),
         "face_material": np.concatenate(owners),
     }

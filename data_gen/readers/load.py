@@ -10,21 +10,11 @@ from data_gen.frame import normalize, orient
 from data_gen.mesh import MAX_FACES, Model, UnusableModelError, build_model
 from data_gen.readers.by_trimesh import read_trimesh
 from data_gen.readers.files import Files, FolderFiles
-from data_gen.readers.notes import Notes
 from data_gen.readers.obj import read_obj
-from data_gen.readers.textures import TEXTURE_SIDE
+from data_gen.readers.textures import Assets
 
-Reader = Callable[[bytes, Files, str, int, int, Notes], dict[str, Any]]
-"""Makes the arguments of `mesh.build_model` from the bytes of a file.
-
-Arguments, in order:
-
-- the bytes;
-- the files that the file may refer to;
-- the folder of the file, within these;
-- the limit of the texture size;
-- the limit of the number of faces;
-- the notes, to which the reader adds its warnings."""
+Reader = Callable[[bytes, Assets], dict[str, Any]]
+"""Makes the arguments of `mesh.build_model` from the bytes of a file."""
 
 
 def load_model(
@@ -67,8 +57,7 @@ def load_model(
         files, name = FolderFiles(path.parent), path.name
     name = str(name)
     model_id = model_id or name
-    notes = Notes()
-    base = posixpath.dirname(name)
+    assets = Assets(files, posixpath.dirname(name), max_faces)
     kind = posixpath.splitext(name)[1].lstrip(".").lower()
     stored = files.find(name)
     if stored is None:
@@ -78,18 +67,14 @@ def load_model(
     except OSError as error:
         raise UnusableModelError(f"file {name!r} is not readable: {error}"[:200]) from error
     reader = reader or (read_obj if kind == "obj" else None)
-    arrays = (
-        reader(data, files, base, TEXTURE_SIDE, max_faces, notes)
-        if reader
-        else read_trimesh(data, kind, files, base, TEXTURE_SIDE, max_faces, notes)
-    )
+    arrays = reader(data, assets) if reader else read_trimesh(data, kind, assets)
     del data
     model = build_model(
         **arrays,
         category=category,
         model_id=model_id,
         parameters=parameters,
-        warnings=notes.lines,
+        warnings=assets.warnings,
         max_faces=max_faces,
     )
     model = normalize(orient(turn(model), up, front))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from data_gen.mesh import Material
-from data_gen.readers.textures import Textures, with_alpha_map
+from data_gen.readers.textures import Assets, with_alpha_map
 
 GREY = (0.6, 0.6, 0.6)
 
@@ -51,7 +51,7 @@ def _map_name(rest: str) -> str:
     return rest.strip() if start == 0 else " ".join(words[start:])
 
 
-def read_mtl(text: str, textures: Textures) -> dict[str, Material]:
+def read_mtl(text: str, assets: Assets) -> dict[str, Material]:
     """The materials of an MTL file, by name.
 
     The statements read are Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd and
@@ -71,8 +71,8 @@ def read_mtl(text: str, textures: Textures) -> dict[str, Material]:
             current[words[0].lower()] = rest
     result = {}
     for name, lines in statements.items():
-        texture = textures.get(_map_name(lines["map_kd"])) if lines.get("map_kd") else None
-        alpha_map = textures.get(_map_name(lines["map_d"])) if lines.get("map_d") else None
+        texture = assets.texture(_map_name(lines["map_kd"])) if lines.get("map_kd") else None
+        alpha_map = assets.texture(_map_name(lines["map_d"])) if lines.get("map_d") else None
         if alpha_map is not None:
             texture = with_alpha_map(texture, alpha_map)
         diffuse = _colour(lines.get("kd", "").split())

@@ -15,10 +15,8 @@ import numpy as np
 
 from data_gen.mesh import Material, UnusableModelError
 from data_gen.polygons import triangles
-from data_gen.readers.files import Files
 from data_gen.readers.mtl import read_mtl
-from data_gen.readers.notes import Notes
-from data_gen.readers.textures import Textures, bounded
+from data_gen.readers.textures import Assets
 
 
 def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
@@ -63,16 +61,13 @@ def _indices(tokens: list[str]) -> np.ndarray:
     return np.array([int(p) for p in parts], np.int64).reshape(-1, 3)
 
 
-def read_obj(
-    data: bytes, files: Files, base: str, side: int, max_faces: int, notes: Notes
-) -> dict[str, Any]:
+def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
     """Arrays of an OBJ file for `mesh.build_model`.
 
     The file is read in blocks of lines, whose numbers become arrays, so that memory is bounded.
     """
     rows = {key: [np.zeros((0, columns))] for key, columns in _COLUMNS.items()}
     read = dict.fromkeys(_COLUMNS, 0)  # number of rows of each kind so far
-    textures = Textures(files, base, side, notes)
     materials: dict[str, Material] = {}
     names: dict[str, int] = {}
     libraries: set[str] = set()
@@ -107,17 +102,17 @@ def read_obj(
             elif key == "mtllib" and len(libraries) < _MOST_LIBRARIES:
                 # Either one name, which may contain spaces, or several names.
                 rest = line.split(None, 1)[1].strip()
-                for name in [rest] if _exists(files, base, rest) else words:
+                for name in [rest] if _exists(assets, rest) else words:
                     if name in libraries or len(libraries) == _MOST_LIBRARIES:
                         continue
                     libraries.add(name)
                     try:
-                        text = files.open(base, name).decode("utf-8", "replace")
-                        materials.update(read_mtl(text, textures))
+                        text = assets.files.open(assets.base, name).decode("utf-8", "replace")
+                        materials.update(read_mtl(text, assets))
                     except FileNotFoundError:
-                        notes.add(f"material file {name!r} is missing; grey is used instead")
-        if total > max_faces:
-            raise UnusableModelError(f"more than the limit of {max_faces} faces")
+                        assets.warn(f"material file {name!r} is missing; grey is used instead")
+        if total > assets.max_faces:
+            raise UnusableModelError(f"more than the limit of {assets.max_faces} faces")
         try:
             for key, lines in fresh.items():
                 rows[key].append(_rows(lines, _COLUMNS[key]))
@@ -128,7 +123,7 @@ def read_obj(
             corners += np.where(corners < 0, np.array(seen) + 1, 0)
         corner_blocks.append(corners - 1)  # from 0, and negative = none
     if broken:
-        notes.add(f"{broken} faces with less than three corners dropped")
+        assets.warn(f"{broken} faces with less than three corners dropped")
     if not total:
         raise UnusableModelError("the mesh is empty: no faces, expected at least one")
 
@@ -138,7 +133,7 @@ def read_obj(
     exists = (corners[:, 0] >= 0) & (corners[:, 0] < len(vertices))
     whole = np.logical_and.reduceat(exists, np.cumsum(counts) - counts)
     if not whole.all():
-        notes.add(f"{int((~whole).sum())} faces with missing vertices dropped")
+        assets.warn(f"{int((~whole).sum())} faces with missing vertices dropped")
         corners = corners[np.repeat(whole, counts)]
     counts, owners = counts[whole], owners[whole]
     if not len(counts):
@@ -156,7 +151,7 @@ def read_obj(
 
     for name in names:
         if name not in materials and materials:
-            notes.add(f"material {name!r} is missing; grey is used instead")
+            assets.warn(f"material {name!r} is missing; grey is used instead")
     table = [materials.get(name, Material(name=name)) for name in names]
     if (owners == -1).any():
         owners = np.where(owners == -1, len(table), owners)
@@ -166,11 +161,11 @@ def read_obj(
         "faces": corners[triangle, 0],
         "normals": of_corners(normal, 2),
         "uv": of_corners(texture, 1),
-        "materials": bounded(table, notes),
+        "materials": assets.bounded(table),
         "face_material": owners[polygon],
     }
 
 
-def _exists(files: Files, base: str, name: str) -> bool:
-    path = posixpath.normpath(posixpath.join(base, name.strip()))
-    return not path.startswith(("/", "..")) and files.find(path) is not None
+def _exists(assets: Assets, name: str) -> bool:
+    path = posixpath.normpath(posixpath.join(assets.base, name.strip()))
+    return not path.startswith(("/", "..")) and assets.files.find(path) is not None

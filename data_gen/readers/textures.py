@@ -1,4 +1,4 @@
-"""Texture images of models, decoded with limits."""
+"""The files that a model refers to: texture images, decoded with limits, and warnings."""
 
 import dataclasses
 import io
@@ -9,9 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from data_gen.mesh import Material
+from data_gen.mesh import MAX_FACES, Material
 from data_gen.readers.files import Files
-from data_gen.readers.notes import Notes
 
 MAX_DECODED_PIXELS = 40_000_000
 """Largest accepted number of pixels of an image (of a JPEG, after the reduction by its decoder)."""
@@ -99,50 +98,66 @@ def with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.ndar
     return np.concatenate([texture[..., :3], alpha[..., None]], axis=2)
 
 
-def bounded(materials: Sequence[Material], notes: Notes) -> tuple[Material, ...]:
-    """The materials with the largest textures halved until their total size is within the limit."""
-    result = list(materials)
-    # A texture that several materials share counts once and is halved for all of them.
-    distinct = {id(m.texture): m.texture for m in result if m.texture is not None}
+class Assets:
+    """The files that a model refers to, within limits, and warnings about what is wrong in them.
 
-    def size(key: int) -> int:
-        return distinct[key].shape[0] * distinct[key].shape[1]
+    Attributes:
+      files: the files.
+      base: the folder of the model's file, within these.
+      max_faces: largest accepted number of faces.
+      warnings: what is missing or wrong and what is used instead, in order, without repetition.
+    """
 
-    while sum(map(size, distinct)) > _MAX_TEXELS:
-        notes.add(f"textures reduced to a total of at most {_MAX_TEXELS} pixels")
-        largest = max(distinct, key=size)
-        half = np.asarray(Image.fromarray(distinct[largest]).reduce(2))
-        distinct[largest] = half
-    result = [
-        m if m.texture is None else dataclasses.replace(m, texture=distinct[id(m.texture)])
-        for m in result
-    ]
-    return tuple(result)
-
-
-class Textures:
-    """The textures of a model; each is decoded once."""
-
-    def __init__(self, files: Files, base: str, side: int, notes: Notes) -> None:
-        self._files, self._base, self._side, self._notes = files, base, side, notes
-        self._cache: dict[str, np.ndarray | None] = {}
+    def __init__(self, files: Files, base: str = "", max_faces: int = MAX_FACES) -> None:
+        self.files, self.base, self.max_faces = files, base, max_faces
+        self.warnings: list[str] = []
+        self._textures: dict[str, np.ndarray | None] = {}
         self._texels = 0
 
-    def get(self, name: str) -> np.ndarray | None:
-        """The texture, or None and a warning."""
-        if name not in self._cache:
-            self._cache[name] = None
+    def at(self, base: str) -> "Assets":
+        """The same for a file in another folder; warnings are added to the same list."""
+        other = Assets(self.files, base, self.max_faces)
+        other.warnings = self.warnings
+        return other
+
+    def warn(self, line: str) -> None:
+        """Appends a warning."""
+        line = line if len(line) <= 300 else line[:297] + "..."
+        if line not in self.warnings and len(self.warnings) < 100:
+            self.warnings.append(line)
+
+    def texture(self, name: str) -> np.ndarray | None:
+        """The texture in a file, or None and a warning. Each file is decoded once."""
+        if name not in self._textures:
+            self._textures[name] = None
             if self._texels > _MAX_DECODED_TEXELS:
-                self._notes.add(
+                self.warn(
                     "the model has too many textures; plain colours are used for some of them"
                 )
                 return None
             try:
-                picture = decode_texture(self._files.open(self._base, name), self._side)
-                self._cache[name] = picture
+                picture = decode_texture(self.files.open(self.base, name))
+                self._textures[name] = picture
                 self._texels += picture.shape[0] * picture.shape[1]
             except FileNotFoundError:
-                self._notes.add(f"texture {name!r} is missing; the plain colour is used instead")
+                self.warn(f"texture {name!r} is missing; the plain colour is used instead")
             except (ValueError, OSError) as error:
-                self._notes.add(f"texture {name!r}: {error}; the plain colour is used instead")
-        return self._cache[name]
+                self.warn(f"texture {name!r}: {error}; the plain colour is used instead")
+        return self._textures[name]
+
+    def bounded(self, materials: Sequence[Material]) -> tuple[Material, ...]:
+        """The materials, with the largest textures halved until their total is within the limit."""
+        # A texture that several materials share counts once and is halved for all of them.
+        distinct = {id(m.texture): m.texture for m in materials if m.texture is not None}
+
+        def size(key: int) -> int:
+            return distinct[key].shape[0] * distinct[key].shape[1]
+
+        while sum(map(size, distinct)) > _MAX_TEXELS:
+            self.warn(f"textures reduced to a total of at most {_MAX_TEXELS} pixels")
+            largest = max(distinct, key=size)
+            distinct[largest] = np.asarray(Image.fromarray(distinct[largest]).reduce(2))
+        return tuple(
+            m if m.texture is None else dataclasses.replace(m, texture=distinct[id(m.texture)])
+            for m in materials
+        )

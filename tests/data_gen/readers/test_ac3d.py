@@ -9,6 +9,7 @@ from data_gen.catalogues.by_name import open_catalogue
 from data_gen.mesh import UnusableModelError
 from data_gen.readers import ac3d
 from data_gen.readers.ac3d import read_outline
+from data_gen.readers.textures import Assets
 
 needs_assimp = pytest.mark.skipif(not ac3d.find_assimp(), reason="assimp is not installed")
 
@@ -147,7 +148,7 @@ def test_every_torn_file_is_refused():
 
 def test_faces_are_counted_before_they_are_read():
     with pytest.raises(UnusableModelError, match="limit of 20"):
-        read_outline(good().encode(), max_faces=20)
+        read_outline(good().encode(), Assets(None, max_faces=20))
     # Text in the data of an object is not read as a statement.
     free = good().replace('name "été"', "data 16\nkids 7\nkids 70\n ", 1)
     assert len(read_outline(free.encode())) == 3

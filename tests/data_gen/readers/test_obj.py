@@ -8,7 +8,6 @@ from data_gen.mesh import UnusableModelError, face_areas, face_normals
 from data_gen.readers import textures
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
-from data_gen.readers.notes import Notes
 from data_gen.readers.obj import _blocks, read_obj
 from data_gen.surface import sample_surface
 
@@ -58,11 +57,11 @@ def test_blocks_of_lines_do_not_change_the_arrays(write, monkeypatch):
         lines += [forms[k % 4]] * (k > 2)
     text = "\n".join(lines[:150]) + "\r\n" + "\r\n".join(lines[150:])
     path = write("a.obj", text)
-    whole = read_obj(text.encode(), FolderFiles(path.parent), "", 64, 999, Notes())
+    whole = read_obj(text.encode(), textures.Assets(FolderFiles(path.parent)))
     assert len(whole["faces"]) == 57
     np.testing.assert_array_equal(whole["faces"][:3], [[0, 1, 3], [0, 1, 2], [5, 4, 3]])
     monkeypatch.setattr(_blocks, "__defaults__", (64,))
-    parts = read_obj(text.encode(), FolderFiles(path.parent), "", 64, 999, Notes())
+    parts = read_obj(text.encode(), textures.Assets(FolderFiles(path.parent)))
     for key in ("vertices", "faces", "uv", "normals", "face_material"):
         np.testing.assert_array_equal(parts[key], whole[key])
 

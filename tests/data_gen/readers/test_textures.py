@@ -10,8 +10,7 @@ from PIL import Image
 from data_gen.mesh import Material
 from data_gen.readers import textures
 from data_gen.readers.load import load_model
-from data_gen.readers.notes import Notes
-from data_gen.readers.textures import bounded, decode_texture
+from data_gen.readers.textures import Assets, decode_texture
 
 
 def test_textures_are_reduced():
@@ -79,11 +78,11 @@ def test_many_textures_share_a_budget(write, monkeypatch):
 def test_materials_that_share_a_texture_are_counted_once(monkeypatch):
     texture = np.zeros((64, 64, 4), np.uint8)
     monkeypatch.setattr(textures, "_MAX_TEXELS", 64 * 64)
-    notes = Notes()
+    assets = Assets(None)
     shared = [Material(texture=texture) for _ in range(5)]
-    assert bounded(shared, notes)[3].texture is texture
-    assert not notes.lines
+    assert assets.bounded(shared)[3].texture is texture
+    assert not assets.warnings
     other = Material(texture=np.zeros((128, 64, 4), np.uint8))
-    result = bounded([*shared, other, Material()], notes)
+    result = assets.bounded([*shared, other, Material()])
     assert len({id(m.texture) for m in result[:5]}) == 1
     assert sum(t.size // 4 for t in {id(m.texture): m.texture for m in result[:6]}.values()) <= 4096
