@@ -187,13 +187,10 @@ def in_frame(points: Float[np.ndarray, "n 3"], camera: Camera) -> Bool[np.ndarra
 def draw(
     rng: np.random.Generator, settings: CameraSettings, vertices: Float[np.ndarray, "n 3"]
 ) -> Camera:
-    """Draws a camera. It is moved back until the object fits into the image.
+    """Draws a camera for an object with these vertices in the model's frame.
 
-    Args:
-      rng: the random generator. The number of values drawn from it does not depend on the settings;
-        settings that were added later use a child generator.
-      settings: the ranges.
-      vertices: vertices of the object, in the model's frame.
+    It is moved back until the object fits into the image. The number of values drawn from `rng`
+    does not depend on the settings; settings that were added later use a child generator.
 
     Raises:
       ValueError: the object does not fit into the image at any distance up to 1000.

@@ -38,13 +38,8 @@ def load_maps(
 ) -> Float[np.ndarray, "m h w 3"] | None:
     """The environment maps for the settings; None = procedural skies, made for each view.
 
-    A separate process reads them, because reading EXR files hangs with a single thread.
-
-    Args:
-      settings: settings of the light.
-      variant: variant of Mitsuba.
-      detail: whether the maps must be large enough for the background of images. Maps of the source
-        "mixed" always are.
+    A separate process reads them, because reading EXR files hangs with a single thread. With
+    `detail`, and from the source "mixed", they are large enough for the background of images.
 
     Raises:
       ValueError: the folder has no map, or a map cannot be read.
@@ -113,11 +108,7 @@ def sunsky_map(
 ) -> Float[np.ndarray, "h w 3"]:
     """A map of Mitsuba's model of sun and sky, above grey ground.
 
-    Args:
-      turbidity: 1 (clear) to 10 (hazy).
-      sun_elevation_degrees: elevation of the sun above the horizon.
-      albedo: albedo of the ground.
-      size: size of the map.
+    The turbidity is from 1 (clear) to 10 (hazy), `albedo` that of the ground.
     """
     mi, elevation = engine.mi, np.deg2rad(sun_elevation_degrees)
     emitter = {

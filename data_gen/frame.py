@@ -43,10 +43,7 @@ def axis_vector(name: str) -> Float[np.ndarray, " 3"]:
 def orient(model: Model, up: str = "+y", front: str = "+z") -> Model:
     """Rotates a model so that its `up` becomes +z and its `front` becomes +x.
 
-    Args:
-      model: the model in the axes of its file.
-      up: one of `AXES`; +y in OBJ and glTF files.
-      front: one of `AXES`, perpendicular to `up`.
+    Both are perpendicular directions of `AXES` in the model's file; +y is up in OBJ and glTF files.
     """
     upward, forward = axis_vector(up), axis_vector(front)
     if upward @ forward != 0:
@@ -96,18 +93,11 @@ def _existing_extremes(
     measure: Callable[[np.ndarray], np.ndarray],
     best: Float[np.ndarray, " k"],
 ) -> Float[np.ndarray, "m 3"]:
-    """For each measure, the existing point of the faces with the largest value.
+    """For each measure, the existing point of the faces with the largest value above `best`.
 
-    If this value is not above the value in `best`, the measure has no point.
-
-    Faces that exist only in part and may contain a larger value are divided into four, recursively.
-    If a part is smaller than `_SMALL` times the extent, only its corners are examined.
-
-    Args:
-      model: the model.
-      faces: faces that may have holes.
-      measure: convex functions of points: [n, 3] to [n, k].
-      best: the maxima of the measures over the other faces of the model.
+    Measures are convex functions of points. Faces that exist only in part and may contain a larger
+    value are divided into four, recursively. If a part is smaller than `_SMALL` times the extent,
+    only its corners are examined.
     """
     extent = float(np.ptp(model.vertices, axis=0).max())
     best, chosen = best.copy(), np.full((len(best), 3), np.nan)
@@ -164,12 +154,8 @@ def outline(
 
     Without alpha textures, the points are all vertices. With alpha textures, they are the vertices
     of the faces without alpha and, for each measure that is larger on a face with alpha, the
-    existing point that maximises it.
-
-    Args:
-      model: the model.
-      measure: convex functions of points, [n, 3] to [n, k]; None = the extent in 260 directions,
-        the axes included.
+    existing point that maximises it. Measures are convex functions of points, [n, 3] to [n, k];
+    None = the extent in 260 directions, the axes included.
     """
     faces = faces_with_alpha(model)
     if not len(faces):

@@ -227,12 +227,9 @@ def _texture(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, float, fl
 
 
 def draw(rng: np.random.Generator, kind: str, around: Surroundings) -> Ground:
-    """Draws a ground.
+    """Draws a ground of one of `KINDS`, or "random" = one that fits the surroundings.
 
-    Args:
-      rng: the random generator.
-      kind: one of `KINDS`, or "random" = one that fits the surroundings.
-      around: the surroundings; the floor of a room ends at its walls, a table at its edges.
+    The floor of a room ends at its walls, a table at its edges.
     """
     if kind == "random":
         fitting = _FITTING[around.kind]

@@ -140,12 +140,9 @@ def build_model(
     face_material: np.ndarray | None = None,
     normals: np.ndarray | None = None,
     uv: np.ndarray | None = None,
-    category: str = "",
-    model_id: str = "",
-    parameters: Mapping[str, Any] | None = None,
     warnings: Sequence[str] = (),
-    crease_degrees: float = CREASE_DEGREES,
     max_faces: int = MAX_FACES,
+    **names: Any,
 ) -> Model:
     """Cleans raw arrays and makes a `Model` from them.
 
@@ -161,12 +158,9 @@ def build_model(
       face_material: [F], None = all 0.
       normals: [F, 3, 3] for corners, or None.
       uv: [F, 3, 2] for corners, or None.
-      category: see `Model`.
-      model_id: see `Model`.
-      parameters: see `Model`.
-      warnings: see `Model`; the warnings of this function are added.
-      crease_degrees: see `crease_normals`.
+      warnings: of the reader; those of this function are added.
       max_faces: largest accepted number of faces.
+      **names: `category`, `model_id` and `parameters` of the model.
 
     Raises:
       UnusableModelError: no face is left, there are too many faces, or a vertex is not finite.
@@ -208,7 +202,7 @@ def build_model(
         uv = np.zeros((len(keep), 3, 2))
     uv = np.nan_to_num(np.asarray(uv, np.float32).reshape(-1, 3, 2)[keep], posinf=0, neginf=0)
     if normals is None:
-        normals = crease_normals(vertices, faces, crease_degrees)
+        normals = crease_normals(vertices, faces)
     else:
         normals = np.asarray(normals, np.float64).reshape(-1, 3, 3)[keep]
         normals = unit_vectors(np.nan_to_num(normals, posinf=0, neginf=0))
@@ -219,7 +213,7 @@ def build_model(
         if missing.any():
             if not missing.all():
                 notes.append(f"{int(missing.sum())} corner normals missing or zero, recomputed")
-            smooth = crease_normals(vertices, faces, crease_degrees)
+            smooth = crease_normals(vertices, faces)
             normals = np.where(missing[..., None], smooth, normals)
     return Model(
         vertices=vertices,
@@ -228,10 +222,8 @@ def build_model(
         uv=uv,
         face_material=owner,
         materials=materials,
-        category=category,
-        model_id=model_id,
-        parameters=dict(parameters or {}),
         warnings=tuple(notes),
+        **names,
     )
 
 
@@ -290,14 +282,10 @@ def crease_normals(
 ) -> Float[np.ndarray, "f 3 3"]:
     """Corner normals: smooth across flat edges, discontinuous at sharp ones.
 
-    Two faces that share an edge (by position, whether or not they share vertices) and whose
-    normals differ by less than `crease_degrees` share a normal at the edge's ends. A shared normal
-    is the mean of the faces' normals, weighted by their angles at the vertex.
-
-    Args:
-      vertices: finite.
-      faces: faces with an area.
-      crease_degrees: 0 = flat shading, 180 = smooth everywhere.
+    Two faces that share an edge (by position, whether or not they share vertices) and whose normals
+    differ by less than `crease_degrees` share a normal at the edge's ends. A shared normal is the
+    mean of the faces' normals, weighted by their angles at the vertex. 0 = flat shading, 180 =
+    smooth everywhere.
     """
     count = len(faces)
     corner = weld(vertices)[faces]
@@ -349,10 +337,7 @@ def opacity_at(
 ) -> Float[np.ndarray, " n"]:
     """Opacity at points of faces: opacity of the material times alpha of the nearest texel.
 
-    Args:
-      model: the model, with textures.
-      face: index of the face of each point.
-      weights: barycentric coordinates of the points.
+    `weights` are the barycentric coordinates of the points.
     """
     owner = model.face_material[face]
     result = np.array([m.opacity for m in model.materials])[owner]

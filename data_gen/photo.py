@@ -6,28 +6,27 @@ are linear until `develop`, and all positions are in the view-aligned frame.
 The irradiance of each pixel is estimated with a few rays of two kinds: toward bright parts of the
 environment map, and distributed by the cosine of the angle to the normal. They are combined by the
 balance heuristic (Veach 1997). Each of the 16 pixels in a block of 4 x 4 uses a different set of
-rays, and an edge-preserving filter averages over such blocks. The result corresponds to sixteen
-times as many rays. Unoccluded surfaces have no noise. The light that a face of the model reflects
-onto other faces is estimated once, from its colour and its irradiance.
+rays, and an edge-preserving filter averages over such blocks, as if there were sixteen times as
+many rays. Unoccluded surfaces have no noise. The light that a face of the model reflects onto other
+faces is estimated once, from its colour and its irradiance.
 """
 
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Annotated
 
 import numpy as np
 import scipy.ndimage
 from jaxtyping import Bool, Float, Int, UInt8
 
 from data_gen import lights, shading
-from data_gen.cameras import Camera, Range, turn_about_vertical
+from data_gen.cameras import Camera, turn_about_vertical
 from data_gen.grounds import Ground
 from data_gen.mesh import row_dots
 from data_gen.picture import Mesh, Picture, follow_rays, sample_rays, window_of
 from data_gen.scene import RayHits, Scene, Surfaces
+from data_gen.settings import FilmSettings, ImageSettings
 from data_gen.surroundings import Surroundings
-from psgn_jax.config.structured import Within
 
 PATTERNS = 16
 """Number of different sets of rays; neighbouring pixels use different sets."""
@@ -59,29 +58,6 @@ _BLURS = (0.0, 0.1, 0.25, 0.5)
 _BRIGHTEST = 6.0
 
 _UP = np.array([[0, 0, 1]], np.float32)
-
-
-@dataclasses.dataclass(frozen=True)
-class FilmSettings:
-    """The response of a camera, for "photo" shading. Values are drawn uniformly from the ranges.
-
-    Attributes:
-      exposure: deviation from automatic exposure, in stops.
-      white_balance: fraction of the light's colour that is removed, 0 to 1.
-      contrast: contrast of the tone curve, 0 = none, 1 = that of film.
-      saturation: factor of the distance of colours from grey.
-      vignette: relative darkening of the corners, 0 to 1.
-      blur: blur of the lens: standard deviation in pixels.
-      grain: noise of the sensor: standard deviation at middle grey, 1 = white.
-    """
-
-    exposure: Annotated[Range, Within(-10, 10)] = (-0.6, 0.5)
-    white_balance: Annotated[Range, Within(0, 1)] = (0.6, 1.0)
-    contrast: Annotated[Range, Within(0, 1)] = (0.7, 1.0)
-    saturation: Annotated[Range, Within(0, 4)] = (0.9, 1.25)
-    vignette: Annotated[Range, Within(0, 1)] = (0.0, 0.25)
-    blur: Annotated[Range, Within(0, 10)] = (0.3, 0.6)
-    grain: Annotated[Range, Within(0, 1)] = (0.0, 0.02)
 
 
 def develop(
@@ -137,14 +113,9 @@ def smooth(
 ) -> Float[np.ndarray, "h w 3"]:
     """Weighted means over 5 x 5 pixels of the same surface (weights 1/2, 1, 1, 1, 1/2 per axis).
 
-    Args:
-      values: values to smooth.
-      valid: pixels that have a value.
-      guides: for each pixel its normal n, its position p and a tolerance. Another pixel is on the
-        same surface if its normal is similar and its distance from the plane through p
-        perpendicular to n is less than `step` times the tolerance. None = all pixels are on one
-        surface.
-      step: distance between the pixels.
+    The pixels are `step` apart. `guides` are for each pixel its normal n, its position p and a
+    tolerance: another pixel is on the same surface if its normal is similar and its distance from
+    the plane through p perpendicular to n is less than `step` times the tolerance.
     """
     for axis in (0, 1):
         size = valid.shape[axis]
@@ -243,14 +214,8 @@ def _sides(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class Light:
     """The light of a scene: irradiance and reflections.
 
-    Args:
-      around: the surroundings, which emit the light.
-      ground: the ground, which reflects and blocks light; None = there is none.
-      surfaces: arrays of the model.
-      rotation: rotation from the model's frame to the view-aligned one.
-      cast: returns the first hits on the model, for origins and directions.
-      rays: number of rays at each point.
-      rng: generator of the directions.
+    `rotation` is from the model's frame to the view-aligned one. `cast` returns the first hits on
+    the model, for origins and directions. `rays` is the number of rays at each point.
     """
 
     def __init__(
@@ -264,7 +229,6 @@ class Light:
         rays: int,
         rng: np.random.Generator,
     ) -> None:
-        """Prepares rays and tables."""
         self._surfaces, self._ground, self._cast = surfaces, ground, cast
         turn = rotation.T.astype(np.float32)
         vertices = surfaces.vertices @ turn
@@ -351,10 +315,9 @@ class Light:
     def _see(
         self, origins: np.ndarray, directions: np.ndarray, distant: np.ndarray, far: bool
     ) -> np.ndarray:
-        """Radiance [n, 3] along rays: from the model, the ground, or the distant surroundings.
+        """Radiance along rays (unit vectors): from the model, the ground, or `distant`.
 
-        The directions are unit vectors; `distant` is the radiance of rays that hit nothing. If many
-        rays miss the bounding box of the model (`far`), those are not traced.
+        If many rays miss the bounding box of the model (`far`), those are not traced.
         """
         result = distant.copy()
         ground, floor = self._ground, self._floor
@@ -413,11 +376,8 @@ class Light:
     ) -> Float[np.ndarray, "n 3"]:
         """Irradiance / pi at points; times the reflectance it is the radiance of a matt surface.
 
-        Args:
-          places: positions of the points.
-          normals: unit vectors on the visible side.
-          pattern: number of the set of rays of each point, 0 to 15.
-          far: whether many rays miss the bounding box of the model. Those are not traced.
+        `pattern` is the number of the set of rays of each point, below `PATTERNS`. With `far`, rays
+        that miss the bounding box of the model are not traced.
         """
         result = np.empty((len(places), 3), np.float32)
         for begin in range(0, len(places), 4096):
@@ -499,7 +459,6 @@ class _Shade:
     """
 
     def __init__(self, light: Light, scene: Scene, picture: Picture, side: int) -> None:
-        """Computes the irradiance at the centres of the object's pixels."""
         self._light, self._scene = light, scene
         camera = scene.camera
         window = window_of(scene.surfaces, camera)
@@ -582,13 +541,7 @@ def backdrop(
 ) -> Float[np.ndarray, "h w 3"]:
     """The image of ground and surroundings without the object but with its shadow.
 
-    Args:
-      light: light of the scene.
-      around: the surroundings.
-      ground: the ground; None = there is none.
-      camera: camera of the view.
-      hidden: pixels that the object hides; their values are arbitrary.
-      blur: blur of distant surroundings, in radians.
+    Values of `hidden` pixels are arbitrary. `blur` is that of distant surroundings, in radians.
     """
     height, width = camera.image_size
     rays = sample_rays(camera, (slice(0, height), slice(0, width)), 1)
@@ -675,10 +628,7 @@ def photograph(
     ground: Ground | None,
     *,
     film: FilmSettings,
-    side: int,
-    soft_edges: bool,
-    rays: int,
-    show_surroundings: bool,
+    image: ImageSettings,
     rng: np.random.Generator,
 ) -> UInt8[np.ndarray, "h w 3"]:
     """The image of a view lit by its surroundings.
@@ -690,13 +640,10 @@ def photograph(
       around: the surroundings.
       ground: the ground under the object; None = there is none.
       film: the response of the camera.
-      side: samples along the edge of a pixel, 0 = only its centre.
-      soft_edges: whether edges are antialiased.
-      rays: number of rays per pixel that sample the light.
-      show_surroundings: whether the surroundings replace the background of the scene.
+      image: see `settings.ImageSettings`.
       rng: generator of directions, blur and noise.
     """
-    camera, side = scene.camera, max(side, 1)
+    camera, side = scene.camera, max(image.samples, 1)
     height, width = camera.image_size
     window = window_of(scene.surfaces, camera)
     turn = camera.rotation.astype(np.float32)
@@ -705,12 +652,14 @@ def photograph(
     def cast(origins: np.ndarray, directions: np.ndarray) -> RayHits:
         return mesh.cast(origins @ turn, directions @ turn)
 
-    light = Light(around, ground, scene.surfaces, camera.rotation, cast, rays=rays, rng=light_rng)
+    light = Light(
+        around, ground, scene.surfaces, camera.rotation, cast, rays=image.rays, rng=light_rng
+    )
     shade = _Shade(light, scene, picture, side)
     seen = follow_rays(mesh, scene, sample_rays(camera, window, side), shade)
     colour = np.concatenate([seen.colour, 1 - seen.through[:, None]], axis=1)
     colour = colour.reshape(-1, side * side, 4)
-    if soft_edges:
+    if image.soft_edges:
         total = colour.mean(axis=1)
     else:
         # Hard edges: a pixel outside the mask shows only the background.
@@ -718,13 +667,13 @@ def photograph(
         total = np.where(picture.mask[window].reshape(-1, 1), colour.sum(axis=1) / count, 0)
     full = np.zeros((height, width, 4), np.float32)
     full[window] = total.reshape(full[window].shape)
-    if show_surroundings or ground is not None:
+    if image.background == "surroundings" or ground is not None:
         hidden, blur = full[..., 3] > 0.995, float(light_rng.uniform(0, 0.03))
         behind = backdrop(light, around, ground, camera, hidden, blur=blur)
     else:
         level = light.in_the_open(np.array([[1.0, 0, 0]], np.float32))[0].mean()
         behind = linear(np.asarray(scene.background, np.float32)) * level
-    image = full[..., :3] + (1 - full[..., 3:]) * behind
+    radiance = full[..., :3] + (1 - full[..., 3:]) * behind
     weight = 0.3 + 2.0 * picture.mask * (height * width / max(picture.mask.sum(), 1)) * 0.3
     illuminant = light.in_the_open(np.array([[0.5, 0, 0.866]], np.float32))[0]
-    return develop(image, weight, film, film_rng, illuminant=illuminant)
+    return develop(radiance, weight, film, film_rng, illuminant=illuminant)

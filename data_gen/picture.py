@@ -214,18 +214,12 @@ def compose(
 
 
 def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
-    """Renders a view with local shading.
+    """Renders a view of `scene` with local shading; `mesh` is that of `scene.surfaces.corners`.
 
     Mask, depth and normals are sampled at the centres of the pixels. The colour is a mean over
-    `side` x `side` samples. With soft edges, all samples of the pixel count. Without (as in the
-    authors' images), only samples with the material and orientation of the centre count: textures
-    are smoothed, as by mipmaps, but edges stay hard.
-
-    Args:
-      mesh: the mesh of `scene.surfaces.corners`.
-      scene: the scene.
-      side: samples along the edge of a pixel, 0 = only its centre.
-      soft_edges: whether edges are smoothed as well.
+    `side` x `side` samples, 0 = only the centre. With soft edges, all samples of the pixel count.
+    Without (as in the authors' images), only samples with the material and orientation of the
+    centre count: textures are smoothed, as by mipmaps, but edges stay hard.
     """
     camera = scene.camera
     window = window_of(scene.surfaces, camera)
@@ -272,13 +266,8 @@ def path_trace(
     """Premultiplied colours with shadows and interreflection, and opacity, by Mitsuba.
 
     Each material becomes a material of Mitsuba. Mitsuba therefore compiles every scene, which takes
-    some seconds per model.
-
-    Args:
-      scene: the scene; its directional lights are ignored.
-      radiance: the environment map, in the view-aligned frame.
-      samples: number of samples per pixel.
-      seed: seed of the samples.
+    some seconds per model. The light is the environment map `radiance`, in the view-aligned frame,
+    instead of the scene's directional lights.
     """
     mi, surfaces, camera = engine.mi, scene.surfaces, scene.camera
     parts: dict[str, Any] = {

@@ -193,10 +193,7 @@ def _picture_of(
             around,
             grounds.draw(rng, image.ground, around) if above else None,
             film=settings.film,
-            side=image.samples,
-            soft_edges=image.soft_edges,
-            rays=image.rays,
-            show_surroundings=image.background == "surroundings",
+            image=image,
             rng=rng,
         )
         return picture._replace(image=taken)

@@ -117,14 +117,10 @@ class RayHits(NamedTuple):
 def draw_background(
     rng: np.random.Generator, kind: str, size: tuple[int, int], pictures: list[str]
 ) -> Float[np.ndarray, "..."] | float:
-    """A random background: a grey value, or an image in [0, 1].
+    """A random background: a grey value, or an image of `size` (H, W) in [0, 1].
 
-    Args:
-      rng: the random generator.
-      kind: "random" = noise in two random colours; "folder" = a part of one of the pictures; other
-        kinds = grey.
-      size: (H, W).
-      pictures: paths, for "folder".
+    "random" = noise in two random colours; "folder" = a part of one of the pictures; other kinds =
+    grey.
     """
     height, width = size
     if kind == "folder":

@@ -5,11 +5,10 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
 from data_gen import cameras, grounds
-from data_gen.cameras import CameraSettings
+from data_gen.cameras import CameraSettings, Range
 from data_gen.lights import LightSettings
-from data_gen.photo import FilmSettings
 from psgn_jax.config import structured
-from psgn_jax.config.structured import Bounds, Fraction, Size
+from psgn_jax.config.structured import Bounds, Fraction, Size, Within
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +43,29 @@ class ImageSettings:
     ground: Literal[("none", "random", *grounds.KINDS)] = "none"  # type: ignore[valid-type]
     rays: Annotated[int, Bounds(4, 1024)] = 16
     missing: Fraction = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class FilmSettings:
+    """The response of a camera, for "photo" shading. Values are drawn uniformly from the ranges.
+
+    Attributes:
+      exposure: deviation from automatic exposure, in stops.
+      white_balance: fraction of the light's colour that is removed, 0 to 1.
+      contrast: contrast of the tone curve, 0 = none, 1 = that of film.
+      saturation: factor of the distance of colours from grey.
+      vignette: relative darkening of the corners, 0 to 1.
+      blur: blur of the lens: standard deviation in pixels.
+      grain: noise of the sensor: standard deviation at middle grey, 1 = white.
+    """
+
+    exposure: Annotated[Range, Within(-10, 10)] = (-0.6, 0.5)
+    white_balance: Annotated[Range, Within(0, 1)] = (0.6, 1.0)
+    contrast: Annotated[Range, Within(0, 1)] = (0.7, 1.0)
+    saturation: Annotated[Range, Within(0, 4)] = (0.9, 1.25)
+    vignette: Annotated[Range, Within(0, 1)] = (0.0, 0.25)
+    blur: Annotated[Range, Within(0, 10)] = (0.3, 0.6)
+    grain: Annotated[Range, Within(0, 1)] = (0.0, 0.02)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -46,14 +46,10 @@ def shading_normals(
     rotation: Float[np.ndarray, "3 3"],
     rays: Float[np.ndarray, "n 3"],
 ) -> Float[np.ndarray, "n 3"]:
-    """Unit normals on the viewer's side, in the view-aligned frame.
+    """Unit normals of hits on the viewer's side, in the view-aligned frame.
 
-    Args:
-      surfaces: arrays of the model.
-      face: faces that the rays hit.
-      weights: barycentric coordinates of the hits.
-      rotation: from the model's frame to the view-aligned one.
-      rays: directions of the rays in the view-aligned frame, away from the camera.
+    `weights` are barycentric coordinates, `rotation` is from the model's frame to the view-aligned
+    one, and `rays` are directions in the view-aligned frame, away from the camera.
     """
     turn = rotation.astype(np.float32).T
     normal = np.einsum("nk,nkd->nd", weights, surfaces.normals[face]) @ turn
@@ -77,19 +73,11 @@ def blinn_phong(
     normal: Float[np.ndarray, "n 3"],
     view: Float[np.ndarray, "n 3"],
 ) -> Float[np.ndarray, "n 3"]:
-    """Display colours in [0, 1].
+    """Display colours in [0, 1] of points with materials `owner` and diffuse colours `colour`.
 
     `c = d (a(n) + sum_i L_i max(n l_i, 0)) + s sum_i L_i max(n h_i, 0)^e [n l_i > 0]`, with the
     diffuse colour d, the ambient light a interpolated between ground and sky, the specular colour
     s with exponent e, and h_i halfway between the light l_i and the viewer (Blinn 1977).
-
-    Args:
-      surfaces: arrays of the model.
-      lights: lights in the view-aligned frame.
-      owner: index of the material of each point.
-      colour: diffuse colours.
-      normal: unit normals on the viewer's side.
-      view: unit vectors toward the camera.
     """
     rise = (normal[:, 2:3] + 1) / 2
     light = lights.ground * (1 - rise) + lights.sky * rise

@@ -176,14 +176,6 @@ def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
     are reversed if the outside is known for at least half of its points and the normals of at least
     nine tenths of these points point inward.
 
-    Args:
-      model: the model; the points are in its frame.
-      n: number of points, at least 1.
-      seed: seed of the random numbers.
-
-    Returns:
-      float32 points and normals [n, 3], and the faces [n].
-
     Raises:
       UnusableModelError: almost no surface is visible.
     """

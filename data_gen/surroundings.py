@@ -61,11 +61,7 @@ def noise(
 ) -> Float[np.ndarray, "h w"]:
     """Periodic random values with mean 0, standard deviation 1 and spectrum ~ f^-slope.
 
-    Args:
-      rng: the random generator.
-      size: (H, W).
-      slope: 0 = white noise; larger = smoother.
-      stretch: factors by which structures are stretched vertically and horizontally.
+    `stretch` are factors by which structures are stretched vertically and horizontally.
     """
     rows = np.fft.fftfreq(size[0])[:, None] * size[0] * stretch[0]
     columns = np.fft.rfftfreq(size[1])[None] * size[1] * stretch[1]
@@ -92,9 +88,7 @@ def outdoors(
 ) -> Surroundings:
     """A sky with clouds and perhaps a sun, above a skyline of trees, hills or houses.
 
-    Args:
-      rng: the random generator.
-      sky: a clear sky with its sun; None = a random one.
+    `sky` is a clear sky with its sun; None = a random one.
     """
     size = lights.DETAIL
     toward = lights.directions_of(size)
@@ -284,10 +278,7 @@ def draw(
 ) -> tuple[Lights, Surroundings]:
     """Draws the light of a view: surroundings, and directional lights that approximate them.
 
-    Args:
-      rng: the random generator.
-      settings: see `LightSettings`.
-      maps: the environment maps to choose from; None = procedural ones.
+    `maps` are the environment maps to choose from; None = procedural ones.
     """
     if settings.source != "mixed":
         if maps is None:

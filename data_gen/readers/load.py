@@ -73,7 +73,7 @@ def load_model(
         **arrays,
         category=category,
         model_id=model_id,
-        parameters=parameters,
+        parameters=parameters or {},
         warnings=assets.warnings,
         max_faces=max_faces,
     )

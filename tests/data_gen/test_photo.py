@@ -14,10 +14,11 @@ from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant, has_mitsuba
 from data_gen.environment_maps import NUM_SUNSKY
 from data_gen.mesh import Material
-from data_gen.photo import PATTERNS, FilmSettings, Light, develop, smooth
+from data_gen.photo import PATTERNS, Light, develop, smooth
 from data_gen.picture import Mesh
 from data_gen.render_model import Context, render_model
 from data_gen.scene import RayHits
+from data_gen.settings import FilmSettings
 from data_gen.surroundings import Surroundings
 from psgn_jax.config import structured
 from psgn_jax.data import camera as project_camera
