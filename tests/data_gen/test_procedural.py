@@ -1,5 +1,7 @@
 """Procedural models: sound meshes, the same everywhere, of many shapes; the catalogue of them."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -13,11 +15,10 @@ EVERY = pytest.mark.parametrize("category", procedural.CATEGORIES)
 
 
 @EVERY
-def test_models_are_sound(category):
-    for seed in range(12):
-        model = procedural.generate(category, seed)
-        assert model.category == category
-        assert model.model_id == f"{category}-{seed}"
+def test_models_are_sound_and_varied(category):
+    models = [procedural.generate(category, seed) for seed in range(24)]
+    for seed, model in enumerate(models):
+        assert (model.category, model.model_id) == (category, f"{category}-{seed}")
         assert model.warnings == ()
         assert 30 < len(model.faces) < 12_000
         assert np.linalg.norm(model.vertices, axis=1).max() == pytest.approx(1)
@@ -25,6 +26,12 @@ def test_models_are_sound(category):
         facing = face_normals(model.vertices, model.faces)
         assert (model.normals * facing[:, None]).sum(axis=2).min() > -0.2
         assert np.isfinite(model.uv).all()
+    assert len({m.parameters["kind"] for m in models}) >= 4
+    size = np.array([np.ptp(m.vertices, axis=0) for m in models])
+    # The ratios of the sides of the bounding boxes differ by a fifth or more.
+    ratios = np.log(size[:, [0, 2]] / size[:, 1:2])
+    assert ratios.std(axis=0).max() > 0.2
+    assert len({m.materials[0].diffuse for m in models}) > 12
 
 
 @EVERY
@@ -57,26 +64,9 @@ def assert_closed(part):
     return volume
 
 
-@EVERY
-def test_shapes_are_varied(category):
-    models = [procedural.generate(category, seed) for seed in range(40)]
-    assert len({m.parameters["kind"] for m in models}) >= 5
-    size = np.array([np.ptp(m.vertices, axis=0) for m in models])
-    # The ratios of the sides of the bounding boxes differ by a fifth or more.
-    ratios = np.log(size[:, [0, 2]] / size[:, 1:2])
-    assert ratios.std(axis=0).max() > 0.2
-    colours = {m.materials[0].diffuse for m in models}
-    assert len(colours) > 20
-
-
 def test_the_same_seed_makes_the_same_model():
     one, two = (procedural.generate("lamp", 7) for _ in range(2))
-    for name in ("vertices", "faces", "uv", "normals", "face_material"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
-    for a, b in zip(one.materials, two.materials, strict=True):
-        assert a.diffuse == b.diffuse
-        np.testing.assert_array_equal(a.texture, b.texture)
-    assert one.parameters == two.parameters
+    assert pickle.dumps(one) == pickle.dumps(two)
     other = procedural.generate("lamp", 8)
     assert other.vertices.shape != one.vertices.shape or (other.vertices != one.vertices).any()
 

@@ -72,7 +72,7 @@ def test_too_few_points_are_refused():
 
 @pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba does not run here")
 def test_models_keep_their_split_frame_and_place(tmp_path):
-    first, other = box_sample(6000), box_sample(2000, "another box")
+    first, other = box_sample(4000), box_sample(200, "another box")
     again = dataclasses.replace(first, view=1)
     splits = {"train": [first, again], "validation": [other]}
     write_dataset(tmp_path, splits, source="solids")
@@ -83,7 +83,7 @@ def test_models_keep_their_split_frame_and_place(tmp_path):
     ]  # fmt: skip
     assert len(catalogue) == 2
     engine.start("scalar_rgb")
-    values = {"views": 1, "camera": {"azimuth": (0.0, 0.0)}}
+    values = {"views": 1, "num_points": 2000, "camera": {"azimuth": (0.0, 0.0)}}
     context = Context(settings.parse(values), catalogue.name, Variant("scalar_rgb"), None, [])
     (data,), line = render_model(entries[0], context)
     assert line["status"] == "ok"
