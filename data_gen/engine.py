@@ -10,6 +10,7 @@ intersects a ray with a triangle. The exit code is 0 if that works.
 """
 
 import contextlib
+import functools
 import importlib.util
 import os
 import pathlib
@@ -112,6 +113,7 @@ def llvm_candidates() -> list[str]:
     return [named, *rest] if named else rest
 
 
+@functools.cache
 def _smoke(library: str, variant: str) -> bool:
     """Whether a separate process can render with this library."""
     try:

@@ -3,12 +3,11 @@
 import gzip
 import json
 import pathlib
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from ac3d_files import CUBE, MATERIALS, SIDES, cube, obj, read, write
+from helpers.outcomes import outcomes
 from PIL import Image
 
 from data_gen.catalogues import torcs
@@ -16,8 +15,6 @@ from data_gen.catalogues.by_name import open_catalogue
 from data_gen.mesh import UnusableModelError
 from data_gen.readers.ac3d import find_assimp
 from data_gen.sets import free, sources
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 needs_assimp = pytest.mark.skipif(not find_assimp(), reason="assimp is not installed")
 
@@ -288,28 +285,16 @@ def test_the_table(tmp_path):
 # --- The command ------------------------------------------------------------------------------
 
 
-def command(*arguments, **options):
-    return subprocess.Popen(
-        [sys.executable, str(ROOT / "data_gen/sets/free.py"), *arguments],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("arguments", "match"),
-    [
+def test_what_is_wrong_is_said_before_the_work(tmp_path):
+    cases = (
         ([], "--packages, --out: missing"),
         (["--packages=/nowhere", "--out=x"], "apt-get download torcs-data"),
         (["--packages=.", "--out=x", "--sources=cats"], "got 'cats'"),
         (["--packages=.", "--out=x", "--fraction=2"], "fraction"),
         (["--packages=.", "--out=x", "cats"], "unexpected argument 'cats'"),
-    ],
-)
-def test_what_is_wrong_is_said_before_the_work(arguments, match, tmp_path):
-    with command(*arguments, cwd=tmp_path) as process:
-        out, err = process.communicate(timeout=120)
-    assert process.returncode == 2
-    assert match in err
-    assert "Traceback" not in err
-    assert not out
+    )
+    found = outcomes("data_gen.sets.free", [arguments for arguments, _ in cases], tmp_path)
+    for (code, out, err), (_, message) in zip(found, cases, strict=True):
+        assert (code, out, message in err) == (2, "", True), err
+        assert "Traceback" not in err
     assert not (tmp_path / "x").exists()

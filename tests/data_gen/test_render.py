@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 import pytest
+from helpers.outcomes import outcomes
 
 from data_gen import cameras, engine, job, lights, scene, settings
 from data_gen.catalogues.by_name import open_catalogue
@@ -413,31 +414,7 @@ def test_choice_of_the_variant(monkeypatch, tmp_path):
         choose_variant("llvm")
 
 
-# Runs the command once for each list of arguments, in a fork, so that modules are imported once.
-COMMANDS = """
-import json, os, sys
-from absl import app
-from data_gen import render
-for number, arguments in enumerate(json.loads(sys.argv[1])):
-    if os.fork() == 0:
-        os.dup2(os.open(f"{number}.err", os.O_WRONLY | os.O_CREAT), 2)
-        sys.argv[:] = ["render.py", *arguments]
-        app.run(render.main, flags_parser=render._parse_flags)
-    code = os.waitstatus_to_exitcode(os.wait()[1])
-    print(json.dumps([code, open(f"{number}.err").read()]))
-"""
-
-
-def outcomes(commands, folder):
-    """Exit code and standard error of the command with each list of arguments."""
-    done = subprocess.run(
-        [sys.executable, "-c", COMMANDS, json.dumps(commands)], cwd=folder, text=True, check=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE,
-    )  # fmt: skip
-    return [json.loads(line) for line in done.stdout.splitlines()]
-
-
-def test_command_refuses_wrong_arguments(tmp_path):
+def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     command = ["--catalogue=procedural", "--source=1", f"--out={tmp_path / 'out'}"]
     no_effect = "it has no effect without"
     cases = (
@@ -468,18 +445,14 @@ def test_command_refuses_wrong_arguments(tmp_path):
     arguments = [
         [*command, *wrong.replace("{CONFIG}", str(CONFIG)).split(" ")] for wrong, _ in cases
     ]
-    for (code, said), (_, message) in zip(outcomes(arguments, tmp_path), cases, strict=True):
+    first, *found = outcomes("data_gen.render", [["--help"], *arguments], tmp_path)
+    for (code, _, said), (_, message) in zip(found, cases, strict=True):
         assert (code, message in said) == (2, True), said
         assert said.startswith("error: "), said
         assert said.count("\n") == 1, said
     assert not (tmp_path / "out").exists()
-
-
-def test_help_tells_of_options_and_settings():
-    command = [sys.executable, str(ROOT / "data_gen" / "render.py"), "--help"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0
-    text = " ".join(done.stdout.split())
+    assert first[0] == 0
+    text = " ".join(first[1].split())
     for part in (
         "source: a folder of records.",
         "--option=leave_out=Weather,Astro,Effects",
