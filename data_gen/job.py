@@ -173,7 +173,7 @@ def _with_all_splits(
     Models in the folder keep their splits. See `catalogues.entry.moved_to_empty_splits`.
     """
     stated = [s for s in map(_specification, (out / JOB, out / WORK / JOB)) if s is not None]
-    lines = _read_report(out) if (out / REPORT).exists() else []
+    lines = read_report(out) if (out / REPORT).exists() else []
     there = {
         original_name(n.model_id) for n in [*_names(lines), *(n for s in stated for n in s[1])]
     }
@@ -328,7 +328,7 @@ def render_catalogue(
                 complete = _complete(out, job)
     if complete:
         _tidy_up(out, job)
-        lines = _read_report(out)
+        lines = read_report(out)
     seconds = time.monotonic() - started
     return Summary(len(entries), tuple(lines), complete, seconds, rendered)
 
@@ -408,7 +408,7 @@ def _check(out: pathlib.Path, job: Job) -> bool:
                 f"--out {str(out)!r}: holds a complete data set without {REPORT if stated else JOB}"
                 ", made by another command or an earlier version; give another folder, or remove it"
             )
-        lines = _read_report(out)
+        lines = read_report(out)
         there = _names(lines)
         _check_same(out, stated[0], there, job, "holds a complete data set made with")
         if there == list(job.names):
@@ -577,7 +577,7 @@ def _read_result(out: pathlib.Path, model_id: str) -> tuple[Line, Sequence[bytes
         return None
 
 
-def _read_report(out: pathlib.Path) -> list[Line]:
+def read_report(out: pathlib.Path) -> list[Line]:
     """The lines of the models of a complete data set.
 
     Raises:
@@ -617,7 +617,7 @@ def _finished(out: pathlib.Path) -> tuple[dict[str, Line], dict[str, Shard]]:
     if not manifest.complete:
         return {}, {}
     shards = {shard.file: shard for shard in manifest.shards if _is_whole(out, shard)}
-    return {line["model_id"]: line for line in _read_report(out)}, shards
+    return {line["model_id"]: line for line in read_report(out)}, shards
 
 
 def _is_whole(out: pathlib.Path, shard: Shard) -> bool:
