@@ -13,11 +13,12 @@ Source: Fan, Su, Guibas, CVPR 2017, sections "Generation of Multiple Plausible S
 are **ours**. Unit of lengths: the radius of the bounding hemisphere.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from scipy.stats import wasserstein_distance
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config
@@ -146,20 +147,19 @@ def of_draws(draws: np.ndarray, truth: np.ndarray, scale: float) -> dict[str, fl
     variance = some.var(axis=0).mean(axis=0)
     depths = np.array([measured_depth(cloud, scale) for cloud in draws])
     difference = draw_metrics.total_mutual_difference(_cross(some, some))
+    inside = np.clip(depths, *DEPTH_RANGE)
     return {
         **found,
         "total mutual difference [radius^2]": float(difference),
-        "depth: Wasserstein-1 from its true distribution": _from_uniform(depths),
-        "depth: coverage of the range": draw_metrics.range_coverage(depths, *DEPTH_RANGE),
+        "depth: Wasserstein-1 from its true distribution": wasserstein_distance(
+            depths, np.linspace(*DEPTH_RANGE, 1001)
+        ),
+        "depth: coverage of the range": np.ptp(inside) / np.ptp(DEPTH_RANGE),
         "depth: mean": float(depths.mean()),
         "depth: standard deviation": float(depths.std()),
         "hidden": float(variance[0]),
         "visible": float(variance[1:].mean()),
     }
-
-
-def _from_uniform(depths: np.ndarray) -> float:
-    return draw_metrics.wasserstein_1(depths, np.linspace(*DEPTH_RANGE, 1001))
 
 
 def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]:
@@ -185,23 +185,14 @@ def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]
                 result["front: spread along x / along y and z (goal: at least 3)"] = ratio
     if total:
         result["spread, turned / front (goal: at most 1/3)"] = (total[1] / total[0]) ** 0.5
-        # For comparison: as many draws from the true distribution.
-        exact = np.random.default_rng(0).uniform(*DEPTH_RANGE, (200, NUM_MEASURED))
-        result["depth: Wasserstein-1 of exact draws"] = np.mean([_from_uniform(d) for d in exact])
-        result["depth: standard deviation of exact draws"] = np.ptp(DEPTH_RANGE) / 12**0.5
     return result
 
 
-class Shown(NamedTuple):
-    """Data of the figure: a sample, true shapes with the same image, and draws."""
-
-    sample: study.Sample
-    shapes: Sequence[np.ndarray]
-    draws: np.ndarray
-
-
 def measure(run: study.Run) -> study.Measured:
-    """Measures a network on the whole validation split."""
+    """Measures a network on the whole validation split.
+
+    For the figure: a sample, true shapes with the same image, and draws.
+    """
     config, params = run.config, open_run(run.folder, "last").params
     model, known = networks.build(config.model), cabinets(config.data.path)
     cases: list[study.Sample] = []
@@ -228,16 +219,13 @@ def measure(run: study.Run) -> study.Measured:
             _cross(cases[i[0]]["draws"][:NUM_DRAWS], np.stack([cases[j]["points"] for j in i]))
             for i in groups.values()
         ]
-        for key, function in (
-            ("minimum matching distance [radius^2]", draw_metrics.minimum_matching_distance),
-            ("coverage of the true shapes", draw_metrics.coverage),
-        ):
-            metrics[key] = np.mean([function(distances) for distances in pairs])
+        each_image = [draw_metrics.coverage(distances) for distances in pairs]
+        metrics["coverage of the true shapes"] = np.mean(each_image)
     # The samples that share the first ambiguous image, and its draws, sorted by depth.
     sharing = sorted(min(groups.items())[1][:5], key=lambda i: known[i].depth)
     first, scale = cases[sharing[0]], known[sharing[0]].scale
     some = sorted(first["draws"][:6], key=lambda cloud: measured_depth(cloud, scale))
-    shown = Shown(first, [cases[i]["points"] for i in sharing], np.stack(some))
+    shown = first, [cases[i]["points"] for i in sharing], np.stack(some)
     arrays = {key: np.atleast_1d(value) for key, value in metrics.items()}
     about = f"{found.about}, {NUM_DRAWS} draws, {NUM_MEASURED} for depths"
     return found._replace(metrics=arrays, shown=shown, about=about)
@@ -289,5 +277,6 @@ STUDY = study.Study(
     measure,
     tables=ratios,
     recipe="base",
-    note="front: ambiguous images; turned: unambiguous ones. Depths are divided by the largest.",
+    note="front: ambiguous images; turned: unambiguous ones. Depths are divided by the largest; "
+    "32 exact draws of them have a Wasserstein-1 distance of .048 and a standard deviation of .245.",
 )

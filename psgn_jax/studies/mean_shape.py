@@ -131,11 +131,10 @@ def measure_arc(mean: np.ndarray) -> dict[str, float]:
 def _measure_parts(mean: np.ndarray, to_parts: np.ndarray, name: str) -> dict[str, float]:
     to_bar = _outside_box(mean, (0, 0), BAR)
     outside = to_bar > NEAR
+    inside = (to_parts[outside] == 0).sum() / max(1, outside.sum())
     return {
         "points outside the bar [%]": float(outside.mean()),
-        f"of them inside a {name} [%]": float(np.mean(to_parts[outside] == 0))
-        if outside.any()
-        else 0.0,
+        f"of them inside a {name} [%]": float(inside),
         "points in no shape at all [%]": float(np.mean(np.minimum(to_bar, to_parts) > NEAR)),
     }
 
@@ -203,8 +202,7 @@ def train(run: Run) -> None:
         own = jax.random.fold_in(key, row)
         found = mean_shape(DISTANCES[run.name], draw, own, run.config.train.steps)
         clouds[name] = np.asarray(found)
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **clouds)
+    np.savez(buffer := io.BytesIO(), allow_pickle=False, **clouds)
     write_atomic(run.folder / _file(run), buffer.getvalue())
 
 

@@ -25,7 +25,9 @@ import argparse
 import collections
 import dataclasses
 import errno
+import functools
 import io
+import itertools
 import json
 import os
 import pathlib
@@ -39,7 +41,7 @@ import time
 import warnings
 import zlib
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgpack
 import numpy as np
@@ -71,19 +73,16 @@ TIMES = ("seconds", "samples_per_second", "seconds_per_sample")
 # --- The commands ------------------------------------------------------------------------------
 
 
-@dataclasses.dataclass(frozen=True)
-class Command:
+class Command(NamedTuple):
     """A command and the folder of its result.
 
     Attributes:
       words: arguments of Python; `{out}` is the folder of the result.
-      reader: arguments of a command that reads a damaged result; empty = the command itself.
-      expected: exit codes when it succeeds.
+      reader: arguments of a command that reads a damaged result; empty: none.
     """
 
     words: list[str]
     reader: tuple[str, ...] = ()
-    expected: tuple[int, ...] = (0,)
 
 
 def make_commands(work: pathlib.Path) -> dict[str, Command]:
@@ -183,19 +182,22 @@ def _without_times(tree: Any) -> Any:
 class Campaign:
     """The inputs, the commands and their undisturbed results, in a folder."""
 
-    def __init__(self, work: pathlib.Path, seed: int) -> None:
+    def __init__(self, work: pathlib.Path, rng: random.Random) -> None:
         self.work = work
-        self.rng = random.Random(seed)
+        self.rng = rng
         self.log = work / "log"
         self.environment = quick_environment(work) | {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
         self.commands = make_commands(work)
         self.results: dict[str, dict[str, Any]] = {}
-        for name, command in self.commands.items():
-            out = work / name
-            code, text = self.run(command.words, out)
-            if code not in command.expected:
-                raise RuntimeError(f"{name} fails undisturbed: {code}: {text[-2000:]}")
-            self.results[name] = result_of(out)
+
+    def result(self, name: str) -> dict[str, Any]:
+        """The result of an undisturbed command, which stays in `work / name`."""
+        if name not in self.results:
+            code, text = self.run(self.commands[name].words, self.work / name)
+            if code:
+                raise SystemExit(f"{name} fails undisturbed: {code}: {text[-2000:]}")
+            self.results[name] = result_of(self.work / name)
+        return self.results[name]
 
     def start(self, words: list[str], out: pathlib.Path, **variables: str) -> subprocess.Popen[str]:
         """Starts a command in a process group of its own; its output goes to `log`."""
@@ -215,9 +217,9 @@ class Campaign:
         """Runs a disturbed command to its end; returns what did not hold."""
         command = self.commands[name]
         code, text = self.run(command.words, out)
-        if code not in command.expected or "Traceback" in text:
+        if code or "Traceback" in text:
             return f"the next start ends with {code}: {text[-600:]}"
-        if result_of(out) != self.results[name]:
+        if result_of(out) != self.result(name):
             return "the result differs from an undisturbed one"
         # `predict` and `evaluate` leave the temporary files of other processes alone.
         left = [] if name in ("predict", "evaluate") else [*out.rglob("*tmp*")]
@@ -280,6 +282,7 @@ class Campaign:
     def damage(self, out: pathlib.Path) -> tuple[str, str]:
         """A trial of the part `damage`."""
         name = self.rng.choice([n for n, command in self.commands.items() if command.reader])
+        self.result(name)
         shutil.copytree(self.work / name, out)
         file = self.rng.choice(sorted(p for p in out.rglob("*") if p.is_file()))
         data = file.read_bytes()
@@ -301,7 +304,7 @@ class Campaign:
         code, text = self.run(self.commands[name].words, out)
         if code not in (0, 2) or "Traceback" in text:
             return kind, f"{where}the next start ends with {code}: {text[-600:]}"
-        if code == 0 and name == "train" and result_of(out) != self.results[name]:
+        if code == 0 and name == "train" and result_of(out) != self.result(name):
             return kind, f"{where}the result differs from an undisturbed one"
         return kind, ""
 
@@ -375,12 +378,37 @@ def mutated_tree(rng: random.Random, tree: Any) -> Any:
     return copy
 
 
-Attempt = tuple[str, Callable[[], bool], type[Exception]]
-"""Name, a function that reads the input and says whether the result is right, accepted error."""
+def mutated_json(rng: random.Random, data: bytes) -> bytes:
+    """JSON with one value replaced or removed."""
+    return json.dumps(mutated_tree(rng, json.loads(data))).encode()
 
 
-def hostile_inputs(rng: random.Random, folder: pathlib.Path) -> Iterator[Attempt]:
-    """Mutated inputs of all kinds, without end."""
+def mutated_record(rng: random.Random, data: bytes) -> bytes:
+    """A record with one value replaced or removed, and the right checksum."""
+    body = msgpack.packb(mutated_tree(rng, msgpack.unpackb(data[4:])))
+    return zlib.crc32(body).to_bytes(4, "little") + body
+
+
+class Input(NamedTuple):
+    """A file that is changed and read.
+
+    Attributes:
+      file: its path.
+      data: its content, before it is changed.
+      change: changes it.
+      read: reads it; returns whether the result is right.
+      refused: the error that is accepted.
+    """
+
+    file: pathlib.Path
+    data: bytes
+    change: Callable[[random.Random, bytes], bytes]
+    read: Callable[[], bool]
+    refused: type[Exception]
+
+
+def hostile_inputs(folder: pathlib.Path) -> dict[str, list[Input]]:
+    """Kind of input -> files of this kind."""
     import trimesh
 
     ball = trimesh.creation.icosphere(1)
@@ -402,7 +430,7 @@ def hostile_inputs(rng: random.Random, folder: pathlib.Path) -> Iterator[Attempt
     record = encode(dataclasses.replace(sample, points=sample.points[:100], normals=None))
     solids = list(drawn_solids.samples(6, seed=4, image_size=(24, 32)))
     write_dataset(folder / "set", {"train": solids}, source="campaign", records_per_shard=2)
-    manifest = (folder / "set" / MANIFEST).read_bytes()
+    manifest = folder / "set" / MANIFEST
     known = {RecordReader(folder / "set", "train").read(i) for i in range(6)}
     fields = {
         "points": np.zeros((2, 50, 3), np.float32),
@@ -410,94 +438,67 @@ def hostile_inputs(rng: random.Random, folder: pathlib.Path) -> Iterator[Attempt
         "image": np.zeros((24, 32, 3), np.uint8),
     }
     np.savez(stream := io.BytesIO(), **fields)
-    prediction = stream.getvalue()
     made = tiny.weights(tiny.config(), "float32")
     write_weights(folder / "w.safetensors", made)
-    weights, leaves = (folder / "w.safetensors").read_bytes(), named_leaves(made.params)
+    leaves = named_leaves(made.params)
 
-    def mesh() -> Attempt:
-        name = rng.choice(list(meshes))
-        for part in ("m.mtl", "a.obj"):
-            (folder / part).write_bytes(meshes[part])
-        (folder / name).write_bytes(mutated(rng, meshes[name]))
+    def mesh(name: str) -> bool:
+        model = load_model(folder / ("a.obj" if name == "m.mtl" else name))
+        finite = np.isfinite(model.vertices).all() and np.isfinite(model.normals).all()
+        return bool(finite and abs(np.linalg.norm(model.vertices, axis=1).max() - 1) < 1e-3)
 
-        def read() -> bool:
-            model = load_model(folder / ("a.obj" if name == "m.mtl" else name))
-            finite = np.isfinite(model.vertices).all() and np.isfinite(model.normals).all()
-            return bool(finite and abs(np.linalg.norm(model.vertices, axis=1).max() - 1) < 1e-3)
+    def image() -> bool:
+        array = photo.read_photo(folder / "image").image
+        return array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3
 
-        return f"mesh {name}", read, UnusableModelError
+    def record_bytes() -> bool:
+        changed = (folder / "record").read_bytes()
+        decode(changed)
+        return changed == record
 
-    def image() -> Attempt:
-        kind = rng.choice(list(images))
-        (folder / "image").write_bytes(mutated(rng, images[kind]))
+    def record_fields() -> bool:
+        schema.validate(decode((folder / "record").read_bytes()))
+        return True
 
-        def read() -> bool:
-            array = photo.read_photo(folder / "image").image
-            return array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3
+    def data_set() -> bool:
+        reader = RecordReader(folder / "set", "train")
+        reader.verify()
+        records = [reader.read(i) for i in range(len(reader))]
+        return set(records) <= known and len(set(records)) == len(records)
 
-        return "image", read, photo.PhotoError
+    def prediction() -> bool:
+        return read_prediction(folder / "a.npz", tuple(fields))["points"].shape[1:] == (50, 3)
 
-    def damaged_record() -> Attempt:
-        changed = mutated(rng, record)
+    def weights() -> bool:
+        found = named_leaves(read_weights(folder / "w.safetensors").params)
+        same = (np.array_equal(found.get(name), leaf) for name, leaf in leaves.items())
+        return found.keys() == leaves.keys() and all(same)
 
-        def read() -> bool:
-            decode(changed)
-            return changed == record
+    def one(name: str, data: bytes, *rest: Any) -> list[Input]:
+        return [Input(folder / name, data, *rest)]
 
-        return "record, bytes", read, ValueError
-
-    def crafted_record() -> Attempt:
-        body = msgpack.packb(mutated_tree(rng, msgpack.unpackb(record[4:])))
-        crafted = zlib.crc32(body).to_bytes(4, "little") + body
-
-        def read() -> bool:
-            schema.validate(decode(crafted))
-            return True
-
-        return "record, fields", read, ValueError
-
-    def changed_manifest() -> Attempt:
-        tree = mutated_tree(rng, json.loads(manifest))
-        by_bytes = rng.random() < 0.5
-        changed = mutated(rng, manifest) if by_bytes else json.dumps(tree).encode()
-        (folder / "set" / MANIFEST).write_bytes(changed)
-
-        def read() -> bool:
-            reader = RecordReader(folder / "set", "train")
-            reader.verify()
-            records = [reader.read(i) for i in range(len(reader))]
-            return set(records) <= known and len(set(records)) == len(records)
-
-        return "manifest", read, RecordError
-
-    def changed_prediction() -> Attempt:
-        (folder / "a.npz").write_bytes(mutated(rng, prediction))
-
-        def read() -> bool:
-            found = read_prediction(folder / "a.npz", tuple(fields))
-            return found["points"].shape[1:] == (50, 3)
-
-        return "prediction", read, PredictionFileError
-
-    def changed_weights() -> Attempt:
-        (folder / "w.safetensors").write_bytes(mutated(rng, weights))
-
-        def read() -> bool:
-            found = named_leaves(read_weights(folder / "w.safetensors").params)
-            return found.keys() == leaves.keys() and all(
-                np.array_equal(found[name], leaves[name]) for name in leaves
+    return {
+        **{
+            f"mesh {name}": one(
+                name, data, mutated, functools.partial(mesh, name), UnusableModelError
             )
-
-        return "weights", read, WeightsError
-
-    kinds = (
-        mesh, image, damaged_record, crafted_record, changed_manifest, changed_prediction,
-        changed_weights,
-    )  # fmt: skip
-    while True:
-        for kind in kinds:
-            yield kind()
+            for name, data in meshes.items()
+        },
+        "image": [
+            Input(folder / "image", data, mutated, image, photo.PhotoError)
+            for data in images.values()
+        ],
+        "record, bytes": one("record", record, mutated, record_bytes, ValueError),
+        "record, fields": one("record", record, mutated_record, record_fields, ValueError),
+        "manifest": [
+            Input(manifest, manifest.read_bytes(), change, data_set, RecordError)
+            for change in (mutated, mutated_json)
+        ],
+        "prediction": one("a.npz", stream.getvalue(), mutated, prediction, PredictionFileError),
+        "weights": one(
+            "w.safetensors", (folder / "w.safetensors").read_bytes(), mutated, weights, WeightsError
+        ),
+    }
 
 
 class _TooLong(BaseException):
@@ -532,6 +533,30 @@ def attempt(read: Callable[[], bool], accepted: type[Exception]) -> str:
 PARTS = ("kill", "fault", "damage", "input")
 
 
+def trials(part: str, work: pathlib.Path, seed: int) -> Iterator[tuple[str, str]]:
+    """Trials of a part, without end: what was done, and what did not hold, or ""."""
+    rng = random.Random(f"{seed} {part}")
+    if part == "input":
+        folder = work / "input"
+        folder.mkdir()
+        kinds = hostile_inputs(folder)
+        for kind in itertools.cycle(kinds):
+            for each in itertools.chain.from_iterable(kinds.values()):
+                each.file.write_bytes(each.data)
+            chosen = rng.choice(kinds[kind])
+            chosen.file.write_bytes(chosen.change(rng, chosen.data))
+            yield kind, attempt(chosen.read, chosen.refused)
+    campaign = Campaign(work, rng)
+    campaign.result("train")  # which `predict` and `evaluate` read
+    while True:
+        trial = work / "trial"
+        shutil.rmtree(trial, ignore_errors=True)
+        try:
+            yield getattr(campaign, part)(trial)
+        except Exception as error:  # a result that cannot be read has not held
+            yield "a result that cannot be read", f"{type(error).__name__}: {error}"
+
+
 def main() -> int:
     """Runs the campaign; returns its exit code."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -542,46 +567,27 @@ def main() -> int:
     arguments = parser.parse_args()
     out = arguments.out.absolute()
     out.mkdir(parents=True)
-    work = out / "work"
-    work.mkdir()
-    chosen = arguments.part or PARTS
-    campaign = Campaign(work, arguments.seed) if set(chosen) != {"input"} else None
     tried, held = collections.Counter[str](), collections.Counter[str]()
-
-    def count(part: str, kind: str, wrong: str) -> None:
-        key = f"| `{part}` | {kind} |"
-        tried[key] += 1
-        held[key] += not wrong
-        if wrong:
-            line = {"part": part, "kind": kind, "trial": tried.total(), "wrong": wrong}
-            with open(out / "failures.jsonl", "a") as file:
-                file.write(json.dumps(line) + "\n")
-
-    for number, part in enumerate(chosen):
+    chosen = arguments.part or PARTS
+    for part in chosen:
+        work = out / "work"
+        work.mkdir()
         end = time.monotonic() + 60 * arguments.minutes / len(chosen)
-        if part == "input":
-            folder = work / "input"
-            folder.mkdir()
-            rng = random.Random(arguments.seed)
-            for kind, read, accepted in hostile_inputs(rng, folder):
-                if time.monotonic() > end:
-                    break
-                count(part, kind, attempt(read, accepted))
-            continue
-        assert campaign is not None
-        campaign.rng.seed(f"{arguments.seed} {number}")
-        while time.monotonic() < end:
-            trial = work / "trial"
-            shutil.rmtree(trial, ignore_errors=True)
-            try:
-                count(part, *getattr(campaign, part)(trial))
-            except Exception as error:  # a result that cannot be read has not held
-                count(part, "a result that cannot be read", f"{type(error).__name__}: {error}")
+        for kind, wrong in trials(part, work, arguments.seed):
+            key = f"| `{part}` | {kind} |"
+            tried[key] += 1
+            held[key] += not wrong
+            if wrong:
+                line = {"part": part, "kind": kind, "trial": tried.total(), "wrong": wrong}
+                with open(out / "failures.jsonl", "a") as file:
+                    file.write(json.dumps(line) + "\n")
+            if time.monotonic() > end:
+                break
+        shutil.rmtree(work)
     rows = [f"{key} {tried[key]} | {held[key]} |" for key in sorted(tried)]
     table = "\n".join(["| part | what | tried | held |", "|---|---|---|---|", *rows, ""])
     (out / "table.md").write_text(table)
     sys.stdout.write(table)
-    shutil.rmtree(work)
     return 0 if tried == held else 1
 
 

@@ -29,12 +29,6 @@ _BATCH = flags.DEFINE_integer("batch", 0, "images in a batch; 0 = 32, or 16 with
 _SMALL = flags.DEFINE_bool("small", False, "the network and image size of authors_small.py")
 _REPEATS = flags.DEFINE_integer("repeats", 5, "timed steps of each implementation")
 _THREADS = flags.DEFINE_integer("threads", 2, "threads that PyTorch uses")
-_RETURN_MEMORY = flags.DEFINE_bool(
-    "return_memory", True, "also measure this package without `keep_freed_memory`"
-)
-_DEFAULT_LAYOUT = flags.DEFINE_bool(
-    "default_layout", True, "also measure PyTorch with its default layout"
-)
 
 FULL: dict[str, Any] = {
     "image_size": (192, 256),
@@ -129,20 +123,17 @@ def build_jax(
     }
 
 
-def build_torch(
-    network: dict[str, Any], batch: int, threads: int, channels_last: bool
-) -> dict[str, Any]:
+def build_torch(network: dict[str, Any], batch: int, threads: int) -> dict[str, Any]:
     """The step of the same network in PyTorch."""
     import torch
     from torch_point_out_net import TwoBranch
 
     torch.set_num_threads(threads)
-    layout = torch.channels_last if channels_last else torch.contiguous_format
     net = TwoBranch(
         IN_CHANNELS, fc_points=FC_POINTS, deconv_channels=DECONV_CHANNELS, **network
-    ).to(memory_format=layout)
+    ).to(memory_format=torch.channels_last)
     x = torch.from_numpy(_images(network, batch).transpose(0, 3, 1, 2).copy())
-    x = x.to(memory_format=layout)
+    x = x.to(memory_format=torch.channels_last)
     with torch.no_grad():
         shape = net(x[:1]).shape[1:]
     weights = torch.cos(torch.arange(batch * shape.numel())).reshape(batch, *shape)
@@ -173,16 +164,11 @@ def compare(network: dict[str, Any], batch: int) -> None:
 
     competitors = {
         "psgn_jax": Competitor(build_jax, network, batch),
-        "PyTorch channels last": Competitor(build_torch, network, batch, _THREADS.value, True),
+        "PyTorch channels last": Competitor(build_torch, network, batch, _THREADS.value),
     }
     if onednn.library()[0] is not None:
         competitors["XLA's convolutions"] = Competitor(build_jax, network, batch, True, "xla")
-    if _RETURN_MEMORY.value:
-        competitors["memory returned"] = Competitor(build_jax, network, batch, False)
-    if _DEFAULT_LAYOUT.value:
-        competitors["PyTorch default layout"] = Competitor(
-            build_torch, network, batch, _THREADS.value, False
-        )
+    competitors["memory returned"] = Competitor(build_jax, network, batch, False)
     sizes = {name: c.num_params for name, c in competitors.items()}
     if len(set(sizes.values())) > 1:
         raise ValueError(f"parameters: got {sizes}, expected the same number in every network")

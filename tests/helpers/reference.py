@@ -87,21 +87,6 @@ def coverage(draws, truths):
     return len({int(row.argmin()) for row in d}) / len(truths)
 
 
-def minimum_matching_distance(draws, truths):
-    return np.mean([min(chamfer_sq_mean(x, t) for x in draws) for t in truths])
-
-
-def wasserstein_1(a, b, steps=200_001):
-    """The integral of |F^-1 - G^-1| over the levels, by midpoints."""
-    levels = (np.arange(steps) + 0.5) / steps
-    return np.mean(np.abs(_quantiles(a, levels) - _quantiles(b, levels)))
-
-
-def _quantiles(sample, levels):
-    ordered = np.sort(np.asarray(sample, np.float64))
-    return ordered[np.floor(levels * len(ordered)).astype(int)]
-
-
 def distances(a, b):
     return np.sqrt(pairwise_sq(a, b))
 
