@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--turntable", help="GIF or MP4 of the first prediction, rotating")
     arguments = parser.parse_args(argv)
     fields = ("points", "branch", "image", "intrinsics", "extrinsics")
-    rows, films = [], []
+    rows, first = [], None
     try:
         if arguments.turntable:
             spheres.check_turntable(arguments.turntable)
@@ -34,14 +34,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             several = len(arrays["points"]) > 1
             titles = [f"sample {k}" for k in range(2)] if several else ["prediction"]
             clouds = spheres.by_height(dict(zip(titles, arrays["points"], strict=False)))
-            films.append(clouds[titles[0]])
+            first = first or clouds[titles[0]]
             if not several:
                 colours = spheres.colours_by_branch(arrays["branch"])
                 clouds["by branch"] = arrays["points"][0], colours
             rows.append((pathlib.Path(path).stem, spheres.panels(arrays, clouds, height=144)))
         spheres.sheet(rows, columns=max(1, arguments.columns)).save(arguments.out)
-        if arguments.turntable:
-            spheres.turntable(*films[0], arguments.turntable)
+        if arguments.turntable and first:
+            spheres.turntable(*first, arguments.turntable)
     except (OSError, ValueError) as error:
         sys.stderr.write(f"error: {message_line(error)}\n")
         return 2

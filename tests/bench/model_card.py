@@ -14,7 +14,6 @@ most 400 kB.
 """
 
 import argparse
-import io
 import pathlib
 import re
 import sys
@@ -23,6 +22,8 @@ import tempfile
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+from small_png import small_png
+
 from psgn_jax import tasks
 from psgn_jax.commands.evaluate import open_with_records
 from psgn_jax.commands.weights import describe
@@ -68,12 +69,7 @@ def sheet(evaluation, collector, cases):
         label = f"{evaluation.names[i].record} {evaluation.names[i].category}"[:22]
         drawn.append((label, spheres.panels(case, clouds, (0,), height=84)))
     picture = spheres.sheet(drawn, columns=4)
-    for colours in (256, 128, 64, 32, 16):
-        stream = io.BytesIO()
-        picture.quantize(colours).save(stream, "PNG", optimize=True)
-        if stream.tell() <= LARGEST_SHEET:
-            return stream.getvalue()
-    raise SystemExit(f"the sheet has {stream.tell()} bytes: fewer --cases")
+    return small_png(picture, LARGEST_SHEET)
 
 
 def sources(weights):

@@ -44,14 +44,6 @@ def test_scores_of_equal_and_of_distant_clouds_and_of_a_part(pair):
     assert scores(gt[:1], gt)[1:] == (1, 0.5)
 
 
-def test_batched_under_jit(pair):
-    pred, gt = (np.stack([x, x[::-1] + 0.01]) for x in pair)
-    got = jax.jit(losses.map_pairs(metrics_lib.evaluate_pair))(pred, gt)
-    for i in range(2):
-        for name, value in metrics_lib.evaluate_pair(pred[i], gt[i]).items():
-            np.testing.assert_allclose(got[name][i], value, rtol=1e-5)
-
-
 def test_nan_is_never_a_score(pair):
     pred = pair[0].copy()
     pred[3] = np.nan
