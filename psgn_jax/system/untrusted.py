@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import os
 import pathlib
 import stat
@@ -95,15 +96,22 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
                 # `read` without a length would inflate everything, even beyond the stated size.
                 with archive.open(f"{key}.npy") as member:
                     data = io.BytesIO(member.read(size))
-                # A shape that does not fit the data ends with an error, before memory is used.
-                array = np.lib.format.read_array(data, allow_pickle=False)
-                if array.dtype.kind not in "bfiu" or array.size > limits[key]:
+                # NumPy would allocate the stated shape before it reads the data.
+                version = np.lib.format.read_magic(data)
+                header = getattr(np.lib.format, "read_array_header_{}_{}".format(*version), None)
+                if header is None:
+                    raise ValueError(f"{key}: npy version {version}, expected (1, 0) or (2, 0)")
+                shape, _, dtype = header(data)
+                count, left = math.prod(shape), size - data.tell()
+                fits = 0 <= count <= limits[key] and count * dtype.itemsize == left
+                if dtype.kind not in "bfiu" or not fits:
                     raise ValueError(
-                        f"{key} is {array.dtype} {list(array.shape)}, expected at most "
+                        f"{key} is {dtype} {list(shape)} in {size} bytes, expected at most "
                         f"{limits[key]} numbers"
                     )
-                arrays[key] = array
-    except (EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, KeyError, MemoryError) as error:
+                data.seek(0)
+                arrays[key] = np.lib.format.read_array(data, allow_pickle=False)
+    except (EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, KeyError) as error:
         # RuntimeError includes the NotImplementedError of an unknown compression.
         raise ValueError(str(error)) from None
     return arrays
