@@ -6,11 +6,17 @@ import shutil
 
 from data_gen import job, settings
 from data_gen.catalogues.by_name import open_catalogue
+from data_gen.catalogues.procedural import FAMILIES
 from data_gen.engine import has_mitsuba
 from psgn_jax.data.manifest import load_manifest
 
 NUM_PER_CATEGORY = 40
 """Number of models of each of the 13 categories, with one view each: 520 images."""
+
+NUM_MODELS = NUM_PER_CATEGORY * len(FAMILIES)
+
+CORE_SECONDS = 0.4 * NUM_MODELS
+"""Seconds of a core that rendering takes, roughly: 520 models take a minute or two on two cores."""
 
 NAME = f"procedural-3-{NUM_PER_CATEGORY}"
 """Name of the data set's folder. The first number is a version. It is increased with every change

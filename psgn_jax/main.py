@@ -13,6 +13,7 @@ checkpoint has been saved, unless that took more than five seconds or a second s
 
 import os
 import pathlib
+import re
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -28,7 +29,8 @@ from psgn_jax.commands.common import (
     parse_flags,
 )
 from psgn_jax.config.experiment import ConfigError, check_paths, parse
-from psgn_jax.config.recipes import with_paths
+from psgn_jax.config.recipes import descriptions, with_paths
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.system.files import check_folder
 from psgn_jax.system.group import joined
 from psgn_jax.system.memory import keep_freed_memory
@@ -46,7 +48,13 @@ def main(argv: Sequence[str]) -> None:
         workdir = values.workdir or os.path.join("runs", pathlib.Path(path).stem)
         check_paths(given)
         check_folder(workdir, "--workdir")
-        # Imported here so that a wrong configuration is reported before JAX is loaded.
+        data = given.data
+        for folders, split in (
+            (data.folders, data.train_split), (data.eval_folders, data.eval_split)
+        ):  # fmt: skip
+            if folders:
+                RecordReader(folders, split)
+        # Imported here so that wrong configurations and records are reported before JAX is loaded.
         keep_compiled()
         keep_freed_memory()
         from psgn_jax.commands.default_data import with_default_data
@@ -70,6 +78,10 @@ def _config() -> Any:
 def _parse_flags(argv: list[str]) -> list[str]:
     with exit_on_user_error():
         argv = with_paths(argv)
+    if not any(re.match(r"--?(config(=|$)|help|\?)", argument) for argument in argv[1:]):
+        lines = "".join(f"  {name:20} {what}\n" for name, what in descriptions().items())
+        sys.stderr.write(f"error: --config is missing: a file, or one of these names\n{lines}")
+        sys.exit(2)
     return parse_flags(argv)
 
 
@@ -82,7 +94,6 @@ def define_flags() -> None:
         "workdir", None, "Folder of the run; default: runs/<name of the configuration file>."
     )
     define_group_flags()
-    flags.mark_flag_as_required("config")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from data_gen import default
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
+from psgn_jax.system.cores import num_cores
 from psgn_jax.system.files import cache_folder
 
 
@@ -59,7 +60,13 @@ def default_dataset() -> str:
             logging.info("waiting for another process that is rendering the default data set")
             fcntl.flock(lock, fcntl.LOCK_EX)
         if not _is_complete(folder):
-            logging.info("rendering the default data set in %s", folder)
+            minutes = max(1, round(default.CORE_SECONDS / 60 / num_cores()))
+            logging.info(
+                "data.path is empty: rendering the default data set once, %d images of procedural "
+                "models, about %d minutes on %d cores; --config.data.path, for psgn evaluate --data"
+                ", names other records; folder: %s",
+                default.NUM_MODELS, minutes, num_cores(), folder,
+            )  # fmt: skip
             default.build(folder)
     return str(folder)
 

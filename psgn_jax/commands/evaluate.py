@@ -22,7 +22,9 @@ from psgn_jax.commands.common import (
     parse_flags,
 )
 from psgn_jax.commands.default_data import with_default_data
+from psgn_jax.config.data import DataConfig
 from psgn_jax.config.experiment import ConfigError, check_paths
+from psgn_jax.data.manifest import load_manifest
 from psgn_jax.evaluation import table
 from psgn_jax.evaluation.run import FRAMES, evaluate_run, report_runs
 from psgn_jax.system import group
@@ -51,6 +53,11 @@ def open_with_records(
 
 def _main(argv: Sequence[str]) -> None:
     with flags_only(argv) as values:
+        # Wrong folders are reported before a network is read or records are rendered.
+        if values.out:
+            check_folder(values.out, "--out")
+        for folder in DataConfig(path=values.data or "").folders:
+            load_manifest(folder)
         keep_compiled()
         keep_freed_memory()
         if values.compare and not values.report:

@@ -35,6 +35,14 @@ _OPTIONS = [
 ]  # fmt: skip
 
 
+def _opened_predictor() -> Predictor:
+    values = flags.FLAGS
+    keep_compiled()
+    predictor = Predictor(open_network(values.workdir, values.weights, values.checkpoint))
+    predictor.warm_up(values.samples)
+    return predictor
+
+
 def _main(argv: Sequence[str]) -> None:
     log_to_terminal()
     values = flags.FLAGS
@@ -50,12 +58,9 @@ def _main(argv: Sequence[str]) -> None:
         if not argv[1:]:
             raise ConfigError("no image: name files or folders")
         check_folder(values.out, "--out")
-        keep_compiled()
-        predictor = Predictor(open_network(values.workdir, values.weights, values.checkpoint))
-        predictor.warm_up(values.samples)
         options = {name: values[name].value for name in _OPTIONS}
         for path, result in predict_files(
-            predictor, argv[1:], values.out, formats=formats, **options
+            _opened_predictor, argv[1:], values.out, formats=formats, **options
         ):
             if isinstance(result, Exception):
                 failed += 1

@@ -3,6 +3,7 @@
 The files are in `configs/` of a clone, and in `psgn_jax/configs/` of an installed wheel.
 """
 
+import ast
 import difflib
 import pathlib
 import runpy
@@ -25,6 +26,12 @@ def folder() -> pathlib.Path:
 def names() -> list[str]:
     """Names of the configurations that come with the package."""
     return sorted(path.stem for path in folder().glob("*.py"))
+
+
+def descriptions() -> dict[str, str]:
+    """The first line of each configuration's docstring, by name."""
+    texts = {n: ast.get_docstring(ast.parse((folder() / f"{n}.py").read_bytes())) for n in names()}
+    return {name: (text or "").partition("\n")[0] for name, text in texts.items()}
 
 
 def load(name: str) -> ml_collections.ConfigDict:

@@ -12,7 +12,7 @@ import json
 import os
 import pathlib
 import types
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,7 @@ _LONGEST_NAME = 220
 
 
 def predict_files(
-    predictor: Predictor,
+    open_predictor: Callable[[], Predictor],
     images: Sequence[str | os.PathLike[str]],
     out: str | os.PathLike[str],
     *,
@@ -41,7 +41,8 @@ def predict_files(
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
     Args:
-      predictor: the network.
+      open_predictor: returns the network. It is called once, when the first image and its mask
+        have been read, so that wrong files are reported before a network is compiled.
       images: image files, and folders, whose images are processed in order of their names.
       out: folder for the results.
       mask: file of the mask (for one image), or folder of masks. There the mask of `NAME.jpg` is
@@ -60,6 +61,7 @@ def predict_files(
         raise ConfigError(f"no image in {', '.join(map(str, images)) or 'the arguments'}")
     if mask is not None and not os.path.isdir(mask) and len(paths) > 1:
         raise ConfigError(f"--mask={mask}: accepted for {len(paths)} images: a folder of masks")
+    predictor: Predictor | None = None
     for path, name in zip(paths, _names(paths), strict=True):
         try:
             if len(os.fsencode(name)) > _LONGEST_NAME:
@@ -76,15 +78,25 @@ def predict_files(
                 logging.info("%s: mask %s", path, mask_path)
             clock.lap("read")
             options["seconds"] = clock.laps
+        except Exception as error:
+            yield path, _continued(path, error)
+            continue
+        predictor = predictor or open_predictor()
+        try:
             result = predict_photo(predictor, read, given, path, name, pathlib.Path(out), **options)
-        except Exception as error:  # continue with the other images
-            if is_disk_full(error):
-                raise
-            if not isinstance(error, UserError | ValueError | OSError):
-                logging.exception("%s", path)
-            yield path, error
+        except Exception as error:
+            yield path, _continued(path, error)
         else:
             yield path, result
+
+
+def _continued(path: pathlib.Path, error: Exception) -> Exception:
+    """The error of one image, after which the others are processed; a full disk is raised."""
+    if is_disk_full(error):
+        raise error
+    if not isinstance(error, UserError | ValueError | OSError):
+        logging.error("%s", path, exc_info=error)
+    return error
 
 
 def predict_photo(

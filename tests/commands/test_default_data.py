@@ -1,5 +1,6 @@
 import dataclasses
 import pathlib
+import re
 
 import pytest
 
@@ -33,10 +34,12 @@ def test_data_is_never_made_while_it_is_read():
         loader.num_samples(DataConfig(), "train")
 
 
-def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch):
+def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch, caplog):
+    caplog.set_level("INFO", "absl")
     made = []
 
     def build(folder):
+        assert re.search(r"520 images of .* about \d+ minutes on \d+ cores; .*--data", caplog.text)
         made.append(folder)
         pathlib.Path(folder).mkdir()
         save_manifest(folder, Manifest("procedural", True, ()))

@@ -52,6 +52,26 @@ def test_arguments_and_exit_codes_are_those_of_the_command():
     assert done.stderr == "error: train.steps=-1: accepted: a number >= 1 and <= 2147483647\n"
 
 
+def test_training_without_a_configuration_lists_them():
+    done = run("train", "--workdir=runs/none")
+    assert done.returncode == 2
+    first, *lines = done.stderr.splitlines()
+    assert first == "error: --config is missing: a file, or one of these names"
+    assert [line.split()[0] for line in lines] == config_files.names()
+    assert "the default data set" in next(line for line in lines if "quickstart" in line)
+
+
+def test_records_are_checked_before_a_network_is_made(monkeypatch):
+    monkeypatch.setenv("JAX_PLATFORMS", "none")
+    for command in (
+        ("train", "--config=quickstart", "--config.data.path=tests"),
+        ("evaluate", "--weights=none", "--data=tests"),
+    ):
+        done = run(*command)
+        assert done.returncode == 2
+        assert done.stderr.startswith("error: data set 'tests': not a data set of this project")
+
+
 def test_a_configuration_is_a_path_or_a_name():
     assert config_files.path_of("configs/debug.py") == "configs/debug.py"
     assert config_files.path_of("debug") == str(ROOT / "configs" / "debug.py")

@@ -130,11 +130,16 @@ def test_an_inverted_mask_is_noticed_and_turned(predictor, tmp_path):
     Image.fromarray(image).save(tmp_path / "a.png")
     Image.fromarray(~mask).save(tmp_path / "mask.png")
     options = {"mask": str(tmp_path / "mask.png")}
-    ((_, wrong),) = predict_files(predictor, [tmp_path / "a.png"], tmp_path, **options)
+    ((_, wrong),) = predict_files(lambda: predictor, [tmp_path / "a.png"], tmp_path, **options)
     assert "probably inverted" in wrong.warnings[0]
     assert "--invert_mask" in wrong.warnings[0]
     ((_, right),) = predict_files(
-        predictor, [tmp_path / "a.png"], tmp_path, invert_mask=True, frame="place", **options
+        lambda: predictor,
+        [tmp_path / "a.png"],
+        tmp_path,
+        invert_mask=True,
+        frame="place",
+        **options,
     )
     assert right.warnings == ()
     np.testing.assert_array_equal(right.points, predictor(image, mask, frame="place").points)
@@ -185,7 +190,7 @@ def test_files_and_folders(predictor, tmp_path):
         Image.fromarray(photo_of_a_box()).save(folder / name)
     (folder / "notes.txt").write_text("no image")
     images = [folder, folder / "deep" / "a.png", folder / "a.png"]
-    results = list(predict_files(predictor, images, out, samples=2, seed=5))
+    results = list(predict_files(lambda: predictor, images, out, samples=2, seed=5))
     assert [path.name for path, _ in results] == ["A.bmp", "a.png", "b.jpg", "a.png"]
     assert all(isinstance(result, Prediction) for _, result in results)
     alone = predictor(photo_of_a_box(), samples=2, seed=5)
@@ -221,19 +226,22 @@ def test_masks_by_name(predictor, tmp_path):
     Image.fromarray(mask).save(folder / "a.png")
     Image.fromarray(mask).resize((60, 45)).save(folder / "b_mask.png")
     Image.fromarray(mask * 0).save(folder / "c.png")
-    results = dict(predict_files(predictor, [images], out, mask=str(folder)))
+    results = dict(predict_files(lambda: predictor, [images], out, mask=str(folder)))
     a, b, c, d = (results[images / f"{name}.png"] for name in "abcd")
     assert a.mask_from == b.mask_from == "given"
     assert "is empty: no pixel shows the object" in str(c)
     assert "expected a file named d_mask.*" in str(d)
+    # A network is opened only when an image and its mask are read.
+    ((_, wrong),) = predict_files(pytest.fail, [images / "c.png"], out, mask=str(folder))
+    assert "is empty" in str(wrong)
     with pytest.raises(ConfigError, match="accepted for 4 images: a folder"):
-        next(predict_files(predictor, [images], out, mask=str(folder / "a.png")))
+        next(predict_files(lambda: predictor, [images], out, mask=str(folder / "a.png")))
     (tmp_path / "empty").mkdir()
     with pytest.raises(ConfigError, match="no image in"):
-        next(predict_files(predictor, [tmp_path / "empty"], out))
+        next(predict_files(lambda: predictor, [tmp_path / "empty"], out))
     # Beside the images: a mask is no image to predict, and an image is not its own mask.
     Image.fromarray(mask).save(images / "a_mask.png")
-    results = dict(predict_files(predictor, [images], out, mask=str(images)))
+    results = dict(predict_files(lambda: predictor, [images], out, mask=str(images)))
     assert [path.stem for path in results] == list("abcd")
     np.testing.assert_array_equal(results[images / "a.png"].mask, mask > 0)
     assert "besides the image itself" in str(results[images / "b.png"])
@@ -291,7 +299,7 @@ def test_the_command(config, params, tmp_path):
     ("arguments", "message"),
     [
         ((), "no image: name files or folders"),
-        (("a.png", "--formats=stl"), "--formats=stl: accepted: any of ply, xyz, obj, npz"),
+        (("a.png", "--formats=stl"), "--formats=stl: accepted: any of ply, xyz, obj, glb, npz"),
         (("a.png", "--invert_mask"), "--invert_mask: accepted only with --mask=FILE|FOLDER"),
     ],
 )
