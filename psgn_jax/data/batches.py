@@ -24,10 +24,7 @@ Batch = dict[str, Any]
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
 
 CACHE_BYTES = 4 << 30
-"""Largest memory that `DataConfig.cache` uses, over all workers of one process. The cache contains
-decoded and resized samples with points in their compact form: about 100 kB for a sample of the
-authors' data at half size, 250 kB at full size. Samples that do not fit are decoded at each use.
-"""
+"""Largest memory that `DataConfig.cache` uses, over all workers of one process."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -64,9 +61,10 @@ class Item:
                 index = np.concatenate([np.tile(np.arange(available), whole), index])
         return dataclasses.replace(self.view, points=self.points.points(index))
 
-    def further_view(self) -> View:
-        """A further view of a model, of which a batch only has the image and the mask."""
-        return dataclasses.replace(self.view, depth=None, occupancy=None)
+
+def _further_view(item: Item) -> View:
+    """A further view of a model, of which a batch only has the image and the mask."""
+    return dataclasses.replace(item.view, depth=None, occupancy=None)
 
 
 class Items:
@@ -74,17 +72,13 @@ class Items:
 
     With `cache`, it keeps items up to `CACHE_BYTES`. If the items are used `repeatedly`, it also
     keeps them without `cache`, up to `cache_gb`. Records of a folder that is listed several times
-    are kept once.
+    are kept once. The others are decoded at each use.
     """
 
     def __init__(
-        self,
-        cfg: DataConfig,
-        reader: RecordReader,
-        *,
-        visibility: bool = False,
+        self, cfg: DataConfig, reader: RecordReader, *, visibility: bool = False,
         repeatedly: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._reader = reader
         self._size = cfg.image_size[0], cfg.image_size[1]
         self._depth, self._visibility = "depth" in cfg.inputs, visibility
@@ -121,7 +115,7 @@ class Items:
             if getattr(stored, field) is None:
                 path, position = self._reader.locate(index)
                 raise RecordError(f"record {position} of {path} has no {field}")
-        # The loop has checked these; mypy does not see it.
+        # For mypy: the loop has checked these.
         assert stored.image is not None
         assert stored.mask is not None
         assert stored.points is not None
@@ -228,7 +222,7 @@ class TrainBatch:
             views = [item.view_with_points(rng, cfg.num_points)]
             if self.models and num_views > 1:
                 chosen = rng.permutation(self.models.others(index))[: num_views - 1]
-                views += [self.items[int(i)].further_view() for i in chosen]
+                views += [_further_view(self.items[int(i)]) for i in chosen]
             # All views of a model get the same random numbers, so that all or none are mirrored.
             first, *further = (
                 augment.augment(view, cfg, copy.deepcopy(rng), [self.seed, _PHOTO, step, row])
@@ -266,7 +260,7 @@ class EvalBatch:
             rng = np.random.default_rng([self.seed, _EVAL, start + row])
             item = self.items[start + row]
             others = self.models.others(start + row) if self.models else []
-            further = [self.items[i].further_view() for i in others[: cfg.eval_views - 1]]
+            further = [_further_view(self.items[i]) for i in others[: cfg.eval_views - 1]]
             view = item.view_with_points(rng, cfg.num_eval_points)
             if item.measured:
                 # Visibility is computed before the move, which does not change it.

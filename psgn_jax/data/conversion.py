@@ -31,7 +31,7 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.data.sources import authors, duplicates, occnet, r2n2, shapenet
 from psgn_jax.system.claims import claim
 from psgn_jax.system.files import is_disk_full, remove_temporaries
-from psgn_jax.system.untrusted import one_line
+from psgn_jax.system.untrusted import message_line, one_line
 
 FILES_PER_SHARD = 8
 MODELS_PER_SHARD = 64
@@ -72,10 +72,6 @@ def convert_authors(
 
     Training samples whose shape is that of a validation or test object have the split
     `DUPLICATES`.
-
-    Args:
-      source: folder with `*.gz`.
-      destination: folder for the data set; created if missing.
 
     Returns:
       The manifest, and a message for every file or sample that was left out.
@@ -127,7 +123,7 @@ def convert_models(
     destination: str | pathlib.Path,
     *,
     num_points: int = shapenet.NUM_POINTS,
-    max_views: int = 24,
+    max_views: int = shapenet.NUM_VIEWS,
     strict: bool = False,
 ) -> tuple[Manifest, list[str]]:
     """Converts a folder tree of ShapeNet models; one model is in memory at a time.
@@ -157,10 +153,13 @@ def convert_models(
         raise ValueError(messages[0])
 
     def read(split: str, synset: str, name: str) -> Iterator[_Record]:
-        for sample in reader.read_model(
-            source, synset, name, num_points=num_points, max_views=max_views
-        ):
-            yield sample if isinstance(sample, str) else (split, encode(sample), sample)
+        view_of = reader.open_model(source, synset, name, num_points)
+        for view in range(min(max_views, shapenet.NUM_VIEWS)):
+            try:
+                sample = view_of(view)
+                yield split, encode(sample), sample
+            except (ValueError, OSError) as error:
+                yield message_line(error)
 
     inputs = []
     for split, synset, name in models:
@@ -243,10 +242,7 @@ def _finished(
             if path.is_file() and path.stat().st_size == shard.size:
                 number = int(path.stem.rpartition("-")[2])
                 done.setdefault((number, shard.inputs), []).append(shard)
-    elif any(
-        not (p.name[0] == "." and p.suffix == ".tmp") and p.name != _WORK
-        for p in destination.iterdir()
-    ):
+    elif any(p.suffix != ".tmp" and p.name != _WORK for p in destination.iterdir()):
         raise ValueError(
             f"DST {str(destination)!r}: not empty and not a data set; give an empty folder"
         )
@@ -265,27 +261,32 @@ def _convert_group(
     writers: dict[str, ShardWriter] = {}
     refused: list[str] = []
     whole: list[str] = []
+
+    def write(item: _Input) -> Iterator[str]:
+        """Writes the samples of an input; yields a message for each that is left out."""
+        for result in item.read():
+            if isinstance(result, str):
+                yield result
+                continue
+            split, record, sample = result
+            try:
+                schema.check_content(sample)
+            except ValueError as error:
+                yield f"{sample.model_id}, view {sample.view}: {error}"
+                continue
+            if split not in writers:
+                writers[split] = stack.enter_context(ShardWriter(folder, split, number))
+            writers[split].write(record, sample)
+
     with contextlib.ExitStack() as stack:
         for item in group:
             messages = []
             try:
-                for result in item.read():
-                    if isinstance(result, str):
-                        messages.append(result)
-                        continue
-                    split, record, sample = result
-                    try:
-                        schema.check_content(sample)
-                    except ValueError as error:
-                        messages.append(f"{sample.model_id}, view {sample.view}: {error}")
-                        continue
-                    if split not in writers:
-                        writers[split] = stack.enter_context(ShardWriter(folder, split, number))
-                    writers[split].write(record, sample)
+                messages += write(item)
             except (ValueError, OSError) as error:
                 if is_disk_full(error):
                     raise
-                messages.append(str(error))
+                messages.append(message_line(error))
             for message in messages:
                 logging.error("%s", one_line(message))
                 if strict:

@@ -14,7 +14,6 @@ import gc
 import itertools
 import sys
 from collections.abc import Callable, Generator
-from typing import Any
 
 import grain
 import numpy as np
@@ -42,43 +41,16 @@ def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader
     name = ",".join(dict.fromkeys(folders))
     if not len(reader):
         raise RecordError(f"data set {name!r}: split {split!r} is empty")
-    for field, wanted, reason, remedy in (
-        ("depth", "depth" in cfg.inputs, "data.inputs asks for depth", "; remove 'depth' from "
-         "data.inputs"),
-        ("occupancy", cfg.occupancy, "the task needs solid volumes (occupancy)", ""),
-    ):  # fmt: skip
-        if wanted and any(field not in shard.fields for shard in reader.shards):
-            raise RecordError(
-                f"data set {name!r}: {reason}, which not every record of split {split!r} has"
-                + remedy
-            )
+    lacking = f"data set {name!r}: not every record of split {split!r} has "
+    if "depth" in cfg.inputs and any("depth" not in shard.fields for shard in reader.shards):
+        raise RecordError(lacking + "depth; remove 'depth' from data.inputs")
+    if cfg.occupancy and any("occupancy" not in shard.fields for shard in reader.shards):
+        raise RecordError(lacking + "a solid volume (occupancy), which the task needs")
     return reader
 
 
 def _plain(batch: Batch) -> Batch:
     return {k: np.array(v) if isinstance(v, np.ndarray) else v for k, v in batch.items()}
-
-
-def _start(iterator: Any, num_workers: int) -> list[Batch]:
-    """Starts the workers and returns the first batch of each.
-
-    It waits for all of them, because `close` of the iterator does not end workers that are still
-    starting.
-    """
-    first = itertools.islice(iterator, num_workers)
-    return workers.start_sheltered(lambda: list(map(_plain, first)))
-
-
-def _remove_shared_memory() -> None:
-    """Removes the shared memory of batches that were made ahead and never used.
-
-    Grain keeps them in reference cycles and removes them in a thread, which may not finish before
-    Python exits.
-    """
-    gc.collect()
-    pool = getattr(SharedMemoryArray, "_del_thread_pool", None)
-    if pool is not None:
-        pool.apply(int)  # the pool has one thread, so this waits for all earlier work
 
 
 def _iterate(
@@ -102,7 +74,10 @@ def _iterate(
     )
     iterator = iter(dataset)
     try:
-        begun = _start(iterator, cfg.num_workers)
+        # Waits for the first batch of every worker, because `close` of the iterator does not end
+        # workers that are still starting.
+        first = itertools.islice(iterator, cfg.num_workers)
+        begun = workers.start_sheltered(lambda: list(map(_plain, first)))
         while begun:
             yield begun.pop(0)
         # Workers pass arrays in shared memory, which Grain frees when it deletes the array. A JAX
@@ -110,8 +85,13 @@ def _iterate(
         yield from map(_plain, iterator)
     finally:
         iterator.close()
+        # Grain keeps batches that were made ahead in reference cycles and removes their shared
+        # memory in a thread, which may not finish before Python exits.
         del iterator, dataset
-        _remove_shared_memory()
+        gc.collect()
+        pool = getattr(SharedMemoryArray, "_del_thread_pool", None)
+        if pool is not None:
+            pool.apply(int)  # the pool has one thread, so this waits for all earlier work
 
 
 def _check(name: str, value: int, low: int, high: int = sys.maxsize) -> None:

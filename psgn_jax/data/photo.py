@@ -9,14 +9,13 @@ import math
 import os
 import warnings
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from psgn_jax.data import resize
 from psgn_jax.system.errors import UserError
-from psgn_jax.system.untrusted import kind_of, one_line
+from psgn_jax.system.untrusted import brief, kind_of, one_line
 
 MAX_PIXELS = 150_000_000
 """Larger images are refused before they are decoded: a small file can decode to gigabytes."""
@@ -29,16 +28,21 @@ MIN_SIDE = 16
 
 _FORMATS = ("PNG", "JPEG", "MPO", "GIF", "BMP", "TIFF", "WEBP", "PPM", "TGA", "JPEG2000", "AVIF")
 SUFFIXES = frozenset(
-    f".{name}"
-    for name in (
-        *("png", "jpg", "jpeg", "gif", "bmp", "tif", "tiff", "webp", "ppm", "pgm", "tga", "jp2"),
-        "avif",
-    )
+    (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm", ".tga")
+    + (".jp2", ".avif")
 )
 """Suffixes of the files that are read from a folder."""
 _ORIENTATION = 0x0112  # of EXIF
 _LEAST_TRANSPARENT = 0.005
-_TURNED = (5, 6, 7, 8)  # orientations that exchange width and height
+_TRANSPOSE = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_270,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_90,
+}  # by EXIF's orientation
 
 
 class PhotoError(UserError):
@@ -78,7 +82,7 @@ def read_photo(path: str | os.PathLike[str]) -> Photo:
     return Photo(
         np.asarray(upright),
         None if alpha is None else np.asarray(_turn(Image.fromarray(alpha), orientation)),
-        size[::-1] if orientation in _TURNED else size,
+        _upright_size(size, orientation),
         orientation,
     )
 
@@ -99,11 +103,11 @@ def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
     alpha = useful_alpha(alpha)
     grey = np.asarray(picture.convert("L")) if alpha is None else alpha
     turn = orientation
-    as_stored = photo.size[::-1] if photo.orientation in _TURNED else photo.size
+    as_stored = _upright_size(photo.size, photo.orientation)
     if orientation == 1 and photo.size != as_stored and same_proportions(size, as_stored):
         turn = photo.orientation
     levels = np.asarray(_turn(Image.fromarray(grey), turn))
-    upright = size[::-1] if turn in _TURNED else size
+    upright = _upright_size(size, turn)
     if not same_proportions(upright, photo.size):
         raise PhotoError(
             f"mask {path} is {upright[1]}x{upright[0]}: accepted: the image's "
@@ -153,9 +157,7 @@ def _decode(path: str | os.PathLike[str]) -> tuple[Image.Image, int, tuple[int, 
 
 
 @contextlib.contextmanager
-def _opened(
-    path: str | os.PathLike[str],
-) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
+def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
     """Context with an opened file and its (H, W); errors in the block become `PhotoError`."""
     shown = one_line(path)
     try:
@@ -191,7 +193,7 @@ def _opened(
     except MemoryError:
         raise PhotoError(f"{shown}: not enough memory to decode it") from None
     except Exception as error:  # decoders raise any type of error for damaged files
-        why = " ".join(str(error).split())[:160] or type(error).__name__
+        why = brief(error) or type(error).__name__
         raise PhotoError(f"{shown} is damaged or unreadable: {why}") from None
 
 
@@ -212,48 +214,31 @@ def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:
 
 
 def _to_bytes(values: np.ndarray) -> np.ndarray:
-    """Grey values as 8 bits, scaled by the first of 1, 255, 65535 that no value exceeds.
-
-    If a value exceeds 65535, the scale is the largest value.
-    """
+    """Grey values as 8 bits; full scale is 1, 255 or 65535, or the largest value beyond that."""
     values = np.nan_to_num(values.astype(np.float64))
     top = values.max()
-    if top <= 1:
-        full = 1.0
-    elif top <= 255:
-        full = 255.0
-    else:
-        full = 65535.0 if top <= 65535 else top
+    full = next((scale for scale in (1.0, 255.0, 65535.0) if top <= scale), top)
     return np.rint(np.clip(values / full, 0, 1) * 255).astype(np.uint8)
 
 
 def _turn(picture: Image.Image, orientation: int) -> Image.Image:
     """The picture upright, according to EXIF's orientation."""
-    transpose = Image.Transpose
-    method: Any = {
-        2: transpose.FLIP_LEFT_RIGHT,
-        3: transpose.ROTATE_180,
-        4: transpose.FLIP_TOP_BOTTOM,
-        5: transpose.TRANSPOSE,
-        6: transpose.ROTATE_270,
-        7: transpose.TRANSVERSE,
-        8: transpose.ROTATE_90,
-    }.get(orientation)
+    method = _TRANSPOSE.get(orientation)
     return picture if method is None else picture.transpose(method)
 
 
+def _upright_size(size: tuple[int, int], orientation: int) -> tuple[int, int]:
+    return size[::-1] if orientation >= 5 else size
+
+
 def as_rgb_and_alpha(array: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Converts an image array, uint8 [h, w], [h, w, 3] or [h, w, 4], to RGB and alpha.
+    """RGB and alpha of an image array, uint8 [h, w], [h, w, 3] or [h, w, 4].
 
     Raises:
       ValueError: any other dtype or shape.
       PhotoError: the image is too small or too large.
     """
-    if (
-        array.dtype != np.uint8
-        or array.ndim not in (2, 3)
-        or array.shape[2:] not in ((), (3,), (4,))
-    ):
+    if array.dtype != np.uint8 or array.ndim < 2 or array.shape[2:] not in ((), (3,), (4,)):
         raise ValueError(
             f"image is {array.dtype} {list(array.shape)}: accepted: uint8 [h, w], [h, w, 3] (RGB) "
             "or [h, w, 4] (RGBA)"

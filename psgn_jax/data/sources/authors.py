@@ -48,7 +48,6 @@ _MAX_KEY = 256
 _MAX_SIZE = _ARRAYS_SIZE + BATCH * (_MAX_KEY + 1)
 # A valid file is not larger than its content and the overhead of deflate.
 _MAX_FILE_SIZE = _MAX_SIZE + (1 << 16)
-_BLOCK = 1 << 16
 
 # Maps p - (1, 0, 0), with p in the authors' target frame (down, right, toward the camera), to the
 # project's frame: (x, y, z) = (p2, p1, 1 - p0).
@@ -88,23 +87,19 @@ def _inflate(path: pathlib.Path) -> bytes:
     if size > _MAX_FILE_SIZE:
         raise ValueError(f"{path}: {size} bytes, more than any file of this format has")
     stream = zlib.decompressobj()
-    out = bytearray()
-    with path.open("rb") as file:
-        while not stream.eof:
-            block = file.read(_BLOCK)
-            if not block:
-                raise ValueError(f"{path}: truncated, the zlib stream has no end")
-            try:
-                out += stream.decompress(block, _MAX_SIZE + 1 - len(out))
-            except zlib.error as error:
-                raise ValueError(f"{path}: not a zlib stream, or damaged ({error})") from None
-            if len(out) > _MAX_SIZE or stream.unconsumed_tail:
-                raise ValueError(
-                    f"{path}: inflates to more than {_MAX_SIZE} bytes, not a file of this format"
-                )
-        if stream.unused_data or file.read(1):
-            raise ValueError(f"{path}: bytes after the end of the zlib stream")
-    return bytes(out)
+    try:
+        out = stream.decompress(path.read_bytes(), _MAX_SIZE + 1)
+    except zlib.error as error:
+        raise ValueError(f"{path}: not a zlib stream, or damaged ({error})") from None
+    if len(out) > _MAX_SIZE:
+        raise ValueError(
+            f"{path}: inflates to more than {_MAX_SIZE} bytes, not a file of this format"
+        )
+    if not stream.eof:
+        raise ValueError(f"{path}: truncated, the zlib stream has no end")
+    if stream.unused_data:
+        raise ValueError(f"{path}: bytes after the end of the zlib stream")
+    return out
 
 
 def _keys(data: bytes, path: pathlib.Path) -> list[str]:
@@ -123,9 +118,6 @@ def lattice_matrix(rotation: np.ndarray) -> np.ndarray:
     With the rotation R of the file and the tilt V of the camera,
     m = (points / 255 - (0.7, 0.5, 0.5)) / 0.4 are coordinates in the frame of the model, and
     m @ (R @ inv(V)) are coordinates in the authors' target frame minus (1, 0, 0).
-
-    Args:
-      rotation: [3, 3], R.
     """
     cosine, sine = np.cos(np.deg2rad(TILT_DEGREES)), np.sin(np.deg2rad(TILT_DEGREES))
     tilt = np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])

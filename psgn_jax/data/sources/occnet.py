@@ -21,9 +21,10 @@ two pixels of it, otherwise the view is left out.
 
 import pathlib
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
+from scipy import ndimage
 
 from psgn_jax.data import camera, schema, synsets
 from psgn_jax.data.sources import binvox, shapenet
@@ -32,7 +33,6 @@ from psgn_jax.system.untrusted import read_npz
 SOURCE = "folder ShapeNet of Occupancy Networks"
 SPLITS = {"train": "train", "val": "validation", "test": "test"}
 IMAGES = "img_choy2016"
-NUM_VIEWS = 24
 
 _MAX_POINTS = 1 << 21
 _MAX_LIST = 1 << 22
@@ -45,9 +45,6 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
     """Lists all models as (split, synset, name), with a message for each problem.
 
     Problems are an unknown category, a list that cannot be used, and a wrong or repeated name.
-
-    Raises:
-      ValueError: the folder does not have the layout.
     """
     if not source.is_dir():
         raise ValueError(f"SRC {str(source)!r}: there is no such folder")
@@ -84,41 +81,31 @@ def input_files(source: pathlib.Path, synset: str, name: str) -> list[pathlib.Pa
     return [folder / file for file in files]
 
 
-def read_model(
-    source: pathlib.Path,
-    synset: str,
-    name: str,
-    *,
-    num_points: int = shapenet.NUM_POINTS,
-    max_views: int = NUM_VIEWS,
-) -> Iterator[schema.Sample | str]:
-    """Yields the views of a model in order, or a message for a view that is damaged.
+def open_model(
+    source: pathlib.Path, synset: str, name: str, num_points: int
+) -> Callable[[int], schema.Sample]:
+    """Reads a model; the result reads the view of a number. All views have the same points.
 
-    The points are sampled without replacement from those in the file. They are the same for all
-    views and in every run.
+    The points are sampled without replacement from those in the file, the same in every run.
 
     Raises:
-      ValueError: the model as a whole cannot be read; the message names the file and the reason.
+      ValueError, OSError: the model as a whole cannot be read, or the view; the message names the
+        file and the reason.
     """
     cloud_path, voxel_path, camera_path, images = input_files(source, synset, name)
     points, normals, loc, scale = _read_cloud(cloud_path)
     world = (points * scale + loc) @ shapenet.TO_WORLD.T
     solid = None
     if voxel_path.is_file():
-        cells = shapenet.read_grid(voxel_path).solid
+        cells = shapenet.read_solid(voxel_path).solid
         solid = shapenet.solid_of(binvox.Binvox(cells, loc - scale / 2, scale))
-    try:
-        placement = shapenet.place(world)
-    except ValueError as error:
-        raise ValueError(f"{cloud_path}: {error}") from None
-    keys = [f"{kind}_mat_{i}" for i in range(NUM_VIEWS) for kind in ("world", "camera")]
+    origin, unit = shapenet.place(world, cloud_path)
+    keys = [f"{kind}_mat_{i}" for i in range(shapenet.NUM_VIEWS) for kind in ("world", "camera")]
     cameras = _arrays(camera_path, dict.fromkeys(keys, 16))
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     chosen = rng.permutation(len(world))[:num_points]
-    model = shapenet.Model(
-        "occnet", synset, name, world[chosen], normals[chosen] @ shapenet.TO_WORLD.T, solid,
-        placement,
-    )  # fmt: skip
+    turned = normals[chosen] @ shapenet.TO_WORLD.T
+    model = shapenet.Model("occnet", synset, name, world[chosen], turned, solid, origin, unit)
 
     def read(view: int) -> schema.Sample:
         path = images / f"{view:03d}.jpg"
@@ -128,15 +115,13 @@ def read_model(
         image = np.where(mask[..., None], image, np.uint8(schema.BACKGROUND_GREY))
         return model.sample(view, eye, inner, image, mask)
 
-    return shapenet.each_view(read, min(max_views, NUM_VIEWS))
+    return read
 
 
 def _arrays(path: pathlib.Path, limits: dict[str, int]) -> dict[str, np.ndarray]:
-    if not path.is_file():
-        raise ValueError(f"{path}: missing")
     try:
         return read_npz(path, limits)
-    except (ValueError, OSError) as error:
+    except ValueError as error:
         raise ValueError(f"{path}: damaged, or not a file of arrays ({error})") from None
 
 
@@ -190,9 +175,9 @@ def _silhouette(
     pixels = pixels[depth > 0]
     cell = np.floor(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)
     cell = cell[((cell >= 0) & (cell < (width, height))).all(axis=1)]
-    hit = np.zeros((height + 2, width + 2), np.bool_)
-    hit[cell[:, 1] + 1, cell[:, 0] + 1] = True
-    mask = ~_grown(~_grown(hit))[1:-1, 1:-1]
+    hit = np.zeros((height, width), np.bool_)
+    hit[cell[:, 1], cell[:, 0]] = True
+    mask = ndimage.binary_closing(np.pad(hit, 1), np.ones((3, 3)))[1:-1, 1:-1]
     seen = np.argwhere(image.min(axis=2) < _NOT_WHITE)[:, ::-1] + 0.5
     inside = camera.inside_mask(seen, mask, _NEAR_PIXELS).mean() if len(seen) else 0.0
     if inside < _LEAST_INSIDE or not mask.any():
@@ -201,10 +186,3 @@ def _silhouette(
             f"expected {_LEAST_INSIDE:.0%}; camera, shape and image disagree"
         )
     return mask
-
-
-def _grown(mask: np.ndarray) -> np.ndarray:
-    """Dilates a mask by one pixel in all eight directions."""
-    padded = np.pad(mask, 1, mode="edge")
-    rows = padded[:-2] | padded[1:-1] | padded[2:]
-    return rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]

@@ -20,7 +20,7 @@ volume resampled to the frame of the view; the original volume is in `extra`.
 
 import pathlib
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from psgn_jax.data.sources import shapenet
 RENDERINGS = "ShapeNetRendering"
 VOXELS = "ShapeNetVox32"
 SOURCE = f"folder with {RENDERINGS} and {VOXELS}"
-NUM_VIEWS = 24
 TRAIN_SHARE = 0.8
 _MAX_LINES = 1000
 
@@ -43,9 +42,6 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
     """Lists all models as (split, synset, name), and a message for each unknown category.
 
     A model is listed if it has renderings or voxels, so that a missing part is reported later.
-
-    Raises:
-      ValueError: the folder does not have the layout.
     """
     for part in (RENDERINGS, VOXELS):
         if not (source / part).is_dir():
@@ -72,61 +68,46 @@ def input_files(source: pathlib.Path, synset: str, name: str) -> list[pathlib.Pa
     return [rendering, rendering / "rendering_metadata.txt", voxels]
 
 
-def read_metadata(path: pathlib.Path) -> list[tuple[float, float, float, float, float] | str]:
-    """Reads the rows of a metadata file; a wrong row is replaced by a message.
-
-    Raises:
-      ValueError: the file is missing or much too long.
-    """
-    text = shapenet.read_limited(path).decode("ascii", "replace")
-    lines = text.splitlines()
+def _read_metadata(path: pathlib.Path) -> list[tuple[float, ...] | str]:
+    """The rows of a metadata file; a wrong row is replaced by a message."""
+    lines = shapenet.read_limited(path).decode("ascii", "replace").splitlines()
     if len(lines) > _MAX_LINES:
-        raise ValueError(f"{path}: {len(lines)} lines, expected {NUM_VIEWS}")
-    rows: list[tuple[float, float, float, float, float] | str] = []
+        raise ValueError(f"{path}: {len(lines)} lines, expected {shapenet.NUM_VIEWS}")
+    rows: list[tuple[float, ...] | str] = []
     for line in lines:
         try:
-            azimuth, elevation, roll, ratio, field = (float(word) for word in line.split())
+            numbers = tuple(float(word) for word in line.split())
         except ValueError:
+            numbers = ()
+        if len(numbers) != 5:
             rows.append(f"{line[:60]!r} are not 5 numbers")
-            continue
-        numbers = (azimuth, elevation, roll, ratio, field)
-        if not np.isfinite(numbers).all() or ratio <= 0 or abs(elevation) > 90:
+        elif not np.isfinite(numbers).all() or numbers[3] <= 0 or abs(numbers[1]) > 90:
             rows.append(f"{line[:60]!r}: expected finite numbers, |elevation| <= 90, distance > 0")
-        elif abs(roll) > 1e-3:
-            rows.append(f"in-plane rotation {roll:g}, expected 0 as in all published rows")
+        elif abs(numbers[2]) > 1e-3:
+            rows.append(f"in-plane rotation {numbers[2]:g}, expected 0 as in all published rows")
         else:
             rows.append(numbers)
     return rows
 
 
-def read_model(
-    source: pathlib.Path,
-    synset: str,
-    name: str,
-    *,
-    num_points: int = shapenet.NUM_POINTS,
-    max_views: int = NUM_VIEWS,
-) -> Iterator[schema.Sample | str]:
-    """Yields the views of a model in order, or a message for a view that is damaged.
-
-    The points are the same for all views and in every run.
+def open_model(
+    source: pathlib.Path, synset: str, name: str, num_points: int
+) -> Callable[[int], schema.Sample]:
+    """Reads a model; the result reads the view of a number. All views have the same points.
 
     Raises:
-      ValueError: the model as a whole cannot be read; the message names the file and the reason.
-        Fewer rows of metadata than images are such an error: if a row is lost, all later views
-        would get the camera of another view.
+      ValueError, OSError: the model as a whole cannot be read, or the view; the message names the
+        file and the reason. Fewer rows of metadata than images are an error of the whole model: if
+        a row is lost, all later views would get the camera of another view.
     """
     rendering, metadata, voxels = input_files(source, synset, name)
-    solid = shapenet.solid_of(shapenet.read_grid(voxels))
-    try:
-        placement = shapenet.place(shapenet.corners(solid))
-    except ValueError as error:
-        raise ValueError(f"{voxels}: {error}") from None
+    solid = shapenet.solid_of(shapenet.read_solid(voxels))
+    origin, unit = shapenet.place(shapenet.corners(solid), voxels)
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     points = shapenet.surface_points(solid, num_points, rng)
-    model = shapenet.Model("r2n2", synset, name, points, None, solid, placement)
-    rows = read_metadata(metadata)
-    pictures = sum((rendering / f"{view:02d}.png").exists() for view in range(NUM_VIEWS))
+    model = shapenet.Model("r2n2", synset, name, points, None, solid, origin, unit)
+    rows = _read_metadata(metadata)
+    pictures = sum((rendering / f"{view:02d}.png").exists() for view in range(shapenet.NUM_VIEWS))
     if len(rows) < pictures:
         raise ValueError(
             f"{metadata}: {len(rows)} rows for {pictures} pictures, expected one row per picture"
@@ -150,7 +131,7 @@ def read_model(
             )
         return sample
 
-    return shapenet.each_view(read, min(max_views, NUM_VIEWS))
+    return read
 
 
 def _read_view(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray]:

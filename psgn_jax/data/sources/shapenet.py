@@ -3,7 +3,7 @@
 **World**: ShapeNet's models have +y up. Here they are rotated to +z up, `(x, y, z) = (X, -Z, Y)`,
 as Blender does when it reads an OBJ. The frame of a sample is the project's: rotated about the
 vertical axis so that +y is the right of the image, with the origin on the ground under the middle
-of the bounding box; the unit is the distance of the farthest point from the origin (`Placement`).
+of the bounding box; the unit is the distance of the farthest point from the origin (`place`).
 
 **Camera** of 3D-R2N2's renderings. Sources: commit 3f62115, `lib/blender_renderer.py`, and the
 matrices that later projects derived from it, which agree. The images have 137x137 pixels. The focal
@@ -19,8 +19,6 @@ import io
 import json
 import pathlib
 import zlib
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -30,6 +28,7 @@ from psgn_jax.data.sources import binvox
 from psgn_jax.data.sources.binvox import Binvox
 
 NUM_POINTS = 16384
+NUM_VIEWS = 24
 IMAGE_SIDE = 137
 FOCAL = 35 / 32 * IMAGE_SIDE
 MAX_DISTANCE = 1.75
@@ -40,14 +39,6 @@ TO_WORLD = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 _MAX_FILE_SIZE = 1 << 24
 _FINE = 4
 _LARGEST = 1e4  # of a model's coordinates and of 1 / radius
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Placement:
-    """Position and scale of an object: frame = (world - origin) / unit, then rotated."""
-
-    origin: np.ndarray
-    unit: float
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -94,30 +85,26 @@ def turn_to_view(world_to_camera: np.ndarray) -> np.ndarray:
     return np.array([[y, -x, 0], [x, y, 0], [0, 0, 1.0]])
 
 
-def place(points: np.ndarray) -> Placement:
-    """Computes the placement of an object from all its points [n, 3] in the world.
+def place(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, float]:
+    """Origin [3] and unit of the frame of an object with all these points [n, 3] in the world.
 
     Raises:
-      ValueError: the points have no extent, are not finite, or are orders of magnitude larger or
-        smaller than ShapeNet's models, which have edges of about 1.
+      ValueError: there are no points, they have no extent or are not finite, or they are orders of
+        magnitude larger or smaller than ShapeNet's models, which have edges of about 1; the message
+        names `path`.
     """
+    if not len(points):
+        raise ValueError(f"{path}: the volume is empty")
     low, high = points.min(axis=0), points.max(axis=0)
     if not np.abs([low, high]).max() <= _LARGEST:
-        raise ValueError(f"coordinates from {low.min():g} to {high.max():g}, expected a few units")
+        raise ValueError(
+            f"{path}: coordinates from {low.min():g} to {high.max():g}, expected a few units"
+        )
     origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     unit = float(np.linalg.norm(points - origin, axis=1).max())
     if not unit >= 1 / _LARGEST:
-        raise ValueError(f"the object's radius is {unit:g}, expected some tenths of a unit")
-    return Placement(origin, unit)
-
-
-def frame_extrinsics(
-    world_to_camera: np.ndarray, turn: np.ndarray, placement: Placement
-) -> np.ndarray:
-    """Extrinsics float32 [3, 4] for the frame of the sample; projections stay the same."""
-    rotation, shift = world_to_camera[:, :3], world_to_camera[:, 3]
-    moved = (rotation @ placement.origin + shift) / placement.unit
-    return np.concatenate([rotation @ turn.T, moved[:, None]], axis=1).astype(np.float32)
+        raise ValueError(f"{path}: the object's radius is {unit:g}, expected some tenths of a unit")
+    return origin, unit
 
 
 def solid_of(grid: Binvox) -> Solid:
@@ -129,14 +116,8 @@ def solid_of(grid: Binvox) -> Solid:
 
 
 def corners(solid: Solid) -> np.ndarray:
-    """Corners of all occupied cells in the world, [n, 3].
-
-    Raises:
-      ValueError: the volume is empty.
-    """
+    """Corners of all occupied cells in the world, [n, 3]."""
     cells = np.argwhere(solid.cells)
-    if not len(cells):
-        raise ValueError("the volume is empty")
     steps = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
     return np.unique((cells[:, None] + steps).reshape(-1, 3), axis=0) * solid.edge + solid.low
 
@@ -147,14 +128,6 @@ def surface_points(solid: Solid, count: int, rng: np.random.Generator) -> np.nda
     Faces on the border of the grid are included. The surface consists of steps and is therefore
     rougher and larger than that of the model. On a slanted plane, points are up to one cell from
     it.
-
-    Args:
-      solid: a grid that is not empty.
-      count: number of points.
-      rng: random number generator.
-
-    Returns:
-      float64 [count, 3].
     """
     padded = np.pad(solid.cells, 1)
     faces = []
@@ -170,22 +143,21 @@ def surface_points(solid: Solid, count: int, rng: np.random.Generator) -> np.nda
     return (chosen[:, :3] + offset) * solid.edge + solid.low
 
 
-def turned_occupancy(solid: Solid, placement: Placement, turn: np.ndarray) -> np.ndarray:
+def turned_occupancy(solid: Solid, origin: np.ndarray, unit: float, turn: np.ndarray) -> np.ndarray:
     """Resamples the volume to the schema's grid in the frame of a view, bool [32, 32, 32].
 
     A cell is divided into 4^3 parts. A part counts if its centre is in an occupied cell of `solid`.
     A cell is occupied if at least half of its parts count. To keep thin structures, it is also
     occupied if any part counts and none of its 26 neighbours is occupied by the first rule.
-    Rotating a coarse grid loses detail; comparisons with 3D-R2N2 should use its own grid, see
-    `grid_extra`.
+    Comparisons with 3D-R2N2 should use its own grid, see `grid_extra`.
     """
     size, fine = schema.OCCUPANCY_SIZE, schema.OCCUPANCY_SIZE * _FINE
     along = (np.arange(fine) + 0.5) * (2 / fine)
     n = len(solid.cells)
     x, y = np.meshgrid(along - 1, along - 1, indexing="ij")
-    world = np.stack([x, y], axis=-1) @ turn[:2, :2] * placement.unit + placement.origin[:2]
+    world = np.stack([x, y], axis=-1) @ turn[:2, :2] * unit + origin[:2]
     column = np.floor((world - solid.low[:2]) / solid.edge).astype(np.int64)
-    height = along * placement.unit + placement.origin[2]
+    height = along * unit + origin[2]
     level = np.floor((height - solid.low[2]) / solid.edge).astype(np.int64)
     column, level = np.clip(column, -1, n) + 1, np.clip(level, -1, n) + 1
     padded = np.pad(solid.cells, 1)
@@ -198,48 +170,40 @@ def turned_occupancy(solid: Solid, placement: Placement, turn: np.ndarray) -> np
     return thick | ((share > 0) & ~near[1:-1, 1:-1, 1:-1])
 
 
-def grid_extra(solid: Solid, placement: Placement, turn: np.ndarray) -> str:
+def grid_extra(solid: Solid, origin: np.ndarray, unit: float, turn: np.ndarray) -> str:
     """The volume in its original grid, for comparisons there, as the text of `Sample.extra`.
 
     JSON: `grid` is the base64 of the deflated bits of `cells` [n, n, n]. `grid_size` is n.
     `grid_to_frame` [3, 4] maps indices to the frame of the sample; cell (i, j, k) spans [i, i+1]
     along x, and so on.
     """
-    linear = turn * (solid.edge / placement.unit)
-    moved = turn @ (solid.low - placement.origin) / placement.unit
+    linear = turn * (solid.edge / unit)
+    moved = turn @ (solid.low - origin) / unit
     packed = zlib.compress(np.packbits(solid.cells).tobytes(), 9)
-    content: dict[str, Any] = {
-        "grid": base64.b64encode(packed).decode(),
-        "grid_size": len(solid.cells),
-        "grid_to_frame": np.concatenate([linear, moved[:, None]], axis=1).tolist(),
-    }
-    return json.dumps(content)
+    return json.dumps(
+        {
+            "grid": base64.b64encode(packed).decode(),
+            "grid_size": len(solid.cells),
+            "grid_to_frame": np.concatenate([linear, moved[:, None]], axis=1).tolist(),
+        }
+    )
 
 
 def read_limited(path: pathlib.Path) -> bytes:
-    """Reads a file.
-
-    Raises:
-      ValueError: it is missing, not a file, or larger than any file of these data sets.
-    """
-    if not path.is_file():
-        raise ValueError(f"{path}: missing")
+    """Reads a file that is not larger than any file of these data sets."""
     if path.stat().st_size > _MAX_FILE_SIZE:
         raise ValueError(f"{path}: {path.stat().st_size} bytes, expected at most {_MAX_FILE_SIZE}")
     return path.read_bytes()
 
 
 def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
-    """Decodes an image to uint8 [137, 137, channels of `mode`].
+    """Decodes an image of the format `kind` to uint8 [137, 137, channels of `mode`].
 
-    Args:
-      path: the file.
-      kind: required format, as Pillow names it.
-      mode: "RGB" (grey images are converted) or "RGBA".
+    `mode` is "RGB" (grey images are converted) or "RGBA".
 
     Raises:
-      ValueError: the file cannot be read or has another size; the message names the file and the
-        reason.
+      ValueError: the file is no such image, or has another size; the message names it.
+      OSError: it cannot be read.
     """
     data = read_limited(path)
     try:
@@ -253,6 +217,14 @@ def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
         raise ValueError(f"{path}: not a readable {kind} image ({error})") from None
 
 
+def read_solid(path: pathlib.Path) -> Binvox:
+    """Reads a binvox file of 32^3 cells; ValueError or OSError if it is damaged or another size."""
+    grid = binvox.read(path, max_dim=schema.OCCUPANCY_SIZE)
+    if len(grid.solid) != schema.OCCUPANCY_SIZE:
+        raise ValueError(f"{path}: dim {len(grid.solid)}, expected {schema.OCCUPANCY_SIZE}")
+    return grid
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Model:
     """A model in the world, of which views are made.
@@ -263,7 +235,7 @@ class Model:
       points: [n, 3], points of a sample.
       normals: [n, 3] or None.
       solid: the volume, or None.
-      placement: position and scale.
+      origin, unit: frame = (world - origin) / unit, then rotated.
     """
 
     source: str
@@ -272,62 +244,34 @@ class Model:
     points: np.ndarray
     normals: np.ndarray | None
     solid: Solid | None
-    placement: Placement
+    origin: np.ndarray
+    unit: float
 
     def sample(
         self, view: int, eye: np.ndarray, inner: np.ndarray, image: np.ndarray, mask: np.ndarray
     ) -> schema.Sample:
-        """The sample of a view.
+        """The sample of a view with the camera `eye` [3, 4], world to camera, and `inner` [3, 3].
 
-        Args:
-          view: its number.
-          eye: [3, 4], world to camera.
-          inner: [3, 3], intrinsics.
-          image: uint8 [h, w, 3].
-          mask: bool [h, w].
+        Projections stay the same in the frame of the sample.
 
         Raises:
           ValueError: the camera is rolled on its side, or a field is wrong.
         """
-        turn, solid, place = turn_to_view(eye), self.solid, self.placement
-        points = (self.points - place.origin) @ turn.T / place.unit
+        turn, origin, unit = turn_to_view(eye), self.origin, self.unit
+        moved = (eye[:, :3] @ origin + eye[:, 3]) / unit
+        solid = self.solid
         sample = schema.Sample(
             image=image,
             mask=mask,
-            points=points.astype(np.float32),
+            points=((self.points - origin) @ turn.T / unit).astype(np.float32),
             normals=None if self.normals is None else (self.normals @ turn.T).astype(np.float32),
-            occupancy=turned_occupancy(solid, place, turn) if solid else None,
+            occupancy=turned_occupancy(solid, origin, unit, turn) if solid else None,
             intrinsics=inner.astype(np.float32),
-            extrinsics=frame_extrinsics(eye, turn, place),
+            extrinsics=np.column_stack([eye[:, :3] @ turn.T, moved]).astype(np.float32),
             category=synsets.R2N2[self.synset],
             model_id=f"{self.synset}/{self.name}",
             view=view,
             source=self.source,
-            extra=grid_extra(solid, place, turn) if solid else "",
+            extra=grid_extra(solid, origin, unit, turn) if solid else "",
         )
         return schema.validate(sample)
-
-
-def each_view(
-    read: Callable[[int], schema.Sample], num_views: int
-) -> Iterator[schema.Sample | str]:
-    """Yields the views of a model in order, or a message for one that cannot be read."""
-    for view in range(num_views):
-        try:
-            yield read(view)
-        except (ValueError, OSError) as error:
-            yield str(error)
-
-
-def read_grid(path: pathlib.Path) -> Binvox:
-    """Reads a binvox file of 32^3 cells.
-
-    Raises:
-      ValueError: the file is missing, damaged or of another size.
-    """
-    if not path.is_file():
-        raise ValueError(f"{path}: missing")
-    grid = binvox.read(path, max_dim=schema.OCCUPANCY_SIZE)
-    if len(grid.solid) != schema.OCCUPANCY_SIZE:
-        raise ValueError(f"{path}: dim {len(grid.solid)}, expected {schema.OCCUPANCY_SIZE}")
-    return grid

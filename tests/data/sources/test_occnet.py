@@ -14,7 +14,7 @@ NUM_VIEWS = len(trees.VIEWS)
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory):
     root = trees.write_occnet(tmp_path_factory.mktemp("occnet"), {"train": ["a"]})
-    return list(occnet.read_model(root, CHAIR, "a", max_views=NUM_VIEWS))
+    return list(map(occnet.open_model(root, CHAIR, "a", 16384), range(NUM_VIEWS)))
 
 
 def test_silhouettes_are_those_of_the_pictures(samples):
@@ -81,7 +81,7 @@ def test_conversion_and_damage(tmp_path, capsys):
         "cameras.npz: no camera_mat_2 [3, 3]",
         "c/img_choy2016/000.jpg: ",
         "w/model.binvox: dim 16, expected 32",
-        "missing/pointcloud.npz: missing",
+        "missing/pointcloud.npz: No such file",
         "test.lst: '../c' is not the name of a model",
         "test.lst: 'x\\x00y' is not the name of a model",
         "test.lst: 'a' is listed a second time",

@@ -22,7 +22,7 @@ def tree(tmp_path):
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory):
     root = trees.write_r2n2(tmp_path_factory.mktemp("r2n2"), names=("a",))
-    return list(r2n2.read_model(root, CHAIR, "a", max_views=NUM_VIEWS))
+    return list(map(r2n2.open_model(root, CHAIR, "a", 16384), range(NUM_VIEWS)))
 
 
 def drawn(sample):
@@ -134,14 +134,14 @@ def damage(tree):
     (voxels / "f").mkdir()
     return {
         "04401089: not one of the 13",
-        "a/rendering/01.png: missing",
+        "a/rendering/01.png: No such file",
         "a/rendering/02.png: not a readable PNG image (mode RGB, expected",
         "b/rendering/rendering_metadata.txt: row 1: '200.5 x 0 0.7 25' are not 5 numbers",
         "b/rendering/02.png: ",  # turned by 180 degrees
         "g/rendering/rendering_metadata.txt: 3 rows for 4 pictures",
         "c/model.binvox: cut off",
         "d/model.binvox: dim 16, expected 32",
-        "f/model.binvox: missing",
+        "f/model.binvox: No such file",
     }
 
 
@@ -180,7 +180,7 @@ def test_volumes_of_another_magnitude_are_refused(tmp_path, changes, message):
     grid = dataclasses.replace(trees.voxels(), **changes)
     trees.write_binvox(tree / "ShapeNetVox32" / CHAIR / "a" / "model.binvox", grid)
     with pytest.raises(ValueError, match=rf"model\.binvox: {message}"):
-        list(r2n2.read_model(tree, CHAIR, "a", max_views=1))
+        r2n2.open_model(tree, CHAIR, "a", 16)
 
 
 @pytest.mark.parametrize("option", ["--points=1000000000", "--points=0", "--views=100000"])
