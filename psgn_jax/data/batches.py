@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from psgn_jax.config.experiment import DataConfig
-from psgn_jax.data import augment, camera, resize, schema, visibility
+from psgn_jax.data import augment, camera, resize, visibility
 from psgn_jax.data.augment import View
 from psgn_jax.data.codec import DepthCodes, PointLattice
 from psgn_jax.data.dataset import RecordReader
@@ -164,31 +164,19 @@ class Models:
         return views[at + 1 :] + views[:at]
 
 
-def _empty_batch(cfg: DataConfig, rows: int, num_points: int, num_views: int) -> Batch:
-    height, width = cfg.image_size
-    axes = (rows, num_views) if num_views else (rows,)
-    batch: Batch = {
-        "image": np.empty((*axes, height, width, 3), np.uint8),
-        "mask": np.empty((*axes, height, width), np.bool_),
-        "points": np.empty((rows, num_points, 3), np.float32),
-        "intrinsics": np.empty((rows, 3, 3), np.float32),
-        "extrinsics": np.empty((rows, 3, 4), np.float32),
-    }
-    if "depth" in cfg.inputs:
-        batch["depth"] = np.empty((rows, height, width), np.float32)
-    if cfg.occupancy:
-        batch["occupancy"] = np.empty((rows, *(schema.OCCUPANCY_SIZE,) * 3), np.bool_)
+def _stack(cfg: DataConfig, rows: Sequence[Sequence[View]], *, several: bool) -> Batch:
+    """A batch from the views of each row; if `several`, image and mask have an axis of views."""
+    size = (len(rows), -1) if several else (len(rows),)
+    batch = {}
+    for field in ("image", "mask"):
+        arrays = [getattr(view, field) for row in rows for view in row]
+        batch[field] = np.stack(arrays).reshape(*size, *arrays[0].shape)
+    fields = ["points", "intrinsics", "extrinsics"]
+    fields += ["depth"] if "depth" in cfg.inputs else []
+    fields += ["occupancy"] if cfg.occupancy else []
+    for field in fields:
+        batch[field] = np.stack([getattr(row[0], field) for row in rows])
     return batch
-
-
-def _fill(batch: Batch, row: int, view: View, further: Sequence[View]) -> None:
-    for field in dataclasses.fields(View):
-        key = field.name
-        if key in ("image", "mask") and batch["mask"].ndim == 4:
-            for number, one in enumerate([view, *further]):
-                batch[key][row, number] = getattr(one, key)
-        elif key in batch:
-            batch[key][row] = getattr(view, key)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -214,8 +202,8 @@ class TrainBatch:
             # One number for the whole batch, so it must be the same in all processes.
             rng = np.random.default_rng([self.seed, _VIEWS, step])
             num_views = int(rng.integers(1, cfg.train_views + 1))
-        batch = _empty_batch(cfg, len(self.rows), cfg.num_points, num_views)
-        for local, row in enumerate(self.rows):
+        made = []
+        for row in self.rows:
             rng = np.random.default_rng([self.seed, _TRAIN, step, row])
             index = int(self.order[step * self.batch_size + row])
             item = self.items[index]
@@ -224,12 +212,9 @@ class TrainBatch:
                 chosen = rng.permutation(self.models.others(index))[: num_views - 1]
                 views += [_further_view(self.items[int(i)]) for i in chosen]
             # All views of a model get the same random numbers, so that all or none are mirrored.
-            first, *further = (
-                augment.augment(view, cfg, copy.deepcopy(rng), [self.seed, _PHOTO, step, row])
-                for view in views
-            )
-            _fill(batch, local, first, further)
-        return batch
+            photo_seeds = [self.seed, _PHOTO, step, row]
+            made.append([augment.augment(v, cfg, copy.deepcopy(rng), photo_seeds) for v in views])
+        return _stack(cfg, made, several=num_views > 0)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -252,32 +237,31 @@ class EvalBatch:
         cfg = self.cfg
         start = number * self.batch_size
         filled = min(self.batch_size, self.count - start)
-        batch = _empty_batch(cfg, self.batch_size, cfg.num_eval_points, cfg.eval_views)
-        if self.visible_tolerance:
-            batch["visible"] = np.empty((self.batch_size, cfg.num_eval_points), np.bool_)
-        items = []
-        for row in range(filled):
-            rng = np.random.default_rng([self.seed, _EVAL, start + row])
-            item = self.items[start + row]
-            others = self.models.others(start + row) if self.models else []
-            further = [_further_view(self.items[i]) for i in others[: cfg.eval_views - 1]]
+        rows: list[Any] = []
+        visible: list[Any] = []
+        items: list[Any] = []
+        for index in range(start, start + filled):
+            rng = np.random.default_rng([self.seed, _EVAL, index])
+            item = self.items[index]
+            others = self.models.others(index)[: cfg.eval_views - 1] if self.models else []
             view = item.view_with_points(rng, cfg.num_eval_points)
             if item.measured:
                 # Visibility is computed before the move, which does not change it.
-                codes, intrinsics = item.measured
-                batch["visible"][row] = visibility.visible_points(
-                    view.points,
-                    codes.depth(),
-                    intrinsics,
-                    view.extrinsics,
-                    self.visible_tolerance,
-                )
+                depth, intrinsics = item.measured
+                visible.append(
+                    visibility.visible_points(
+                        view.points, depth.depth(), intrinsics, view.extrinsics,
+                        self.visible_tolerance,
+                    )
+                )  # fmt: skip
             if cfg.eval_frame == "place":
                 view = augment.place(view)
-            _fill(batch, row, view, further)
+            rows.append([view, *(_further_view(self.items[i]) for i in others)])
             items.append(item)
-        for values in batch.values():
-            values[filled:] = values[filled - 1]
+        for values in (rows, visible, items):
+            values += values[-1:] * (self.batch_size - filled)
+        batch = _stack(cfg, rows, several=self.models is not None)
+        if visible:
+            batch["visible"] = np.stack(visible)
         batch["valid"] = np.arange(self.batch_size) < filled
-        items += items[-1:] * (self.batch_size - filled)
         return batch | {key: [item.labels[key] for item in items] for key in items[0].labels}

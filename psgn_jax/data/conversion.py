@@ -280,7 +280,7 @@ def _convert_group(
 
     with contextlib.ExitStack() as stack:
         for item in group:
-            messages = []
+            messages: list[str] = []
             try:
                 messages += write(item)
             except (ValueError, OSError) as error:

@@ -227,19 +227,10 @@ class RecordReader:
         path, count = self._paths[number], self.shards[number].count
         with self._lock:
             if path not in self._readers:
-                try:
+                with _shard_errors(path, f"shard {path} cannot be opened"):
                     reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
-                    found = reader.num_records()
-                except (RuntimeError, OSError) as error:
-                    _check_readable(path)
-                    raise RecordError(
-                        f"shard {path} cannot be opened ({brief(error)}); {_remedy(path)}"
-                    ) from error
-                if found != count:
-                    raise RecordError(
-                        f"shard {path} is damaged: it has {found} records, expected {count}; "
-                        + _remedy(path)
-                    )
+                    if (found := reader.num_records()) != count:
+                        raise RuntimeError(f"it has {found} records, expected {count}")
                 self._readers[path] = reader
             return self._readers[path]
 
@@ -252,11 +243,9 @@ class RecordReader:
         """
         number, position = self._find(index)
         reader = self._open(number)
-        try:
+        path = self._paths[number]
+        with _shard_errors(path, f"record {position} of {path} is damaged"):
             return reader.read([position])[0]
-        except (RuntimeError, IndexError, OSError) as error:
-            _check_readable(self._paths[number])
-            raise self._damaged(index, error) from error
 
     def _damaged(self, index: int, error: Exception) -> RecordError:
         path, position = self.locate(index)
@@ -302,12 +291,20 @@ def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
     Raises:
       RecordError: the file is missing or damaged.
     """
-    _check_readable(pathlib.Path(path))
-    try:
+    path = pathlib.Path(path)
+    with _shard_errors(path, f"shard {path} is damaged"):
         reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
         return list(reader.read(list(range(reader.num_records()))))
+
+
+@contextlib.contextmanager
+def _shard_errors(path: pathlib.Path, what: str) -> Iterator[None]:
+    """Turns errors in the block into `RecordError`: `what`, or that the file cannot be read."""
+    try:
+        yield
     except (RuntimeError, IndexError, OSError) as error:
-        raise RecordError(f"shard {path} is damaged: {brief(error)}") from error
+        _check_readable(path)
+        raise RecordError(f"{what}: {brief(error)}; {_remedy(path)}") from error
 
 
 def _remedy(path: pathlib.Path) -> str:

@@ -28,9 +28,9 @@ MIN_SIDE = 16
 
 _FORMATS = ("PNG", "JPEG", "MPO", "GIF", "BMP", "TIFF", "WEBP", "PPM", "TGA", "JPEG2000", "AVIF")
 SUFFIXES = frozenset(
-    (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm", ".tga")
-    + (".jp2", ".avif")
-)
+    (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm", ".tga",
+     ".jp2", ".avif")
+)  # fmt: skip
 """Suffixes of the files that are read from a folder."""
 _ORIENTATION = 0x0112  # of EXIF
 _LEAST_TRANSPARENT = 0.005
