@@ -1,6 +1,7 @@
 """Small synthetic samples, data sets and batch files."""
 
 import pathlib
+import types
 import zlib
 
 import numpy as np
@@ -113,11 +114,6 @@ def damage(shard, record):
 @pytest.fixture(scope="session")
 def make():
     """The functions above, for tests that need variations."""
-
-    class Make:
-        sample = staticmethod(random_sample)
-        content = staticmethod(authors_content)
-        content_bytes = staticmethod(authors_bytes)
-        damage = staticmethod(damage)
-
-    return Make
+    return types.SimpleNamespace(
+        sample=random_sample, content=authors_content, content_bytes=authors_bytes, damage=damage
+    )

@@ -44,15 +44,6 @@ def assert_consistent(view):
     assert ((view.image != schema.BACKGROUND_GREY).any(2) <= view.mask).mean() > 0.98
 
 
-@pytest.mark.parametrize("category", ["box", "cone"])
-def test_flip(category):
-    view = view_of(category)
-    flipped = augment.flip(view)
-    assert_consistent(flipped)
-    np.testing.assert_array_equal(flipped.points[:, 1], -view.points[:, 1])
-    assert not np.array_equal(flipped.image, view.image)
-
-
 def test_flip_mirrors_the_projection_of_any_camera():
     view = rolled(view_of("box"))
     flipped = augment.flip(view)
@@ -62,6 +53,7 @@ def test_flip_mirrors_the_projection_of_any_camera():
     np.testing.assert_allclose(after[:, 0], view.image.shape[1] - before[:, 0], atol=1e-3)
     np.testing.assert_allclose(after[:, 1], before[:, 1], atol=1e-3)
     np.testing.assert_allclose(depth_after, depth, rtol=1e-5)
+    assert_consistent(augment.flip(view_of("cone")))
 
 
 @pytest.mark.parametrize("factor", [0.7, 0.95, 1.0, 1.2])

@@ -43,15 +43,16 @@ def test_damage_is_reported_and_the_rest_goes_on(make, dataset, tmp_path, capsys
         (tmp_path / path.name).write_bytes(path.read_bytes())
     shard = tmp_path / "train-00000.arrayrecord"
     make.damage(shard, RecordReader(tmp_path, "train").read(2))
-    assert inspect.main([str(tmp_path), "--sheet", str(tmp_path / "s.png")]) == 1
+    command = [str(tmp_path), "--sheet", str(tmp_path / "s.png"), "--samples", "1"]
+    assert inspect.main(command) == 1
     out = capsys.readouterr().out
     assert "DAMAGED record 2 of" in out
     assert "36 samples checked" in out
     (tmp_path / "validation-00000.arrayrecord").unlink()
-    assert inspect.main([str(tmp_path), "--sheet", str(tmp_path / "s.png"), "--check", "2"]) == 1
+    assert inspect.main([*command, "--check", "2"]) == 1
     streams = capsys.readouterr()
     assert "is missing" in streams.out
     assert "contact sheet" in streams.out  # of the split that is whole
     (tmp_path / "train-00001.arrayrecord").unlink()
-    assert inspect.main([str(tmp_path), "--sheet", str(tmp_path / "s.png")]) == 1
+    assert inspect.main([*command, "--check", "1"]) == 1
     assert "no contact sheet: " in capsys.readouterr().err

@@ -98,19 +98,15 @@ def test_processes_get_parts_of_the_same_batch(cfg):
             assert_same({k: np.concatenate([p[k] for p in parts]) for k in whole}, whole)
 
 
-def test_cache_changes_nothing(cfg, monkeypatch):
+def test_cache_changes_nothing_and_is_bounded(cfg, monkeypatch):
     want = take(15, cfg)
     cached = dataclasses.replace(cfg, cache=True)
     for got, one in zip(take(15, cached), want, strict=True):
         assert_same(got, one)
-    monkeypatch.setattr(batches, "CACHE_BYTES", 50_000)  # a few samples fit
+    monkeypatch.setattr(batches, "CACHE_BYTES", 100_000)  # a few samples fit
     for got, one in zip(take(15, cached), want, strict=True):
         assert_same(got, one)
-
-
-def test_cache_is_bounded(cfg, monkeypatch):
-    monkeypatch.setattr(batches, "CACHE_BYTES", 100_000)
-    items = batches.Items(dataclasses.replace(cfg, cache=True), RecordReader(cfg.path, "train"))
+    items = batches.Items(cached, RecordReader(cfg.path, "train"))
     first = [items[i] for i in range(37)]
     kept = [item for i, item in enumerate(first) if items[i] is item]
     assert 0 < len(kept) < 37
@@ -245,7 +241,9 @@ def test_visibility_is_that_of_the_records_own_depth(cfg, dataset):
     assert "visible" not in unasked
 
 
-def test_several_folders_are_joined(cfg, dataset, tmp_path, make, rng):
+def test_several_folders_are_joined_and_count_several_times_in_training(
+    cfg, dataset, tmp_path, make, rng
+):
     """The second folder has no validation split; its records follow those of the first folder."""
     extra = [make.sample(rng, num_points=120, model_id=f"extra{i}") for i in range(3)]
     write_dataset(tmp_path / "more", {"train": extra}, source="test")
@@ -256,15 +254,9 @@ def test_several_folders_are_joined(cfg, dataset, tmp_path, make, rng):
     assert [reader[i].model_id for i in (37, 38, 39)] == ["extra0", "extra1", "extra2"]
     assert reader[36].model_id == RecordReader(dataset, "train")[36].model_id
     assert reader.locate(38) == (tmp_path / "more" / "train-00000.arrayrecord", 1)
-    with pytest.raises(IndexError):
-        reader[40]
     assert [batch["points"].shape for batch in take(8, joined)] == [(6, 100, 3)] * 8
     with pytest.raises(RecordError, match="no split 'test'"):
         loader.num_samples(joined, "test")
-
-
-def test_a_folder_counts_several_times_in_training_alone(cfg, dataset, tmp_path, make, rng):
-    extra = [make.sample(rng, num_points=120, model_id=f"extra{i}") for i in range(3)]
     other = tmp_path / "other"
     write_dataset(other, {"train": extra, "validation": extra[:2]}, source="test")
     weighted = dataclasses.replace(cfg, path=f"{dataset},{other}*5")
