@@ -135,7 +135,6 @@ def test_foreign_json_is_refused(text):
         (["--config.train.stps=3"], "train.stps"),
         (["--config.train.steps=many"], "many"),
         (["--config.data.path=/no/such"], "data.path='/no/such' does not exist"),
-        (["--config=configs/none.py"], "configs/none.py"),
         (["--nonsense"], "nonsense"),
         (["stray"], "unexpected argument 'stray'"),
     ],

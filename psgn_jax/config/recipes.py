@@ -103,16 +103,12 @@ def with_paths(argv: Sequence[str]) -> list[str]:
     Raises:
       ConfigError: the errors of `path_of` and `check_file`.
     """
-    arguments: list[str] = []
-    for argument in argv:
-        flag, equals, value = argument.partition("=")
-        if arguments and arguments[-1] in ("--config", "-config"):
-            arguments.append(path_of(argument))
-            check_file(arguments[-1])
-        elif equals and flag in ("--config", "-config"):
-            path = path_of(value)
+    arguments, flags = list(argv), ("--config", "-config")
+    for i, argument in enumerate(argv):
+        flag, equals, _ = argument.partition("=")
+        start = f"{flag}=" if flag in flags and equals else ""
+        if start or (i and argv[i - 1] in flags):
+            path = path_of(argument.removeprefix(start))
             check_file(path)
-            arguments.append(f"{flag}={path}")
-        else:
-            arguments.append(argument)
+            arguments[i] = start + path
     return arguments

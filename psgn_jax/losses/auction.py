@@ -70,18 +70,10 @@ class _Bidding(NamedTuple):
     bids: Array
 
 
-def _take(x: Array, i: Array) -> Array:
-    return lax.dynamic_slice(x, (i,), (1,))[0]
-
-
-def _put(x: Array, i: Array, value: Array) -> Array:
-    return lax.dynamic_update_slice(x, value[None], (i,))
-
-
 def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) -> _Bidding:
     """Lets the bidder on top of the stack bid; a bidder that it displaces replaces it there."""
     top = state.waiting - 1
-    bidder = _take(state.stack, top)
+    bidder = lax.dynamic_index_in_dim(state.stack, top, keepdims=False)
     point = lax.dynamic_slice(a, (bidder, jnp.int32(0)), (1, 3))[0]
     height, width = columns[0].shape
     # The sums of distance and price, as integers of the same order. The barriers make XLA write
@@ -105,12 +97,12 @@ def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) 
     margin = jnp.where(second == infinite, 0.0, other - first)
     price = lax.dynamic_slice(state.prices, (row, lane), (1, 1)) + margin + epsilon
     chosen = row * width + lane
-    displaced = _take(state.owner, chosen)
+    displaced = lax.dynamic_index_in_dim(state.owner, chosen, keepdims=False)
     free = displaced < 0
     return _Bidding(
         lax.dynamic_update_slice(state.prices, price, (row, lane)),
-        _put(state.owner, chosen, bidder),
-        _put(state.stack, top, jnp.where(free, bidder, displaced)),
+        lax.dynamic_update_index_in_dim(state.owner, bidder, chosen, 0),
+        lax.dynamic_update_index_in_dim(state.stack, jnp.where(free, bidder, displaced), top, 0),
         jnp.where(free, top, state.waiting),
         state.bids + 1,
     )

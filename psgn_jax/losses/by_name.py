@@ -37,25 +37,27 @@ _TERM = re.compile(
 
 
 class LossTerm(NamedTuple):
-    """One term: an entry of `LOSSES`, its weight, its number of true points (0 = all), its text."""
+    """A term of a loss: the name, the unweighted loss of one pair, the weight, the text."""
 
     name: str
+    distance: Callable[..., Any]
     weight: float
-    num_points: int
     text: str
 
 
-def parse_terms(text: str) -> tuple[LossTerm, ...]:
-    """The terms of a loss, in their order.
+def parse_terms(config: LossConfig) -> tuple[LossTerm, ...]:
+    """The terms of `loss.name`, in their order; the EMD gets `loss.emd_tolerance`.
+
+    Their distances raise ValueError for clouds that they do not accept.
 
     Raises:
       ConfigError: a term is not of the form `WEIGHT*NAME@POINTS`, its name is unknown, or a name
         occurs twice. The message is one line and quotes the term.
     """
-    parts = [part.strip() for part in text.split("+")]
-    terms: list[LossTerm] = []
+    parts = [part.strip() for part in config.name.split("+")]
+    terms: dict[str, LossTerm] = {}
     for part in parts:
-        where = f"loss.name={text!r}" + (f": the term {part!r}" if len(parts) > 1 else "")
+        where = f"loss.name={config.name!r}" + (f": the term {part!r}" if len(parts) > 1 else "")
         match = _TERM.fullmatch(part)
         if match is None:
             raise ConfigError(
@@ -70,30 +72,18 @@ def parse_terms(text: str) -> tuple[LossTerm, ...]:
             )
         if not (weight > 0 and math.isfinite(weight)) or (match["points"] and not num_points):
             raise ConfigError(f"{where}: accepted: a weight above 0 and at least one point")
-        if name in (term.name for term in terms):
+        if name in terms:
             raise ConfigError(f"{where}: {name} occurs twice; accepted: each loss once")
-        terms.append(LossTerm(name, weight, num_points, part))
-    return tuple(terms)
+        options = {"tolerance": config.emd_tolerance} if name.startswith("emd") else {}
+        distance = functools.partial(_distance, LOSSES[name], num_points, options)
+        terms[name] = LossTerm(name, distance, weight, part)
+    return tuple(terms.values())
 
 
-def configured_terms(config: LossConfig) -> list[tuple[LossTerm, Callable[..., Any]]]:
-    """The terms of `loss.name`, each with its unweighted loss of one pair of clouds.
-
-    The EMD gets `loss.emd_tolerance`. A loss raises ValueError for clouds that it does not accept.
-
-    Raises:
-      ConfigError: as `parse_terms`.
-    """
-
-    def loss_of(term: LossTerm) -> Callable[..., Any]:
-        function = LOSSES[term.name]
-        if term.name.startswith("emd"):
-            function = functools.partial(function, tolerance=config.emd_tolerance)
-        if not term.num_points:
-            return function
-        return lambda pred, gt: function(pred, chosen_points(gt, term.num_points))
-
-    return [(term, loss_of(term)) for term in parse_terms(config.name)]
+def _distance(
+    loss: Callable[..., Any], num_points: int, options: dict[str, Any], pred: Array, gt: Array
+) -> Any:
+    return loss(pred, chosen_points(gt, num_points) if num_points else gt, **options)
 
 
 def configured_loss(config: LossConfig) -> Callable[[Array, Array], tuple[Array, dict[str, Array]]]:
@@ -106,13 +96,13 @@ def configured_loss(config: LossConfig) -> Callable[[Array, Array], tuple[Array,
     Raises:
       ConfigError: as `parse_terms`.
     """
-    terms = configured_terms(config)
+    terms = parse_terms(config)
 
     def loss(pred: Array, gt: Array) -> tuple[Array, dict[str, Array]]:
-        values = {term.name: function(pred, gt) for term, function in terms}
+        values = {term.name: term.distance(pred, gt) for term in terms}
         if config.name.strip() in LOSSES:
             return values[config.name.strip()], {}
-        weighted = [term.weight * values[term.name] for term, _ in terms]
+        weighted = [term.weight * values[term.name] for term in terms]
         return sum(weighted[1:], start=weighted[0]), jax.lax.stop_gradient(values)
 
     return loss

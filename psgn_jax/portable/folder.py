@@ -33,7 +33,8 @@ ONNX_NAMES = {
     "float16": "network_float16.onnx",
     "int8": "network_int8.onnx",
 }
-STABLEHLO_NAME = "network.stablehlo"
+"""The file for each type in which weights can be stored."""
+
 LARGEST_DIFFERENCE = 1e-4
 """Largest accepted difference between a coordinate of a float32 file and JAX's (unit)."""
 
@@ -102,7 +103,9 @@ def write_network(
         raise ExportError("a parameter is not finite: a damaged or diverged training")
     from psgn_jax.portable import onnx_file  # imports onnx
 
-    inputs, truth = _recorded(network, data, split, images) if data else drawn_inputs(network)
+    inputs, truth = drawn_inputs(network), None
+    if data:
+        inputs, truth = _recorded(network, data, split, images)
     expected = np.asarray(network.compiled(*inputs.values()))
     description = _describe(run, network)
     out = pathlib.Path(out)
@@ -123,7 +126,7 @@ def write_network(
     if stablehlo:
         content = network.stablehlo()
         program = jax.export.deserialize(bytearray(content))
-        write(STABLEHLO_NAME, "float32", content, np.asarray(program.call(*inputs.values())))
+        write("network.stablehlo", "float32", content, np.asarray(program.call(*inputs.values())))
     write_atomic(out / "network.json", json.dumps(description, indent=1) + "\n")
     for name in JAVASCRIPT:
         write_atomic(out / name, (TEMPLATES / name).read_text())
@@ -166,15 +169,15 @@ def session(content: bytes) -> Callable[[Arrays], np.ndarray]:
     return lambda arrays: np.asarray(loaded.run(None, dict(arrays))[0])
 
 
-def drawn_inputs(network: PortableNetwork, count: int = 8) -> tuple[dict[str, np.ndarray], None]:
-    """Random images whose masks are ellipses; always the same ones. They have no true clouds."""
+def drawn_inputs(network: PortableNetwork, count: int = 8) -> dict[str, np.ndarray]:
+    """Random images whose masks are ellipses; always the same ones."""
     rng = np.random.default_rng(0)
     height, width = network.config.data.image_size
     rows, columns = np.mgrid[:height, :width] / np.array([height, width]).reshape(2, 1, 1) - 0.5
     radii = rng.uniform(0.15, 0.4, (count, 2, 1, 1))
     masks = (rows / radii[:, 0]) ** 2 + (columns / radii[:, 1]) ** 2 < 1
     images = rng.integers(0, 256, (count, height, width, 3), dtype=np.uint8)
-    return _inputs(network, images, masks), None
+    return _inputs(network, images, masks)
 
 
 def _recorded(

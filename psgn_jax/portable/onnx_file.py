@@ -19,13 +19,6 @@ from psgn_jax.portable.network import PortableNetwork
 OPSET, IR_VERSION = 17, 8
 """Versions that onnxruntime has supported since 1.12 (2022), in browsers too."""
 
-STORED = ("float32", "float16", "int8")
-"""The types in which kernels may be stored; arithmetic is float32 in every case.
-
-"float16" halves the size of the file. "int8" reduces it to a quarter: 8-bit integers with one scale
-for each output channel. The graph converts both to float32; runtimes do this once, at loading.
-"""
-
 _TYPES = {"uint8": TensorProto.UINT8, "bool": TensorProto.BOOL, "float32": TensorProto.FLOAT}
 
 
@@ -34,7 +27,9 @@ def to_onnx(network: PortableNetwork, stored: str, texts: Mapping[str, str]) -> 
 
     Args:
       network: the network.
-      stored: the type in which kernels are stored, one of `STORED`.
+      stored: the type in which kernels are stored; arithmetic is float32 in every case. "float16"
+        halves the size of the file. "int8" reduces it to a quarter: integers with one scale for
+        each output channel. Runtimes convert both to float32 once, at loading.
       texts: metadata of the file.
     """
     graph = _Graph(network, stored)

@@ -18,7 +18,7 @@ from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
 from psgn_jax.evaluation.split import evaluate_split
 from psgn_jax.losses.batches import map_pairs
-from psgn_jax.losses.by_name import configured_loss, configured_terms
+from psgn_jax.losses.by_name import configured_loss, parse_terms
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import networks, posterior
@@ -246,10 +246,10 @@ def _check_loss(config: Config, num_points: int) -> None:
     pred, gt = (
         jax.ShapeDtypeStruct((n, 3), np.float32) for n in (num_points, config.data.num_points)
     )
-    terms = configured_terms(config.loss)
-    for term, loss in terms:
+    terms = parse_terms(config.loss)
+    for term in terms:
         try:
-            jax.eval_shape(loss, pred, gt)
+            jax.eval_shape(term.distance, pred, gt)
         except ValueError as error:
             which = f", the term {term.text!r}," if len(terms) > 1 else ""
             raise ConfigError(

@@ -62,23 +62,6 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Run:
     return run
 
 
-def keep_source(workdir: pathlib.Path, name: str, source: Run) -> None:
-    """Copies a source run to `workdir/frozen/<name>`, unless a complete copy exists."""
-    folder = workdir / "frozen" / name
-    if (folder / "config.json").exists():
-        return
-    shutil.rmtree(folder, ignore_errors=True)  # an incomplete copy of a process that was killed
-    checkpoints = Checkpoints(folder / "checkpoints")
-    checkpoints.save(
-        source.step,
-        named_leaves({"params": source.params}),
-        {"config": to_dict(source.config), "seed": source.config.seed},
-    )
-    checkpoints.close()
-    # Written last: its presence marks a complete copy.
-    write_atomic(folder / "config.json", to_json(source.config))
-
-
 class Refine(VoxelTask):
     """Maps clouds of one or two trained networks to a volume (`models.voxels.VoxelRefiner`).
 
@@ -104,9 +87,19 @@ class Refine(VoxelTask):
         self.title = "refiner of " + ", ".join(name.removeprefix("from_") for name in names)
 
     def keep_sources(self) -> None:
-        """Copies the source runs into the folder of this run."""
+        """Copies the source runs to `frozen/`, unless a complete copy exists."""
         for name, source in self._sources.items():
-            keep_source(self.workdir, name, source)
+            folder = self.workdir / "frozen" / name
+            if (folder / "config.json").exists():
+                continue
+            shutil.rmtree(folder, ignore_errors=True)  # a copy that was interrupted by a kill
+            checkpoints = Checkpoints(folder / "checkpoints")
+            leaves = named_leaves({"params": source.params})
+            meta = {"config": to_dict(source.config), "seed": source.config.seed}
+            checkpoints.save(source.step, leaves, meta)
+            checkpoints.close()
+            # Written last: its presence marks a complete copy.
+            write_atomic(folder / "config.json", to_json(source.config))
 
     def random_columns(
         self, step: Array | int, batch_size: int, *, train: bool

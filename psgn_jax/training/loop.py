@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from absl import logging
-from jax.sharding import Mesh
 
 from psgn_jax import tasks
 from psgn_jax.config.experiment import (
@@ -36,7 +35,7 @@ from psgn_jax.training.log import MetricsWriter, TrainingLog
 from psgn_jax.training.state import TrainState
 from psgn_jax.training.step import data_mesh, make_train_step, put_batch, put_replicated
 from psgn_jax.weights.checkpoint import Checkpoint, Checkpoints
-from psgn_jax.weights.leaves import named_leaves
+from psgn_jax.weights.leaves import from_named_leaves, named_leaves
 from psgn_jax.weights.opening import initial_params, open_initial
 from psgn_jax.weights.run_folder import Run, locked
 
@@ -96,7 +95,11 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     workdir, first, mesh = pathlib.Path(workdir), group.is_first(), data_mesh()
     check_folder(workdir, "--workdir")
     check_paths(config)
-    _check_batch_size(config, mesh)
+    if config.train.batch_size % mesh.size:
+        raise ConfigError(
+            f"train.batch_size={config.train.batch_size}: accepted: a multiple of the "
+            f"{mesh.size} devices"
+        )
     task = tasks.create(config, workdir)
     train_step = make_train_step(task, config, mesh)
     sizes = _check_data(config)
@@ -195,14 +198,6 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     return Outcome(state, stop.signal)
 
 
-def _check_batch_size(config: Config, mesh: Mesh) -> None:
-    if config.train.batch_size % mesh.size:
-        raise ConfigError(
-            f"train.batch_size={config.train.batch_size}: accepted: a multiple of the "
-            f"{mesh.size} devices"
-        )
-
-
 def _check_data(config: Config) -> dict[str, int]:
     """Samples per split; raises `ConfigError` if the data set does not fit the configuration."""
     sizes = {}
@@ -239,8 +234,11 @@ def _restored(
     config: Config, task: Task, checkpoint: Checkpoint, workdir: pathlib.Path
 ) -> TrainState:
     template = jax.eval_shape(lambda: state_lib.create(config, task.init_params()))
+    # Earlier versions had the numbers of the log in the state.
+    of_the_log = ("loss_sum", "loss_count", "bad_step", "bad_metric")
+    leaves = {name: leaf for name, leaf in checkpoint.leaves.items() if name not in of_the_log}
     try:
-        return state_lib.restored(template, checkpoint.leaves)
+        return from_named_leaves(template, leaves)
     except ValueError as error:
         raise ConfigError(
             f"--workdir={workdir}: its newest checkpoint does not fit the network of this "

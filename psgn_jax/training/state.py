@@ -4,18 +4,15 @@ The state is a pytree, which is stored completely in a checkpoint. The position 
 part of it, because the batch of a step and all random numbers are functions of (seed, step).
 """
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import optax
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, OptimConfig
 from psgn_jax.models import efficientnet
-from psgn_jax.weights.leaves import from_named_leaves
 
 
 class TrainState(NamedTuple):
@@ -35,23 +32,10 @@ class TrainState(NamedTuple):
     ema: Any
 
 
-_OF_OLD_STATES = ("loss_sum", "loss_count", "bad_step", "bad_metric")
-
-
 def create(config: Config, params: Any) -> TrainState:
     """The state before the first step."""
     opt_state = optimizer(config.optim, config.train.steps).init(params)
     return TrainState(jnp.int32(0), params, opt_state, params if config.optim.ema_decay else ())
-
-
-def restored(template: TrainState, leaves: Mapping[str, np.ndarray]) -> TrainState:
-    """The state from the leaves of a checkpoint; those that only older states had are ignored.
-
-    Raises:
-      ValueError: the leaves do not fit `template` (`weights.leaves.from_named_leaves`).
-    """
-    kept = {name: leaf for name, leaf in leaves.items() if name not in _OF_OLD_STATES}
-    return from_named_leaves(template, kept)
 
 
 def eval_params(state: TrainState) -> Any:

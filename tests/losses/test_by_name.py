@@ -61,7 +61,7 @@ def test_a_weight_alone_and_points_alone(rng):
     twice = configured_loss(LossConfig(name="2*chamfer_sq@12"))(pred, gt)[0]
     want = 2 * losses.chamfer_sq(pred, chosen_points(gt, 12))
     np.testing.assert_allclose(twice, want, rtol=1e-6)
-    assert parse_terms("1e-2*emd_mean@7")[0].weight == 0.01
+    assert parse_terms(LossConfig(name="1e-2*emd_mean@7"))[0].weight == 0.01
 
 
 @pytest.mark.parametrize(

@@ -82,10 +82,10 @@ def test_a_network_trained_in_bfloat16_computes_in_float32():
 
 def test_small_weights():
     network = PortableNetwork(make_run(model__name="two_branch", model__widths=(8, 16, 32)))
-    inputs, _ = folder.drawn_inputs(network)
+    inputs = folder.drawn_inputs(network)
     expected = np.asarray(network.compiled(*inputs.values()))
     sizes, errors = [], []
-    for stored in onnx_file.STORED:
+    for stored in folder.ONNX_NAMES:
         content = onnx_file.to_onnx(network, stored, {})
         sizes.append(len(content))
         errors.append(np.abs(folder.session(content)(inputs) - expected).max())

@@ -18,7 +18,7 @@ from psgn_jax.losses.min_of_n import min_of_n
 from psgn_jax.models import networks
 from psgn_jax.tasks import points
 from psgn_jax.training import state, step
-from psgn_jax.weights.leaves import named_leaves, params_from_named_leaves
+from psgn_jax.weights.leaves import from_named_leaves, named_leaves, params_from_named_leaves
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Loss, L2 term and gradient norm of the first two steps.
@@ -84,35 +84,27 @@ def test_random_input_depends_on_seed_step_and_purpose(tiny):
     for other in (draw(8, True), draw(7, False)):
         assert not np.array_equal(draw(7, True), other)
     assert networks.random_input(standin.config(model__random_size=0), 0, 4, train=True) is None
-    several = standin.config(loss__min_of_n=2)
-    assert networks.random_input(several, 0, 4, train=True).shape == (
-        4,
-        2,
-        several.model.random_size,
-    )
-    assert networks.random_input(several, 0, 4, train=False).shape == (
-        4,
-        several.model.random_size,
-    )
+    several, size = standin.config(loss__min_of_n=2), tiny.model.random_size
+    assert networks.random_input(several, 0, 4, train=True).shape == (4, 2, size)
+    assert networks.random_input(several, 0, 4, train=False).shape == (4, size)
 
 
-@pytest.mark.parametrize("draws", [1, 2])
-def test_training_on_a_sum_logs_its_terms(draws):
+def test_training_on_a_sum_logs_its_terms(trained):
     name = "chamfer_l1_mean@20 + 5*chamfer_sq_mean"
     sizes = {"model__name": "vanilla", "model__widths": (4, 6, 8), "loss__l2": "none"}
-    config = standin.config(loss__name=name, loss__min_of_n=draws, **sizes)
-    _, history = run(config, 2)
+    _, history = run(standin.config(loss__name=name, loss__min_of_n=2, **sizes), 2)
     for entry in history:
         total = entry["loss_chamfer_l1_mean"] + 5 * entry["loss_chamfer_sq_mean"]
         assert entry["loss_step"] == pytest.approx(total, rel=1e-5)
-    assert ("loss_of_draws" in history[0]) == (draws > 1)
+        assert entry["loss_of_draws"] >= entry["loss_step"]
+    assert "loss_of_draws" not in trained[1][0]
 
 
 @pytest.mark.parametrize(
     ("version", "loss"),
     [
         pytest.param("two_branch", "emd_mean@136 + 5*chamfer_sq_mean", marks=pytest.mark.slow),
-        ("hourglass", "chamfer_sq"),
+        ("vanilla", "chamfer_sq"),
     ],
 )
 def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(version, loss):
@@ -179,22 +171,13 @@ def test_training_with_a_posterior():
     started = create()
     moved = jax.tree.map(lambda a, b: not np.array_equal(a, b), started.params, final.params)
     assert all(jax.tree.leaves(moved))  # gradients reach the generator and the posterior
-
-
-def test_evaluation_takes_z_from_the_prior_and_the_generator_uses_it():
-    config = standin.config(**VAE)
-    create, _, _ = compiled(config, None)
-    params = create().params
+    # An evaluation takes z from the prior: the generator uses it, the posterior is not read.
     model = networks.build(config.model)
     batch = next(standin.train_batches(config.data, batch_size=2, seed=0, start_step=0))
     r = networks.random_input(config, 0, 2, train=False)
-    predict = jax.jit(lambda z: networks.predict(config, model, params, batch, z))
-    one, two = predict(r), predict(r + 1)
-    assert np.abs(one - two).max() > 1e-3
-    plain = {k: v for k, v in params.items() if k != "posterior"}
-    np.testing.assert_allclose(
-        one, networks.predict(config, model, plain, batch, r), rtol=1e-4, atol=1e-5
-    )
+    plain = {k: v for k, v in final.params.items() if k != "posterior"}
+    predict = jax.jit(lambda z: networks.predict(config, model, plain, batch, z))
+    assert np.abs(predict(r) - predict(r + 1)).max() > 1e-3
 
 
 def test_l2_of_the_authors_by_layer_type():
@@ -221,15 +204,13 @@ def test_schedules():
 def test_leaves_of_a_checkpoint_are_checked(trained):
     final, _ = trained
     leaves = named_leaves(final)
-    old = {"loss_sum": np.float32(1), "bad_step": np.int32(-1)}
-    again = state.restored(final, leaves | old)
-    assert jax.tree.structure(again) == jax.tree.structure(final)
+    assert jax.tree.structure(from_named_leaves(final, leaves)) == jax.tree.structure(final)
     with pytest.raises(ValueError, match="is missing"):
-        state.restored(final, {k: v for k, v in leaves.items() if k != "step"})
+        from_named_leaves(final, {k: v for k, v in leaves.items() if k != "step"})
     with pytest.raises(ValueError, match="is not expected"):
-        state.restored(final, leaves | {"params.more.kernel": np.zeros(2)})
+        from_named_leaves(final, leaves | {"params.more.kernel": np.zeros(2)})
     with pytest.raises(ValueError, match=r"leaf step is float32\[2\]"):
-        state.restored(final, leaves | {"step": np.zeros(2, np.float32)})
+        from_named_leaves(final, leaves | {"step": np.zeros(2, np.float32)})
     params = params_from_named_leaves(leaves)
     jax.tree.map(np.testing.assert_array_equal, params, dict(final.ema))
 

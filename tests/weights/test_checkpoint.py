@@ -67,19 +67,15 @@ def test_damaged_newest_falls_back(tmp_path, damage, caplog):
     checkpoints.score(2, {"cd_sq_radius2": 0.1})
     checkpoints.close()
     largest = max((folder / "2").rglob("*"), key=lambda p: p.stat().st_size * p.is_file())
-    data = bytearray(largest.read_bytes())
-    if damage == "flip":
-        data[len(data) // 2] ^= 1
-        largest.write_bytes(data)
-    elif damage == "truncate":
-        largest.write_bytes(data[: len(data) // 2])
-    elif damage == "remove":
+    data, meta = largest.read_bytes(), folder / "2" / "meta" / "metadata"
+    middle = len(data) // 2
+    if damage == "remove":
         largest.unlink()
-    elif damage == "meta":
-        (folder / "2" / "meta" / "metadata").write_text("{")
+    elif "meta" in damage:
+        meta.write_text("{" if damage == "meta" else meta.read_text().replace(": 0", ": 1"))
     else:
-        path = folder / "2" / "meta" / "metadata"
-        path.write_text(path.read_text().replace('"seed": 0', '"seed": 1'))
+        after = bytes([data[middle] ^ 1]) + data[middle + 1 :] if damage == "flip" else b""
+        largest.write_bytes(data[:middle] + after)
     reader = Checkpoints(folder, read_only=True)
     assert reader.restore_newest().step == 1
     assert reader.steps() == [1, 2]
@@ -90,7 +86,6 @@ def test_damaged_newest_falls_back(tmp_path, damage, caplog):
     assert again.best_step() is None
     again.save(2, leaves(2), {})
     again.close()
-    assert again.steps() == [1, 2]
     assert (folder / "damaged" / "2").is_dir()
     assert Checkpoints(folder).restore_newest().step == 2
 
@@ -130,17 +125,9 @@ def test_folders_that_are_no_checkpoints_are_left_alone(tmp_path):
 def test_damaged_scores_are_none_with_a_warning(tmp_path, caplog):
     folder = tmp_path / "c"
     fill(folder, [1, 2], scores={1: 0.5})
-    for content in (
-        b"[]",
-        b"null",
-        b'{"a":{}}',
-        b"\xff",
-        b"[" * 100_000,
-        b'{"1": 5}',
-        b'{"1": {"iou": "x"}}',
-        b"",
-        b'{"1": {"cd_sq_radius2": 0.25}, "crc32": 1}',
-    ):
+    wrong = [b"[]", b"null", b'{"a":{}}', b"\xff", b"[" * 100_000, b'{"1": 5}', b""]
+    wrong += [b'{"1": {"iou": "x"}}', b'{"1": {"cd_sq_radius2": 0.25}, "crc32": 1}']
+    for content in wrong:
         (folder / "scores.json").write_bytes(content)
         caplog.clear()
         with caplog.at_level(logging.WARNING, "absl"):
@@ -150,12 +137,6 @@ def test_damaged_scores_are_none_with_a_warning(tmp_path, caplog):
         assert checkpoints.best_step() is None
     checkpoints.score(2, {"cd_sq_radius2": 0.25})
     assert Checkpoints(folder).best_step() == 2
-    # Scores of earlier versions have no checksum.
-    path = folder / "scores.json"
-    path.write_text(path.read_text().replace("0.25", "0.7"))
-    assert Checkpoints(folder).scores == {}
-    path.write_text('{"1": {"cd_sq_radius2": 0.7}}')
-    assert Checkpoints(folder).scores == {1: {"cd_sq_radius2": 0.7}}
 
 
 def test_leftovers_of_a_kill_are_removed_but_not_by_a_reader(tmp_path):
