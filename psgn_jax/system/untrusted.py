@@ -88,7 +88,8 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
     arrays = {}
     try:
         with zipfile.ZipFile(path) as archive:
-            for key in limits.keys() & {name.removesuffix(".npy") for name in archive.namelist()}:
+            names = set(archive.namelist())
+            for key in (key for key in limits if f"{key}.npy" in names):
                 largest = 8 * limits[key] + 4096
                 size = archive.getinfo(f"{key}.npy").file_size
                 if size > largest:
