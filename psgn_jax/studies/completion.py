@@ -44,7 +44,8 @@ def figure(results: Results) -> figures.Figure:
         for title in ("rgb", "rgbd"):
             pred = results[title][0].shown[number]["pred"]
             painted[title] = pred, colours[squared_distances(pred, truth).argmin(axis=1)]
-        painted["truth"] = [spheres.thinned(array, case["pred"]) for array in (truth, colours)]
+        pred = case["pred"]
+        painted["truth"] = spheres.thinned(truth, pred), spheres.thinned(colours, pred)
         image, *others = spheres.panels(case, painted).items()
         depth = np.where(case["depth"] > 0, case["depth"], np.nan)
         rows.append(dict([image, ("depth", depth), *others]))

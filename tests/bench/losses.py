@@ -1,15 +1,15 @@
 """Times the Chamfer and the earth mover's distance, and other implementations of them.
 
     python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32] [--only cd emd]
-        [--sizes 1024x1024 ..] [--emd_sizes 1024 ..] [--emd_kinds near far init dup grid]
+        [--sizes 1024x1024 ..] [--emd_sizes 1024 ..] [--kinds near far init dup grid]
+        [--leave_out naive torch ..]
 
 All rows use the same clouds in the same run. `cKDTree` is SciPy's, both directions, forward only,
 with one thread; every time is also given relative to it. Seconds are the CPU seconds of the process
 (the least of several calls), which other programs on the machine affect less than the wall clock;
 on one core (`taskset -c 0`) both are nearly equal. Libraries that run on a GPU (this package, ott
-and torch, if there is a GPU) are measured by the wall clock. Memory is the memory that XLA reserves
-in addition to arguments and results. For libraries that do not report it, it is the size of their
-arrays (the tree and its results, matrices, plans), marked with ~.
+and torch, if there is a GPU) are measured by the wall clock. Memory is what XLA reserves in
+addition to arguments and results; for torch, the size of its matrices, marked with ~.
 
 Kinds: near = two disjoint subsets of one cloud, far = clouds of two objects, init = all predictions
 within 1e-3 of the origin, dup = far with eight copies of every point on average, grid = far,
@@ -18,12 +18,14 @@ rounded to a lattice of step 1/8, which gives ties.
 In the table of the EMD, the optimum is that of SciPy's `linear_sum_assignment`. Its time and those
 of POT, lapx and optax's Hungarian algorithm do not include the cost matrices. Errors are (sum of
 distances) / optimum - 1; for Sinkhorn, the sum is the cost of its transport plan. Libraries that
-are not installed are left out with a message. SciPy and this package are measured on all pairs; the
-others, which are slow, on only the first `--emd_pairs`.
+are not installed are left out. SciPy and this package are measured on all pairs; the others, which
+are slow, on only the first `--emd_pairs`.
 """
 
 import argparse
+import functools
 import importlib.util
+import itertools
 import pathlib
 import subprocess
 import sys
@@ -90,42 +92,24 @@ def naive(pred, gt):
     return d.min(1).mean() + d.min(0).mean()
 
 
-def jax_rows(name, batch, a, b, budget):
-    def total(a, b):
-        return batch(a, b).sum()
-
+def cd_jax(batch, a, b, budget):
+    """Seconds forward, seconds forward and backward, values, memory in MB."""
     a, b = jnp.asarray(a), jnp.asarray(b)
     forward = jax.jit(batch).lower(a, b).compile()
-    both = jax.jit(jax.value_and_grad(total)).lower(a, b).compile()
-    memory = [x.memory_analysis().temp_size_in_bytes / 1e6 for x in (forward, both)]
-    yield name, seconds(lambda: forward(a, b), budget), seconds(lambda: both(a, b), budget), memory
-    yield np.asarray(forward(a, b), np.float64)
+    total = jax.value_and_grad(lambda a, b: batch(a, b).sum())
+    both = jax.jit(total).lower(a, b).compile()
+    memory = [f"{x.memory_analysis().temp_size_in_bytes / 1e6:.1f}" for x in (forward, both)]
+    one, two = seconds(lambda: forward(a, b), budget), seconds(lambda: both(a, b), budget)
+    return one, two, np.asarray(forward(a, b), np.float64), ", ".join(memory)
 
 
-def torch_device():
+def cd_torch(a, b, budget):
+    """Like `cd_jax`, with `torch.cdist`."""
     import torch
 
     torch.set_num_threads(1)  # like the others; PyTorch's threads use CPU time while they wait
-    return "cuda" if torch.cuda.is_available() else "cpu"
-
-
-def torch_seconds(call, budget):
-    import torch
-
-    gpu = torch_device() == "cuda"
-
-    def done():
-        call()
-        if gpu:
-            torch.cuda.synchronize()
-
-    return seconds(done, budget, gpu)
-
-
-def torch_cdist(a, b, budget, memory):
-    import torch
-
-    a, b = (torch.tensor(x, device=torch_device()) for x in (a, b))
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    a, b = (torch.tensor(x, device=device) for x in (a, b))
     a.requires_grad_()
 
     def forward():
@@ -136,9 +120,18 @@ def torch_cdist(a, b, budget, memory):
         a.grad = None
         forward().sum().backward()
 
+    def timed(call):
+        def done():
+            call()
+            if device == "cuda":
+                torch.cuda.synchronize()
+
+        return seconds(done, budget, device == "cuda")
+
     with torch.no_grad():
-        value, one = forward().cpu().numpy(), torch_seconds(forward, budget)
-    return ("torch.cdist", one, torch_seconds(both, budget), memory, "~"), value
+        value, one = forward().cpu().numpy(), timed(forward)
+    needs = len(a) * a.shape[1] * b.shape[1] * 4 / 1e6
+    return one, timed(both), value, f"~{needs:.1f}, {2 * needs:.1f}"
 
 
 def import_seconds():
@@ -179,36 +172,23 @@ def clocked(call, arguments, gpu=False):
     return results, clock() - start
 
 
-def emd_ours(version, a, b, budget):
-    """(forward s, forward+backward s, sums, gaps, bids, extra bytes) of `vmap` or `map_pairs`."""
-    batch = {
-        "map": lambda f: losses.map_pairs(f, platform="cpu"),
-        "vmap": jax.vmap,
-    }[version]
+def emd_ours(batch, a, b, budget):
+    """(forward s, forward+backward s, sums, gaps, bids, extra MB) of `vmap` or `map_pairs`."""
     a, b = jnp.asarray(a), jnp.asarray(b)
     solve = jax.jit(batch(losses.matched_distances)).lower(a, b).compile()
-    both = (
-        jax.jit(jax.value_and_grad(lambda a, b: batch(losses.emd_sum)(a, b).sum()))
-        .lower(a, b)
-        .compile()
-    )
+    total = jax.value_and_grad(lambda a, b: batch(losses.emd_sum)(a, b).sum())
+    both = jax.jit(total).lower(a, b).compile()
     found = solve(a, b)
-    memory = max(x.memory_analysis().temp_size_in_bytes for x in (solve, both))
+    memory = max(x.memory_analysis().temp_size_in_bytes for x in (solve, both)) / 1e6
     one, two = seconds(lambda: solve(a, b), budget), seconds(lambda: both(a, b), budget)
     index = np.asarray(found.assignment.index)
-    total = [
+    assert all(len(set(i)) == len(i) for i in index)
+    sums = [
         np.linalg.norm(x.astype(np.float64) - y.astype(np.float64)[i], axis=1).sum()
         for x, y, i in zip(np.asarray(a), np.asarray(b), index, strict=True)
     ]
-    assert all(len(set(i)) == len(i) for i in index)
-    return (
-        one,
-        two,
-        np.array(total),
-        np.asarray(found.assignment.gap),
-        np.asarray(found.assignment.iterations),
-        memory,
-    )
+    bids = np.asarray(found.assignment.iterations)
+    return one, two, np.array(sums), np.asarray(found.assignment.gap), bids, memory
 
 
 def emd_sinkhorn(a, b, relative):
@@ -227,18 +207,17 @@ def emd_sinkhorn(a, b, relative):
     call = one.lower(a[0], b[0]).compile()
     gpu = jax.default_backend() != "cpu"
     found, spent = clocked(lambda x, y: jax.device_get(call(x, y)), zip(a, b, strict=True), gpu)
-    memory = call.memory_analysis().temp_size_in_bytes
-    return np.array([x for x, _ in found]), np.array([x for _, x in found]), spent, memory
+    return np.array([x for x, _ in found]), np.array([x for _, x in found]), spent
 
 
-def pot_emd(d):
-    import ot  # slow at first: this function is called once before it is timed
+def pot(d):
+    import ot
 
     weights = np.full(len(d), 1 / len(d))
     return ot.emd2(weights, weights, d, numItermax=10**7) * len(d)
 
 
-def lapx_emd(d):
+def lapx(d):
     import lap
 
     return lap.lapjv(d)[0]
@@ -247,77 +226,110 @@ def lapx_emd(d):
 _hungarian = jax.jit(optax.assignment.hungarian_algorithm)
 
 
-def optax_emd(d):
+def hungarian(d):
     row, col = jax.device_get(_hungarian(jnp.asarray(d, jnp.float32)))
     return d[row, col].sum()
+
+
+EXACT = {"ot": ("POT emd2", pot), "lap": ("lapx lapjv", lapx), "optax": ("optax", hungarian)}
+"""Package -> name, and function from a matrix of costs to the least sum."""
+
+
+def wanted(args, package):
+    """Whether a row is to be measured; `package` is installed, or is no package."""
+    known = package in ("naive", "map", "vmap") or importlib.util.find_spec(package)
+    return known and package not in args.leave_out
+
+
+def print_row(*cells):
+    print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+
+
+def print_head(*cells):
+    print()
+    print_row(*cells)
+    print("|" + "---|" * len(cells))
+
+
+def cd_table(args, whole):
+    print_head(
+        "size", "kind", "version", "fwd s", "fwd+bwd s", "fwd / tree", "fwd+bwd / tree",
+        "extra MB fwd, fwd+bwd", "mean error", "max error",
+    )  # fmt: skip
+    versions = {
+        "map": losses.map_pairs(losses.chamfer_sq_mean, platform="cpu"),
+        "vmap": jax.vmap(losses.chamfer_sq_mean),
+        "naive": jax.vmap(naive),
+    }
+    measures = {name: functools.partial(cd_jax, batch) for name, batch in versions.items()}
+    measures["torch"] = cd_torch
+    for size, kind in itertools.product(args.sizes, args.kinds):
+        n, m = (int(x) for x in size.split("x"))
+        a, b = make_pairs(whole, len(whole), n, m, kind, np.random.default_rng(0))
+        truth = ckdtree(a, b)
+        tree = seconds(lambda a=a, b=b: ckdtree(a, b) is None, args.budget, gpu=False)
+        print_row(size, kind, "cKDTree", f"{tree:.3f}", "", 1, "", "", "", "")
+        for name, measure in measures.items():
+            if not wanted(args, name):
+                continue
+            one, both, value, memory = measure(a, b, args.budget)
+            error = np.abs(value / truth - 1)
+            print_row(
+                size, kind, name, f"{one:.3f}", f"{both:.3f}", f"{one / tree:.2f}",
+                f"{both / tree:.2f}", memory, f"{error.mean():.0e}", f"{error.max():.0e}",
+            )  # fmt: skip
 
 
 def emd_table(args, whole):
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist
 
-    missing = [x for x in ("ot", "lap", "ott") if importlib.util.find_spec(x) is None]
-    for name in missing:
-        print(f"not installed, left out: {name}")
-    print("\n| n | kind | version | fwd ms/pair | fwd+bwd ms/pair | scipy / fwd | mean error"
-          " | max error | max stated gap | iterations per point (max) | extra MB |\n"
-          + "|" + "---|" * 11)  # fmt: skip
-    for n in args.emd_sizes:
-        for kind in args.emd_kinds:
-            # The time of the exact solution grows like n^3, so larger sizes have fewer pairs.
-            pairs = max(min(args.emd_pairs, len(whole)), len(whole) * 1024**2 // max(n, 1024) ** 2)
-            a, b = make_pairs(whole, pairs, n, n, kind, np.random.default_rng(0))
-            k = min(args.emd_pairs, pairs)
-            best, matrices, solved = [], [], 0.0
-            for x, y in zip(a.astype(np.float64), b.astype(np.float64), strict=True):
-                d = cdist(x, y)
-                (match,), spent = clocked(linear_sum_assignment, [(d,)])
-                solved += spent
-                best.append(d[match].sum())
-                if len(matrices) < k:
-                    matrices.append((d,))
-            best, base = np.array(best), solved / pairs
+    print_head(
+        "n", "kind", "version", "fwd ms/pair", "fwd+bwd ms/pair", "scipy / fwd", "mean error",
+        "max error", "max stated gap", "iterations per point (max)", "extra MB",
+    )  # fmt: skip
+    for n, kind in itertools.product(args.emd_sizes, args.kinds):
+        # The time of the exact solution grows like n^3, so larger sizes have fewer pairs.
+        pairs = max(min(args.emd_pairs, len(whole)), len(whole) * 1024**2 // max(n, 1024) ** 2)
+        a, b = make_pairs(whole, pairs, n, n, kind, np.random.default_rng(0))
+        k = min(args.emd_pairs, pairs)
+        best, matrices, base = [], [], 0.0
+        for x, y in zip(a.astype(np.float64), b.astype(np.float64), strict=True):
+            d = cdist(x, y)
+            (match,), spent = clocked(linear_sum_assignment, [(d,)])
+            base += spent / pairs
+            best.append(d[match].sum())
+            matrices += [(d,)] if len(matrices) < k else []
 
-            def show(name, one, both, total=None, gap=None, bids=None, memory=None,
-                     about="", n=n, kind=kind, best=best, base=base):  # fmt: skip
-                error = ["", ""]
-                if total is not None:
-                    wrong = total / best[: len(total)] - 1
-                    error = [f"{wrong.mean():.2%}", f"{wrong.max():.2%}"]
-                cells = (
-                    n, kind, name, f"{one * 1e3:.2f}", both and f"{both * 1e3:.2f}",
-                    f"{base / one:.2f}", *error, "" if gap is None else f"{gap.max():.2%}",
-                    "" if bids is None else f"{bids.mean() / n:.1f} ({bids.max() / n:.1f})",
-                    "" if memory is None else f"{about}{memory / 1e6:.1f}",
-                )  # fmt: skip
-                print("| " + " | ".join(str(x or "") for x in cells) + " |", flush=True)
+        best = np.array(best)
 
-            show("scipy", base, None, best, memory=8 * n * n, about="~")
-            for version in ("map", "vmap"):
-                if version in args.skip:
-                    continue
-                one, both, *rest = emd_ours(version, a, b, args.budget)
-                show(f"ours, {version}", one / pairs, both / pairs, *rest)
-            if "ot" not in missing and "ot" not in args.skip:
-                pot_emd(matrices[0][0][:2, :2])
-                total, spent = clocked(pot_emd, matrices)
-                show("POT emd2", spent / k, None, np.array(total), memory=16 * n * n, about="~")
-            if "lap" not in missing and "lap" not in args.skip:
-                lapx_emd(matrices[0][0][:2, :2])
-                total, spent = clocked(lapx_emd, matrices)
-                show("lapx lapjv", spent / k, None, np.array(total), memory=8 * n * n, about="~")
-            if "optax" not in args.skip:
-                optax_emd(matrices[0][0])  # compiles
-                total, spent = clocked(optax_emd, matrices)
-                show(
-                    "optax Hungarian", spent / k, None, np.array(total), memory=4 * n * n, about="~"
-                )
-            if "ott" not in missing and "ott" not in args.skip:
-                for relative in args.sinkhorn:
-                    total, rounds, spent, memory = emd_sinkhorn(a[:k], b[:k], relative)
-                    # One iteration is a pass over the n rows of the matrix: one row per point.
-                    name = f"ott Sinkhorn {relative:g}"
-                    show(name, spent / k, None, total, None, rounds * n, memory)
+        def show(name, one, sums, *, both=None, gap="", bids=None, memory=None,
+                 n=n, kind=kind, best=best, base=base):  # fmt: skip
+            error = np.asarray(sums) / best[: len(sums)] - 1
+            print_row(
+                n, kind, name, f"{one * 1e3:.2f}", "" if both is None else f"{both * 1e3:.2f}",
+                f"{base / one:.2f}", f"{error.mean():.2%}", f"{error.max():.2%}", gap,
+                "" if bids is None else f"{bids.mean():.1f} ({bids.max():.1f})",
+                "" if memory is None else f"{memory:.1f}",
+            )  # fmt: skip
+
+        show("scipy", base, best)
+        cpu = functools.partial(losses.map_pairs, platform="cpu")
+        for name, batch in {"map": cpu, "vmap": jax.vmap}.items():
+            if wanted(args, name):
+                one, both, sums, gap, bids, memory = emd_ours(batch, a, b, args.budget)
+                more = {"both": both / pairs, "gap": f"{gap.max():.2%}", "bids": bids / n}
+                show(f"ours, {name}", one / pairs, sums, memory=memory, **more)
+        for package, (name, solve) in EXACT.items():
+            if wanted(args, package):
+                solve(matrices[0][0])  # compiles, or imports
+                sums, spent = clocked(solve, matrices)
+                show(name, spent / k, sums)
+        if wanted(args, "ott"):
+            for relative in args.sinkhorn:
+                sums, rounds, spent = emd_sinkhorn(a[:k], b[:k], relative)
+                # One iteration is a pass over the n rows of the matrix: one row per point.
+                show(f"ott Sinkhorn {relative:g}", spent / k, sums, bids=rounds)
 
 
 def main():
@@ -325,72 +337,24 @@ def main():
     default = pathlib.Path(__file__).resolve().parents[3] / "shared" / "psgn_batches"
     parser.add_argument("--data", type=pathlib.Path, default=default)
     parser.add_argument("--pairs", type=int, default=32)
-    parser.add_argument("--sizes", nargs="+", default=["1024x1024", "1024x4096", "1024x16384"])
     parser.add_argument("--only", nargs="+", default=["cd", "emd"], choices=["cd", "emd"])
+    parser.add_argument("--sizes", nargs="+", default=["1024x1024", "1024x4096", "1024x16384"])
     parser.add_argument("--emd_sizes", nargs="+", type=int, default=[1024, 2048, 4096])
     every = ["near", "far", "init", "dup", "grid"]
-    parser.add_argument("--emd_kinds", nargs="+", default=every, choices=every)
+    parser.add_argument("--kinds", nargs="+", default=every, choices=every)
     parser.add_argument("--emd_pairs", type=int, default=4, help="pairs for the slow libraries")
     parser.add_argument("--sinkhorn", nargs="*", type=float, default=[0.02, 0.005])
-    parser.add_argument("--kinds", nargs="+", default=every, choices=every)
     parser.add_argument("--budget", type=float, default=2.0, help="seconds spent on each figure")
-    parser.add_argument("--skip", nargs="*", default=[], help="rows to leave out, e.g. naive torch")
-    parser.add_argument("--limit_gb", type=float, default=3.0, help="skip rows that need more")
+    parser.add_argument("--leave_out", nargs="*", default=[], help="map vmap naive torch ot lap ..")
     args = parser.parse_args()
-
     print(f"{jax.devices()[0].device_kind}, jax {jax.__version__}, {args.pairs} pairs, float32")
     print(f"import psgn_jax.losses beyond jax: {import_seconds():.2f} s")
     real = args.data.is_dir()
-    print(f"clouds: {'authors batches' if real else 'default data set'}\n")
+    print(f"clouds: {'authors batches' if real else 'default data set'}")
     whole = real_clouds(args.data, args.pairs) if real else default_clouds(args.pairs)
-    if "cd" in args.only:
-        cd_table(args, whole)
-    if "emd" in args.only:
-        emd_table(args, whole)
-
-
-def cd_table(args, whole):
-    print("| size | kind | version | fwd s | fwd+bwd s | fwd / tree | fwd+bwd / tree"
-          " | extra MB fwd, fwd+bwd | mean error | max error |\n|" + "---|" * 10)  # fmt: skip
-    for size in args.sizes:
-        n, m = (int(x) for x in size.split("x"))
-        for kind in args.kinds:
-            a, b = make_pairs(whole, len(whole), n, m, kind, np.random.default_rng(0))
-            truth, tree = (
-                ckdtree(a, b),
-                seconds(lambda a=a, b=b: ckdtree(a, b) is None, args.budget, gpu=False),
-            )
-
-            def show(row, value, truth=truth, tree=tree, size=size, kind=kind):
-                name, one, both, memory, *about = row
-                error = np.abs(value / truth - 1)
-                extra = "".join(about) + ", ".join(f"{x:.1f}" for x in memory)
-                print(f"| {size} | {kind} | {name} | {one:.3f} | {both:.3f} | {one / tree:.2f}"
-                      f" | {both / tree:.2f} | {extra} | {error.mean():.0e} | {error.max():.0e} |",
-                      flush=True)  # fmt: skip
-
-            # Memory for one pair at a time: points in float64, their order, the results.
-            needs = (n + m) * (24 + 8 + 16) / 1e6
-            print(f"| {size} | {kind} | cKDTree | {tree:.3f} | | 1 | | ~{needs:.1f} | | |",
-                  flush=True)  # fmt: skip
-            versions = {
-                "ours, map": losses.map_pairs(losses.chamfer_sq_mean, platform="cpu"),
-                "ours, vmap": jax.vmap(losses.chamfer_sq_mean),
-                "naive": jax.vmap(naive),
-            }
-            for name, batch in versions.items():
-                if name in args.skip or (
-                    name == "naive" and args.pairs * n * m * 4 * 6 > args.limit_gb * 1e9
-                ):
-                    continue
-                show(*jax_rows(name, batch, a, b, args.budget))
-            needs = [args.pairs * n * m * 4 * k / 1e6 for k in (1, 2)]
-            if (
-                "torch" not in args.skip
-                and importlib.util.find_spec("torch")
-                and needs[1] < args.limit_gb * 1e3
-            ):
-                show(*torch_cdist(a, b, args.budget, needs))
+    for name, table in {"cd": cd_table, "emd": emd_table}.items():
+        if name in args.only:
+            table(args, whole)
 
 
 if __name__ == "__main__":
