@@ -6,9 +6,7 @@ group. In data sets that can be extended, a tag follows the number in the file n
 
 Shards are written under a temporary name, fsynced and renamed. The data set is complete if the
 field `complete` of its manifest is true; this is written last. ArrayRecord detects damaged blocks
-by its own hashes and raises an exception (tested with several thousand damaged files: it never
-aborted the process). The CRC-32 of a record also detects changes that happen outside the file,
-between encoder and decoder.
+by its own hashes. The CRC-32 of a record also detects changes between encoder and decoder.
 """
 
 import collections
@@ -46,13 +44,7 @@ _READER_OPTIONS = "readahead_buffer_size:0"
 
 
 def shard_name(split: str, number: int, tag: str = "") -> str:
-    """File name of a shard; within a split, names sort in the order of their numbers.
-
-    Args:
-      split: split of the records.
-      number: number of the shard in the split.
-      tag: suffix that distinguishes shards with the same number; "" = none.
-    """
+    """File name of a shard; the tag distinguishes shards of a split with the same number."""
     if not SPLIT_NAME.fullmatch(split):
         raise ValueError(f"split {split!r}: expected lower-case letters, digits and _")
     return f"{split}-{number:05d}{tag and '-'}{tag}.arrayrecord"

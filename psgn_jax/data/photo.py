@@ -75,16 +75,8 @@ def read_photo(path: str | os.PathLike[str]) -> Photo:
       PhotoError: the path is not a file or not an image, or the image is damaged, larger than 150
         million pixels or smaller than 16x16.
     """
-    stored, orientation, size = _decode(path)
-    picture, alpha = _to_rgb(stored)
-    alpha = useful_alpha(alpha)
-    upright = _turn(picture, orientation)
-    return Photo(
-        np.asarray(upright),
-        None if alpha is None else np.asarray(_turn(Image.fromarray(alpha), orientation)),
-        _upright_size(size, orientation),
-        orientation,
-    )
+    stored = _decode(path)
+    return _turned(stored, stored.orientation)
 
 
 def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
@@ -98,27 +90,30 @@ def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
     Raises:
       PhotoError: as `read_photo`; or the mask has other proportions than the photo, or is empty.
     """
-    stored, orientation, size = _decode(path)
-    picture, alpha = _to_rgb(stored)
-    alpha = useful_alpha(alpha)
-    grey = np.asarray(picture.convert("L")) if alpha is None else alpha
-    turn = orientation
-    as_stored = _upright_size(photo.size, photo.orientation)
-    if orientation == 1 and photo.size != as_stored and same_proportions(size, as_stored):
+    stored = _decode(path)
+    turn, as_stored = stored.orientation, _upright_size(photo.size, photo.orientation)
+    if turn == 1 and photo.size != as_stored and same_proportions(stored.size, as_stored):
         turn = photo.orientation
-    levels = np.asarray(_turn(Image.fromarray(grey), turn))
-    upright = _upright_size(size, turn)
-    if not same_proportions(upright, photo.size):
+    upright = _turned(stored, turn)
+    if not same_proportions(upright.size, photo.size):
         raise PhotoError(
-            f"mask {path} is {upright[1]}x{upright[0]}: accepted: the image's "
+            f"mask {path} is {upright.size[1]}x{upright.size[0]}: accepted: the image's "
             f"{photo.size[1]}x{photo.size[0]} or the same proportions"
         )
-    if not levels.max():
-        raise PhotoError(f"mask {path} is empty: no pixel shows the object")
+    levels = upright.alpha
+    if levels is None:
+        levels = np.asarray(Image.fromarray(upright.image).convert("L"))
+    return resize.smooth_mask(_bright(levels, f"mask {path}"), photo.image.shape[:2])
+
+
+def _bright(levels: np.ndarray, name: str) -> np.ndarray:
+    """The pixels above half of the largest value; `PhotoError` if they are none or all."""
+    if not levels.max() > 0:
+        raise PhotoError(f"{name} is empty: no pixel shows the object")
     mask = levels > levels.max() / 2
     if mask.all():
-        raise PhotoError(f"mask {path} covers the whole image: expected a background without it")
-    return resize.smooth_mask(mask, photo.image.shape[:2])
+        raise PhotoError(f"{name} covers the whole image: expected a background without it")
+    return mask
 
 
 def useful_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
@@ -148,12 +143,24 @@ def decoded_pixels(path: str | os.PathLike[str]) -> int:
         return math.prod(file.size)
 
 
-def _decode(path: str | os.PathLike[str]) -> tuple[Image.Image, int, tuple[int, int]]:
-    """First frame as stored, EXIF's orientation, and (H, W) in the file."""
+def _decode(path: str | os.PathLike[str]) -> Photo:
+    """The first frame as stored, with EXIF's orientation."""
     with _opened(path) as (file, size):
         orientation = int(file.getexif().get(_ORIENTATION, 1) or 1)
         file.load()
-        return file.copy(), orientation, size
+        picture, alpha = _to_rgb(file.copy())
+    return Photo(np.asarray(picture), useful_alpha(alpha), size, orientation)
+
+
+def _turned(stored: Photo, orientation: int) -> Photo:
+    """A photo upright, if it is stored with this orientation of EXIF."""
+    if (method := _TRANSPOSE.get(orientation)) is None:
+        return stored
+    image, alpha = (
+        plane if plane is None else np.asarray(Image.fromarray(plane).transpose(method))
+        for plane in (stored.image, stored.alpha)
+    )
+    return Photo(image, alpha, _upright_size(stored.size, orientation), orientation)
 
 
 @contextlib.contextmanager
@@ -221,53 +228,39 @@ def _to_bytes(values: np.ndarray) -> np.ndarray:
     return np.rint(np.clip(values / full, 0, 1) * 255).astype(np.uint8)
 
 
-def _turn(picture: Image.Image, orientation: int) -> Image.Image:
-    """The picture upright, according to EXIF's orientation."""
-    method = _TRANSPOSE.get(orientation)
-    return picture if method is None else picture.transpose(method)
-
-
 def _upright_size(size: tuple[int, int], orientation: int) -> tuple[int, int]:
-    return size[::-1] if orientation >= 5 else size
-
-
-def as_rgb_and_alpha(array: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """RGB and alpha of an image array, uint8 [h, w], [h, w, 3] or [h, w, 4].
-
-    Raises:
-      ValueError: any other dtype or shape.
-      PhotoError: the image is too small or too large.
-    """
-    if array.dtype != np.uint8 or array.ndim < 2 or array.shape[2:] not in ((), (3,), (4,)):
-        raise ValueError(
-            f"image is {array.dtype} {list(array.shape)}: accepted: uint8 [h, w], [h, w, 3] (RGB) "
-            "or [h, w, 4] (RGBA)"
-        )
-    if min(array.shape[:2]) < MIN_SIDE or math.prod(array.shape[:2]) > MAX_PIXELS:
-        raise PhotoError(
-            f"the image is {array.shape[1]}x{array.shape[0]}: accepted: at least {MIN_SIDE} pixels "
-            f"a side and up to {MAX_PIXELS:,} in all"
-        )
-    if array.ndim == 2:
-        return np.repeat(array[..., None], 3, axis=2), None
-    alpha = array[..., 3] if array.shape[2] == 4 else None
-    return array[..., :3], useful_alpha(alpha)
+    return size[::-1] if 5 <= orientation <= 8 else size
 
 
 def as_photo(image: str | os.PathLike[str] | Image.Image | np.ndarray) -> Photo:
-    """A photo from a file, a PIL image or an array (see `as_rgb_and_alpha`).
+    """A photo from a file, a PIL image, or an array uint8 [h, w], [h, w, 3] or [h, w, 4].
 
     Raises:
-      PhotoError: see `read_photo`.
+      PhotoError: the image is too small or too large, or see `read_photo`.
       ValueError: an array of another shape or dtype.
     """
     if isinstance(image, str | os.PathLike):
         return read_photo(image)
     if isinstance(image, Image.Image):
         picture, alpha = _to_rgb(image)
-        image = np.asarray(picture) if alpha is None else np.dstack([np.asarray(picture), alpha])
-    rgb, alpha = as_rgb_and_alpha(image)
-    return Photo(rgb, alpha, rgb.shape[:2], 1)
+        array = np.asarray(picture)
+    else:
+        array, alpha = image, None
+        if array.dtype != np.uint8 or array.ndim < 2 or array.shape[2:] not in ((), (3,), (4,)):
+            raise ValueError(
+                f"image is {array.dtype} {list(array.shape)}: accepted: uint8 [h, w], [h, w, 3] "
+                "(RGB) or [h, w, 4] (RGBA)"
+            )
+        if array.ndim == 2:
+            array = np.repeat(array[..., None], 3, axis=2)
+        array, alpha = array[..., :3], array[..., 3] if array.shape[2] == 4 else None
+    size = array.shape[0], array.shape[1]
+    if min(size) < MIN_SIDE or math.prod(size) > MAX_PIXELS:
+        raise PhotoError(
+            f"the image is {size[1]}x{size[0]}: accepted: at least {MIN_SIDE} pixels a side and up "
+            f"to {MAX_PIXELS:,} in all"
+        )
+    return Photo(array, useful_alpha(alpha), size, 1)
 
 
 def as_mask(mask: str | os.PathLike[str] | Image.Image | np.ndarray, photo: Photo) -> np.ndarray:
@@ -286,7 +279,4 @@ def as_mask(mask: str | os.PathLike[str] | Image.Image | np.ndarray, photo: Phot
             f"the mask is {list(levels.shape)}: accepted: {list(photo.image.shape[:2])}, as the "
             "image"
         )
-    levels = levels.astype(np.float32)
-    if not levels.max() > 0:
-        raise PhotoError("the mask is empty: no pixel shows the object")
-    return levels > levels.max() / 2
+    return _bright(levels.astype(np.float32), "the mask")

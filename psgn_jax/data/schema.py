@@ -117,8 +117,7 @@ def validate(sample: Sample) -> Sample:
     """Checks every field of a sample and returns the sample.
 
     Raises:
-      ValueError: a field is wrong; the message names the first such field, its value and what is
-        expected.
+      ValueError: a field is wrong; the message names it, its value and what is expected.
     """
     _check_array("image", sample.image, np.uint8, (None, None, 3))
     size = sample.image.shape[:2]
@@ -151,11 +150,7 @@ def validate(sample: Sample) -> Sample:
 
 
 def check_labels(sample: Any) -> None:
-    """Checks the fields that are not arrays; `sample` is a `Sample` or has its attributes.
-
-    Raises:
-      ValueError: one of them has another type; the message names the field.
-    """
+    """Checks the fields of a `Sample`, or of an object with its attributes, that are no arrays."""
     for field in ("category", "model_id", "source", "extra"):
         if not isinstance(getattr(sample, field), str):
             _fail(field, repr(getattr(sample, field))[:80], "a string")
@@ -183,19 +178,15 @@ def check_camera(intrinsics: np.ndarray, extrinsics: np.ndarray) -> None:
     """Checks that a camera is valid: finite, positive focal lengths, a right-handed rotation.
 
     Raises:
-      ValueError: the camera is not valid; the message names `intrinsics` or `extrinsics`.
+      ValueError: it is not; the message names `intrinsics` or `extrinsics`.
     """
     for name, matrix in (("intrinsics", intrinsics), ("extrinsics", extrinsics)):
         if not np.isfinite(matrix).all():
             _fail(name, matrix.tolist(), "finite values")
-    if intrinsics[0, 0] <= 0 or intrinsics[1, 1] <= 0 or abs(intrinsics[1, 0]) > 0:
-        _fail(
-            "intrinsics",
-            intrinsics.tolist(),
-            "[[fx, skew, cx], [0, fy, cy], [0, 0, 1]], fx and fy > 0",
-        )
-    if not np.array_equal(intrinsics[2], [0, 0, 1]):
-        _fail("intrinsics", f"last row {intrinsics[2].tolist()}", "[0, 0, 1]")
+    lower = [intrinsics[1, 0], *intrinsics[2]]
+    if intrinsics[0, 0] <= 0 or intrinsics[1, 1] <= 0 or lower != [0, 0, 0, 1]:
+        accepted = "[[fx, skew, cx], [0, fy, cy], [0, 0, 1]], fx and fy > 0"
+        _fail("intrinsics", intrinsics.tolist(), accepted)
     rotation = extrinsics[:, :3].astype(np.float64)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > _ROTATION_TOLERANCE:
         _fail("extrinsics", rotation.tolist(), "a rotation in the first three columns")

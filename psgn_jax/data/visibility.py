@@ -9,13 +9,10 @@ All other points are **hidden**.
 
 - The depth image is that of the record, at its full size. The classes therefore do not depend on
   the image size of a network.
-- Steep surfaces: neighbouring points Q are one pixel apart in the image, but (one pixel) / cos(a)
-  apart on a surface tilted by the angle a. So t must be several pixels wide. In the authors' images
-  .025 covers surfaces tilted by up to 80 degrees. Steeper surfaces have gaps, whose points count as
-  hidden. Comparing the depth of P only with the depth of its own pixel would lose far more points.
-- Silhouettes: a strip of width t behind an occluding contour counts as visible, and so does the
-  back of a sheet thinner than t. Without normals these points cannot be told apart.
-- Holes in the depth (of a sensor): points that are only seen through a hole are hidden.
+- t must be several pixels wide: neighbouring points Q are (one pixel) / cos(a) apart on a surface
+  tilted by the angle a. In the authors' images .025 covers surfaces tilted by up to 80 degrees.
+- A strip of width t behind an occluding contour counts as visible, and so does the back of a sheet
+  thinner than t. Points that are only seen through a hole in the depth are hidden.
 
 The default of t, `config.eval.visible_tolerance` = .025, has the lowest rate of errors on synthetic
 convex solids, whose visibility is known exactly: 3.5 % of all points (.015: 6.1 %, .04: 4.1 %).
@@ -44,14 +41,11 @@ def visible_points(
       depth: [H, W] along the optical axis, unit of the frame; 0 (or not finite) = none.
       intrinsics: [3, 3] in pixels of `depth`.
       extrinsics: [3, 4].
-      tolerance: t, in units.
+      tolerance: t, in units, finite and positive.
 
     Returns:
       bool [n]; False for points that are not finite, behind the camera, or less than t in front of
       it.
-
-    Raises:
-      ValueError: the tolerance is not finite or not positive.
     """
     if not 0 < tolerance < np.inf:
         raise ValueError(f"tolerance: got {tolerance}, expected a finite distance > 0")

@@ -36,19 +36,23 @@ def saved(tmp_path, image, name="photo.png", **options):
 def test_exif_orientation_is_honoured_for_image_and_mask(tmp_path, orientation):
     image, mask = scene()
     image[:20, :30] = (0, 0, 255)  # distinguishes all eight orientations
-    undo = {5: 5, 6: 8, 7: 7, 8: 6}.get(orientation, orientation)
-    stored = photo._turn(Image.fromarray(image), undo)
+    undo = photo._TRANSPOSE.get({6: 8, 8: 6}.get(orientation, orientation))
+
+    def as_stored(pixels):
+        picture = Image.fromarray(pixels)
+        return picture if undo is None else picture.transpose(undo)
+
     exif = Image.Exif()
     exif[0x0112] = orientation
-    path = saved(tmp_path, stored, exif=exif)
+    path = saved(tmp_path, as_stored(image), exif=exif)
     read = photo.read_photo(path)
     np.testing.assert_array_equal(read.image, image)
     assert read.size == (120, 160)
     upright = saved(tmp_path, mask, "upright.png")
     np.testing.assert_array_equal(photo.read_mask(upright, read), mask)
     if orientation > 4:  # a mask drawn over the pixels as stored
-        as_stored = saved(tmp_path, photo._turn(Image.fromarray(mask), undo), "stored.png")
-        np.testing.assert_array_equal(photo.read_mask(as_stored, read), mask)
+        stored = saved(tmp_path, as_stored(mask), "stored.png")
+        np.testing.assert_array_equal(photo.read_mask(stored, read), mask)
 
 
 @pytest.mark.parametrize("mode", ["L", "1", "P", "CMYK", "LA", "RGBA", "PA", "YCbCr", "I;16", "F"])
@@ -153,7 +157,7 @@ def test_a_few_pixels_that_are_not_opaque_are_no_mask(tmp_path):
     rgba = np.dstack([image, alpha])
     read = photo.read_photo(saved(tmp_path, rgba))
     assert read.alpha is None
-    assert photo.as_rgb_and_alpha(rgba)[1] is None
+    assert photo.as_photo(rgba).alpha is None
     levels = np.dstack([np.repeat(mask[..., None] * np.uint8(255), 3, axis=2), alpha])
     np.testing.assert_array_equal(photo.read_mask(saved(tmp_path, levels, "m.png"), read), mask)
 
@@ -316,7 +320,7 @@ def test_placing_refuses():
     with pytest.raises(ValueError, match=r"mask is bool \[60, 160\]: accepted: bool \[120, 160\]"):
         framing.place(image, mask[:60])
     with pytest.raises(ValueError, match=r"image is float64"):
-        photo.as_rgb_and_alpha(np.zeros((50, 50)))
+        photo.as_photo(np.zeros((50, 50)))
 
 
 def test_the_rule_fits_the_authors_images(authors_batches):
