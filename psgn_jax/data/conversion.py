@@ -99,15 +99,11 @@ def convert_authors(
         return duplicates.HeldOut(clouds)
 
     def read(path: pathlib.Path) -> Iterator[_Record]:
-        # Encode all samples before the first one is returned: a file that cannot be read to its end
-        # contributes no sample.
-        records: list[_Record] = []
         for entry in authors.read_batch(path):
             split = authors.split_of(path, entry.sample.model_id)
             if split == "train" and held_out().has(entry.sample.points):
                 split = DUPLICATES
-            records.append((split, entry.encode(), entry.sample))
-        return iter(records)
+            yield split, entry.encode(), entry.sample
 
     # The splits of a file's samples depend on all files.
     files = zlib.crc32("".join(f"{p.name}:{_state(p)}" for p in paths).encode())

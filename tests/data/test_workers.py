@@ -20,7 +20,8 @@ from psgn_jax.system.signals import StopSignal
 signals.GRACE_SECONDS = 60.0  # on busy cores, workers take longer to start than the usual time
 
 if __name__ == "__main__":
-    cfg = DataConfig(path=sys.argv[1], image_size=(24, 32), num_points=50, num_workers=2)
+    cfg = DataConfig(path=sys.argv[1], image_size=(24, 32), num_points=50,
+                     num_workers=int(sys.argv[2]))
     batches = loader.train_batches(cfg, batch_size=4, seed=0, start_step=0)
     with StopSignal() as stop:
         for batch in batches:
@@ -39,10 +40,12 @@ def start(dataset, tmp_path):
     script.write_text(SCRIPT)
     groups = []
 
-    def begin():
+    def begin(moment):
+        # One worker is enough, unless the second is to be started.
+        workers = "2" if moment == "starting" else "1"
         with log.open("w") as file:
             process = subprocess.Popen(
-                [sys.executable, str(script), str(dataset)],
+                [sys.executable, str(script), str(dataset), workers],
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 env=os.environ | {"PYTHONPATH": os.getcwd()},
@@ -73,7 +76,7 @@ def wait_for(moment, process, log):
     ("moment", "kill"), [("starting", os.kill), ("working", os.kill), ("working", os.killpg)]
 )
 def test_workers_end_with_a_killed_trainer_and_leave_no_memory(start, moment, kill):
-    process, log = start()
+    process, log = start(moment)
     wait_for(moment, process, log)
     files = processes.shared_memory(process.pid)
     assert files
@@ -91,7 +94,7 @@ def test_workers_end_with_a_killed_trainer_and_leave_no_memory(start, moment, ki
     ("moment", "number"), [("starting", signal.SIGTERM), ("working", signal.SIGINT)]
 )
 def test_a_signal_to_the_whole_group_is_the_trainers_alone(start, moment, number):
-    process, log = start()
+    process, log = start(moment)
     wait_for(moment, process, log)
     os.killpg(process.pid, number)
     assert process.wait(60) == 0, log.read_text()

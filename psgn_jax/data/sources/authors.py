@@ -126,7 +126,7 @@ def lattice_matrix(rotation: np.ndarray) -> np.ndarray:
 
 
 def read_batch(path: str | pathlib.Path) -> Iterator[Entry]:
-    """Reads the 32 samples of a file; the whole file is checked before the first one is returned.
+    """Yields the 32 samples of a file, after the whole file has been checked.
 
     Raises:
       ValueError: the file is truncated, corrupt, of the wrong size, has bytes after its end, or
@@ -154,25 +154,19 @@ def read_batch(path: str | pathlib.Path) -> Iterator[Entry]:
         )
     intrinsics, extrinsics = camera.default_camera((HEIGHT, WIDTH), tilt_degrees=TILT_DEGREES)
 
-    def entries() -> Iterator[Entry]:
-        for i, key in enumerate(keys):
-            codes = arrays["depth"][i]
-            mask = codes > 0
-            points = PointLattice(arrays["points"][i], lattice_matrix(rotation[i]))
-            depth = DepthCodes(codes, mask, DEPTH_SCALE, DEPTH_OFFSET)
-            yield Entry(
-                schema.Sample(
-                    image=np.ascontiguousarray(arrays["colour"][i, :, :, ::-1]),
-                    mask=mask,
-                    depth=depth.depth(),
-                    points=points.points(),
-                    intrinsics=intrinsics,
-                    extrinsics=extrinsics,
-                    model_id=key,
-                    source="authors",
-                ),
-                points,
-                depth,
-            )
-
-    return entries()
+    for i, key in enumerate(keys):
+        codes = arrays["depth"][i]
+        mask = codes > 0
+        points = PointLattice(arrays["points"][i], lattice_matrix(rotation[i]))
+        depth = DepthCodes(codes, mask, DEPTH_SCALE, DEPTH_OFFSET)
+        sample = schema.Sample(
+            image=np.ascontiguousarray(arrays["colour"][i, :, :, ::-1]),
+            mask=mask,
+            depth=depth.depth(),
+            points=points.points(),
+            intrinsics=intrinsics,
+            extrinsics=extrinsics,
+            model_id=key,
+            source="authors",
+        )
+        yield Entry(sample, points, depth)

@@ -81,7 +81,7 @@ def test_hostile_files_are_refused_in_bounded_memory(make, tmp_path):
         path = tmp_path / f"{name}.gz"
         path.write_bytes(data)
         with pytest.raises(ValueError, match=message) as error:
-            authors.read_batch(path)
+            next(authors.read_batch(path))
         assert str(path) in str(error.value), name
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - authors_memory
     assert grown < 100_000  # kB; the bomb inflates to 400 MB
