@@ -33,6 +33,8 @@ from psgn_jax.system.memory import keep_freed_memory
 from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Run
 
+_OPTIONS = ("split", "out", "draws", "frame", "silhouette")
+
 
 def open_with_records(
     workdir: str | None, weights: str | None, checkpoint: str = "best", data: str | None = None
@@ -64,7 +66,7 @@ def _main(argv: Sequence[str]) -> None:
             raise ConfigError(f"--compare={values.compare}: accepted only with --report=DIR")
         if values.report:
             check_folder(values.report, "--report")
-        options: dict[str, Any] = {n: values[n].value for n in ("split", "out", "draws", "frame")}
+        options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
         with group.joined(values.coordinator, values.num_processes, values.process_id):
             if values.report and group.index_and_count()[1] > 1:
                 raise ConfigError(f"--report={values.report}: accepted only with one process")
@@ -100,6 +102,9 @@ if __name__ == "__main__":
     )
     flags.DEFINE_enum(
         "frame", "keep", list(FRAMES), "keep: images as they are; place: crop and place objects."
+    )
+    flags.DEFINE_boolean(
+        "silhouette", False, "Move points that project outside the mask into it, before measuring."
     )
     flags.DEFINE_string("report", None, "Folder for a gallery of all samples, as web pages.")
     flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")

@@ -31,7 +31,8 @@ from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.weights.opening import open_network
 
 _OPTIONS = [
-    "mask", "samples", "seed", "frame", "mask_from", "invert_mask", "normal_form", "keep_strays",
+    "mask", "samples", "seed", "frame", "mask_from", "invert_mask", "normal_form", "silhouette",
+    "keep_strays",
 ]  # fmt: skip
 
 
@@ -98,6 +99,9 @@ if __name__ == "__main__":
         "auto",
         ["auto", "place", "keep"],
         "Crop to the object (place), or use the image as it is (keep).",
+    )
+    flags.DEFINE_bool(
+        "silhouette", True, "Whether to move points that project outside the mask into it."
     )
     flags.DEFINE_bool(
         "keep_strays", False, "Whether to write points that lie apart from all others."

@@ -126,9 +126,10 @@ def init_params(config: Config, model: nn.Module) -> Any:
 
 
 def input_keys(config: Config) -> tuple[str, ...]:
-    """Keys of the arrays of a batch that the network and its loss read."""
+    """Keys of the arrays of a batch that the network, its loss and its evaluation read."""
     depth = ("depth", "extrinsics") if "depth" in config.data.inputs else ()
-    return ("image", "mask", "points", *depth)
+    camera = ("intrinsics", "extrinsics") if config.eval.silhouette else ()
+    return tuple(dict.fromkeys(("image", "mask", "points", *depth, *camera)))
 
 
 def random_input(

@@ -15,7 +15,8 @@ import numpy as np
 from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, require_points_task
-from psgn_jax.data import framing, masks, photo, resize
+from psgn_jax.data import camera, framing, masks, photo, resize
+from psgn_jax.losses.silhouette import into_silhouette
 from psgn_jax.models import networks
 from psgn_jax.prediction import export, sampling
 from psgn_jax.weights.leaves import checksum, named_leaves
@@ -117,6 +118,7 @@ class Predictor:
             return networks.predict(config, model, params, {"image": image, "mask": mask}, r)
 
         self._network = jax.jit(network)
+        self._into_silhouette = jax.jit(jax.vmap(into_silhouette, (0, None, None, None)))
         self._mutual = jax.jit(sampling.mutual_distances)
 
     @classmethod
@@ -148,6 +150,7 @@ class Predictor:
         mask_from: str = "auto",
         invert_mask: bool = False,
         normal_form: str = "auto",
+        silhouette: bool = True,
     ) -> Prediction:
         """Predicts the points of the object in an image.
 
@@ -167,6 +170,8 @@ class Predictor:
             the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
             not show the size of its object. "no" returns the output of the network. "auto"
             normalises if the image was placed.
+          silhouette: whether to move points that project outside the mask into it
+            (`losses.silhouette`).
 
         Raises:
           ValueError: an argument is wrong; `photo.PhotoError` if there is no object.
@@ -196,6 +201,11 @@ class Predictor:
         points = np.asarray(
             self._network(self._params, small, small_mask, None if r is None else r[None])
         ).reshape(samples, -1, 3)
+        if silhouette:
+            intrinsics = camera.scale_intrinsics(view.intrinsics, view.mask.shape, size)
+            points = np.asarray(
+                self._into_silhouette(points, small_mask[0], intrinsics, view.extrinsics)
+            )
         mutual = self._mutual(points) if samples > 1 else np.zeros((1, 1), np.float32)
         clock.lap("network")
         if not np.isfinite(points).all():
@@ -239,8 +249,10 @@ class Predictor:
         mask = np.zeros((1, *self.config.data.image_size), np.bool_)
         image = np.zeros((*mask.shape, 3), np.uint8)
         points = self._network(self._params, image, mask, None if r is None else r[None])
+        points = np.asarray(points).reshape(samples, -1, 3)
+        self._into_silhouette(points, mask[0], np.eye(3, dtype="f4"), np.eye(3, 4, dtype="f4"))
         if samples > 1:
-            self._mutual(np.asarray(points).reshape(samples, -1, 3))
+            self._mutual(points)
         jax.block_until_ready(points)
 
     def _sample_latents(self, samples: int, seed: int) -> np.ndarray | None:

@@ -5,6 +5,7 @@ import pytest
 from helpers import drawn_solids, javascript
 
 from psgn_jax.data import camera, framing, resize
+from psgn_jax.losses.silhouette import into_silhouette
 from psgn_jax.portable import folder
 from psgn_jax.prediction import export
 
@@ -110,6 +111,19 @@ return [framing.normalForm(input.points, stray), stray, colours];
     assert 0.2 < seen.mean() < 0.9
     own = np.reshape(colours, (-1, 3))
     assert (own != expected).any(axis=1).mean() < 0.02  # points on a pixel's border
+
+
+@pytest.mark.parametrize("share", [0.4, 0.7])
+def test_points_move_into_the_mask(share):
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-share, share, (300, 3)).astype(np.float32)
+    mask = np.zeros((96, 128), bool)
+    mask[30:75, 45:90] = rng.random((45, 45)) < 0.9
+    body = "return framing.intoSilhouette(input.points, input.mask, input.about);"
+    own = np.reshape(run_node(body, points=points, mask=mask, about=about()), (-1, 3))
+    expected = np.asarray(into_silhouette(points, mask, *camera.default_camera(mask.shape)))
+    assert (own != points).any() == (share < 0.5)
+    np.testing.assert_allclose(own, expected, atol=1e-5)
 
 
 def test_what_cannot_be_framed_is_said_in_a_sentence():

@@ -3,7 +3,7 @@
 import * as ort from "./runtime/ort.wasm.min.mjs";
 import { CloudView } from "./cloud.js";
 import { FORMATS } from "./files.js";
-import { coloursFromView, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
+import { coloursFromView, intoSilhouette, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
 
 const SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
 const MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
@@ -221,9 +221,10 @@ const predict = guarded(async () => {
   if (about.random_size) {
     feeds.r = new ort.Tensor("float32", Float32Array.from(about.latents.slice(0, count).flat()), [1, count, about.random_size]);
   }
-  const points = (await session.run(feeds)).points.data;
-  if (points.length !== count * length || !points.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
-  const parts = Array.from({ length: count }, (_, k) => points.slice(k * length, (k + 1) * length)), stray = parts.map(strayPoints);
+  const predicted = (await session.run(feeds)).points.data;
+  if (predicted.length !== count * length || !predicted.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
+  const parts = Array.from({ length: count }, (_, k) => intoSilhouette(predicted.slice(k * length, (k + 1) * length), small, about));
+  const points = Float32Array.from(parts.flatMap(part => [...part])), stray = parts.map(strayPoints);
   const { points: normal } = view.placed ? normalForm(points, stray.flat()) : { points };
   page.clouds = parts.map((part, k) => ({
     points: normal.slice(k * length, (k + 1) * length), colours: coloursFromView(part, view, about), stray: stray[k],

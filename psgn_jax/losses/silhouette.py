@@ -1,0 +1,65 @@
+"""Moves points that project outside the mask of their object to its edge, at their depth.
+
+The surface of an object projects into its mask. A network that has not seen the object predicts
+some points beside it (7 % of those of `small-3` are more than 2 pixels off on unseen samples).
+"""
+
+import jax
+import jax.numpy as jnp
+
+from psgn_jax.array_types import Array, Bool, Float
+
+MOST_OUTSIDE = 0.5
+_FAR = 1 << 14  # pixels; larger than any image, and its square fits into 32 bits
+_HALF = 0.49  # of a pixel; a point moves to within this distance of a pixel's centre
+
+
+def into_silhouette(
+    points: Float[Array, "n 3"],
+    mask: Bool[Array, "h w"],
+    intrinsics: Float[Array, "3 3"],
+    extrinsics: Float[Array, "3 4"],
+) -> Float[Array, "n 3"]:
+    """Moves the points outside the mask, at their depth, into the nearest pixel of the mask.
+
+    Points that project into the mask, and points at or behind the camera, stay where they are. All
+    points stay if the mask is empty, or if more than half of them are outside: then the mask or the
+    camera is wrong.
+
+    Args:
+      points: in the project's frame, unit = radius of the bounding hemisphere.
+      mask: True on the object.
+      intrinsics: of the camera, for images of the size of the mask.
+      extrinsics: of the camera, see `data.schema`.
+    """
+    mask = jnp.asarray(mask, bool)
+    camera = points @ extrinsics[:, :3].T + extrinsics[:, 3][None]
+    depth = camera[:, 2]
+    in_front = depth > 1e-3
+    pixels = (camera @ intrinsics[:2].T) / jnp.where(in_front, depth, 1)[:, None]
+    cells = jnp.floor(jnp.clip(pixels, -_FAR / 4, _FAR / 4)).astype(jnp.int32)
+    nearest = _nearest_cells(cells, mask)
+    centres = nearest + 0.5
+    moved = jnp.clip(pixels, centres - _HALF, centres + _HALF)
+    outside = (nearest != cells).any(axis=1) & in_front
+    outside &= mask.any() & (outside.mean() <= MOST_OUTSIDE)
+    shift = jnp.pad((moved - pixels) * depth[:, None], ((0, 0), (0, 1)))
+    to_world = jnp.linalg.inv(intrinsics @ extrinsics[:, :3])
+    return jnp.where(outside[:, None], points + shift @ to_world.T, points)
+
+
+def _nearest_cells(cells: Array, mask: Array) -> Array:
+    """(column, row) of the nearest pixel of the mask to each of `cells` [n, 2].
+
+    Of several, that in the first row, and there the left one.
+    """
+    height, width = mask.shape
+    columns = jnp.arange(width, dtype=jnp.int32)[None]
+    left = jax.lax.cummax(jnp.where(mask, columns, -_FAR), axis=1)
+    right = jax.lax.cummin(jnp.where(mask, columns, _FAR), axis=1, reverse=True)
+    beside = jnp.where(columns - left <= right - columns, left, right)
+    per_row = beside[:, jnp.clip(cells[:, 0], 0, width - 1)].T  # [n, h]
+    rows = jnp.arange(height, dtype=jnp.int32)[None]
+    squared = (per_row - cells[:, :1]) ** 2 + (rows - cells[:, 1:]) ** 2
+    best = jnp.argmin(squared, axis=1)
+    return jnp.stack([jnp.take_along_axis(per_row, best[:, None], 1)[:, 0], best], axis=1)
