@@ -8,19 +8,13 @@ from scipy import ndimage
 
 
 def default_camera(
-    image_size: tuple[int, int] = (192, 256),
-    *,
-    tilt_degrees: float = 20.0,
+    image_size: tuple[int, int] = (192, 256), *, tilt_degrees: float = 20.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """The authors' camera, fitted to the silhouettes in their images (to half a pixel).
 
     It looks at the object from +x, down by `tilt_degrees`. The origin is at the depth 3.6 along the
     optical axis and 0.252 below it, in units of the frame. The focal length is 400 pixels in an
     image of 192x256 pixels and is scaled to other sizes.
-
-    Args:
-      image_size: (H, W) in pixels.
-      tilt_degrees: angle of the optical axis below the horizontal.
 
     Returns:
       intrinsics float32 [3, 3] and extrinsics float32 [3, 4].
@@ -65,13 +59,8 @@ def project(
 def back_project(depth: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray) -> np.ndarray:
     """Back-projects the centres of all pixels with a depth to the project's frame.
 
-    Args:
-      depth: [H, W] along the optical axis, 0 = no surface.
-      intrinsics: [3, 3].
-      extrinsics: [3, 4].
-
-    Returns:
-      float32 [n, 3], one point per pixel with depth > 0, in row-major order.
+    `depth` [H, W] is along the optical axis, 0 = no surface. The result, float32 [n, 3], has one
+    point per pixel with depth > 0, in row-major order.
     """
     rows, columns = np.nonzero(depth > 0)
     z = depth[rows, columns].astype(np.float64)
@@ -82,15 +71,10 @@ def back_project(depth: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarr
 
 
 def inside_mask(pixels: np.ndarray, mask: np.ndarray, radius: int = 0) -> np.ndarray:
-    """Returns whether each of `pixels` [n, 2] (column, row) is on the mask or near it.
+    """Whether each of `pixels` [n, 2], as of `project`, is on the mask or `radius` pixels from it.
 
-    Args:
-      pixels: continuous coordinates, as returned by `project`.
-      mask: bool [H, W].
-      radius: accept pixels within this many rows and columns of the mask.
-
-    Returns:
-      bool [n]; False for pixels more than `radius` outside the image and for non-finite ones.
+    The result, bool [n], is False for pixels more than `radius` outside the image and for
+    non-finite ones.
     """
     # The border of the padding stays False, so clipped coordinates give False.
     near = ndimage.maximum_filter(np.pad(mask, radius + 1), 2 * radius + 1, mode="constant")

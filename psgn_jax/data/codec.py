@@ -345,11 +345,7 @@ class Stored:
     extra: str = ""
 
     def sample(self) -> Sample:
-        """The sample, with points and depth in units of the frame.
-
-        Raises:
-          ValueError: the record has no image, mask or points.
-        """
+        """The sample; ValueError if the record has no image, mask or points."""
         if self.image is None or self.mask is None or self.points is None:
             raise ValueError("a field is missing, expected image, mask and points")
         depth = self.depth and self.depth.depth()
@@ -373,11 +369,7 @@ def field_sizes(data: bytes) -> dict[str, int]:
 
 
 def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
-    """Decodes those of `fields` that the record has.
-
-    Raises:
-      ValueError: the record is damaged, or a field is invalid.
-    """
+    """Decodes those of `fields` that the record has; ValueError if one of them is invalid."""
     stored = unpack(data)
     present = {field for field in fields if field in stored}
     values: dict[str, Any] = dict.fromkeys(

@@ -119,8 +119,7 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
 def rule_move(box: tuple[float, float, float, float]) -> Move:
     """The move of an object's box to the rule's position in a view of 192x256 pixels.
 
-    Args:
-      box: (top, bottom, left, right) as returned by `box_of`, in an image with square pixels.
+    The box is (top, bottom, left, right) in an image with square pixels.
     """
     top, bottom, left, right = box
     wide, high = right - left, bottom - top
@@ -280,7 +279,6 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> Framed:
 
     Raises:
       PhotoError: the mask shows no object or a very small one, or the framing is not 4:3.
-      ValueError: a dtype or shape is wrong.
     """
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
         raise ValueError(f"image is {image.dtype} {list(image.shape)}: accepted: uint8 [h, w, 3]")

@@ -40,12 +40,6 @@ def disturb(
     Each effect has its own random generator, so its choices do not depend on the others. The noise,
     the backdrop and the blocks of JPEG also depend on the size of the object's surroundings.
 
-    Args:
-      image: uint8 [h, w, 3].
-      mask: bool [h, w].
-      rng: random generator.
-      effects: the settings.
-
     Returns:
       uint8 [h, w, 3], grey 191 outside the mask, and bool [h, w], as new arrays. If no effect is
       enabled or the mask is empty, these are the arguments themselves.
@@ -53,27 +47,20 @@ def disturb(
     if not effects.any() or not mask.any():
         return image, mask
     pixel = mask.shape[0] / VIEW_SIZE[0]
-    part = _surroundings(mask, effects, pixel)
+    # The object's box with a margin for its edge and the blur; all other pixels become grey.
+    margin = int(np.ceil((effects.dilate + effects.ragged + 3 * effects.blur) * pixel)) + 2
+    top, bottom, left, right = box_of(mask)
+    part = np.s_[max(0, top - margin) : bottom + margin, max(0, left - margin) : right + margin]
     changed = _disturbed(image[part], mask[part], rng, effects, pixel)
     image, mask = np.full_like(image, schema.BACKGROUND_GREY), np.zeros_like(mask)
     image[part], mask[part] = changed
     return image, mask
 
 
-def _surroundings(mask: np.ndarray, effects: PhotoEffects, pixel: float) -> tuple[slice, slice]:
-    """The object's box with a margin for its edge and the blur; all other pixels become grey."""
-    margin = int(np.ceil((effects.dilate + effects.ragged + 3 * effects.blur) * pixel)) + 2
-    top, bottom, left, right = box_of(mask)
-    return np.s_[max(0, top - margin) : bottom + margin, max(0, left - margin) : right + margin]
-
-
 def _disturbed(
-    image: np.ndarray,
-    mask: np.ndarray,
-    rng: np.random.Generator,
-    effects: PhotoEffects,
+    image: np.ndarray, mask: np.ndarray, rng: np.random.Generator, effects: PhotoEffects,
     pixel: float,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """`disturb` for the surroundings of an object; lengths are multiplied by `pixel`."""
     occlusion, scene, light, sensor, jpeg, edge, corner, holes = rng.spawn(8)
     image = image.copy()

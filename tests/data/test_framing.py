@@ -10,9 +10,7 @@ from psgn_jax.data import augment, camera, framing, photo
 
 
 def view_of(category, size=(192, 256), seed=0):
-    rng = np.random.default_rng(seed)
-    s = solids.draw(solids.random_solid(category, rng), rng, image_size=size)
-    return augment.View(s.image, s.mask, s.depth, s.points, s.intrinsics, s.extrinsics)
+    return solids.view_of(category, size, seed)
 
 
 def about_the_middle(size, scale, right, down):

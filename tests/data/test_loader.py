@@ -12,7 +12,7 @@ from psgn_jax.data.dataset import RecordReader, write_dataset
 from psgn_jax.data.schema import RecordError
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def cfg(dataset):
     return DataConfig(
         path=str(dataset),
@@ -41,9 +41,14 @@ def assert_same(a, b):
         np.testing.assert_array_equal(a[key], b[key], err_msg=key)
 
 
-def test_shapes_and_types(cfg):
-    (batch,) = take(1, cfg)
-    assert {k: (v.dtype.name, v.shape) for k, v in batch.items()} == {
+@pytest.fixture(scope="module")
+def whole(cfg):
+    """The first batches of a training."""
+    return take(20, cfg)
+
+
+def test_shapes_and_types(cfg, whole):
+    assert {k: (v.dtype.name, v.shape) for k, v in whole[0].items()} == {
         "image": ("uint8", (6, 24, 32, 3)),
         "mask": ("bool", (6, 24, 32)),
         "depth": ("float32", (6, 24, 32)),
@@ -55,8 +60,8 @@ def test_shapes_and_types(cfg):
     assert "depth" not in batch
 
 
-def test_batches_are_consistent(cfg):
-    for batch in take(3, cfg):
+def test_batches_are_consistent(whole):
+    for batch in whole[:3]:
         for row in range(6):
             pixels, _ = camera.project(
                 *(batch[k][row] for k in ("points", "intrinsics", "extrinsics"))
@@ -65,11 +70,14 @@ def test_batches_are_consistent(cfg):
             assert (batch["depth"][row] > 0).tolist() == batch["mask"][row].tolist()
 
 
-def test_resume_replays_nothing_and_changes_nothing(cfg):
-    whole = take(20, cfg)
+def assert_all_same(got, want):
+    for one, other in zip(got, want, strict=True):
+        assert_same(one, other)
+
+
+def test_resume_replays_nothing_and_changes_nothing(cfg, whole):
     for start in (1, 7, 19):
-        for got, want in zip(take(20 - start, cfg, start_step=start), whole[start:], strict=True):
-            assert_same(got, want)
+        assert_all_same(take(20 - start, cfg, start_step=start), whole[start:])
     # Even far into a run this is immediate, because nothing is replayed.
     take(1, cfg, start_step=10**7)
 
@@ -87,25 +95,22 @@ def test_each_epoch_holds_every_sample_once_in_a_new_order(cfg):
     assert epochs[0] != epochs[1] != epochs[2]
 
 
-def test_processes_get_parts_of_the_same_batch(cfg):
+def test_processes_get_parts_of_the_same_batch(cfg, whole):
     for step in (0, 8):
-        (whole,) = take(1, cfg, start_step=step)
         for count in (2, 3, 6):
             parts = [
                 take(1, cfg, start_step=step, process_index=i, process_count=count)[0]
                 for i in range(count)
             ]
-            assert_same({k: np.concatenate([p[k] for p in parts]) for k in whole}, whole)
+            joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
+            assert_same(joined, whole[step])
 
 
-def test_cache_changes_nothing_and_is_bounded(cfg, monkeypatch):
-    want = take(15, cfg)
+def test_cache_changes_nothing_and_is_bounded(cfg, whole, monkeypatch):
     cached = dataclasses.replace(cfg, cache=True)
-    for got, one in zip(take(15, cached), want, strict=True):
-        assert_same(got, one)
+    assert_all_same(take(15, cached), whole[:15])
     monkeypatch.setattr(batches, "CACHE_BYTES", 100_000)  # a few samples fit
-    for got, one in zip(take(15, cached), want, strict=True):
-        assert_same(got, one)
+    assert_all_same(take(15, cached), whole[:15])
     items = batches.Items(cached, RecordReader(cfg.path, "train"))
     first = [items[i] for i in range(37)]
     kept = [item for i, item in enumerate(first) if items[i] is item]
@@ -124,12 +129,11 @@ def test_a_training_keeps_samples_up_to_a_size(cfg, cache_gb, kept):
     assert once[0] is not once[0]
 
 
-def test_worker_processes_equal_threads(cfg):
-    want = take(5, cfg, start_step=4)
+def test_worker_processes_equal_threads(cfg, whole):
     got = take(5, dataclasses.replace(cfg, num_workers=2), start_step=4)
-    for a, b in zip(got, want, strict=True):
-        assert_same(a, b)
-        assert all(type(v) is np.ndarray for v in a.values())  # no shared memory is handed out
+    assert_all_same(got, whole[4:9])
+    for batch in got:
+        assert all(type(v) is np.ndarray for v in batch.values())  # no shared memory is handed out
 
 
 def test_evaluation_sees_every_sample_once(cfg, dataset):
@@ -201,10 +205,10 @@ def test_a_damaged_record_is_named_while_iterating(make, cfg, dataset, tmp_path,
         list(batches)
 
 
-def test_augmentation_reaches_the_batches(cfg):
+def test_augmentation_reaches_the_batches(cfg, whole):
     plain = dataclasses.replace(cfg, flip=False, stretch=0.0, colour_jitter=0.0)
     mirrored = stretched = 0
-    for clean, full in zip(take(8, plain), take(8, cfg), strict=True):
+    for clean, full in zip(take(8, plain), whole[:8], strict=True):
         scale = full["points"][:, :, 1] / clean["points"][:, :, 1]  # constant within each row
         np.testing.assert_allclose(scale, np.median(scale, 1)[:, None] * np.ones(100), rtol=1e-4)
         np.testing.assert_array_equal(full["points"][:, :, 2], clean["points"][:, :, 2])

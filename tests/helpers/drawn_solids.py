@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from psgn_jax.data import camera, schema
+from psgn_jax.data import augment, camera, schema
 
 DEFAULT_IMAGE_SIZE = (192, 256)
 NUM_POINTS = 4096
@@ -339,3 +339,10 @@ def samples(
         category = CATEGORIES[number % len(CATEGORIES)]
         name = f"{category}-{seed}-{number:05d}"
         yield draw(random_solid(category, rng), rng, image_size=image_size, model_id=name)
+
+
+def view_of(category: str, image_size: tuple[int, int], seed: int = 0) -> augment.View:
+    """A random solid of a category, as the augmentations take it."""
+    rng = np.random.default_rng(seed)
+    s = draw(random_solid(category, rng), rng, image_size=image_size)
+    return augment.View(s.image, s.mask, s.depth, s.points, s.intrinsics, s.extrinsics)

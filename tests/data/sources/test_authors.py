@@ -87,57 +87,38 @@ def test_hostile_files_are_refused_in_bounded_memory(make, tmp_path):
     assert grown < 100_000  # kB; the bomb inflates to 400 MB
 
 
-def test_conversion_leaves_out_bad_files_and_reports(make, authors_file, tmp_path, capsys):
+def test_conversion_leaves_out_what_is_bad_and_reports_it(make, authors_file, tmp_path, capsys):
+    """A damaged file, a sample without a mask, and one with all points in one place."""
     source, target = tmp_path / "src", tmp_path / "dst"
     source.mkdir()
     (source / "2.gz").write_bytes(authors_file.read_bytes())
     (source / "10.gz").write_bytes(b"damaged")
-    (source / "11.gz").write_bytes(
-        zlib.compress(make.content_bytes(make.content(1, validation=True)), 1)
-    )
+    content = make.content(1, validation=True)
+    content["depth"][3] = 0
+    content["points"][5] = 7
+    (source / "11.gz").write_bytes(zlib.compress(make.content_bytes(content), 1))
     assert convert.main(["authors", str(source), str(target)]) == 1
     streams = capsys.readouterr()
     assert "train: 32 samples" in streams.out
-    assert "validation: 32 samples" in streams.out
+    assert "validation: 30 samples" in streams.out
     assert "10.gz" in streams.err
+    assert "00000003, view 0: the mask is empty" in streams.err
+    assert "00000005, view 0: all points are in one place" in streams.err
+    assert "3 files, models or views were left out" in streams.err
     train = RecordReader(target, "train")
     assert [s.model_id[0] for s in train] == ["a"] * 32
-    assert RecordReader(target, "validation")[0].model_id.startswith("f001")
+    kept = [int(s.model_id[-2:], 16) for s in RecordReader(target, "validation")]
+    assert kept == [i for i in range(32) if i not in (3, 5)]
     assert max(len(train.read(i)) for i in range(32)) < 60_000
 
-    before = {p.name: p.read_bytes() for p in target.glob("*.arrayrecord")}
     (source / "10.gz").unlink()
+    content = make.content(1, validation=True)
+    (source / "11.gz").write_bytes(zlib.compress(make.content_bytes(content), 1))
     assert convert.main(["authors", str(source), str(target)]) == 0
-    times = {p.name: p.stat().st_mtime_ns for p in target.glob("*.arrayrecord")}
-    assert {p.name: p.read_bytes() for p in target.glob("*.arrayrecord")} == before
+    before = {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in target.glob("*.array*")}
     assert convert.main(["authors", str(source), str(target)]) == 0  # nothing left to do
-    assert {p.name: p.stat().st_mtime_ns for p in target.glob("*.arrayrecord")} == times
-
-
-def test_two_conversions_to_one_folder_do_not_meet(authors_file, tmp_path, capsys):
-    command = ["authors", str(authors_file.parent), str(tmp_path / "dst")]
-    with claim(tmp_path / "dst" / ".work", (0, 1)):
-        assert convert.main(command) == 2
-    assert "another process (pid " in capsys.readouterr().err
-    assert convert.main(command) == 0
-    assert sorted(p.name for p in (tmp_path / "dst").iterdir()) == [
-        "manifest.json",
-        "train-00000.arrayrecord",
-    ]
-
-
-def test_samples_without_an_object_are_left_out(make, tmp_path, capsys):
-    content = make.content()
-    content["depth"][3] = 0
-    content["points"][5] = 7
-    (tmp_path / "0.gz").write_bytes(zlib.compress(make.content_bytes(content), 1))
-    assert convert.main(["authors", str(tmp_path), str(tmp_path / "dst")]) == 1
-    error = capsys.readouterr().err
-    assert "00000003, view 0: the mask is empty" in error
-    assert "00000005, view 0: all points are in one place" in error
-    assert "2 files, models or views were left out" in error
-    kept = [int(sample.model_id[-2:], 16) for sample in RecordReader(tmp_path / "dst", "train")]
-    assert kept == [i for i in range(32) if i not in (3, 5)]
+    after = {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in target.glob("*.array*")}
+    assert after == before
 
 
 def test_shapes_of_held_out_objects_leave_the_training_set(make, tmp_path, capsys):
@@ -203,18 +184,20 @@ def test_a_killed_conversion_goes_on(make, authors_file, tmp_path, monkeypatch):
     assert sum(s.count for s in manifest.shards) == 96
 
 
-def test_a_full_disk_ends_a_conversion_that_goes_on_when_there_is_room(
+def test_another_conversion_or_a_full_disk_ends_one_that_goes_on_later(
     authors_file, tmp_path, capsys
 ):
-    source, target = tmp_path / "source", tmp_path / "target"
-    source.mkdir()
-    (source / "0.gz").write_bytes(authors_file.read_bytes())
-    command = ["authors", str(source), str(target)]
+    target = tmp_path / "target"
+    command = ["authors", str(authors_file.parent), str(target)]
+    with claim(target / ".work", (0, 1)):
+        assert convert.main(command) == 2
+    assert "another process (pid " in capsys.readouterr().err
     with without_room(20_000):
         assert convert.main(command) == 5
     assert capsys.readouterr().err.splitlines()[-1].startswith(f"error: {target}")
     assert not list(target.iterdir())
     assert convert.main(command) == 0
+    assert sorted(p.name for p in target.iterdir()) == ["manifest.json", "train-00000.arrayrecord"]
     RecordReader(target, "train").verify()
 
 
