@@ -156,11 +156,13 @@ def _turned(stored: Photo, orientation: int) -> Photo:
     """A photo upright, if it is stored with this orientation of EXIF."""
     if (method := _TRANSPOSE.get(orientation)) is None:
         return stored
-    image, alpha = (
-        plane if plane is None else np.asarray(Image.fromarray(plane).transpose(method))
-        for plane in (stored.image, stored.alpha)
-    )
-    return Photo(image, alpha, _upright_size(stored.size, orientation), orientation)
+
+    def turned(plane: np.ndarray) -> np.ndarray:
+        return np.asarray(Image.fromarray(plane).transpose(method))
+
+    alpha = None if stored.alpha is None else turned(stored.alpha)
+    size = _upright_size(stored.size, orientation)
+    return Photo(turned(stored.image), alpha, size, orientation)
 
 
 @contextlib.contextmanager
