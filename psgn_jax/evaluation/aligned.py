@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 
 from psgn_jax.array_types import Array, Float
-from psgn_jax.evaluation.clouds import emd
+from psgn_jax.evaluation.clouds import emd, subset
 from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
 from psgn_jax.losses.points import check_points
 
@@ -61,9 +61,7 @@ def align(
       ValueError: the errors of `losses.nearest_both`.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
-    most = max(len(pred), _MOST_POINTS)
-    if len(gt) > most:
-        gt = gt[jax.random.permutation(jax.random.key(0), len(gt))[:most]]
+    gt = subset(gt, max(len(pred), _MOST_POINTS))
 
     def step(_: Any, current: Alignment) -> Alignment:
         to_gt, to_pred = nearest_both(current.scale * pred + current.shift[None], gt)

@@ -51,10 +51,15 @@ def emd(
         raise ValueError(
             f"gt: got {len(gt)} points, expected at least as many as pred has ({len(pred)})"
         )
-    if len(pred) < len(gt):
-        gt = gt[jax.random.permutation(jax.random.key(0), len(gt))[: len(pred)]]
-    matched = matched_distances(pred, gt, tolerance=tolerance)
+    matched = matched_distances(pred, subset(gt, len(pred)), tolerance=tolerance)
     return Emd(matched.distance.mean(), matched.assignment.gap)
+
+
+def subset(gt: Float[Array, "m 3"], count: int) -> Float[Array, "n 3"]:
+    """At most `count` points of gt; always the same ones for the same m and count."""
+    if len(gt) <= count:
+        return gt
+    return gt[jax.random.permutation(jax.random.key(0), len(gt))[:count]]
 
 
 def _near(distance_sq: Array, threshold: float | Array) -> Array:

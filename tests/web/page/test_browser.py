@@ -149,8 +149,9 @@ def test_points_and_files_are_those_of_python(opened, predictor, tmp_path):
 
 
 @pytest.mark.slow
-def test_transparency_is_the_mask(opened, predictor, tmp_path):
+def test_masks_from_transparency_and_from_files(opened, predictor, tmp_path):
     rgba = write_cut_out(tmp_path)
+    _, mask = write_photo(tmp_path)
     page = opened()
     give(page, tmp_path / "cut.png")
     expected = predictor(rgba, samples=8).points
@@ -160,24 +161,15 @@ def test_transparency_is_the_mask(opened, predictor, tmp_path):
     Image.fromarray(rgba).save(tmp_path / "corner.png")
     give(page, tmp_path / "corner.png")
     assert "Draw around the object" in status(page)
-
-
-@pytest.mark.slow
-def test_a_training_rendering_is_taken_as_framed(opened, predictor, tmp_path):
+    # A training rendering, which is framed already.
     sample = next(iter(drawn_solids.samples(1, seed=2, image_size=(192, 256))))
     Image.fromarray(sample.image).save(tmp_path / "a.png")
     Image.fromarray(sample.mask.view(np.uint8)).save(tmp_path / "a_mask.png")  # 0 and 1
     expected = predictor(sample.image, sample.mask, samples=8)
     assert not expected.view.placed
-    page = opened()
     give(page, tmp_path / "a.png", tmp_path / "a_mask.png")
     np.testing.assert_allclose(clouds(page)[0], expected.points, atol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_mask_file_for_an_open_photo(opened, tmp_path):
-    _, mask = write_photo(tmp_path)
-    page = opened()
+    # A mask for an open photo.
     give(page, tmp_path / "my chair.png")
     assert "Draw around the object" in status(page)
     Image.new("L", (100, 400), 255).save(tmp_path / "tall.png")
@@ -231,7 +223,7 @@ def test_the_mask_is_drawn(opened, predictor, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_phone(opened, tmp_path):
+def test_on_a_phone_with_touch_and_keys_every_control_has_a_name(opened, tmp_path):
     write_cut_out(tmp_path)
     phone = {"viewport": {"width": 375, "height": 700}, "has_touch": True, "is_mobile": True}
     page = opened(device_scale_factor=2, **phone)
@@ -247,13 +239,6 @@ def test_a_phone(opened, tmp_path):
         session.send("Input.dispatchTouchEvent", touch)
     session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     assert page.evaluate("psgn.viewer.view.turn") > view + 0.3
-
-
-@pytest.mark.slow
-def test_every_control_has_a_name(opened, tmp_path):
-    write_cut_out(tmp_path)
-    page = opened()
-    give(page, tmp_path / "cut.png")
     tree = page.locator("body").aria_snapshot()
     controls = re.findall(r"- (button|slider|checkbox|radio|textbox|application)(.*)", tree)
     assert len(controls) > 12
@@ -300,9 +285,6 @@ def test_a_message_about_a_file_stays_when_the_network_arrives_after_it(opened, 
     wait(page, "document.getElementById('about').textContent !== ''")
     page.wait_for_timeout(100)
     assert "not an image" in problem(page)
-    write_cut_out(tmp_path)
-    give(page, tmp_path / "cut.png")
-    assert "points in" in status(page)
 
 
 DAMAGE = {

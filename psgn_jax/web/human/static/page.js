@@ -185,6 +185,14 @@ function complain(text) {
 
 // --- views -----------------------------------------------------------------------------------------
 
+/** The path through some pixels. */
+function outline(pixels, closed = true) {
+  const path = new Path2D();
+  pixels.forEach(([x, y]) => path.lineTo(x, y));
+  if (closed) path.closePath();
+  return path;
+}
+
 /** A view of the model: over the image, by the camera of the record, or from any side. */
 class View {
   constructor(canvas, overImage) {
@@ -253,7 +261,8 @@ class View {
     const pixel = this.start = this.pixel(event), camera = this.camera(), near = p => Math.hypot(p[0] - pixel[0], p[1] - pixel[1]) < (event.pointerType === "touch" ? 22 : 12);
     this.canvas.setPointerCapture(event.pointerId);
     const handle = this.handles(camera).find(({ to }) => near(to));
-    const hit = this.faces(camera).findLast(({ path }) => contains(path, pixel));
+    const context = this.canvas.getContext("2d"), at = pixel.map(v => v * (window.devicePixelRatio || 1));
+    const hit = this.faces(camera).findLast(({ path }) => context.isPointInPath(outline(path), ...at));
     const orbit = { ...this.orbit };
     if (handle) {
       this.drag = dragged(handle);
@@ -278,10 +287,7 @@ class View {
     if (this.overImage && this.image.complete) context.drawImage(this.image, ...camera.box);
     const line = (path, colour, width = 1, closed = false) => {
       Object.assign(context, { strokeStyle: colour, lineWidth: width });
-      context.beginPath();
-      path.forEach(([x, y]) => context.lineTo(x, y));
-      if (closed) context.closePath();
-      context.stroke();
+      context.stroke(outline(path, closed));
     };
     const ground = (points, colour, width) => line(points.map(p => project(camera, p)), colour, width);
     if ($("grid").checked) {
@@ -294,10 +300,8 @@ class View {
     const style = this.overImage ? $("overlay").value : "solid";
     for (const { number, path, shade, round } of style === "off" ? [] : this.faces(camera)) {
       const chosen = number === state.selected, colour = COLOURS[number % COLOURS.length].map(c => Math.round(c * shade)).join();
-      context.beginPath();
-      path.forEach(([x, y]) => context.lineTo(x, y));
       context.fillStyle = `rgba(${colour}, ${style === "lines" ? 0.12 : this.overImage ? 0.75 : 1})`;
-      context.fill();
+      context.fill(outline(path));
       line(path, chosen ? "#ff9800" : `rgba(30, 41, 66, ${round ? 0.25 : 0.8})`, chosen && !round ? 2 : 1, true);
     }
     for (const { axis, from, to } of this.handles(camera)) {
@@ -308,14 +312,6 @@ class View {
       context.fill();
     }
   }
-}
-
-/** Whether a polygon contains a pixel. */
-function contains(path, [x, y]) {
-  return path.reduce((odd, [x0, y0], i) => {
-    const [x1, y1] = path[(i + 1) % path.length];
-    return (y0 > y) !== (y1 > y) && x < x0 + (y - y0) * (x1 - x0) / (y1 - y0) ? !odd : odd;
-  }, false);
 }
 
 /** Drags a handle: moves along its axis, resizes the part and leaves its other side, or turns it by the way across the axis. */
