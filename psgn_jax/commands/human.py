@@ -28,7 +28,7 @@ from psgn_jax.commands.common import (
 )
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.system.files import check_folder
-from psgn_jax.web.human import study as lib
+from psgn_jax.web.human import files as lib
 
 
 def _build(values: Any) -> None:

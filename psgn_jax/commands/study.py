@@ -96,7 +96,7 @@ def _main(argv: list[str]) -> None:
             raise ConfigError(f"--runs={','.join(values.runs)}: accepted by branches and losses")
         keep_compiled()
         keep_freed_memory()
-        from psgn_jax.studies.study import run
+        from psgn_jax.studies.runner import run
         from psgn_jax.weights.run_folder import load_config
 
         workdir = values.workdir or f"runs/{name}"

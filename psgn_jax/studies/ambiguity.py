@@ -29,7 +29,7 @@ from psgn_jax.evaluation.table import Lines
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
 from psgn_jax.prediction import sampling
-from psgn_jax.studies import figures, study
+from psgn_jax.studies import figures, runner
 from psgn_jax.system.untrusted import parse_json
 from psgn_jax.viewing import spheres
 from psgn_jax.weights.run_folder import open_run
@@ -45,7 +45,7 @@ NUM_MEASURED = 32
 BODY_BEGINS, DEEPEST = 0.94, 1.94
 DEPTH_RANGE = (0.15, 1.0)
 
-BASE: study.Overrides = {
+BASE: runner.Overrides = {
     "data.image_size": (64, 64),
     "data.num_points": 1024,
     "data.num_eval_points": 2048,
@@ -69,9 +69,9 @@ BASE: study.Overrides = {
 }
 
 
-def configs(base: Config, _: Callable[[str], str]) -> dict[str, study.Overrides]:
+def configs(base: Config, _: Callable[[str], str]) -> dict[str, runner.Overrides]:
     """The four networks."""
-    random: study.Overrides = {"model.random_size": 8}
+    random: runner.Overrides = {"model.random_size": 8}
     kl = {"loss.kl_weight": 2e-4, "loss.kl_warmup_steps": base.train.steps // 4}
     return {
         "deterministic": {},
@@ -188,17 +188,17 @@ def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]
     return result
 
 
-def measure(run: study.Run) -> study.Measured:
+def measure(run: runner.Run) -> runner.Measured:
     """Measures a network on the whole validation split.
 
     For the figure: a sample, true shapes with the same image, and draws.
     """
     config, params = run.config, open_run(run.folder, "last").params
     model, known = networks.build(config.model), cabinets(config.data.path)
-    cases: list[study.Sample] = []
+    cases: list[runner.Sample] = []
     each: list[dict[str, float]] = []
 
-    def draw(case: study.Sample) -> dict[str, float]:
+    def draw(case: runner.Sample) -> dict[str, float]:
         draws = case["pred"][None]
         if config.model.random_size:
             batch = {key: case[key][None] for key in ("image", "mask")}
@@ -208,7 +208,7 @@ def measure(run: study.Run) -> study.Measured:
         cases.append({**case, "draws": draws})
         return {}
 
-    found = study.evaluate(run, draw, keys=(*study.CASE, "mask"), split="validation")
+    found = runner.evaluate(run, draw, keys=(*runner.CASE, "mask"), split="validation")
     front = np.array([name.category == "front" for name in found.names])
     metrics = by_kind({key: np.array([of[key] for of in each]) for key in each[0]}, front)
     groups: dict[int, list[int]] = {}  # samples with the same image
@@ -234,7 +234,7 @@ def measure(run: study.Run) -> study.Measured:
 # --- Table and figure ---------------------------------------------------------------------------
 
 
-def ratios(results: study.Results) -> list[Lines]:
+def ratios(results: runner.Results) -> list[Lines]:
     """The best of K draws, divided by the prediction of the deterministic network."""
     best = {}
     for name, runs in results.items():
@@ -245,7 +245,7 @@ def ratios(results: study.Results) -> list[Lines]:
     return [[["", *best], ["best of K / deterministic (goal: at most .7)", *cells]]]
 
 
-def figure(results: study.Results) -> figures.Figure:
+def figure(results: runner.Results) -> figures.Figure:
     """Predictions for one image, sorted by depth, seen from three angles.
 
     A network with a single draw is followed by true shapes instead of further draws.
@@ -268,7 +268,7 @@ def figure(results: study.Results) -> figures.Figure:
     return figures.grid(rows, labels=labels)
 
 
-STUDY = study.Study(
+STUDY = runner.Study(
     "ambiguity",
     BASE,
     configs,

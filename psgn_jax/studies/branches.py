@@ -20,7 +20,7 @@ import numpy as np
 from psgn_jax.config.experiment import ConfigError, ModelConfig
 from psgn_jax.models.networks import build
 from psgn_jax.models.point_out_net import OutputGrid
-from psgn_jax.studies import figures, networks, study
+from psgn_jax.studies import figures, networks, runner
 from psgn_jax.viewing import spheres
 
 AROUND = 0.2
@@ -59,7 +59,7 @@ def order(points: np.ndarray, neighbours: np.ndarray) -> float:
     if n < 2 or not len(neighbours):
         return float("nan")
     near = np.linalg.norm(points[neighbours[:, 0]] - points[neighbours[:, 1]], axis=1).mean()
-    apart = np.sqrt(study.squared_distances(points, points)).sum() / (n * (n - 1))
+    apart = np.sqrt(runner.squared_distances(points, points)).sum() / (n * (n - 1))
     return float(near / max(apart, 1e-12))
 
 
@@ -71,7 +71,7 @@ def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
     return np.concatenate([right, below])
 
 
-def measure_sample(case: study.Sample, model: ModelConfig) -> dict[str, float]:
+def measure_sample(case: runner.Sample, model: ModelConfig) -> dict[str, float]:
     """The metrics of a sample; `pred` has the fc points first, `points` are uniform."""
     pred, gt = case["pred"], case["points"]
     network = build(model)
@@ -79,7 +79,7 @@ def measure_sample(case: study.Sample, model: ModelConfig) -> dict[str, float]:
     chain = np.arange(len(branches.fc))
     pairs = np.stack([chain[:-1], chain[1:]], axis=1), neighbours_in_grid(network.grid)
     clouds = pred[list(branches.fc)], pred[list(branches.deconv)]
-    gaps = [study.squared_distances(gt, cloud) for cloud in clouds]
+    gaps = [runner.squared_distances(gt, cloud) for cloud in clouds]
     to_fc, to_deconv = nearest = [gap.min(axis=1) for gap in gaps]
     by_fc, centre = to_fc < to_deconv, gt.mean(axis=0)
     found = {"gt_to_pred": float(np.minimum(to_fc, to_deconv).mean())}
@@ -95,7 +95,7 @@ def measure_sample(case: study.Sample, model: ModelConfig) -> dict[str, float]:
         )
         found |= {f"{branch}_{key}": v for key, v in zip(_OF_BRANCH, measures, strict=True)}
     some = slice(None, None, max(1, len(gt) // _SAMPLED))
-    around = (study.squared_distances(gt[some], gt[some]) < AROUND**2).sum(axis=1)
+    around = (runner.squared_distances(gt[some], gt[some]) < AROUND**2).sum(axis=1)
     fifths = {
         "distance": shares(by_fc, np.linalg.norm(gt - centre, axis=1)),
         "surface": shares(by_fc[some], -around),
@@ -116,7 +116,7 @@ def _rms(offsets: np.ndarray) -> float:
     return float(np.sqrt((offsets**2).sum(axis=1).mean()))
 
 
-def measure(run: study.Run) -> study.Measured:
+def measure(run: runner.Run) -> runner.Measured:
     """Measures the branches of a run; raises `ConfigError` for a network with only one."""
     model = run.config.model
     branches = build(model).branches
@@ -125,12 +125,12 @@ def measure(run: study.Run) -> study.Measured:
             f"{run.folder}: model.name={model.name!r} with {len(branches.fc)} fc and "
             f"{len(branches.deconv)} deconv points; expected a network with both branches"
         )
-    measured = study.evaluate(run, lambda case: measure_sample(case, model))
+    measured = runner.evaluate(run, lambda case: measure_sample(case, model))
     shown = {number: {**case, "model": model} for number, case in measured.shown.items()}
     return measured._replace(shown=shown)
 
 
-def panels(case: study.Sample, model: ModelConfig) -> dict[str, np.ndarray]:
+def panels(case: runner.Sample, model: ModelConfig) -> dict[str, np.ndarray]:
     """Image; maps of x, y, z; points coloured by branch, and truth, from two directions."""
     network, pred = build(model), case["pred"]
     branches = network.branches
@@ -146,7 +146,7 @@ def panels(case: study.Sample, model: ModelConfig) -> dict[str, np.ndarray]:
     return dict([image, *zip(titles, np.moveaxis(maps, -1, 0), strict=True), *others])
 
 
-def figure(results: study.Results) -> figures.Figure:
+def figure(results: runner.Results) -> figures.Figure:
     """Rows of samples for each run; one colour scale for all maps, in steps of .25."""
     rows, labels = [], []
     for name, runs in results.items():
@@ -160,7 +160,7 @@ def figure(results: study.Results) -> figures.Figure:
     return figures.grid(rows, labels=labels, scale=scale, scale_title="coordinate [radius]")
 
 
-STUDY = study.Study(
+STUDY = runner.Study(
     "branches",
     networks.BASE,
     lambda *_: networks.configs(["two_branch"]),

@@ -39,7 +39,7 @@ from psgn_jax.evaluation.clouds import evaluate_pair
 from psgn_jax.evaluation.table import Lines
 from psgn_jax.losses.farthest_points import farthest_points
 from psgn_jax.models.voxels import GRID_EDGE, GRID_ORIGIN
-from psgn_jax.studies import figures, study
+from psgn_jax.studies import figures, runner
 from psgn_jax.system.files import write_atomic
 from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
@@ -81,7 +81,7 @@ PAPER = {
 
 _CASES = ("chair", "table", "bench", "lamp", "plane", "firearm")
 
-BASE: study.Overrides = {
+BASE: runner.Overrides = {
     "data.image_size": (96, 128),
     "data.num_points": NUM_POINTS,
     "data.flip": True,
@@ -104,7 +104,7 @@ BASE: study.Overrides = {
 }
 
 
-def configs(base: Config, folder: Callable[[str], str]) -> dict[str, study.Overrides]:
+def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Overrides]:
     """All networks. Those after `cd` have half as many steps."""
     half = max(1, base.train.steps // 2)
     emd = {"loss.name": "emd_mean", "loss.emd_tolerance": 0.02, "train.steps": half}
@@ -139,24 +139,24 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, study.Overr
 # --- Training of 3D-R2N2 ------------------------------------------------------------------------
 
 
-def train(run: study.Run) -> None:
+def train(run: runner.Run) -> None:
     """Trains a run, 3D-R2N2 for as long as `OURS` and its networks took together."""
     if run.name == PEER:
         path = run.folder.with_suffix(".json")
         if not path.exists():
             names = (*HEADS[OURS], OURS)
             others = [run._replace(folder=run.folder.with_name(f"{n}-{run.seed}")) for n in names]
-            seconds = float(np.nansum([study.cost(other)[1] for other in others]))
+            seconds = float(np.nansum([runner.cost(other)[1] for other in others]))
             steps = max(1, round(seconds / step_seconds(run)))
             write_atomic(path, json.dumps({"seconds": seconds, "steps": steps}) + "\n")
         steps = int(json.loads(path.read_text())["steps"])
         optim = dataclasses.replace(run.config.optim, warmup_steps=min(100, steps // 4))
         settings = dataclasses.replace(run.config.train, steps=steps, eval_every=steps)
         run = run._replace(config=dataclasses.replace(run.config, train=settings, optim=optim))
-    study.train_network(run)
+    runner.train_network(run)
 
 
-def step_seconds(run: study.Run) -> float:
+def step_seconds(run: runner.Run) -> float:
     """Mean duration of a step of 3D-R2N2 over the possible numbers of views, in seconds.
 
     The duration is linear in the number of views, so only the smallest and the largest are timed.
@@ -206,7 +206,7 @@ def cloud_of(volume: np.ndarray, number: int) -> np.ndarray:
     return np.asarray(_sampled(points.astype(np.float32), NUM_POINTS))
 
 
-def distances(cloud: np.ndarray, case: study.Sample, number: int) -> dict[str, float]:
+def distances(cloud: np.ndarray, case: runner.Sample, number: int) -> dict[str, float]:
     """CD and EMD of a cloud [1024, 3] to the true volume, and to the true surface."""
     # A random subset, because the points of a record are ordered by position.
     order = np.random.default_rng([1, number]).permutation(len(case["points"]))
@@ -219,7 +219,7 @@ def distances(cloud: np.ndarray, case: study.Sample, number: int) -> dict[str, f
     return values
 
 
-def measure(run: study.Run) -> study.Measured:
+def measure(run: runner.Run) -> runner.Measured:
     """Measures a run on the test split, as far as its predictions allow; see `METRICS`."""
     data = dataclasses.replace(run.config.data, occupancy=True)
     run = run._replace(config=dataclasses.replace(run.config, data=data))
@@ -229,10 +229,10 @@ def measure(run: study.Run) -> study.Measured:
         logging.warning("no test split: measuring on the split on which thresholds were chosen")
     scores = open_run(run.folder, "last").scores
     key = "threshold_of_iou_1_views" if run.name == PEER else "threshold_of_iou"
-    shown: dict[str, study.Sample] = {}
+    shown: dict[str, runner.Sample] = {}
     count = itertools.count()
 
-    def of_sample(case: study.Sample) -> dict[str, float]:
+    def of_sample(case: runner.Sample) -> dict[str, float]:
         if run.name == "volume":
             return {}
         number, thin, found, pred = next(count), thin_cells(case["occupancy"]), {}, case["pred"]
@@ -248,7 +248,9 @@ def measure(run: study.Run) -> study.Measured:
             shown[category] = {**case, "pred": pred, "thin": thin}
         return found
 
-    found = study.evaluate(run, of_sample, keys=(*study.CASE, "occupancy", "category"), split=split)
+    found = runner.evaluate(
+        run, of_sample, keys=(*runner.CASE, "occupancy", "category"), split=split
+    )
     metrics = dict(found.metrics)
     if run.name == PEER:
         metrics["iou"] = metrics["iou_1_views"]
@@ -296,7 +298,7 @@ _COLUMNS: dict[str, tuple[str, str, Any]] = {
 """Title -> name of the runs, metric and factor."""
 
 
-def by_category(results: study.Results) -> list[Lines]:
+def by_category(results: runner.Results) -> list[Lines]:
     """A row for each category, and the means over categories, of IoU also for all heads."""
     names = results[OURS][0].names
     categories = np.array([name.category or "(none)" for name in names])
@@ -326,7 +328,7 @@ def _mean(parts: Sequence[Any]) -> float:
     return float(np.nanmean(values)) if not np.isnan(values).all() else float("nan")
 
 
-def figure(results: study.Results) -> figures.Figure:
+def figure(results: runner.Results) -> figures.Figure:
     """Image, our cloud, our volume, that of 3D-R2N2, the true volume, from two sides.
 
     Volumes are shown as spheres at the centres of the occupied cells.
@@ -343,7 +345,7 @@ def figure(results: study.Results) -> figures.Figure:
     return figures.grid(rows, labels=list(results["cd"][0].shown))
 
 
-STUDY = study.Study(
+STUDY = runner.Study(
     "comparison",
     BASE,
     configs,

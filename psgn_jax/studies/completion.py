@@ -14,7 +14,7 @@ import functools
 import numpy as np
 
 from psgn_jax.studies import figures
-from psgn_jax.studies.study import CASE, Results, Study, evaluate, squared_distances
+from psgn_jax.studies.runner import CASE, Results, Study, evaluate, squared_distances
 from psgn_jax.viewing import spheres
 
 METRICS = {

@@ -15,7 +15,7 @@ import functools
 import numpy as np
 
 from psgn_jax.studies import figures, networks
-from psgn_jax.studies.study import Results, Sample, Study, evaluate, squared_distances
+from psgn_jax.studies.runner import Results, Sample, Study, evaluate, squared_distances
 from psgn_jax.viewing import spheres
 
 FAR = 0.1

@@ -24,7 +24,7 @@ import optax
 from psgn_jax import losses
 from psgn_jax.array_types import Array, Float, PRNGKey
 from psgn_jax.studies import figures
-from psgn_jax.studies.study import Measured, Results, Run, Study
+from psgn_jax.studies.runner import Measured, Results, Run, Study
 from psgn_jax.system.files import write_atomic
 
 Plane = Float[Array, "n 2"]

@@ -13,7 +13,7 @@ performance gain." The paper trains for 300,000 steps; sizes and measures here a
 import numpy as np
 
 from psgn_jax.studies import figures
-from psgn_jax.studies.study import Overrides, Results, Study, standard_error
+from psgn_jax.studies.runner import Overrides, Results, Study, standard_error
 
 LOSSES = {"cd": "chamfer_sq_mean", "emd": "emd_mean"}
 NETWORKS: dict[str, Overrides] = {

@@ -13,7 +13,7 @@ from psgn_jax.data import camera
 from psgn_jax.evaluation.results import SampleName
 from psgn_jax.models.networks import build
 from psgn_jax.studies import ambiguity, branches, comparison, figures, losses, mean_shape, networks
-from psgn_jax.studies.study import Measured, Run
+from psgn_jax.studies.runner import Measured, Run
 
 
 def view():

@@ -30,8 +30,8 @@ from psgn_jax.prediction import sampling
 from psgn_jax.studies import figures
 from psgn_jax.system.files import finite_or_none, write_atomic
 from psgn_jax.system.untrusted import message_line, one_line
+from psgn_jax.web.human.files import Answer, StudyFile
 from psgn_jax.web.human.solids import sample_union
-from psgn_jax.web.human.study import Answer, StudyFile
 from psgn_jax.weights.run_folder import Run
 
 NUM_POINTS = 1024

@@ -15,7 +15,7 @@ from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation.results import SampleName
 from psgn_jax.studies import branches, completion
-from psgn_jax.studies import study as lib
+from psgn_jax.studies import runner as lib
 from psgn_jax.system.errors import UserError
 
 TINY = {
@@ -99,7 +99,7 @@ def test_data_without_depth_are_refused_before_anything_is_trained(tmp_path):
     drawn = drawn_solids.samples(2, seed=0, image_size=(12, 16))
     flat = [dataclasses.replace(s, depth=None) for s in drawn]
     write_dataset(tmp_path / "data", {"train": flat, "validation": flat}, source="")
-    with pytest.raises(ConfigError, match="asks for depth"):
+    with pytest.raises(ConfigError, match="remove 'depth' from data.inputs"):
         lib.run(STUDY, tmp_path / "work", data=str(tmp_path / "data"))
     assert not (tmp_path / "work").exists()
 
