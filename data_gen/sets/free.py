@@ -139,9 +139,7 @@ class Part(NamedTuple):
 def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[Part]:
     """The data sets of a training set, source by source.
 
-    Args:
-      chosen: the sources.
-      fractions: fraction of the views rendered with each of `OTHER_PRESETS`; a missing one is 0.
+    `fractions` are those of the views rendered with each of `OTHER_PRESETS`; a missing one is 0.
 
     Raises:
       ValueError: the sum of the fractions exceeds 1.
@@ -167,23 +165,13 @@ def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[
 def settings_of(
     part: Part, centre: str = "vertices", workers: int = 0, variant: str = "auto"
 ) -> settings.Settings:
-    """Settings of a data set. The authors' objects are centred on their vertices.
-
-    Args:
-      part: the data set.
-      centre: see `settings.Settings`.
-      workers: see `settings.JobSettings`.
-      variant: see `settings.JobSettings`.
-    """
+    """Settings of a data set. The authors' objects are centred on their vertices."""
     values = config.get_config(part.preset)
-    values.views = part.views
-    values.centre = centre
-    values.image.missing = part.source.missing
+    values.views, values.centre, values.image.missing = part.views, centre, part.source.missing
     if part.preset != "photo":
         # These textures have few texels per pixel, so that a few samples suffice.
         values.image.samples = 2
-    values.job.workers = workers
-    values.job.variant = variant
+    values.job.workers, values.job.variant = workers, variant
     # One seed for each preset, so that the cameras of a source's data sets differ.
     values.seed = ("authors", *OTHER_PRESETS).index(part.preset)
     return settings.parse(values)
@@ -194,11 +182,7 @@ def write_table(
 ) -> str:
     """Writes `SOURCES.md`, `sources.json` and the copyright statements; returns `SOURCES.md`.
 
-    Args:
-      out: folder of the training set.
-      parts: all its data sets.
-      packages: folder of the unpacked packages.
-      lines: lines of `models.jsonl` by folder of the data set; missing data sets are not counted.
+    `lines` are those of `models.jsonl` by folder of the data set; missing ones are not counted.
     """
     rows = []
     for source in {part.source.name: part.source for part in parts}.values():
@@ -206,7 +190,7 @@ def write_table(
         if folders:
             reports = [line for folder in folders for line in lines[folder]]
             rows.append(sources.row(source, reports, packages, folders))
-            text = sources.copyright_of(packages, source.package)
+            _, text = sources.documents_of(packages, source.package)
             if text:
                 write_atomic(out / "licences" / f"{source.package}.txt", text)
     text = sources.markdown(rows)
@@ -222,12 +206,11 @@ def _parse_flags(argv: list[str]) -> list[str]:
     flags.DEFINE_string("packages", None, "Folder of the unpacked packages.")
     flags.DEFINE_string("out", None, "Folder of the set.")
     flags.DEFINE_list("sources", [], "Names of sources, separated by commas; empty = all.")
-    texts = {"fraction": "Fraction of each source's models, at least 3 models."} | {
-        name: f"Fraction of the views rendered with the preset {name}." for name in OTHER_PRESETS
-    }
-    for name, text in texts.items():
-        default = 1.0 if name == "fraction" else 0.0
-        flags.DEFINE_float(name, default, text, lower_bound=0.0, upper_bound=1.0)
+    flags.DEFINE_float("fraction", 1.0, "Fraction of each source's models, at least 3 models.",
+                       lower_bound=0.0, upper_bound=1.0)  # fmt: skip
+    for name in OTHER_PRESETS:
+        flags.DEFINE_float(name, 0.0, f"Fraction of the views rendered with the preset {name}.",
+                           lower_bound=0.0, upper_bound=1.0)  # fmt: skip
     flags.DEFINE_enum("centre", "vertices", ["bounds", "vertices"],
                       "Point of a model that is moved to x = y = 0.")  # fmt: skip
     flags.DEFINE_integer("workers", 0, "Processes, 0 = one per processor.", lower_bound=0)

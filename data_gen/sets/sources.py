@@ -1,11 +1,13 @@
 """Sources of a training set: their models, splits and licences."""
 
+import contextlib
 import dataclasses
 import gzip
 import hashlib
 import os
 import pathlib
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -158,33 +160,22 @@ def missing(sources: Sequence[Source], packages: str | os.PathLike[str]) -> list
     return lines
 
 
-def _documents(packages: str | os.PathLike[str], package: str) -> pathlib.Path:
-    return pathlib.Path(packages) / package / "usr/share/doc" / package
-
-
-def copyright_of(packages: str | os.PathLike[str], package: str) -> str:
-    """The copyright statement in the package, "" if it is missing."""
-    try:
-        return (_documents(packages, package) / "copyright").read_text("utf-8", "replace")
-    except OSError:
-        return ""
-
-
-def version_of(packages: str | os.PathLike[str], package: str) -> str:
-    """The version of the package in its changelog, "" if it is missing."""
-    try:
-        with gzip.open(_documents(packages, package) / "changelog.Debian.gz", "rb") as stream:
-            line = stream.read(300).decode("utf-8", "replace").split("\n")[0]
-    except (OSError, EOFError):
-        return ""
-    match = re.match(r"\S+ \(([^)]+)\)", line)
-    return match[1] if match else ""
+def documents_of(packages: str | os.PathLike[str], package: str) -> tuple[str, str]:
+    """Version and copyright statement of a package; "" if one is missing."""
+    folder = pathlib.Path(packages) / package / "usr/share/doc" / package
+    version = terms = ""
+    with contextlib.suppress(OSError, EOFError):
+        terms = (folder / "copyright").read_text("utf-8", "replace")
+        with gzip.open(folder / "changelog.Debian.gz", "rb") as stream:
+            match = re.match(rb"\S+ \(([^)]+)\)", stream.read(300))
+            version = match[1].decode("utf-8", "replace") if match else ""
+    return version, terms
 
 
 # --- The table --------------------------------------------------------------------------------
 
 
-def reason_of(text: str) -> str:
+def _reason(text: str) -> str:
     """A reason for a refusal without names and numbers, so that equal reasons can be counted."""
     text = re.sub(r"'[^']*'|\"[^\"]*\"", "...", text)
     return re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", "N", text)[:120]
@@ -196,39 +187,27 @@ def row(
     packages: str | os.PathLike[str],
     folders: Sequence[str],
 ) -> dict[str, Any]:
-    """The row of a source in the table.
-
-    Args:
-      source: the source.
-      lines: lines of `models.jsonl` of all its data sets.
-      packages: folder of the unpacked packages.
-      folders: folders of its data sets.
-    """
+    """The row of a source in the table, from the lines of `models.jsonl` of all its data sets."""
     good = {line["model_id"]: line for line in lines if line["status"] == "ok"}
-    refused: dict[str, int] = {}
+    bad = {x["model_id"]: x for x in lines if x["model_id"] not in good}
+    refused = Counter(_reason(line["reason"]) for line in bad.values())
     licences: dict[str, dict[str, Any]] = {}
-    splits: dict[str, int] = {}
-    for line in {x["model_id"]: x for x in lines if x["model_id"] not in good}.values():
-        reason = reason_of(line["reason"])
-        refused[reason] = refused.get(reason, 0) + 1
-    for name, line in good.items():
-        licence = source.licence_of(name)
+    for licence in map(source.licence_of, good):
         counted = licences.setdefault(licence.name, {"models": 0, "holders": []})
         counted["models"] += 1
         if licence.holders and licence.holders not in counted["holders"]:
             counted["holders"].append(licence.holders)
-        splits[line["split"]] = splits.get(line["split"], 0) + 1
     families = {source.family(original_name(n)) for n in good} - {""}
     return {
         "source": source.name,
         "package": source.package,
-        "version": version_of(packages, source.package) if source.package else "",
+        "version": documents_of(packages, source.package)[0] if source.package else "",
         "folders": list(folders),
         "models": len(good),
         "families": len(families) or None,
         "images": sum(line["samples"] for line in lines),
-        "splits": splits,
-        "refused": dict(sorted(refused.items(), key=lambda item: -item[1])),
+        "splits": dict(Counter(line["split"] for line in good.values())),
+        "refused": dict(refused.most_common()),
         "licences": licences,
     }
 
