@@ -43,11 +43,10 @@ from ml_collections import config_flags
 from data_gen import cluster, job, pool, settings
 from data_gen.catalogues.by_name import (
     CATALOGUES,
-    Variants,
-    class_of,
     open_catalogue,
     option_types,
     parse_options,
+    variants_of,
 )
 from data_gen.catalogues.choosing import Choice
 from psgn_jax.config import structured
@@ -191,14 +190,16 @@ def _help() -> Iterator[str]:
         f"{', '.join(sorted(settings.PRESETS))}."
     )
     for name in sorted(CATALOGUES):
-        yield from _documented(f"--catalogue={name}", class_of(name))
-        values = inspect.signature(class_of(name)).parameters
+        yield from _documented(f"--catalogue={name}", CATALOGUES[name])
+        values = inspect.signature(CATALOGUES[name]).parameters
         for key in option_types(name):
             if key in values:
                 value = values[key].default
                 shown = ",".join(map(str, value)) if isinstance(value, tuple) else value
                 yield f"  --option={key}={shown}"
-    yield from _documented("Every catalogue: --option=variants=0 --option=deviation=0.25", Variants)
+    yield from _documented(
+        "Every catalogue: --option=variants=0 --option=deviation=0.25", variants_of
+    )
     yield from _documented("Settings", settings.Settings)
     for name, section in structured.to_dict(settings.Settings()).items():
         if isinstance(section, dict):

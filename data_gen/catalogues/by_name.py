@@ -1,34 +1,38 @@
 """Opens catalogues by name, with options from the command line.
 
-To add a catalogue, write a module with a class that implements `entry.Catalogue`, and add it to
-`CATALOGUES`. The first parameter of the class is `source`. The others are its options: their
-annotations are the types for `--option`, and the section Args of the docstring is shown by
-`--help`.
+To add a catalogue, write a function that returns an `entry.Catalogue`, and add it to `CATALOGUES`.
+Its first parameter is `source`. The others are its options: their annotations are the types for
+`--option`, and the section Args of the docstring is shown by `--help`.
 """
 
-import importlib
 import os
 import typing
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from data_gen.catalogues.entry import Catalogue
+from data_gen.catalogues.flightgear import flightgear
+from data_gen.catalogues.folder import ac3d, folder
+from data_gen.catalogues.procedural import procedural
 from data_gen.catalogues.proportions import DEVIATION
+from data_gen.catalogues.records import records
+from data_gen.catalogues.sh3f import sweet_home
+from data_gen.catalogues.shapenet import shapenet
+from data_gen.catalogues.torcs import torcs
 
-CATALOGUES = {
-    "procedural": "data_gen.catalogues.procedural:ProceduralCatalogue",
-    "folder": "data_gen.catalogues.folder:FolderCatalogue",
-    "shapenet": "data_gen.catalogues.shapenet:ShapeNetCatalogue",
-    "sh3f": "data_gen.catalogues.sh3f:SweetHomeCatalogue",
-    "ac3d": "data_gen.catalogues.folder:AC3DCatalogue",
-    "flightgear": "data_gen.catalogues.flightgear:FlightGearCatalogue",
-    "torcs": "data_gen.catalogues.torcs:TorcsCatalogue",
-    "records": "data_gen.catalogues.records:RecordsCatalogue",
+CATALOGUES: dict[str, Callable[..., Catalogue]] = {
+    "procedural": procedural,
+    "folder": folder,
+    "shapenet": shapenet,
+    "sh3f": sweet_home,
+    "ac3d": ac3d,
+    "flightgear": flightgear,
+    "torcs": torcs,
+    "records": records,
 }
-"""The class of each catalogue, as `module:class`."""
 
 
-class Variants(Catalogue):
+def variants_of(models: Catalogue, variants: int = 0, deviation: float = DEVIATION) -> Catalogue:
     """A catalogue with variants of its models instead of the models.
 
     Args:
@@ -41,19 +45,17 @@ class Variants(Catalogue):
     Raises:
       ValueError: a number is out of range.
     """
-
-    def __init__(self, models: Catalogue, variants: int = 0, deviation: float = DEVIATION) -> None:
-        if variants < 0:
-            raise ValueError(f"variants: got {variants}, expected 0 or more")
-        if not 0 < deviation <= 1:
-            raise ValueError(
-                f"deviation: got {deviation:g}, expected a number above 0, up to 1 "
-                "(variants=0 keeps the proportions)"
-            )
-        self.name, self.fractions = models.name, models.fractions
-        self._entries = [
-            e.variant(number, deviation) for e in models.entries() for number in range(variants)
-        ]
+    if variants < 0:
+        raise ValueError(f"variants: got {variants}, expected 0 or more")
+    if not 0 < deviation <= 1:
+        raise ValueError(
+            f"deviation: got {deviation:g}, expected a number above 0, up to 1 "
+            "(variants=0 keeps the proportions)"
+        )
+    if not variants:
+        return models
+    entries = [e.variant(n, deviation) for e in models.entries() for n in range(variants)]
+    return Catalogue(models.name, entries, models.fractions)
 
 
 def open_catalogue(
@@ -64,50 +66,26 @@ def open_catalogue(
     deviation: float | None = None,
     **options: Any,
 ) -> Catalogue:
-    """A catalogue by its name.
-
-    Args:
-      name: one of `CATALOGUES`.
-      source: a folder or file, described in the class.
-      variants: see `Variants`.
-      deviation: see `Variants`; None = its default.
-      **options: keyword arguments of the class.
+    """A catalogue by its name: one of `CATALOGUES`, with its options, or `variants_of` its models.
 
     Raises:
-      ValueError: the name is unknown, the class refuses the source, or `deviation` is given
+      ValueError: the name is unknown, the catalogue refuses the source, or `deviation` is given
         without `variants`.
     """
     if deviation is not None and not variants:
         raise ValueError(f"deviation: got {deviation:g}, which has no effect without variants")
-    catalogue: Catalogue = class_of(name)(source, **options)
-    if not variants:
-        return catalogue
-    return Variants(catalogue, variants, DEVIATION if deviation is None else deviation)
-
-
-def class_of(name: str) -> Callable[..., Any]:
-    """The class of a catalogue.
-
-    Raises:
-      ValueError: the name is unknown.
-    """
     if name not in CATALOGUES:
         raise ValueError(f"catalogue {name!r}: expected one of {sorted(CATALOGUES)}")
-    module, _, kind = CATALOGUES[name].partition(":")
-    catalogue_class: Callable[..., Any] = getattr(importlib.import_module(module), kind)
-    return catalogue_class
+    models = CATALOGUES[name](source, **options)
+    return variants_of(models, variants, DEVIATION if deviation is None else deviation)
 
 
 _TRUTH = {"true": True, "1": True, "false": False, "0": False}
 
 
 def option_types(name: str) -> dict[str, Any]:
-    """The options of a catalogue and their types.
-
-    Raises:
-      ValueError: the catalogue is unknown.
-    """
-    hints = typing.get_type_hints(class_of(name).__init__)  # type: ignore[misc]
+    """The options of a catalogue and their types."""
+    hints = typing.get_type_hints(CATALOGUES[name])
     own = {key: hint for key, hint in hints.items() if key not in ("source", "return")}
     return own | {"variants": int, "deviation": float}
 
@@ -116,7 +94,7 @@ def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
     """Options of a catalogue from texts such as "up=+z" or "categories=chair,table".
 
     Raises:
-      ValueError: the catalogue or an option is unknown, an option is given twice, or a value has
+      ValueError: an option is unknown, an option is given twice, or a value has
         the wrong type.
     """
     hints = option_types(name)

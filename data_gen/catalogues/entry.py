@@ -78,24 +78,27 @@ def _load_variant(load: Callable[[], Model], name: str, deviation: float) -> Mod
     return vary(load(), name, deviation)
 
 
+@dataclasses.dataclass(frozen=True)
 class Catalogue:
-    """A list of models. A subclass has a `name` and fills `_entries`.
+    """A list of models, always in the same order.
 
     Attributes:
+      name: name of the catalogue; the seeds of its models depend on it.
+      models: the models.
       fractions: those with which `split_of` divides the models; None = the splits are given.
     """
 
     name: str
+    models: Sequence[Entry]
     fractions: tuple[float, float, float] | None = None
-    _entries: Sequence[Entry]
 
     def __len__(self) -> int:
         """Number of models."""
-        return len(self._entries)
+        return len(self.models)
 
     def entries(self) -> Iterator[Entry]:
-        """All models, always in the same order."""
-        return iter(self._entries)
+        """All models."""
+        return iter(self.models)
 
 
 def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -> str:

@@ -69,7 +69,13 @@ def _wrapper(path: pathlib.Path, root: pathlib.Path, depth: int = 0) -> tuple[st
     return (model if model.casefold().endswith(".ac") else ""), livery
 
 
-class FlightGearCatalogue(Catalogue):
+def flightgear(
+    source: str | os.PathLike[str],
+    *,
+    liveries: int = 3,
+    fractions: tuple[float, float, float] = FRACTIONS,
+    max_faces: int = MAX_FACES,
+) -> Catalogue:
     """Aircraft below a folder, each with some of its liveries.
 
     An example of a name is `A320/Models/A320.ac:AirFrance`; a model without livery has the name of
@@ -85,41 +91,30 @@ class FlightGearCatalogue(Catalogue):
     Raises:
       ValueError: the folder is missing or contains no such file, or assimp is not installed.
     """
-
-    name = "flightgear"
-
-    def __init__(
-        self,
-        source: str | os.PathLike[str],
-        *,
-        liveries: int = 3,
-        fractions: tuple[float, float, float] = FRACTIONS,
-        max_faces: int = MAX_FACES,
-    ) -> None:
-        if liveries < 1:
-            raise ValueError(f"liveries: got {liveries}, expected 1 or more")
-        root = pathlib.Path(source)
-        names = find_meshes(source, {".ac"})
-        files = [n for n in names if not re.search(non_objects.AIRCRAFT, n, re.IGNORECASE)]
-        check_assimp(self.name)
-        folded = {name.casefold(): name for name in files}
-        dresses: dict[str, set[str]] = {name: set() for name in files}
-        for path in sorted(root.rglob("*.xml")):
-            model, livery = _wrapper(path, root)
-            name = folded.get(model.casefold())
-            if name and livery and (root / livery).is_dir():
-                dresses[name].add(livery)
-        self.fractions = fractions
-        self._entries = []
-        for name, found in dresses.items():  # sorted by file and livery
-            for livery in _spread(sorted(found), liveries) or [""]:
-                model_id = f"{name}:{posixpath.basename(livery)}" if livery else name
-                category = next((c for p, c in _CATEGORIES if re.search(p, name)), "aircraft")
-                load = functools.partial(
-                    load_model, name, LiveryFiles(root, livery), up="+y", front="-x",
-                    category=category, model_id=model_id, max_faces=max_faces, reader=read_ac3d,
-                )  # fmt: skip
-                self._entries.append(Entry(model_id, category, split_of(name, fractions), load))
+    if liveries < 1:
+        raise ValueError(f"liveries: got {liveries}, expected 1 or more")
+    root = pathlib.Path(source)
+    names = find_meshes(source, {".ac"})
+    files = [n for n in names if not re.search(non_objects.AIRCRAFT, n, re.IGNORECASE)]
+    check_assimp("flightgear")
+    folded = {name.casefold(): name for name in files}
+    dresses: dict[str, set[str]] = {name: set() for name in files}
+    for path in sorted(root.rglob("*.xml")):
+        model, livery = _wrapper(path, root)
+        name = folded.get(model.casefold())
+        if name and livery and (root / livery).is_dir():
+            dresses[name].add(livery)
+    entries = []
+    for name, found in dresses.items():  # sorted by file and livery
+        for livery in _spread(sorted(found), liveries) or [""]:
+            model_id = f"{name}:{posixpath.basename(livery)}" if livery else name
+            category = next((c for p, c in _CATEGORIES if re.search(p, name)), "aircraft")
+            load = functools.partial(
+                load_model, name, LiveryFiles(root, livery), up="+y", front="-x",
+                category=category, model_id=model_id, max_faces=max_faces, reader=read_ac3d,
+            )  # fmt: skip
+            entries.append(Entry(model_id, category, split_of(name, fractions), load))
+    return Catalogue("flightgear", entries, fractions)
 
 
 def _spread(names: list[str], count: int) -> list[str]:

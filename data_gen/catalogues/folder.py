@@ -3,17 +3,18 @@
 import functools
 import os
 import pathlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 from absl import logging
 
 from data_gen.catalogues import non_objects
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.frame import axis_vector
-from data_gen.mesh import MAX_FACES, Model
+from data_gen.mesh import MAX_FACES
 from data_gen.readers.ac3d import check_assimp, read_ac3d
 from data_gen.readers.files import FolderFiles
-from data_gen.readers.load import Reader, load_model
+from data_gen.readers.load import load_model
 
 # Formats in which z usually points up; in the others it is y.
 _Z_UP = (".stl", ".ply", ".off", ".3mf", ".xyz")
@@ -66,7 +67,15 @@ def find_meshes(source: str | os.PathLike[str], endings: set[str]) -> list[str]:
     return sorted(meshes)
 
 
-class FolderCatalogue(Catalogue):
+def folder(
+    source: str | os.PathLike[str],
+    *,
+    up: str = "auto",
+    front: str = "auto",
+    fractions: tuple[float, float, float] = FRACTIONS,
+    max_faces: int = MAX_FACES,
+    leave_out: Sequence[str] = (),
+) -> Catalogue:
     """All mesh files below a folder.
 
     `chairs/red.obj` is the model "chairs/red.obj" with the category "chairs". Files directly in the
@@ -86,63 +95,20 @@ class FolderCatalogue(Catalogue):
     Raises:
       ValueError: the folder is missing or contains no mesh, or an axis is unknown.
     """
-
-    name = "folder"
-
-    def __init__(
-        self,
-        source: str | os.PathLike[str],
-        *,
-        up: str = "auto",
-        front: str = "auto",
-        fractions: tuple[float, float, float] = FRACTIONS,
-        max_faces: int = MAX_FACES,
-        leave_out: Sequence[str] = (),
-    ) -> None:
-        for axis in {up, front} - {"auto"}:
-            axis_vector(axis)
-        self._list(source, extensions(), up, front, fractions, max_faces, leave_out)
-
-    def _list(
-        self,
-        source: str | os.PathLike[str],
-        endings: set[str],
-        up: str,
-        front: str,
-        fractions: tuple[float, float, float],
-        max_faces: int,
-        leave_out: Sequence[str],
-        reader: Reader | None = None,
-        objection: Callable[[str, Model], str] | None = None,
-    ) -> None:
-        names = find_meshes(source, endings)
-        kept = [n for n in names if not set(n.split("/")[:-1]) & set(leave_out)]
-        if not kept:
-            raise ValueError(
-                f"source {str(source)!r}: all of its {len(names)} meshes are in folders that are "
-                f"left out (leave_out={','.join(leave_out)}), expected at least one mesh elsewhere"
-            )
-        if len(kept) < len(names):
-            logging.info(
-                "%d files in folders named %s: left out, see the option leave_out",
-                len(names) - len(kept), ", ".join(leave_out),
-            )  # fmt: skip
-        files = FolderFiles(source)
-        self.fractions = fractions
-        self._entries = []
-        for name in kept:
-            category = name.split("/")[0] if "/" in name else ""
-            z_up = pathlib.PurePosixPath(name).suffix.lower() in _Z_UP
-            here = ("+z" if z_up else "+y") if up == "auto" else up
-            toward = ("-y" if here[1] == "z" else "+z") if front == "auto" else front
-            load = functools.partial(
-                load_model, name, files, up=here, front=toward, category=category,
-                max_faces=max_faces, reader=reader, objection=objection,
-            )  # fmt: skip
-            self._entries.append(Entry(name, category, split_of(name, fractions), load))
+    return _meshes("folder", source, extensions(), up, front, fractions, leave_out,
+                   max_faces=max_faces)  # fmt: skip
 
 
-class AC3DCatalogue(FolderCatalogue):
+def ac3d(
+    source: str | os.PathLike[str],
+    *,
+    up: str = "+y",
+    front: str = "-x",
+    fractions: tuple[float, float, float] = FRACTIONS,
+    max_faces: int = MAX_FACES,
+    leave_out: Sequence[str] = non_objects.FOLDERS,
+    objects_only: bool = True,
+) -> Catalogue:
     """All AC3D files below a folder, the models of flight and racing simulators.
 
     `Maritime/Civilian/ferry.ac` is a model with this name and the category "Maritime". Files
@@ -165,24 +131,46 @@ class AC3DCatalogue(FolderCatalogue):
       ValueError: the folder is missing or contains no such file, an axis is unknown, or assimp is
         not installed.
     """
+    check_assimp("ac3d")
+    return _meshes(
+        "ac3d", source, {".ac", ".acc"}, up, front, fractions, leave_out, max_faces=max_faces,
+        reader=read_ac3d, objection=non_objects.objection if objects_only else None,
+    )  # fmt: skip
 
-    name = "ac3d"
 
-    def __init__(
-        self,
-        source: str | os.PathLike[str],
-        *,
-        up: str = "+y",
-        front: str = "-x",
-        fractions: tuple[float, float, float] = FRACTIONS,
-        max_faces: int = MAX_FACES,
-        leave_out: Sequence[str] = non_objects.FOLDERS,
-        objects_only: bool = True,
-    ) -> None:
-        for axis in (up, front):
-            axis_vector(axis)
-        check_assimp(self.name)
-        self._list(
-            source, {".ac", ".acc"}, up, front, fractions, max_faces, leave_out, read_ac3d,
-            non_objects.objection if objects_only else None,
+def _meshes(
+    name: str,
+    source: str | os.PathLike[str],
+    endings: set[str],
+    up: str,
+    front: str,
+    fractions: tuple[float, float, float],
+    leave_out: Sequence[str],
+    **options: Any,
+) -> Catalogue:
+    for axis in {up, front} - {"auto"}:
+        axis_vector(axis)
+    names = find_meshes(source, endings)
+    kept = [n for n in names if not set(n.split("/")[:-1]) & set(leave_out)]
+    if not kept:
+        raise ValueError(
+            f"source {str(source)!r}: all of its {len(names)} meshes are in folders that are "
+            f"left out (leave_out={','.join(leave_out)}), expected at least one mesh elsewhere"
+        )
+    if len(kept) < len(names):
+        logging.info(
+            "%d files in folders named %s: left out, see the option leave_out",
+            len(names) - len(kept), ", ".join(leave_out),
         )  # fmt: skip
+    files = FolderFiles(source)
+    entries = []
+    for file in kept:
+        category = file.split("/")[0] if "/" in file else ""
+        z_up = pathlib.PurePosixPath(file).suffix.lower() in _Z_UP
+        here = ("+z" if z_up else "+y") if up == "auto" else up
+        toward = ("-y" if here[1] == "z" else "+z") if front == "auto" else front
+        load = functools.partial(
+            load_model, file, files, up=here, front=toward, category=category, **options,
+        )  # fmt: skip
+        entries.append(Entry(file, category, split_of(file, fractions), load))
+    return Catalogue(name, entries, fractions)

@@ -6,7 +6,7 @@ Each family has several kinds with random proportions, parts and colours.
 
 import functools
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +86,12 @@ def generate(category: str, seed: int) -> Model:
     return kit.model(category, f"{category}-{seed}", {"seed": seed, "kind": kind})
 
 
-class ProceduralCatalogue(Catalogue):
+def procedural(
+    source: str | os.PathLike[str] = "100",
+    *,
+    first_seed: int = 0,
+    fractions: tuple[float, float, float] = FRACTIONS,
+) -> Catalogue:
     """Models of the families of the paper's table.
 
     Args:
@@ -99,44 +104,24 @@ class ProceduralCatalogue(Catalogue):
     Raises:
       ValueError: the source has another form, or a category is unknown.
     """
-
-    name = "procedural"
-
-    def __init__(
-        self,
-        source: str | os.PathLike[str] = "100",
-        *,
-        first_seed: int = 0,
-        fractions: tuple[float, float, float] = FRACTIONS,
-    ) -> None:
-        text = str(source).strip()
-        parts = [p.partition("=") for p in text.split(",")] if "=" in text else []
-        counts = {c.strip(): n.strip() for c, _, n in parts} or dict.fromkeys(FAMILIES, text)
+    text = str(source).strip()
+    parts = [p.partition("=") for p in text.split(",")] if "=" in text else []
+    counts = {c.strip(): n.strip() for c, _, n in parts} or dict.fromkeys(FAMILIES, text)
+    for category, count in counts.items():
+        if category not in FAMILIES:
+            raise ValueError(f"category {category!r}: expected one of {list(FAMILIES)}")
+        if not count.isdecimal() or int(count) < 1:
+            raise ValueError(f"source {text!r}: expected a number of models or category=number,...")
+    if sum(map(int, counts.values())) > _LARGEST:
+        raise ValueError(f"source {text!r}: expected at most {_LARGEST} models in all")
+    if first_seed < 0:
+        raise ValueError(f"first_seed: got {first_seed}, expected 0 or more")
+    entries = []
+    # The categories alternate, so that every prefix contains all of them.
+    for seed in range(first_seed, first_seed + max(map(int, counts.values()))):
         for category, count in counts.items():
-            if category not in FAMILIES:
-                raise ValueError(f"category {category!r}: expected one of {list(FAMILIES)}")
-            if not count.isdecimal() or int(count) < 1:
-                raise ValueError(
-                    f"source {text!r}: expected a number of models or category=number,..."
-                )
-        if sum(map(int, counts.values())) > _LARGEST:
-            raise ValueError(f"source {text!r}: expected at most {_LARGEST} models in all")
-        if first_seed < 0:
-            raise ValueError(f"first_seed: got {first_seed}, expected 0 or more")
-        self._counts = {category: int(count) for category, count in counts.items()}
-        self._first = first_seed
-        self.fractions: tuple[float, float, float] = fractions
-
-    def __len__(self) -> int:
-        """Number of models."""
-        return sum(self._counts.values())
-
-    def entries(self) -> Iterator[Entry]:
-        """The models; the categories alternate, so that every prefix contains all of them."""
-        for offset in range(max(self._counts.values())):
-            seed = self._first + offset
-            for category, count in self._counts.items():
-                if offset < count:
-                    name = f"{category}-{seed}"
-                    split = split_of(name, self.fractions)
-                    yield Entry(name, category, split, functools.partial(generate, category, seed))
+            if seed < first_seed + int(count):
+                name = f"{category}-{seed}"
+                load = functools.partial(generate, category, seed)
+                entries.append(Entry(name, category, split_of(name, fractions), load))
+    return Catalogue("procedural", entries, fractions)

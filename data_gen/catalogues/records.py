@@ -37,7 +37,7 @@ _SHOWN = 0.04  # largest difference of depth between a point and the image's sur
 _FEWEST = 100  # smallest number of points of a usable model
 
 
-class RecordsCatalogue(Catalogue):
+def records(source: str | os.PathLike[str]) -> Catalogue:
     """The models in a folder of records, each from its first record.
 
     Args:
@@ -47,38 +47,35 @@ class RecordsCatalogue(Catalogue):
       ValueError: the folder contains no records, they cannot be read, a split is unknown, or model
         names are empty or ambiguous.
     """
-
-    name = "records"
-
-    def __init__(self, source: str | os.PathLike[str]) -> None:
-        source = os.fspath(source)
-        splits = load_manifest(source).splits()
-        splits.pop(DUPLICATES, None)
-        unknown = sorted(set(splits) - set(SPLITS))
-        if unknown or not splits:
-            raise ValueError(
-                f"{source}: its splits are {sorted(splits)}, expected some of {list(SPLITS)}"
-            )
-        found: dict[str, tuple[str, str, int]] = {}
-        for split in (s for s in SPLITS if s in splits):
-            reader = _reader(source, split)
-            for index in range(len(reader)):
-                stored = reader.stored(index, ())
-                name = stored.model_id
-                first = found.setdefault(name, (stored.category, split, index))
-                if not name or first[:2] != (stored.category, split):
-                    raise ValueError(
-                        f"{source}: record {index} of split {split!r} has the model name "
-                        f"{name!r}, expected a name that belongs to one model, in one category and "
-                        "one split"
-                    )
-        self._entries = [  # in the order of the records
-            Entry(
-                name, category, split, functools.partial(_load, source, split, index),
-                functools.partial(_load_variant, source, split, index),
-            )
-            for name, (category, split, index) in found.items()
-        ]  # fmt: skip
+    source = os.fspath(source)
+    splits = load_manifest(source).splits()
+    splits.pop(DUPLICATES, None)
+    unknown = sorted(set(splits) - set(SPLITS))
+    if unknown or not splits:
+        raise ValueError(
+            f"{source}: its splits are {sorted(splits)}, expected some of {list(SPLITS)}"
+        )
+    found: dict[str, tuple[str, str, int]] = {}
+    for split in (s for s in SPLITS if s in splits):
+        reader = _reader(source, split)
+        for index in range(len(reader)):
+            stored = reader.stored(index, ())
+            name = stored.model_id
+            first = found.setdefault(name, (stored.category, split, index))
+            if not name or first[:2] != (stored.category, split):
+                raise ValueError(
+                    f"{source}: record {index} of split {split!r} has the model name "
+                    f"{name!r}, expected a name that belongs to one model, in one category and "
+                    "one split"
+                )
+    entries = [  # in the order of the records
+        Entry(
+            name, category, split, functools.partial(_load, source, split, index),
+            functools.partial(_load_variant, source, split, index),
+        )
+        for name, (category, split, index) in found.items()
+    ]  # fmt: skip
+    return Catalogue("records", entries)
 
 
 @functools.lru_cache(maxsize=4)

@@ -155,7 +155,12 @@ def _load(path: str, piece: Furniture, max_faces: int) -> Model:
     )
 
 
-class SweetHomeCatalogue(Catalogue):
+def sweet_home(
+    source: str | os.PathLike[str],
+    *,
+    fractions: tuple[float, float, float] = FRACTIONS,
+    max_faces: int = MAX_FACES,
+) -> Catalogue:
     """The pieces of a `.sh3f` library, or of all libraries in a folder.
 
     A model is named `<library>/<id of the piece>`. Its category is the one that the
@@ -170,35 +175,25 @@ class SweetHomeCatalogue(Catalogue):
       ValueError: no library can be read. If only some cannot be read, they are left out with a
         warning.
     """
-
-    name = "sh3f"
-
-    def __init__(
-        self,
-        source: str | os.PathLike[str],
-        *,
-        fractions: tuple[float, float, float] = FRACTIONS,
-        max_faces: int = MAX_FACES,
-    ) -> None:
-        path = pathlib.Path(source)
-        libraries = sorted(path.rglob("*.sh3f")) if path.is_dir() else [path]
-        if not libraries or not libraries[0].is_file():
-            raise ValueError(f"source {str(source)!r}: expected a .sh3f file or a folder of them")
-        pieces, problems = [], []
-        for library in libraries:
-            try:
-                pieces += [(library, piece) for piece in read_library(library)]
-            except ValueError as error:
-                problems.append(str(error))
-        if not pieces and problems:
-            raise ValueError("; ".join(problems))
-        for problem in problems:
-            logging.warning("left out: %s", problem)
-        names = unique_names([piece.model_id for _, piece in pieces])
-        self.fractions = fractions
-        self._entries = []
-        for (library, piece), name in zip(pieces, names, strict=True):
-            load = functools.partial(
-                _load, str(library), dataclasses.replace(piece, model_id=name), max_faces
-            )
-            self._entries.append(Entry(name, piece.category, split_of(name, fractions), load))
+    path = pathlib.Path(source)
+    libraries = sorted(path.rglob("*.sh3f")) if path.is_dir() else [path]
+    if not libraries or not libraries[0].is_file():
+        raise ValueError(f"source {str(source)!r}: expected a .sh3f file or a folder of them")
+    pieces, problems = [], []
+    for library in libraries:
+        try:
+            pieces += [(library, piece) for piece in read_library(library)]
+        except ValueError as error:
+            problems.append(str(error))
+    if not pieces and problems:
+        raise ValueError("; ".join(problems))
+    for problem in problems:
+        logging.warning("left out: %s", problem)
+    names = unique_names([piece.model_id for _, piece in pieces])
+    entries = []
+    for (library, piece), name in zip(pieces, names, strict=True):
+        load = functools.partial(
+            _load, str(library), dataclasses.replace(piece, model_id=name), max_faces
+        )
+        entries.append(Entry(name, piece.category, split_of(name, fractions), load))
+    return Catalogue("sh3f", entries, fractions)

@@ -22,7 +22,15 @@ _LAYOUTS = (("models/model_normalized.obj", "-z"), ("model.obj", "+x"))
 _R2N2_TRAIN = 0.8
 
 
-class ShapeNetCatalogue(Catalogue):
+def shapenet(
+    source: str | os.PathLike[str],
+    *,
+    categories: Sequence[str] = (),
+    split: str = "r2n2",
+    validation: float = 0.0,
+    fractions: tuple[float, float, float] = FRACTIONS,
+    max_faces: int = MAX_FACES,
+) -> Catalogue:
     """An unpacked ShapeNetCore of either version, complete or in part.
 
     Args:
@@ -39,69 +47,54 @@ class ShapeNetCatalogue(Catalogue):
     Raises:
       ValueError: the folder contains no model, or a category or the split is unknown.
     """
-
-    name = "shapenet"
-
-    def __init__(
-        self,
-        source: str | os.PathLike[str],
-        *,
-        categories: Sequence[str] = (),
-        split: str = "r2n2",
-        validation: float = 0.0,
-        fractions: tuple[float, float, float] = FRACTIONS,
-        max_faces: int = MAX_FACES,
-    ) -> None:
-        root = pathlib.Path(source)
-        if not root.is_dir():
-            raise ValueError(f"source {str(source)!r}: expected the folder of ShapeNetCore")
-        if split not in ("r2n2", "hash"):
-            raise ValueError(f"split {split!r}: expected 'r2n2' or 'hash'")
-        if not 0 <= validation < 1:
-            raise ValueError(f"validation: got {validation}, expected 0 or more and less than 1")
-        if split == "hash" and validation:
-            raise ValueError(f"validation: got {validation}, which has no effect with split 'hash'")
-        if split == "r2n2" and tuple(fractions) != FRACTIONS:
-            raise ValueError(
-                f"fractions: got {list(fractions)}, which has no effect with split 'r2n2'"
-            )
-        names = {name: synset for synset, name in synsets.SHAPENET.items()}
-        wanted = {names.get(c, c) for c in categories}
-        there = sorted(
-            f.name for f in root.iterdir() if f.is_dir() and f.name.isdigit() and len(f.name) == 8
+    root = pathlib.Path(source)
+    if not root.is_dir():
+        raise ValueError(f"source {str(source)!r}: expected the folder of ShapeNetCore")
+    if split not in ("r2n2", "hash"):
+        raise ValueError(f"split {split!r}: expected 'r2n2' or 'hash'")
+    if not 0 <= validation < 1:
+        raise ValueError(f"validation: got {validation}, expected 0 or more and less than 1")
+    if split == "hash" and validation:
+        raise ValueError(f"validation: got {validation}, which has no effect with split 'hash'")
+    if split == "r2n2" and tuple(fractions) != FRACTIONS:
+        raise ValueError(f"fractions: got {list(fractions)}, which has no effect with split 'r2n2'")
+    names = {name: synset for synset, name in synsets.SHAPENET.items()}
+    wanted = {names.get(c, c) for c in categories}
+    there = sorted(
+        f.name for f in root.iterdir() if f.is_dir() and f.name.isdigit() and len(f.name) == 8
+    )
+    unknown = wanted - set(there)
+    if unknown:
+        raise ValueError(
+            f"categories {sorted(unknown)}: expected some of "
+            f"{[synsets.SHAPENET.get(s, s) for s in there]}, which are in {str(source)!r}"
         )
-        unknown = wanted - set(there)
-        if unknown:
-            raise ValueError(
-                f"categories {sorted(unknown)}: expected some of "
-                f"{[synsets.SHAPENET.get(s, s) for s in there]}, which are in {str(source)!r}"
-            )
-        self.fractions = fractions if split == "hash" else None
-        self._entries = []
-        for synset in there:
-            if wanted and synset not in wanted:
-                continue
-            category = synsets.SHAPENET.get(synset, synset)
-            found = [
-                (folder, next(layout for layout in _LAYOUTS if (folder / layout[0]).is_file()))
-                for folder in sorted((root / synset).iterdir())
-                if any((folder / file).is_file() for file, _ in _LAYOUTS)
-            ]
-            for index, (folder, (file, front)) in enumerate(found):
-                model_id = f"{synset}/{folder.name}"
-                if split == "hash":
-                    place = split_of(model_id, fractions)
-                elif index >= int(_R2N2_TRAIN * len(found)):
-                    place = "test"
-                else:
-                    place = split_of(model_id, (1 - validation, validation, 0.0))
-                load = functools.partial(
-                    load_model, file, FolderFiles(folder), up="+y", front=front,
-                    category=category, model_id=model_id, max_faces=max_faces,
-                )  # fmt: skip
-                self._entries.append(Entry(model_id, category, place, load))
-        if not self._entries:
-            raise ValueError(
-                f"source {str(source)!r}: it contains no model, expected "
-                "<synset>/<model>/models/model_normalized.obj or <synset>/<model>/model.obj"
-            )
+    entries = []
+    for synset in there:
+        if wanted and synset not in wanted:
+            continue
+        category = synsets.SHAPENET.get(synset, synset)
+        found = [
+            (folder, next(layout for layout in _LAYOUTS if (folder / layout[0]).is_file()))
+            for folder in sorted((root / synset).iterdir())
+            if any((folder / file).is_file() for file, _ in _LAYOUTS)
+        ]
+        for index, (folder, (file, front)) in enumerate(found):
+            model_id = f"{synset}/{folder.name}"
+            if split == "hash":
+                place = split_of(model_id, fractions)
+            elif index >= int(_R2N2_TRAIN * len(found)):
+                place = "test"
+            else:
+                place = split_of(model_id, (1 - validation, validation, 0.0))
+            load = functools.partial(
+                load_model, file, FolderFiles(folder), up="+y", front=front,
+                category=category, model_id=model_id, max_faces=max_faces,
+            )  # fmt: skip
+            entries.append(Entry(model_id, category, place, load))
+    if not entries:
+        raise ValueError(
+            f"source {str(source)!r}: it contains no model, expected "
+            "<synset>/<model>/models/model_normalized.obj or <synset>/<model>/model.obj"
+        )
+    return Catalogue("shapenet", entries, fractions if split == "hash" else None)

@@ -111,7 +111,12 @@ def read_car(data: bytes, assets: Assets) -> dict[str, Any]:
     return {**merged, "materials": assets.bounded(together)}
 
 
-class TorcsCatalogue(Catalogue):
+def torcs(
+    source: str | os.PathLike[str],
+    *,
+    fractions: tuple[float, float, float] = FRACTIONS,
+    max_faces: int = MAX_FACES,
+) -> Catalogue:
     """The cars in the data folder of TORCS: `cars/<name>/<name>.acc`.
 
     Args:
@@ -122,30 +127,20 @@ class TorcsCatalogue(Catalogue):
     Raises:
       ValueError: the folder contains no such car, or assimp is not installed.
     """
-
-    name = "torcs"
-
-    def __init__(
-        self,
-        source: str | os.PathLike[str],
-        *,
-        fractions: tuple[float, float, float] = FRACTIONS,
-        max_faces: int = MAX_FACES,
-    ) -> None:
-        root = pathlib.Path(source)
-        found = (p for p in root.glob("cars/*/*.acc") if p.stem == p.parent.name)
-        names = sorted(p.relative_to(root).as_posix() for p in found)
-        if not names:
-            raise ValueError(
-                f"source {str(source)!r}: expected the data folder of TORCS, with cars/*/*.acc"
-            )
-        check_assimp(self.name)
-        files = FolderFiles(root)
-        self.fractions = fractions
-        self._entries = []
-        for name in names:
-            load = functools.partial(
-                load_model, name, files, up="+y", front="+x", category="car", max_faces=max_faces,
-                reader=read_car,
-            )  # fmt: skip
-            self._entries.append(Entry(name, "car", split_of(name, fractions), load))
+    root = pathlib.Path(source)
+    found = (p for p in root.glob("cars/*/*.acc") if p.stem == p.parent.name)
+    names = sorted(p.relative_to(root).as_posix() for p in found)
+    if not names:
+        raise ValueError(
+            f"source {str(source)!r}: expected the data folder of TORCS, with cars/*/*.acc"
+        )
+    check_assimp("torcs")
+    files = FolderFiles(root)
+    entries = []
+    for name in names:
+        load = functools.partial(
+            load_model, name, files, up="+y", front="+x", category="car", max_faces=max_faces,
+            reader=read_car,
+        )  # fmt: skip
+        entries.append(Entry(name, "car", split_of(name, fractions), load))
+    return Catalogue("torcs", entries, fractions)

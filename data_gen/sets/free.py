@@ -39,7 +39,7 @@ from absl import app, flags, logging
 from data_gen import config, job, settings
 from data_gen.catalogues import non_objects
 from data_gen.sets import sources
-from data_gen.sets.sources import Licence, Selection, Source
+from data_gen.sets.sources import Licence, Source, select
 from psgn_jax.system.files import write_atomic
 from psgn_jax.system.signals import exit_on_signals
 from psgn_jax.system.untrusted import message_line
@@ -275,7 +275,7 @@ def _render(parts: Sequence[Part]) -> tuple[list[str], list[str]]:
     count = 0
     for number, part in enumerate(parts, 1):
         try:
-            models = Selection(part.source, given.packages, given.fraction, given.variants)
+            models = select(part.source, given.packages, given.fraction, given.variants)
             count += len(models) * part.views
             what = f"{part.folder}: {len(models)} models, {part.views} views"
             if given.check:

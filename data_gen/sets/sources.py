@@ -11,9 +11,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from data_gen.catalogues.by_name import open_catalogue
+from data_gen.catalogues.by_name import open_catalogue, variants_of
 from data_gen.catalogues.entry import Catalogue, original_name, split_of
-from data_gen.catalogues.proportions import DEVIATION
 
 _COLOURS = (
     "white|black|red|green|blue|yellow|grey|gray|brown|beige|orange|pink|purple|gold|silver|dark"
@@ -105,7 +104,9 @@ class Source:
         return next(x for x in self.licences if re.search(x.models, model_id))
 
 
-class Selection(Catalogue):
+def select(
+    source: Source, packages: str | os.PathLike[str], fraction: float = 1.0, variants: int = 0
+) -> Catalogue:
     """A catalogue of the models of a source that are in the training set.
 
     Args:
@@ -113,36 +114,28 @@ class Selection(Catalogue):
       packages: folder of the unpacked packages.
       fraction: fraction of the models, chosen by a hash of the name. A larger fraction contains the
         smaller ones.
-      variants: see `by_name.Variants`; a variant has the split of its model.
+      variants: see `by_name.variants_of`; a variant has the split of its model.
 
     Raises:
       ValueError: the catalogue cannot be opened, or no model is left.
     """
-
-    def __init__(
-        self, source: Source, packages: str | os.PathLike[str], fraction: float = 1.0,
-        variants: int = 0,
-    ) -> None:  # fmt: skip
-        inner = open_catalogue(source.catalogue, source.path(packages), **source.options)
-        self.name = inner.name
+    inner = open_catalogue(source.catalogue, source.path(packages), **source.options)
+    entries = [
+        e for e in inner.entries()
+        if not source.exclude or not re.search(source.exclude, e.model_id)
+    ]  # fmt: skip
+    if not entries:
+        raise ValueError(f"source {source.name!r}: no model is left, expected at least 1")
+    if source.families:
         entries = [
-            e for e in inner.entries()
-            if not source.exclude or not re.search(source.exclude, e.model_id)
-        ]  # fmt: skip
-        if not entries:
-            raise ValueError(f"source {source.name!r}: no model is left, expected at least 1")
-        if source.families:
-            entries = [
-                dataclasses.replace(e, split=split_of(source.family(e.model_id))) for e in entries
-            ]
-        if fraction < 1:
-            count = max(3, round(fraction * len(entries)))
-            ranked = sorted(entries, key=lambda e: hashlib.sha256(e.model_id.encode()).digest())
-            chosen = {e.model_id for e in ranked[:count]}
-            entries = [e for e in entries if e.model_id in chosen]
-        if variants:
-            entries = [e.variant(n, DEVIATION) for e in entries for n in range(variants)]
-        self._entries = entries
+            dataclasses.replace(e, split=split_of(source.family(e.model_id))) for e in entries
+        ]
+    if fraction < 1:
+        count = max(3, round(fraction * len(entries)))
+        ranked = sorted(entries, key=lambda e: hashlib.sha256(e.model_id.encode()).digest())
+        chosen = {e.model_id for e in ranked[:count]}
+        entries = [e for e in entries if e.model_id in chosen]
+    return variants_of(Catalogue(inner.name, entries), variants)
 
 
 # --- Packages ---------------------------------------------------------------------------------

@@ -39,7 +39,7 @@ def _usual(_: str) -> str:
 def _cabinets(workdir: str) -> str:
     """Cabinets with hidden depth, rendered in `workdir/data`, or completed."""
     from data_gen import cameras, job, settings
-    from data_gen.catalogues import doubt
+    from data_gen.catalogues import cabinets
 
     folder = pathlib.Path(workdir) / "data"
     # The camera is at elevation 0 in front of the panel and aims at its middle.
@@ -48,7 +48,7 @@ def _cabinets(workdir: str) -> str:
     )
     options = settings.Settings(views=1, num_points=4096, models_per_shard=64, camera=camera)
     try:
-        job.render_catalogue(doubt.DoubtCatalogue((80, 8), (4, 8)), folder, options)
+        job.render_catalogue(cabinets.cabinets((80, 8), (4, 8)), folder, options)
     except (RuntimeError, ValueError) as error:
         raise ConfigError(f"the study's data set: {error}") from error
     return str(folder)

@@ -1,7 +1,7 @@
 """Several plausible shapes for one image: `psgn study ambiguity`.
 
-The data are cabinets (`data_gen.catalogues.doubt`) whose depth cannot be seen from the front, but
-can be seen when the cabinet is turned. A deterministic network, Mo2 and Mo8 (trained on the best of
+The data are `data_gen.catalogues.cabinets`, whose depth cannot be seen from the front, but can be
+seen when the cabinet is turned. A deterministic network, Mo2 and Mo8 (trained on the best of
 2 and of 8 draws of the random input) and the conditional variational autoencoder are trained on
 both. Measured are distances from the truth, the spread (standard deviation over draws) of the
 output points along the hidden direction x and along y and z, the depths of the drawn cabinets
@@ -40,7 +40,7 @@ NUM_DRAWS = 8
 NUM_MEASURED = 32
 """Number of draws per image whose depth is measured."""
 
-# Geometry of `data_gen.catalogues.doubt` before normalisation: position of the front of the body
+# Geometry of `data_gen.catalogues.cabinets` before normalisation: position of the front of the body
 # along x, from the middle of the rail; and length of the deepest body.
 BODY_BEGINS, DEEPEST = 0.94, 1.94
 DEPTH_RANGE = (0.15, 1.0)
@@ -104,7 +104,7 @@ def cabinets(data: str) -> list[Cabinet]:
         except (ValueError, KeyError, TypeError) as error:
             raise RecordError(
                 f"data set {data!r}: {sample.model_id!r} lacks the study's parameters ({error!r}); "
-                "expected records of data_gen.catalogues.doubt"
+                "expected records of data_gen.catalogues.cabinets"
             ) from None
     return known
 
@@ -114,7 +114,7 @@ def measured_depth(points: np.ndarray, scale: float) -> float:
 
     The far end of the body is the 5 % quantile of x over the points above the rail. The back face
     of the body has more than 5 % of these points, and less than 5 % are stray points.
-    `data_gen.catalogues.doubt` describes the body and the rail.
+    `data_gen.catalogues.cabinets` describes the body and the rail.
 
     Args:
       points: points in the frame of a sample of the kind `front`.

@@ -24,7 +24,7 @@ from absl import logging
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from data_gen import job
 from data_gen.sets import free
-from data_gen.sets.sources import Selection
+from data_gen.sets.sources import select
 from psgn_jax.config.data import PhotoEffects
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.framing import normal_form
@@ -62,7 +62,7 @@ def render(packages, work, views, workers):
     folders = {"authors": [], "photo": []}
     for name in SOURCES:
         source = dataclasses.replace(free.SOURCES[name], views=views)
-        models = TestModels(Selection(source, packages))
+        models = TestModels(select(source, packages))
         for preset, made in folders.items():
             part = free.Part(source, preset, f"{preset}/{name}", views)
             options = free.settings_of(part, workers=workers)

@@ -198,20 +198,18 @@ def small(name="chairs", **changes):
 
 
 def test_a_larger_part_holds_a_smaller_one():
-    whole = sources.Selection(small(), "")
+    whole = sources.select(small(), "")
     assert len(whole) == 40
-    parts = [
-        {e.model_id for e in sources.Selection(small(), "", f).entries()} for f in (0, 0.1, 0.5)
-    ]
+    parts = [{e.model_id for e in sources.select(small(), "", f).entries()} for f in (0, 0.1, 0.5)]
     assert [len(p) for p in parts] == [3, 4, 20]
     assert parts[0] < parts[1] < parts[2]
-    rest = sources.Selection(small(exclude="^lamp"), "")
+    rest = sources.select(small(exclude="^lamp"), "")
     assert len(rest) == 30
     # All chairs are in one family and therefore in one split, unlike in the catalogue's own splits.
     assert len({e.split for e in rest.entries()}) == 1
-    assert len({e.split for e in sources.Selection(small(families=""), "").entries()}) == 3
+    assert len({e.split for e in sources.select(small(families=""), "").entries()}) == 3
     with pytest.raises(ValueError, match="no model is left"):
-        sources.Selection(small(exclude=""".*"""), "")
+        sources.select(small(exclude=""".*"""), "")
 
 
 def test_missing_packages_are_said_with_the_commands(tmp_path):

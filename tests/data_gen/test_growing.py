@@ -22,21 +22,13 @@ from psgn_jax.system.claims import ClaimedError
 from psgn_jax.system.files import write_atomic
 
 
-class Listed(Catalogue):
+def listed(names, split=lambda name: "test" if name[-1] in "37" else "train", fractions=None):
     """A catalogue of given names."""
-
-    name = "listed"
-
-    def __init__(self, names, split=lambda name: "test" if name[-1] in "37" else "train"):
-        self._names, self._split = list(names), split
-
-    def __len__(self):
-        return len(self._names)
-
-    def entries(self):
-        for name in self._names:
-            category = name.partition("/")[0] if "/" in name else "thing"
-            yield Entry(name, category, self._split(name), lambda: None)
+    entries = [
+        Entry(name, name.partition("/")[0] if "/" in name else "thing", split(name), lambda: None)
+        for name in names
+    ]
+    return Catalogue("listed", entries, fractions)
 
 
 def sample_of(entry):
@@ -79,7 +71,7 @@ def no_renderer(monkeypatch):
 
 
 def test_damaged_job_folders_are_refused_or_made_again(tmp_path):
-    job.render_catalogue(Listed(TEN), tmp_path, OPTIONS, render=Pool())
+    job.render_catalogue(listed(TEN), tmp_path, OPTIONS, render=Pool())
     lines = (tmp_path / job.REPORT).read_text()
     for text in (
         "[" * 200_000,
@@ -90,12 +82,12 @@ def test_damaged_job_folders_are_refused_or_made_again(tmp_path):
     ):
         (tmp_path / job.REPORT).write_bytes(text.encode("latin1"))
         with pytest.raises(ValueError, match=r"models\.jsonl: damaged"):
-            job.render_catalogue(Listed(TEN), tmp_path, OPTIONS, render=Pool())
+            job.render_catalogue(listed(TEN), tmp_path, OPTIONS, render=Pool())
     (tmp_path / job.REPORT).write_text(lines)
     for text in ("[" * 200_000, "[]", "{", '{"job": 3}', '{"job": []}'):
         (tmp_path / job.JOB).write_text(text)
         with pytest.raises(job.OtherSettingsError):
-            job.render_catalogue(Listed(TEN), tmp_path, OPTIONS, render=Pool())
+            job.render_catalogue(listed(TEN), tmp_path, OPTIONS, render=Pool())
 
 
 def test_damaged_samples_of_a_job_under_way_are_made_again(tmp_path):
@@ -117,7 +109,7 @@ TEN = [f"m{k}" for k in range(10)]
 
 def make(out, names, *, options=OPTIONS, stop_after=None, between=lambda: None, **more):
     renderer = Pool(stop_after, between)
-    source = names if isinstance(names, Listed) else Listed(names)
+    source = names if isinstance(names, Catalogue) else listed(names)
     summary = job.render_catalogue(source, out, options, render=renderer, **more)
     return summary, sorted(renderer.made)
 
@@ -243,9 +235,8 @@ def test_two_processes_do_not_do_the_same_part(tmp_path):
 
 def test_a_small_set_has_all_splits_and_keeps_them_when_it_grows(tmp_path, caplog):
     def hashed(count, fractions=FRACTIONS):
-        source = Listed([f"n{k}" for k in range(count)], lambda name: split_of(name, fractions))
-        source.fractions = fractions
-        return source
+        names = [f"n{k}" for k in range(count)]
+        return listed(names, lambda name: split_of(name, fractions), fractions)
 
     def splits_of(folder):
         return {line["model_id"]: line["split"] for line in job.read_report(folder)}
@@ -330,7 +321,7 @@ def test_what_has_changed_is_named(tmp_path):
             job.OtherSettingsError, match=r"2 of its \d models .*\('m1', 'thing'.*'m2'"
         ):
             make(out, [name for name in TEN if name not in ("m1", "m2")])
-        moved = Listed(TEN, split=lambda name: "train")
+        moved = listed(TEN, split=lambda name: "train")
         with pytest.raises(job.OtherSettingsError, match=r"1 of its .* \('m3', 'thing', test\)"):
             make(out, moved)
     with pytest.raises(job.OtherSettingsError, match=r"limit: 6 before, 2 now"):

@@ -15,7 +15,7 @@ from helpers.outcomes import outcomes
 
 from data_gen import cameras, engine, job, lights, scene, settings
 from data_gen.catalogues.by_name import open_catalogue
-from data_gen.catalogues.entry import Entry
+from data_gen.catalogues.entry import Catalogue, Entry
 from data_gen.engine import Variant, _smoke, choose_variant, has_mitsuba, llvm_candidates
 from data_gen.environment_maps import load_maps
 from data_gen.mesh import Material, build_model
@@ -377,24 +377,18 @@ time.sleep(60)
 """
 
 
-class Hostile:
-    name = "hostile"
-
-    def __len__(self):
-        return 4
-
-    def entries(self):
-        good = next(iter(open_catalogue("procedural", "table=1").entries()))
-        yield Entry("abort", "", "train", os.abort)
-        yield Entry("sleep", "", "train", functools.partial(time.sleep, 60))
-        yield Entry("hoard", "", "train", functools.partial(exec, HOARD))
-        yield Entry("good", "table", "train", good.loader)
-
-
 @pytest.mark.slow
 def test_crash_timeout_and_memory_end_with_their_model(tmp_path):
     limits = {**SMALL["job"], "seconds_per_model": 12.0, "megabytes_per_worker": 700}
-    summary = job.render_catalogue(Hostile(), tmp_path / "out", options(job=limits))
+    (good,) = open_catalogue("procedural", "table=1").entries()
+    loaders = {
+        "abort": os.abort,
+        "sleep": functools.partial(time.sleep, 60),
+        "hoard": functools.partial(exec, HOARD),
+        "good": good.loader,
+    }
+    source = Catalogue("hostile", [Entry(name, "", "train", x) for name, x in loaders.items()])
+    summary = job.render_catalogue(source, tmp_path / "out", options(job=limits))
     status = {line["model_id"]: line["status"] for line in summary.lines}
     assert status == {"abort": "crashed", "sleep": "timeout", "hoard": "memory", "good": "ok"}
     assert summary.samples == 1

@@ -7,7 +7,7 @@ from data_gen.catalogues import proportions
 from data_gen.catalogues.by_name import open_catalogue, parse_options
 from data_gen.catalogues.entry import original_name
 from data_gen.mesh import UnusableModelError, face_normals
-from data_gen.sets.sources import Licence, Selection, Source
+from data_gen.sets.sources import Licence, Source, select
 
 BOX = np.array([(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)], float)
 SIDES = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
@@ -66,8 +66,8 @@ def test_variants_of_a_source_keep_its_families(tmp_path):
     for name in ("stool", "stool2", "table", "lamp", "sofa", "bed"):
         write_box(tmp_path / f"{name}.obj")
     source = Source("boxes", "folder", views=1, licences=(Licence("MIT"),), place=str(tmp_path))
-    models = {e.model_id: e.split for e in Selection(source, "").entries()}
-    variants = list(Selection(source, "", variants=2).entries())
+    models = {e.model_id: e.split for e in select(source, "").entries()}
+    variants = list(select(source, "", variants=2).entries())
     assert len(variants) == 12
     assert all(e.split == models[original_name(e.model_id)] for e in variants)
     assert models["stool.obj"] == models["stool2.obj"]

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from data_gen.catalogues import doubt
+from data_gen.catalogues import cabinets
 from data_gen.surface import sample_surface
 from psgn_jax.config.experiment import ConfigError, parse
 from psgn_jax.data import camera
@@ -137,9 +137,9 @@ def test_emd_keeps_the_circle_and_cd_blurs_it(tmp_path, monkeypatch):
 
 
 def test_depth_is_read_off_the_true_points():
-    assert ambiguity.DEPTH_RANGE == doubt.DEPTH
+    assert ambiguity.DEPTH_RANGE == cabinets.DEPTH
     for seed in range(4):
-        model = doubt.generate("front", seed, seed + 1)
+        model = cabinets.generate("front", seed, seed + 1)
         points = sample_surface(model, 4096, 0).points.astype(np.float32)
         found = ambiguity.measured_depth(points, model.parameters["scale"])
         assert found == pytest.approx(model.parameters["hidden"]["depth"], abs=0.02)
@@ -147,7 +147,7 @@ def test_depth_is_read_off_the_true_points():
 
 def test_exact_draws_have_the_spread_of_the_truth(rng):
     """Clouds of two equal points, whose x is the hidden depth."""
-    depth = rng.uniform(*doubt.DEPTH, (32, 33))
+    depth = rng.uniform(*cabinets.DEPTH, (32, 33))
     depth[1::2] = 0.5
     x = ambiguity.BODY_BEGINS - ambiguity.DEEPEST * depth
     y = 0.01 * rng.normal(size=(32, 33))

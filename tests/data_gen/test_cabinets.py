@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from data_gen import cameras
-from data_gen.catalogues import doubt
+from data_gen.catalogues import cabinets
 
 _SPLITS = ("train", "validation")
 
 
 def test_the_depth_moves_nothing_that_normalisation_reads():
-    models = [doubt.generate("front", 5, h) for h in range(6)]
+    models = [cabinets.generate("front", 5, h) for h in range(6)]
     depths = [m.parameters["hidden"]["depth"] for m in models]
     assert len(set(depths)) == 6
-    assert all(doubt.DEPTH[0] <= d <= doubt.DEPTH[1] for d in depths)
+    assert all(cabinets.DEPTH[0] <= d <= cabinets.DEPTH[1] for d in depths)
     for m in models:
         np.testing.assert_allclose(m.vertices.min(axis=0), models[0].vertices.min(axis=0))
         np.testing.assert_allclose(m.vertices.max(axis=0), models[0].vertices.max(axis=0))
@@ -29,7 +29,7 @@ def test_what_the_depth_moves_is_behind_the_panel():
         image_size=(64, 64), azimuth=0, elevation=0, distance=3.6, focal=400, roll=0, aim=0.45
     )
     for seed in range(20):
-        shallow, deep = (doubt.generate("front", seed, h).vertices for h in range(2))
+        shallow, deep = (cabinets.generate("front", seed, h).vertices for h in range(2))
         moved = np.abs(shallow - deep).max(axis=1) > 1e-9
         assert moved.any()
         assert len(shallow) == len(deep)
@@ -42,18 +42,18 @@ def test_what_the_depth_moves_is_behind_the_panel():
 
 
 def test_turned_ones_are_the_same_turned():
-    front, turned = (doubt.generate(kind, 3, 1) for kind in doubt.KINDS)
+    front, turned = (cabinets.generate(kind, 3, 1) for kind in cabinets.KINDS)
     np.testing.assert_allclose(
         np.linalg.norm(turned.vertices, axis=1), np.linalg.norm(front.vertices, axis=1)
     )
     assert front.parameters == turned.parameters
     angle = np.arctan2(turned.vertices[:, 1], turned.vertices[:, 0])
     before = np.arctan2(front.vertices[:, 1], front.vertices[:, 0])
-    np.testing.assert_allclose(np.cos(angle - before), np.cos(np.radians(doubt.TURN)), atol=1e-9)
+    np.testing.assert_allclose(np.cos(angle - before), np.cos(np.radians(cabinets.TURN)), atol=1e-9)
 
 
 def test_catalogue_keeps_seeds_in_one_split():
-    catalogue = doubt.DoubtCatalogue((3, 2), (2, 4))
+    catalogue = cabinets.cabinets((3, 2), (2, 4))
     entries = list(catalogue.entries())
     assert len(entries) == len(catalogue) == 2 * (3 * 2 + 2 * 4)
     assert len({e.model_id for e in entries}) == len(entries)
@@ -61,6 +61,6 @@ def test_catalogue_keeps_seeds_in_one_split():
     assert not seeds["train"] & seeds["validation"]
     assert entries[0].load().model_id == entries[0].model_id
     with pytest.raises(ValueError, match="expected positive numbers"):
-        doubt.DoubtCatalogue((0, 1))
+        cabinets.cabinets((0, 1))
     with pytest.raises(ValueError, match="kind 'side': expected one of"):
-        doubt.generate("side", 0, 0)
+        cabinets.generate("side", 0, 0)

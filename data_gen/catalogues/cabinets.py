@@ -17,6 +17,7 @@ import functools
 
 import numpy as np
 
+from data_gen.cameras import turn_about_vertical
 from data_gen.catalogues.entry import Catalogue, Entry
 from data_gen.catalogues.families.kit import Kit
 from data_gen.catalogues.families.materials import BLACK, lacquer, metal, wood
@@ -83,12 +84,10 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
     )
     if kind == "front":
         return model
-    cosine, sine = np.cos(np.deg2rad(TURN)), np.sin(np.deg2rad(TURN))
-    turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
-    return dataclasses.replace(model, vertices=model.vertices @ turn.T)
+    return dataclasses.replace(model, vertices=model.vertices @ turn_about_vertical(TURN).T)
 
 
-class DoubtCatalogue(Catalogue):
+def cabinets(seeds: tuple[int, int] = (160, 16), draws: tuple[int, int] = (4, 8)) -> Catalogue:
     """Cabinets of both kinds: for each seed both kinds and all hidden depths.
 
     Args:
@@ -98,18 +97,15 @@ class DoubtCatalogue(Catalogue):
     Raises:
       ValueError: a number is not positive.
     """
-
-    name = "doubt"
-
-    def __init__(self, seeds: tuple[int, int] = (160, 16), draws: tuple[int, int] = (4, 8)) -> None:
-        if min(*seeds, *draws) < 1:
-            raise ValueError(f"seeds {seeds}, draws {draws}: expected positive numbers")
-        # An offset larger than any number of training seeds.
-        splits = zip(("train", "validation"), (0, 1_000_000), seeds, draws, strict=True)
-        self._entries = [
-            Entry(f"{kind}-{s}-h{draw}", kind, split, functools.partial(generate, kind, s, draw))
-            for split, first, count, depths in splits
-            for s in range(first, first + count)
-            for kind in KINDS
-            for draw in range(depths)
-        ]
+    if min(*seeds, *draws) < 1:
+        raise ValueError(f"seeds {seeds}, draws {draws}: expected positive numbers")
+    # An offset larger than any number of training seeds.
+    splits = zip(("train", "validation"), (0, 1_000_000), seeds, draws, strict=True)
+    entries = [
+        Entry(f"{kind}-{s}-h{draw}", kind, split, functools.partial(generate, kind, s, draw))
+        for split, first, count, depths in splits
+        for s in range(first, first + count)
+        for kind in KINDS
+        for draw in range(depths)
+    ]
+    return Catalogue("doubt", entries)
