@@ -21,7 +21,7 @@ from typing import Any
 from data_gen import pool
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import choose_variant
-from data_gen.render_model import Context
+from data_gen.render_model import Context, failure
 
 NO_DASK = "Dask is not installed: `pip install 'psgn-jax[cluster]'`"
 
@@ -95,7 +95,7 @@ def render_on(
                 try:
                     yield future.result()
                 except KilledWorker as error:
-                    line = pool.failure(entry, "crashed", f"its Dask workers died: {error}")
+                    line = failure(entry, "crashed", f"its Dask workers died: {error}")
                     yield pool.Result(number, line, [])
                 except Exception as error:
                     raise RuntimeError(

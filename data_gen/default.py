@@ -37,19 +37,11 @@ def build(
     models_per_category: int = NUM_PER_CATEGORY,
     options: settings.Settings = SETTINGS,
 ) -> str:
-    """Renders the default data set or completes it. A complete data set is not changed.
+    """Renders the default data set or completes it, and returns its folder.
 
-    Progress is logged by absl. LLVM is used if it is available; without it, the images differ by
-    rounding.
-
-    Args:
-      folder: folder of the data set. If another variant of the renderer began it and it is
-        incomplete, it is rendered again from the start.
-      models_per_category: number of models of each category.
-      options: all settings.
-
-    Returns:
-      The folder, which contains a complete data set of records.
+    A complete data set is not changed. If another variant of the renderer began it and it is
+    incomplete, it is rendered again from the start. LLVM is used if it is available; without it,
+    the images differ by rounding.
 
     Raises:
       RuntimeError: Mitsuba is missing or does not run, or no model could be rendered.

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from data_gen import engine
 from data_gen.catalogues.entry import Entry
-from data_gen.render_model import Context, render_model
+from data_gen.render_model import Context, failure, render_model
 from psgn_jax.system import processes
 
 _ATTEMPTS = 2
@@ -46,18 +46,6 @@ Pool = Callable[[Sequence[tuple[int, Entry]], Context], Generator[Result]]
 """Renders numbered models in any order.
 
 A failing model does not stop the pool. RuntimeError is raised if no process can be started."""
-
-
-def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
-    """The line of `models.jsonl` for a model without samples."""
-    return {
-        "model_id": entry.model_id,
-        "category": entry.category,
-        "split": entry.split,
-        "status": status,
-        "reason": reason,
-        "samples": 0,
-    }
 
 
 class Renderer:

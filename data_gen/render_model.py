@@ -43,6 +43,18 @@ def model_seed(seed: int, source: str, model_id: str) -> int:
     return int.from_bytes(hashlib.sha256(text).digest()[:8], "big") >> 1
 
 
+def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
+    """The line of `models.jsonl` for a model without samples."""
+    return {
+        "model_id": entry.model_id,
+        "category": entry.category,
+        "split": entry.split,
+        "status": status,
+        "reason": reason,
+        "samples": 0,
+    }
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Context:
     """Data of a job that workers need besides the models."""
@@ -71,14 +83,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         seconds[name] = round(seconds.get(name, 0.0) + now - clock, 4)
         clock = now
 
-    line: dict[str, Any] = {
-        "model_id": entry.model_id,
-        "category": entry.category,
-        "split": entry.split,
-        "status": "refused",
-        "reason": "",
-        "seed": seed,
-    }
+    line = {**failure(entry, "refused", ""), "seed": seed}
     done: list[bytes] = []
     views = []
     try:
@@ -98,7 +103,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         extremes = outline(model)
         mesh = Mesh(surfaces.corners)
         lap("mesh")
-        parameters = _plain(model.parameters)
+        parameters = _rounded(model.parameters)
         for view in range(settings.views):
             rng = np.random.default_rng([seed, view])
             camera = cameras.draw(rng, settings.camera, extremes)
@@ -256,11 +261,7 @@ def check_view(
 ) -> dict[str, float]:
     """Measurements of a view, which `objection_to` compares with the settings.
 
-    Args:
-      picture: the view.
-      camera: its camera.
-      points: points on the surface, in the view-aligned frame.
-      tree: search tree of the points in the model's frame.
+    `points` are in the view-aligned frame, those of the search `tree` in the model's.
 
     Returns:
       coverage: fraction of the image that the mask covers; edge: number of mask pixels at the
@@ -316,17 +317,13 @@ def objection_to(checks: Mapping[str, float], settings: Settings) -> str:
     return ""
 
 
-def _plain(value: Any) -> Any:
-    """A value in the types of JSON."""
+def _rounded(value: Any) -> Any:
+    """A value of a model's parameters, with floats rounded."""
     if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return [_plain(v) for v in value]
-    if isinstance(value, (np.ndarray, np.generic)):
-        return _plain(value.tolist())
-    if isinstance(value, float):
-        return round(value, 9) if np.isfinite(value) else None
-    return value if value is None or isinstance(value, (bool, int)) else str(value)
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, tuple):
+        return [_rounded(item) for item in value]
+    return round(value, 9) if isinstance(value, float) else value
 
 
 def peak_megabytes() -> float:

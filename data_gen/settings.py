@@ -1,7 +1,7 @@
 """Settings of the data stage: frozen dataclasses, made from nested mappings by `parse`."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 from data_gen import cameras, grounds
@@ -163,52 +163,25 @@ class Settings:
             raise ValueError("image.background='surroundings': it needs image.shading=photo")
 
 
-def _photo(settings: Settings) -> bool:
-    return settings.image.shading == "photo"
+_FILM = [f"film.{field.name}" for field in dataclasses.fields(FilmSettings)]
 
-
-EFFECTS: tuple[tuple[tuple[str, ...], Callable[[Settings], bool], str], ...] = (
-    (
-        (
-            "image.rays",
-            "image.ground",
-            *(f"film.{f.name}" for f in dataclasses.fields(FilmSettings)),
-        ),
-        _photo,
-        "image.shading=photo",
-    ),
-    (("image.path_samples",), lambda s: s.image.shading == "path", "image.shading=path"),
-    (
-        ("light.count", "light.ambient", "light.exposure"),
-        lambda s: not _photo(s),
-        "image.shading=local or path",
-    ),
-    (
-        ("light.saturation", "light.darkest"),
-        lambda s: s.image.shading == "local",
-        "image.shading=local",
-    ),
-    (
-        ("image.soft_edges",),
-        lambda s: s.image.samples > 0 or s.image.shading != "local",
-        "image.samples",
-    ),
-    (
-        ("image.background_folder",),
-        lambda s: s.image.background == "folder",
-        "image.background=folder",
-    ),
-    (
-        ("light.folder",),
-        lambda s: s.light.source in ("folder", "mixed"),
-        "light.source=folder or mixed",
-    ),
-    (
-        ("camera.keep_size",),
-        lambda s: s.camera.focal != (400.0, 400.0),
-        "another camera.focal than 400",
-    ),
-)
+EFFECTS: tuple[tuple[Sequence[str], Callable[[Settings], bool], str], ...] = (
+    (["image.rays", "image.ground", *_FILM], lambda s: s.image.shading == "photo",
+     "image.shading=photo"),
+    (["image.path_samples"], lambda s: s.image.shading == "path", "image.shading=path"),
+    (["light.count", "light.ambient", "light.exposure"], lambda s: s.image.shading != "photo",
+     "image.shading=local or path"),
+    (["light.saturation", "light.darkest"], lambda s: s.image.shading == "local",
+     "image.shading=local"),
+    (["image.soft_edges"], lambda s: s.image.samples > 0 or s.image.shading != "local",
+     "image.samples"),
+    (["image.background_folder"], lambda s: s.image.background == "folder",
+     "image.background=folder"),
+    (["light.folder"], lambda s: s.light.source in ("folder", "mixed"),
+     "light.source=folder or mixed"),
+    (["camera.keep_size"], lambda s: s.camera.focal != (400.0, 400.0),
+     "another camera.focal than 400"),
+)  # fmt: skip
 """Settings that have an effect only under a condition: names, condition, and the condition as text.
 
 With another value than the default, they are refused if the condition does not hold.

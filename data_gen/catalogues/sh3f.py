@@ -19,6 +19,7 @@ from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of, uni
 from data_gen.mesh import MAX_FACES, Model, UnusableModelError
 from data_gen.readers import archives
 from data_gen.readers.load import load_model
+from data_gen.readers.mtl import floats
 
 PROPERTIES = "PluginFurnitureCatalog.properties"
 
@@ -66,15 +67,6 @@ class Furniture:
     rotation: tuple[float, ...]
 
 
-def _numbers(text: str, count: int) -> tuple[float, ...]:
-    """`count` finite numbers, or an empty tuple."""
-    try:
-        values = tuple(float(w) for w in text.split())
-    except ValueError:
-        return ()
-    return values if len(values) == count and np.isfinite(values).all() else ()
-
-
 def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
     """The pieces of a library in the order of its list.
 
@@ -99,10 +91,8 @@ def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
     for n in numbers:
         name = table.get(f"name#{n}", "")
         identity = table.get(f"id#{n}") or name or str(n)
-        size = tuple(
-            (_numbers(table.get(f"{key}#{n}", ""), 1) or (0.0,))[0]
-            for key in ("width", "depth", "height")
-        )
+        texts = (table.get(f"{key}#{n}", "").split() for key in ("width", "depth", "height"))
+        size = [(floats(words, 1) or [0.0])[0] for words in texts]
         pieces.append(
             Furniture(
                 model_id=f"{stem}/{identity}",
@@ -110,7 +100,7 @@ def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
                 category=table.get(f"category#{n}", ""),
                 file=table[f"model#{n}"].lstrip("/"),
                 size=(size[0], size[1], size[2]),
-                rotation=_numbers(table.get(f"modelRotation#{n}", ""), 9),
+                rotation=tuple(floats(table.get(f"modelRotation#{n}", "").split(), 9) or ()),
             )
         )
     return pieces

@@ -3,7 +3,7 @@
 import os
 import pathlib
 import posixpath
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from data_gen.frame import normalize, orient
@@ -23,13 +23,12 @@ def load_model(
     *,
     up: str = "+y",
     front: str = "+z",
-    category: str = "",
     model_id: str = "",
-    parameters: Mapping[str, Any] | None = None,
     max_faces: int = MAX_FACES,
     turn: Callable[[Model], Model] = lambda model: model,
     reader: Reader | None = None,
     objection: Callable[[str, Model], str] | None = None,
+    **about: Any,
 ) -> Model:
     """Reads a model from a file and normalises it to the project's frame.
 
@@ -38,13 +37,12 @@ def load_model(
       files: the file and the files that it refers to; None = the folder of `name`.
       up: the axis of the file that points up, see `frame.orient`.
       front: the axis of the file toward which the front of the object points.
-      category: category of the object.
       model_id: name of the object; empty = the name of the file.
-      parameters: parameters of the model.
       max_faces: largest accepted number of faces.
       turn: rotation that is applied in the axes of the file, before `up` and `front`.
       reader: reader of the format; None = chosen by the suffix of the name.
       objection: returns the reason to refuse a model, by its name, or "".
+      **about: `category` and `parameters` of the model.
 
     Raises:
       UnusableModelError: the file is missing, damaged, empty or too large; the message says which.
@@ -71,9 +69,8 @@ def load_model(
     del data
     model = build_model(
         **arrays,
-        category=category,
+        **about,
         model_id=model_id,
-        parameters=parameters or {},
         warnings=assets.warnings,
         max_faces=max_faces,
     )

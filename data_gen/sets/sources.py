@@ -157,11 +157,12 @@ def documents_of(packages: str | os.PathLike[str], package: str) -> tuple[str, s
     """Version and copyright statement of a package; "" if one is missing."""
     folder = pathlib.Path(packages) / package / "usr/share/doc" / package
     version = terms = ""
-    with contextlib.suppress(OSError, EOFError):
+    with contextlib.suppress(OSError):
         terms = (folder / "copyright").read_text("utf-8", "replace")
-        with gzip.open(folder / "changelog.Debian.gz", "rb") as stream:
-            match = re.match(rb"\S+ \(([^)]+)\)", stream.read(300))
-            version = match[1].decode("utf-8", "replace") if match else ""
+    log = folder / "changelog.Debian.gz"
+    with contextlib.suppress(OSError, EOFError), gzip.open(log, "rb") as stream:
+        match = re.match(rb"\S+ \(([^)]+)\)", stream.read(300))
+        version = match[1].decode("utf-8", "replace") if match else ""
     return version, terms
 
 

@@ -13,7 +13,7 @@ from data_gen import job, pool, settings
 from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, moved_to_empty_splits, split_of
 from data_gen.engine import Variant
-from data_gen.render_model import model_seed
+from data_gen.render_model import failure, model_seed
 from psgn_jax.data import schema
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
@@ -56,7 +56,7 @@ class Pool:
                 raise KeyboardInterrupt
             self._between()
             self.made.append(entry.model_id)
-            line = pool.failure(entry, "refused", "its name")
+            line = failure(entry, "refused", "its name")
             data = []
             if "refused" not in entry.model_id:
                 line |= {"status": "ok", "reason": "", "samples": 1}

@@ -46,17 +46,18 @@ def test_black_map_still_lights():
     assert found.colours.max() > 0
 
 
-def test_draw_is_deterministic_and_turns(rng):
-    one, _ = surroundings.draw(np.random.default_rng(3), LightSettings(), None)
-    two, _ = surroundings.draw(np.random.default_rng(3), LightSettings(), None)
-    other, _ = surroundings.draw(np.random.default_rng(4), LightSettings(), None)
+def test_folder_without_maps(tmp_path):
+    with pytest.raises(ValueError, match=r"expected a folder of \.hdr and \.exr"):
+        environment_maps.list_maps(str(tmp_path))
+
+
+def test_draw_is_deterministic_and_takes_a_map(rng):
+    one, two, other = (
+        surroundings.draw(np.random.default_rng(seed), LightSettings(), None)[0]
+        for seed in (3, 3, 4)
+    )
     np.testing.assert_array_equal(one.directions, two.directions)
     assert not np.array_equal(one.directions[0], other.directions[0])
     maps = rng.random((2, *lights.MAP_SIZE, 3))
     _, around = surroundings.draw(np.random.default_rng(3), LightSettings(), maps)
     assert any(np.isclose(around.radiance.sum(), m.sum()) for m in maps)
-
-
-def test_folder_without_maps(tmp_path):
-    with pytest.raises(ValueError, match=r"expected a folder of \.hdr and \.exr"):
-        environment_maps.list_maps(str(tmp_path))

@@ -21,12 +21,14 @@ def test_nothing_outside_of_the_root_is_read(write, tmp_path, name):
     assert any("missing" in w for w in model.warnings)
 
 
-def test_a_reference_may_go_up_inside_the_root(write, tmp_path):
+def test_names_may_go_up_inside_the_root_and_need_not_be_ascii(write, tmp_path):
     write("images/x.PNG", png((1, 2, 3)))
-    write("models/m.mtl", "newmtl a\nmap_Kd ../images/X.png\n")
-    write("models/a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}")
-    model = load_model("models/a.obj", FolderFiles(tmp_path))
+    write("Stühle/größe.mtl", "newmtl Öl\nKd 1 0 0\nmap_Kd ../images/X.png\n")
+    write("Stühle/стул 椅子.obj", f"mtllib größe.mtl\n{CUBE}usemtl Öl\n{FACES}")
+    model = load_model("Stühle/стул 椅子.obj", FolderFiles(tmp_path))
     assert model.materials[0].texture is not None
+    assert model.materials[0].diffuse == (1, 0, 0)
+    assert model.model_id == "Stühle/стул 椅子.obj"
 
 
 def test_links_that_lead_out_are_not_followed(write, tmp_path):
