@@ -171,7 +171,7 @@ def write_clouds(
     `name.npz` contains `points`, `colours` and `arrays`.
 
     Args:
-      folder: the folder; created if missing.
+      folder: created if missing.
       name: name of the files, without suffix.
       points: float32 [k, n, 3].
       colours: uint8 [k, n, 3].

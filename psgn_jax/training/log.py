@@ -10,6 +10,7 @@ import collections
 import contextlib
 import datetime
 import errno
+import functools
 import json
 import os
 import pathlib
@@ -100,7 +101,6 @@ class TrainingLog:
         logging.info("step %d: evaluation: %s", step, numbers)
         if self._writer:
             self._writer.scalars(step, "eval", means)
-            self._writer.flush()
 
     def _pop(self) -> None:
         step, arrays = self._pending.popleft()
@@ -155,7 +155,6 @@ class TrainingLog:
         )
         if self._writer:
             self._writer.scalars(step, "train", values, vectors)
-            self._writer.flush()
 
 
 def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
@@ -190,7 +189,6 @@ class MetricsWriter:
         self._workdir = pathlib.Path(workdir)
         self._workdir.mkdir(parents=True, exist_ok=True)
         self._step = step
-        self._tensorboard: Any = None
         path = self._workdir / "metrics.jsonl"
         if path.exists():
             kept = [
@@ -219,42 +217,36 @@ class MetricsWriter:
         line = _line({"step": step, "kind": kind, **values, **lists}).encode()
         if os.write(self._file, line) < len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._workdir))
-        board = self._board()
         for name, value in values.items():
-            board.add_scalar(f"{kind}/{name}", value, step)
+            self._board.add_scalar(f"{kind}/{name}", value, step)
         for name, vector in vectors.items():
-            board.add_histogram(f"{kind}/{name}", vector, step)
+            self._board.add_histogram(f"{kind}/{name}", vector, step)
+        self._board.flush()
 
     def image(self, step: int, name: str, image: np.ndarray) -> None:
         """Writes an image, uint8 [H,W,3], to TensorBoard."""
-        self._board().add_image(name, image, step, dataformats="HWC")
-
-    def flush(self) -> None:
-        """Passes everything written so far to the operating system."""
-        if self._tensorboard is not None:
-            self._tensorboard.flush()
+        self._board.add_image(name, image, step, dataformats="HWC")
 
     def close(self) -> None:
-        """Flushes and closes the files."""
+        """Closes the files."""
         os.close(self._file)
-        if self._tensorboard is not None:
-            self._tensorboard.close()
+        if "_board" in vars(self):
+            self._board.close()
 
+    @functools.cached_property
     def _board(self) -> Any:
-        if self._tensorboard is None:
-            import tensorboardX  # imported here because it is slow and would delay the first step
+        import tensorboardX  # imported here because it is slow and would delay the first step
 
-            folder = self._workdir / "tensorboard"
-            self._tensorboard = tensorboardX.SummaryWriter(
-                str(folder),
-                # TensorBoard then hides events that a killed run wrote after its last checkpoint.
-                purge_step=self._step + 1 if folder.exists() else None,
-            )
-            # Events are written in this thread. In the writer's own thread, an error such as a full
-            # disk would end that thread, and this one would wait forever for it to empty the queue.
-            events = self._tensorboard.file_writer.event_writer
-            events.add_event = events._ev_writer.write_event
-        return self._tensorboard
+        folder = self._workdir / "tensorboard"
+        # With `purge_step`, TensorBoard hides events that a killed run wrote after its last
+        # checkpoint.
+        purge = self._step + 1 if folder.exists() else None
+        board = tensorboardX.SummaryWriter(str(folder), purge_step=purge)
+        # Events are written in this thread. In the writer's own thread, an error such as a full
+        # disk would end that thread, and this one would wait forever for it to empty the queue.
+        events = board.file_writer.event_writer
+        events.add_event = events._ev_writer.write_event
+        return board
 
 
 def _line(entry: Mapping[str, Any]) -> str:

@@ -22,11 +22,11 @@ from psgn_jax.commands import convert
 command_line.log_to_terminal()
 logging.info("of another package")
 logging.warning("their warning")
-exec(compile("logging.info('own progress')", convert.__file__, "exec"))
+exec(compile("logging.info('own%sprogress', chr(10))", convert.__file__, "exec"))
 """
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
     lines = [line.partition(" ")[2] for line in result.stderr.splitlines()]
-    assert lines == ["their warning", "own progress"], result.stderr
+    assert lines == ["their warning", r"own\nprogress"], result.stderr
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,6 @@ from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.run_folder import Run
 
 NETWORKS = {
-    "vanilla": {},
     "with r": {"model__random_size": 3},
     "two branches, r late": {
         "model__name": "two_branch", "model__random_size": 3, "model__random_at": "fc",

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 import psgn_jax
@@ -31,14 +32,11 @@ def test_paths_images_and_arrays_give_the_same_cloud(model):
 
 
 def test_a_cloud_is_saved_and_read(model, tmp_path):
-    trimesh = pytest.importorskip("trimesh")
     cloud = model(PHOTOS / "car.jpg", mask=PHOTOS / "car_mask.png")
-    for suffix, axes in (("ply", [0, 1, 2]), ("glb", [1, 2, 0])):
-        cloud.save(tmp_path / f"car.{suffix}")
-        read = trimesh.load(tmp_path / f"car.{suffix}", force="scene")
-        (geometry,) = read.geometry.values()
-        np.testing.assert_allclose(geometry.vertices, cloud.points[0][:, axes], atol=1e-5)
-        np.testing.assert_array_equal(geometry.colors[:, :3], cloud.colours[0])
+    cloud.save(tmp_path / "car.ply")
+    read = trimesh.load(tmp_path / "car.ply")
+    np.testing.assert_allclose(read.vertices, cloud.points[0], atol=1e-5)
+    np.testing.assert_array_equal(read.colors[:, :3], cloud.colours[0])
     np.testing.assert_array_equal(cloud.to_trimesh().vertices, cloud.points[0])
     with pytest.raises(ValueError, match=r"accepted: a name that ends in \.ply"):
         cloud.save(tmp_path / "car.stl")

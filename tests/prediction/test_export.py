@@ -15,7 +15,7 @@ POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [-0.125, 0.25, -0
 COLOURS = np.array([[0, 0, 0], [255, 0, 0], [0, 255, 0], [0, 0, 255], [10, 20, 30]], np.uint8)
 
 
-@pytest.mark.parametrize("suffix", ["ply", "xyz", "obj", "npz"])
+@pytest.mark.parametrize("suffix", ["ply", "xyz", "obj", "npz", "glb"])
 def test_axes_handedness_and_scale_come_back(tmp_path, suffix):
     files = export.write_clouds(tmp_path, "a", POINTS[None], COLOURS[None], (suffix,))
     assert [file.name for file in files] == [f"a.{suffix}"]
@@ -33,8 +33,9 @@ def test_axes_handedness_and_scale_come_back(tmp_path, suffix):
         mesh = trimesh.load(io.StringIO(faces), file_type="obj", process=False)
         np.testing.assert_allclose(mesh.vertices, POINTS, atol=1e-6)
     else:
-        cloud = trimesh.load(files[0])
-        points = np.asarray(cloud.vertices)
+        (cloud,) = trimesh.load(files[0], force="scene").geometry.values()
+        axes = [2, 0, 1] if suffix == "glb" else [0, 1, 2]  # glTF's y axis points up
+        points = np.asarray(cloud.vertices)[:, axes]
         colours = np.asarray(cloud.colors)[..., :3]
     np.testing.assert_allclose(points, POINTS, atol=1e-6)
     # The determinant is positive: not mirrored.

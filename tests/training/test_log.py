@@ -70,10 +70,8 @@ def test_a_full_disk_is_an_error_and_no_wait(tmp_path):
         for step in range(40):  # longer than the queue of tensorboardX
             with pytest.raises(OSError, match="File too large"):
                 writer.image(step, "eval/clouds", picture)
-    with without_room(100):
+    with without_room(60), pytest.raises(OSError, match="No space left"):
         writer.scalars(2, "train", {"loss": 0.5})
-        with pytest.raises(OSError, match="No space left"):
-            writer.scalars(3, "train", {"loss": 0.5})
     assert all(entry["loss"] == 0.5 for entry in read_metrics(tmp_path / "metrics.jsonl"))
     MetricsWriter(tmp_path, 1).scalars(2, "train", {"loss": 0.5})
     assert [entry["step"] for entry in read_metrics(tmp_path / "metrics.jsonl")] == [1, 2]

@@ -110,16 +110,14 @@ def test_a_damaged_checkpoint_prints_nothing_but_the_warning(tmp_path):
 
 
 def test_folders_that_are_no_checkpoints_are_left_alone(tmp_path):
-    folder = tmp_path / "c"
-    fill(folder, [1, 2])
-    names = ["\N{SUPERSCRIPT TWO}", "0095", "-1", "1_0"]
-    for name in names:
-        (folder / name).mkdir()
-    (folder / "7").write_text("a file")
-    checkpoints = Checkpoints(folder)
+    fill(tmp_path, [1, 2])
+    for name in ("\N{SUPERSCRIPT TWO}", "0095", "-1", "1_0"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "7").write_text("a file")
+    checkpoints = Checkpoints(tmp_path)
     assert checkpoints.steps() == [1, 2]
     assert checkpoints.restore_newest().step == 2
-    assert all((folder / name).is_dir() for name in names)
+    assert len(list(tmp_path.iterdir())) == 7
 
 
 def test_damaged_scores_are_none_with_a_warning(tmp_path, caplog):
@@ -171,13 +169,10 @@ def test_a_full_disk_is_one_error_and_damages_nothing(tmp_path, capfd):
 
 
 def test_none_readable_is_an_error_and_moves_nothing(tmp_path):
-    folder = tmp_path / "checkpoints"
-    checkpoints = Checkpoints(folder)
-    checkpoints.save(1, {"a": np.arange(3.0)}, {})
-    checkpoints.close()
-    for path in [p for p in (folder / "1").rglob("*") if p.is_file()]:
+    fill(tmp_path, [1])
+    for path in [p for p in (tmp_path / "1").rglob("*") if p.is_file()]:
         path.write_bytes(b"")
-    again = Checkpoints(folder)
+    again = Checkpoints(tmp_path)
     with pytest.raises(CheckpointError, match="none of the 1 checkpoints in"):
         again.restore_newest()
     assert again.steps() == [1]
