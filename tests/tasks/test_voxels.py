@@ -154,7 +154,7 @@ def test_too_few_views_or_no_volumes_are_named(data, tmp_path):
         loader.train_batches(wrong.data, batch_size=2, seed=0, start_step=0)
     bare = [dataclasses.replace(box(0, 0), occupancy=None)]
     write_dataset(tmp_path / "bare", {"train": bare, "validation": bare}, source="")
-    with pytest.raises(ConfigError, match=r"needs solid volumes \(occupancy\), which not every"):
+    with pytest.raises(ConfigError, match=r"a solid volume \(occupancy\), which the task"):
         train(config(str(tmp_path / "bare"), task="volume"), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
