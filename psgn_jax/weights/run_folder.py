@@ -73,12 +73,11 @@ def open_run(
         checkpoints.close()
     if opened is None:
         raise CheckpointError(f"--workdir={workdir}: no checkpoint there")
+    trained = parse(opened.meta["config"])
     if config is None:
-        if "config" not in opened.meta:
-            raise damaged or ConfigError(f"--workdir={workdir}: no configuration there")
         logging.warning("%s; using the configuration in the checkpoint", damaged)
-        config = parse(opened.meta["config"])
-    _check_fits(config, opened, workdir)
+        config = trained
+    _check_fits(config, trained, f"--workdir={workdir}", opened.step)
     params = params_from_named_leaves(opened.leaves, averaged=averaged)
     scores = checkpoints.scores.get(opened.step, {})
     return Run(config, opened.step, params, scores, str(workdir), checkpoint=checkpoint)
@@ -87,17 +86,15 @@ def open_run(
 _OF_THE_NETWORK = ("task", "model.", "data.image_size", "data.inputs", "voxels.")
 
 
-def _check_fits(config: Config, checkpoint: Checkpoint, workdir: str | os.PathLike[str]) -> None:
+def _check_fits(config: Config, trained: Config, run: str, step: int) -> None:
     """Raises `ConfigError` if `config.json` describes another network than the checkpoint's."""
-    if "config" not in checkpoint.meta:
-        return
-    trained, now = flatten(parse(checkpoint.meta["config"])), flatten(config)
+    before, now = flatten(trained), flatten(config)
     names = [name for name in now if name.startswith(_OF_THE_NETWORK)]
-    if different := [name for name in names if trained[name] != now[name]]:
-        texts = [f"{name}={now[name]!r} (trained with {trained[name]!r})" for name in different]
+    if different := [name for name in names if before[name] != now[name]]:
+        texts = [f"{name}={now[name]!r} (trained with {before[name]!r})" for name in different]
         raise ConfigError(
-            f"--workdir={workdir}: config.json does not fit the checkpoint of step "
-            f"{checkpoint.step}: {', '.join(texts)}; restore config.json"
+            f"{run}: config.json does not fit the checkpoint of step {step}: {', '.join(texts)}; "
+            "restore config.json"
         )
 
 

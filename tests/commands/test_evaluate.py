@@ -13,7 +13,7 @@ from helpers.weights import config as small_config
 from helpers.weights import random_params
 
 from psgn_jax.commands.evaluate import open_with_records
-from psgn_jax.config.experiment import ConfigError, to_json
+from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation import table as table_lib
 from psgn_jax.evaluation.results import Evaluation, SampleName
@@ -107,11 +107,12 @@ def test_table_as_text_csv_and_json(table):
 def test_missing_runs_and_checkpoints_are_named(tmp_path):
     with pytest.raises(ConfigError, match=r"no run there"):
         open_with_records(tmp_path, None)
-    (tmp_path / "config.json").write_text(to_json(standin.config()))
+    config = standin.config()
+    (tmp_path / "config.json").write_text(to_json(config))
     with pytest.raises(CheckpointError, match="no checkpoint there"):
         open_with_records(tmp_path, None)
     checkpoints = Checkpoints(tmp_path / "checkpoints")
-    checkpoints.save(1, {"params.a.kernel": np.zeros(1)}, {})
+    checkpoints.save(1, {"params.a.kernel": np.zeros(1)}, {"config": to_dict(config)})
     checkpoints.close()
     with pytest.raises(ConfigError, match=r"data.path='/no/such' does not exist"):
         open_with_records(tmp_path, None, data="/no/such")

@@ -15,7 +15,7 @@ from helpers import standin
 from helpers.weights import random_params
 from PIL import Image
 
-from psgn_jax.config.experiment import ConfigError, to_json
+from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.data import camera, masks
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.prediction import sampling
@@ -275,7 +275,7 @@ def test_the_command(config, params, tmp_path):
     workdir.mkdir()
     (workdir / "config.json").write_text(to_json(config))
     checkpoints = Checkpoints(workdir / "checkpoints")
-    checkpoints.save(3, named_leaves({"params": params}), {})
+    checkpoints.save(3, named_leaves({"params": params}), {"config": to_dict(config)})
     checkpoints.close()
     good = hostile(tmp_path / "in")
     flags = (f"--workdir={workdir}", f"--out={out}")
