@@ -76,6 +76,40 @@ def bars(charts: Sequence[Bars], colours: Sequence[str] = COLOURS) -> Figure:
     return figure
 
 
+class Curve(NamedTuple):
+    """A metric of the runs of one configuration against the samples seen.
+
+    Attributes:
+      samples: numbers of samples, [k].
+      values: of each seed, [seeds, k].
+    """
+
+    samples: np.ndarray
+    values: np.ndarray
+
+
+def curves(charts: Mapping[str, Mapping[str, Curve]]) -> Figure:
+    """Charts by title: a line for each curve, with a band of the standard error over the seeds.
+
+    Lines differ by dashes and markers as well as by colour.
+    """
+    figure = blank(640 * len(charts), 460)
+    for axes, (title, several) in zip(
+        figure.subplots(1, len(charts), squeeze=False)[0], charts.items(), strict=True
+    ):
+        for i, (name, (samples, values)) in enumerate(several.items()):
+            colour, mean = COLOURS[i % len(COLOURS)], values.mean(axis=0)
+            dash, marker = ("-", "--", ":", "-.")[i // len(COLOURS) % 4], "osv^DPX*"[i % 8]
+            axes.plot(samples, mean, dash, color=colour, marker=marker, markersize=5, label=name)
+            if len(values) > 1:
+                error = values.std(axis=0, ddof=1) / np.sqrt(len(values))
+                axes.fill_between(samples, mean - error, mean + error, color=colour, alpha=0.25)
+        axes.set(xscale="log", yscale="log", xlabel="training samples seen", ylabel=title)
+        axes.grid(which="both", alpha=0.3)
+        axes.legend(fontsize=8)
+    return figure
+
+
 def grid(
     rows: Sequence[Mapping[str, np.ndarray]],
     *,

@@ -3,7 +3,8 @@
 `run` trains the configurations one after another in `WORKDIR/CONFIG-SEED`, which are ordinary
 folders of runs: a stopped study resumes, and a finished run is not trained again. The last
 checkpoints are measured, because the best ones were chosen on the samples of most studies. The
-results are `NAME.md` (tables), `NAME.csv` and `NAME.json` (all numbers) and `NAME.png`.
+results are `NAME.md` (tables), `NAME.csv` and `NAME.json` (all numbers), `NAME.png` and, from the
+evaluations during training, `NAME_curves.png`: metrics against the samples seen.
 """
 
 import dataclasses
@@ -171,6 +172,8 @@ class Study:
         """
         tree = {**_INTERVALS, **self.base, "seed": seed, "data.path": data}
         tree |= {"train.steps": steps} if steps else {}
+        if wanted := tree.get("train.steps"):
+            tree.setdefault("train.eval_every", max(1, wanted // _EVALUATIONS))
         base = _with(recipes.load(self.recipe).to_dict(), tree)
         found = self.configs(base, lambda name: str(workdir / f"{name}-{seed}"))
         return [
@@ -179,7 +182,9 @@ class Study:
         ]
 
 
-_INTERVALS = {"train.eval_every": 0, "train.images_every": 0, "train.checkpoint_every": 200}
+_INTERVALS = {"train.images_every": 0, "train.checkpoint_every": 200}
+_EVALUATIONS = 16
+"""Number of points of a learning curve."""
 
 
 def _with(tree: dict[str, Any], overrides: Overrides) -> Config:
@@ -265,13 +270,16 @@ def _write(study: Study, folder: pathlib.Path, runs: Sequence[Run], results: Res
         "steps": {run.name: run.config.train.steps for run in runs},
         "results": [finite_or_none(entry._asdict()) for entry in entries],
     }
-    for suffix, content in (
-        ("md", "\n".join([*map(markdown, tables), note])),
-        ("csv", csv_of(Entry._fields, entries)),
-        ("json", json.dumps(document, indent=1) + "\n"),
-        ("png", figures.png(study.figure(results))),
-    ):
-        write_atomic(folder / f"{study.name}.{suffix}", content)
+    contents: dict[str, str | bytes] = {
+        ".md": "\n".join([*map(markdown, tables), note]),
+        ".csv": csv_of(Entry._fields, entries),
+        ".json": json.dumps(document, indent=1) + "\n",
+        ".png": figures.png(study.figure(results)),
+    }
+    if found := learning_curves(runs, study.metrics):
+        contents["_curves.png"] = figures.png(figures.curves(found))
+    for suffix, content in contents.items():
+        write_atomic(folder / f"{study.name}{suffix}", content)
     logging.info("results in %s", folder)
     return "\n".join([*map(aligned, tables), note])
 
@@ -280,6 +288,33 @@ _ERRORS = (
     "+-: standard error over samples and, with several seeds, over seeds. Differences are paired: "
     "they are between runs with the same seed on the same samples."
 )
+
+
+def learning_curves(
+    runs: Sequence[Run], metrics: Mapping[str, str]
+) -> dict[str, dict[str, figures.Curve]]:
+    """{title: {configuration: curve}} from the evaluations during the trainings of `runs`.
+
+    The learning rate of a point before the last one had not fallen to its end. Points of different
+    configurations can be compared with each other, but not with a training of that length.
+    """
+    charts: dict[str, dict[str, figures.Curve]] = {}
+    for metric, title in metrics.items():
+        for name in dict.fromkeys(run.name for run in runs):
+            several = [_evaluated(run, metric) for run in runs if run.name == name]
+            shared = sorted(set.intersection(*map(set, several)))
+            if len(shared) > 1:
+                values = np.array([[one[seen] for seen in shared] for one in several])
+                charts.setdefault(title, {})[name] = figures.Curve(np.array(shared), values)
+    return charts
+
+
+def _evaluated(run: Run, metric: str) -> dict[int, float]:
+    """Samples seen -> the metric in the log of a run."""
+    size = run.config.train.batch_size
+    lines = read_metrics(run.folder / "metrics.jsonl")
+    wanted = (line for line in lines if line["kind"] == "eval" and line["step"])
+    return {size * line["step"]: line[metric] for line in wanted if line.get(metric) is not None}
 
 
 def _finished_runs(folders: Sequence[str], data: str) -> list[Run]:

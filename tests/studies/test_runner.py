@@ -14,7 +14,7 @@ from helpers.small_runs import write_solids
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation.results import SampleName
-from psgn_jax.studies import branches, completion
+from psgn_jax.studies import branches, completion, figures
 from psgn_jax.studies import runner as lib
 from psgn_jax.system.errors import UserError
 
@@ -108,6 +108,31 @@ def test_data_without_depth_are_refused_before_anything_is_trained(tmp_path):
 def test_only_names_a_run(only, tmp_path):
     with pytest.raises(ConfigError, match=f"--only={only}: accepted: "):
         lib.run(STUDY, tmp_path, only=only)
+
+
+def test_learning_curves_are_read_from_the_logs_of_the_runs(tmp_path):
+    runs = []
+    for name, seed, offset in (("rgb", 0, 0.0), ("rgb", 1, 0.2), ("rgbd", 0, 0.5)):
+        (run,) = (r for r in STUDY.runs(tmp_path, seed=seed) if r.name == name)
+        lines = [
+            {"step": s, "kind": "eval", "cd_sq_radius2": 1 / (1 + s) + offset} for s in range(4)
+        ]
+        lines += [{"step": 1, "kind": "train", "loss": 1.0}]
+        run.folder.mkdir()
+        (run.folder / "metrics.jsonl").write_text("".join(json.dumps(x) + "\n" for x in lines))
+        runs.append(run)
+    assert runs[0].config.train.eval_every == 1
+    titles = {"cd_sq_radius2": "CD squared [radius^2]", "emd_radius": "EMD [radius]"}
+    charts = lib.learning_curves(runs, titles)
+    assert charts.keys() == {"CD squared [radius^2]"}
+    curves = charts["CD squared [radius^2]"]
+    batch = TINY["train.batch_size"]
+    np.testing.assert_array_equal(curves["rgb"].samples, [batch, 2 * batch, 3 * batch])
+    np.testing.assert_allclose(
+        curves["rgb"].values, [[1 / 2, 1 / 3, 1 / 4], [0.7, 1 / 3 + 0.2, 0.45]]
+    )
+    assert curves["rgbd"].values.shape == (1, 3)
+    assert figures.png(figures.curves(charts)).startswith(b"\x89PNG")
 
 
 def measured(metrics, models="aabb"):
