@@ -106,7 +106,8 @@ def flightgear(
             dresses[name].add(livery)
     entries = []
     for name, found in dresses.items():  # sorted by file and livery
-        for livery in _spread(sorted(found), liveries) or [""]:
+        count = min(len(found), liveries)  # at equal distances
+        for livery in [sorted(found)[i * len(found) // count] for i in range(count)] or [""]:
             model_id = f"{name}:{posixpath.basename(livery)}" if livery else name
             category = next((c for p, c in _CATEGORIES if re.search(p, name)), "aircraft")
             load = functools.partial(
@@ -115,10 +116,3 @@ def flightgear(
             )  # fmt: skip
             entries.append(Entry(model_id, category, split_of(name, fractions), load))
     return Catalogue("flightgear", entries, fractions)
-
-
-def _spread(names: list[str], count: int) -> list[str]:
-    """At most `count` of the names, at equal distances."""
-    if len(names) <= count:
-        return names
-    return [names[i * len(names) // count] for i in range(count)]

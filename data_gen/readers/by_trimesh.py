@@ -1,5 +1,6 @@
 """Reads formats other than Wavefront OBJ with trimesh."""
 
+import collections
 import io
 import posixpath
 import struct
@@ -203,11 +204,7 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
             process=False,
         )
         names = [scene.graph[node] for node in scene.graph.nodes_geometry]
-    vertices: list[np.ndarray] = []
-    faces: list[np.ndarray] = []
-    normals: list[np.ndarray] = []
-    uvs: list[np.ndarray] = []
-    owners: list[np.ndarray] = []
+    parts: dict[str, list[np.ndarray]] = collections.defaultdict(list)
     materials: list[Material] = []
     known: dict[int, int] = {}
     offset = total = 0
@@ -223,17 +220,14 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
                 f"not readable as {kind}: faces with vertices that are missing"
             )
         linear = np.asarray(matrix, np.float64)[:3, :3]
-        vertices.append(np.asarray(mesh.vertices, np.float64) @ linear.T + matrix[:3, 3])
+        vertices = np.asarray(mesh.vertices, np.float64) @ linear.T + matrix[:3, 3]
+        normals = np.zeros((len(corner), 3, 3))
         # trimesh's cache contains normals only if they come from the file; others are not used.
         given = mesh._cache.cache.get("vertex_normals")
         if given is not None and len(given) == len(mesh.vertices) and np.linalg.det(linear):
-            turned = np.asarray(given) @ np.linalg.inv(linear)
-            normals.append(turned[corner])
-        else:
-            normals.append(np.zeros((len(corner), 3, 3)))
+            normals = (np.asarray(given) @ np.linalg.inv(linear))[corner]
         if np.linalg.det(linear) < 0:
-            corner = corner[:, ::-1]
-            normals[-1] = normals[-1][:, ::-1]
+            corner, normals = corner[:, ::-1], normals[:, ::-1]
         visual: Any = mesh.visual
         uv = np.zeros((len(corner), 3, 2))
         if visual.kind == "texture":
@@ -257,18 +251,14 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
         else:
             owner = len(materials)
             materials.append(Material())
-        faces.append(corner + offset)
-        uvs.append(uv)
-        owners.append(np.full(len(corner), owner))
+        part = {"vertices": vertices, "faces": corner + offset, "normals": normals, "uv": uv,
+                "face_material": np.full(len(corner), owner)}  # fmt: skip
+        for key, values in part.items():
+            parts[key].append(values)
         offset += len(mesh.vertices)
-    if not faces:
+    if not parts:
         raise UnusableModelError("the mesh is empty: no faces, expected at least one")
-    normal = np.concatenate(normals)
-    return {
-        "vertices": np.concatenate(vertices),
-        "faces": np.concatenate(faces),
-        "normals": normal if normal.any() else None,
-        "uv": np.concatenate(uvs),
-        "materials": assets.bounded(materials),
-        "face_material": np.concatenate(owners),
-    }
+    arrays: dict[str, Any] = {key: np.concatenate(values) for key, values in parts.items()}
+    if not arrays["normals"].any():
+        arrays["normals"] = None
+    return {**arrays, "materials": assets.bounded(materials)}

@@ -147,6 +147,7 @@ def test_a_larger_limit_goes_on(tmp_path):
     lines = [json.loads(t) for t in (tmp_path / "grown" / job.REPORT).read_text().splitlines()]
     assert [line["model_id"] for line in lines] == TEN
     assert make(tmp_path / "grown", TEN)[1] == []
+    assert contents(tmp_path / "grown") == contents(tmp_path / "once")
 
 
 def test_models_that_come_between_the_old_ones(tmp_path):
