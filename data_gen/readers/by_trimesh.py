@@ -253,8 +253,8 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
             materials.append(Material())
         part = {"vertices": vertices, "faces": corner + offset, "normals": normals, "uv": uv,
                 "face_material": np.full(len(corner), owner)}  # fmt: skip
-        for key, values in part.items():
-            parts[key].append(values)
+        for field, values in part.items():
+            parts[field].append(values)
         offset += len(mesh.vertices)
     if not parts:
         raise UnusableModelError("the mesh is empty: no faces, expected at least one")
