@@ -6,7 +6,7 @@ Row j of the batch of step s is a function of (records, configuration, batch siz
 import copy
 import dataclasses
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -164,18 +164,23 @@ class Models:
         return views[at + 1 :] + views[:at]
 
 
-def _stack(cfg: DataConfig, rows: Sequence[Sequence[View]], *, several: bool) -> Batch:
-    """A batch from the views of each row; if `several`, image and mask have an axis of views."""
-    size = (len(rows), -1) if several else (len(rows),)
-    batch = {}
-    for field in ("image", "mask"):
-        arrays = [getattr(view, field) for row in rows for view in row]
-        batch[field] = np.stack(arrays).reshape(*size, *arrays[0].shape)
-    fields = ["points", "intrinsics", "extrinsics"]
+def _stack(cfg: DataConfig, rows: Iterable[Sequence[View]], count: int, *, several: bool) -> Batch:
+    """A batch from the views of each row; if `several`, image and mask have an axis of views.
+
+    A row is copied as soon as it is made, while the processor's cache holds it.
+    """
+    fields = ["image", "mask", "points", "intrinsics", "extrinsics"]
     fields += ["depth"] if "depth" in cfg.inputs else []
     fields += ["occupancy"] if cfg.occupancy else []
-    for field in fields:
-        batch[field] = np.stack([getattr(row[0], field) for row in rows])
+    batch: Batch = {}
+    for number, views in enumerate(rows):
+        for field in fields:
+            value = getattr(views[0], field)
+            if several and field in ("image", "mask"):
+                value = np.stack([getattr(view, field) for view in views])
+            if field not in batch:
+                batch[field] = np.empty((count, *value.shape), value.dtype)
+            batch[field][number] = value
     return batch
 
 
@@ -202,19 +207,21 @@ class TrainBatch:
             # One number for the whole batch, so it must be the same in all processes.
             rng = np.random.default_rng([self.seed, _VIEWS, step])
             num_views = int(rng.integers(1, cfg.train_views + 1))
-        made = []
-        for row in self.rows:
-            rng = np.random.default_rng([self.seed, _TRAIN, step, row])
-            index = int(self.order[step * self.batch_size + row])
-            item = self.items[index]
-            views = [item.view_with_points(rng, cfg.num_points)]
-            if self.models and num_views > 1:
-                chosen = rng.permutation(self.models.others(index))[: num_views - 1]
-                views += [_further_view(self.items[int(i)]) for i in chosen]
-            # All views of a model get the same random numbers, so that all or none are mirrored.
-            photo_seeds = [self.seed, _PHOTO, step, row]
-            made.append([augment.augment(v, cfg, copy.deepcopy(rng), photo_seeds) for v in views])
-        return _stack(cfg, made, several=num_views > 0)
+        rows = (self._views(step, row, num_views) for row in self.rows)
+        return _stack(cfg, rows, len(self.rows), several=num_views > 0)
+
+    def _views(self, step: int, row: int, num_views: int) -> list[View]:
+        """The augmented views of a row."""
+        cfg = self.cfg
+        rng = np.random.default_rng([self.seed, _TRAIN, step, row])
+        index = int(self.order[step * self.batch_size + row])
+        views = [self.items[index].view_with_points(rng, cfg.num_points)]
+        if self.models and num_views > 1:
+            chosen = rng.permutation(self.models.others(index))[: num_views - 1]
+            views += [_further_view(self.items[int(i)]) for i in chosen]
+        # All views of a model get the same random numbers, so that all or none are mirrored.
+        seeds = [self.seed, _PHOTO, step, row]
+        return [augment.augment(view, cfg, copy.deepcopy(rng), seeds) for view in views]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -260,7 +267,7 @@ class EvalBatch:
             items.append(item)
         for values in (rows, visible, items):
             values += values[-1:] * (self.batch_size - filled)
-        batch = _stack(cfg, rows, several=self.models is not None)
+        batch = _stack(cfg, rows, self.batch_size, several=self.models is not None)
         if visible:
             batch["visible"] = np.stack(visible)
         batch["valid"] = np.arange(self.batch_size) < filled

@@ -38,7 +38,8 @@ def stretch(
         before, after = _margins(float(source[0]), float(source[-1]), mask.shape[1])
         return _columns(_extend(image, mask, (0, 0), (before, after)), source + before), moved
     new[rows, part] = _columns(image[rows], source)
-    new[:, part][:, vacated] = schema.BACKGROUND_GREY
+    if vacated.any():
+        new[:, part][:, vacated] = schema.BACKGROUND_GREY
     return new, moved
 
 
