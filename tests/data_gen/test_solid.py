@@ -6,7 +6,7 @@ import scipy.ndimage
 from helpers.solid_models import cube, joined, model_of
 
 from data_gen import cameras
-from data_gen.catalogues import solids
+from data_gen.catalogues import procedural, solids
 from data_gen.frame import normalize
 from data_gen.mesh import UnusableModelError, build_model, face_normals
 from data_gen.solid import mark_surface, peel, solid_occupancy
@@ -91,6 +91,14 @@ JUNCTIONS = {
 @pytest.mark.parametrize("name", THICK)
 def test_thick_bodies_agree_with_winding_numbers(name, angle):
     model, rotation = build(*THICK[name]), cameras.turn_about_vertical(angle)
+    want, got = winding_occupancy(model, rotation), solid_occupancy(model, rotation)
+    assert (got & want).sum() / (got | want).sum() >= 0.95
+
+
+@pytest.mark.parametrize(("category", "seed"), [("bench", 0), ("couch", 2), ("speaker", 4)])
+def test_thick_models_agree_with_winding_numbers(category, seed):
+    """Models of many closed bodies that touch or overlap."""
+    model, rotation = procedural.generate(category, seed), cameras.turn_about_vertical(37)
     want, got = winding_occupancy(model, rotation), solid_occupancy(model, rotation)
     assert (got & want).sum() / (got | want).sum() >= 0.95
 
