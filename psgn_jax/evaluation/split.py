@@ -74,7 +74,7 @@ def evaluate_split(
             ]
             parts.append({k: np.asarray(rows, np.float64)[keep] for k, rows in metrics.items()})
             num_pred = points.shape[1]
-            if on_batch:
+            if on_batch is not None:
                 on_batch(index, batch, np.asarray(points))
     # JAX returns the metrics sorted by name; those after aligning the clouds are put last.
     metric_names = sorted(parts[0] if parts else (), key=lambda name: name.startswith("aligned_"))

@@ -19,6 +19,7 @@ from psgn_jax.evaluation import table as table_lib
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.split import evaluate_split
 from psgn_jax.tasks.points import Points
+from psgn_jax.viewing.collected import Collector
 from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
 
 
@@ -54,6 +55,12 @@ def test_every_sample_counts_once(batch_size, count):
     ]
     assert result.num_points == (2, 64)
     assert seen == list(range(-(-count // batch_size)))
+
+
+def test_every_sample_is_collected_for_the_gallery(tmp_path):
+    collector = Collector(tmp_path)
+    evaluate_split(standin.config(eval__batch_size=4), {}, fake_step, on_batch=collector)
+    assert len(collector) == standin.SIZES["validation"]
 
 
 def test_emd_is_measured_where_there_are_points_enough():
