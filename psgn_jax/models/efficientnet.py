@@ -100,7 +100,8 @@ class EfficientNetLite0(nn.Module):
         """
         x = relu6(layers.Conv(STEM, 3, stride=2, name="stem")((255 * image - 127) / 128))
         blocks = [(stage, i == 0) for stage in STAGES for i in range(stage.blocks)]
-        stride, features = 2, {}
+        stride = 2
+        features: dict[int, Array] = {}
         for number, (stage, first) in enumerate(blocks):
             if number == len(blocks) - self.trained:
                 x, features = lax.stop_gradient((x, features))

@@ -5,6 +5,8 @@ A new network that predicts clouds is a class with the properties of `PointOutNe
 random numbers are functions of the seed, of a purpose and of a step.
 """
 
+import dataclasses
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
@@ -16,6 +18,7 @@ from psgn_jax.array_types import Array, PRNGKey
 from psgn_jax.config.experiment import Config, ModelConfig, VoxelConfig
 from psgn_jax.models import convolution, cpu_convolution, posterior, r2n2, voxels
 from psgn_jax.models.inputs import network_inputs
+from psgn_jax.models.photo_encoder import PhotoEncoder
 from psgn_jax.models.point_out_net import PointOutNet
 
 convolution.faster = cpu_convolution.convolve
@@ -72,6 +75,14 @@ def scaled_widths(widths: Sequence[int], multiplier: float) -> tuple[int, ...]:
     return tuple(max(8, 8 * round(width * multiplier / 8)) for width in widths)
 
 
+def _lite0(config: ModelConfig) -> PointOutNet:
+    width = scaled_widths(config.widths, config.width_multiplier)[-1]
+    dtype = DTYPES[config.compute_dtype]
+    encoder = functools.partial(PhotoEncoder, width, config.trained_blocks, dtype)
+    two_branch = _point_out_net(dataclasses.replace(config, name="two_branch"))
+    return two_branch.clone(make_encoder=encoder)
+
+
 def _point_out_net(config: ModelConfig) -> PointOutNet:
     return PointOutNet(
         version=config.name,
@@ -84,7 +95,6 @@ def _point_out_net(config: ModelConfig) -> PointOutNet:
         deconv_channels=config.deconv_channels,
         random_size=config.random_size,
         random_at=config.random_at,
-        trained_blocks=config.trained_blocks,
         dtype=DTYPES[config.compute_dtype],
     )
 
@@ -93,7 +103,7 @@ NETWORKS: dict[str, Callable[[ModelConfig], PointOutNet]] = {
     "vanilla": _point_out_net,
     "two_branch": _point_out_net,
     "hourglass": _point_out_net,
-    "lite0": _point_out_net,
+    "lite0": _lite0,
 }
 """Key: `model.name`."""
 

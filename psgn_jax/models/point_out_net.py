@@ -1,4 +1,4 @@
-"""PointOutNet: predicts a point cloud from one image, in four versions.
+"""PointOutNet: predicts a point cloud from one image, in three versions.
 
 Sources: the paper, section "Point Set Prediction Network" and figure "PointOutNet structure"; the
 layers in the authors' published code (github.com/fanhqme/PointSetGeneration). The sizes below are
@@ -14,9 +14,6 @@ Layers are 3x3 convolutions with ReLU unless stated otherwise.
   fc branch reads both bottlenecks. The first one goes through a dense layer of 2048 with ReLU and a
   linear layer of 2048 (`carry`), the second one through another linear layer of 2048. The two
   results are added; a ReLU follows.
-- `lite0` (**ours**): as `two_branch`, with features of a network that was trained on photographs
-  (`efficientnet`) in place of the encoder's levels 1 to 5. The bottleneck is level 6. The maps that
-  the branches read also have the other inputs (mask, depth) as channels, averaged over their cells.
 
 Output: first the fc points, then the deconv points row by row, with the points of one cell next to
 each other. Both output layers are linear, so that coordinates can be negative.
@@ -45,13 +42,15 @@ disagree:
   of .008. Initial values, and a constant that spreads the deconv points, are in `layers`.
 """
 
+import functools
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from flax import linen as nn
 
 from psgn_jax.array_types import Array, Float
-from psgn_jax.models import efficientnet, layers
+from psgn_jax.models import layers
 from psgn_jax.models.layers import SUMMED, Conv, ConvTranspose, Dense
 
 
@@ -120,30 +119,6 @@ class Encoder(nn.Module):
                 x = nn.relu(Conv(width, dtype=self.dtype, name=f"level{level}_conv{i}")(x))
             features.append(x)
         return features, Bottleneck(self.widths[-1], self.dtype, name="bottleneck")(x, r)
-
-
-class PhotoEncoder(nn.Module):
-    """EfficientNet-Lite0, and a bottleneck below its last map.
-
-    Attributes:
-      width: feature maps of the bottleneck.
-      trained: blocks of the EfficientNet that training changes, see there.
-    """
-
-    width: int
-    trained: int
-    dtype: Any
-
-    @nn.compact
-    def __call__(self, x: Array, r: Array | None) -> tuple[list[Array], Array]:
-        """Returns the input and five feature maps, and the bottleneck, like `Encoder`."""
-        features, others = [x], x[..., 3:]
-        for maps in efficientnet.EfficientNetLite0(self.trained, name=efficientnet.NAME)(
-            x[..., :3]
-        ):
-            others = nn.avg_pool(others, (2, 2), (2, 2))
-            features.append(jnp.concatenate([maps, others], axis=-1))
-        return features, Bottleneck(self.width, self.dtype, name="bottleneck")(features[-1], r)
 
 
 class Merge(nn.Module):
@@ -242,7 +217,7 @@ class PointOutNet(nn.Module):
     """Maps one image, and optionally a random vector r, to a point cloud.
 
     Attributes:
-      version: "vanilla", "two_branch", "hourglass" or "lite0".
+      version: "vanilla", "two_branch" or "hourglass".
       image_size: (height, width) of the images in pixels, before padding.
       in_channels: channels of the images.
       widths: feature maps per level, full size first.
@@ -251,7 +226,7 @@ class PointOutNet(nn.Module):
         point of a cell).
       random_size: components of r; 0 = no random input.
       random_at: where r is added, "bottleneck" or "fc".
-      trained_blocks: of `lite0`, see `PhotoEncoder`.
+      make_encoder: constructor of a module that is called like `Encoder`, in its place.
       dtype: dtype of the arithmetic in the hidden layers; parameters and points are float32.
     """
 
@@ -265,7 +240,7 @@ class PointOutNet(nn.Module):
     deconv_channels: int
     random_size: int = 0
     random_at: str = "bottleneck"
-    trained_blocks: int = 0
+    make_encoder: Callable[..., nn.Module] | None = None
     dtype: Any = jnp.float32
 
     @property
@@ -328,11 +303,8 @@ class PointOutNet(nn.Module):
         widths, dtype = self.widths, self.dtype
         num_wide = 3 if self.version == "hourglass" else 1
         early, late = (r, None) if self.random_at == "bottleneck" else (None, r)
-        if self.version == "lite0":
-            encoder = PhotoEncoder(widths[-1], self.trained_blocks, dtype, name="encoder")
-        else:
-            encoder = Encoder(widths, num_wide, dtype, name="encoder")
-        features, x = encoder(x, early)
+        make = self.make_encoder or functools.partial(Encoder, widths, num_wide, dtype)
+        features, x = make(name="encoder")(x, early)
         bottlenecks = [x]
         if self.version == "hourglass":
             top = min(1, self.deconv_level)
