@@ -215,23 +215,35 @@ class MetricsWriter:
         # The whole line in one write in append mode: if the process is killed, the line is complete
         # or, rarely, cut off.
         line = _line({"step": step, "kind": kind, **values, **lists}).encode()
-        if os.write(self._file, line) < len(line):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._workdir))
-        for name, value in values.items():
-            self._board.add_scalar(f"{kind}/{name}", value, step)
-        for name, vector in vectors.items():
-            self._board.add_histogram(f"{kind}/{name}", vector, step)
-        self._board.flush()
+        with self._named():
+            if os.write(self._file, line) < len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            for name, value in values.items():
+                self._board.add_scalar(f"{kind}/{name}", value, step)
+            for name, vector in vectors.items():
+                self._board.add_histogram(f"{kind}/{name}", vector, step)
+            self._board.flush()
 
     def image(self, step: int, name: str, image: np.ndarray) -> None:
         """Writes an image, uint8 [H,W,3], to TensorBoard."""
-        self._board.add_image(name, image, step, dataformats="HWC")
+        with self._named():
+            self._board.add_image(name, image, step, dataformats="HWC")
 
     def close(self) -> None:
         """Closes the files."""
         os.close(self._file)
         if "_board" in vars(self):
-            self._board.close()
+            with self._named():
+                self._board.close()
+
+    @contextlib.contextmanager
+    def _named(self) -> Iterator[None]:
+        """Names the folder in an error of a write, which has no name of a file."""
+        try:
+            yield
+        except OSError as error:
+            error.filename = error.filename or str(self._workdir)
+            raise
 
     @functools.cached_property
     def _board(self) -> Any:
