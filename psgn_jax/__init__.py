@@ -3,7 +3,7 @@
     import psgn_jax
 
     model = psgn_jax.load()
-    cloud = model("chair.jpg", mask="chair_mask.png")
+    cloud = model("chair.jpg")  # mask="chair_mask.png" gives the object's mask
     cloud.points  # float32 [1, n, 3]: +z up, +y image right, +x to the camera
     cloud.save("chair.ply")
 

@@ -14,7 +14,7 @@ LAYERS = [
 ]  # fmt: skip
 # What only one module may import.
 DOORS = {
-    "array_record", "av", "cv2", "dask", "distributed", "drjit", "gradio", "grain", "matplotlib",
+    "array_record", "av", "dask", "distributed", "drjit", "gradio", "grain", "matplotlib",
     "mitsuba", "onnx", "onnxruntime", "orbax", "safetensors", "tensorboardX",
 }  # fmt: skip
 FOR_DATA_GEN = ("array_types", "config.structured", "data", "system")

@@ -22,8 +22,7 @@ from psgn_jax.commands.common import (
     parse_flags,
 )
 from psgn_jax.config.experiment import ConfigError
-from psgn_jax.data import masks
-from psgn_jax.prediction import export
+from psgn_jax.prediction import export, masks
 from psgn_jax.prediction.files import predict_files
 from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
 from psgn_jax.system.files import check_folder

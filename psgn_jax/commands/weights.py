@@ -17,6 +17,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import jax
+
 from psgn_jax.commands.common import exit_on_user_error, log_to_terminal
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data.manifest import load_manifest
@@ -31,6 +33,8 @@ from psgn_jax.weights.file import (
     read_weights,
     write_weights,
 )
+from psgn_jax.weights.mask import FILE as MASK_FILE
+from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.opening import shipped, weights_path
 from psgn_jax.weights.run_folder import open_run
 
@@ -84,6 +88,8 @@ def _list(arguments: argparse.Namespace) -> str:
         path = weights_path(name)
         is_default = bool(known) and path == shipped()[known[-1]]
         texts.append(describe(read_weights(path), path, is_default=is_default))
+    if not arguments.names:
+        texts.append(_describe_mask_network())
     return "\n".join(texts)
 
 
@@ -145,6 +151,19 @@ def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) 
     }
     title = path.stem + (" (default)" if is_default else "")
     lines = [title, *(f"  {name:9} {text}" for name, text in rows.items())]
+    return "".join(f"{one_line(line)}\n" for line in lines)
+
+
+def _describe_mask_network() -> str:
+    params, texts = read_mask_network()
+    size = sum(leaf.size for leaf in jax.tree.leaves(params)) / 1e6
+    rows = {
+        "network": f"finds the object in a photo; {size:.2f} M parameters, float16, "
+        f"{MASK_FILE.stat().st_size / 1e6:.1f} MB",
+        "training": f"{texts['figures']['composites']} composites of renders and photographs",
+        "licences": "; ".join(map(_licences, texts["sources"])),
+    }
+    lines = ["mask", *(f"  {name:9} {text}" for name, text in rows.items())]
     return "".join(f"{one_line(line)}\n" for line in lines)
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from psgn_jax.config.experiment import has_deconv_branch
-from psgn_jax.models import efficientnet, layers, networks
+from psgn_jax.config.experiment import Config, has_deconv_branch
+from psgn_jax.models import efficientnet, layers, mask_net, networks
 from psgn_jax.models.inputs import BACKGROUND
 from psgn_jax.portable.network import PortableNetwork
 
@@ -32,17 +32,38 @@ def to_onnx(network: PortableNetwork, stored: str, texts: Mapping[str, str]) -> 
         each output channel. Runtimes convert both to float32 once, at loading.
       texts: metadata of the file.
     """
-    graph = _Graph(network, stored)
+    graph = _Graph(network.params, stored, network.config)
     points = graph.points()
-    graph.nodes.append(helper.make_node("Identity", [points], ["points"]))
     sizes = ["batch", "draws"] if network.config.model.random_size else ["batch"]
-    output = helper.make_tensor_value_info(
-        "points", TensorProto.FLOAT, [*sizes, network.num_points, 3]
-    )
     inputs = [
         helper.make_tensor_value_info(item.name, _TYPES[item.dtype], item.shape)
         for item in network.inputs
     ]
+    return _file(graph, inputs, points, "points", [*sizes, network.num_points, 3], texts)
+
+
+def mask_network_to_onnx(params: Mapping[str, Any], side: int) -> bytes:
+    """The ONNX file of a `models.mask_net.MaskNet`, its kernels stored as float16.
+
+    It maps `image`, uint8 [1, side, side, 3], to `probabilities`, float32 [1, side / 2, side / 2].
+    """
+    graph = _Graph(params, "float16")
+    inputs = [helper.make_tensor_value_info("image", TensorProto.UINT8, [1, side, side, 3])]
+    half = [1, side // 2, side // 2]
+    return _file(graph, inputs, graph.mask(side), "probabilities", half, {})
+
+
+def _file(
+    graph: "_Graph",
+    inputs: Sequence[onnx.ValueInfoProto],
+    result: str,
+    name: str,
+    shape: Sequence[int | str],
+    texts: Mapping[str, str],
+) -> bytes:
+    """The content of a file with one output, the tensor `result` of the graph."""
+    graph.nodes.append(helper.make_node("Identity", [result], [name]))
+    output = helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
     model = helper.make_model(
         helper.make_graph(graph.nodes, "network", inputs, [output], graph.constants),
         opset_imports=[helper.make_opsetid("", OPSET)],
@@ -61,8 +82,10 @@ class _Graph:
     draw. `_drawn` has the names of the latter.
     """
 
-    def __init__(self, network: PortableNetwork, stored: str):
-        self.config, self.params, self.stored = network.config, network.params, stored
+    def __init__(self, params: Mapping[str, Any], stored: str, config: Config | None = None):
+        self.params, self.stored = params, stored
+        if config is not None:
+            self.config = config
         self.nodes: list[onnx.NodeProto] = []
         self.constants: list[onnx.TensorProto] = []
         self._drawn: set[str] = set()
@@ -182,19 +205,16 @@ class _Graph:
             features.append(x)
         return features, self.bottleneck(x, params["bottleneck"])
 
-    def photo_encoder(self, x: str, params: Mapping[str, Any]) -> tuple[list[str], str]:
-        """`PhotoEncoder`: the image and the maps of EfficientNet-Lite0, and the bottleneck."""
-        features, params_lite0 = [x], params[efficientnet.NAME]
-        image = self.node("Slice", x, self.integers(0), self.integers(3), self.integers(1))
-        others = self.node("Slice", x, self.integers(3), self.integers(99), self.integers(1))
+    def lite0(self, image: str, params: Mapping[str, Any]) -> list[str]:
+        """The maps of `EfficientNetLite0`, of strides 2 to 32."""
         image = self.node("Mul", image, self.constant(255 / 128))
         image = self.node("Sub", image, self.constant(127 / 128))
-        x = self.relu6(self.conv(image, params_lite0["stem"], 2))
+        x = self.relu6(self.conv(image, params["stem"], 2))
         maps, stride, number = {}, 2, 0
         for stage in efficientnet.STAGES:
             stride *= stage.stride
             for i in range(stage.blocks):
-                layer, y = params_lite0[f"block{number}"], x
+                layer, y = params[f"block{number}"], x
                 if "expand" in layer:
                     y = self.relu6(self.conv(y, layer["expand"]))
                 groups = layer["depthwise"]["bias"].size
@@ -204,10 +224,17 @@ class _Graph:
                 x = self.node("Add", x, y) if i else y
                 number += 1
             maps[stride] = x
-        for stride, y in maps.items():
+        scales = efficientnet.SCALES
+        return [self.node("Mul", y, self.constant(scales[stride])) for stride, y in maps.items()]
+
+    def photo_encoder(self, x: str, params: Mapping[str, Any]) -> tuple[list[str], str]:
+        """`PhotoEncoder`: the image and the maps of EfficientNet-Lite0, and the bottleneck."""
+        features = [x]
+        image = self.node("Slice", x, self.integers(0), self.integers(3), self.integers(1))
+        others = self.node("Slice", x, self.integers(3), self.integers(99), self.integers(1))
+        for y in self.lite0(image, params[efficientnet.NAME]):
             others = self.node("AveragePool", others, kernel_shape=[2, 2], strides=[2, 2])
-            scaled = self.node("Mul", y, self.constant(efficientnet.SCALES[stride]))
-            features.append(self.node("Concat", scaled, others, axis=1))
+            features.append(self.node("Concat", y, others, axis=1))
         return features, self.bottleneck(features[-1], params["bottleneck"])
 
     def merge(self, x: str, skip: str, params: Mapping[str, Any]) -> str:
@@ -257,6 +284,28 @@ class _Graph:
             low, high = [e // 2 for e in extra], [e - e // 2 for e in extra]
             x = self.node("Pad", x, self.integers(0, *low, 0, 0, *high, 0), mode="edge")
         return self.node("Transpose", x, perm=[0, 3, 1, 2])
+
+    def mask(self, side: int) -> str:
+        """`models.mask_net.MaskNet` of the input `image`."""
+        image = self.node("Cast", "image", to=TensorProto.FLOAT)
+        image = self.node("Div", image, self.constant(255))
+        image = self.node("Transpose", image, perm=[0, 3, 1, 2])
+        *finer, coarse = self.lite0(image, self.params[efficientnet.NAME])
+        params = self.params["decoder"]
+        where = np.transpose(mask_net.positions(side // 32, side // 32), (0, 3, 1, 2))
+        x = self.node("Concat", coarse, self.constant(where), axis=1)
+        for stride in mask_net.WIDTHS:
+            x = self.conv(x, params[f"project{stride}"])
+            if stride < 32:
+                factors = self.constant([1, 1, 2, 2])
+                options = {"mode": "nearest", "coordinate_transformation_mode": "asymmetric"}
+                x = self.node("Resize", x, "", factors, **options, nearest_mode="floor")
+                x = self.node("Add", x, self.conv(finer.pop(), params[f"skip{stride}"]))
+            x = self.relu(x)
+            for i in range(mask_net.CONVOLUTIONS[stride]):
+                x = self.relu(self.conv(x, params[f"conv{stride}_{i}"]))
+        logits = self.conv(x, params["logits"])
+        return self.node("Squeeze", self.node("Sigmoid", logits), self.integers(1))
 
     def points(self) -> str:
         model, params = self.config.model, self.params

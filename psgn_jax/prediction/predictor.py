@@ -1,8 +1,8 @@
 """Prediction with a trained network: `Predictor.from_weights()(image)`.
 
-The mask of the object is given, is the image's alpha channel, or is computed (`data.masks`). The
-object is then cropped and scaled to the position of training objects (`data.framing`), unless the
-image is framed like a training rendering: 4:3, with the renderings' grey along its border.
+The mask of the object is given or found (`prediction.masks`). The object is then cropped and scaled
+to the position of training objects (`data.framing`), unless the image is framed like a training
+rendering: 4:3, with the renderings' grey along its border.
 """
 
 import dataclasses
@@ -15,10 +15,10 @@ import numpy as np
 from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, require_points_task
-from psgn_jax.data import camera, framing, masks, photo, resize
+from psgn_jax.data import camera, framing, photo, resize
 from psgn_jax.losses.silhouette import into_silhouette
 from psgn_jax.models import networks
-from psgn_jax.prediction import export, sampling
+from psgn_jax.prediction import export, masks, sampling
 from psgn_jax.weights.leaves import checksum, named_leaves
 from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Run
@@ -187,7 +187,7 @@ class Predictor:
         read = photo.as_photo(image)
         rgb = read.image
         if mask is None:
-            mask, mask_source, warning = masks.find_mask(rgb, read.alpha, mask_from)
+            warning, (mask, mask_source) = "", masks.find_mask(rgb, read.alpha, mask_from)
         else:
             mask, mask_source = photo.as_mask(mask, read) ^ invert_mask, "given"
             warning = INVERTED if masks.looks_inverted(mask) else ""

@@ -22,7 +22,8 @@ import numpy as np
 from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError
-from psgn_jax.data import masks, photo, resize
+from psgn_jax.data import photo, resize
+from psgn_jax.prediction import masks
 from psgn_jax.prediction.files import predict_photo
 from psgn_jax.prediction.predictor import FC, Predictor
 from psgn_jax.viewing import page
@@ -81,14 +82,14 @@ class Demo:
         layer = np.zeros((*EDITOR_SIZE, 4), np.uint8)
         try:
             if mask_path is not None:
-                mask, source, doubt = photo.read_mask(mask_path, read), "the given file", ""
+                mask, source = photo.read_mask(mask_path, read), "the given file"
             else:
-                mask, source, doubt = masks.find_mask(read.image, read.alpha, "auto")
+                mask, source = masks.find_mask(read.image, read.alpha)
         except ValueError as error:
             line = f"{_failed(error, path, mask_path)} Paint the object, then press Predict."
         else:
             layer[rows, columns][resize.smooth_mask(mask, size[::-1])] = PAINT
-            line = html.escape(f"Mask: {source}. {doubt} ") + _CORRECT
+            line = f"Mask: {source}. {_CORRECT}"
         return {"background": background, "layers": [layer], "composite": None}, line
 
     def predict(

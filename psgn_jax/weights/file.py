@@ -92,28 +92,43 @@ def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
       WeightsError: the suffix is wrong, the parameters do not belong to the network, a parameter is
         not finite or too large for float16, or the file would be larger than the limit.
     """
-    path = pathlib.Path(path)
     require_points_task(weights.config, "a file of weights")
-    if path.suffix != SUFFIX:
-        raise WeightsError(f"{path}: accepted: a name with the suffix {SUFFIX}")
     leaves = {
-        name: np.ascontiguousarray(leaf, dtype=np.float32)
+        name: np.asarray(leaf, np.float32)
         for name, leaf in named_leaves({"params": weights.params}).items()
     }
-    _check_fits(weights.config, leaves, path)
-    with np.errstate(over="ignore"):
-        stored = {name: leaf.astype(weights.dtype) for name, leaf in leaves.items()}
-    for name, leaf in stored.items():
-        if not np.isfinite(leaves[name]).all():
-            raise WeightsError(f"{path}: {name} is not finite: the training diverged")
-        if not np.isfinite(leaf).all():
-            raise WeightsError(f"{path}: {name} is too large for {weights.dtype}; use float32")
-    metadata = {
-        "format": FORMAT,
+    _check_fits(weights.config, leaves, pathlib.Path(path))
+    texts = {
         "config": to_json(_without_paths(weights.config)),
         "figures": json.dumps(dict(weights.figures), allow_nan=False),
         "sources": json.dumps(list(weights.sources), allow_nan=False),
     }
+    write_arrays(path, FORMAT, leaves, texts, weights.dtype)
+
+
+def write_arrays(
+    path: str | os.PathLike[str],
+    form: str,
+    leaves: Mapping[str, Any],
+    texts: Mapping[str, str],
+    dtype: str,
+) -> None:
+    """Writes arrays and texts as a file of this format, atomically.
+
+    Raises:
+      WeightsError: see `write_weights`.
+    """
+    path = pathlib.Path(path)
+    if path.suffix != SUFFIX:
+        raise WeightsError(f"{path}: accepted: a name with the suffix {SUFFIX}")
+    with np.errstate(over="ignore"):
+        stored = {n: np.ascontiguousarray(leaf, dtype=dtype) for n, leaf in leaves.items()}
+    for name, leaf in stored.items():
+        if not np.isfinite(leaves[name]).all():
+            raise WeightsError(f"{path}: {name} is not finite: the training diverged")
+        if not np.isfinite(leaf).all():
+            raise WeightsError(f"{path}: {name} is too large for {dtype}; use float32")
+    metadata = {"format": form, **texts}
     metadata["sha256"] = _digest(metadata, stored)
     content = save(stored, metadata)
     if int.from_bytes(content[:8], "little") > MAX_HEADER_BYTES or len(content) > MAX_FILE_BYTES:
@@ -130,15 +145,38 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
     Raises:
       WeightsError: the file is missing, damaged, from another program, or inconsistent.
     """
+    metadata, leaves, dtype = read_arrays(path, FORMAT)
+    try:
+        config = from_json(metadata["config"])
+        require_points_task(config, "a file of weights")
+        figures, sources = parse_json(metadata["figures"]), parse_json(metadata["sources"])
+    except (KeyError, ValueError) as error:
+        raise WeightsError(f"{path}: error in its metadata: {brief(error)}") from None
+    if not matches(figures, _FIGURES) or not matches(sources, _SOURCES):
+        raise WeightsError(
+            f"{path}: error in its metadata: the figures or sources do not have the expected fields"
+        )
+    params = _check_fits(config, leaves, pathlib.Path(path))
+    return Weights(config, params, figures, sources, dtype)
+
+
+def read_arrays(
+    path: str | os.PathLike[str], form: str
+) -> tuple[dict[str, str], dict[str, np.ndarray], str]:
+    """The texts and the arrays, as float32, of a file of this format, and its dtype.
+
+    Raises:
+      WeightsError: the file is missing, damaged or from another program.
+    """
     path = pathlib.Path(path)
     _check_sizes(path)
     try:
         with safe_open(path, framework="np") as file:
             metadata = file.metadata() or {}
-            if metadata.get("format") != FORMAT:
+            if metadata.get("format") != form:
                 raise WeightsError(
                     f"{path}: a file of another program or version (format "
-                    f"{str(metadata.get('format'))[:40]!r}, expected {FORMAT!r})"
+                    f"{str(metadata.get('format'))[:40]!r}, expected {form!r})"
                 )
             names = sorted(file.keys())
             dtype = _common_dtype(path, {name: file.get_slice(name).get_dtype() for name in names})
@@ -151,18 +189,7 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
     for name, leaf in leaves.items():
         if not np.isfinite(leaf).all():
             raise WeightsError(f"{path}: {name} is not finite")
-    try:
-        config = from_json(metadata["config"])
-        require_points_task(config, "a file of weights")
-        figures, sources = parse_json(metadata["figures"]), parse_json(metadata["sources"])
-    except (KeyError, ValueError) as error:
-        raise WeightsError(f"{path}: error in its metadata: {brief(error)}") from None
-    if not matches(figures, _FIGURES) or not matches(sources, _SOURCES):
-        raise WeightsError(
-            f"{path}: error in its metadata: the figures or sources do not have the expected fields"
-        )
-    params = _check_fits(config, leaves, path)
-    return Weights(config, params, figures, sources, dtype)
+    return metadata, leaves, dtype
 
 
 def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:

@@ -14,6 +14,7 @@ import numpy as np
 from absl import logging
 
 from psgn_jax.config.experiment import Config, ConfigError, suggestion
+from psgn_jax.weights import mask
 from psgn_jax.weights.file import SUFFIX, read_weights
 from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Run, open_run
@@ -27,7 +28,8 @@ def shipped() -> dict[str, pathlib.Path]:
 
     The last one is the default.
     """
-    paths = sorted(FOLDER.glob(f"*{SUFFIX}"), key=lambda path: (len(path.stem), path.stem))
+    paths = [path for path in FOLDER.glob(f"*{SUFFIX}") if path != mask.FILE]
+    paths.sort(key=lambda path: (len(path.stem), path.stem))
     return {path.stem: path for path in paths}
 
 

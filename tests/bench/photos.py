@@ -19,7 +19,8 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from small_png import small_png
 
 from psgn_jax.commands.common import exit_on_user_error
-from psgn_jax.data import masks, photo
+from psgn_jax.data import photo
+from psgn_jax.prediction import masks
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
@@ -59,7 +60,6 @@ def row(image, given, predictor):
         pictures |= {text: panel(image), " ": empty, "  ": empty}
     else:
         text = f"{found.method}, IoU {masks.mask_iou(found.mask, given):.2f}"
-        text += ", in doubt" if found.doubt else ""
         pictures |= masked(image, found.mask, predictor, "found", f"found: {text}")
     return pictures | masked(image, given, predictor, "given", "given"), text
 

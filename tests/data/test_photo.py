@@ -1,6 +1,5 @@
 """Every photo gives a valid input of a network, or an error of one line."""
 
-import io
 import os
 import struct
 import zlib
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from psgn_jax.data import camera, framing, masks, photo, resample, resize
+from psgn_jax.data import camera, framing, photo, resample, resize
 
 GREY = 191
 
@@ -79,9 +78,6 @@ def test_16_bit_colour_and_transparent_palette(tmp_path):
     rgba = Image.fromarray(np.dstack([image, mask.astype(np.uint8) * 255]))
     read = photo.read_photo(saved(tmp_path, rgba.quantize(), "palette.png"))
     np.testing.assert_array_equal(read.alpha > 127, mask)
-    found, how, _ = masks.find_mask(read.image, read.alpha)
-    assert how == "alpha"
-    np.testing.assert_array_equal(found, mask)
 
 
 def test_large_images_are_reduced_as_they_are_read(tmp_path):
@@ -91,8 +87,7 @@ def test_large_images_are_reduced_as_they_are_read(tmp_path):
     read = photo.read_photo(path)
     assert read.size == (4_500, 6_000)
     assert max(read.image.shape) < 2 * photo.MAX_SIDE
-    mask, how, _ = masks.find_mask(read.image)
-    assert how == "plain"
+    mask = read.image[..., 1] < 120
     assert mask.mean() == pytest.approx(1 / 6, rel=0.01)
     view = framing.place(read.image, mask)
     assert view.image[view.mask].mean(axis=0) == pytest.approx([200, 60, 20], abs=3)
@@ -181,79 +176,6 @@ def test_masks_of_mode_1_are_masks():
         resample.recrop(image, mode_1(mask), 0.9, (1, 2))[1],
         resample.recrop(image, mask, 0.9, (1, 2))[1],
     )
-
-
-# --- finding the mask ------------------------------------------------------------------------
-
-
-def test_plain_background_exact_and_noisy(rng):
-    image, mask = scene()
-    mask[50:60, 80:90] = False  # a hole shows the background
-    image[50:60, 80:90] = GREY
-    found, how, _ = masks.find_mask(image)
-    assert how == "plain"
-    np.testing.assert_array_equal(found, mask)
-    image, mask = scene(back=(240, 240, 235))
-    noisy = np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
-    found, how, _ = masks.find_mask(noisy, method="plain")
-    assert how == "plain"
-    assert (found != mask).mean() < 0.01
-
-
-def as_jpeg(image, quality=75):
-    stream = io.BytesIO()
-    Image.fromarray(image).save(stream, "JPEG", quality=quality)
-    return np.asarray(Image.open(stream))
-
-
-def overlap(one, other):
-    return (one & other).sum() / (one | other).sum()
-
-
-def test_the_ripples_of_a_jpeg_around_an_object_are_background():
-    rows, columns = np.mgrid[:180, :240]
-    away = (rows - 90) ** 2 + (columns - 120) ** 2
-    mask = (away < 50**2) & (away > 15**2)  # the background is visible through a hole
-    image = np.full((180, 240, 3), 255, np.uint8)
-    image[mask] = (150, 30, 40)
-    found, how, _ = masks.find_mask(as_jpeg(image))
-    assert how == "plain"
-    assert overlap(found, mask) > 0.9
-
-
-def test_an_object_that_differs_little_from_a_shaded_background():
-    pytest.importorskip("cv2")
-    rows, columns = np.mgrid[:180, :240]
-    mask = (rows - 90) ** 2 + (columns - 120) ** 2 < 50**2
-    shade = 196 + 10.0 * columns / 240 - 0.06 * np.abs(rows - 90)
-    image = np.repeat(shade[..., None], 3, axis=2)
-    image[mask] += (18, 18, 6)
-    jpeg = as_jpeg(image.astype(np.uint8))
-    found, how, doubt = masks.find_mask(jpeg)
-    assert (how, doubt) == ("grabcut", "")
-    assert overlap(found, mask) > 0.93
-    assert overlap(masks.plain(jpeg), mask) < 0.9
-
-
-def test_a_shaded_background_without_opencv(monkeypatch):
-    monkeypatch.setattr(masks, "_has_opencv", lambda: False)
-    image, mask = scene()
-    image[:, :100] += 4
-    found, how, _ = masks.find_mask(image)
-    assert how == "plain"
-    assert overlap(found, mask) > 0.95
-
-
-def test_no_object_and_no_way_to_find_one(monkeypatch, rng):
-    with pytest.raises(photo.PhotoError, match="no object found"):
-        masks.find_mask(np.full((64, 64, 3), 90, np.uint8))
-    with pytest.raises(photo.PhotoError, match="transparent all over"):
-        masks.find_mask(np.zeros((64, 64, 3), np.uint8), np.zeros((64, 64), np.uint8))
-    monkeypatch.setattr(masks.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(photo.PhotoError, match="give a mask, or pip install"):
-        masks.find_mask(rng.integers(0, 255, (64, 64, 3), np.uint8))
-    with pytest.raises(ValueError, match="accepted: auto, alpha, plain"):
-        masks.find_mask(np.zeros((64, 64, 3), np.uint8), method="magic")
 
 
 # --- placing ---------------------------------------------------------------------------------

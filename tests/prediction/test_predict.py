@@ -16,7 +16,7 @@ from helpers.weights import random_params
 from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
-from psgn_jax.data import camera, masks
+from psgn_jax.data import camera
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.prediction import sampling
 from psgn_jax.prediction.files import predict_files
@@ -150,17 +150,6 @@ def test_an_inverted_mask_is_noticed_and_turned(predictor, tmp_path):
     np.testing.assert_allclose(document["normal_form"]["shift"], right.shift)
     with pytest.raises(ConfigError, match="accepted only with a given mask"):
         predictor(image, invert_mask=True)
-
-
-def test_a_doubtful_mask_is_said_to_be_one(predictor, monkeypatch):
-    image = photo_of_a_box()
-    mask = (image != 191).any(axis=2)
-    for doubt in ("", masks.DOUBT.format(0.3)):
-        found = masks.FoundMask(mask, "grabcut", doubt)
-        monkeypatch.setattr(masks, "find_mask", lambda *_, found=found: found)
-        assert predictor(image).warnings == ((doubt,) if doubt else ())
-    for word in ("brush of the demo", "--mask", "30%"):
-        assert word in doubt
 
 
 def test_wrong_arguments(predictor, config, params):

@@ -1,16 +1,20 @@
 """Builds the page's folder: JavaScript modules, the network, the runtime and example photos."""
 
+import json
 import os
 import pathlib
 
 from absl import logging
 
 from psgn_jax.portable.folder import write_network
+from psgn_jax.prediction import masks
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing.page import CLOUD_SCRIPT
 from psgn_jax.web.page.browser_runtime import runtime_files
+from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.run_folder import Run
 
+MASK_NETWORK = "mask.onnx"
 STATIC = pathlib.Path(__file__).resolve().parent / "static"
 LARGEST = 30_000_000
 """Size in bytes above which a warning is logged: a larger page may not open well on a phone."""
@@ -44,7 +48,16 @@ def build_page(
         if path.is_file():
             files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
     files[CLOUD_SCRIPT.name] = CLOUD_SCRIPT.read_bytes()
+    from psgn_jax.portable.onnx_file import mask_network_to_onnx  # imports onnx
+
     network = write_network(run, out, weights=(weights,), stablehlo=False, data=data, split=split)
+    params, texts = read_mask_network()
+    files[MASK_NETWORK] = mask_network_to_onnx(params, masks.SIDE)
+    network["mask_network"] = {
+        "file": MASK_NETWORK, "side": masks.SIDE, "least_certainty": masks.LEAST_CERTAINTY
+    }  # fmt: skip
+    network["sources"] += texts["sources"]
+    files["network.json"] = json.dumps(network, indent=1).encode()
     for name, content in files.items():
         write_atomic(out / name, content, sync=False)
     size = sum(map(len, files.values())) + sum(row["bytes"] for row in network["files"].values())

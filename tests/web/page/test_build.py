@@ -94,6 +94,7 @@ def test_the_folder_is_complete_and_small(site):
     assert names == own | runtime | {
         "network.json",
         "network.onnx",
+        "mask.onnx",
         "cloud.js",
         "framing.js",
         "resample.js",

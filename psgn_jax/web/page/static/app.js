@@ -15,6 +15,7 @@ const contextOf = canvas => canvas.getContext("2d", { willReadFrequently: true }
 /** photo: { rgb, width, height, bitmap }; mask: a canvas that is opaque on the object; clouds: one for each guess. */
 const page = { photo: null, mask: null, history: [], clouds: [], sample: 0, name: "" };
 const viewer = new CloudView([$("cloud")]);
+let maskSession = null; // of the mask network, once a photo needs it
 
 function say(text) {
   $("status").textContent = text;
@@ -51,6 +52,8 @@ async function decode(file, resize = {}) {
   return { bitmap, width, height, rgba: context.getImageData(0, 0, width, height).data };
 }
 
+const withoutAlpha = rgba => Uint8Array.from({ length: 3 * rgba.length / 4 }, (_, i) => rgba[4 * Math.floor(i / 3) + i % 3]);
+
 /** Opens a photo, and its mask if there is a second file: the one called NAME_mask. */
 const open = guarded(async files => {
   const masked = files.length > 1 ? Math.max(0, files.findIndex(file => /_mask\.\w+$/.test(file.name))) : -1;
@@ -59,7 +62,7 @@ const open = guarded(async files => {
   say("Reading the photo");
   const { bitmap, width, height, rgba } = await decode(file);
   page.name = (file.name ?? "photo").replace(/\.[^.]*$/, "").replace(/[^\w-]+/g, "_");
-  page.photo = { bitmap, width, height, rgb: Uint8Array.from({ length: 3 * width * height }, (_, i) => rgba[4 * Math.floor(i / 3) + i % 3]) };
+  page.photo = { bitmap, width, height, rgb: withoutAlpha(rgba) };
   page.mask = canvasOf(width, height);
   page.history = [];
   Object.assign($("photo"), { width, height }).style.setProperty("--ratio", width / height);
@@ -68,7 +71,7 @@ const open = guarded(async files => {
   const share = opaque.reduce((a, b) => a + b, 0) / opaque.length;
   if (masked >= 0) await openMask(files[masked]);
   else if (share > 0.0005 && share < 0.97) setMask(opaque);
-  else changed();
+  else setMask(await findMask(page.photo));
 });
 
 const openMask = guarded(async file => {
@@ -88,6 +91,26 @@ const openMask = guarded(async file => {
   remember();
   setMask(levels.map(level => level > half));
 });
+
+/** The mask that the mask network finds, like `find_mask` in Python; empty if it is not certain. */
+async function findMask({ bitmap, width, height }) {
+  const { about } = await network, { file, side, least_certainty: least } = about.mask_network, half = side / 2;
+  say("Looking for the object");
+  maskSession ??= await startSession(new Uint8Array(await (await fetched(file)).arrayBuffer()));
+  const small = contextOf(canvasOf(side, side));
+  small.imageSmoothingQuality = "high";
+  small.drawImage(bitmap, 0, 0, side, side);
+  const image = new ort.Tensor("uint8", withoutAlpha(small.getImageData(0, 0, side, side).data), [1, side, side, 3]);
+  const p = (await maskSession.run({ image })).probabilities.data, sum = values => values.reduce((a, b) => a + b, 0);
+  const inside = p.filter(v => v > 0.5), certainty = sum(inside) / (inside.length + sum(p) - sum(inside));
+  if (!(certainty >= least)) return new Uint8Array(width * height);
+  const levels = new ImageData(half, half), coarse = canvasOf(half, half), large = contextOf(canvasOf(width, height));
+  p.forEach((v, i) => { levels.data[4 * i + 3] = Math.round(255 * v); });
+  contextOf(coarse).putImageData(levels, 0, 0);
+  large.drawImage(coarse, 0, 0, width, height);
+  const { data } = large.getImageData(0, 0, width, height);
+  return Uint8Array.from({ length: width * height }, (_, i) => data[4 * i + 3] > 127);
+}
 
 // --- the mask --------------------------------------------------------------------------------------
 
@@ -186,25 +209,27 @@ for (const name of ["pointerup", "pointercancel"]) $("photo").addEventListener(n
 
 // --- points ----------------------------------------------------------------------------------------
 
+async function fetched(name) {
+  const response = await fetch(name);
+  if (!response.ok) throw new Error(`The page is incomplete: ${name} is missing.`);
+  return response;
+}
+
+const startSession = bytes => ort.InferenceSession.create(bytes, { executionProviders: ["wasm"] }).catch(error => {
+  throw new Error(`This browser cannot run the network (${String(error.message ?? error).slice(0, 120)}).`);
+});
+
 /** The network: { about, session }. */
 async function load() {
   ort.env.wasm.numThreads = 1; // several threads need headers that plain file servers do not send
   ort.env.wasm.wasmPaths = new URL("runtime/", import.meta.url).href;
-  const fetched = async name => {
-    const response = await fetch(name);
-    if (!response.ok) throw new Error(`The page is incomplete: ${name} is missing.`);
-    return response;
-  };
   const damaged = new Error("The network's file is damaged or belongs to another page; build the page again.");
   const about = await (await fetched("network.json")).json().catch(() => { throw damaged; });
   const [name, row] = Object.entries(about.files ?? {}).find(([file]) => file.endsWith(".onnx")) ?? [];
   if (about.format !== "psgn_jax network 1" || !name) throw damaged;
   const bytes = new Uint8Array(await (await fetched(name)).arrayBuffer());
   if (bytes.length !== row.bytes) throw damaged;
-  const session = await ort.InferenceSession.create(bytes, { executionProviders: ["wasm"] }).catch(error => {
-    throw new Error(`This browser cannot run the network (${String(error.message ?? error).slice(0, 120)}).`);
-  });
-  return { about, session };
+  return { about, session: await startSession(bytes) };
 }
 
 const predict = guarded(async () => {

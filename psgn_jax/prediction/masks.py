@@ -1,0 +1,178 @@
+"""Finds the mask of the object in a photo.
+
+There are three methods; "auto" tries them in this order:
+
+- `alpha`: the alpha channel of the file.
+- `plain`: a background of exactly one colour, as in renderings and product photos.
+- `network`: `models.mask_net`, with the parameters of the package. Of several objects, it shows the
+  one nearest to the middle. It fails if it is not certain.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from PIL import Image, ImageFilter
+from scipy import ndimage
+
+from psgn_jax.data.photo import PhotoError
+from psgn_jax.data.resize import smooth_mask
+from psgn_jax.models import networks  # noqa: F401  sets the convolutions of a CPU
+from psgn_jax.models.mask_net import MaskNet
+from psgn_jax.weights.mask import read_mask_network
+
+METHODS = ("auto", "alpha", "plain", "network")
+
+SIDE = 256
+"""Height and width of the photo that the mask network sees, whatever its proportions."""
+LEAST_CERTAINTY = 0.8
+"""`certainty` below which the network's mask is not used; see docs/journal.md."""
+
+# `plain`: a lossy image is searched on a copy with at most this many pixels per side.
+_SEARCH_SIDE = 512
+# `plain`: the fraction of the border that must be background, up to this deviation.
+_BORDER_SHARE, _EXACT = 0.97, 1
+# `plain`: the deviation from the background that JPEG causes near an object, and the threshold for
+# lossy images. The number of pixels with a deviation of 1 or 2 is divided by the number of pixels
+# of the outline. The image is lossy if this ratio exceeds the threshold. It is below .31 on 100
+# lossless renderings and above .98 on 30 JPEGs (quality 70 to 95).
+_JPEG_DEVIATION, _JPEG_SHARE = 12, 0.6
+_SMALLEST, _LARGEST = 0.0005, 0.97  # fraction of the image that an object may cover
+
+
+class FoundMask(NamedTuple):
+    """The mask of an object, bool [h, w], and the method, one of `METHODS`."""
+
+    mask: np.ndarray
+    method: str
+
+
+def find_mask(
+    image: np.ndarray, alpha: np.ndarray | None = None, method: str = "auto"
+) -> FoundMask:
+    """Finds the object.
+
+    Args:
+      image: uint8 [h, w, 3] RGB.
+      alpha: uint8 [h, w] or None, see `photo.useful_alpha`.
+      method: one of `METHODS`.
+
+    Raises:
+      PhotoError: no object was found, or the network is not certain; the message says what the user
+        can do.
+      ValueError: an unknown method.
+      WeightsError: the network's parameters cannot be read.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method={method!r}: accepted: {', '.join(METHODS)}")
+    if alpha is not None and method in ("auto", "alpha"):
+        if (alpha > 127).mean() < _SMALLEST:
+            raise PhotoError("the image is transparent all over, expected an object")
+        return FoundMask(alpha > 127, "alpha")
+    if method in ("auto", "plain"):
+        mask = plain(image)
+        if mask is not None and _SMALLEST <= mask.mean() <= _LARGEST:
+            return FoundMask(mask, "plain")
+    if method in ("auto", "network"):
+        p = probabilities(image)
+        mask = enlarged(p, image.shape[:2])
+        if certainty(p) >= LEAST_CERTAINTY and _SMALLEST <= mask.mean() <= _LARGEST:
+            return FoundMask(mask, "network")
+        raise PhotoError(
+            f"it is not certain which part is the object ({certainty(p):.0%}, expected at least "
+            f"{LEAST_CERTAINTY:.0%}); give its mask, white on the object, with --mask=FILE, or "
+            "paint it in `psgn demo`"
+        )
+    raise PhotoError(f"no object found ({method}); give its mask with --mask=FILE")
+
+
+def probabilities(image: np.ndarray) -> np.ndarray:
+    """The mask network's probabilities of the object, float32 [SIDE / 2, SIDE / 2].
+
+    They cover the image, uint8 [h, w, 3], which is resized to `SIDE` x `SIDE`.
+    """
+    picture = Image.fromarray(image)
+    small = picture.resize((SIDE, SIDE), Image.Resampling.BILINEAR, reducing_gap=2)
+    network, params = _network()
+    return np.asarray(network(params, np.asarray(small)))
+
+
+def certainty(p: np.ndarray) -> float:
+    """Expected intersection over union of the mask, p > .5, and the object; 0 without a mask.
+
+    It is sum(p[p > .5]) / (count(p > .5) + sum(p[p <= .5])).
+    """
+    inside = p > 0.5
+    return float(p[inside].sum() / (inside.sum() + p[~inside].sum() + 1e-9))
+
+
+def enlarged(p: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
+    """Where bilinearly resized probabilities exceed .5, bool [h, w]."""
+    levels = Image.fromarray(np.rint(255 * p).astype(np.uint8))
+    return np.asarray(levels.resize((size[1], size[0]), Image.Resampling.BILINEAR)) > 127
+
+
+@functools.cache
+def _network() -> tuple[Callable[..., jax.Array], Any]:
+    params, _ = read_mask_network()
+
+    def run(params: Any, image: jax.Array) -> jax.Array:
+        return MaskNet().apply({"params": params}, image[None] / np.float32(255))[0]
+
+    return jax.jit(run), jax.device_put(params)
+
+
+def looks_inverted(mask: np.ndarray) -> bool:
+    """Whether a mask [h, w] looks inverted: it covers the border but not the middle.
+
+    The mask contains at least 90 % of the border, and less than half of the middle ninth.
+    """
+    height, width = mask.shape
+    middle = mask[height // 3 : -(height // 3) or None, width // 3 : -(width // 3) or None]
+    return bool(_border(mask).mean() >= 0.9 and middle.mean() < 0.5)
+
+
+def plain(image: np.ndarray) -> np.ndarray | None:
+    """The pixels that differ from a background of one colour, or None without such a background."""
+    border = _border(image).astype(int)
+    colour = np.median(border, axis=0).astype(int)
+    if np.quantile(np.abs(border - colour).max(axis=1), _BORDER_SHARE) > _EXACT:
+        return None
+    deviation = _deviation(image, colour)
+    mask = deviation > 2
+    weak = int(((deviation > 0) & (deviation <= 2)).sum())
+    if weak <= _JPEG_SHARE * int((mask & ~_eroded(mask, 3)).sum()):
+        return mask  # lossless: all pixels of another colour show the object
+    factor = -(-max(image.shape[:2]) // _SEARCH_SIDE)
+    small = image if factor == 1 else np.asarray(Image.fromarray(image).reduce(factor))
+    deviation = _deviation(small, colour)
+    near = deviation <= _JPEG_DEVIATION
+    outside = near.copy()
+    outside[1:-1, 1:-1] = False
+    outside |= _eroded(deviation <= 2, 5)  # the background is visible through holes
+    mask = ~ndimage.binary_propagation(outside & near, mask=near)
+    # A 3x3 majority filter removes specks and keeps edges.
+    count = ndimage.correlate(mask.astype(np.uint8), np.ones((3, 3), np.uint8), mode="nearest")
+    return smooth_mask(count > 4, image.shape[:2])
+
+
+def _border(plane: np.ndarray) -> np.ndarray:
+    return np.concatenate([plane[0], plane[-1], plane[1:-1, 0], plane[1:-1, -1]])
+
+
+def _eroded(mask: np.ndarray, side: int) -> np.ndarray:
+    """The pixels whose square of this side is on the mask."""
+    levels = Image.fromarray(mask.astype(np.uint8)).filter(ImageFilter.MinFilter(side))
+    return np.asarray(levels) > 0
+
+
+def _deviation(image: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """The largest difference of a channel from `colour`, at each pixel."""
+    return np.abs(image.astype(np.int16) - colour.astype(np.int16)).max(axis=2)
+
+
+def mask_iou(one: np.ndarray, other: np.ndarray) -> float:
+    """Intersection over union of two masks, bool [h, w]; 0 if both are empty."""
+    return float((one & other).sum() / max((one | other).sum(), 1))

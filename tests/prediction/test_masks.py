@@ -1,0 +1,64 @@
+"""Masks that are found: by the background, and by the network of the package."""
+
+import io
+import pathlib
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from psgn_jax.data import photo
+from psgn_jax.prediction import masks
+
+PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
+
+
+def as_jpeg(image, quality=75):
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, "JPEG", quality=quality)
+    return np.asarray(Image.open(stream))
+
+
+def test_alpha_and_a_plain_background_come_before_the_network():
+    rows, columns = np.mgrid[:180, :240]
+    away = (rows - 90) ** 2 + (columns - 120) ** 2
+    mask = (away < 50**2) & (away > 15**2)  # the background is visible through a hole
+    image = np.full((180, 240, 3), 255, np.uint8)
+    image[mask] = (150, 30, 40)
+    found, how = masks.find_mask(image)
+    assert how == "plain"
+    np.testing.assert_array_equal(found, mask)
+    found, how = masks.find_mask(as_jpeg(image))
+    assert how == "plain"
+    assert masks.mask_iou(found, mask) > 0.9
+    found, how = masks.find_mask(image, np.uint8(255) * (away < 100))
+    assert how == "alpha"
+    np.testing.assert_array_equal(found, away < 100)
+
+
+@pytest.mark.parametrize("name", ["bottle", "cup", "pan"])
+def test_the_network_finds_objects_in_photographs(name):
+    read = photo.read_photo(PHOTOS / f"{name}.jpg")
+    given = photo.read_mask(PHOTOS / f"{name}_mask.png", read)
+    found, how = masks.find_mask(read.image)
+    assert how == "network"
+    assert masks.mask_iou(found, given) > 0.85
+    np.testing.assert_array_equal(masks.find_mask(read.image).mask, found)
+
+
+def test_without_certainty_a_mask_is_asked_for(rng):
+    for image in (np.full((64, 64, 3), 90, np.uint8), rng.integers(0, 255, (64, 90, 3), np.uint8)):
+        with pytest.raises(photo.PhotoError, match=r"not certain .* give its mask.* --mask=FILE"):
+            masks.find_mask(image)
+    with pytest.raises(photo.PhotoError, match=r"no object found \(plain\); give its mask"):
+        masks.find_mask(rng.integers(0, 255, (64, 64, 3), np.uint8), method="plain")
+    with pytest.raises(photo.PhotoError, match="transparent all over"):
+        masks.find_mask(np.zeros((64, 64, 3), np.uint8), np.zeros((64, 64), np.uint8))
+    with pytest.raises(ValueError, match="accepted: auto, alpha, plain, network"):
+        masks.find_mask(np.zeros((64, 64, 3), np.uint8), method="magic")
+
+
+def test_certainty_is_the_expected_overlap():
+    p = np.array([[0.9, 0.8], [0.3, 0.0]], np.float32)
+    assert masks.certainty(p) == pytest.approx(1.7 / 2.3)
+    assert masks.certainty(np.zeros((2, 2), np.float32)) == 0
