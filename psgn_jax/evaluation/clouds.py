@@ -69,6 +69,13 @@ def _near(distance_sq: Array, threshold: float | Array) -> Array:
     return jnp.where(jnp.isnan(distance_sq), distance_sq, near)
 
 
+def fscore(to_gt_sq: Array, to_pred_sq: Array, threshold: float | Array) -> Float[Array, ""]:
+    """2 precision recall / (precision + recall) from squared nearest distances (unit^2)."""
+    precision, recall = _near(to_gt_sq, threshold).mean(), _near(to_pred_sq, threshold).mean()
+    total = precision + recall
+    return 2 * precision * recall / jnp.where(total == 0, 1, total)
+
+
 def by_visibility(
     distance_sq: Float[Array, " m"], visible: Bool[Array, " m"], threshold: float | Array
 ) -> dict[str, Float[Array, ""]]:
@@ -145,18 +152,15 @@ def evaluate_pair(
         raise ValueError(f"threshold: got {threshold}, expected a finite distance > 0")
     to_gt, to_pred = nearest_both(pred, gt)
     forth, back = to_gt.distance_sq.mean(), to_pred.distance_sq.mean()
-    precision = _near(to_gt.distance_sq, threshold).mean()
-    recall = _near(to_pred.distance_sq, threshold).mean()
-    total = precision + recall
     metrics = {
         "cd_sq_radius2": forth + back,
         "cd_sq_pred_to_gt_radius2": forth,
         "cd_sq_gt_to_pred_radius2": back,
         "cd_l1_radius": 0.5
         * (safe_sqrt(to_gt.distance_sq).mean() + safe_sqrt(to_pred.distance_sq).mean()),
-        "fscore": 2 * precision * recall / jnp.where(total == 0, 1, total),
-        "precision": precision,
-        "recall": recall,
+        "fscore": fscore(to_gt.distance_sq, to_pred.distance_sq, threshold),
+        "precision": _near(to_gt.distance_sq, threshold).mean(),
+        "recall": _near(to_pred.distance_sq, threshold).mean(),
     }
     if visible is not None:
         metrics |= by_visibility(to_pred.distance_sq, visible, threshold)

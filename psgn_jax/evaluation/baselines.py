@@ -1,0 +1,215 @@
+"""What a network's figures are worth: baselines on the same samples, `psgn evaluate --baselines`.
+
+Every row has a cloud for each sample of a split. Prediction and truth have the same number n of
+points, those that the network predicts.
+
+- floor: n other points of the true surface. No prediction can be expected to be nearer.
+- network: its predictions (of a network with a random input, one draw).
+- oracle: the best training cloud, chosen by looking at the truth. CD and F-scores are those of the
+  cloud with the least CD, the EMD is the least one of the 16 clouds of least CD. It tells how much
+  copying can give (Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks Learn?",
+  CVPR 2019).
+- retrieval: the cloud of the training image whose features are most similar (cosine).
+- cluster: n random points of the clouds of a k-means cluster, chosen by the mean features of its
+  images; the clusters are those of the clouds' histograms of 8^3 cells.
+- fixed cloud: n random points of all training clouds.
+- shuffled: the network's predictions for other images of the split. If this row is as good as the
+  network, the network ignores its images.
+
+The features are maps of stride 32 of EfficientNet-Lite0 (`models.efficientnet`), averaged over
+2x2 cells, less their mean over the training images. Intervals are 95 % percentile bootstrap
+intervals over the samples.
+"""
+
+import dataclasses
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from absl import logging
+from scipy.cluster.vq import kmeans2
+
+from psgn_jax.config.experiment import Config, ConfigError
+from psgn_jax.data import loader
+from psgn_jax.evaluation.clouds import emd, fscore
+from psgn_jax.evaluation.table import aligned
+from psgn_jax.losses.batches import map_pairs
+from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
+from psgn_jax.models import efficientnet, networks
+
+ROWS = ("floor", "network", "oracle", "retrieval", "cluster", "fixed cloud", "shuffled")
+THRESHOLDS = (0.01, 0.02, 0.05)
+METRICS = ("cd_sq_radius2", "emd_radius", *(f"fscore_{t:g}" for t in THRESHOLDS))
+TITLES = ("CD squared [radius^2]", "EMD [radius]", *(f"F at {t:g} radius [%]" for t in THRESHOLDS))
+MOST_TRAINING = 20_000
+"""Of larger training splits, this many samples are drawn at random."""
+
+_COARSE, _BY_CD, _BY_EMD = 128, 64, 16  # points of a first comparison; clouds kept after two
+_PER_CLUSTER, _CELLS, _RESAMPLES = 30, 8, 2000
+
+
+def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np.ndarray]:
+    """The metrics of all rows: {row: float64 [samples, len(METRICS)]}.
+
+    Args:
+      config: configuration of the network; `data` names training and evaluation records.
+      params: its parameters.
+      lite0: parameters of `models.efficientnet.EfficientNetLite0`.
+      split: name of the evaluated split.
+
+    Raises:
+      ConfigError: the training split is the evaluated one.
+      RecordError: the records are missing or damaged.
+    """
+    if split == config.data.train_split:
+        raise ConfigError(f"--baselines: split={split!r} is the training split; accepted: another")
+    network = networks.build(config.model)
+    n, rng = network.num_points, np.random.default_rng(0)
+    describe = jax.jit(lambda image: _features(lite0, image))
+
+    def collect(split: str, count: int, wanted: int, predict: Any = None) -> list[np.ndarray]:
+        parts = []
+        for number, batch in enumerate(_batches(config, split, count, wanted)):
+            keep = batch["valid"]
+            rows = [batch["points"], np.asarray(describe(_image(batch)))]
+            rows += [np.asarray(predict(batch, number))] if predict else []
+            parts.append([row[keep] for row in rows])
+        return [np.concatenate(part) for part in zip(*parts, strict=True)]
+
+    @jax.jit
+    def predicted(params: Any, batch: Any, r: Any) -> Any:
+        return networks.predict(config, network, params, batch, r)
+
+    def predict(batch: Any, number: int) -> Any:
+        size = config.eval.batch_size
+        r = networks.random_input(config, number, size, train=False)
+        arrays = {key: batch[key] for key in networks.input_keys(config)}
+        return predicted(params, arrays, r)
+
+    logging.info("baselines: reading the training clouds")
+    train, train_features = collect(config.data.train_split, n, MOST_TRAINING)
+    both, features, network_clouds = collect(split, 2 * n, 0, predict)
+    both = both[:, rng.permutation(2 * n)]
+    truth, floor = both[:, :n], both[:, n:]
+    middle = train_features.mean(axis=0)
+    train_features, features = (_unit(f - middle) for f in (train_features, features))
+    logging.info("baselines: %d samples, %d training clouds", len(truth), len(train))
+    pairs = jax.jit(map_pairs(_metrics))
+    oracle = np.stack([_oracle(cloud, train) for cloud in truth])
+    similar = np.argmax(features @ train_features.T, axis=1)
+    everything = train.reshape(-1, 3)
+    clouds = {
+        "floor": floor,
+        "network": network_clouds,
+        "retrieval": train[similar],
+        "cluster": _cluster_clouds(train, train_features, features, rng),
+        "fixed cloud": np.repeat(_some(everything, n, rng)[None], len(truth), 0),
+        "shuffled": np.roll(network_clouds, max(1, len(truth) // 2), axis=0),
+    }
+    table = {name: np.asarray(pairs(c, truth), np.float64) for name, c in clouds.items()}
+    return {name: oracle if name == "oracle" else table[name] for name in ROWS}
+
+
+def _batches(config: Config, split: str, count: int, wanted: int) -> Iterator[Any]:
+    data = dataclasses.replace(config.data, num_eval_points=count)
+    if split == data.train_split:
+        data = dataclasses.replace(data, eval_path="")
+    size = config.eval.batch_size
+    batches = loader.eval_batches(data, split=split, batch_size=size, seed=config.seed)
+    total = -(-loader.num_samples(data, split, evaluation=True) // size)
+    chosen = set(np.random.default_rng(0).permutation(total)[: wanted // size or total].tolist())
+    return (batch for number, batch in enumerate(batches) if number in chosen)
+
+
+def _image(batch: Any) -> Any:
+    return networks.network_inputs(("rgb",), {**batch, "depth": None})
+
+
+def _features(lite0: Any, image: Any) -> Any:
+    maps: Any = efficientnet.EfficientNetLite0().apply({"params": lite0}, image)
+    maps = maps[-1]
+    pooled = jax.image.resize(maps, (len(maps), 3, 4, maps.shape[-1]), "linear")
+    return pooled.reshape(len(maps), -1)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def _metrics(pred: Any, truth: Any) -> Any:
+    to_truth, to_pred = nearest_both(pred, truth)
+    scores = [fscore(to_truth.distance_sq, to_pred.distance_sq, t) for t in THRESHOLDS]
+    cd = to_truth.distance_sq.mean() + to_pred.distance_sq.mean()
+    return jnp.stack([cd, emd(pred, truth).emd, *scores])
+
+
+_cds = jax.jit(jax.vmap(chamfer_sq_mean, (0, None)))
+_all_metrics = jax.jit(lambda clouds, truth: jax.lax.map(lambda c: _metrics(c, truth), clouds))
+
+
+def _oracle(truth: np.ndarray, train: np.ndarray) -> np.ndarray:
+    coarse = np.asarray(_cds(train[:, :_COARSE], truth[: 4 * _COARSE]))
+    near = train[np.argsort(coarse)[:_BY_CD]]
+    near = near[np.argsort(np.asarray(_cds(near, truth)))[:_BY_EMD]]
+    values = np.asarray(_all_metrics(near, truth), np.float64)
+    best = values[0].copy()
+    best[1] = values[:, 1].min()
+    return best
+
+
+def _some(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    return points[rng.choice(len(points), count, replace=False)]
+
+
+def _cluster_clouds(
+    train: np.ndarray, train_features: np.ndarray, features: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """A cloud for each row of `features`."""
+    cells = np.clip(((train - [-1, -1, 0]) / [2, 2, 1] * _CELLS).astype(int), 0, _CELLS - 1)
+    flat = (cells @ [_CELLS * _CELLS, _CELLS, 1]).astype(int)
+    counts = np.stack([np.bincount(row, minlength=_CELLS**3) for row in flat])
+    count = max(1, len(train) // _PER_CLUSTER)
+    roots = np.sqrt(counts / train.shape[1])  # Euclidean distances of roots: Hellinger's distance
+    _, label = kmeans2(roots, count, minit="++", rng=0)
+    used = np.unique(label)
+    centres = np.stack([train_features[label == c].mean(0) for c in used])
+    chosen = used[np.argmax(features @ centres.T, axis=1)]
+    drawn = {c: _some(train[label == c].reshape(-1, 3), train.shape[1], rng) for c in set(chosen)}
+    return np.stack([drawn[c] for c in chosen])
+
+
+def intervals(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean of [samples, metrics] and the ends of its 95 % bootstrap interval, [metrics] each."""
+    index = np.random.default_rng(0).integers(len(values), size=(_RESAMPLES, len(values)))
+    low, high = np.percentile(values[index].mean(axis=1), (2.5, 97.5), axis=0)
+    return values.mean(axis=0), low, high
+
+
+def text(rows: dict[str, np.ndarray], num_points: int) -> str:
+    """The table: mean [interval] of every metric."""
+    lines = [["", *TITLES]]
+    for name, values in rows.items():
+        shown = []
+        for title, mean, low, high in zip(TITLES, *intervals(values), strict=True):
+            factor, digits = (100, 1) if title.endswith("[%]") else (1, 4)
+            a, b, c = (f"{factor * v:.{digits}f}" for v in (mean, low, high))
+            shown.append(f"{a} [{b}, {c}]")
+        lines.append([name, *shown])
+    count = len(next(iter(rows.values())))
+    note = (
+        f"{count} samples, {num_points} predicted and {num_points} true points; in brackets 95 %\n"
+        "bootstrap intervals over the samples. psgn_jax/evaluation/baselines.py describes the rows."
+    )
+    return f"{aligned(lines)}\n{note}\n"
+
+
+def json_text(rows: dict[str, np.ndarray], **others: Any) -> str:
+    """The table as JSON: {row: {metric: [mean, low, high]}}; `others` are further keys."""
+    table = {
+        name: dict(zip(METRICS, np.stack(intervals(values), axis=1).tolist(), strict=True))
+        for name, values in rows.items()
+    }
+    return json.dumps({**others, "rows": table}, indent=2, allow_nan=False) + "\n"

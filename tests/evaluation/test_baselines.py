@@ -1,0 +1,58 @@
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from helpers import small_runs, weights
+
+from psgn_jax.config.experiment import ConfigError
+from psgn_jax.evaluation import baselines
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    """A configuration, random parameters, and records of drawn solids."""
+    folder = tmp_path_factory.mktemp("baselines")
+    config = weights.config(model__name="two_branch")
+    data = dataclasses.replace(config.data, path=str(small_runs.write_solids(folder / "records")))
+    config = dataclasses.replace(config, data=data)
+    return config, weights.random_params(config)
+
+
+@pytest.fixture(scope="module")
+def rows(case):
+    with pytest.MonkeyPatch.context() as patch:  # the encoder takes long to compile
+        patch.setattr(
+            baselines, "_features", lambda _, image: image[:, ::4, ::4].reshape(len(image), -1)
+        )
+        return baselines.measure(*case, None, "validation")
+
+
+def test_every_row_has_every_sample(rows):
+    assert tuple(rows) == baselines.ROWS
+    for values in rows.values():
+        assert values.shape == (11, len(baselines.METRICS))
+        assert np.isfinite(values).all()
+
+
+def test_what_the_rows_are_worth(rows):
+    cd, emd = np.moveaxis(np.stack(list(rows.values())).mean(axis=1), -1, 0)[:2]
+    cds, emds = dict(zip(rows, cd, strict=True)), dict(zip(rows, emd, strict=True))
+    for order in (cds, emds):
+        assert order["floor"] < order["oracle"] < min(order["retrieval"], order["fixed cloud"])
+    assert cds["network"] > 3 * cds["oracle"]  # its parameters are random
+
+
+def test_intervals_and_files(rows):
+    values = np.random.default_rng(1).normal(3, 2, (400, 2))
+    mean, low, high = baselines.intervals(values)
+    np.testing.assert_allclose(high - low, 2 * 1.96 * 2 / np.sqrt(400), rtol=0.15)
+    assert (low < mean).all()
+    assert (mean < high).all()
+    document = json.loads(baselines.json_text(rows, split="validation"))
+    assert document["rows"]["floor"]["cd_sq_radius2"][0] == rows["floor"][:, 0].mean()
+
+
+def test_the_training_split_is_no_test(case):
+    with pytest.raises(ConfigError, match="split='train' is the training split"):
+        baselines.measure(*case, None, "train")
