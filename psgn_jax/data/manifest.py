@@ -7,7 +7,7 @@ import os
 import pathlib
 import re
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 from psgn_jax.config.structured import Bounds, build
 from psgn_jax.data import schema
@@ -137,15 +137,6 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
             "it continues where it stopped"
         )
     return manifest
-
-
-def shard_of(entry: Any) -> Shard:
-    """A shard from its entry in a manifest.
-
-    Raises:
-      ValueError, TypeError: a field is missing, unknown or wrong; the message names it.
-    """
-    return _check(build(Shard, entry))
 
 
 def _check(shard: Shard) -> Shard:
