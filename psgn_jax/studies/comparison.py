@@ -44,7 +44,7 @@ from psgn_jax.system.files import write_atomic
 from psgn_jax.training import state as state_lib
 from psgn_jax.training import step as step_lib
 from psgn_jax.viewing import spheres
-from psgn_jax.weights.run_folder import open_run
+from psgn_jax.weights.run_folder import load_config, open_run
 
 POINTS = ("cd", "emd")
 HEADS = {
@@ -145,7 +145,8 @@ def train(run: runner.Run) -> None:
         path = run.folder.with_suffix(".json")
         if not path.exists():
             names = (*HEADS[OURS], OURS)
-            others = [run._replace(folder=run.folder.with_name(f"{n}-{run.seed}")) for n in names]
+            folders = [run.folder.with_name(f"{name}-{run.seed}") for name in names]
+            others = [run._replace(folder=f, config=load_config(f)) for f in folders]
             seconds = float(np.nansum([runner.cost(other)[1] for other in others]))
             steps = max(1, round(seconds / step_seconds(run)))
             write_atomic(path, json.dumps({"seconds": seconds, "steps": steps}) + "\n")
