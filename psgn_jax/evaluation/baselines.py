@@ -39,6 +39,7 @@ from psgn_jax.evaluation.table import aligned
 from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
 from psgn_jax.models import efficientnet, networks
+from psgn_jax.models.inputs import network_inputs
 
 ROWS = ("floor", "network", "oracle", "retrieval", "cluster", "fixed cloud", "shuffled")
 THRESHOLDS = (0.01, 0.02, 0.05)
@@ -74,7 +75,7 @@ def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np
         parts = []
         for number, batch in enumerate(_batches(config, split, count, wanted)):
             keep = batch["valid"]
-            rows = [batch["points"], np.asarray(describe(_image(batch)))]
+            rows = [batch["points"], np.asarray(describe(network_inputs(("rgb",), batch)))]
             rows += [np.asarray(predict(batch, number))] if predict else []
             parts.append([row[keep] for row in rows])
         return [np.concatenate(part) for part in zip(*parts, strict=True)]
@@ -122,10 +123,6 @@ def _batches(config: Config, split: str, count: int, wanted: int) -> Iterator[An
     total = -(-loader.num_samples(data, split, evaluation=True) // size)
     chosen = set(np.random.default_rng(0).permutation(total)[: wanted // size or total].tolist())
     return (batch for number, batch in enumerate(batches) if number in chosen)
-
-
-def _image(batch: Any) -> Any:
-    return networks.network_inputs(("rgb",), {**batch, "depth": None})
 
 
 def _features(lite0: Any, image: Any) -> Any:

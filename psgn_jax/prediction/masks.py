@@ -77,11 +77,11 @@ def find_mask(
             return FoundMask(mask, "plain")
     if method in ("auto", "network"):
         p = probabilities(image)
-        mask = enlarged(p, image.shape[:2])
-        if certainty(p) >= LEAST_CERTAINTY and _SMALLEST <= mask.mean() <= _LARGEST:
+        mask, certain = enlarged(p, image.shape[:2]), certainty(p)
+        if certain >= LEAST_CERTAINTY and _SMALLEST <= mask.mean() <= _LARGEST:
             return FoundMask(mask, "network")
         raise PhotoError(
-            f"it is not certain which part is the object ({certainty(p):.0%}, expected at least "
+            f"it is not certain which part is the object ({certain:.0%}, expected at least "
             f"{LEAST_CERTAINTY:.0%}); give its mask, white on the object, with --mask=FILE, or "
             "paint it in `psgn demo`"
         )

@@ -44,9 +44,8 @@ def folded(arrays: dict[str, np.ndarray], conv: str, norm: str) -> dict[str, np.
     return {"kernel": kernel.transpose(2, 3, 1, 0), "bias": bias}
 
 
-def parameters() -> dict:
+def parameters(arrays: dict[str, np.ndarray]) -> dict:
     """Parameters of `efficientnet.EfficientNetLite0`."""
-    arrays = published()
     params: dict = {"stem": folded(arrays, "_conv_stem", "_bn0")}
     for number in range(sum(stage.blocks for stage in efficientnet.STAGES)):
         names = {"expand": ("_expand_conv", "_bn0"), "depthwise": ("_depthwise_conv", "_bn1")}
@@ -95,14 +94,16 @@ def by_torch(arrays: dict[str, np.ndarray], image: np.ndarray) -> list[np.ndarra
 
 def main() -> None:
     """Writes the file."""
+    arrays = published()
+    params_lite0 = parameters(arrays)
     image = np.random.default_rng(0).random((2, 192, 256, 3), np.float32)
     network = efficientnet.EfficientNetLite0()
-    ours = jax.jit(network.apply)({"params": parameters()}, image)
-    for mine, other in zip(ours, by_torch(published(), image), strict=True):
+    ours = jax.jit(network.apply)({"params": params_lite0}, image)
+    for mine, other in zip(ours, by_torch(arrays, image), strict=True):
         np.testing.assert_allclose(mine, other, atol=1e-4)
     config = parse(recipes.load("lite0"))
     params = jax.jit(lambda: networks.init_params(config, networks.build(config.model)))()
-    params["encoder"][efficientnet.NAME] = parameters()
+    params["encoder"][efficientnet.NAME] = params_lite0
     figures = figures_of(config, params, step=0, averaged=False, metrics={})
     sources = [{"source": SOURCE, "licences": {"Apache-2.0": {"holders": ["Google"]}}}]
     write_weights(pathlib.Path(sys.argv[1]), Weights(config, params, figures, sources, "float32"))
