@@ -3,10 +3,11 @@
 mean_shape: mean shapes under CD and EMD. networks: vanilla, two-branch and hourglass networks.
 branches: the points of each branch. losses: training by CD against training by EMD. completion: RGB
 against RGB-D input. ambiguity: several predictions for one image by Mo2, Mo8 and the cVAE.
-comparison: predicted volumes, compared with 3D-R2N2.
+comparison: predicted volumes, compared with 3D-R2N2. cd_factor: the factor of the CD in the sum of
+EMD and CD.
 
 The trainings are ordinary runs in `DIR/CONFIG-SEED`. The same command continues a stopped study.
-`branches` and `losses` measure the runs of `networks` if they get its folder.
+`branches`, `losses` and `cd_factor` use the runs of `networks` if they get its folder.
 """
 
 import importlib
@@ -76,6 +77,7 @@ STUDIES: dict[str, Callable[[str], str]] = {
     "networks": _usual,
     "branches": _usual,
     "losses": _usual,
+    "cd_factor": _usual,
     "completion": _usual,
     "ambiguity": _cabinets,
     "comparison": _views,
@@ -112,6 +114,8 @@ def _main(argv: list[str]) -> None:
             steps=values.steps,
             only=values.only,
             finished=values.runs,
+            eval_data=values.eval_data,
+            measure=values.measure,
         )
     sys.stdout.write(text)
 
@@ -127,5 +131,9 @@ if __name__ == "__main__":
     flags.DEFINE_integer("seeds", 1, "Runs of each configuration.", lower_bound=1)
     flags.DEFINE_integer("steps", 0, "Steps of a training; 0 = default.", lower_bound=0)
     flags.DEFINE_string("only", "", "CONFIG:SEED: train only this run, and measure nothing.")
+    flags.DEFINE_string(
+        "eval_data", "", "Folders of records for evaluation, also during training; default: --data."
+    )
+    flags.DEFINE_list("measure", [], "FOLDER:SPLIT,...: measure on these splits too.")
     flags.DEFINE_list("runs", [], "Folders of finished runs to measure instead, with commas.")
     app.run(_main, flags_parser=parse_flags)

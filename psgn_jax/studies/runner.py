@@ -119,7 +119,7 @@ def evaluate(
     found = task.evaluate(opened.params, split=split, on_batch=keep, chosen=opened.scores)
     metrics = dict(found.metrics)
     metrics |= {key: np.array([of[key] for of in further], np.float64) for key in further[0]}
-    about = f"{len(found.names)} samples of {split!r} of {config.data.path}"
+    about = f"{len(found.names)} samples of {split!r} of {', '.join(config.data.eval_folders)}"
     if not found.note:
         about += f", {found.num_points[0]} predicted points, {found.num_points[1]} true points"
     return Measured(found.names, metrics, shown, about)
@@ -160,17 +160,24 @@ class Study:
     note: str = ""
 
     def runs(
-        self, workdir: pathlib.Path, data: str = "", seed: int = 0, steps: int = 0
+        self,
+        workdir: pathlib.Path,
+        data: str = "",
+        seed: int = 0,
+        steps: int = 0,
+        eval_data: str = "",
     ) -> list[Run]:
         """The runs of all configurations with one seed.
 
         Args:
           workdir: folder of the study.
-          data: folder of records.
+          data: folders of records, as in `data.path`.
           seed: seed of the runs.
           steps: steps of the base configuration; 0 = the study's own number.
+          eval_data: folders of records for evaluation; "" = `data`.
         """
         tree = {**_INTERVALS, **self.base, "seed": seed, "data.path": data}
+        tree["data.eval_path"] = eval_data
         tree |= {"train.steps": steps} if steps else {}
         if wanted := tree.get("train.steps"):
             tree.setdefault("train.eval_every", max(1, wanted // _EVALUATIONS))
@@ -207,19 +214,24 @@ def run(
     steps: int = 0,
     only: str = "",
     finished: Sequence[str] = (),
+    eval_data: str = "",
+    measure: Sequence[str] = (),
 ) -> str:
     """Trains, measures and writes the results; returns the tables as text.
 
     Args:
       study: the study.
       workdir: folder of the runs and the results.
-      data: folder of records.
+      data: folders of records.
       seeds: number of runs of each configuration, with the seeds 0, 1, ...
       steps: see `Study.runs`.
       only: CONFIG:SEED: train only this run, and measure nothing. Several machines can share a
         study in this way; a call without it joins the results.
       finished: folders of finished runs that are measured instead. If there are two, their
         difference, second minus first, is shown.
+      eval_data: folders of records for evaluation, also during training; "" = `data`.
+      measure: FOLDER:SPLIT: splits on which the runs are measured too. Their results get names with
+        both, such as `networks-authors-test.md`.
 
     Raises:
       ConfigError: an argument, the data or a run in `workdir` is not suitable.
@@ -232,34 +244,61 @@ def run(
         pairs = [(runs[1].name, runs[0].name)] if len(runs) == 2 else []
         study = dataclasses.replace(study, pairs=pairs)
     else:
-        runs = [r for seed in range(seeds) for r in study.runs(folder, data, seed, steps)]
+        runs = [
+            run for seed in range(seeds) for run in study.runs(folder, data, seed, steps, eval_data)
+        ]
         if only:
             seed = only.rpartition(":")[2]
-            several = study.runs(folder, data, int(seed) if seed.isdecimal() else 0, steps)
+            first = int(seed) if seed.isdecimal() else 0
+            several = study.runs(folder, data, first, steps, eval_data)
             runs = [run for run in several if f"{run.name}:{run.seed}" == only]
             if not runs:
                 names = ", ".join(run.name for run in several)
                 raise ConfigError(f"--only={only}: accepted: CONFIG:SEED with one of {names}")
-        for config in {run.config.data: run.config for run in runs if data}.values():
+    places = [("", runs), *(_elsewhere(runs, place) for place in measure)]
+    for _, several in places if data else ():
+        for config in {run.config.data: run.config for run in several}.values():
             _check_data(config)
+    if not finished:
         for i, one in enumerate(runs):
             logging.info("run %d of %d: %s%s", i + 1, len(runs), one.folder, _time_left(runs, i))
             study.train(one)
         if only:
             return ""
-    results: dict[str, list[Measured]] = {}
-    for one in runs:
-        measured = study.measure(one)
-        results.setdefault(one.name, []).append(measured)
-        if list(measured.names) != list(results[runs[0].name][0].names):
-            raise ConfigError(f"{one.folder}, {runs[0].folder}: measured on different samples")
-    if not study.metrics:
-        titles = {metric: metric for many in results.values() for metric in many[0].metrics}
-        study = dataclasses.replace(study, metrics=titles)
-    return _write(study, folder, runs, results)
+    texts = []
+    for place, several in places:
+        results: dict[str, list[Measured]] = {}
+        for one in several:
+            measured = study.measure(one)
+            results.setdefault(one.name, []).append(measured)
+            if list(measured.names) != list(results[runs[0].name][0].names):
+                raise ConfigError(f"{one.folder}, {runs[0].folder}: measured on different samples")
+        shown = study
+        if not study.metrics:
+            titles = {metric: metric for many in results.values() for metric in many[0].metrics}
+            shown = dataclasses.replace(study, metrics=titles)
+        texts.append(_write(shown, folder, place, several, results))
+    return "\n".join(texts)
 
 
-def _write(study: Study, folder: pathlib.Path, runs: Sequence[Run], results: Results) -> str:
+def _elsewhere(runs: Sequence[Run], place: str) -> tuple[str, list[Run]]:
+    """The suffix of the results on FOLDER:SPLIT, and the runs with these evaluation data."""
+    path, _, split = place.rpartition(":")
+    if not path or not split or not runs[0].config.data.path:
+        raise ConfigError(
+            f"--measure={place}: accepted: FOLDER:SPLIT, such as records/authors:test, for a study "
+            "that reads records"
+        )
+    moved = []
+    for run in runs:
+        data = dataclasses.replace(run.config.data, eval_path=path, eval_split=split)
+        moved.append(run._replace(config=dataclasses.replace(run.config, data=data)))
+    return f"-{pathlib.Path(path).name}-{split}", moved
+
+
+def _write(
+    study: Study, folder: pathlib.Path, place: str, runs: Sequence[Run], results: Results
+) -> str:
     """Writes tables, numbers and figure; returns the tables as text."""
     entries = summarise(results, study)
     tables = [*_tables(entries, study), *study.tables(results), *_costs(runs)]
@@ -276,10 +315,10 @@ def _write(study: Study, folder: pathlib.Path, runs: Sequence[Run], results: Res
         ".json": json.dumps(document, indent=1) + "\n",
         ".png": figures.png(study.figure(results)),
     }
-    if found := learning_curves(runs, study.metrics):
+    if not place and (found := learning_curves(runs, study.metrics)):
         contents["_curves.png"] = figures.png(figures.curves(found))
     for suffix, content in contents.items():
-        write_atomic(folder / f"{study.name}{suffix}", content)
+        write_atomic(folder / f"{study.name}{place}{suffix}", content)
     logging.info("results in %s", folder)
     return "\n".join([*map(aligned, tables), note])
 
@@ -340,7 +379,8 @@ def _check_data(config: Config) -> None:
         loader.train_batches(config.data, batch_size=1, seed=0, start_step=0).close()
         loader.eval_batches(config.data, split=config.data.eval_split, batch_size=1).close()
     except (ValueError, OSError) as error:
-        raise ConfigError(f"--data={config.data.path!r}: {error}") from error
+        places = f"{config.data.path!r}, evaluation on {', '.join(config.data.eval_folders)!r}"
+        raise ConfigError(f"--data={places}: {error}") from error
 
 
 # --- Numbers ------------------------------------------------------------------------------------
