@@ -37,7 +37,7 @@ from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Run
 
-_OPTIONS = ("split", "out", "draws", "frame", "silhouette")
+_OPTIONS = ("split", "out", "draws", "frame", "refine")
 
 
 def open_with_records(
@@ -85,8 +85,16 @@ def _main(argv: Sequence[str]) -> None:
         keep_freed_memory()
         if values.compare and not values.report:
             raise ConfigError(f"--compare={values.compare}: accepted only with --report=DIR")
-        if values.baselines and (values.report or values.draws or values.num_processes):
-            raise ConfigError("--baselines: accepted without --report, --draws and processes")
+        if values.baselines and (
+            values.report
+            or values.draws
+            or values.num_processes
+            or values.refine
+            or values.frame != "keep"
+        ):
+            raise ConfigError(
+                "--baselines: accepted without --report, --draws, --frame, --refine and processes"
+            )
         if values.report:
             check_folder(values.report, "--report")
         options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
@@ -130,7 +138,10 @@ if __name__ == "__main__":
         "frame", "keep", list(FRAMES), "keep: images as they are; place: crop and place objects."
     )
     flags.DEFINE_boolean(
-        "silhouette", False, "Move points that project outside the mask into it, before measuring."
+        "refine",
+        False,
+        "Measure clouds as psgn predict gives them: averaged with those of the mirror image, and "
+        "moved into the mask.",
     )
     flags.DEFINE_boolean(
         "baselines", False, "Compare the network with the floor and with simple baselines instead."

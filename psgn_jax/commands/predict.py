@@ -30,7 +30,7 @@ from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.weights.opening import open_network
 
 _OPTIONS = [
-    "mask", "samples", "seed", "frame", "mask_from", "invert_mask", "normal_form", "silhouette",
+    "mask", "samples", "seed", "frame", "mask_from", "invert_mask", "normal_form", "refine",
     "keep_strays",
 ]  # fmt: skip
 
@@ -100,7 +100,10 @@ if __name__ == "__main__":
         "Crop to the object (place), or use the image as it is (keep).",
     )
     flags.DEFINE_bool(
-        "silhouette", True, "Whether to move points that project outside the mask into it."
+        "refine",
+        True,
+        "Whether to average the cloud with that of the mirror image, and to move points that "
+        "project outside the mask into it.",
     )
     flags.DEFINE_bool(
         "keep_strays", False, "Whether to write points that lie apart from all others."

@@ -220,8 +220,8 @@ class EvalConfig:
       aligned: whether to measure, during training as well, the distances after the best scale and
         shift of each prediction (`evaluation.aligned`, about 35 ms of a CPU core per sample). The
         command `evaluate` always does.
-      silhouette: whether to move points into the image's mask before they are measured
-        (`losses.silhouette`).
+      refine: whether to measure the clouds as `psgn predict` gives them: averaged with those of the
+        mirror image, and moved into the mask (`prediction.refine`).
     """
 
     batch_size: Size = 32
@@ -230,7 +230,7 @@ class EvalConfig:
     emd_tolerance: NonNegative = 0.01
     visible_tolerance: Annotated[float, Bounds(low=0, high=0.1)] = 0.025
     aligned: bool = False
-    silhouette: bool = False
+    refine: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,6 +5,7 @@ points, those that the network predicts.
 
 - floor: n other points of the true surface. No prediction can be expected to be nearer.
 - network: its predictions (of a network with a random input, one draw).
+- refined: the same as `psgn predict` gives them, by `prediction.refine`.
 - oracle: the best training cloud, chosen by looking at the truth. CD and F-scores are those of the
   cloud with the least CD, the EMD is the least one of the 16 clouds of least CD. It tells how much
   copying can give (Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks Learn?",
@@ -22,6 +23,7 @@ intervals over the samples.
 """
 
 import dataclasses
+import functools
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -40,8 +42,9 @@ from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
 from psgn_jax.models import efficientnet, networks
 from psgn_jax.models.inputs import network_inputs
+from psgn_jax.prediction.refine import refined
 
-ROWS = ("floor", "network", "oracle", "retrieval", "cluster", "fixed cloud", "shuffled")
+ROWS = ("floor", "network", "refined", "oracle", "retrieval", "cluster", "fixed cloud", "shuffled")
 THRESHOLDS = (0.01, 0.02, 0.05)
 METRICS = ("cd_sq_radius2", "emd_radius", *(f"fscore_{t:g}" for t in THRESHOLDS))
 TITLES = ("CD squared [radius^2]", "EMD [radius]", *(f"F at {t:g} radius [%]" for t in THRESHOLDS))
@@ -82,17 +85,18 @@ def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np
 
     @jax.jit
     def predicted(params: Any, batch: Any, r: Any) -> Any:
-        return networks.predict(config, network, params, batch, r)
+        predict = functools.partial(networks.predict, config, network, params)
+        return jnp.stack([predict(batch, r), refined(predict, batch, r)], axis=1)
 
     def predict(batch: Any, number: int) -> Any:
         size = config.eval.batch_size
         r = networks.random_input(config, number, size, train=False)
-        arrays = {key: batch[key] for key in networks.input_keys(config)}
-        return predicted(params, arrays, r)
+        keys = {*networks.input_keys(config), "intrinsics", "extrinsics"}
+        return predicted(params, {key: batch[key] for key in keys}, r)
 
     logging.info("baselines: reading the training clouds")
     train, train_features = collect(config.data.train_split, n, MOST_TRAINING)
-    both, features, network_clouds = collect(split, 2 * n, 0, predict)
+    both, features, predictions = collect(split, 2 * n, 0, predict)
     both = both[:, rng.permutation(2 * n)]
     truth, floor = both[:, :n], both[:, n:]
     middle = train_features.mean(axis=0)
@@ -104,11 +108,12 @@ def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np
     everything = train.reshape(-1, 3)
     clouds = {
         "floor": floor,
-        "network": network_clouds,
+        "network": predictions[:, 0],
+        "refined": predictions[:, 1],
         "retrieval": train[similar],
         "cluster": _cluster_clouds(train, train_features, features, rng),
         "fixed cloud": np.repeat(_some(everything, n, rng)[None], len(truth), 0),
-        "shuffled": np.roll(network_clouds, max(1, len(truth) // 2), axis=0),
+        "shuffled": np.roll(predictions[:, 0], max(1, len(truth) // 2), axis=0),
     }
     table = {name: np.asarray(pairs(c, truth), np.float64) for name, c in clouds.items()}
     return {name: oracle if name == "oracle" else table[name] for name in ROWS}

@@ -52,7 +52,7 @@ class Evaluation:
         moved with them; "keep" if not.
       chosen: values that were chosen on a split (this or an earlier one) and used in the
         evaluation, such as thresholds.
-      silhouette: whether predicted points were moved into the mask (`losses.silhouette`).
+      refined: whether the clouds are those of `prediction.refine`.
     """
 
     split: str
@@ -63,7 +63,7 @@ class Evaluation:
     visible_tolerance: float = 0.0
     note: str = ""
     frame: str = "keep"
-    silhouette: bool = False
+    refined: bool = False
     chosen: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property

@@ -38,7 +38,7 @@ def evaluate_run(
     out: str | pathlib.Path | None = None,
     draws: int = 0,
     frame: str = "keep",
-    silhouette: bool = False,
+    refine: bool = False,
     on_batch: OnBatch | None = None,
 ) -> Evaluation:
     """Evaluates an opened network and writes the tables.
@@ -49,11 +49,11 @@ def evaluate_run(
       split: name of the split; None: `data.eval_split` of the configuration.
       out: folder for the files; None: `eval_<split>_<checkpoint>` in the folder of the run, or
         `eval_<weights>_<split>` for weights. With `frame="place"`, `_placed` is appended, and
-        with `silhouette` `_silhouette`.
+        with `refine` `_refine`.
       draws: number of predictions per image for the metrics of `tasks.points.with_draws`; 0 = none.
       frame: "keep": use the images of the records as they are. "place": crop and place every image
         like a photo, and move its true points accordingly (`data.framing`).
-      silhouette: move points that project outside the mask into it (`losses.silhouette`).
+      refine: measure the clouds of `prediction.refine`.
       on_batch: called with (index of the batch, batch, predictions).
 
     Raises:
@@ -67,16 +67,16 @@ def evaluate_run(
         raise ConfigError(f"--frame={frame}: accepted: {', '.join(FRAMES)}")
     if frame != "keep":
         require_points_task(config, f"--frame={frame}")
-    if silhouette:
-        require_points_task(config, "--silhouette")
+    if refine:
+        require_points_task(config, "--refine")
     config = dataclasses.replace(
         config,
         data=dataclasses.replace(config.data, eval_frame=frame),
-        eval=dataclasses.replace(config.eval, aligned=True, silhouette=silhouette),
+        eval=dataclasses.replace(config.eval, aligned=True, refine=refine),
     )
     logging.info("evaluating %s, step %d, split %s", run.source, run.step, split)
     name = f"{workdir}/eval_{split}_{run.checkpoint}" if workdir else f"eval_{run.source}_{split}"
-    name += ("_placed" if frame == "place" else "") + ("_silhouette" if silhouette else "")
+    name += ("_placed" if frame == "place" else "") + ("_refine" if refine else "")
     folder = pathlib.Path(out or name)
     check_folder(folder, "--out")
     result: Evaluation = create_task(config, workdir).evaluate(
@@ -88,7 +88,7 @@ def evaluate_run(
     write_atomic(folder / "table.csv", table.csv_text(result))
     write_atomic(folder / "samples.csv", table.samples_csv(result))
     origin = {run.source_kind: run.source, "step": run.step, "frame": frame}
-    origin["silhouette"] = silhouette
+    origin["refine"] = refine
     if workdir:
         origin["checkpoint"] = run.checkpoint
     write_atomic(folder / "table.json", table.json_text(result, **origin))

@@ -92,7 +92,7 @@ def evaluate_split(
         (num_pred, config.data.num_eval_points),
         config.eval.visible_tolerance,
         frame=config.data.eval_frame,
-        silhouette=config.eval.silhouette,
+        refined=config.eval.refine,
     )
 
 

@@ -150,9 +150,10 @@ each prediction that bring it nearest to its truth ({ITERATIONS} nearest-neighbo
         frame = """
 Images were cropped and placed like photos, and the true points were moved accordingly. The unit is
 that of the frame; an object has radius 1 before it is placed and about 0.8 to 1.2 afterwards."""
-    if evaluation.silhouette:
+    if evaluation.refined:
         frame += """
-Predicted points that projected outside the image's mask were moved into it, at their depth."""
+Predicted clouds were averaged with those of the mirror image, and points that projected outside the
+image's mask were moved into it, at their depth."""
     num_pred, num_gt = evaluation.num_points
     return f"""
 Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones.

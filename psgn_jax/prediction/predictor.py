@@ -6,6 +6,7 @@ rendering: 4:3, with the renderings' grey along its border.
 """
 
 import dataclasses
+import functools
 import os
 import time
 from typing import Any
@@ -16,9 +17,9 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, require_points_task
 from psgn_jax.data import camera, framing, photo, resize
-from psgn_jax.losses.silhouette import into_silhouette
 from psgn_jax.models import networks
 from psgn_jax.prediction import export, masks, sampling
+from psgn_jax.prediction.refine import refined
 from psgn_jax.weights.leaves import checksum, named_leaves
 from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Run
@@ -114,11 +115,11 @@ class Predictor:
         model = networks.build(config.model)
         self._deconv = list(model.branches.deconv)
 
-        def network(params: Any, image: Any, mask: Any, r: Any) -> Any:
-            return networks.predict(config, model, params, {"image": image, "mask": mask}, r)
+        def network(params: Any, batch: Any, r: Any, refine: bool) -> Any:
+            predict = functools.partial(networks.predict, config, model, params)
+            return refined(predict, batch, r) if refine else predict(batch, r)
 
-        self._network = jax.jit(network)
-        self._into_silhouette = jax.jit(jax.vmap(into_silhouette, (0, None, None, None)))
+        self._network = jax.jit(network, static_argnames="refine")
         self._mutual = jax.jit(sampling.mutual_distances)
 
     @classmethod
@@ -150,7 +151,7 @@ class Predictor:
         mask_from: str = "auto",
         invert_mask: bool = False,
         normal_form: str = "auto",
-        silhouette: bool = True,
+        refine: bool = True,
     ) -> Prediction:
         """Predicts the points of the object in an image.
 
@@ -170,8 +171,8 @@ class Predictor:
             the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
             not show the size of its object. "no" returns the output of the network. "auto"
             normalises if the image was placed.
-          silhouette: whether to move points that project outside the mask into it
-            (`losses.silhouette`).
+          refine: whether to average the cloud with that of the mirror image, and to move points
+            that project outside the mask into it (`prediction.refine`).
 
         Raises:
           ValueError: an argument is wrong; `photo.PhotoError` if there is no object.
@@ -196,16 +197,15 @@ class Predictor:
         view = framing.place(rgb, mask, move=move)
         clock.lap("place")
         size = self.config.data.image_size
-        small = resize.resize_image(view.image, size)[None]
-        small_mask = resize.resize_mask(view.mask, size)[None]
+        batch = {
+            "image": resize.resize_image(view.image, size)[None],
+            "mask": resize.resize_mask(view.mask, size)[None],
+            "intrinsics": camera.scale_intrinsics(view.intrinsics, view.mask.shape, size)[None],
+            "extrinsics": view.extrinsics[None],
+        }
         points = np.asarray(
-            self._network(self._params, small, small_mask, None if r is None else r[None])
+            self._network(self._params, batch, None if r is None else r[None], refine=refine)
         ).reshape(samples, -1, 3)
-        if silhouette:
-            intrinsics = camera.scale_intrinsics(view.intrinsics, view.mask.shape, size)
-            points = np.asarray(
-                self._into_silhouette(points, small_mask[0], intrinsics, view.extrinsics)
-            )
         mutual = self._mutual(points) if samples > 1 else np.zeros((1, 1), np.float32)
         clock.lap("network")
         if not np.isfinite(points).all():
@@ -247,10 +247,14 @@ class Predictor:
         """Compiles the network for this number of samples before the first image."""
         r = self._sample_latents(samples, 0)
         mask = np.zeros((1, *self.config.data.image_size), np.bool_)
-        image = np.zeros((*mask.shape, 3), np.uint8)
-        points = self._network(self._params, image, mask, None if r is None else r[None])
+        batch = {
+            "image": np.zeros((*mask.shape, 3), np.uint8),
+            "mask": mask,
+            "intrinsics": np.eye(3, dtype="f4")[None],
+            "extrinsics": np.eye(3, 4, dtype="f4")[None],
+        }
+        points = self._network(self._params, batch, None if r is None else r[None], refine=True)
         points = np.asarray(points).reshape(samples, -1, 3)
-        self._into_silhouette(points, mask[0], np.eye(3, dtype="f4"), np.eye(3, 4, dtype="f4"))
         if samples > 1:
             self._mutual(points)
         jax.block_until_ready(points)

@@ -1,5 +1,6 @@
 """The task "points": predicts a cloud from an image, with the paper's networks and losses."""
 
+import functools
 import os
 from collections.abc import Callable
 from typing import Any, cast
@@ -21,9 +22,9 @@ from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.by_name import configured_loss, parse_terms
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
-from psgn_jax.losses.silhouette import into_silhouette
 from psgn_jax.models import networks, posterior
 from psgn_jax.prediction import sampling
+from psgn_jax.prediction.refine import refined
 from psgn_jax.tasks.base import Batch, Task
 from psgn_jax.viewing.spheres import render_cases
 
@@ -106,10 +107,9 @@ class Points(Task):
         return value + extra, metrics
 
     def _measure(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
-        pred = networks.predict(self.config, self._model, params, batch, batch.get("r"))
-        if self.config.eval.silhouette:
-            camera = batch["intrinsics"], batch["extrinsics"]
-            pred = jax.vmap(into_silhouette)(pred, batch["mask"], *camera)
+        predict = functools.partial(networks.predict, self.config, self._model, params)
+        r = batch.get("r")
+        pred = refined(predict, batch, r) if self.config.eval.refine else predict(batch, r)
         visible = [batch["visible"]] if "visible" in batch else []
         return pred, map_pairs(self._measure_pair)(pred, batch["points"], *visible)
 

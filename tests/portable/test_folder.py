@@ -133,7 +133,7 @@ def test_the_python_example_predicts_as_this_package(exported, tmp_path):
     Image.fromarray(rgba).save(tmp_path / "photo.png")
     command = [sys.executable, str(out / "example.py"), "photo.png", "cloud.xyz"]
     subprocess.run(command, check=True, cwd=tmp_path, env=without_this_package(), timeout=60)
-    expected = Predictor(run)(rgba, silhouette=False).points[0]
+    expected = Predictor(run)(rgba, refine=False).points[0]
     np.testing.assert_allclose(np.loadtxt(tmp_path / "cloud.xyz"), expected, atol=1e-4)
 
 

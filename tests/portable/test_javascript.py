@@ -5,9 +5,11 @@ import pytest
 from helpers import drawn_solids, javascript
 
 from psgn_jax.data import camera, framing, resize
+from psgn_jax.losses.emd_exact import emd_exact
 from psgn_jax.losses.silhouette import into_silhouette
 from psgn_jax.portable import folder
 from psgn_jax.prediction import export
+from psgn_jax.prediction.refine import mean_of_matched
 
 MODULES = {
     "framing": folder.TEMPLATES / "framing.js",
@@ -124,6 +126,21 @@ def test_points_move_into_the_mask(share):
     expected = np.asarray(into_silhouette(points, mask, *camera.default_camera(mask.shape)))
     assert (own != points).any() == (share < 0.5)
     np.testing.assert_allclose(own, expected, atol=1e-5)
+
+
+def test_the_mean_with_the_mirror_image_is_of_optimally_matched_points():
+    rng = np.random.default_rng(3)
+    image = rng.integers(0, 255, (5, 7, 3), np.uint8)
+    points, other = rng.normal(size=(2, 200, 3)).astype(np.float32)
+    body = """
+return [framing.mirrored(input.image, 7, 3), framing.meanWithMirror(input.points, input.other)];
+"""
+    flipped, mean = run_node(body, image=image, points=points, other=other)
+    np.testing.assert_array_equal(np.reshape(flipped, image.shape), image[:, ::-1])
+    back = other * np.float32([1, -1, 1])
+    expected = (points + back[emd_exact(points, back).index]) / 2
+    np.testing.assert_allclose(np.reshape(mean, (-1, 3)), expected, atol=1e-6)
+    assert np.abs(mean_of_matched(points, back) - expected).max(axis=1).mean() < 0.01
 
 
 def test_what_cannot_be_framed_is_said_in_a_sentence():

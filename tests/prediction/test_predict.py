@@ -87,7 +87,7 @@ def test_known_cloud_lies_where_the_image_shows_it(predictor, monkeypatch):
     """Points that are right, up or near project to the right, to the top, or to smaller depth."""
     cloud = np.array([[0, 0.4, 0.2], [0, -0.4, 0.2], [0, 0, 0.9], [0.9, 0, 0.2]], np.float32)
     cloud = np.concatenate([cloud, np.zeros((193, 3), np.float32)])
-    monkeypatch.setattr(predictor, "_network", lambda *_: cloud[None])
+    monkeypatch.setattr(predictor, "_network", lambda *_, **__: cloud[None])
     result = predictor(photo_of_a_box(400, 300))
     view = result.view
     pixels, depth = camera.project(result.points[0], view.intrinsics, view.extrinsics)

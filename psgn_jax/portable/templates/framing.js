@@ -115,6 +115,46 @@ export function intoSilhouette(points, mask, { camera: { intrinsics, extrinsics:
   return outside > points.length / 6 ? Float32Array.from(points) : result;
 }
 
+/** The values of an array whose rows have this many elements, with the elements of each row in reverse order. */
+export const mirrored = (values, width, channels) =>
+  values.map((_, i) => values[i - i % (width * channels) + (width - 1 - Math.floor(i / channels) % width) * channels + i % channels]);
+
+/**
+ * The mean of a cloud and that of the mirror image, as by psgn_jax.prediction.refine: matched by the bijection with the
+ * least sum of distances. Shortest augmenting paths, one for each point, with prices that make reduced costs >= 0.
+ */
+export function meanWithMirror(points, other) {
+  const n = points.length / 3, back = other.map((v, i) => i % 3 === 1 ? -v : v);
+  const owner = new Int32Array(n + 1).fill(-1), came = new Int32Array(n), least = new Float64Array(n), visited = new Uint8Array(n);
+  const rowPrice = new Float64Array(n), price = new Float64Array(n + 1);
+  for (let row = 0; row < n; row++) {
+    let column = n; // a column of its own, from which the path starts
+    owner[n] = row;
+    least.fill(Infinity);
+    visited.fill(0);
+    do {
+      const i = owner[column], x = points[3 * i], y = points[3 * i + 1], z = points[3 * i + 2];
+      let step = Infinity, next = -1;
+      for (let j = 0; j < n; j++) {
+        if (visited[j]) continue;
+        const cost = Math.sqrt((x - back[3 * j]) ** 2 + (y - back[3 * j + 1]) ** 2 + (z - back[3 * j + 2]) ** 2) - rowPrice[i] - price[j];
+        if (cost < least[j]) [least[j], came[j]] = [cost, column];
+        if (least[j] < step) [step, next] = [least[j], j];
+      }
+      rowPrice[row] += step;
+      for (let j = 0; j < n; j++) {
+        if (visited[j]) [rowPrice[owner[j]], price[j]] = [rowPrice[owner[j]] + step, price[j] - step];
+        else least[j] -= step;
+      }
+      visited[column = next] = 1;
+    } while (owner[column] !== -1);
+    for (; column !== n; column = came[column]) owner[column] = owner[came[column]];
+  }
+  const result = Float32Array.from(points);
+  for (let j = 0; j < n; j++) for (let k = 0; k < 3; k++) result[3 * owner[j] + k] = (points[3 * owner[j] + k] + back[3 * j + k]) / 2;
+  return result;
+}
+
 const squaredGap = (points, i, j) =>
   (points[3 * i] - points[3 * j]) ** 2 + (points[3 * i + 1] - points[3 * j + 1]) ** 2 + (points[3 * i + 2] - points[3 * j + 2]) ** 2;
 

@@ -3,7 +3,7 @@
 import * as ort from "./runtime/ort.wasm.min.mjs";
 import { CloudView } from "./cloud.js";
 import { FORMATS } from "./files.js";
-import { coloursFromView, intoSilhouette, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
+import { coloursFromView, intoSilhouette, meanWithMirror, mirrored, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
 
 const SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
 const MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
@@ -242,12 +242,16 @@ const predict = guarded(async () => {
   await new Promise(resolve => setTimeout(resolve)); // the message is drawn first
   const view = place(photo, mask, about), { image, mask: small } = networkInputs(view, about), [h, w] = about.image_size;
   const count = about.random_size ? Math.min(SAMPLES, about.latents.length) : 1, length = 3 * about.num_points;
-  const feeds = { image: new ort.Tensor("uint8", image, [1, h, w, 3]), mask: new ort.Tensor("bool", small, [1, h, w]) };
-  if (about.random_size) {
-    feeds.r = new ort.Tensor("float32", Float32Array.from(about.latents.slice(0, count).flat()), [1, count, about.random_size]);
-  }
-  const predicted = (await session.run(feeds)).points.data;
+  const run = async (rgb, inside) => {
+    const feeds = { image: new ort.Tensor("uint8", rgb, [1, h, w, 3]), mask: new ort.Tensor("bool", inside, [1, h, w]) };
+    if (about.random_size) {
+      feeds.r = new ort.Tensor("float32", Float32Array.from(about.latents.slice(0, count).flat()), [1, count, about.random_size]);
+    }
+    return (await session.run(feeds)).points.data;
+  };
+  let predicted = await run(image, small);
   if (predicted.length !== count * length || !predicted.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
+  if (!about.random_size) predicted = meanWithMirror(predicted, await run(mirrored(image, w, 3), mirrored(small, w, 1)));
   const parts = Array.from({ length: count }, (_, k) => intoSilhouette(predicted.slice(k * length, (k + 1) * length), small, about));
   const points = Float32Array.from(parts.flatMap(part => [...part])), stray = parts.map(strayPoints);
   const { points: normal } = view.placed ? normalForm(points, stray.flat()) : { points };

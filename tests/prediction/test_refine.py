@@ -1,0 +1,70 @@
+"""Clouds averaged with those of the mirror image, and moved into the mask."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from psgn_jax.data import camera
+from psgn_jax.losses.emd_exact import emd_exact
+from psgn_jax.losses.silhouette import into_silhouette
+from psgn_jax.prediction.refine import mean_of_matched, refined
+
+SIZE = (48, 64)
+MIRROR = np.array([1, -1, 1], np.float32)
+
+
+@pytest.fixture
+def batch(rng):
+    mask = np.zeros((2, *SIZE), bool)
+    mask[:, 10:40, 15:45] = True
+    intrinsics, extrinsics = camera.default_camera(SIZE)
+    return {
+        "image": rng.integers(0, 255, (2, *SIZE, 3)).astype(np.uint8),
+        "mask": mask,
+        "intrinsics": np.stack([intrinsics] * 2),
+        "extrinsics": np.stack([extrinsics] * 2),
+    }
+
+
+def predict(batch, r):
+    """A cloud that depends on where the image is bright; one for each row of r."""
+    columns = batch["image"].astype(jnp.float32).mean(axis=(1, 3))[:, :40, None] / 255
+    cloud = jnp.sin(columns * jnp.array([[[1.0, 2.0, 3.0]]]) * 9) * 0.3
+    return cloud if r is None else cloud[:, None] + r[..., None]
+
+
+def test_matched_points_are_averaged(rng):
+    a = rng.normal(size=(60, 3)).astype(np.float32)
+    b = a[rng.permutation(60)] + rng.normal(size=(60, 3)).astype(np.float32) * 1e-3
+    np.testing.assert_allclose(mean_of_matched(a, b), a, atol=3e-3)
+
+
+def test_a_mirrored_image_has_the_mirrored_cloud(batch):
+    flipped = {**batch, "image": batch["image"][:, :, ::-1], "mask": batch["mask"][:, :, ::-1]}
+    one, other = (
+        np.asarray(jax.jit(lambda b: refined(predict, b, None))(b)) for b in (batch, flipped)
+    )
+    for a, b in zip(one, other * MIRROR, strict=True):
+        assert emd_exact(a, b).cost / len(a) < 1e-3
+    plain, expected = np.asarray(predict(batch, None)), np.asarray(predict(flipped, None)) * MIRROR
+    for a, b, mean, camera_of in zip(
+        plain, expected, one, zip(*cameras(batch), strict=True), strict=True
+    ):
+        middle = (a + b[emd_exact(a, b).index]) / 2
+        want = into_silhouette(middle, *camera_of)
+        assert emd_exact(mean, np.asarray(want)).cost / len(a) < 1e-3
+
+
+def cameras(batch):
+    return batch["mask"], batch["intrinsics"], batch["extrinsics"]
+
+
+def test_samples_of_a_random_input_are_not_averaged(batch, rng):
+    r = jnp.asarray(rng.normal(size=(2, 3, 1)) * 0.05, jnp.float32)
+    found, plain = refined(predict, batch, r), predict(batch, r)
+    assert found.shape == (2, 3, 40, 3)
+    for i in range(2):
+        for k in range(3):
+            want = into_silhouette(plain[i, k], *(x[i] for x in cameras(batch)))
+            np.testing.assert_allclose(found[i, k], want, atol=1e-6)
