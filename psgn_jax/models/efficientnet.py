@@ -22,24 +22,30 @@ NAME = "lite0"
 STEM = 32
 
 
-class Stage(NamedTuple):
-    """Equal blocks; only the first one has the stride."""
+class Shape(NamedTuple):
+    """Shape of a block; `map_stride` is the stride of its result with respect to the image."""
 
-    blocks: int
     kernel_size: int
     stride: int
     expansion: int
     features: int
+    map_stride: int
+    residual: bool
 
 
-STAGES = (
-    Stage(1, 3, 1, 1, 16),
-    Stage(2, 3, 2, 6, 24),
-    Stage(2, 5, 2, 6, 40),
-    Stage(3, 3, 2, 6, 80),
-    Stage(3, 5, 1, 6, 112),
-    Stage(4, 5, 2, 6, 192),
-    Stage(1, 3, 1, 6, 320),
+# A stage has equal blocks, but only its first one has the stride, and the others are residual.
+BLOCKS = tuple(
+    Shape(kernel_size, 1 if i else stride, expansion, features, map_stride, residual=i > 0)
+    for blocks, kernel_size, stride, expansion, features, map_stride in (
+        (1, 3, 1, 1, 16, 2),
+        (2, 3, 2, 6, 24, 4),
+        (2, 5, 2, 6, 40, 8),
+        (3, 3, 2, 6, 80, 16),
+        (3, 5, 1, 6, 112, 16),
+        (4, 5, 2, 6, 192, 32),
+        (1, 3, 1, 6, 320, 32),
+    )
+    for i in range(blocks)
 )
 SCALES = {2: 0.25, 4: 0.15, 8: 0.15, 16: 0.2, 32: 0.4}
 """Factor of the feature map of each stride, so that its values have a standard deviation near 1."""
@@ -68,18 +74,17 @@ class Depthwise(nn.Module):
 class Block(nn.Module):
     """An inverted residual: 1x1 expansion, depthwise convolution, linear 1x1 projection."""
 
-    stage: Stage
-    stride: int
+    shape: Shape
 
     @nn.compact
     def __call__(self, x: Float[Array, "b h w c_in"]) -> Float[Array, "b ho wo c_out"]:
-        """Maps a batch of feature maps; adds the input if the shape stays the same."""
-        y, width = x, x.shape[-1] * self.stage.expansion
-        if self.stage.expansion > 1:
-            y = relu6(layers.Conv(width, 1, name="expand")(y))
-        y = relu6(Depthwise(self.stage.kernel_size, self.stride, name="depthwise")(y))
-        y = layers.Conv(self.stage.features, 1, name="project")(y)
-        return x + y if x.shape == y.shape else y
+        """Maps a batch of feature maps; adds the input if the block is residual."""
+        y, shape = x, self.shape
+        if shape.expansion > 1:
+            y = relu6(layers.Conv(x.shape[-1] * shape.expansion, 1, name="expand")(y))
+        y = relu6(Depthwise(shape.kernel_size, shape.stride, name="depthwise")(y))
+        y = layers.Conv(shape.features, 1, name="project")(y)
+        return x + y if shape.residual else y
 
 
 class EfficientNetLite0(nn.Module):
@@ -99,15 +104,11 @@ class EfficientNetLite0(nn.Module):
         The map of a stride is the last one of that size, a linear projection, times `SCALES`.
         """
         x = relu6(layers.Conv(STEM, 3, stride=2, name="stem")((255 * image - 127) / 128))
-        blocks = [(stage, i == 0) for stage in STAGES for i in range(stage.blocks)]
-        stride = 2
         features: dict[int, Array] = {}
-        for number, (stage, first) in enumerate(blocks):
-            if number == len(blocks) - self.trained:
+        for number, shape in enumerate(BLOCKS):
+            if number == len(BLOCKS) - self.trained:
                 x, features = lax.stop_gradient((x, features))
-            stride *= stage.stride if first else 1
-            x = Block(stage, stage.stride if first else 1, name=f"block{number}")(x)
-            features[stride] = x
+            x = features[shape.map_stride] = Block(shape, name=f"block{number}")(x)
         if not self.trained:
             features = lax.stop_gradient(features)
         return [SCALES[stride] * x for stride, x in features.items()]

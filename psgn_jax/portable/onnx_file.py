@@ -210,20 +210,15 @@ class _Graph:
         image = self.node("Mul", image, self.constant(255 / 128))
         image = self.node("Sub", image, self.constant(127 / 128))
         x = self.relu6(self.conv(image, params["stem"], 2))
-        maps, stride, number = {}, 2, 0
-        for stage in efficientnet.STAGES:
-            stride *= stage.stride
-            for i in range(stage.blocks):
-                layer, y = params[f"block{number}"], x
-                if "expand" in layer:
-                    y = self.relu6(self.conv(y, layer["expand"]))
-                groups = layer["depthwise"]["bias"].size
-                step = stage.stride if i == 0 else 1
-                y = self.relu6(self.conv(y, layer["depthwise"], step, groups))
-                y = self.conv(y, layer["project"])
-                x = self.node("Add", x, y) if i else y
-                number += 1
-            maps[stride] = x
+        maps = {}
+        for number, shape in enumerate(efficientnet.BLOCKS):
+            layer, y = params[f"block{number}"], x
+            if shape.expansion > 1:
+                y = self.relu6(self.conv(y, layer["expand"]))
+            groups = layer["depthwise"]["bias"].size
+            y = self.relu6(self.conv(y, layer["depthwise"], shape.stride, groups))
+            y = self.conv(y, layer["project"])
+            x = maps[shape.map_stride] = self.node("Add", x, y) if shape.residual else y
         scales = efficientnet.SCALES
         return [self.node("Mul", y, self.constant(scales[stride])) for stride, y in maps.items()]
 

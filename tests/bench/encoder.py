@@ -47,7 +47,7 @@ def folded(arrays: dict[str, np.ndarray], conv: str, norm: str) -> dict[str, np.
 def parameters(arrays: dict[str, np.ndarray]) -> dict:
     """Parameters of `efficientnet.EfficientNetLite0`."""
     params: dict = {"stem": folded(arrays, "_conv_stem", "_bn0")}
-    for number in range(sum(stage.blocks for stage in efficientnet.STAGES)):
+    for number in range(len(efficientnet.BLOCKS)):
         names = {"expand": ("_expand_conv", "_bn0"), "depthwise": ("_depthwise_conv", "_bn1")}
         names["project"] = ("_project_conv", "_bn2")
         params[f"block{number}"] = {
@@ -76,20 +76,16 @@ def by_torch(arrays: dict[str, np.ndarray], image: np.ndarray) -> list[np.ndarra
 
     x = torch.from_numpy(((255 * image - 127) / 128).transpose(0, 3, 1, 2).copy())
     x = layer(x, "_conv_stem", "_bn0", 2).clamp(0, 6)
-    number, stride, maps = 0, 2, {}
-    for stage in efficientnet.STAGES:
-        stride *= stage.stride
-        for i in range(stage.blocks):
-            name, y = f"_blocks.{number}.", x
-            if stage.expansion > 1:
-                y = layer(y, f"{name}_expand_conv", f"{name}_bn0").clamp(0, 6)
-            step = stage.stride if i == 0 else 1
-            y = layer(y, f"{name}_depthwise_conv", f"{name}_bn1", step).clamp(0, 6)
-            y = layer(y, f"{name}_project_conv", f"{name}_bn2")
-            x = x + y if i else y
-            number += 1
-        maps[stride] = efficientnet.SCALES[stride] * x.numpy().transpose(0, 2, 3, 1)
-    return list(maps.values())
+    maps = {}
+    for number, shape in enumerate(efficientnet.BLOCKS):
+        name, y = f"_blocks.{number}.", x
+        if shape.expansion > 1:
+            y = layer(y, f"{name}_expand_conv", f"{name}_bn0").clamp(0, 6)
+        y = layer(y, f"{name}_depthwise_conv", f"{name}_bn1", shape.stride).clamp(0, 6)
+        y = layer(y, f"{name}_project_conv", f"{name}_bn2")
+        x = maps[shape.map_stride] = x + y if shape.residual else y
+    scales = efficientnet.SCALES
+    return [scales[stride] * y.numpy().transpose(0, 2, 3, 1) for stride, y in maps.items()]
 
 
 def main() -> None:

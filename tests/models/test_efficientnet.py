@@ -7,7 +7,7 @@ from psgn_jax.config.experiment import ConfigError, OptimConfig, parse
 from psgn_jax.models import efficientnet
 from psgn_jax.training.state import optimizer
 
-BLOCKS = sum(stage.blocks for stage in efficientnet.STAGES)
+BLOCKS = len(efficientnet.BLOCKS)
 
 
 def random_like(shapes, seed=0):
