@@ -67,13 +67,13 @@ def _disturbed(
     if occlusion.random() < effects.occluders:
         image, mask = _occlude(image, mask, occlusion)
     if _has_grey_surroundings(image, mask):
-        backdrop = _smooth_colours(mask.shape, scene)
+        backdrop = smooth_colours(mask.shape, scene)
         image = on_mask(mask, image, backdrop)
     if effects.exposure or effects.white_balance:
-        image = _light(image, light, effects.exposure, effects.white_balance)
-    image = _lens(image, sensor, effects.blur * pixel, effects.noise)
+        image = change_light(image, light, effects.exposure, effects.white_balance)
+    image = degrade(image, sensor, effects.blur * pixel, effects.noise)
     if effects.jpeg:
-        image = _jpeg(image, 100 - 90 * effects.jpeg * jpeg.random())
+        image = compress(image, 100 - 90 * effects.jpeg * jpeg.random())
     if effects.erode or effects.dilate or effects.ragged:
         length = edge.uniform(-effects.erode, effects.dilate)
         grain = max(2, round(_GRAIN * pixel))
@@ -98,7 +98,7 @@ def _has_grey_surroundings(image: np.ndarray, mask: np.ndarray) -> bool:
     return bool(outside and np.count_nonzero(plain) > 0.9 * outside)
 
 
-def _smooth_colours(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+def smooth_colours(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
     """uint8 [h, w, 3]: a few random colours, interpolated."""
     nodes = rng.integers(1, 7, 2)
     base = rng.integers(0, 256) + rng.integers(-40, 41, 3)  # most backgrounds are unsaturated
@@ -143,9 +143,10 @@ def _occlude(
     return image, without if rng.random() < 0.5 else mask
 
 
-def _light(
+def change_light(
     image: np.ndarray, rng: np.random.Generator, exposure: float, white_balance: float
 ) -> np.ndarray:
+    """The image with random changes of at most `exposure` stops and of the white balance."""
     gain = 2 ** (exposure * rng.uniform(-1, 1))
     red, blue = 1 + white_balance * rng.uniform(-1, 1, 2)
     levels = np.arange(256) / 255
@@ -156,7 +157,8 @@ def _light(
     return np.dstack([table[i].take(image[..., i]) for i in range(3)])
 
 
-def _lens(image: np.ndarray, rng: np.random.Generator, blur: float, noise: float) -> np.ndarray:
+def degrade(image: np.ndarray, rng: np.random.Generator, blur: float, noise: float) -> np.ndarray:
+    """The image with random blur and noise; `blur` and `noise` are the largest deviations."""
     radius, deviation = rng.random(2) * (blur, noise)
     if radius:
         picture = Image.fromarray(image).filter(ImageFilter.GaussianBlur(float(radius)))
@@ -169,7 +171,8 @@ def _lens(image: np.ndarray, rng: np.random.Generator, blur: float, noise: float
     return image
 
 
-def _jpeg(image: np.ndarray, quality: float) -> np.ndarray:
+def compress(image: np.ndarray, quality: float) -> np.ndarray:
+    """The image after JPEG compression."""
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "jpeg", quality=max(1, round(quality)))
     return np.asarray(Image.open(buffer, formats=("JPEG",)))

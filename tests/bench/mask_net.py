@@ -27,7 +27,7 @@ from safetensors.numpy import load_file
 
 from psgn_jax.data import photo
 from psgn_jax.data.dataset import RecordReader
-from psgn_jax.data.photo_effects import _jpeg, _lens, _light, _smooth_colours
+from psgn_jax.data.photo_effects import change_light, compress, degrade, smooth_colours
 from psgn_jax.models import efficientnet, mask_net
 from psgn_jax.prediction import masks
 from psgn_jax.weights.file import read_sources
@@ -91,18 +91,18 @@ def ground_of(backgrounds, rng, aspect):
         )
         return np.full((SIDE, SIDE, 3), colour, np.uint8)
     if kind < 0.27:
-        return _smooth_colours((SIDE, SIDE), rng)
+        return smooth_colours((SIDE, SIDE), rng)
 
     def picture():
         return np.asarray(crop_of(backgrounds[rng.integers(len(backgrounds))], rng, aspect))
 
     ground = picture()
     if kind < 0.5:  # a wall, and a floor or a table
-        wall = _smooth_colours((SIDE, SIDE), rng) if rng.random() < 0.6 else picture()
+        wall = smooth_colours((SIDE, SIDE), rng) if rng.random() < 0.6 else picture()
         edge = rng.uniform(0.3, 0.85) * SIDE + rng.uniform(-0.1, 0.1) * np.arange(SIDE)
         is_wall = np.arange(SIDE)[:, None] < edge[None]
         if rng.random() < 0.4:
-            ground = _smooth_colours((SIDE, SIDE), rng)
+            ground = smooth_colours((SIDE, SIDE), rng)
         ground = np.where(is_wall[..., None], wall, ground)
     if rng.random() < 0.4:  # out of focus
         blur = ImageFilter.GaussianBlur(rng.uniform(0.5, 5))
@@ -192,10 +192,10 @@ def composite(number, objects, backgrounds):
         image = over(image, front)
         mask &= front[..., 3] < 128
     image = np.clip(image, 0, 255).astype(np.uint8)
-    image = _light(image, rng, 0.7, 0.15)
-    image = _lens(image, rng, 1.2, 0.03)
+    image = change_light(image, rng, 0.7, 0.15)
+    image = degrade(image, rng, 1.2, 0.03)
     if rng.random() < 0.6:
-        image = _jpeg(image, rng.uniform(25, 95))
+        image = compress(image, rng.uniform(25, 95))
     return image, mask
 
 
