@@ -13,7 +13,7 @@ the time), or one of `num_workers` processes.
 import gc
 import itertools
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 
 import grain
 import numpy as np
@@ -54,10 +54,10 @@ def _plain(batch: Batch) -> Batch:
 
 
 def _iterate(
-    cfg: DataConfig, numbers: range, make: Callable[[int], Batch]
+    cfg: DataConfig, numbers: Sequence[int], make: Callable[[int], Batch]
 ) -> Generator[Batch, None, None]:
     """The batches of these numbers in order, made ahead of their use."""
-    source = grain.MapDataset.range(numbers.start, numbers.stop, numbers.step).map(make)
+    source = grain.MapDataset.source(numbers).map(make)
     if not cfg.num_workers:
         threads = min(MAX_THREADS, num_cores())
         read = grain.ReadOptions(num_threads=threads, prefetch_buffer_size=threads + 1)
@@ -169,8 +169,7 @@ def eval_batches(
     batch_size: int,
     seed: int = 0,
     visible_tolerance: float = 0.0,
-    process_index: int = 0,
-    process_count: int = 1,
+    choose: Callable[[int], Sequence[int]] = range,
 ) -> Generator[Batch, None, None]:
     """Every sample of a split exactly once, in the order of the records, never augmented.
 
@@ -180,8 +179,7 @@ def eval_batches(
       batch_size: size B; the last batch is padded to it with copies of the last sample.
       seed: seed of the choice of points.
       visible_tolerance: see `data.visibility`; 0 = no visibility.
-      process_index: yields batches number process_index, process_index + process_count, ...
-      process_count: number of processes that share the split.
+      choose: from the number of batches to the numbers of those that are made.
 
     Yields:
       the arrays of `train_batches`, with num_eval_points points; also valid bool [B] (False on
@@ -196,12 +194,10 @@ def eval_batches(
       RecordError: the data set is missing or damaged, from the call or while iterating.
     """
     _check("batch_size", batch_size, 1)
-    _check("process_index", process_index, 0, process_count - 1)
     reader = _open(cfg, cfg.eval_folders, split)
     if any("depth" not in s.fields for s in reader.shards):
         visible_tolerance = 0.0
     items = Items(cfg, reader, visibility=bool(visible_tolerance))
     models = Models(reader, cfg.eval_views, "voxels.eval_views") if cfg.eval_views else None
     make = EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance, models)
-    num_batches = -(-len(reader) // batch_size)
-    return _iterate(cfg, range(process_index, num_batches, process_count), make)
+    return _iterate(cfg, choose(-(-len(reader) // batch_size)), make)

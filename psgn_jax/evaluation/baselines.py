@@ -124,10 +124,12 @@ def _batches(config: Config, split: str, count: int, wanted: int) -> Iterator[An
     if split == data.train_split:
         data = dataclasses.replace(data, eval_path="")
     size = config.eval.batch_size
-    batches = loader.eval_batches(data, split=split, batch_size=size, seed=config.seed)
-    total = -(-loader.num_samples(data, split, evaluation=True) // size)
-    chosen = set(np.random.default_rng(0).permutation(total)[: wanted // size or total].tolist())
-    return (batch for number, batch in enumerate(batches) if number in chosen)
+
+    def choose(number: int) -> list[int]:
+        order = np.random.default_rng(0).permutation(number).tolist()
+        return sorted(order[: wanted // size or number])
+
+    return loader.eval_batches(data, split=split, batch_size=size, seed=config.seed, choose=choose)
 
 
 def _features(lite0: Any, image: Any) -> Any:

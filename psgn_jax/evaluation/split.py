@@ -55,8 +55,7 @@ def evaluate_split(
         batch_size=config.eval.batch_size,
         seed=config.seed,
         visible_tolerance=config.eval.visible_tolerance,
-        process_index=process,
-        process_count=count,
+        choose=lambda number: range(process, number, count),
     )
     names: list[SampleName] = []
     parts: list[dict[str, np.ndarray]] = []

@@ -150,6 +150,10 @@ def test_evaluation_sees_every_sample_once(cfg, dataset):
             assert all(isinstance(c, str) for c in batch["category"])
         assert seen == names
         assert categories == [n.split("-")[0] for n in names]
+    options = {"split": "validation", "batch_size": 4}
+    (last,) = loader.eval_batches(cfg, **options, choose=lambda number: [number - 1])
+    assert last["model_id"][:3] == names[8:]
+    assert not list(loader.eval_batches(cfg, **options, choose=lambda number: []))
 
 
 def test_subsets(tmp_path, rng):

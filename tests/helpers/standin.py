@@ -62,13 +62,14 @@ def train_batches(cfg, **options):
         step += 1
 
 
-def eval_batches(cfg, *, split, batch_size, process_index=0, process_count=1, **options):
+def eval_batches(cfg, *, split, batch_size, choose=range, **options):
     if cfg.path:
-        options |= {"process_index": process_index, "process_count": process_count}
-        yield from _loader("eval_batches")(cfg, split=split, batch_size=batch_size, **options)
+        options |= {"batch_size": batch_size, "choose": choose}
+        yield from _loader("eval_batches")(cfg, split=split, **options)
         return
     total = SIZES[split]
-    for start in range(process_index * batch_size, total, process_count * batch_size):
+    for batch in choose(-(-total // batch_size)):
+        start = batch * batch_size
         numbers = [min(n, total - 1) for n in range(start, start + batch_size)]
         rows = [
             sample(cfg, 1000 + n, cfg.num_eval_points, np.random.default_rng(n)) for n in numbers
