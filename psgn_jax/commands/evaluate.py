@@ -8,7 +8,6 @@ describes the metrics and the files.
 """
 
 import dataclasses
-import pathlib
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -28,7 +27,7 @@ from psgn_jax.config.data import DataConfig
 from psgn_jax.config.experiment import ConfigError, check_paths, require_points_task
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.evaluation import baselines, table
-from psgn_jax.evaluation.run import FRAMES, evaluate_run, report_runs
+from psgn_jax.evaluation.run import FRAMES, evaluate_run, output_folder, report_runs
 from psgn_jax.models import efficientnet, networks
 from psgn_jax.system import group
 from psgn_jax.system.files import check_folder, write_atomic
@@ -61,10 +60,7 @@ def _baselines(run: Run, split: str | None, out: str | None) -> str:
     """Writes `baselines.txt` and `baselines.json`; returns the table."""
     require_points_task(run.config, "--baselines")
     split = split or run.config.data.eval_split
-    trained = run.source_kind == "workdir"
-    default = f"{run.source}/baselines_{split}" if trained else f"baselines_{run.source}_{split}"
-    folder = pathlib.Path(out or default)
-    check_folder(folder, "--out")
+    folder = output_folder(run, out, "baselines", split)
     lite0 = read_mask_network()[0][efficientnet.NAME]
     rows = baselines.measure(run.config, run.params, lite0, split)
     table_text = baselines.text(rows, networks.build(run.config.model).num_points)

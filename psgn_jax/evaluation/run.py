@@ -75,10 +75,8 @@ def evaluate_run(
         eval=dataclasses.replace(config.eval, aligned=True, refine=refine),
     )
     logging.info("evaluating %s, step %d, split %s", run.source, run.step, split)
-    name = f"{workdir}/eval_{split}_{run.checkpoint}" if workdir else f"eval_{run.source}_{split}"
-    name += ("_placed" if frame == "place" else "") + ("_refine" if refine else "")
-    folder = pathlib.Path(out or name)
-    check_folder(folder, "--out")
+    ends = ("_placed" if frame == "place" else "") + ("_refine" if refine else "")
+    folder = output_folder(run, out, "eval", split, ends)
     result: Evaluation = create_task(config, workdir).evaluate(
         run.params, split=split, on_batch=on_batch, chosen=run.scores, draws=draws
     )
@@ -94,6 +92,17 @@ def evaluate_run(
     write_atomic(folder / "table.json", table.json_text(result, **origin))
     logging.info("tables written to %s", folder)
     return result
+
+
+def output_folder(
+    run: Run, out: str | pathlib.Path | None, name: str, split: str, ends: str = ""
+) -> pathlib.Path:
+    """`out`, or the default folder of results; raises `ConfigError` if it cannot be written."""
+    default = f"{name}_{run.source}_{split}{ends}"
+    if run.source_kind == "workdir":
+        default = f"{run.source}/{name}_{split}_{run.checkpoint}{ends}"
+    check_folder(out or default, "--out")
+    return pathlib.Path(out or default)
 
 
 def report_runs(
