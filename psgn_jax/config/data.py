@@ -89,9 +89,8 @@ class DataConfig:
       photo: effects of photos, see `PhotoEffects`.
       colour_jitter: strength of random changes of brightness, contrast and channel gains; 0 = off.
       num_workers: number of decoding processes; 0 = threads in this process.
-      cache: whether to keep decoded samples in memory, up to 4 GiB, even if not all of them fit.
-      cache_gb: memory in GB, shared by the decoding processes. Without `cache`, a training keeps
-        decoded samples up to this size; 0 = none.
+      cache_gb: size in GB up to which a training keeps decoded samples in memory, shared by the
+        decoding processes; 0 = none.
       occupancy: whether batches contain the solid volume; filled in from `task`.
       train_views: largest number of images of the same model in each row of a training batch; 0 =
         one image, without an axis of views. Filled in from `task` and `voxels`.
@@ -119,7 +118,6 @@ class DataConfig:
     photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)
     colour_jitter: Fraction = 0.0
     num_workers: Annotated[int, Bounds(low=0, high=256)] = 0
-    cache: bool = False
     cache_gb: Annotated[float, Bounds(low=0, high=1000)] = 0.5
     occupancy: bool = dataclasses.field(default=False, metadata=DERIVED)
     train_views: int = dataclasses.field(default=0, metadata=DERIVED)

@@ -294,9 +294,9 @@ class Config:
     voxels: VoxelConfig = dataclasses.field(default_factory=VoxelConfig)
 
 
-# Fields of removed features, which configurations of earlier runs have with these values.
+# Fields of removed features, which configurations of earlier runs have with one of these values.
 _REMOVED: Mapping[str, Mapping[str, Any]] = types.MappingProxyType(
-    {"data": {"on_device": False}, "loss": {"emd_schedule": "scaling"}}
+    {"data": {"on_device": [False], "cache": [False, True]}, "loss": {"emd_schedule": ["scaling"]}}
 )
 
 
@@ -337,8 +337,8 @@ def _without_removed(config: Any) -> Any:
     tree = dict(tree)
     for name in tree.keys() & _REMOVED:
         if isinstance(tree[name], Mapping):
-            gone = _REMOVED[name].items()
-            tree[name] = {key: v for key, v in tree[name].items() if (key, v) not in gone}
+            gone = _REMOVED[name]
+            tree[name] = {key: v for key, v in tree[name].items() if v not in gone.get(key, ())}
     return tree
 
 

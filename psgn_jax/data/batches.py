@@ -23,9 +23,6 @@ Batch = dict[str, Any]
 # Each purpose of random numbers has its own stream.
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
 
-CACHE_BYTES = 4 << 30
-"""Largest memory that `DataConfig.cache` uses, over all workers of one process."""
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Item:
@@ -70,9 +67,8 @@ def _further_view(item: Item) -> View:
 class Items:
     """Maps a record number to its `Item`.
 
-    With `cache`, it keeps items up to `CACHE_BYTES`. If the items are used `repeatedly`, it also
-    keeps them without `cache`, up to `cache_gb`. Records of a folder that is listed several times
-    are kept once. The others are decoded at each use.
+    If the items are used `repeatedly`, it keeps them up to `cache_gb`. Records of a folder that is
+    listed several times are kept once. The others are decoded at each use.
     """
 
     def __init__(
@@ -85,8 +81,7 @@ class Items:
         self._fields = ["image", "mask", "points"]
         self._fields += ["depth"] if self._depth or visibility else []
         self._fields += ["occupancy"] if cfg.occupancy else []
-        bound = CACHE_BYTES if cfg.cache else 1e9 * cfg.cache_gb if repeatedly else 0
-        self._bound = int(bound) // max(1, cfg.num_workers)
+        self._bound = 1e9 * cfg.cache_gb / max(1, cfg.num_workers) if repeatedly else 0
         self.__setstate__({})
 
     def __getstate__(self) -> dict[str, Any]:

@@ -197,7 +197,7 @@ def eval_batches(
     reader = _open(cfg, cfg.eval_folders, split)
     if any("depth" not in s.fields for s in reader.shards):
         visible_tolerance = 0.0
-    items = Items(cfg, reader, visibility=bool(visible_tolerance))
     models = Models(reader, cfg.eval_views, "voxels.eval_views") if cfg.eval_views else None
+    items = Items(cfg, reader, visibility=bool(visible_tolerance), repeatedly=models is not None)
     make = EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance, models)
     return _iterate(cfg, choose(-(-len(reader) // batch_size)), make)

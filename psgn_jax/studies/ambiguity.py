@@ -49,7 +49,7 @@ BASE: runner.Overrides = {
     "data.image_size": (64, 64),
     "data.num_points": 1024,
     "data.num_eval_points": 2048,
-    "data.cache": True,
+    "data.cache_gb": 4.0,
     "data.flip": False,  # because all turned cabinets are rotated in the same direction
     "model.widths": (8, 16, 32, 64, 64),
     "model.deconv_level": 2,

@@ -85,7 +85,7 @@ BASE: runner.Overrides = {
     "data.image_size": (96, 128),
     "data.num_points": NUM_POINTS,
     "data.flip": True,
-    "data.cache": True,
+    "data.cache_gb": 4.0,
     "model.widths": (8, 16, 32, 64, 128, 256),
     "model.deconv_level": 2,
     "model.fc_widths": (512, 512),

@@ -46,7 +46,6 @@ MAY_CHANGE = frozenset(
         "data.eval_split",
         "data.num_eval_points",
         "data.num_workers",
-        "data.cache",
         "data.cache_gb",
         "train.steps",
         "train.log_every",

@@ -25,7 +25,7 @@ BATCH = 32
 def rate(cfg, seconds):
     """Samples/s of wall time, and of the CPU time of this process."""
     batches = loader.train_batches(cfg, batch_size=BATCH, seed=0, start_step=0)
-    warm = -(-loader.num_samples(cfg, cfg.train_split) // BATCH) + 8 if cfg.cache else 4
+    warm = -(-loader.num_samples(cfg, cfg.train_split) // BATCH) + 8 if cfg.cache_gb else 4
     for _ in itertools.islice(batches, warm):
         pass
     wall, cpu, count = time.perf_counter(), time.process_time(), 0
@@ -54,8 +54,8 @@ def main():
             "threads": plain,
             "threads, augmented": augmented,
             "threads, with depth": dataclasses.replace(plain, inputs=("rgb", "mask", "depth")),
-            "cached": dataclasses.replace(plain, cache=True),
-            "cached, augmented": dataclasses.replace(augmented, cache=True),
+            "cached": dataclasses.replace(plain, cache_gb=4.0),
+            "cached, augmented": dataclasses.replace(augmented, cache_gb=4.0),
             f"{arguments.workers} processes": dataclasses.replace(
                 plain, num_workers=arguments.workers
             ),
