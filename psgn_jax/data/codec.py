@@ -294,10 +294,6 @@ def encode(
     schema.validate(sample)
     if points is None:
         points = lattice_of(sample.points, point_bits)
-    if points.codes.shape != sample.points.shape:
-        raise ValueError(
-            f"points: the lattice has shape {points.codes.shape}, expected {sample.points.shape}"
-        )
     order = np.argsort(_lattice_keys(points.codes), kind="stable")
     stored: dict[str, Any] = {
         "image": _encode_image(sample.image),
@@ -372,9 +368,7 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
     """Decodes those of `fields` that the record has; ValueError if one of them is invalid."""
     stored = unpack(data)
     present = {field for field in fields if field in stored}
-    values: dict[str, Any] = dict.fromkeys(
-        ("image", "mask", "depth", "points", "normals", "occupancy")
-    )
+    values: dict[str, Any] = dict.fromkeys(schema.FIELDS)
     try:
         size = _image_size(stored)
         if "image" in present:
@@ -391,12 +385,9 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
             shape = (schema.OCCUPANCY_SIZE,) * 3
             values["occupancy"] = _decode_bits(stored["occupancy"], shape, "occupancy")
         values |= {name: stored[name] for name in ("category", "model_id", "view", "source")}
-        decoded = Stored(
-            **values,
-            intrinsics=np.frombuffer(stored["intrinsics"], "<f4").reshape(3, 3),
-            extrinsics=np.frombuffer(stored["extrinsics"], "<f4").reshape(3, 4),
-            extra=stored.get("extra", ""),
-        )
+        values["intrinsics"] = np.frombuffer(stored["intrinsics"], "<f4").reshape(3, 3)
+        values["extrinsics"] = np.frombuffer(stored["extrinsics"], "<f4").reshape(3, 4)
+        decoded = Stored(**values, extra=stored.get("extra", ""))
         schema.check_camera(decoded.intrinsics, decoded.extrinsics)
         schema.check_labels(decoded)
     except (KeyError, TypeError, OSError, EOFError, SyntaxError, OverflowError) as error:

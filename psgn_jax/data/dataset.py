@@ -16,8 +16,8 @@ import itertools
 import os
 import pathlib
 import threading
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from array_record.python import array_record_module
@@ -35,6 +35,8 @@ from psgn_jax.data.manifest import (
 from psgn_jax.data.schema import RecordError, Sample
 from psgn_jax.system.files import file_crc32, install, is_disk_full, remove_temporaries
 from psgn_jax.system.untrusted import brief, kind_of
+
+T = TypeVar("T")
 
 # With one record per group, reading a record does not decode its neighbours. The records are
 # compressed already.
@@ -226,6 +228,13 @@ class RecordReader:
                 self._readers[path] = reader
             return self._readers[path]
 
+    def _decoded(self, index: int, decoder: Callable[[bytes], T]) -> T:
+        number, position = self._find(index)
+        reader = self._open(number)
+        path = self._paths[number]
+        with _shard_errors(path, f"record {position} of {path} is damaged"):
+            return decoder(reader.read([position])[0])
+
     def read(self, index: int) -> bytes:
         """The bytes of one record.
 
@@ -233,32 +242,14 @@ class RecordReader:
           RecordError: the record cannot be read; the message names file and record.
           IndexError: `index` is not in [0, len).
         """
-        number, position = self._find(index)
-        reader = self._open(number)
-        path = self._paths[number]
-        with _shard_errors(path, f"record {position} of {path} is damaged"):
-            return reader.read([position])[0]
-
-    def _damaged(self, index: int, error: Exception) -> RecordError:
-        path, position = self.locate(index)
-        return RecordError(
-            f"record {position} of {path} is damaged: {brief(error)}; {_remedy(path)}"
-        )
+        return self._decoded(index, bytes)
 
     def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Stored:
         """Record `index` with points and depth in their compact form; decodes only `fields`."""
-        data = self.read(index)
-        try:
-            return decode_stored(data, fields)
-        except ValueError as error:
-            raise self._damaged(index, error) from error
+        return self._decoded(index, lambda data: decode_stored(data, fields))
 
     def __getitem__(self, index: int) -> Sample:
-        data = self.read(index)
-        try:
-            return decode(data)
-        except ValueError as error:
-            raise self._damaged(index, error) from error
+        return self._decoded(index, decode)
 
     def __iter__(self) -> Iterator[Sample]:
         return (self[i] for i in range(len(self)))
@@ -294,7 +285,7 @@ def _shard_errors(path: pathlib.Path, what: str) -> Iterator[None]:
     """Turns errors in the block into `RecordError`: `what`, or that the file cannot be read."""
     try:
         yield
-    except (RuntimeError, IndexError, OSError) as error:
+    except (RuntimeError, IndexError, OSError, ValueError) as error:
         _check_readable(path)
         raise RecordError(f"{what}: {brief(error)}; {_remedy(path)}") from error
 

@@ -34,19 +34,9 @@ _LAST_VIEW = 2**31 - 1
 _SMALLEST_EXTENT = 1e-3
 
 FIELDS = (
-    "image",
-    "mask",
-    "depth",
-    "points",
-    "normals",
-    "occupancy",
-    "intrinsics",
-    "extrinsics",
-    "category",
-    "model_id",
-    "view",
-    "source",
-)
+    "image", "mask", "depth", "points", "normals", "occupancy",
+    "intrinsics", "extrinsics", "category", "model_id", "view", "source",
+)  # fmt: skip
 """Names of a sample's fields, in order."""
 
 OPTIONAL_FIELDS = ("depth", "normals", "occupancy")

@@ -137,14 +137,14 @@ class Points(Task):
     def picture(self, params: Any) -> np.ndarray:
         """An image of the first evaluation samples: predictions beside the true clouds."""
         config = self.config
-        batches = loader.eval_batches(
+        (batch,) = loader.eval_batches(
             config.data,
             split=config.data.eval_split,
             batch_size=config.eval.batch_size,
             seed=config.seed,
             visible_tolerance=config.eval.visible_tolerance,
+            choose=lambda number: range(1),
         )
-        batch = next(iter(batches))
         points, _ = self.eval_step(params, batch, 0)
         shown = np.flatnonzero(batch["valid"])[: config.train.num_images]
         return render_cases(batch, np.asarray(points), shown.tolist())

@@ -88,7 +88,7 @@ def _read(path: pathlib.Path, max_dim: int) -> Binvox:
     if count != dim**3:
         what = "cut off" if count < dim**3 else "too long"
         raise ValueError(f"{what}, {count} of {dim**3} cells")
-    if values.size and values.max() > 1:
+    if values.max() > 1:
         raise ValueError(f"a value of {values.max()}, expected 0 or 1")
     if not scale > 0:
         raise ValueError(f"scale {scale}, expected more than 0")
