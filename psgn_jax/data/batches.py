@@ -105,15 +105,11 @@ class Items:
         return item
 
     def _decode(self, index: int) -> Item:
-        stored = self._reader.stored(index, self._fields)
+        stored: Any = self._reader.stored(index, self._fields)
         for field in self._fields:
             if getattr(stored, field) is None:
                 path, position = self._reader.locate(index)
                 raise RecordError(f"record {position} of {path} has no {field}")
-        # For mypy: the loop has checked these.
-        assert stored.image is not None
-        assert stored.mask is not None
-        assert stored.points is not None
         mask = resize.resize_mask(stored.mask, self._size)
         depth = stored.depth
         size = stored.image.shape[:2]

@@ -19,12 +19,10 @@ def default_camera(
     Returns:
       intrinsics float32 [3, 3] and extrinsics float32 [3, 4].
     """
-    height, width = image_size
     intrinsics = np.array([[400.0, 0, 128.0], [0, 400.0, 96.0], [0, 0, 1]])
     sine, cosine = np.sin(np.deg2rad(tilt_degrees)), np.cos(np.deg2rad(tilt_degrees))
     extrinsics = np.array([[0, 1, 0, 0], [sine, 0, -cosine, 0.252], [-cosine, 0, -sine, 3.6]])
-    scaled = scale_intrinsics(intrinsics, (192, 256), (height, width))
-    return scaled, extrinsics.astype(np.float32)
+    return scale_intrinsics(intrinsics, (192, 256), image_size), extrinsics.astype(np.float32)
 
 
 def scale_intrinsics(
