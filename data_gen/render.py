@@ -138,13 +138,13 @@ def _parse_flags(argv: list[str]) -> list[str]:
         sys.argv[:] = argv = _config_first(argv)  # `config_flags` reads the order from `sys.argv`
         return flags.FLAGS(argv)
     except (AttributeError, KeyError):  # a field that does not exist
-        sys.stderr.write(f"error: {_unknown_setting(argv)}\n")
-    except (flags.Error, TypeError, ValueError, OSError) as error:
+        error: Exception = structured.unknown_setting(argv, settings.Settings())
+    except (flags.Error, TypeError, ValueError, OSError) as caught:
         # The error of a configuration file holds a traceback.
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        if any(line.startswith("Traceback") for line in lines):
-            error = ValueError(lines[-1].partition(": ")[2] or lines[-1])
-        sys.stderr.write(f"error: {message_line(error)}\n")
+        lines = [line.strip() for line in str(caught).splitlines() if line.strip()]
+        has_traceback = any(line.startswith("Traceback") for line in lines)
+        error = ValueError(lines[-1].partition(": ")[2] or lines[-1]) if has_traceback else caught
+    sys.stderr.write(f"error: {message_line(error)}\n")
     sys.exit(2)
 
 
@@ -166,16 +166,6 @@ def _config_first(argv: list[str]) -> list[str]:
             raise ValueError(f"{file}: there is no such file")
     # If this file were the flag's default, a wrong setting would raise an error at import.
     return [argv[0], *(files or [f"--config={_DEFAULT}"]), *rest]
-
-
-def _unknown_setting(argv: list[str]) -> str:
-    """A message on the first argument that sets an unknown field, with the most similar field."""
-    known = structured.flatten(settings.Settings())
-    for argument in argv:
-        flag, _, name = argument.partition("=")[0].lstrip("-").partition(".")
-        if flag in ("config", "noconfig") and name and name not in known:
-            return f"{argument}: no such setting; {structured.suggestion(name, known)}"
-    return "--config: no such setting"
 
 
 def _help() -> Iterator[str]:

@@ -5,14 +5,14 @@ import logging as python_logging
 import os
 import pathlib
 import platform
-import re
 import sys
 import zlib
 from collections.abc import Iterator, Sequence
 
 from absl import flags, logging
 
-from psgn_jax.config.experiment import ConfigError
+from psgn_jax.config.experiment import Config, ConfigError
+from psgn_jax.config.structured import unknown_setting
 from psgn_jax.system import processes
 from psgn_jax.system.cores import features_line
 from psgn_jax.system.files import cache_folder, exit_code_of
@@ -103,12 +103,7 @@ def parse_flags(argv: list[str]) -> list[str]:
         try:
             return flags.FLAGS(argv)
         except (AttributeError, KeyError) as error:
-            # An unknown field. The message is a repr inside a repr; remove its quotes and escapes.
-            text = re.sub(r"\\n", " ", str(error.args[0])).translate(str.maketrans("", "", "\\'\""))
-            text = " ".join(text.split())
-            name = next(iter(re.findall(r"\w+", text)), "")
-            given = next((a for a in argv if re.search(rf"\b{name}\b", a)), "--config")
-            raise ConfigError(f"{given}: no such field: {text}") from error
+            raise unknown_setting(argv, Config()) from error
         except (flags.Error, TypeError, ValueError, OSError) as error:
             raise ConfigError(str(error)) from error
 
