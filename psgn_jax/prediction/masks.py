@@ -91,7 +91,8 @@ def find_mask(
 def probabilities(image: np.ndarray) -> np.ndarray:
     """The mask network's probabilities of the object, float32 [SIDE / 2, SIDE / 2].
 
-    They cover the image, uint8 [h, w, 3], which is resized to `SIDE` x `SIDE`.
+    They cover the image, uint8 [h, w, 3], which is resized to `SIDE` x `SIDE`, and are means of
+    those of the image and of its mirror image.
     """
     picture = Image.fromarray(image)
     small = picture.resize((SIDE, SIDE), Image.Resampling.BILINEAR, reducing_gap=2)
@@ -119,7 +120,11 @@ def _network() -> tuple[Callable[..., jax.Array], Any]:
     params, _ = read_mask_network()
 
     def run(params: Any, image: jax.Array) -> jax.Array:
-        return MaskNet().apply({"params": params}, image[None] / np.float32(255))[0]
+        one, other = (
+            MaskNet().apply({"params": params}, x[None] / np.float32(255))[0]
+            for x in (image, image[:, ::-1])
+        )
+        return (one + other[:, ::-1]) / 2
 
     return jax.jit(run), jax.device_put(params)
 

@@ -100,8 +100,9 @@ async function findMask({ bitmap, width, height }) {
   const small = contextOf(canvasOf(side, side));
   small.imageSmoothingQuality = "high";
   small.drawImage(bitmap, 0, 0, side, side);
-  const image = new ort.Tensor("uint8", withoutAlpha(small.getImageData(0, 0, side, side).data), [1, side, side, 3]);
-  const p = (await maskSession.run({ image })).probabilities.data, sum = values => values.reduce((a, b) => a + b, 0);
+  const rgb = withoutAlpha(small.getImageData(0, 0, side, side).data), sum = values => values.reduce((a, b) => a + b, 0);
+  const run = async pixels => (await maskSession.run({ image: new ort.Tensor("uint8", pixels, [1, side, side, 3]) })).probabilities.data;
+  const one = await run(rgb), other = mirrored(await run(mirrored(rgb, side, 3)), half, 1), p = one.map((v, i) => (v + other[i]) / 2);
   const inside = p.filter(v => v > 0.5), certainty = sum(inside) / (inside.length + sum(p) - sum(inside));
   if (!(certainty >= least)) return new Uint8Array(width * height);
   const levels = new ImageData(half, half), coarse = canvasOf(half, half), large = contextOf(canvasOf(width, height));
