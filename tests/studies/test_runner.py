@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import json
 import math
+import pathlib
 import types
 
 import numpy as np
@@ -88,6 +89,13 @@ def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monke
     assert "rgbd - rgb" in (tmp_path / "a" / "completion.md").read_text()
     assert (tmp_path / "a" / "completion.png").read_bytes().startswith(b"\x89PNG")
 
+    # On another split, without a further training.
+    text = lib.run(STUDY, tmp_path / "a", **options, measure=[f"{records}:train"])
+    assert "samples of 'validation' of" in text
+    assert f"samples of 'train' of {records}" in text
+    assert (tmp_path / "a" / f"completion-{pathlib.Path(records).name}-train.md").is_file()
+    assert files(tmp_path / "a") == logs
+
     # Finished runs are measured by another study.
     runs = [str(tmp_path / "a" / name) for name in ("rgb-0", "rgb-1")]
     text = lib.run(branches.STUDY, tmp_path / "b", finished=runs)
@@ -108,6 +116,13 @@ def test_data_without_depth_are_refused_before_anything_is_trained(tmp_path):
 def test_only_names_a_run(only, tmp_path):
     with pytest.raises(ConfigError, match=f"--only={only}: accepted: "):
         lib.run(STUDY, tmp_path, only=only)
+
+
+def test_a_study_trains_and_measures_on_other_records(records, tmp_path):
+    (run, _) = STUDY.runs(tmp_path, data="here", eval_data="there")
+    assert (run.config.data.path, run.config.data.eval_path) == ("here", "there")
+    with pytest.raises(ConfigError, match="--measure=records: accepted: FOLDER:SPLIT"):
+        lib.run(STUDY, tmp_path, data=records, measure=["records"])
 
 
 def test_learning_curves_are_read_from_the_logs_of_the_runs(tmp_path):
