@@ -35,6 +35,7 @@ def test_round_trip_through_json():
 
 def test_fields_of_removed_features_are_read_with_their_old_default():
     assert parse({"data": {"on_device": False, "cache": True}}) == Config()
+    assert parse({"eval": {"silhouette": False}}) == Config()
     with pytest.raises(ConfigError, match=r"data.on_device is not a field"):
         parse({"data": {"on_device": True}})
 

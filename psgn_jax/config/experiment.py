@@ -296,7 +296,11 @@ class Config:
 
 # Fields of removed features, which configurations of earlier runs have with one of these values.
 _REMOVED: Mapping[str, Mapping[str, Any]] = types.MappingProxyType(
-    {"data": {"on_device": [False], "cache": [False, True]}, "loss": {"emd_schedule": ["scaling"]}}
+    {
+        "data": {"on_device": [False], "cache": [False, True]},
+        "loss": {"emd_schedule": ["scaling"]},
+        "eval": {"silhouette": [False]},
+    }
 )
 
 

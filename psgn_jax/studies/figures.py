@@ -93,6 +93,8 @@ def curves(charts: Mapping[str, Mapping[str, Curve]]) -> Figure:
 
     Lines differ by dashes and markers as well as by colour.
     """
+    from matplotlib import ticker
+
     figure = blank(640 * len(charts), 460)
     for axes, (title, several) in zip(
         figure.subplots(1, len(charts), squeeze=False)[0], charts.items(), strict=True
@@ -105,6 +107,10 @@ def curves(charts: Mapping[str, Mapping[str, Curve]]) -> Figure:
                 error = values.std(axis=0, ddof=1) / np.sqrt(len(values))
                 axes.fill_between(samples, mean - error, mean + error, color=colour, alpha=0.25)
         axes.set(xscale="log", yscale="log", xlabel="training samples seen", ylabel=title)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(ticker.LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
+            axis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
+            axis.set_minor_formatter(ticker.NullFormatter())
         axes.grid(which="both", alpha=0.3)
         axes.legend(fontsize=8)
     return figure

@@ -344,6 +344,7 @@ def learning_curves(
             shared = sorted(set.intersection(*map(set, several)))
             if len(shared) > 1:
                 values = np.array([[one[seen] for seen in shared] for one in several])
+                values *= 100 if title.endswith("[%]") else 1
                 charts.setdefault(title, {})[name] = figures.Curve(np.array(shared), values)
     return charts
 
