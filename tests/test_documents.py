@@ -96,6 +96,7 @@ def _exists(name):
     return source.is_file() and re.search(rf"\b{path.name}\b", source.read_text()) is not None
 
 
+@pytest.mark.slow
 def test_the_site_builds(tmp_path):
     pytest.importorskip("mkdocs", reason="the extra `docs` is not installed")
     pytest.importorskip("mkdocstrings_handlers.python", reason="the extra `docs` is not installed")

@@ -97,7 +97,9 @@ def probabilities(image: np.ndarray) -> np.ndarray:
     picture = Image.fromarray(image)
     small = picture.resize((SIDE, SIDE), Image.Resampling.BILINEAR, reducing_gap=2)
     network, params = _network()
-    return np.asarray(network(params, np.asarray(small)))
+    array = np.asarray(small)
+    one, other = (np.asarray(network(params, x)) for x in (array, array[:, ::-1]))
+    return (one + other[:, ::-1]) / 2
 
 
 def certainty(p: np.ndarray) -> float:
@@ -120,11 +122,7 @@ def _network() -> tuple[Callable[..., jax.Array], Any]:
     params, _ = read_mask_network()
 
     def run(params: Any, image: jax.Array) -> jax.Array:
-        one, other = (
-            MaskNet().apply({"params": params}, x[None] / np.float32(255))[0]
-            for x in (image, image[:, ::-1])
-        )
-        return (one + other[:, ::-1]) / 2
+        return MaskNet().apply({"params": params}, image[None] / np.float32(255))[0]
 
     return jax.jit(run), jax.device_put(params)
 

@@ -78,6 +78,7 @@ def test_a_sheet_holds_every_case(rng):
     assert page.size == (2 * (128 + 12) + 12, 2 * (48 + 16) + 12)
 
 
+@pytest.mark.slow
 def test_the_command_on_predictions(rng, tmp_path):
     points = rng.uniform(-0.3, 0.3, (1, 50, 3)).astype(np.float32)
     arrays = {"image": np.full((*SIZE, 3), 191, np.uint8), "branch": np.arange(50) < 9}

@@ -150,6 +150,7 @@ def answers(study, tmp_path):
     return read_answers(tmp_path / "human.json", study)
 
 
+@pytest.mark.slow
 def test_the_table_is_scored_beside_networks(study, answers, tmp_path):
     runs = [network("runs/cd"), network("runs/emd", model__random_size=3)]
     networks = score.label_networks(runs)
