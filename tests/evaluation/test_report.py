@@ -96,6 +96,7 @@ def test_what_is_collected_is_read_from_disk(tmp_path):
         collector[6]
 
 
+@pytest.mark.slow
 def test_in_a_browser(page, tmp_path):
     run = made(count=24)
     report.write_report(tmp_path, [run])

@@ -36,6 +36,7 @@ def test_a_network_without_random_input_gives_one_prediction():
         sampling.sampler(config, networks.build(config.model), 2)
 
 
+@pytest.mark.slow
 def test_evaluation_with_draws(monkeypatch):
     standin.install(monkeypatch)
     config, model, params = network(eval__emd_tolerance=0.05)

@@ -158,6 +158,7 @@ VAE = {
 }
 
 
+@pytest.mark.slow
 def test_training_with_a_posterior():
     config = standin.config(optim__learning_rate=3e-3, loss__l2="none", **VAE)
     final, history = run(config, 8)

@@ -332,6 +332,7 @@ def test_wrong_or_damaged_weights_are_refused(name, opened, site, serve, tmp_pat
     assert problem(page).startswith(expected)
 
 
+@pytest.mark.slow
 def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predictor):
     """The page in the folder of `psgn export`, with the runtime beside it."""
     from psgn_jax.portable.folder import write_folder
