@@ -256,7 +256,7 @@ def run(
                 names = ", ".join(run.name for run in several)
                 raise ConfigError(f"--only={only}: accepted: CONFIG:SEED with one of {names}")
     places = [("", runs), *(_elsewhere(runs, place) for place in measure)]
-    for _, several in places if data else ():
+    for _, several in places if data and not finished else ():
         for config in {run.config.data: run.config for run in several}.values():
             _check_data(config)
     if not finished:

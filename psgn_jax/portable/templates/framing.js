@@ -124,6 +124,7 @@ export const mirrored = (values, width, channels) =>
  * least sum of distances. Shortest augmenting paths, one for each point, with prices that make reduced costs >= 0.
  */
 export function meanWithMirror(points, other) {
+  if (!points.every(Number.isFinite) || !other.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
   const n = points.length / 3, back = other.map((v, i) => i % 3 === 1 ? -v : v);
   const owner = new Int32Array(n + 1).fill(-1), came = new Int32Array(n), least = new Float64Array(n), visited = new Uint8Array(n);
   const rowPrice = new Float64Array(n), price = new Float64Array(n + 1);
