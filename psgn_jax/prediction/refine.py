@@ -2,8 +2,8 @@
 
 The world mirrored at y = 0 has the mirrored image, so a network has two predictions of each image.
 Their mean has a smaller error than each: on the authors' 64 validation samples, the CD squared of
-`small-3` falls from .0078 to .0073 (journal, 2026-11-23). The order of the points differs between the two,
-so they are matched by the auction of the EMD first.
+`small-3` falls from .0078 to .0073 (journal, 2026-11-23). The order of the points differs between
+the two, so they are matched by the auction of the EMD first.
 """
 
 from collections.abc import Callable, Mapping
