@@ -39,7 +39,7 @@ def _opened_predictor() -> Predictor:
     values = flags.FLAGS
     keep_compiled()
     predictor = Predictor(open_network(values.workdir, values.weights, values.checkpoint))
-    predictor.warm_up(values.samples)
+    predictor.warm_up(values.samples, refine=values.refine)
     return predictor
 
 

@@ -85,8 +85,7 @@ def evaluate_run(
     write_atomic(folder / "table.txt", table.text(result))
     write_atomic(folder / "table.csv", table.csv_text(result))
     write_atomic(folder / "samples.csv", table.samples_csv(result))
-    origin = {run.source_kind: run.source, "step": run.step, "frame": frame}
-    origin["refine"] = refine
+    origin = {run.source_kind: run.source, "step": run.step, "frame": frame, "refine": refine}
     if workdir:
         origin["checkpoint"] = run.checkpoint
     write_atomic(folder / "table.json", table.json_text(result, **origin))

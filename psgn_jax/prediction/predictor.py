@@ -243,8 +243,8 @@ class Predictor:
             seconds=clock.laps,
         )
 
-    def warm_up(self, samples: int = 1) -> None:
-        """Compiles the network for this number of samples before the first image."""
+    def warm_up(self, samples: int = 1, *, refine: bool = True) -> None:
+        """Compiles the network for these arguments of a call before the first image."""
         r = self._sample_latents(samples, 0)
         mask = np.zeros((1, *self.config.data.image_size), np.bool_)
         batch = {
@@ -253,11 +253,10 @@ class Predictor:
             "intrinsics": np.eye(3, dtype="f4")[None],
             "extrinsics": np.eye(3, 4, dtype="f4")[None],
         }
-        points = self._network(self._params, batch, None if r is None else r[None], refine=True)
+        points = self._network(self._params, batch, None if r is None else r[None], refine=refine)
         points = np.asarray(points).reshape(samples, -1, 3)
         if samples > 1:
-            self._mutual(points)
-        jax.block_until_ready(points)
+            jax.block_until_ready(self._mutual(points))
 
     def _sample_latents(self, samples: int, seed: int) -> np.ndarray | None:
         size = self.config.model.random_size
