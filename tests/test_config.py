@@ -36,6 +36,7 @@ def test_round_trip_through_json():
 def test_fields_of_removed_features_are_read_with_their_old_default():
     assert parse({"data": {"on_device": False, "cache": True}}) == Config()
     assert parse({"eval": {"silhouette": False}}) == Config()
+    assert parse({"data": {"photo": {"holes": 0.0}}}) == Config()
     with pytest.raises(ConfigError, match=r"data.on_device is not a field"):
         parse({"data": {"on_device": True}})
 
@@ -68,11 +69,6 @@ WRONG = [
     (
         {"model": {"posterior": True, "random_size": 2, "posterior_widths": ()}},
         "model.posterior_widths=(): accepted: 1 to 5 widths",
-    ),
-    ({"model": {"random_at": "fcc"}}, "model.random_at='fcc': did you mean 'fc'?"),
-    (
-        {"model": {"random_at": "fc", "fc_points": 0}},
-        "model.random_at='fc': accepted: 'bottleneck', because there is no fc branch",
     ),
     ({"loss": {"kl_weight": -1}}, "loss.kl_weight=-1: accepted: a number >= 0"),
     ({"optim": {"warmup_steps": 9}, "train": {"steps": 9}}, "fewer than train.steps=9"),

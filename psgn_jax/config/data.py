@@ -23,13 +23,9 @@ class PhotoEffects:
     Attributes:
       erode, dilate: the mask is eroded or dilated by a length uniform in [-erode, dilate].
       ragged: largest random displacement of the edge of the mask.
-      holes: probability of one to three holes in the mask, ellipses with semi-axes of 3 to 10 % of
-        the sides of the object's bounding box.
-      corners: probability that a corner of the mask is missing, a triangle with legs of 10 to 35 %
-        of the sides of the box.
-      occluders: probability of an occluder at an edge of the box, an ellipse or a rectangle with
-        semi-axes of 10 to 30 % of the sides of the box. In half of the cases the occluder is
-        removed from the mask; otherwise the mask is not changed.
+      occluders: probability of an occluder at an edge of the object's bounding box, an ellipse or a
+        rectangle with semi-axes of 10 to 30 % of the sides of the box. In half of the cases the
+        occluder is removed from the mask; otherwise the mask is not changed.
       blur: largest standard deviation of a Gaussian blur, pixels.
       noise: largest standard deviation of Gaussian noise, 1 = full range.
       jpeg: strength of JPEG compression; the quality is uniform in [100 - 90 * jpeg, 100].
@@ -40,8 +36,6 @@ class PhotoEffects:
     erode: Pixels = 0.0
     dilate: Pixels = 0.0
     ragged: Pixels = 0.0
-    holes: Fraction = 0.0
-    corners: Fraction = 0.0
     occluders: Fraction = 0.0
     blur: Pixels = 0.0
     noise: Fraction = 0.0

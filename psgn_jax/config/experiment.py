@@ -69,9 +69,6 @@ class ModelConfig:
       deconv_channels: number of output channels of the deconv branch, 3 for each point of a cell.
       fc_widths: hidden widths of the fully connected branch.
       random_size: dimension of the random input r; 0 = none.
-      random_at: where r enters: "bottleneck" affects the points of both branches; "fc" affects only
-        the points of the fully connected branch, which is cheaper (for `vanilla` these are all
-        points).
       trained_blocks: how many of the encoder's 16 blocks are trained, counted from the last one
         (`lite0` only). The others keep the parameters of `train.init`.
       posterior: train as a conditional variational autoencoder: in training, r is drawn from the
@@ -93,7 +90,6 @@ class ModelConfig:
     deconv_channels: Size = 3
     fc_widths: tuple[Size, ...] = (2048, 1024)
     random_size: Annotated[int, Bounds(low=0, high=1_000_000)] = 0
-    random_at: Literal["bottleneck", "fc"] = "bottleneck"
     trained_blocks: Annotated[int, Bounds(low=0, high=16)] = 0
     posterior: bool = False
     posterior_widths: tuple[Size, ...] = (32, 64, 128)
@@ -247,7 +243,6 @@ class VoxelConfig:
       from_volume: "refine": folder of a run of the task "volume", whose prediction is an input as
         well; "" = no such input.
       widths: "refine": widths of the five hidden layers.
-      cell: "views": the recurrent cell of 3D-R2N2.
       width_multiplier: "views": factor of all widths.
       max_views: "views": largest number of views of each model in a training batch; the number is
         drawn for each batch, at least 1.
@@ -259,7 +254,6 @@ class VoxelConfig:
     from_emd: str = ""
     from_volume: str = ""
     widths: tuple[Size, Size, Size, Size, Size] = (16,) * 5
-    cell: Literal["gru", "lstm"] = "gru"
     width_multiplier: Factor = 1.0
     max_views: Annotated[int, Bounds(low=1, high=1000)] = 5
     eval_views: tuple[PositiveInt, ...] = (1, 3, 5)
@@ -295,11 +289,16 @@ class Config:
 
 
 # Fields of removed features, which configurations of earlier runs have with one of these values.
-_REMOVED: Mapping[str, Mapping[str, Any]] = types.MappingProxyType(
+_REMOVED: Mapping[str, list[Any]] = types.MappingProxyType(
     {
-        "data": {"on_device": [False], "cache": [False, True]},
-        "loss": {"emd_schedule": ["scaling"]},
-        "eval": {"silhouette": [False]},
+        "data.on_device": [False],
+        "data.cache": [False, True],
+        "data.photo.holes": [0],
+        "data.photo.corners": [0],
+        "model.random_at": ["bottleneck"],
+        "loss.emd_schedule": ["scaling"],
+        "eval.silhouette": [False],
+        "voxels.cell": ["gru"],
     }
 )
 
@@ -314,7 +313,7 @@ def parse(config: Any) -> Config:
       ConfigError: a key is unknown, a type is wrong, a value is out of range, or fields contradict
         each other; the message names the field, its value and what is accepted.
     """
-    parsed = build(Config, _without_removed(config), "")
+    parsed = build(Config, _without_removed(config))
     views = parsed.task == "views"
     parsed = dataclasses.replace(
         parsed,
@@ -334,16 +333,15 @@ def parse(config: Any) -> Config:
     return parsed
 
 
-def _without_removed(config: Any) -> Any:
-    tree = config.to_dict() if hasattr(config, "to_dict") else config
-    if not isinstance(tree, Mapping):
-        return tree
-    tree = dict(tree)
-    for name in tree.keys() & _REMOVED:
-        if isinstance(tree[name], Mapping):
-            gone = _REMOVED[name]
-            tree[name] = {key: v for key, v in tree[name].items() if v not in gone.get(key, ())}
-    return tree
+def _without_removed(node: Any, prefix: str = "") -> Any:
+    node = node.to_dict() if hasattr(node, "to_dict") else node
+    if not isinstance(node, Mapping):
+        return node
+    return {
+        key: _without_removed(value, f"{prefix}{key}.")
+        for key, value in node.items()
+        if value not in _REMOVED.get(f"{prefix}{key}", ())
+    }
 
 
 def check_paths(config: Config) -> None:
@@ -414,8 +412,6 @@ def _check_together(config: Config) -> None:
         ("model.deconv_channels", deconv and model.deconv_channels % 3, "a multiple of 3"),
         ("model.fc_points", not deconv and not model.fc_points,
          f"at least 1 (all the points of {model.name!r})"),
-        ("model.random_at", model.random_at == "fc" and not model.fc_points,
-         "'bottleneck', because there is no fc branch (model.fc_points=0)"),
         ("loss.min_of_n", loss.min_of_n > 1 and not model.random_size,
          "1, since without a random input (model.random_size=0) all draws are equal"),
         ("model.random_size", model.posterior and not model.random_size,

@@ -10,7 +10,7 @@ photo:
 3. Light: exposure and white balance as factors of linear values, v -> 255 (g (v/255)^2.2)^(1/2.2).
 4. Lens and sensor: Gaussian blur, Gaussian noise.
 5. JPEG compression.
-6. The mask: eroded or dilated, with a ragged edge, a missing corner, holes.
+6. The mask: eroded or dilated, with a ragged edge.
 
 The points do not change: they are the ground truth of the whole object. At the end, pixels outside
 the mask are grey again.
@@ -62,7 +62,7 @@ def _disturbed(
     pixel: float,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """`disturb` for the surroundings of an object; lengths are multiplied by `pixel`."""
-    occlusion, scene, light, sensor, jpeg, edge, corner, holes = rng.spawn(8)
+    occlusion, scene, light, sensor, jpeg, edge = rng.spawn(6)
     image = image.copy()
     if occlusion.random() < effects.occluders:
         image, mask = _occlude(image, mask, occlusion)
@@ -78,16 +78,8 @@ def _disturbed(
         length = edge.uniform(-effects.erode, effects.dilate)
         grain = max(2, round(_GRAIN * pixel))
         changed = _move_edge(mask, length * pixel, effects.ragged * pixel, grain, edge)
-        mask = _enough(changed, mask)
-    if corner.random() < effects.corners:
-        mask = _enough(_cut_corner(mask, corner), mask)
-    if holes.random() < effects.holes:
-        mask = _enough(_pierce(mask, holes), mask)
+        mask = changed if changed.sum() >= LEAST_LEFT * mask.sum() else mask
     return on_mask(mask, image, np.uint8(schema.BACKGROUND_GREY)), mask
-
-
-def _enough(changed: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    return changed if changed.sum() >= LEAST_LEFT * mask.sum() else mask
 
 
 def _has_grey_surroundings(image: np.ndarray, mask: np.ndarray) -> bool:
@@ -108,14 +100,6 @@ def smooth_colours(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarr
     return np.asarray(picture.resize((shape[1], shape[0]), Image.Resampling.BILINEAR))
 
 
-def _ellipse(
-    shape: tuple[int, ...], centre: tuple[float, float], axes: tuple[float, float]
-) -> np.ndarray:
-    rows = (np.arange(shape[0]) + 0.5 - centre[0]) / max(axes[0], 0.5)
-    columns = (np.arange(shape[1]) + 0.5 - centre[1]) / max(axes[1], 0.5)
-    return np.asarray((rows**2)[:, None] + columns**2 <= 1)
-
-
 def _occlude(
     image: np.ndarray, mask: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -130,12 +114,13 @@ def _occlude(
     )
     axes = rng.uniform(0.1, 0.3, 2) * (high, wide)
     colour = rng.integers(0, 256, 3)
+    rows = np.arange(mask.shape[0]) + 0.5 - centre[0]
+    columns = np.arange(mask.shape[1]) + 0.5 - centre[1]
     if rng.random() < 0.5:
-        patch = _ellipse(mask.shape, centre, (axes[0], axes[1]))
+        rows, columns = rows / max(axes[0], 0.5), columns / max(axes[1], 0.5)
+        patch = (rows**2)[:, None] + columns**2 <= 1
     else:
-        rows = np.abs(np.arange(mask.shape[0]) + 0.5 - centre[0]) <= axes[0]
-        columns = np.abs(np.arange(mask.shape[1]) + 0.5 - centre[1]) <= axes[1]
-        patch = rows[:, None] & columns
+        patch = (np.abs(rows) <= axes[0])[:, None] & (np.abs(columns) <= axes[1])
     without = mask & ~patch
     if without.sum() < LEAST_LEFT * mask.sum():
         return image, mask
@@ -212,28 +197,4 @@ def _move_edge(
                 result |= grown & reached
             else:
                 result &= ~(grown & reached)
-    return result
-
-
-def _cut_corner(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Removes a triangle at a corner of the mask's box."""
-    top, bottom, left, right = box_of(mask)
-    down, across = rng.uniform(0.1, 0.35, 2)
-    rows = (np.arange(mask.shape[0]) + 0.5 - top) / (bottom - top)
-    columns = (np.arange(mask.shape[1]) + 0.5 - left) / (right - left)
-    which = int(rng.integers(4))
-    rows = rows if which & 1 else 1 - rows
-    columns = columns if which & 2 else 1 - columns
-    return mask & (rows[:, None] / down + columns / across > 1)
-
-
-def _pierce(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Adds one to three elliptic holes with centres on the mask."""
-    top, bottom, left, right = box_of(mask)
-    inside = np.flatnonzero(mask)
-    result = mask.copy()
-    for _ in range(int(rng.integers(1, 4))):
-        row, column = divmod(int(inside[rng.integers(len(inside))]), mask.shape[1])
-        axes = rng.uniform(0.03, 0.1, 2) * (bottom - top, right - left)
-        result &= ~_ellipse(mask.shape, (row + 0.5, column + 0.5), (axes[0], axes[1]))
     return result

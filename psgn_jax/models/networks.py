@@ -59,7 +59,6 @@ def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> r2n2.RecurrentVolume:
     factor = sizes.width_multiplier
     dense, hidden = scaled_widths((r2n2.DENSE_WIDTH, r2n2.HIDDEN_WIDTH), factor)
     return r2n2.RecurrentVolume(
-        sizes.cell,
         scaled_widths(r2n2.CONV_WIDTHS, factor),
         dense,
         hidden,
@@ -94,7 +93,6 @@ def _point_out_net(config: ModelConfig) -> PointOutNet:
         deconv_level=config.deconv_level,
         deconv_channels=config.deconv_channels,
         random_size=config.random_size,
-        random_at=config.random_at,
         dtype=DTYPES[config.compute_dtype],
     )
 

@@ -30,10 +30,8 @@ disagree:
   branch, so it predicts only `fc_points` points; set this field to 1024 to get as many points as
   from the other versions.
 - Between its two passes the hourglass goes up to level 1, or to level 0 if `deconv_level` is 0.
-- The random input r: with `random_at` "bottleneck", a dense layer without bias maps r to the shape
-  of the bottleneck, and the result is added before the ReLU of the bottleneck; each pass has its
-  own dense layer. With `random_at` "fc", r is added to the first hidden layer of the fc branch,
-  before its ReLU; the points of the deconv branch then depend only on the image.
+- The random input r: a dense layer without bias maps r to the shape of the bottleneck, and the
+  result is added before the ReLU of the bottleneck; each pass has its own dense layer.
 - Several samples of r per image: the layers before r, and the skip convolutions that read them, are
   computed once per image. The other layers have a batch of b * draws.
 - Padding: if a side of the image is not a multiple of 2^(levels - 1), it is padded to the next one
@@ -193,8 +191,8 @@ class FullyConnected(nn.Module):
     dtype: Any
 
     @nn.compact
-    def __call__(self, bottlenecks: list[Array], r: Array | None) -> Array:
-        """Maps the bottlenecks of one or two passes, and r, to points [b, num_points, 3]."""
+    def __call__(self, bottlenecks: list[Array]) -> Array:
+        """Maps the bottlenecks of one or two passes to points [b, num_points, 3]."""
         *first, last = [x.reshape(x.shape[0], -1) for x in bottlenecks]
         hidden, dtype = self.widths[0], self.dtype
         init = SUMMED if first else layers.RELU
@@ -202,8 +200,6 @@ class FullyConnected(nn.Module):
         for flat in first:
             y = nn.relu(Dense(hidden, dtype=dtype, name="first_pass")(flat))
             x = x + Dense(hidden, kernel_init=SUMMED, dtype=dtype, name="carry")(y)
-        if r is not None:
-            x = _add(Dense(hidden, False, kernel_init=SUMMED, dtype=dtype, name="random")(r), x)
         x = nn.relu(x)
         for i, width in enumerate(self.widths[1:], start=1):
             x = nn.relu(Dense(width, dtype=dtype, name=f"hidden{i}")(x))
@@ -225,7 +221,6 @@ class PointOutNet(nn.Module):
       deconv_level, deconv_channels: last level of the deconv branch, and its output channels (3 per
         point of a cell).
       random_size: components of r; 0 = no random input.
-      random_at: where r is added, "bottleneck" or "fc".
       make_encoder: constructor of a module that is called like `Encoder`, in its place.
       dtype: dtype of the arithmetic in the hidden layers; parameters and points are float32.
     """
@@ -239,7 +234,6 @@ class PointOutNet(nn.Module):
     deconv_level: int
     deconv_channels: int
     random_size: int = 0
-    random_at: str = "bottleneck"
     make_encoder: Callable[..., nn.Module] | None = None
     dtype: Any = jnp.float32
 
@@ -302,19 +296,18 @@ class PointOutNet(nn.Module):
             x = jnp.pad(x, [(0, 0), *((e // 2, e - e // 2) for e in extra), (0, 0)], mode="edge")
         widths, dtype = self.widths, self.dtype
         num_wide = 3 if self.version == "hourglass" else 1
-        early, late = (r, None) if self.random_at == "bottleneck" else (None, r)
         make = self.make_encoder or functools.partial(Encoder, widths, num_wide, dtype)
-        features, x = make(name="encoder")(x, early)
+        features, x = make(name="encoder")(x, r)
         bottlenecks = [x]
         if self.version == "hourglass":
             top = min(1, self.deconv_level)
             features = Decoder(widths, top, dtype, name="first_decoder")(x, features)
-            features, x = Reencoder(widths, top, num_wide, dtype, name="reencoder")(features, early)
+            features, x = Reencoder(widths, top, num_wide, dtype, name="reencoder")(features, r)
             bottlenecks.append(x)
         clouds = []
         if self.fc_points:
             fc = FullyConnected(self.fc_points, self.fc_widths, dtype, name="fc")
-            clouds.append(fc(bottlenecks, late))
+            clouds.append(fc(bottlenecks))
         if self.version != "vanilla":
             features = Decoder(widths, self.deconv_level, dtype, name="decoder")(x, features)
             x = features[self.deconv_level]
@@ -326,10 +319,6 @@ class PointOutNet(nn.Module):
                 name="deconv_points",
             )(x)
             points = points + layers.grid_offset(*self.grid)[None]
-            points = points.reshape(points.shape[0], -1, 3)
-            if late is not None:  # these points do not depend on r
-                draws = late.shape[0] // points.shape[0]
-                points = jnp.repeat(points[:, None], draws, axis=1).reshape(-1, *points.shape[1:])
-            clouds.append(points)
+            clouds.append(points.reshape(points.shape[0], -1, 3))
         cloud = jnp.concatenate(clouds, axis=1)
         return cloud.reshape(*batch_shape, *cloud.shape[1:])

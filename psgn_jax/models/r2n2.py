@@ -11,8 +11,7 @@ Reconstruction", ECCV 2016. The sizes are those of its published code
   1 and 4 have none.
 - `VolumeCell`: the recurrent unit, a grid of 4^3 cells with 128 numbers each. A 3x3x3 convolution
   connects neighbouring cells. A dense layer without bias, with separate weights for each cell,
-  reads the view. GRU: `h = u h + (1 - u) tanh(W x + U (r h) + b)`. LSTM (section 3.2 of their
-  paper, without an output gate): `s = f s + i tanh(W x + U h + b)`, `h = tanh(s)`.
+  reads the view. GRU: `h = u h + (1 - u) tanh(W x + U (r h) + b)`.
 - `VolumeDecoder`: three levels with 128, 128 and 64 feature maps. Each level doubles the size by
   unpooling (each number goes to one corner of 2^3 cells, the others are 0), applies two 3x3x3
   convolutions and adds the unpooled volume (at 64 feature maps through a 1x1x1 convolution). At
@@ -28,7 +27,7 @@ code those of the dense layers of `VolumeCell` start larger. The axes of the gri
 ground truth, [x, y, z] of `data.schema`.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -50,13 +49,6 @@ _BIAS = nn.initializers.constant(0.1)
 
 def _leaky(x: Array) -> Array:
     return nn.leaky_relu(x, _LEAK)
-
-
-class State(NamedTuple):
-    """State of the recurrent unit: `hidden`, and `memory` (only used by the LSTM)."""
-
-    hidden: Float[Array, "b 4 4 4 c"]
-    memory: Float[Array, "b 4 4 4 c"]
 
 
 class ImageEncoder(nn.Module):
@@ -105,25 +97,19 @@ class _Gate(nn.Module):
 
 
 class VolumeCell(nn.Module):
-    """The recurrent unit; its kind is "gru" or "lstm"."""
+    """The recurrent unit, a GRU."""
 
-    kind: str
     dtype: Any
 
     @nn.compact
-    def __call__(self, x: Float[Array, "b n"], state: State) -> State:
-        """Returns the state after one more view."""
-        hidden, memory = state
-        if self.kind == "gru":
-            update = nn.sigmoid(_Gate(self.dtype, name="update")(x, hidden))
-            reset = nn.sigmoid(_Gate(self.dtype, name="reset")(x, hidden))
-            new = jnp.tanh(_Gate(self.dtype, name="candidate")(x, reset * hidden))
-            return State(update * hidden + (1 - update) * new, memory)
-        forget = nn.sigmoid(_Gate(self.dtype, name="forget")(x, hidden))
-        take = nn.sigmoid(_Gate(self.dtype, name="input")(x, hidden))
-        new = jnp.tanh(_Gate(self.dtype, name="candidate")(x, hidden))
-        memory = forget * memory + take * new
-        return State(jnp.tanh(memory), memory)
+    def __call__(
+        self, x: Float[Array, "b n"], hidden: Float[Array, "b 4 4 4 c"]
+    ) -> Float[Array, "b 4 4 4 c"]:
+        """Returns the hidden state after one more view."""
+        update = nn.sigmoid(_Gate(self.dtype, name="update")(x, hidden))
+        reset = nn.sigmoid(_Gate(self.dtype, name="reset")(x, hidden))
+        new = jnp.tanh(_Gate(self.dtype, name="candidate")(x, reset * hidden))
+        return update * hidden + (1 - update) * new
 
 
 class VolumeDecoder(nn.Module):
@@ -158,7 +144,6 @@ class VolumeDecoder(nn.Module):
 class RecurrentVolume(nn.Module):
     """Maps views of an object to the logits of its 32^3 cells; the last layer is in float32."""
 
-    cell: str = "gru"
     conv_widths: tuple[int, ...] = CONV_WIDTHS
     dense_width: int = DENSE_WIDTH
     hidden_width: int = HIDDEN_WIDTH
@@ -176,12 +161,11 @@ class RecurrentVolume(nn.Module):
         encoder = ImageEncoder(self.conv_widths, self.dense_width, self.dtype, name="encoder")
         codes = encoder(views.reshape(batch * count, *views.shape[2:]).astype(self.dtype))
         codes = codes.reshape(batch, count, -1)
-        cell = VolumeCell(self.cell, self.dtype, name="cell")
-        nothing = jnp.zeros((batch, *(HIDDEN_SIZE,) * 3, self.hidden_width), self.dtype)
-        state = State(nothing, nothing)
+        cell = VolumeCell(self.dtype, name="cell")
+        hidden = jnp.zeros((batch, *(HIDDEN_SIZE,) * 3, self.hidden_width), self.dtype)
         for view in range(count):
-            state = cell(codes[:, view], state)
-        return VolumeDecoder(self.decoder_widths, self.dtype, name="decoder")(state.hidden)
+            hidden = cell(codes[:, view], hidden)
+        return VolumeDecoder(self.decoder_widths, self.dtype, name="decoder")(hidden)
 
 
 def unpool(x: Float[Array, "b n n n c"]) -> Float[Array, "b m m m c"]:

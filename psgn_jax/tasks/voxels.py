@@ -104,7 +104,7 @@ class Views(VoxelTask):
         self._model = networks.build_r2n2(config.model, voxels)
         self._names = {count: f"iou_{count}_views" for count in voxels.eval_views}
         self.metric = self._names[voxels.eval_views[0]]
-        self.title = f"3D-R2N2 ({voxels.cell}, widths times {voxels.width_multiplier:g})"
+        self.title = f"3D-R2N2 (widths times {voxels.width_multiplier:g})"
 
     def init_params(self) -> Any:
         """Initial parameters of the network."""

@@ -214,25 +214,6 @@ def test_random_input_enters_both_passes_of_the_hourglass():
         assert jnp.abs(apply(config, changed, x, 2 * r) - apply(config, changed, x, r)).max() > 1e-6
 
 
-def test_random_input_of_the_fc_branch_alone_moves_its_points_alone():
-    config = tiny_config(
-        random_size=5, random_at="fc", widths=(4, 4), deconv_level=0, fc_widths=(8,)
-    )
-    _, params = initialised(config)
-    assert "random" not in params["encoder"]["bottleneck"]
-    assert params["fc"]["random"]["kernel"].shape == (5, 8)
-    x, r = arguments(config)
-    clouds = apply(config, params, x, jnp.stack([r, r, 2 * r], axis=1))
-    assert clouds.shape == (2, 3, build(config).num_points, 3)
-    fc, deconv = (clouds[:, :, part.start : part.stop] for part in build(config).branches)
-    np.testing.assert_array_equal(fc[:, 0], fc[:, 1])
-    assert jnp.all(jnp.any(fc[:, 0] != fc[:, 2], axis=-1))
-    np.testing.assert_array_equal(deconv, jnp.broadcast_to(deconv[:, :1], deconv.shape))
-    assert jnp.abs(deconv[0] - deconv[1]).max() > 1e-3  # they depend on the image
-    one = jax.eval_shape(build(config).apply, {"params": params}, x, r)
-    assert one.shape == (2, build(config).num_points, 3)
-
-
 @pytest.mark.parametrize("name", ["two_branch", "hourglass"])
 @pytest.mark.parametrize(
     ("changes", "points"),

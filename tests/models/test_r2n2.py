@@ -9,10 +9,8 @@ from psgn_jax.models import networks, r2n2
 from psgn_jax.models.r2n2 import occupancy, unpool, voxel_cross_entropy
 
 
-def build(cell, width_multiplier=1.0):
-    return networks.build_r2n2(
-        ModelConfig(), VoxelConfig(cell=cell, width_multiplier=width_multiplier)
-    )
+def build(width_multiplier=1.0):
+    return networks.build_r2n2(ModelConfig(), VoxelConfig(width_multiplier=width_multiplier))
 
 
 def shapes(module, size, views=2, batch=3):
@@ -27,7 +25,7 @@ def count(tree):
 
 @pytest.mark.parametrize("size", [127, 128])
 def test_sizes_of_the_published_network(size):
-    params, out = shapes(build("gru"), size)
+    params, out = shapes(build(), size)
     assert out.shape == (3, 32, 32, 32, 2)
     encoder, cell, decoder = params["encoder"], params["cell"], params["decoder"]
     # After six poolings, 127 and 128 pixels become 3x3 cells with 256 channels.
@@ -58,13 +56,6 @@ def test_sizes_of_the_published_network(size):
     assert count(params) == 35_968_706
 
 
-def test_the_lstm_has_as_many_gates():
-    params, out = shapes(build("lstm"), 127)
-    assert out.shape == (3, 32, 32, 32, 2)
-    assert set(params["cell"]) == {"forget", "input", "candidate"}
-    assert count(params) == 35_968_706
-
-
 def test_unpooling_puts_numbers_in_the_corner(rng):
     x = rng.normal(size=(2, 2, 2, 2, 3)).astype(np.float32)
     got = np.asarray(unpool(x))
@@ -83,18 +74,16 @@ def test_cross_entropy_is_optaxs(rng):
     assert jnp.isfinite(voxel_cross_entropy(far, jnp.zeros((1, 1, 1), bool)))
 
 
-@pytest.mark.parametrize("kind", ["gru", "lstm"])
-def test_cell_against_the_equations(rng, kind):
+def test_cell_against_the_equations(rng):
     """Compares one step with the equations in NumPy; the kernels ignore neighbouring cells."""
-    cell = r2n2.VolumeCell(kind, jnp.float32)
+    cell = r2n2.VolumeCell(jnp.float32)
     x = rng.normal(size=(1, 6)).astype(np.float32)
-    hidden, memory = rng.normal(size=(2, 1, 4, 4, 4, 5)).astype(np.float32)
-    state = r2n2.State(hidden, memory)
-    params = cell.init(jax.random.key(0), x, state)
+    hidden = rng.normal(size=(1, 4, 4, 4, 5)).astype(np.float32)
+    params = cell.init(jax.random.key(0), x, hidden)
     centre = jnp.zeros((3, 3, 3, 1, 1)).at[1, 1, 1].set(1)
     for gate in params["params"].values():
         gate["grid"]["kernel"] = gate["grid"]["kernel"] * centre
-    got = cell.apply(params, x, state)
+    got = cell.apply(params, x, hidden)
 
     def gate(name, h):
         p = jax.tree.map(np.asarray, params["params"][name])
@@ -104,21 +93,14 @@ def test_cell_against_the_equations(rng, kind):
     def sigmoid(v):
         return 1 / (1 + np.exp(-v))
 
-    if kind == "gru":
-        u, r = sigmoid(gate("update", hidden)), sigmoid(gate("reset", hidden))
-        new = np.tanh(gate("candidate", r[None] * hidden))
-        want = u * hidden[0] + (1 - u) * new
-    else:
-        f, i = sigmoid(gate("forget", hidden)), sigmoid(gate("input", hidden))
-        want_memory = f * memory[0] + i * np.tanh(gate("candidate", hidden))
-        np.testing.assert_allclose(got.memory[0], want_memory, rtol=1e-4, atol=1e-5)
-        want = np.tanh(want_memory)
-    np.testing.assert_allclose(got.hidden[0], want, rtol=1e-4, atol=1e-5)
+    u, r = sigmoid(gate("update", hidden)), sigmoid(gate("reset", hidden))
+    new = np.tanh(gate("candidate", r[None] * hidden))
+    np.testing.assert_allclose(got[0], u * hidden[0] + (1 - u) * new, rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.slow
 def test_every_view_counts_and_gradients_flow(rng):
-    module = build("gru", 1 / 16)
+    module = build(1 / 16)
     views = rng.random((1, 2, 16, 16, 3)).astype(np.float32)
     gt = rng.random((32, 32, 32)) < 0.1
     # Parameters are drawn with NumPy, because the initialisation takes longer than the rest of the

@@ -30,7 +30,7 @@ from psgn_jax.weights.run_folder import Run
 NETWORKS = {
     "with r": {"model__random_size": 3},
     "two branches, r late": {
-        "model__name": "two_branch", "model__random_size": 3, "model__random_at": "fc",
+        "model__name": "two_branch", "model__random_size": 3,
     },
     "hourglass with r": {"model__name": "hourglass", "model__random_size": 2},
     "padded": {"model__name": "hourglass", "size": (18, 24)},
