@@ -19,6 +19,7 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 
 Batch = dict[str, Any]
+Others = dict[int, list[int]]
 
 # Each purpose of random numbers has its own stream.
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
@@ -127,46 +128,36 @@ class Items:
         return Item(view, stored.points, labels, measured)
 
 
-class Models:
-    """Finds, for each record of a split, the other records of the same model.
+def other_views(reader: RecordReader, wanted: int, name: str) -> Others:
+    """For each record, the other views of its model, beginning with those after it.
 
     The manifest does not name models. Therefore every record is read once, which takes one or two
     milliseconds each.
     """
-
-    def __init__(self, reader: RecordReader, wanted: int, name: str) -> None:
-        members: dict[tuple[str, ...], list[int]] = {}
-        for index in range(len(reader)):
-            stored = reader.stored(index, ())
-            folder = str(reader.locate(index)[0].parent)
-            members.setdefault((folder, stored.category, stored.model_id), []).append(index)
-        for (folder, _, model), views in members.items():
-            if len(views) < wanted:
-                raise RecordError(
-                    f"data set {folder!r}: model {model!r} has {len(views)} views, expected at "
-                    f"least {wanted}, as set by {name}"
-                )
-        self._views = {view: views for views in members.values() for view in views}
-
-    def others(self, index: int) -> list[int]:
-        """The other views of the model of record `index`, beginning with those after it."""
-        views = self._views[index]
-        at = views.index(index)
-        return views[at + 1 :] + views[:at]
+    members: dict[tuple[str, ...], list[int]] = {}
+    for index in range(len(reader)):
+        stored = reader.stored(index, ())
+        folder = str(reader.locate(index)[0].parent)
+        members.setdefault((folder, stored.category, stored.model_id), []).append(index)
+    for (folder, _, model), views in members.items():
+        if len(views) < wanted:
+            raise RecordError(
+                f"data set {folder!r}: model {model!r} has {len(views)} views, expected at least "
+                f"{wanted}, as set by {name}"
+            )
+    return {n: v[at + 1 :] + v[:at] for v in members.values() for at, n in enumerate(v)}
 
 
-def _stack(cfg: DataConfig, rows: Iterable[Sequence[View]], count: int, *, several: bool) -> Batch:
+def _stack(rows: Iterable[Sequence[View]], count: int, *, several: bool) -> Batch:
     """A batch from the views of each row; if `several`, image and mask have an axis of views.
 
     A row is copied as soon as it is made, while the processor's cache holds it.
     """
-    fields = ["image", "mask", "points", "intrinsics", "extrinsics"]
-    fields += ["depth"] if "depth" in cfg.inputs else []
-    fields += ["occupancy"] if cfg.occupancy else []
     batch: Batch = {}
     for number, views in enumerate(rows):
-        for field in fields:
-            value = getattr(views[0], field)
+        for field, value in vars(views[0]).items():
+            if value is None:
+                continue
             if several and field in ("image", "mask"):
                 value = np.stack([getattr(view, field) for view in views])
             if field not in batch:
@@ -188,18 +179,18 @@ class TrainBatch:
     batch_size: int
     seed: int
     rows: range
-    models: Models | None
+    others: Others | None
 
     def __call__(self, step: int) -> Batch:
         """The rows of one step."""
         cfg = self.cfg
         num_views = 0
-        if self.models:
+        if self.others:
             # One number for the whole batch, so it must be the same in all processes.
             rng = np.random.default_rng([self.seed, _VIEWS, step])
             num_views = int(rng.integers(1, cfg.train_views + 1))
         rows = (self._views(step, row, num_views) for row in self.rows)
-        return _stack(cfg, rows, len(self.rows), several=num_views > 0)
+        return _stack(rows, len(self.rows), several=num_views > 0)
 
     def _views(self, step: int, row: int, num_views: int) -> list[View]:
         """The augmented views of a row."""
@@ -207,8 +198,8 @@ class TrainBatch:
         rng = np.random.default_rng([self.seed, _TRAIN, step, row])
         index = int(self.order[step * self.batch_size + row])
         views = [self.items[index].view_with_points(rng, cfg.num_points)]
-        if self.models and num_views > 1:
-            chosen = rng.permutation(self.models.others(index))[: num_views - 1]
+        if self.others and num_views > 1:
+            chosen = rng.permutation(self.others[index])[: num_views - 1]
             views += [_further_view(self.items[int(i)]) for i in chosen]
         # All views of a model get the same random numbers, so that all or none are mirrored.
         seeds = [self.seed, _PHOTO, step, row]
@@ -228,7 +219,7 @@ class EvalBatch:
     batch_size: int
     seed: int
     visible_tolerance: float
-    models: Models | None
+    others: Others | None
 
     def __call__(self, number: int) -> Batch:
         """The batch of that number."""
@@ -241,7 +232,7 @@ class EvalBatch:
         for index in range(start, start + filled):
             rng = np.random.default_rng([self.seed, _EVAL, index])
             item = self.items[index]
-            others = self.models.others(index)[: cfg.eval_views - 1] if self.models else []
+            others = self.others[index][: cfg.eval_views - 1] if self.others else []
             view = item.view_with_points(rng, cfg.num_eval_points)
             if item.measured:
                 # Visibility is computed before the move, which does not change it.
@@ -258,7 +249,7 @@ class EvalBatch:
             items.append(item)
         for values in (rows, visible, items):
             values += values[-1:] * (self.batch_size - filled)
-        batch = _stack(cfg, rows, self.batch_size, several=self.models is not None)
+        batch = _stack(rows, self.batch_size, several=self.others is not None)
         if visible:
             batch["visible"] = np.stack(visible)
         batch["valid"] = np.arange(self.batch_size) < filled

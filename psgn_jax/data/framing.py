@@ -280,12 +280,6 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> Framed:
     Raises:
       PhotoError: the mask shows no object or a very small one, or the framing is not 4:3.
     """
-    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-        raise ValueError(f"image is {image.dtype} {list(image.shape)}: accepted: uint8 [h, w, 3]")
-    if mask.dtype != np.bool_ or mask.shape != image.shape[:2]:
-        raise ValueError(
-            f"mask is {mask.dtype} {list(mask.shape)}: accepted: bool {list(image.shape[:2])}"
-        )
     height, width = VIEW_SIZE
     top, bottom, left, right = box_of(mask)
     if mask.all():

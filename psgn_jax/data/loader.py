@@ -22,7 +22,7 @@ from grain.multiprocessing import SharedMemoryArray
 
 from psgn_jax.config.experiment import DataConfig
 from psgn_jax.data import workers
-from psgn_jax.data.batches import ORDER, Batch, EvalBatch, Items, Models, TrainBatch
+from psgn_jax.data.batches import ORDER, Batch, EvalBatch, Items, TrainBatch, other_views
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.cores import num_cores
@@ -156,9 +156,10 @@ def train_batches(
     order = grain.MapDataset.range(len(reader)).seed(order_seed).shuffle().repeat()
     local = batch_size // process_count
     rows = range(process_index * local, (process_index + 1) * local)
-    models = Models(reader, cfg.train_views, "voxels.max_views") if cfg.train_views else None
+    views = cfg.train_views
+    others = other_views(reader, views, "voxels.max_views") if views else None
     items = Items(cfg, reader, repeatedly=True)
-    make = TrainBatch(cfg, items, order, batch_size, seed, rows, models)
+    make = TrainBatch(cfg, items, order, batch_size, seed, rows, others)
     return _iterate(cfg, range(start_step, sys.maxsize // batch_size), make)
 
 
@@ -197,7 +198,8 @@ def eval_batches(
     reader = _open(cfg, cfg.eval_folders, split)
     if any("depth" not in s.fields for s in reader.shards):
         visible_tolerance = 0.0
-    models = Models(reader, cfg.eval_views, "voxels.eval_views") if cfg.eval_views else None
-    items = Items(cfg, reader, visibility=bool(visible_tolerance), repeatedly=models is not None)
-    make = EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance, models)
+    views = cfg.eval_views
+    others = other_views(reader, views, "voxels.eval_views") if views else None
+    items = Items(cfg, reader, visibility=bool(visible_tolerance), repeatedly=views > 0)
+    make = EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance, others)
     return _iterate(cfg, choose(-(-len(reader) // batch_size)), make)

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image, ImageOps, UnidentifiedImageError
 
 from psgn_jax.data import resize
 from psgn_jax.system.errors import UserError
@@ -34,15 +34,6 @@ SUFFIXES = frozenset(
 """Suffixes of the files that are read from a folder."""
 _ORIENTATION = 0x0112  # of EXIF
 _LEAST_TRANSPARENT = 0.005
-_TRANSPOSE = {
-    2: Image.Transpose.FLIP_LEFT_RIGHT,
-    3: Image.Transpose.ROTATE_180,
-    4: Image.Transpose.FLIP_TOP_BOTTOM,
-    5: Image.Transpose.TRANSPOSE,
-    6: Image.Transpose.ROTATE_270,
-    7: Image.Transpose.TRANSVERSE,
-    8: Image.Transpose.ROTATE_90,
-}  # by EXIF's orientation
 
 
 class PhotoError(UserError):
@@ -154,11 +145,13 @@ def _decode(path: str | os.PathLike[str]) -> Photo:
 
 def _turned(stored: Photo, orientation: int) -> Photo:
     """A photo upright, if it is stored with this orientation of EXIF."""
-    if (method := _TRANSPOSE.get(orientation)) is None:
+    if not 1 < orientation <= 8:
         return stored
 
     def turned(plane: np.ndarray) -> np.ndarray:
-        return np.asarray(Image.fromarray(plane).transpose(method))
+        picture = Image.fromarray(plane)
+        picture.getexif()[_ORIENTATION] = orientation
+        return np.asarray(ImageOps.exif_transpose(picture))
 
     alpha = None if stored.alpha is None else turned(stored.alpha)
     size = _upright_size(stored.size, orientation)

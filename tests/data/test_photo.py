@@ -35,7 +35,8 @@ def saved(tmp_path, image, name="photo.png", **options):
 def test_exif_orientation_is_honoured_for_image_and_mask(tmp_path, orientation):
     image, mask = scene()
     image[:20, :30] = (0, 0, 255)  # distinguishes all eight orientations
-    undo = photo._TRANSPOSE.get({6: 8, 8: 6}.get(orientation, orientation))
+    # Pillow's numbers of the operations that turn an upright picture into the stored one.
+    undo = {2: 0, 3: 3, 4: 1, 5: 5, 6: 2, 7: 6, 8: 4}.get(orientation)
 
     def as_stored(pixels):
         picture = Image.fromarray(pixels)
@@ -239,8 +240,6 @@ def test_placing_refuses():
     dot[5, 5] = True
     with pytest.raises(photo.PhotoError, match="1x1 pixels: accepted: a longer side of 8 or more"):
         framing.place(image, dot)
-    with pytest.raises(ValueError, match=r"mask is bool \[60, 160\]: accepted: bool \[120, 160\]"):
-        framing.place(image, mask[:60])
     with pytest.raises(ValueError, match=r"image is float64"):
         photo.as_photo(np.zeros((50, 50)))
 
