@@ -56,12 +56,6 @@ def test_wrong_sizes(rng):
         metrics_lib.emd(a, b[:90])
 
 
-def test_a_translated_cloud(rng):
-    # If b is a moved by a translation, matching every point with its copy is optimal.
-    a, _ = clouds(rng)
-    np.testing.assert_allclose(mean(a, a + np.float32([0.3, -0.4, 0])), 0.5, rtol=1e-2)
-
-
 def test_gradient_equals_directional_difference(rng):
     # The points of a are far apart and those of b near them. Small changes therefore do not change
     # the optimal bijection, and the auction finds it.
@@ -78,15 +72,6 @@ def test_gradient_equals_directional_difference(rng):
         ) / (2 * h * N)
         got = np.vdot(grads[0], u) + np.vdot(grads[1], v)
         np.testing.assert_allclose(got, want, rtol=1e-4, atol=1e-5)
-
-
-def test_gradient_is_of_unit_vectors(rng):
-    a, b = clouds(rng)
-    index = np.asarray(losses.matched_distances(a, b).assignment.index)
-    unit = (a - b[index]) / np.linalg.norm(a - b[index], axis=1, keepdims=True)
-    _, (grad_a, grad_b) = mean_and_grad(a, b)
-    np.testing.assert_allclose(grad_a, unit / N, atol=1e-7)
-    np.testing.assert_allclose(np.asarray(grad_b)[index], -unit / N, atol=1e-7)
 
 
 def test_coincident_points_have_zero_gradient(rng):

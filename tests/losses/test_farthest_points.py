@@ -18,17 +18,6 @@ def test_equals_the_naive_version(rng, n, k):
     )
 
 
-def test_batch_under_jit_equals_single_clouds(rng):
-    clouds = rng.uniform(-1, 1, (3, 500, 3)).astype(np.float32)
-    start = jnp.array([0, 499, 17])
-    batched = jax.jit(
-        jax.vmap(lambda cloud, first: losses.farthest_point_indices(cloud, 40, start=first))
-    )(clouds, start)
-    for i in range(3):
-        want = reference.farthest_points(clouds[i], 40, int(start[i]))
-        np.testing.assert_array_equal(batched[i], want)
-
-
 def test_ties_go_to_the_lowest_index():
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
     # The corner opposite to corner 0 is chosen first; all others are then equally far.

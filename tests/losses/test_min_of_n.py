@@ -32,25 +32,6 @@ def test_value_and_gradient_are_those_of_the_nearest(rng, distance, draws):
     assert not np.delete(grads[0], j, axis=0).any()
 
 
-@pytest.mark.parametrize(("over", "distance"), [(jax.vmap, CD), (losses.map_pairs, EMD)])
-def test_over_a_batch(rng, over, distance):
-    preds = rng.normal(size=(4, 3, 16, 3)).astype(np.float32)
-    gt = rng.normal(size=(4, 16, 3)).astype(np.float32)
-
-    def total(preds):
-        best = over(losses.min_of_n(distance))(preds, gt)
-        return best.value.sum(), best
-
-    (_, best), grads = jax.jit(jax.value_and_grad(total, has_aux=True))(preds)
-    single = jax.jit(losses.min_of_n(distance))
-    for i in range(4):
-        want = single(preds[i], gt[i])
-        assert best.winner[i] == want.winner
-        np.testing.assert_allclose(best.value[i], want.value, rtol=1e-6)
-    moved = np.abs(grads).max(axis=(2, 3)) > 0
-    np.testing.assert_array_equal(moved, np.arange(3) == np.asarray(best.winner)[:, None])
-
-
 def test_of_equally_near_draws_the_first_wins(rng):
     preds, gt = case(rng, 1)
     far = preds + 3

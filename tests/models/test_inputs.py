@@ -1,4 +1,3 @@
-import jax
 import numpy as np
 import pytest
 
@@ -63,14 +62,6 @@ def test_channels_keep_the_given_order(sample):
     y = stack_channels(*sample, channels=("depth", "mask", "rgb"))
     assert x.shape[-1] == y.shape[-1] == 6
     np.testing.assert_array_equal(x, y[..., [3, 4, 5, 2, 0, 1]])
-
-
-def test_leading_axes_and_jit(sample):
-    batch = [np.stack([np.stack([a, a[::-1]])] * 3) for a in sample]
-    channels = ("rgb", "mask", "depth")
-    x = jax.jit(lambda *a: stack_channels(*a, channels=channels))(*batch)
-    assert x.shape == (3, 2, 6, 8, 6)
-    np.testing.assert_allclose(x[2, 0], stack_channels(*sample, channels=channels), atol=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.config.experiment import parse
-from psgn_jax.models.networks import build_volume_net
-from psgn_jax.models.voxels import VoxelRefiner, log_volume, splat, splat_clouds
+from psgn_jax.models.voxels import VoxelRefiner, log_volume, splat
 
 
 def naive_splat(points, size=32):
@@ -67,25 +65,11 @@ def test_splat_is_clipped_and_differentiable(rng):
         np.testing.assert_allclose(slope, difference, rtol=1e-5)
 
 
-def test_splat_batched_under_jit(rng):
-    clouds = rng.uniform(-0.5, 0.5, (3, 50, 3)).astype(np.float32)
-    got = jax.jit(jax.vmap(splat))(clouds)
-    np.testing.assert_allclose(got[2], splat(clouds[2]), atol=1e-6)
-    both = splat_clouds([clouds[0], clouds[1, :20]])
-    assert both.shape == (32, 32, 32, 2)
-    np.testing.assert_allclose(both[..., 0], got[0], atol=1e-6)
-
-
 def test_log_volume_is_in_cubic_units():
     occupancy = np.zeros((32, 32, 32), bool)
     assert log_volume(occupancy) == pytest.approx(np.log(1 / 16**3))
     occupancy[:16] = True
     assert log_volume(occupancy) == pytest.approx(np.log(4))
-
-
-def parameters(module, *inputs):
-    shapes = jax.eval_shape(module.init, jax.random.key(0), *inputs)
-    return sum(np.prod(leaf.shape) for leaf in jax.tree.leaves(shapes))
 
 
 def test_six_layers_of_27_taps():
@@ -95,7 +79,7 @@ def test_six_layers_of_27_taps():
     params = jax.eval_shape(module.init, jax.random.key(0), splats, volumes)
     assert len(params["params"]) == 6
     count = 27 * (3 * 16 + 4 * 16 * 16 + 16) + 5 * 16 + 1
-    assert parameters(module, splats, volumes) == count
+    assert sum(np.prod(leaf.shape) for leaf in jax.tree.leaves(params)) == count
     out = jax.eval_shape(module.apply, params, splats, volumes)
     assert out.shape == (2, 32, 32, 32)
 
@@ -112,14 +96,3 @@ def test_local_and_of_any_size(rng):
     change = np.abs(apply(params, moved) - apply(params, x))[0]
     assert change[7:].max() == 0
     assert change[:7].max() > 0
-
-
-@pytest.mark.slow
-def test_volume_net():
-    config = parse({"model": {"width_multiplier": 0.25}, "data": {"image_size": (64, 64)}}).model
-    module = build_volume_net(config)
-    x = jnp.zeros((2, 64, 64, 4))
-    params = module.init(jax.random.key(0), x)
-    out = jax.jit(module.apply)(params, x)
-    assert out.shape == (2,)
-    assert jnp.isfinite(out).all()
