@@ -119,14 +119,10 @@ def to_dict(config: Any) -> dict[str, Any]:
 def flatten(config: Any) -> dict[str, Any]:
     """`{"train.steps": 2000, ...}`, without derived fields."""
 
-    def walk(node: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-        flat: dict[str, Any] = {}
-        for key, value in node.items():
-            if isinstance(value, Mapping):
-                flat |= walk(value, f"{prefix}{key}.")
-            else:
-                flat[prefix + key] = value
-        return flat
+    def walk(node: Any, path: str) -> dict[str, Any]:
+        if not isinstance(node, Mapping):
+            return {path[1:]: node}
+        return {k: v for key in node for k, v in walk(node[key], f"{path}.{key}").items()}
 
     return walk(to_dict(config), "")
 

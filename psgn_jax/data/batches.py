@@ -106,7 +106,7 @@ class Items:
         return item
 
     def _decode(self, index: int) -> Item:
-        stored: Any = self._reader.stored(index, self._fields)
+        stored = self._reader.stored(index, self._fields)
         for field in self._fields:
             if getattr(stored, field) is None:
                 path, position = self._reader.locate(index)

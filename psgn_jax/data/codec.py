@@ -318,36 +318,6 @@ def encode(
     return zlib.crc32(body).to_bytes(4, "little") + body
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Stored:
-    """A decoded record with points and depth in their compact form.
-
-    The fields are those of `schema.Sample`. A field is None if the record does not have it or if it
-    was not requested; `depth` includes `mask`. Cameras, strings and `view` are always present.
-    """
-
-    image: np.ndarray | None
-    mask: np.ndarray | None
-    depth: DepthCodes | None
-    points: PointLattice | None
-    normals: np.ndarray | None
-    occupancy: np.ndarray | None
-    intrinsics: np.ndarray
-    extrinsics: np.ndarray
-    category: str
-    model_id: str
-    view: int
-    source: str
-    extra: str = ""
-
-    def sample(self) -> Sample:
-        """The sample; ValueError if the record has no image, mask or points."""
-        if self.image is None or self.mask is None or self.points is None:
-            raise ValueError("a field is missing, expected image, mask and points")
-        depth = self.depth and self.depth.depth()
-        return Sample(**{**vars(self), "depth": depth, "points": self.points.points()})
-
-
 def unpack(data: bytes) -> dict[str, Any]:
     """The msgpack map of a record; ValueError if its checksum does not match, or it is no map."""
     body = data[4:]
@@ -364,8 +334,12 @@ def field_sizes(data: bytes) -> dict[str, int]:
     return {name: len(msgpack.packb(value)) for name, value in unpack(data).items()}
 
 
-def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
-    """Decodes those of `fields` that the record has; ValueError if one of them is invalid."""
+def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Any:
+    """A `Sample` whose points are a `PointLattice` and whose depth is `DepthCodes`.
+
+    A field is None if the record does not have it or if it is not one of `fields`; `depth` includes
+    `mask`. Cameras, strings and `view` are always present. ValueError if a field is invalid.
+    """
     stored = unpack(data)
     present = {field for field in fields if field in stored}
     values: dict[str, Any] = dict.fromkeys(schema.FIELDS)
@@ -387,7 +361,7 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
         values |= {name: stored[name] for name in ("category", "model_id", "view", "source")}
         values["intrinsics"] = np.frombuffer(stored["intrinsics"], "<f4").reshape(3, 3)
         values["extrinsics"] = np.frombuffer(stored["extrinsics"], "<f4").reshape(3, 4)
-        decoded = Stored(**values, extra=stored.get("extra", ""))
+        decoded = Sample(**values, extra=stored.get("extra", ""))
         schema.check_camera(decoded.intrinsics, decoded.extrinsics)
         schema.check_labels(decoded)
     except (KeyError, TypeError, OSError, EOFError, SyntaxError, OverflowError) as error:
@@ -397,5 +371,9 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Stored:
 
 
 def decode(data: bytes) -> Sample:
-    """The sample of a record; ValueError if the record is damaged."""
-    return decode_stored(data).sample()
+    """The sample of a record; ValueError if it is damaged or has no image, mask or points."""
+    stored = decode_stored(data)
+    if stored.image is None or stored.mask is None or stored.points is None:
+        raise ValueError("a field is missing, expected image, mask and points")
+    depth = stored.depth and stored.depth.depth()
+    return dataclasses.replace(stored, depth=depth, points=stored.points.points())

@@ -23,7 +23,7 @@ import numpy as np
 from array_record.python import array_record_module
 
 from psgn_jax.data import schema
-from psgn_jax.data.codec import Stored, decode, decode_stored, encode
+from psgn_jax.data.codec import decode, decode_stored, encode
 from psgn_jax.data.manifest import (
     MANIFEST,
     SPLIT_NAME,
@@ -244,8 +244,8 @@ class RecordReader:
         """
         return self._decoded(index, bytes)
 
-    def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Stored:
-        """Record `index` with points and depth in their compact form; decodes only `fields`."""
+    def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Any:
+        """Record `index` as `codec.decode_stored` gives it; decodes only `fields`."""
         return self._decoded(index, lambda data: decode_stored(data, fields))
 
     def __getitem__(self, index: int) -> Sample:

@@ -94,12 +94,6 @@ def _iterate(
             pool.apply(int)  # the pool has one thread, so this waits for all earlier work
 
 
-def _check(name: str, value: int, low: int, high: int = sys.maxsize) -> None:
-    if not low <= value <= high:
-        expected = f"{low} or more" if high == sys.maxsize else f"{low} to {high}"
-        raise ValueError(f"{name}: got {value}, expected {expected}")
-
-
 def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int:
     """Number of samples in a split of the training data, or of the data of the evaluation.
 
@@ -140,13 +134,9 @@ def train_batches(
       first view. The other views are drawn without replacement from the same model.
 
     Raises:
-      ValueError: an argument is out of range.
+      ValueError: `process_count` does not divide `batch_size`.
       RecordError: the data set is missing or damaged, from the call or while iterating.
     """
-    _check("batch_size", batch_size, 1)
-    _check("seed", seed, 0)
-    _check("start_step", start_step, 0)
-    _check("process_index", process_index, 0, process_count - 1)
     if batch_size % process_count:
         raise ValueError(
             f"batch_size: got {batch_size}, expected a multiple of the {process_count} processes"
@@ -191,10 +181,8 @@ def eval_batches(
       of its model in the order of the records, cyclically. Every model must have at least v views.
 
     Raises:
-      ValueError: an argument is out of range.
       RecordError: the data set is missing or damaged, from the call or while iterating.
     """
-    _check("batch_size", batch_size, 1)
     reader = _open(cfg, cfg.eval_folders, split)
     if any("depth" not in s.fields for s in reader.shards):
         visible_tolerance = 0.0

@@ -47,8 +47,6 @@ def visible_points(
       bool [n]; False for points that are not finite, behind the camera, or less than t in front of
       it.
     """
-    if not 0 < tolerance < np.inf:
-        raise ValueError(f"tolerance: got {tolerance}, expected a finite distance > 0")
     finite = np.isfinite(points).all(axis=1)
     place = camera.to_camera(
         np.where(finite[:, None], points, 0).astype(np.float64), extrinsics.astype(np.float64)

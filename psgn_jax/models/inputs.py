@@ -45,16 +45,11 @@ def stack_channels(
       distance: depth of the frame's origin along the optical axis, `extrinsics[2, 3]`; None: 3.6,
         the value of the default camera.
 
-    Raises:
-      ValueError: a channel is unknown, or the image is not uint8.
-
     Source: the authors' published code and data, which store colours as BGR. Their files store
     depth as 16-bit integers, (5.4 - z) / 3.6 * 65535. Neither the files nor the paper say how depth
     is passed to a network; the two depth channels are **ours**.
     """
     image, mask = jnp.asarray(image), jnp.asarray(mask)
-    if image.dtype != jnp.uint8:
-        raise ValueError(f"image is {image.dtype}: accepted: uint8")
     planes = []
     for channel in channels:
         if channel == "rgb":
@@ -62,15 +57,13 @@ def stack_channels(
             planes.append(jnp.where(mask[..., None], colour, BACKGROUND))
         elif channel == "mask":
             planes.append(1 - mask[..., None].astype(jnp.float32))
-        elif channel == "depth":
+        else:
             z = jnp.asarray(depth, jnp.float32)
             origin = DEFAULT_DISTANCE if distance is None else jnp.asarray(distance, jnp.float32)
             origin = jnp.broadcast_to(origin, z.shape[:-2])[..., None, None]
             measured = mask & (z > 0) & jnp.isfinite(z)
             nearness = jnp.where(measured, origin - z, 0.0)
             planes.append(jnp.stack([nearness, measured.astype(jnp.float32)], axis=-1))
-        else:
-            raise ValueError(f"channel {channel!r}: accepted: 'rgb', 'mask', 'depth'")
     return jnp.concatenate(planes, axis=-1)
 
 

@@ -27,6 +27,7 @@ code those of the dense layers of `VolumeCell` start larger. The axes of the gri
 ground truth, [x, y, z] of `data.schema`.
 """
 
+import functools
 from typing import Any
 
 import jax
@@ -43,8 +44,13 @@ DECODER_WIDTHS = (128, 128, 64, 32)
 HIDDEN_SIZE = 4
 
 _LEAK = 0.01
-_KERNEL = nn.initializers.variance_scaling(2.0, "fan_avg", "normal")
-_BIAS = nn.initializers.constant(0.1)
+_INITIAL: dict[str, Any] = {
+    "kernel_init": nn.initializers.variance_scaling(2.0, "fan_avg", "normal"),
+    "bias_init": nn.initializers.constant(0.1),
+}
+_Conv = functools.partial(Conv, **_INITIAL)
+_Conv3D: Any = functools.partial(Conv3D, **_INITIAL)
+_Dense = functools.partial(Dense, **_INITIAL)
 
 
 def _leaky(x: Array) -> Array:
@@ -61,24 +67,19 @@ class ImageEncoder(nn.Module):
     @nn.compact
     def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b n"]:
         """Encodes a batch of images."""
+        conv = functools.partial(_Conv, dtype=self.dtype)
         for level, width in enumerate(self.widths, start=1):
             shortcut: Array | None = None
             if level in (2, 3, 5):
-                shortcut = self._conv(width, 1, f"level{level}_shortcut")(x)
+                shortcut = conv(width, 1, name=f"level{level}_shortcut")(x)
             elif level == 6:
                 shortcut = x
-            y = _leaky(self._conv(width, 7 if level == 1 else 3, f"level{level}_conv0")(x))
-            y = _leaky(self._conv(width, 3, f"level{level}_conv1")(y))
+            y = _leaky(conv(width, 7 if level == 1 else 3, name=f"level{level}_conv0")(x))
+            y = _leaky(conv(width, 3, name=f"level{level}_conv1")(y))
             x = y if shortcut is None else y + shortcut
             x = nn.max_pool(x, (2, 2), (2, 2), ((1, 1), (1, 1)))
         x = x.reshape(x.shape[0], -1)
-        dense = Dense(
-            self.dense, kernel_init=_KERNEL, bias_init=_BIAS, dtype=self.dtype, name="dense"
-        )
-        return _leaky(dense(x))
-
-    def _conv(self, width: int, size: int, name: str) -> Conv:
-        return Conv(width, size, kernel_init=_KERNEL, bias_init=_BIAS, dtype=self.dtype, name=name)
+        return _leaky(_Dense(self.dense, dtype=self.dtype, name="dense")(x))
 
 
 class _Gate(nn.Module):
@@ -89,10 +90,8 @@ class _Gate(nn.Module):
     @nn.compact
     def __call__(self, x: Array, h: Array) -> Array:
         size = h[0].size
-        dense = Dense(size, use_bias=False, kernel_init=_KERNEL, dtype=self.dtype, name="view")
-        grid = Conv3D(
-            h.shape[-1], kernel_init=_KERNEL, bias_init=_BIAS, dtype=self.dtype, name="grid"
-        )
+        dense = _Dense(size, use_bias=False, dtype=self.dtype, name="view")
+        grid = _Conv3D(h.shape[-1], dtype=self.dtype, name="grid")
         return dense(x).reshape(h.shape) + grid(h)
 
 
@@ -122,23 +121,18 @@ class VolumeDecoder(nn.Module):
     def __call__(self, x: Float[Array, "b n n n c"]) -> Float[Array, "b m m m 2"]:
         """Decodes a batch of hidden states."""
         *unpooled_widths, last_width = self.widths
+        conv = functools.partial(_Conv3D, dtype=self.dtype)
         for level, width in enumerate(unpooled_widths):
             x = unpool(x)
-            y = _leaky(self._conv(width, 3, f"level{level}_conv0")(x))
-            y = _leaky(self._conv(width, 3, f"level{level}_conv1")(y))
+            y = _leaky(conv(width, 3, name=f"level{level}_conv0")(x))
+            y = _leaky(conv(width, 3, name=f"level{level}_conv1")(y))
             if width != x.shape[-1] or level == len(unpooled_widths) - 1:
-                x = self._conv(width, 1, f"level{level}_shortcut")(x)
+                x = conv(width, 1, name=f"level{level}_shortcut")(x)
             x = x + y
-        x = _leaky(self._conv(last_width, 3, "last_conv0")(x))
-        y = _leaky(self._conv(last_width, 3, "last_conv1")(x))
-        x = y + self._conv(last_width, 3, "last_shortcut")(x)
-        logits = Conv3D(2, kernel_init=_KERNEL, bias_init=_BIAS, name="logits")
-        return logits(x)
-
-    def _conv(self, width: int, size: int, name: str) -> Conv3D:
-        return Conv3D(
-            width, size, kernel_init=_KERNEL, bias_init=_BIAS, dtype=self.dtype, name=name
-        )
+        x = _leaky(conv(last_width, 3, name="last_conv0")(x))
+        y = _leaky(conv(last_width, 3, name="last_conv1")(x))
+        x = y + conv(last_width, 3, name="last_shortcut")(x)
+        return _Conv3D(2, name="logits")(x)
 
 
 class RecurrentVolume(nn.Module):

@@ -22,7 +22,7 @@ def compiler_options() -> dict[str, int] | None:
     """
     import jax  # imported here, because `command_line` uses this module before JAX is loaded
 
-    if jax.default_backend() != "cpu" or "avx512_bf16" not in _flags():
+    if jax.default_backend() != "cpu" or "avx512_bf16" not in features_line().split():
         return None
     return {"xla_cpu_prefer_vector_width": 512}
 
@@ -34,7 +34,3 @@ def features_line() -> str:
     except OSError:
         return ""
     return next((x for x in text.splitlines() if x.startswith(("flags", "Feat"))), "")
-
-
-def _flags() -> frozenset[str]:
-    return frozenset(features_line().partition(":")[2].split())

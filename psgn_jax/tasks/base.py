@@ -90,17 +90,11 @@ class Task:
         chosen: Mapping[str, float] | None = None,
         draws: int = 0,
     ) -> Evaluation:
-        """Metrics on a split.
+        """Metrics on a split, as `evaluation.split.evaluate_split` measures them.
 
-        Args:
-          params: parameters of the network.
-          split: name of the split; None: the evaluation split.
-          max_samples: evaluate only this many samples, from the start of the split; 0 = all.
-          on_batch: called with (index of the batch, batch, predictions).
-          chosen: thresholds from `Evaluation.chosen` of an earlier evaluation. Missing thresholds
-            are chosen on this split.
-          draws: number of predictions per image whose distances are measured too; 0 = none. Only
-            for the task "points".
+        `chosen` are thresholds from `Evaluation.chosen` of an earlier evaluation; missing ones are
+        chosen on this split. `draws` is the number of predictions per image whose distances are
+        measured too; 0 = none. It is only for the task "points".
         """
         return evaluate_split(
             self.config,

@@ -88,9 +88,3 @@ def test_a_hole_hides_what_is_seen_through_it_alone():
     assert not (half & ~whole).any()
     assert 0.3 < half.sum() / whole.sum() < 0.7
     assert s.points[half][:, 1].mean() > s.points[whole & ~half][:, 1].mean()
-
-
-@pytest.mark.parametrize("tolerance", [0, -1, np.nan, np.inf])
-def test_wrong_tolerance(tolerance):
-    with pytest.raises(ValueError, match="tolerance: got"):
-        classes(drawn("box"), tolerance)

@@ -62,19 +62,3 @@ def test_channels_keep_the_given_order(sample):
     y = stack_channels(*sample, channels=("depth", "mask", "rgb"))
     assert x.shape[-1] == y.shape[-1] == 6
     np.testing.assert_array_equal(x, y[..., [3, 4, 5, 2, 0, 1]])
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"channels": ("rgb", "alpha")}, "channel 'alpha': accepted: 'rgb', 'mask', 'depth'"),
-        ({"image": np.zeros((6, 8, 3), np.float32)}, "uint8"),
-    ],
-)
-@pytest.mark.usefixtures("unchecked_annotations")
-def test_wrong_arguments(sample, change, message):
-    image, mask, depth = sample
-    arrays = {"image": image, "mask": mask, "depth": depth}
-    arguments = arrays | {"channels": ("rgb", "depth")} | change
-    with pytest.raises(ValueError, match=message):
-        stack_channels(**arguments)

@@ -18,7 +18,7 @@ def test_num_cores_is_that_of_the_affinity(monkeypatch):
 
 
 def test_xla_knows_the_option(monkeypatch, rng):
-    monkeypatch.setattr(cores, "_flags", lambda: frozenset({"avx512_bf16"}))
+    monkeypatch.setattr(cores, "features_line", lambda: "flags : avx512_bf16")
     x = rng.normal(size=100).astype(np.float32)
     total = jax.jit(jnp.sum, compiler_options=cores.compiler_options())(x)
     np.testing.assert_allclose(total, x.sum(), rtol=1e-5)

@@ -17,7 +17,8 @@ import pathlib
 
 import numpy as np
 
-MAX_DIM = 256
+from psgn_jax.data.schema import OCCUPANCY_SIZE
+
 _MAX_LINE = 256
 _MAX_LINES = 16
 _LENGTHS = {"dim": 3, "translate": 3, "scale": 1}  # numbers in a line of the header
@@ -38,22 +39,21 @@ class Binvox:
     scale: float
 
 
-def read(path: str | os.PathLike[str], *, max_dim: int = MAX_DIM) -> Binvox:
-    """Reads a file; `max_dim` bounds the memory for any content.
+def read(path: str | os.PathLike[str], size: int = OCCUPANCY_SIZE) -> Binvox:
+    """Reads a file with `size`^3 cells.
 
     Raises:
-      ValueError: the file is not binvox, its header is invalid, its grid is not a cube or is larger
-        than `max_dim`, or its runs do not add up to the grid (it is cut off); the message names the
-        file and the reason.
+      ValueError: the file is not binvox, its header is invalid, its grid has another size, or its
+        runs do not add up to the grid (it is cut off); the message names the file and the reason.
       OSError: the file cannot be read.
     """
     try:
-        return _read(pathlib.Path(path), max_dim)
+        return _read(pathlib.Path(path), size)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _read(path: pathlib.Path, max_dim: int) -> Binvox:
+def _read(path: pathlib.Path, dim: int) -> Binvox:
     fields = {"translate": [0.0, 0.0, 0.0], "scale": [1.0]}
     with path.open("rb") as file:
         if not file.readline(_MAX_LINE).startswith(b"#binvox"):
@@ -76,9 +76,8 @@ def _read(path: pathlib.Path, max_dim: int) -> Binvox:
         if "dim" not in fields:
             raise ValueError("no line `dim` in the header")
         dims, (scale,) = fields["dim"], fields["scale"]
-        dim = int(dims[0])
-        if dims != [dim] * 3 or not 1 <= dim <= max_dim:
-            raise ValueError(f"dim {dims}, expected a cube of 1 to {max_dim} cells per edge")
+        if dims != [dim] * 3:
+            raise ValueError(f"dim {dims}, expected {dim} cells per edge")
         # Every run has at least one cell, so more than 2 bytes per cell cannot be valid.
         raw = np.frombuffer(file.read(2 * dim**3 + 1), np.uint8)
     if len(raw) % 2:

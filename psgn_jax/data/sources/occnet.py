@@ -97,7 +97,7 @@ def open_model(
     world = (points * scale + loc) @ shapenet.TO_WORLD.T
     solid = None
     if voxel_path.is_file():
-        cells = shapenet.read_solid(voxel_path).solid
+        cells = binvox.read(voxel_path).solid
         solid = shapenet.solid_of(binvox.Binvox(cells, loc - scale / 2, scale))
     origin, unit = shapenet.place(world, cloud_path)
     keys = [f"{kind}_mat_{i}" for i in range(shapenet.NUM_VIEWS) for kind in ("world", "camera")]

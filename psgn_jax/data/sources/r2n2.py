@@ -25,7 +25,7 @@ from collections.abc import Callable
 import numpy as np
 
 from psgn_jax.data import camera, schema, synsets
-from psgn_jax.data.sources import shapenet
+from psgn_jax.data.sources import binvox, shapenet
 
 RENDERINGS = "ShapeNetRendering"
 VOXELS = "ShapeNetVox32"
@@ -101,7 +101,7 @@ def open_model(
         a row is lost, all later views would get the camera of another view.
     """
     rendering, metadata, voxels = input_files(source, synset, name)
-    solid = shapenet.solid_of(shapenet.read_solid(voxels))
+    solid = shapenet.solid_of(binvox.read(voxels))
     origin, unit = shapenet.place(shapenet.corners(solid), voxels)
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     points = shapenet.surface_points(solid, num_points, rng)

@@ -24,7 +24,6 @@ import numpy as np
 from PIL import Image
 
 from psgn_jax.data import schema, synsets
-from psgn_jax.data.sources import binvox
 from psgn_jax.data.sources.binvox import Binvox
 
 NUM_POINTS = 16384
@@ -215,14 +214,6 @@ def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
         return np.asarray(picture.convert(mode))
     except (ValueError, OSError, SyntaxError, Image.DecompressionBombError) as error:
         raise ValueError(f"{path}: not a readable {kind} image ({error})") from None
-
-
-def read_solid(path: pathlib.Path) -> Binvox:
-    """Reads a binvox file of 32^3 cells; ValueError or OSError if it is damaged or another size."""
-    grid = binvox.read(path, max_dim=schema.OCCUPANCY_SIZE)
-    if len(grid.solid) != schema.OCCUPANCY_SIZE:
-        raise ValueError(f"{path}: dim {len(grid.solid)}, expected {schema.OCCUPANCY_SIZE}")
-    return grid
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

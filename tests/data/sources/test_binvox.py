@@ -25,7 +25,7 @@ def test_axis_order_and_numbers(tmp_path, rng):
     solid = rng.random((9, 9, 9)) < 0.3
     path = tmp_path / "a.binvox"
     path.write_bytes(naive_bytes(solid, "-0.25 1e-3 7", "0.75"))
-    got = binvox.read(path)
+    got = binvox.read(path, 9)
     np.testing.assert_array_equal(got.solid, solid)
     np.testing.assert_array_equal(got.translate, [-0.25, 1e-3, 7])
     assert got.scale == 0.75
@@ -38,7 +38,7 @@ def test_writer_and_trimesh_agree(tmp_path, rng, dim):
         grid = binvox.Binvox(solid, np.array([0.1, -0.2, 1 / 3]), 0.7)
         path = tmp_path / f"{dim}_{share}.binvox"
         trees.write_binvox(path, grid)
-        back = binvox.read(path)
+        back = binvox.read(path, dim)
         np.testing.assert_array_equal(back.solid, solid)
         np.testing.assert_array_equal(back.translate, grid.translate)
         assert back.scale == grid.scale
@@ -63,9 +63,9 @@ def damaged(rng):
         "header_cut": (good[: start - 5], "not a line of a binvox header"),
         "too_long": (good + b"\x00\x09", "too long"),
         "value": (good[:start] + b"\x07" + good[start + 1 :], "a value of 7"),
-        "not_a_cube": (good.replace(b"dim 8 8 8", b"dim 8 8 4"), "expected a cube of 1 to 256"),
-        "huge": (good.replace(b"dim 8 8 8", b"dim 99999 99999 99999"), "expected a cube"),
-        "negative": (good.replace(b"dim 8 8 8", b"dim -8 -8 -8"), "expected a cube"),
+        "not_a_cube": (good.replace(b"dim 8 8 8", b"dim 8 8 4"), "expected 8 cells per edge"),
+        "huge": (good.replace(b"dim 8 8 8", b"dim 99999 99999 99999"), "expected 8 cells"),
+        "negative": (good.replace(b"dim 8 8 8", b"dim -8 -8 -8"), "expected 8 cells"),
         "words": (good.replace(b"dim 8 8 8", b"dim a b c"), "expected finite numbers"),
         "nan": (good.replace(b"scale 1", b"scale nan"), "expected finite numbers"),
         "scale": (good.replace(b"scale 1", b"scale 0"), "scale 0.0, expected more than 0"),
@@ -79,5 +79,5 @@ def test_damaged_files_name_themselves(tmp_path, rng):
         path = tmp_path / f"{name}.binvox"
         path.write_bytes(data)
         with pytest.raises(ValueError, match=message) as error:
-            binvox.read(path)
+            binvox.read(path, 8)
         assert str(path) in str(error.value), name

@@ -80,7 +80,7 @@ def test_conversion_and_damage(tmp_path, capsys):
         "cameras.npz: no world_mat_1 [3, 4]",
         "cameras.npz: no camera_mat_2 [3, 3]",
         "c/img_choy2016/000.jpg: ",
-        "w/model.binvox: dim 16, expected 32",
+        "w/model.binvox: dim [16.0, 16.0, 16.0], expected 32",
         "missing/pointcloud.npz: No such file",
         "test.lst: '../c' is not the name of a model",
         "test.lst: 'x\\x00y' is not the name of a model",

@@ -140,7 +140,7 @@ def damage(tree):
         "b/rendering/02.png: ",  # turned by 180 degrees
         "g/rendering/rendering_metadata.txt: 3 rows for 4 pictures",
         "c/model.binvox: cut off",
-        "d/model.binvox: dim 16, expected 32",
+        "d/model.binvox: dim [16.0, 16.0, 16.0], expected 32",
         "f/model.binvox: No such file",
     }
 
