@@ -48,9 +48,9 @@ _INITIAL: dict[str, Any] = {
     "kernel_init": nn.initializers.variance_scaling(2.0, "fan_avg", "normal"),
     "bias_init": nn.initializers.constant(0.1),
 }
-_Conv = functools.partial(Conv, **_INITIAL)
+_Conv: Any = functools.partial(Conv, **_INITIAL)
 _Conv3D: Any = functools.partial(Conv3D, **_INITIAL)
-_Dense = functools.partial(Dense, **_INITIAL)
+_Dense: Any = functools.partial(Dense, **_INITIAL)
 
 
 def _leaky(x: Array) -> Array:
