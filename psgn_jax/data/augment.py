@@ -52,12 +52,6 @@ def flip(view: View) -> View:
     )
 
 
-def can_stretch(view: View) -> bool:
-    """Whether `stretch` is exact for the view's camera: it is neither rolled nor skewed."""
-    across = np.abs(view.extrinsics[0, :3])
-    return bool(np.abs(across - [0, 1, 0]).max() <= 1e-4 and not view.intrinsics[0, 1])
-
-
 def stretch(view: View, factor: float) -> View:
     """Scales y by `factor`, and the image about its principal column.
 
@@ -264,8 +258,11 @@ def augment(
     zoom, move = rng.uniform(-1, 1), rng.uniform(-1, 1, 2)
     if cfg.flip and mirrored < 0.5:
         view = flip(view)
-    if cfg.stretch and can_stretch(view):
-        view = stretch(view, factor)
+    if cfg.stretch:
+        # `stretch` is exact if the camera is neither rolled nor skewed.
+        off = np.abs(np.abs(view.extrinsics[0, :3]) - [0, 1, 0]).max()
+        if off <= 1e-4 and not view.intrinsics[0, 1]:
+            view = stretch(view, factor)
     if cfg.zoom or cfg.shift:
         down, right = cfg.shift * move * view.mask.shape
         view = recrop(view, 1 + cfg.zoom * zoom, (down, right))

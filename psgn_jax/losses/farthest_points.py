@@ -18,45 +18,39 @@ from psgn_jax.losses.points import check_points
 _BLOCK = 128
 
 
-def farthest_point_indices(
-    points: Float[Array, "n 3"], num_samples: int, *, start: int | Array = 0
-) -> Int[Array, " k"]:
+def farthest_point_indices(points: Float[Array, "n 3"], num_samples: int) -> Int[Array, " k"]:
     """Indices of `num_samples` points, each the farthest from all chosen before it.
 
-    i_0 = start,   i_t = argmax over j not yet chosen of min over s < t of |p_j - p_(i_s)|^2
+    i_0 = 0,   i_t = argmax over j not yet chosen of min over s < t of |p_j - p_(i_s)|^2
 
-    Ties (in float arithmetic) go to the lowest index, so the result depends only on the points and
-    `start`. It is invariant to rigid motion up to rounding. No index occurs twice, even if points
-    coincide. The indices have no gradient; `farthest_points` has one.
+    Ties (in float arithmetic) go to the lowest index. The result is invariant to rigid motion up to
+    rounding. No index occurs twice, even if points coincide. The indices have no gradient;
+    `farthest_points` has one.
 
     Memory beyond the input: 4 n numbers. For a batch use `jax.vmap`; on a CPU `jax.lax.map(...,
     batch_size=2)` takes half the time, because two clouds fit in the cache. Inside `jit`, a
     non-finite coordinate makes every index n (`farthest_points` then returns NaN).
 
     Raises:
-      ValueError: wrong shape or dtype, `num_samples` or `start` out of range, or (outside `jit`) a
-        non-finite coordinate.
+      ValueError: wrong shape or dtype, `num_samples` out of range, or (outside `jit`) a non-finite
+        coordinate.
     """
     points = check_points(points, "points")
     if not 1 <= num_samples <= len(points):
         raise ValueError(
             f"num_samples: got {num_samples}, expected 1 to the number of points ({len(points)})"
         )
-    if not isinstance(start, jax.core.Tracer) and not 0 <= int(start) < len(points):
-        raise ValueError(f"start: got {start}, expected 0 to {len(points) - 1}")
-    return _indices(points, num_samples, jnp.asarray(start, jnp.int32))
+    return _indices(points, num_samples)
 
 
-def farthest_points(
-    points: Float[Array, "n 3"], num_samples: int, *, start: int | Array = 0
-) -> Float[Array, "k 3"]:
+def farthest_points(points: Float[Array, "n 3"], num_samples: int) -> Float[Array, "k 3"]:
     """The points at `farthest_point_indices`, with a gradient; errors likewise."""
-    index = farthest_point_indices(points, num_samples, start=start)
+    index = farthest_point_indices(points, num_samples)
     return jnp.asarray(points).at[index].get(mode="fill", fill_value=jnp.nan)
 
 
 @functools.partial(jax.jit, static_argnums=1)
-def _indices(points: Array, num_samples: int, start: Array) -> Array:
+def _indices(points: Array, num_samples: int) -> Array:
     n = len(points)
     # Pads with copies of the last point, which are never chosen: their distance starts at -1.
     padded = jnp.pad(jax.lax.stop_gradient(points), ((0, -n % _BLOCK), (0, 0)), mode="edge")
@@ -81,5 +75,5 @@ def _indices(points: Array, num_samples: int, start: Array) -> Array:
         return (nearest_sq, block * _BLOCK + place), chosen
 
     infinite = jnp.where(index_of < n, jnp.inf, -1).astype(points.dtype)
-    _, chosen = jax.lax.scan(step, (infinite, start), None, length=num_samples)
+    _, chosen = jax.lax.scan(step, (infinite, jnp.int32(0)), None, length=num_samples)
     return jnp.where(jnp.isfinite(points).all(), chosen, n)

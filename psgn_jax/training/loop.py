@@ -201,17 +201,12 @@ def _check_data(config: Config) -> dict[str, int]:
     """Samples per split; raises `ConfigError` if the data set does not fit the configuration."""
     sizes = {}
     data = config.data
-    for field in ("train_split", "eval_split"):
-        split = getattr(data, field)
-        evaluation = field == "eval_split"
+    for split, evaluation in ((data.train_split, False), (data.eval_split, True)):
         name = "eval_path" if evaluation and data.eval_path else "path"
-        path = getattr(data, name)
         try:
             sizes[split] = loader.num_samples(data, split, evaluation=evaluation)
         except (ValueError, OSError) as error:
-            raise ConfigError(f"data.{name}={path!r}: {error}") from error
-        if not sizes[split]:
-            raise ConfigError(f"data.{field}={split!r}: no samples of this split in {path!r}")
+            raise ConfigError(f"data.{name}={getattr(data, name)!r}: {error}") from error
     return sizes
 
 

@@ -89,38 +89,6 @@ def test_a_grown_mask_shows_a_background(sample):
     assert shown >= 4
 
 
-def a_batch(cfg):
-    generator = loader.train_batches(cfg, batch_size=4, seed=7, start_step=2)
-    try:
-        return next(generator)
-    finally:
-        generator.close()
-
-
-@pytest.fixture
-def cfg(dataset):
-    return DataConfig(
-        path=str(dataset), image_size=(48, 64), num_points=100, flip=True, stretch=0.1,
-        zoom=0.05, shift=0.05, colour_jitter=0.2,
-    )  # fmt: skip
-
-
-def test_settings_reach_the_batches(cfg):
-    plain = a_batch(cfg)
-    framed = a_batch(dataclasses.replace(cfg, place=1.0))
-    for row in range(4):
-        before, after = (framing.rule_move_within(b["mask"][row]) for b in (plain, framed))
-        assert abs(np.log(after.scale)) < 0.12
-        spread = np.ptp(framed["points"][row], axis=0) / np.ptp(plain["points"][row], axis=0)
-        np.testing.assert_allclose(spread, before.scale, rtol=1e-4)
-    np.testing.assert_array_equal(framed["intrinsics"], plain["intrinsics"])
-    noisy = a_batch(dataclasses.replace(cfg, photo=PhotoEffects(noise=0.1)))
-    np.testing.assert_array_equal(noisy["points"], plain["points"])
-    np.testing.assert_array_equal(noisy["mask"], plain["mask"])
-    assert (noisy["image"] != plain["image"]).any()
-    assert (noisy["image"][~noisy["mask"]] == 191).all()
-
-
 def test_an_evaluation_places_every_sample_and_its_points(dataset):
     cfg = DataConfig(path=str(dataset), image_size=(48, 64), num_eval_points=150)
     options = {"split": "validation", "batch_size": 11, "visible_tolerance": 0.03}

@@ -109,9 +109,9 @@ def emd_lower_bound(pred, gt, prices):
     return (distances(pred, gt) + prices[None]).min(1).sum() - prices.sum()
 
 
-def farthest_points(points, num_samples, start=0):
+def farthest_points(points, num_samples):
     points = np.asarray(points, np.float64)
-    chosen = [start]
+    chosen = [0]
     while len(chosen) < num_samples:
         nearest_sq = pairwise_sq(points, points[chosen]).min(1)
         nearest_sq[chosen] = -1

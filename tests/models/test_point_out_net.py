@@ -62,7 +62,6 @@ PUBLISHED = {
         ("dense", 1, 2048, 2048), _FC_IN, _FC_IN, _FC_HIDDEN, _FC_OUT,
     ],
 }  # fmt: skip
-FULL_COUNT = {"vanilla": 34_608_384, "two_branch": 38_910_019, "hourglass": 70_154_419}
 
 
 def versions(*fast: str):
@@ -143,25 +142,12 @@ def test_full_size_is_the_published_network(name):
     assert layers == sorted(PUBLISHED[name])
     assert all(biases[path] == shape[-1:] for path, shape in kernels.items())
     expected = sum(k * k * c_in * c_out + c_out for _, k, c_in, c_out in PUBLISHED[name])
-    assert sum(leaf.size for _, leaf in flat) == expected == FULL_COUNT[name]
+    assert sum(leaf.size for _, leaf in flat) == expected
     out = jax.eval_shape(network.apply, {"params": params}, x)
     assert out.shape == (2, 1024, 3)
     fc = config.fc_points
     assert network.branches == (range(fc), range(fc, 1024))
     assert network.grid == ((0, 0, 0) if name == "vanilla" else (24, 32, 1))
-
-
-def test_random_input_adds_one_dense_layer_per_pass():
-    def count(config):
-        x, r = arguments(config, batch=1)
-        return sum(
-            p.size
-            for p in jax.tree.leaves(jax.eval_shape(build(config).init, jax.random.key(0), x, r))
-        )
-
-    for name, passes in [("vanilla", 1), ("two_branch", 1), ("hourglass", 2)]:
-        extra = count(full_config(name, random_size=128)) - FULL_COUNT[name]
-        assert extra == passes * 128 * 3 * 4 * 512
 
 
 @pytest.mark.parametrize("name", ["two_branch", pytest.param("hourglass", marks=pytest.mark.slow)])

@@ -141,7 +141,6 @@ def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypa
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"data__eval_split": "tset"}, r"data.eval_split='tset': no samples"),
         (
             {"loss__name": "emd_mean", "data__num_points": 33},
             r"loss.name='emd_mean' with data.num_points=33 and a",
