@@ -21,6 +21,7 @@ import numpy as np
 from scipy.stats import wasserstein_distance
 
 from psgn_jax.array_types import Array
+from psgn_jax.config.data import DataConfig
 from psgn_jax.config.experiment import Config
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
@@ -92,9 +93,9 @@ class Cabinet(NamedTuple):
     depth: float
 
 
-def cabinets(data: str) -> list[Cabinet]:
-    """The parameters of every validation record, in order."""
-    reader = RecordReader(data, "validation")
+def cabinets(data: DataConfig) -> list[Cabinet]:
+    """The parameters of every record that is evaluated, in order."""
+    reader = RecordReader(data.eval_folders, data.eval_split)
     known: list[Cabinet] = []
     for sample in (reader[index] for index in range(len(reader))):
         try:
@@ -103,8 +104,8 @@ def cabinets(data: str) -> list[Cabinet]:
             known.append(Cabinet(int(entry["seed"]), float(entry["scale"]), depth))
         except (ValueError, KeyError, TypeError) as error:
             raise RecordError(
-                f"data set {data!r}: {sample.model_id!r} lacks the study's parameters ({error!r}); "
-                "expected records of data_gen.catalogues.cabinets"
+                f"{', '.join(data.eval_folders)}: {sample.model_id!r} lacks the study's parameters "
+                f"({error!r}); expected records of data_gen.catalogues.cabinets"
             ) from None
     return known
 
@@ -189,12 +190,12 @@ def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]
 
 
 def measure(run: runner.Run) -> runner.Measured:
-    """Measures a network on the whole validation split.
+    """Measures a network.
 
     For the figure: a sample, true shapes with the same image, and draws.
     """
     config, params = run.config, open_run(run.folder, "last").params
-    model, known = networks.build(config.model), cabinets(config.data.path)
+    model, known = networks.build(config.model), cabinets(config.data)
     cases: list[runner.Sample] = []
     each: list[dict[str, float]] = []
 
@@ -208,7 +209,7 @@ def measure(run: runner.Run) -> runner.Measured:
         cases.append({**case, "draws": draws})
         return {}
 
-    found = runner.evaluate(run, draw, keys=(*runner.CASE, "mask"), split="validation")
+    found = runner.evaluate(run, draw, keys=(*runner.CASE, "mask"))
     front = np.array([name.category == "front" for name in found.names])
     metrics = by_kind({key: np.array([of[key] for of in each]) for key in each[0]}, front)
     groups: dict[int, list[int]] = {}  # samples with the same image

@@ -23,7 +23,7 @@ def figure(results: Results) -> figures.Figure:
     unit = means["w = 5"]
     series = {name: list(np.divide(values, unit)) for name, values in means.items()}
     title = "Error divided by that with w = 5; lower is better"
-    return figures.bars([figures.Bars(title, ["CD squared", "EMD"], series)])
+    return figures.bars({title: series}, ["CD squared", "EMD"])
 
 
 STUDY = Study(

@@ -28,12 +28,10 @@ from typing import Any
 
 import jax
 import numpy as np
-from absl import logging
 from scipy import ndimage
 
 from psgn_jax import tasks
 from psgn_jax.config.experiment import Config
-from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.sources import shapenet
 from psgn_jax.evaluation.clouds import evaluate_pair
 from psgn_jax.evaluation.table import Lines
@@ -151,9 +149,8 @@ def train(run: runner.Run) -> None:
             steps = max(1, round(seconds / step_seconds(run)))
             write_atomic(path, json.dumps({"seconds": seconds, "steps": steps}) + "\n")
         steps = int(json.loads(path.read_text())["steps"])
-        optim = dataclasses.replace(run.config.optim, warmup_steps=min(100, steps // 4))
-        settings = dataclasses.replace(run.config.train, steps=steps, eval_every=steps)
-        run = run._replace(config=dataclasses.replace(run.config, train=settings, optim=optim))
+        fields = {"train.steps": steps, "train.eval_every": steps}
+        run = run._replace(config=runner.changed(run.config, fields))
     runner.train_network(run)
 
 
@@ -221,13 +218,9 @@ def distances(cloud: np.ndarray, case: runner.Sample, number: int) -> dict[str, 
 
 
 def measure(run: runner.Run) -> runner.Measured:
-    """Measures a run on the test split, as far as its predictions allow; see `METRICS`."""
+    """Measures a run, as far as its predictions allow; see `METRICS`."""
     data = dataclasses.replace(run.config.data, occupancy=True)
     run = run._replace(config=dataclasses.replace(run.config, data=data))
-    splits = set().union(*(load_manifest(folder).splits() for folder in data.eval_folders))
-    split = "test" if "test" in splits else data.eval_split
-    if split != "test":
-        logging.warning("no test split: measuring on the split on which thresholds were chosen")
     scores = open_run(run.folder, "last").scores
     key = "threshold_of_iou_1_views" if run.name == PEER else "threshold_of_iou"
     shown: dict[str, runner.Sample] = {}
@@ -249,9 +242,7 @@ def measure(run: runner.Run) -> runner.Measured:
             shown[category] = {**case, "pred": pred, "thin": thin}
         return found
 
-    found = runner.evaluate(
-        run, of_sample, keys=(*runner.CASE, "occupancy", "category"), split=split
-    )
+    found = runner.evaluate(run, of_sample, keys=(*runner.CASE, "occupancy", "category"))
     metrics = dict(found.metrics)
     if run.name == PEER:
         metrics["iou"] = metrics["iou_1_views"]
@@ -362,6 +353,7 @@ STUDY = runner.Study(
     tables=by_category,
     train=train,
     recipe="base",
+    split="test",
     by_model=True,
     note="""* printed in the paper: other data (renderings of ShapeNet), networks and trainings. By
 category: means over samples; mean: over categories. u: a tenth of the grid's edge, the paper's

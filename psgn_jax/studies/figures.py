@@ -6,7 +6,7 @@ This is the only module that imports matplotlib (extra `experiments`).
 import importlib.util
 import io
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,51 +41,40 @@ def png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-class Bars(NamedTuple):
-    """A chart of grouped bars.
+def bars(
+    charts: Mapping[str, Mapping[str, Sequence[float]]],
+    groups: Sequence[str],
+    *,
+    errors: Mapping[str, Sequence[float]] | None = None,
+    colours: Sequence[str] = COLOURS,
+) -> Figure:
+    """Charts of grouped bars below each other; each bar is labelled with its value.
 
-    Attributes:
-      title: title of the chart.
+    Args:
+      charts: title -> name of the bars -> a value for each group.
       groups: names of the groups, along the axis.
-      series: name -> a value for each group; NaN = no bar.
-      errors: name -> half lengths of the error bars.
+      errors: name of the bars -> half lengths of their error bars.
+      colours: of the bars of each name.
     """
-
-    title: str
-    groups: Sequence[str]
-    series: Mapping[str, Sequence[float]]
-    errors: Mapping[str, Sequence[float]] = {}
-
-
-def bars(charts: Sequence[Bars], colours: Sequence[str] = COLOURS) -> Figure:
-    """Charts of grouped bars below each other; each bar is labelled with its value."""
-    most = max(len(chart.groups) * len(chart.series) for chart in charts)
-    figure = blank(max(860, 40 * most), 300 * len(charts))
-    for axes, chart in zip(figure.subplots(len(charts), squeeze=False)[:, 0], charts, strict=True):
-        places, width = np.arange(len(chart.groups)), 0.8 / len(chart.series)
-        for i, (name, values) in enumerate(chart.series.items()):
-            left = places + (i - (len(chart.series) - 1) / 2) * width
-            errors = chart.errors.get(name)
-            drawn = axes.bar(left, values, width, yerr=errors, label=name, color=colours[i])
+    count = len(next(iter(charts.values())))
+    figure = blank(max(860, 40 * count * len(groups)), 300 * len(charts))
+    places, width = np.arange(len(groups)), 0.8 / count
+    axes_of = figure.subplots(len(charts), squeeze=False)[:, 0]
+    for axes, (title, series) in zip(axes_of, charts.items(), strict=True):
+        for i, (name, values) in enumerate(series.items()):
+            left, error = places + (i - (count - 1) / 2) * width, (errors or {}).get(name)
+            drawn = axes.bar(left, values, width, yerr=error, label=name, color=colours[i])
             axes.bar_label(drawn, fmt="%.2f", fontsize=7, padding=2)
-        axes.set_xticks(places, chart.groups, fontsize=9)
-        axes.set_title(chart.title, fontsize=11, loc="left", pad=24)
+        axes.set_xticks(places, groups, fontsize=9)
+        axes.set_title(title, fontsize=11, loc="left", pad=24)
         axes.margins(y=0.1)
-        axes.legend(fontsize=8, ncols=len(chart.series), loc="lower left", bbox_to_anchor=(0, 1))
+        axes.legend(fontsize=8, ncols=count, loc="lower left", bbox_to_anchor=(0, 1))
         axes.spines[["top", "right"]].set_visible(False)
     return figure
 
 
-class Curve(NamedTuple):
-    """A metric of the runs of one configuration against the samples seen.
-
-    Attributes:
-      samples: numbers of samples, [k].
-      values: of each seed, [seeds, k].
-    """
-
-    samples: np.ndarray
-    values: np.ndarray
+Curve = tuple[np.ndarray, np.ndarray]
+"""Numbers of samples seen [k], and the metric of each seed [seeds, k]."""
 
 
 def curves(charts: Mapping[str, Mapping[str, Curve]]) -> Figure:
@@ -96,9 +85,8 @@ def curves(charts: Mapping[str, Mapping[str, Curve]]) -> Figure:
     from matplotlib import ticker
 
     figure = blank(640 * len(charts), 460)
-    for axes, (title, several) in zip(
-        figure.subplots(1, len(charts), squeeze=False)[0], charts.items(), strict=True
-    ):
+    axes_of = figure.subplots(1, len(charts), squeeze=False)[0]
+    for axes, (title, several) in zip(axes_of, charts.items(), strict=True):
         for i, (name, (samples, values)) in enumerate(several.items()):
             colour, mean = COLOURS[i % len(COLOURS)], values.mean(axis=0)
             dash, marker = ("-", "--", ":", "-.")[i // len(COLOURS) % 4], "osv^DPX*"[i % 8]

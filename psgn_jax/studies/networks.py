@@ -10,25 +10,14 @@ of deconvolution significantly improves performance. Stacking another hourglass 
 performance gain." The paper trains for 300,000 steps; sizes and measures here are **ours**.
 """
 
-import dataclasses
-
 import numpy as np
 
-from psgn_jax.studies import figures
-from psgn_jax.studies.runner import (
-    Measured,
-    Overrides,
-    Results,
-    Run,
-    Study,
-    evaluate,
-    standard_error,
-)
+from psgn_jax.studies import figures, runner
 
 LOSSES = {"cd": "chamfer_sq_mean", "emd": "emd_mean + 5*chamfer_sq_mean"}
 TRAINED_FOR = {"cd": "cd_sq_radius2", "emd": "emd_radius"}
 """Loss -> the metric that the figure shows of its networks."""
-NETWORKS: dict[str, Overrides] = {
+NETWORKS: dict[str, runner.Overrides] = {
     "vanilla": {"model.name": "vanilla", "model.fc_points": 1024},
     # 4,306,243 parameters; two_branch has 4,306,323.
     "fc_equal": {
@@ -46,7 +35,7 @@ METRICS = {
     "fscore": "F-score at .02 radius [%]",
 }
 
-BASE: Overrides = {
+BASE: runner.Overrides = {
     "data.image_size": (48, 64),
     "data.num_points": 1024,  # an EMD requires as many true points as predicted ones
     "model.widths": (16, 32, 64, 128, 256),
@@ -57,7 +46,7 @@ BASE: Overrides = {
 }
 
 
-def configs(networks: list[str]) -> dict[str, Overrides]:
+def configs(networks: list[str]) -> dict[str, runner.Overrides]:
     """The configurations of some networks with both losses, such as `two_branch_cd`."""
     return {
         f"{network}_{loss}": {**NETWORKS[network], "loss.name": name}
@@ -66,13 +55,12 @@ def configs(networks: list[str]) -> dict[str, Overrides]:
     }
 
 
-def measure(run: Run) -> Measured:
+def measure(run: runner.Run) -> runner.Measured:
     """The metrics of a run, after alignment as well."""
-    evaluation = dataclasses.replace(run.config.eval, aligned=True)
-    return evaluate(run._replace(config=dataclasses.replace(run.config, eval=evaluation)))
+    return runner.evaluate(run._replace(config=runner.changed(run.config, {"eval.aligned": True})))
 
 
-def figure(results: Results) -> figures.Figure:
+def figure(results: runner.Results) -> figures.Figure:
     """Errors divided by those of `vanilla`, with the error over samples of the difference."""
     series: dict[str, list[float]] = {name: [] for name in NETWORKS}
     errors: dict[str, list[float]] = {name: [] for name in NETWORKS}
@@ -84,10 +72,10 @@ def figure(results: Results) -> figures.Figure:
         unit = found["vanilla"].mean()
         for name, values in found.items():
             series[name].append(values.mean() / unit)
-            errors[name].append(standard_error(values - found["vanilla"]) / unit)
+            errors[name].append(runner.standard_error(values - found["vanilla"]) / unit)
     groups = [f"{METRICS[m]}, trained with {loss.upper()}" for loss, m in TRAINED_FOR.items()]
     title = "Error divided by that of vanilla; lower is better"
-    return figures.bars([figures.Bars(title, groups, series, errors)])
+    return figures.bars({title: series}, groups, errors=errors)
 
 
 PAIRS = (
@@ -97,7 +85,7 @@ PAIRS = (
     ("hourglass", "vanilla"),
 )
 
-STUDY = Study(
+STUDY = runner.Study(
     "networks",
     BASE,
     lambda *_: configs(list(NETWORKS)),

@@ -22,6 +22,7 @@ from psgn_jax import tasks
 from psgn_jax.config import recipes
 from psgn_jax.config.experiment import Config, ConfigError, check_paths, parse, to_dict
 from psgn_jax.data import loader
+from psgn_jax.data.manifest import load_manifest
 from psgn_jax.evaluation.results import SampleName
 from psgn_jax.evaluation.table import Lines, aligned, csv_of, markdown
 from psgn_jax.studies import figures
@@ -88,18 +89,16 @@ def evaluate(
     of_sample: Callable[[Sample], Mapping[str, float]] = lambda _: {},
     *,
     keys: Sequence[str] = CASE,
-    split: str = "",
 ) -> Measured:
-    """The metrics of the run's task on every sample of a split, with the last checkpoint.
+    """The metrics of the run's task on every sample of its evaluation split, last checkpoint.
 
     Args:
       run: the run.
       of_sample: maps `keys` and `pred` of a sample to further metrics.
       keys: arrays of a sample that are kept, if the batch contains them.
-      split: name of the split; "" = the evaluation split of the configuration.
     """
     opened, config = open_run(run.folder, "last"), run.config
-    split = split or config.data.eval_split
+    split = config.data.eval_split
     logging.info("measuring %s, step %d, on %r", run.folder, opened.step, split)
     total = loader.num_samples(config.data, split, evaluation=True)
     wanted = {int(i) for i in np.linspace(0, total - 1, NUM_SHOWN)}
@@ -116,7 +115,7 @@ def evaluate(
                 shown[number] = case
 
     task = tasks.create(config, run.folder)
-    found = task.evaluate(opened.params, split=split, on_batch=keep, chosen=opened.scores)
+    found = task.evaluate(opened.params, on_batch=keep, chosen=opened.scores)
     metrics = dict(found.metrics)
     metrics |= {key: np.array([of[key] for of in further], np.float64) for key in further[0]}
     about = f"{len(found.names)} samples of {split!r} of {', '.join(config.data.eval_folders)}"
@@ -142,6 +141,7 @@ class Study:
       tables: makes further tables from the results.
       train: trains a run, or resumes it.
       recipe: name of the configuration file with which all configurations begin.
+      split: name of the split that is measured if there is one; otherwise the evaluation split.
       by_model: whether standard errors are over models; views of a model are averaged first.
       note: definitions, written below the tables.
     """
@@ -156,6 +156,7 @@ class Study:
     tables: Callable[[Results], Sequence[Lines]] = lambda _: ()
     train: Callable[[Run], None] = train_network
     recipe: str = "authors_small"
+    split: str = ""
     by_model: bool = False
     note: str = ""
 
@@ -181,10 +182,10 @@ class Study:
         tree |= {"train.steps": steps} if steps else {}
         if wanted := tree.get("train.steps"):
             tree.setdefault("train.eval_every", max(1, wanted // _EVALUATIONS))
-        base = _with(recipes.load(self.recipe).to_dict(), tree)
+        base = changed(parse(recipes.load(self.recipe)), tree)
         found = self.configs(base, lambda name: str(workdir / f"{name}-{seed}"))
         return [
-            Run(name, seed, workdir / f"{name}-{seed}", _with(to_dict(base), overrides))
+            Run(name, seed, workdir / f"{name}-{seed}", changed(base, overrides))
             for name, overrides in found.items()
         ]
 
@@ -194,8 +195,9 @@ _EVALUATIONS = 16
 """Number of points of a learning curve."""
 
 
-def _with(tree: dict[str, Any], overrides: Overrides) -> Config:
+def changed(config: Config, overrides: Overrides) -> Config:
     """The configuration with some fields replaced, and intervals that fit into its steps."""
+    tree = to_dict(config)
     for key, value in overrides.items():
         section, _, field = key.rpartition(".")
         (tree[section] if section else tree)[field] = value
@@ -255,18 +257,32 @@ def run(
             if not runs:
                 names = ", ".join(run.name for run in several)
                 raise ConfigError(f"--only={only}: accepted: CONFIG:SEED with one of {names}")
-    places = [("", runs), *(_elsewhere(runs, place) for place in measure)]
-    for _, several in places if data and not finished else ():
+    places = {"": runs}
+    for place in measure:
+        path, _, split = place.rpartition(":")
+        if not path or not split or not runs[0].config.data.path:
+            raise ConfigError(
+                f"--measure={place}: accepted: FOLDER:SPLIT, such as records/authors:test, for a "
+                "study that reads records"
+            )
+        name = f"-{pathlib.Path(path).name}-{split}"
+        if name in places:
+            raise ConfigError(f"--measure={place}: accepted: folders with different names")
+        places[name] = _on_split(runs, split, path)
+    for several in places.values() if data and not finished else ():
         for config in {run.config.data: run.config for run in several}.values():
             _check_data(config)
     if not finished:
         for i, one in enumerate(runs):
-            logging.info("run %d of %d: %s%s", i + 1, len(runs), one.folder, _time_left(runs, i))
+            logging.info("run %d of %d: %s", i + 1, len(runs), one.folder)
             study.train(one)
         if only:
             return ""
+    folders = runs[0].config.data.eval_folders if study.split else ()
+    if any(study.split in load_manifest(path).splits() for path in folders):
+        places[""] = _on_split(runs, study.split)
     texts = []
-    for place, several in places:
+    for place, several in places.items():
         results: dict[str, list[Measured]] = {}
         for one in several:
             measured = study.measure(one)
@@ -281,19 +297,10 @@ def run(
     return "\n".join(texts)
 
 
-def _elsewhere(runs: Sequence[Run], place: str) -> tuple[str, list[Run]]:
-    """The suffix of the results on FOLDER:SPLIT, and the runs with these evaluation data."""
-    path, _, split = place.rpartition(":")
-    if not path or not split or not runs[0].config.data.path:
-        raise ConfigError(
-            f"--measure={place}: accepted: FOLDER:SPLIT, such as records/authors:test, for a study "
-            "that reads records"
-        )
-    moved = []
-    for run in runs:
-        data = dataclasses.replace(run.config.data, eval_path=path, eval_split=split)
-        moved.append(run._replace(config=dataclasses.replace(run.config, data=data)))
-    return f"-{pathlib.Path(path).name}-{split}", moved
+def _on_split(runs: Sequence[Run], split: str, path: str = "") -> list[Run]:
+    """The runs with another split for evaluation, of the records in `path` if it is given."""
+    data = {"data.eval_split": split, **({"data.eval_path": path} if path else {})}
+    return [run._replace(config=changed(run.config, data)) for run in runs]
 
 
 def _write(
@@ -345,7 +352,7 @@ def learning_curves(
             if len(shared) > 1:
                 values = np.array([[one[seen] for seen in shared] for one in several])
                 values *= 100 if title.endswith("[%]") else 1
-                charts.setdefault(title, {})[name] = figures.Curve(np.array(shared), values)
+                charts.setdefault(title, {})[name] = np.array(shared), values
     return charts
 
 
@@ -359,15 +366,14 @@ def _evaluated(run: Run, metric: str) -> dict[int, float]:
 
 def _finished_runs(folders: Sequence[str], data: str) -> list[Run]:
     """Finished runs, on the evaluation data of the first one or on `data`."""
-    configs = [to_dict(load_config(folder)) for folder in folders]
-    fields = ("path", "eval_path", "eval_split", "num_eval_points")
-    for tree in configs:
-        tree["data"] |= {field: configs[0]["data"][field] for field in fields}
-        tree["data"] |= {"path": data, "eval_path": ""} if data else {}
-        tree["eval"] = configs[0]["eval"]
+    configs = [load_config(folder) for folder in folders]
+    first = configs[0]
+    same = {f"data.{n}": getattr(first.data, n) for n in ("path", "eval_path", "eval_split")}
+    same |= {"data.path": data, "data.eval_path": ""} if data else {}
+    same |= {"data.num_eval_points": first.data.num_eval_points, "eval": to_dict(first.eval)}
     runs = [
-        Run(folder, 0, pathlib.Path(folder), parse(tree))
-        for folder, tree in zip(folders, configs, strict=True)
+        Run(folder, 0, pathlib.Path(folder), changed(config, same))
+        for folder, config in zip(folders, configs, strict=True)
     ]
     check_paths(runs[0].config)
     return runs
@@ -526,17 +532,6 @@ def cost(run: Run) -> tuple[float, float]:
     if not steps:
         return math.nan, math.nan
     return float(np.median(seconds)), float(np.dot(steps, seconds))
-
-
-def _time_left(runs: Sequence[Run], start: int) -> str:
-    """The time for the runs from `start` on, from the logs of those before it."""
-    known = {run.name: cost(run)[1] for run in runs[:start]}
-    known = {name: seconds for name, seconds in known.items() if not math.isnan(seconds)}
-    if not known:
-        return ""
-    mean = sum(known.values()) / len(known)
-    left = sum(known.get(run.name, mean) for run in runs[start:])
-    return f", about {left / 60:.0f} min left in all"
 
 
 def _costs(runs: Sequence[Run]) -> list[Lines]:

@@ -121,8 +121,12 @@ def test_only_names_a_run(only, tmp_path):
 def test_a_study_trains_and_measures_on_other_records(records, tmp_path):
     (run, _) = STUDY.runs(tmp_path, data="here", eval_data="there")
     assert (run.config.data.path, run.config.data.eval_path) == ("here", "there")
-    with pytest.raises(ConfigError, match="--measure=records: accepted: FOLDER:SPLIT"):
-        lib.run(STUDY, tmp_path, data=records, measure=["records"])
+    for measure, message in (
+        (["records"], "--measure=records: accepted: FOLDER:SPLIT"),
+        (["a/records:test", "b/records:test"], "accepted: folders with different names"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            lib.run(STUDY, tmp_path, data=records, measure=measure)
 
 
 def test_learning_curves_are_read_from_the_logs_of_the_runs(tmp_path):
@@ -142,11 +146,10 @@ def test_learning_curves_are_read_from_the_logs_of_the_runs(tmp_path):
     assert charts.keys() == {"CD squared [radius^2]"}
     curves = charts["CD squared [radius^2]"]
     batch = TINY["train.batch_size"]
-    np.testing.assert_array_equal(curves["rgb"].samples, [batch, 2 * batch, 3 * batch])
-    np.testing.assert_allclose(
-        curves["rgb"].values, [[1 / 2, 1 / 3, 1 / 4], [0.7, 1 / 3 + 0.2, 0.45]]
-    )
-    assert curves["rgbd"].values.shape == (1, 3)
+    samples, values = curves["rgb"]
+    np.testing.assert_array_equal(samples, [batch, 2 * batch, 3 * batch])
+    np.testing.assert_allclose(values, [[1 / 2, 1 / 3, 1 / 4], [0.7, 1 / 3 + 0.2, 0.45]])
+    assert curves["rgbd"][1].shape == (1, 3)
     assert figures.png(figures.curves(charts)).startswith(b"\x89PNG")
 
 

@@ -232,13 +232,11 @@ a model are uniform by area on the surface of the union of its parts. Models and
 aligned with the truth. radius: that of the object's bounding hemisphere.{trained}
 """
     groups = [case.answer.case.removeprefix("Case ") for case in scored]
-    charts = [
-        figures.Bars(title, groups, {
-            name: [factor * case.metrics[name][metric] for case in scored] for name in names
-        })
+    charts = {
+        title: {name: [factor * case.metrics[name][metric] for case in scored] for name in names}
         for metric, (title, factor) in _SHOWN.items()
-    ]  # fmt: skip
+    }
     write_atomic(out / "scores.json", json.dumps(numbers, indent=2, allow_nan=False) + "\n")
     write_atomic(out / "scores.md", text)
-    write_atomic(out / "scores.png", figures.png(figures.bars(charts, _COLOURS)))
+    write_atomic(out / "scores.png", figures.png(figures.bars(charts, groups, colours=_COLOURS)))
     return text
