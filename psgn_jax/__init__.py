@@ -44,9 +44,10 @@ def load(network: str | os.PathLike[str] = "") -> Predictor:
       CheckpointError, WeightsError: it cannot be read.
     """
     from psgn_jax.prediction.predictor import Predictor
+    from psgn_jax.weights.opening import open_network
 
     is_run = os.path.isdir(network)
-    return Predictor.from_workdir(network) if is_run else Predictor.from_weights(str(network))
+    return Predictor(open_network(network) if is_run else open_network(weights=str(network)))
 
 
 def __getattr__(name: str) -> object:

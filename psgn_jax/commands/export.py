@@ -22,7 +22,7 @@ def _main(argv: Sequence[str]) -> None:
         require_packages()
         keep_compiled()
         network = open_network(values.workdir, values.weights, values.checkpoint)
-        options = {name: values[name].value for name in ("stablehlo", "data", "split", "images")}
+        options = {name: values[name].value for name in ("stablehlo", "data", "split")}
         write_folder(network, values.out, weights=values.weights_as, **options)
         sys.stdout.write(f"{values.out}: see README.md there\n")
 
@@ -36,5 +36,4 @@ if __name__ == "__main__":
     flags.DEFINE_bool("stablehlo", True, "Whether to write the StableHLO program.")
     flags.DEFINE_string("data", "", "Folder of records to check the files on.")
     flags.DEFINE_string("split", "validation", "Split of the records.")
-    flags.DEFINE_integer("images", 64, "Number of images of the records to check the files on.")
     app.run(_main, flags_parser=parse_flags)

@@ -31,7 +31,6 @@ from psgn_jax.weights.opening import open_network
 
 _OPTIONS = [
     "mask", "samples", "seed", "frame", "mask_from", "invert_mask", "normal_form", "refine",
-    "keep_strays",
 ]  # fmt: skip
 
 
@@ -104,9 +103,6 @@ if __name__ == "__main__":
         True,
         "Whether to average the cloud with that of the mirror image, and to move points that "
         "project outside the mask into it.",
-    )
-    flags.DEFINE_bool(
-        "keep_strays", False, "Whether to write points that lie apart from all others."
     )
     flags.DEFINE_integer("samples", 1, "Number of clouds per image.")
     flags.DEFINE_integer("seed", 0, "Seed of the random input.")

@@ -86,7 +86,8 @@ def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np
     @jax.jit
     def predicted(params: Any, batch: Any, r: Any) -> Any:
         predict = functools.partial(networks.predict, config, network, params)
-        return jnp.stack([predict(batch, r), refined(predict, batch, r)], axis=1)
+        points = predict(batch, r)
+        return jnp.stack([points, refined(predict, batch, r, points)], axis=1)
 
     def predict(batch: Any, number: int) -> Any:
         size = config.eval.batch_size

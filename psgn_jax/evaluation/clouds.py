@@ -4,7 +4,7 @@ The clouds `pred` [n, 3] and `gt` [m, 3], n, m >= 1, must be in the same frame. 
 distance contains its unit; the other metrics are fractions. Distances are in the unit of the
 coordinates. In the project's frame that is the radius of the object's bounding hemisphere, hence
 the suffix `_radius`; values are not converted. Batch the functions with `losses.map_pairs`. Metrics
-of several predictions of one image are in `evaluation.draws`.
+of several predictions of one image are in `prediction.sampling`.
 """
 
 from typing import NamedTuple

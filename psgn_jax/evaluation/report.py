@@ -19,6 +19,8 @@ import base64
 import dataclasses
 import io
 import pathlib
+import tempfile
+import weakref
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -29,7 +31,6 @@ from psgn_jax.evaluation import table
 from psgn_jax.evaluation.results import Evaluation
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import page, spheres
-from psgn_jax.viewing.collected import Collector
 
 ERROR = "cd_sq_radius2"
 SHEET_CASES = 160
@@ -42,6 +43,42 @@ _EXTREMES = 10  # number of best, of median and of worst cases in `report.html`
 _BARS = 16
 
 
+_KEPT = ("points", "image", "intrinsics", "extrinsics")
+
+
+class Collector:
+    """The samples of an evaluation, in an unnamed file in `folder`; a hook `on_batch`.
+
+    Each is a dict of arrays: `image` uint8 [h, w, 3] and its camera, `intrinsics` and `extrinsics`;
+    true points `points`, about as many as predicted; predicted points `pred`, float32 [n, 3].
+    """
+
+    def __init__(self, folder: str | pathlib.Path) -> None:
+        pathlib.Path(folder).mkdir(parents=True, exist_ok=True)
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
+        self._starts: list[int] = []
+
+    def __call__(self, index: int, batch: Any, points: np.ndarray) -> None:
+        """Stores the valid rows of a batch with their predicted points [b, n, 3]."""
+        for i in np.flatnonzero(batch["valid"]):
+            truth, *others = (np.asarray(batch[name][i]) for name in _KEPT)
+            self._starts.append(self._file.seek(0, io.SEEK_END))
+            for array in (
+                spheres.thinned(truth, points[i]),
+                *others,
+                np.asarray(points[i], np.float32),
+            ):
+                np.save(self._file, array)
+
+    def __len__(self) -> int:
+        return len(self._starts)
+
+    def __getitem__(self, index: int) -> dict[str, np.ndarray]:
+        self._file.seek(self._starts[index])
+        return {name: np.load(self._file) for name in (*_KEPT, "pred")}
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Run:
     """The evaluation of one network, with its clouds.
@@ -49,7 +86,7 @@ class Run:
     Attributes:
       label: a short name.
       evaluation: metrics and names of the samples.
-      cases: the samples with their predictions, as in `Collector`, which keeps them on disk.
+      cases: the samples with their predictions, as in `Collector`.
       num_fc: number of points of the fc branch, which come first.
     """
 

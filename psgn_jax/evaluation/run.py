@@ -24,7 +24,6 @@ from psgn_jax.evaluation.split import OnBatch
 from psgn_jax.models import networks
 from psgn_jax.system import group
 from psgn_jax.system.files import check_folder, write_atomic
-from psgn_jax.viewing.collected import Collector
 from psgn_jax.weights.run_folder import Run
 
 FRAMES = ("keep", "place")
@@ -128,7 +127,7 @@ def report_runs(
         require_points_task(run.config, "--report")
     reported: list[Any] = []
     for run in runs:
-        collector = Collector(folder)
+        collector = report_lib.Collector(folder)
         result = evaluate_run(run, create_task, on_batch=collector, **options)
         options["out"] = None
         label = pathlib.Path(run.source).resolve().name

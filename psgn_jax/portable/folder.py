@@ -35,6 +35,9 @@ ONNX_NAMES = {
 }
 """The file for each type in which weights can be stored."""
 
+CHECKED = 64
+"""Number of images of records on which a file is compared with JAX, at most."""
+
 LARGEST_DIFFERENCE = 1e-4
 """Largest accepted difference between a coordinate of a float32 file and JAX's (unit)."""
 
@@ -73,7 +76,6 @@ def write_network(
     stablehlo: bool = True,
     data: str = "",
     split: str = "validation",
-    images: int = 64,
 ) -> dict[str, Any]:
     """Writes a network as ONNX and StableHLO files, `network.json`, and `JAVASCRIPT`.
 
@@ -87,7 +89,6 @@ def write_network(
       stablehlo: whether to write the StableHLO program.
       data: folder of records for the check; "" = random images, which have no ground truth.
       split: split of the records.
-      images: number of images of the records for the check.
 
     Returns:
       the content of `network.json`.
@@ -97,7 +98,7 @@ def write_network(
       ExportError: a parameter is not finite, or a file's clouds differ too much from JAX's.
     """
     require_packages()
-    _check_arguments(weights, data, images)
+    _check_arguments(weights, data)
     network = PortableNetwork(run)
     if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(run.params)):
         raise ExportError("a parameter is not finite: a damaged or diverged training")
@@ -105,7 +106,7 @@ def write_network(
 
     inputs, truth = drawn_inputs(network), None
     if data:
-        inputs, truth = _recorded(network, data, split, images)
+        inputs, truth = _recorded(network, data, split)
     expected = np.asarray(network.compiled(*inputs.values()))
     description = _describe(run, network)
     out = pathlib.Path(out)
@@ -181,11 +182,11 @@ def drawn_inputs(network: PortableNetwork, count: int = 8) -> dict[str, np.ndarr
 
 
 def _recorded(
-    network: PortableNetwork, path: str, split: str, count: int
+    network: PortableNetwork, path: str, split: str
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """The inputs and the true clouds of the first `count` samples of a split of records."""
+    """The inputs and the true clouds of the first `CHECKED` samples of a split of records."""
     reader = RecordReader(path, split)
-    samples = [reader[i] for i in range(min(count, len(reader)))]
+    samples = [reader[i] for i in range(min(CHECKED, len(reader)))]
     size = network.config.data.image_size
     images = np.stack([resize.resize_image(sample.image, size) for sample in samples])
     masks = np.stack([resize.resize_mask(sample.mask, size) for sample in samples])
@@ -265,7 +266,7 @@ def _describe(run: Run, network: PortableNetwork) -> dict[str, Any]:
     }
 
 
-def _check_arguments(weights: Sequence[str], data: str, images: int) -> None:
+def _check_arguments(weights: Sequence[str], data: str) -> None:
     if not weights or not set(weights) <= set(ONNX_NAMES):
         raise ConfigError(
             f"--weights_as={','.join(weights)}: accepted: any of {', '.join(ONNX_NAMES)}"
@@ -275,8 +276,6 @@ def _check_arguments(weights: Sequence[str], data: str, images: int) -> None:
             "--weights_as=int8: accepted only with --data=RECORDS, because its error must be "
             "measured on records"
         )
-    if images < 1:
-        raise ConfigError(f"--images={images}: accepted: 1 or more")
 
 
 def _summary(row: Mapping[str, Any]) -> str:

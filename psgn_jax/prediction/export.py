@@ -7,7 +7,6 @@ written under a temporary name and then renamed.
 """
 
 import io
-import os
 import pathlib
 from collections.abc import Callable, Mapping
 
@@ -136,23 +135,10 @@ def glb(points: np.ndarray, colours: np.ndarray) -> bytes:
     return content
 
 
-_MAKERS: Mapping[str, Callable[[np.ndarray, np.ndarray], bytes]]
-_MAKERS = {"ply": ply, "xyz": xyz, "obj": obj, "glb": glb}
-FORMATS = (*_MAKERS, "npz")
+MAKERS: Mapping[str, Callable[[np.ndarray, np.ndarray], bytes]]
+MAKERS = {"ply": ply, "xyz": xyz, "obj": obj, "glb": glb}
+FORMATS = (*MAKERS, "npz")
 DEFAULT_FORMATS = ("ply", "xyz", "obj", "npz")
-
-
-def write_cloud(path: str | os.PathLike[str], points: np.ndarray, colours: np.ndarray) -> None:
-    """Writes one cloud [n, 3] in the format of the suffix.
-
-    Raises:
-      ValueError: the suffix is not one of .ply, .xyz, .obj and .glb.
-    """
-    suffix = pathlib.Path(path).suffix.lower().lstrip(".")
-    if suffix not in _MAKERS:
-        accepted = ", ".join(f".{name}" for name in _MAKERS)
-        raise ValueError(f"{path}: accepted: a name that ends in {accepted}")
-    write_atomic(path, _MAKERS[suffix](points, colours), sync=False)
 
 
 def write_clouds(
@@ -178,15 +164,7 @@ def write_clouds(
       formats: any of `FORMATS`.
       drawn: bool [k, n], the points to write (the NPZ file has all); None = all.
       **arrays: further arrays in the NPZ file.
-
-    Raises:
-      ValueError: a format is unknown, or a point is not finite.
     """
-    if not formats or not set(formats) <= set(FORMATS):
-        raise ValueError(f"formats={formats!r}: accepted: any of {', '.join(FORMATS)}")
-    if not np.isfinite(points).all():
-        bad = np.size(points) - np.isfinite(points).sum()
-        raise ValueError(f"points: got {bad} values that are not finite, expected finite values")
     files = {}
     for suffix in formats:
         if suffix == "npz":
@@ -197,7 +175,7 @@ def write_clouds(
         for k in range(len(points)):
             numbered = f"{name}_{k}" if len(points) > 1 else name
             kept = slice(None) if drawn is None else drawn[k]
-            content = _MAKERS[suffix](points[k][kept], colours[k][kept])
+            content = MAKERS[suffix](points[k][kept], colours[k][kept])
             files[folder / f"{numbered}.{suffix}"] = content
     for file, content in files.items():
         write_atomic(file, content, sync=False)

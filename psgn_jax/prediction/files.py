@@ -108,7 +108,6 @@ def predict_photo(
     out: pathlib.Path,
     formats: tuple[str, ...] = export.DEFAULT_FORMATS,
     *,
-    keep_strays: bool = False,
     seconds: Mapping[str, float] = types.MappingProxyType({}),
     **options: Any,
 ) -> Prediction:
@@ -122,7 +121,6 @@ def predict_photo(
       name: NAME of the results.
       out: folder for the results.
       formats: any of `prediction.export.FORMATS`.
-      keep_strays: whether the files of clouds contain stray points.
       seconds: times of earlier steps, for `NAME.json`.
       **options: arguments of `Predictor.__call__`.
 
@@ -133,11 +131,10 @@ def predict_photo(
     result = predictor(image, mask, **options)
     clock = Clock()
     view = result.view
-    drawn = None if keep_strays else ~result.stray
     arrays = {n: getattr(result, n) for n in ("stray", "seen", "branch", "spread", "mutual")}
     arrays |= {n: getattr(view, n) for n in ("image", "mask", "intrinsics", "extrinsics")}
     files = export.write_clouds(
-        out, name, result.points, result.colours, formats, drawn=drawn, **arrays
+        out, name, result.points, result.colours, formats, drawn=~result.stray, **arrays
     )
     picture = io.BytesIO()
     Image.fromarray(view.image).save(picture, "png", compress_level=1)

@@ -1,4 +1,4 @@
-"""Prediction with a trained network: `Predictor.from_weights()(image)`.
+"""Prediction with a trained network: `psgn_jax.load()(image)`.
 
 The mask of the object is given or found (`prediction.masks`). The object is then cropped and scaled
 to the position of training objects (`data.framing`), unless the image is framed like a training
@@ -8,6 +8,7 @@ rendering: 4:3, with the renderings' grey along its border.
 import dataclasses
 import functools
 import os
+import pathlib
 import time
 from typing import Any
 
@@ -20,8 +21,8 @@ from psgn_jax.data import camera, framing, photo, resize
 from psgn_jax.models import networks
 from psgn_jax.prediction import export, masks, sampling
 from psgn_jax.prediction.refine import refined
+from psgn_jax.system.files import write_atomic
 from psgn_jax.weights.leaves import checksum, named_leaves
-from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Run
 
 FC, DECONV = 0, 1
@@ -79,16 +80,19 @@ class Prediction:
     warnings: tuple[str, ...]
     seconds: dict[str, float]
 
-    def save(
-        self, path: str | os.PathLike[str], sample: int = 0, *, keep_strays: bool = False
-    ) -> None:
-        """Writes one cloud with its colours; the suffix is .ply, .xyz, .obj or .glb.
+    def save(self, path: str | os.PathLike[str], sample: int = 0) -> None:
+        """Writes one cloud without its stray points; the suffix is .ply, .xyz, .obj or .glb.
 
         Raises:
           ValueError: another suffix.
         """
-        kept = ~self.stray[sample] | keep_strays
-        export.write_cloud(path, self.points[sample][kept], self.colours[sample][kept])
+        suffix = pathlib.Path(path).suffix.lower().lstrip(".")
+        if suffix not in export.MAKERS:
+            accepted = ", ".join(f".{name}" for name in export.MAKERS)
+            raise ValueError(f"{path}: accepted: a name that ends in {accepted}")
+        kept = ~self.stray[sample]
+        content = export.MAKERS[suffix](self.points[sample][kept], self.colours[sample][kept])
+        write_atomic(path, content, sync=False)
 
     def to_trimesh(self, sample: int = 0) -> Any:
         """One cloud as `trimesh.PointCloud` (needs trimesh)."""
@@ -98,7 +102,7 @@ class Prediction:
 
 
 class Predictor:
-    """A trained network that can be called with images; `open_network` opens the run."""
+    """A trained network that can be called with images; `weights.opening` opens the run."""
 
     def __init__(self, run: Run):
         config = run.config
@@ -121,24 +125,6 @@ class Predictor:
 
         self._network = jax.jit(network, static_argnames="refine")
         self._mutual = jax.jit(sampling.mutual_distances)
-
-    @classmethod
-    def from_workdir(cls, workdir: str | os.PathLike[str], checkpoint: str = "best") -> "Predictor":
-        """The best (or "last") checkpoint of a run.
-
-        Raises:
-          ConfigError, CheckpointError: the folder contains no run or no checkpoint.
-        """
-        return cls(open_network(workdir, checkpoint=checkpoint))
-
-    @classmethod
-    def from_weights(cls, name_or_file: str = "") -> "Predictor":
-        """The network of a file of weights, or of weights in the package by name ("" = default).
-
-        Raises:
-          ConfigError, WeightsError: there are no such weights, or the file cannot be read.
-        """
-        return cls(open_network(weights=name_or_file))
 
     def __call__(
         self,
@@ -245,18 +231,9 @@ class Predictor:
 
     def warm_up(self, samples: int = 1, *, refine: bool = True) -> None:
         """Compiles the network for these arguments of a call before the first image."""
-        r = self._sample_latents(samples, 0)
-        mask = np.zeros((1, *self.config.data.image_size), np.bool_)
-        batch = {
-            "image": np.zeros((*mask.shape, 3), np.uint8),
-            "mask": mask,
-            "intrinsics": np.eye(3, dtype="f4")[None],
-            "extrinsics": np.eye(3, 4, dtype="f4")[None],
-        }
-        points = self._network(self._params, batch, None if r is None else r[None], refine=refine)
-        points = np.asarray(points).reshape(samples, -1, 3)
-        if samples > 1:
-            jax.block_until_ready(self._mutual(points))
+        image, mask = np.zeros((96, 128, 3), np.uint8), np.zeros((96, 128), np.bool_)
+        mask[24:72, 32:96] = True
+        self(image, mask, samples=samples, refine=refine)
 
     def _sample_latents(self, samples: int, seed: int) -> np.ndarray | None:
         size = self.config.model.random_size

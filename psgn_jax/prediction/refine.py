@@ -31,6 +31,7 @@ def refined(
     predict: Callable[[Mapping[str, Any], Array | None], Array],
     batch: Mapping[str, Any],
     r: Array | None,
+    points: Array | None = None,
 ) -> Array:
     """Points [B, N, 3], or [B, draws, N, 3], with the mirror image and moved into the mask.
 
@@ -42,8 +43,9 @@ def refined(
       batch: `image`, `mask`, `intrinsics` (for images of the size of the mask) and `extrinsics`,
         each with the leading axis B; `depth` if it is an input.
       r: random input, or None.
+      points: `predict(batch, r)` if it is known.
     """
-    points = predict(batch, r)
+    points = predict(batch, r) if points is None else points
     if r is None and "depth" not in batch:
         mirrored = {**batch, "image": batch["image"][:, :, ::-1], "mask": batch["mask"][:, :, ::-1]}
         other = predict(mirrored, r) * jnp.array([[[1, -1, 1]]], points.dtype)

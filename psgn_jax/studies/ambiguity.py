@@ -5,7 +5,7 @@ seen when the cabinet is turned. A deterministic network, Mo2 and Mo8 (trained o
 2 and of 8 draws of the random input) and the conditional variational autoencoder are trained on
 both. Measured are distances from the truth, the spread (standard deviation over draws) of the
 output points along the hidden direction x and along y and z, the depths of the drawn cabinets
-beside their true distribution, and the metrics of `evaluation.draws` for the true shapes that
+beside their true distribution, and the metrics of `prediction.sampling` for the true shapes that
 share an image.
 
 Source: Fan, Su, Guibas, CVPR 2017, sections "Generation of Multiple Plausible Shapes" and
@@ -25,7 +25,6 @@ from psgn_jax.config.data import DataConfig
 from psgn_jax.config.experiment import Config
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
-from psgn_jax.evaluation import draws as draw_metrics
 from psgn_jax.evaluation.table import Lines
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
@@ -147,7 +146,7 @@ def of_draws(draws: np.ndarray, truth: np.ndarray, scale: float) -> dict[str, fl
         return found
     variance = some.var(axis=0).mean(axis=0)
     depths = np.array([measured_depth(cloud, scale) for cloud in draws])
-    difference = draw_metrics.total_mutual_difference(_cross(some, some))
+    difference = sampling.total_mutual_difference(_cross(some, some))
     inside = np.clip(depths, *DEPTH_RANGE)
     return {
         **found,
@@ -220,7 +219,7 @@ def measure(run: runner.Run) -> runner.Measured:
             _cross(cases[i[0]]["draws"][:NUM_DRAWS], np.stack([cases[j]["points"] for j in i]))
             for i in groups.values()
         ]
-        each_image = [draw_metrics.coverage(distances) for distances in pairs]
+        each_image = [sampling.coverage(distances) for distances in pairs]
         metrics["coverage of the true shapes"] = np.mean(each_image)
     # The samples that share the first ambiguous image, and its draws, sorted by depth.
     sharing = sorted(min(groups.items())[1][:5], key=lambda i: known[i].depth)

@@ -14,7 +14,6 @@ from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data import loader
 from psgn_jax.evaluation import clouds as metrics_lib
-from psgn_jax.evaluation import draws as draw_metrics
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
 from psgn_jax.evaluation.split import evaluate_split
@@ -26,7 +25,7 @@ from psgn_jax.models import networks, posterior
 from psgn_jax.prediction import sampling
 from psgn_jax.prediction.refine import refined
 from psgn_jax.tasks.base import Batch, Task
-from psgn_jax.viewing.spheres import render_cases
+from psgn_jax.viewing import spheres
 
 # Weights of the L2 terms in the authors' published training code, each w * sum(kernel**2) / 2 as in
 # tf.nn.l2_loss.
@@ -147,7 +146,14 @@ class Points(Task):
         )
         points, _ = self.eval_step(params, batch, 0)
         shown = np.flatnonzero(batch["valid"])[: config.train.num_images]
-        return render_cases(batch, np.asarray(points), shown.tolist())
+        rows = []
+        for i in shown.tolist():
+            case = {key: batch[key][i] for key in ("image", "intrinsics", "extrinsics")}
+            pred = np.asarray(points[i])
+            clouds = {"prediction": pred, "truth": spheres.thinned(batch["points"][i], pred)}
+            drawn = spheres.panels(case, spheres.by_height(clouds), (0, 90))
+            rows.append(np.concatenate(list(drawn.values()), axis=1))
+        return np.concatenate(rows)
 
 
 def kl_weight_at(config: Config, step: Array | int) -> Array:
@@ -209,8 +215,8 @@ def with_draws(
 
     It adds to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, the same
     of the EMD if `eval.emd_tolerance` is set, and `total_mutual_difference_radius2` if K > 1. They
-    are defined in `evaluation.draws`. The draws are those of `prediction.sampling.sampler` with
-    the configuration's seed.
+    are defined in `prediction.sampling`. The draws are those of its `sampler` with the
+    configuration's seed.
 
     Raises:
       ConfigError: the network has no random input.
@@ -225,12 +231,12 @@ def with_draws(
             distances["emd_radius"] = lambda a, b: metrics_lib.emd(a, b, tolerance=tolerance).emd
 
         def one(draws: Any, gt: Any) -> dict[str, Any]:
-            return draw_metrics.summarise_draws(draws, gt, distances)
+            return sampling.summarise_draws(draws, gt, distances)
 
         metrics = map_pairs(one)(points, gt)
         if num_draws > 1:
             mutual = jax.lax.map(sampling.mutual_distances, points)
-            difference = jax.vmap(draw_metrics.total_mutual_difference)
+            difference = jax.vmap(sampling.total_mutual_difference)
             metrics["total_mutual_difference_radius2"] = difference(mutual)
         return metrics
 

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from PIL import Image, ImageDraw, ImageFilter
+from PIL import Image, ImageDraw
+from scipy import ndimage
 
 from psgn_jax.data import camera
 from psgn_jax.system.files import write_atomic
@@ -184,25 +185,6 @@ def sheet(rows: Sequence[tuple[str, Mapping[str, np.ndarray]]], *, columns: int)
     return page
 
 
-def render_cases(batch: Mapping[str, Any], pred: np.ndarray, indices: Sequence[int]) -> np.ndarray:
-    """Draws samples of a batch in rows: image, prediction and truth from the camera and the side.
-
-    Args:
-      batch: arrays with a first axis of samples: image, points, intrinsics, extrinsics.
-      pred: predicted points [b, n, 3].
-      indices: the samples to draw.
-
-    Returns:
-      uint8 [len(indices) h, 5 w, 3].
-    """
-    rows = []
-    for i in indices:
-        case = {key: batch[key][i] for key in ("image", "intrinsics", "extrinsics")}
-        clouds = by_height({"prediction": pred[i], "truth": thinned(batch["points"][i], pred[i])})
-        rows.append(np.concatenate(list(panels(case, clouds, (0, 90)).values()), axis=1))
-    return np.concatenate(rows)
-
-
 def thinned(truth: np.ndarray, pred: np.ndarray) -> np.ndarray:
     """Every k-th true point, about as many as predicted: a denser cloud looks better."""
     return truth[:: max(1, len(truth) // max(1, len(pred)))]
@@ -277,9 +259,8 @@ def _mp4(pictures: Sequence[np.ndarray]) -> bytes:
 
 def _ramp(stops: np.ndarray, values: np.ndarray) -> np.ndarray:
     position = np.clip(np.nan_to_num(values.astype(np.float64)), 0, 1) * (len(stops) - 1)
-    low = np.minimum(position.astype(int), len(stops) - 2)
-    mixed = stops[low] + (position - low)[:, None] * (stops[low + 1] - stops[low])
-    return np.rint(mixed).astype(np.uint8)
+    channels = [np.interp(position, np.arange(len(stops)), channel) for channel in stops.T]
+    return np.rint(np.stack(channels, axis=1)).astype(np.uint8)
 
 
 def _stamp(
@@ -287,7 +268,6 @@ def _stamp(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Rasterises spheres; returns (flat pixel, normal, depth, index of the point) of each hit."""
     height, width = canvas.shape[:2]
-    nothing = np.zeros(0, int)
     on_screen = focal * radius / np.maximum(depth, 0.05)
     reach = int(min(np.ceil(on_screen.max(initial=0.0)), 96)) + 1
     steps = np.arange(-reach, reach + 1)
@@ -303,19 +283,16 @@ def _stamp(
     forward = 1 - across**2 - down**2
     column, row = corner[:, 0, None] + offsets[:, 0], corner[:, 1, None] + offsets[:, 1]
     inside = (forward > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    if not inside.any():
-        return nothing, np.zeros((0, 3)), np.zeros(0), nothing
     owner = np.broadcast_to(np.arange(len(depth))[:, None], inside.shape)[inside]
     flat = (row * width + column)[inside]
     rise = np.sqrt(forward[inside])
     surface = depth[owner] - radius * rise
-    # Depth in the high bits and the fragment's index in the low bits: one minimum gives both.
-    fragment = np.arange(len(flat))
-    key = (surface * 2**16).astype(np.int64) * 2**32 + fragment
-    nearest = np.full(height * width, np.iinfo(np.int64).max)
-    np.minimum.at(nearest, flat, key)
-    hit = np.flatnonzero(nearest != np.iinfo(np.int64).max)
-    winner = nearest[hit] & (2**32 - 1)
+    # If a pixel has several fragments, the last assignment remains: that of the nearest one.
+    far_first = np.argsort(-surface, kind="stable")
+    nearest = np.full(height * width, -1)
+    nearest[flat[far_first]] = far_first
+    hit = np.flatnonzero(nearest >= 0)
+    winner = nearest[hit]
     normal = np.stack([across[inside], down[inside], -rise], axis=1)[winner]
     return hit, normal, surface[winner], owner[winner]
 
@@ -337,9 +314,8 @@ def _openness(depth: np.ndarray, radius: float) -> np.ndarray:
     span = max(far - near, 1e-6)
     # Empty pixels get the largest depth, not infinity, so that silhouettes do not dominate.
     filled = np.where(empty, 1.0, (depth - near) / span)
-    blur = ImageFilter.GaussianBlur(max(2.0, depth.shape[0] / 64))
-    around = np.asarray(Image.fromarray(filled.astype(np.float32) * 255).convert("L").filter(blur))
-    behind = (filled - around / 255.0) * span
+    around = ndimage.gaussian_filter(filled, max(2.0, depth.shape[0] / 64))
+    behind = (filled - around) * span
     return 1 - 0.38 * np.clip(behind / (6 * radius), 0, 1)
 
 
@@ -360,18 +336,13 @@ def _ground_light(
     slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward
     high = np.maximum(points[:, 2], 0)
     place = (points[:, :2] + high[:, None] * slant + _SHADOW_HALF) / cell
-    place = np.clip(np.floor(place), 0, _SHADOW_CELLS - 1).astype(int)
+    column, row = np.clip(np.floor(place), 0, _SHADOW_CELLS - 1).astype(int).T
     # Higher points cast a softer, weaker shadow.
-    layers = np.zeros((2, _SHADOW_CELLS, _SHADOW_CELLS))
-    weight = (2 * radius / cell) ** 2 * 1.2
-    share = np.clip(high / 0.6, 0, 1)
-    np.add.at(layers[0], (place[:, 1], place[:, 0]), weight * (1 - share))
-    np.add.at(layers[1], (place[:, 1], place[:, 0]), weight * share * 0.8)
+    weight, share = (2 * radius / cell) ** 2 * 1.2, np.clip(high / 0.6, 0, 1)
     total = np.zeros((_SHADOW_CELLS, _SHADOW_CELLS))
-    for layer, sigma in zip(layers, (2.5, 7.0), strict=True):
-        cells = np.arange(_SHADOW_CELLS)
-        blur = np.exp(-0.5 * ((cells[:, None] - cells) / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
-        total += blur @ layer @ blur
+    for weights, sigma in ((weight * (1 - share), 2.5), (weight * share * 0.8, 7.0)):
+        layer = np.bincount(row * _SHADOW_CELLS + column, weights, total.size)
+        total += ndimage.gaussian_filter(layer.reshape(total.shape), sigma, mode="constant")
     dark = _SHADOW_DARKNESS * (1 - np.exp(-1.6 * total))
     columns, rows = np.meshgrid(np.arange(size[1]) + 0.5, np.arange(size[0]) + 0.5)
     rays = np.stack([columns, rows, np.ones(size)], axis=-1) @ np.linalg.inv(intrinsics).T
@@ -379,12 +350,6 @@ def _ground_light(
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = -centre[2] / directions[..., 2]
         ground = centre[:2] + distance[..., None] * directions[..., :2]
-    at = (ground + _SHADOW_HALF) / cell - 0.5
-    valid = (distance > 0) & (at >= 0).all(axis=-1) & (at < _SHADOW_CELLS - 1).all(axis=-1)
-    at = np.where(valid[..., None], at, 0)
-    low = at.astype(int)
-    u, v = at[..., 0] - low[..., 0], at[..., 1] - low[..., 1]
-    x, y = low[..., 0], low[..., 1]
-    mixed = (dark[y, x] * (1 - u) + dark[y, x + 1] * u) * (1 - v)
-    mixed += (dark[y + 1, x] * (1 - u) + dark[y + 1, x + 1] * u) * v
-    return np.where(valid, 1 - mixed, 1.0)
+    valid = ((distance > 0) & np.isfinite(distance))[..., None]
+    at = np.where(valid, (ground + _SHADOW_HALF) / cell - 0.5, -2)
+    return 1 - ndimage.map_coordinates(dark, [at[..., 1], at[..., 0]], order=1)

@@ -91,8 +91,8 @@ class Checkpoints:
             for step in self.steps()
             if (scores := self.scores.get(step)) is not None
         }
-        finite = [step for step, score in candidates.items() if math.isfinite(score)]
-        return min(finite, key=lambda step: (candidates[step], -step)) if finite else None
+        finite = [(score, -step) for step, score in candidates.items() if math.isfinite(score)]
+        return -min(finite)[1] if finite else None
 
     def score(self, step: int, metrics: Mapping[str, float]) -> None:
         """Records the metrics of a checkpoint."""
@@ -258,8 +258,8 @@ def _quiet_threads() -> None:
     Python prints an exception, "Event loop is closed". If an operation has failed before the loop
     was closed, asyncio logs that its exception was never retrieved.
     """
-    logging.get_absl_logger().addFilter(_is_no_stack_of_orbax)  # adding it again has no effect
-    python_logging.getLogger("asyncio").addFilter(_is_no_future_of_tensorstore)
+    for logger in (logging.get_absl_logger(), python_logging.getLogger("asyncio")):
+        logger.addFilter(_is_news)  # adding it again has no effect
     before = sys.unraisablehook
     if getattr(before, "__name__", "") == "_ignore_closed_loops":
         return
@@ -271,14 +271,12 @@ def _quiet_threads() -> None:
     sys.unraisablehook = _ignore_closed_loops
 
 
-def _is_no_stack_of_orbax(record: python_logging.LogRecord) -> bool:
-    return not (record.exc_info and f"{os.sep}orbax{os.sep}" in record.pathname)
-
-
-def _is_no_future_of_tensorstore(record: python_logging.LogRecord) -> bool:
+def _is_news(record: python_logging.LogRecord) -> bool:
     message = record.getMessage()
-    names = any(name in message for name in ("tensorstore_spec", "OCDBT database"))
-    return not ("exception was never retrieved" in message and names)
+    of_tensorstore = "tensorstore_spec" in message or "OCDBT database" in message
+    if of_tensorstore and "exception was never retrieved" in message:
+        return False
+    return not (record.exc_info and f"{os.sep}orbax{os.sep}" in record.pathname)
 
 
 @contextlib.contextmanager

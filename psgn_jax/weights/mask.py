@@ -3,29 +3,17 @@
 import json
 import os
 import pathlib
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from psgn_jax.models.mask_net import MaskNet
-from psgn_jax.weights.file import WeightsError, read_arrays, write_arrays
-from psgn_jax.weights.leaves import from_named_leaves, named_leaves
+from psgn_jax.weights.file import WeightsError, read_arrays
+from psgn_jax.weights.leaves import from_named_leaves
 
 FILE = pathlib.Path(__file__).resolve().parent / "mask.safetensors"
 FORMAT = "psgn_jax mask network 1"
-
-
-def write_mask_network(
-    path: str | os.PathLike[str],
-    params: Any,
-    figures: Mapping[str, Any],
-    sources: Sequence[Mapping[str, Any]],
-) -> None:
-    """Writes the parameters of a `MaskNet` as float16, with the data and licences."""
-    texts = {"figures": json.dumps(figures), "sources": json.dumps(sources)}
-    write_arrays(path, FORMAT, named_leaves({"params": params}), texts, "float16")
 
 
 def read_mask_network(path: str | os.PathLike[str] = FILE) -> tuple[Any, dict[str, Any]]:

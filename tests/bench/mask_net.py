@@ -14,6 +14,7 @@ central object. Composite i is a function of i. FOLDER of photos has `NAME.jpg` 
 import argparse
 import collections
 import concurrent.futures
+import json
 import multiprocessing
 import pathlib
 
@@ -30,8 +31,9 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.photo_effects import change_light, compress, degrade, smooth_colours
 from psgn_jax.models import efficientnet, mask_net
 from psgn_jax.prediction import masks
-from psgn_jax.weights.file import read_sources
-from psgn_jax.weights.mask import read_mask_network, write_mask_network
+from psgn_jax.weights.file import read_sources, write_arrays
+from psgn_jax.weights.leaves import named_leaves
+from psgn_jax.weights.mask import FORMAT, read_mask_network
 
 BATCH, SIDE = 16, 224
 BILINEAR = Image.Resampling.BILINEAR
@@ -283,7 +285,9 @@ def train(arguments):
             )
     figures = {"composites": BATCH * (arguments.first + arguments.steps)}
     params = {efficientnet.NAME: encoder_of(arguments.encoder), "decoder": params}
-    write_mask_network(arguments.out, params, figures, read_sources(arguments.sources))
+    texts = {"figures": figures, "sources": read_sources(arguments.sources)}
+    texts = {name: json.dumps(value) for name, value in texts.items()}
+    write_arrays(arguments.out, FORMAT, named_leaves({"params": params}), texts, "float16")
 
 
 def measure(arguments):

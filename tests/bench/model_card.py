@@ -28,10 +28,10 @@ from psgn_jax import tasks
 from psgn_jax.commands.evaluate import open_with_records
 from psgn_jax.commands.weights import describe
 from psgn_jax.evaluation import table
+from psgn_jax.evaluation.report import Collector
 from psgn_jax.evaluation.run import FRAMES, evaluate_run
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
-from psgn_jax.viewing.collected import Collector
 from psgn_jax.weights.file import read_weights
 from psgn_jax.weights.opening import weights_path
 

@@ -22,6 +22,7 @@ import numpy as np
 from absl import logging
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+import psgn_jax
 from data_gen import job
 from data_gen.sets import free
 from data_gen.sets.sources import select
@@ -31,7 +32,6 @@ from psgn_jax.data.framing import normal_form
 from psgn_jax.data.photo_effects import disturb
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.losses.chamfer import chamfer_sq_mean
-from psgn_jax.prediction.predictor import Predictor
 
 SOURCES = ("furniture", "scenery", "aircraft")
 METRICS = ("cd_sq_radius2", "aligned_cd_sq_radius2", "aligned_emd_radius")
@@ -115,7 +115,7 @@ def main():
     arguments = parser.parse_args()
     logging.set_verbosity(logging.INFO)
     folders = render(arguments.packages, arguments.work, arguments.views, arguments.workers)
-    predictor = Predictor.from_weights(arguments.weights)
+    predictor = psgn_jax.load(arguments.weights)
     rows = {"plain": [], "plain, disturbed": [], "photo-like": []}
     for plain, photo in zip(folders["authors"], folders["photo"], strict=True):
         rows["plain"].append(measure(predictor, samples_of(plain)))

@@ -16,9 +16,9 @@ import numpy as np
 from PIL import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+import psgn_jax
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.losses import chamfer_sq_mean
-from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
 
@@ -54,7 +54,7 @@ def main():
     parser.add_argument("--most", type=int, default=100, help="largest number of samples of each")
     parser.add_argument("--out", type=pathlib.Path, required=True)
     arguments = parser.parse_args()
-    predictor = Predictor.from_weights(arguments.weights)
+    predictor = psgn_jax.load(arguments.weights)
     rows = []
     for data in arguments.data:
         error, *case = median_case(predictor, data, arguments.most)

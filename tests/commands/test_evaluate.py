@@ -16,10 +16,10 @@ from psgn_jax.commands.evaluate import open_with_records
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation import table as table_lib
+from psgn_jax.evaluation.report import Collector
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.split import evaluate_split
 from psgn_jax.tasks.points import Points
-from psgn_jax.viewing.collected import Collector
 from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
 
 

@@ -8,8 +8,8 @@ from PIL import Image
 
 from psgn_jax.data import camera
 from psgn_jax.evaluation import report
+from psgn_jax.evaluation.report import Collector
 from psgn_jax.evaluation.results import Evaluation, SampleName
-from psgn_jax.viewing.collected import Collector
 
 CATEGORIES = ("car", "lamp", "")
 

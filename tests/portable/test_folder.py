@@ -162,7 +162,7 @@ def test_records_are_what_errors_are_measured_on(tmp_path):
     solids = drawn_solids.samples(5, seed=0, image_size=(48, 64))
     write_dataset(tmp_path / "records", {"validation": solids}, source="solids")
     about = folder.write_folder(
-        run, tmp_path / "out", weights=("float16",), data=str(tmp_path / "records"), images=64
+        run, tmp_path / "out", weights=("float16",), data=str(tmp_path / "records")
     )
     checked = about["files"]["network_float16.onnx"]["check"]
     assert checked["images"] == 5

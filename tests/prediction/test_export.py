@@ -56,15 +56,6 @@ def test_several_samples_have_a_file_each_and_one_archive(tmp_path):
     np.testing.assert_allclose(trimesh.load(tmp_path / "b_1.ply").vertices, POINTS + 1)
 
 
-def test_what_cannot_be_written_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="accepted: any of ply, xyz, obj, glb, npz"):
-        export.write_clouds(tmp_path, "a", POINTS[None], COLOURS[None], ("stl",))
-    broken = np.where(np.arange(5)[:, None] == 1, np.nan, POINTS)
-    with pytest.raises(ValueError, match="3 values that are not finite"):
-        export.write_clouds(tmp_path, "a", broken[None], COLOURS[None])
-    assert not list(tmp_path.iterdir())
-
-
 def view():
     """The left half of the image red, the right half blue."""
     image = np.zeros((192, 256, 3), np.uint8)

@@ -24,6 +24,7 @@ from psgn_jax.prediction.predictor import DECONV, FC, Prediction, Predictor
 from psgn_jax.training import loop
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
+from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Run
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -323,7 +324,7 @@ def test_a_trained_network_predicts_right_side_up(tmp_path):
         "eval": {"emd_tolerance": 0},
     }
     loop.train(settings, tmp_path / "run")
-    predictor = Predictor.from_workdir(tmp_path / "run", "last")
+    predictor = Predictor(open_network(tmp_path / "run", checkpoint="last"))
     kept, placed, upside_down = [], [], []
     for sample in new:
         found = predictor(sample.image, sample.mask, frame="keep")

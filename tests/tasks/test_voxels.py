@@ -7,8 +7,8 @@ import jax
 import numpy as np
 import pytest
 
+import psgn_jax
 from psgn_jax import tasks
-from psgn_jax.commands import predict
 from psgn_jax.config.experiment import ConfigError, parse
 from psgn_jax.data import camera, loader, schema
 from psgn_jax.data.dataset import write_dataset
@@ -207,7 +207,7 @@ def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_ru
     assert set(document["categories"]) == {"box", "crate"}
     assert "num_pred_points" not in document
     for wrong in (
-        lambda: predict.Predictor.from_workdir(workdir),
+        lambda: psgn_jax.load(workdir),
         lambda: evaluate_run(open_run(workdir), tasks.create, draws=2),
         lambda: report_runs(tmp_path / "pages", [open_run(workdir)], tasks.create),
     ):

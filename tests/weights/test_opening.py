@@ -7,9 +7,9 @@ import jax
 import numpy as np
 import pytest
 
+import psgn_jax
 from psgn_jax.commands import weights as command
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
-from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.file import read_weights
 from psgn_jax.weights.leaves import named_leaves
@@ -57,7 +57,7 @@ def test_names_of_shipped_weights(shipped, file):
 def test_a_predictor_of_weights_is_that_of_the_run(run, shipped, tmp_path, capsys):
     out = tmp_path / "w.safetensors"
     assert command.main(["export", f"--workdir={run}", f"--out={out}", "--dtype=float32"]) == 0
-    of_run, of_file = Predictor.from_workdir(run), Predictor.from_weights(str(out))
+    of_run, of_file = psgn_jax.load(run), psgn_jax.load(out)
     assert of_file.checksum == of_run.checksum
     assert (of_file.source_kind, of_file.source, of_file.step) == ("weights", "w", 12)
     assert of_run.source_kind == "workdir"

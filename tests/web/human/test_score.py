@@ -18,7 +18,7 @@ from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.web.human import score
 from psgn_jax.web.human.files import build_study, open_cases, read_answers, read_study
-from psgn_jax.web.human.solids import sample_union
+from psgn_jax.web.human.score import sample_union
 from psgn_jax.weights.run_folder import Run
 
 TABLE = [turn(corners(*box)).tolist() for box in (TOP, *LEGS)]
