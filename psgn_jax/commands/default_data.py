@@ -22,9 +22,6 @@ def with_default_data(config: Config) -> Config:
     """Adds the folder of the default data set to a configuration without `data.path`.
 
     `data.path` is not changed, and therefore neither is the configuration in the folder of a run.
-
-    Raises:
-      ConfigError: the errors of `default_dataset`.
     """
     if config.data.path:
         return config

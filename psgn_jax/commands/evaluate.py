@@ -42,11 +42,7 @@ _OPTIONS = ("split", "out", "draws", "frame", "refine")
 def open_with_records(
     workdir: str | None, weights: str | None, checkpoint: str = "best", data: str | None = None
 ) -> Run:
-    """Opens a network to be evaluated; `data` replaces the records of its configuration.
-
-    Raises:
-      ConfigError, CheckpointError, WeightsError: the network or the records are missing.
-    """
+    """Opens a network to be evaluated; `data` replaces the records of its configuration."""
     run = open_network(workdir, weights, checkpoint)
     config = run.config
     if data is not None:

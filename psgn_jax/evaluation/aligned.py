@@ -51,14 +51,6 @@ def align(
 
     At most max(n, 1024) points of gt are used, always the same ones. No iteration increases the CD
     to these points.
-
-    Args:
-      pred: [n, 3].
-      gt: [m, 3].
-      iterations: number of iterations.
-
-    Raises:
-      ValueError: the errors of `losses.nearest_both`.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     gt = subset(gt, max(len(pred), _MOST_POINTS))
@@ -93,17 +85,12 @@ def aligned_metrics(
     """Aligned CD and EMD of a pair, as defined in the module's docstring.
 
     Args:
-      pred: [n, 3].
-      gt: [m, 3].
       emd_tolerance: relative error of the EMD; None = no EMD.
       known_emd: the EMD without alignment, if known, which saves an auction.
 
     Returns:
       `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s, or 1 if alignment does not reduce the
       CD) and, with `emd_tolerance`, `aligned_emd_radius` (unit, a mean over the points).
-
-    Raises:
-      ValueError: the errors of `align` and `evaluation.clouds.emd`.
     """
     transform = align(pred, gt)
     moved = transform.scale * pred + transform.shift[None]

@@ -58,12 +58,6 @@ _PER_CLUSTER, _CELLS, _RESAMPLES = 30, 8, 2000
 def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np.ndarray]:
     """The metrics of all rows: {row: float64 [samples, len(METRICS)]}.
 
-    Args:
-      config: configuration of the network; `data` names training and evaluation records.
-      params: its parameters.
-      lite0: parameters of `models.efficientnet.EfficientNetLite0`.
-      split: name of the evaluated split.
-
     Raises:
       ConfigError: the training split is the evaluated one.
       RecordError: the records are missing or damaged.

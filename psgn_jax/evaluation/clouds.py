@@ -129,8 +129,6 @@ def evaluate_pair(
     score depends strongly on the number of points, so report that number.
 
     Args:
-      pred: [n, 3].
-      gt: [m, 3].
       visible: which points of gt are visible in the depth image; if given, the metrics of
         `by_visibility` are added.
       threshold: largest distance of a correct point, in the unit of the coordinates, > 0.

@@ -41,8 +41,6 @@ _TABLE = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
 _PICTURES = 600  # with more cases, only the best, median and worst have pictures in the gallery
 _EXTREMES = 10  # number of best, of median and of worst cases in `report.html`
 _BARS = 16
-
-
 _KEPT = ("points", "image", "intrinsics", "extrinsics")
 
 
@@ -64,11 +62,8 @@ class Collector:
         for i in np.flatnonzero(batch["valid"]):
             truth, *others = (np.asarray(batch[name][i]) for name in _KEPT)
             self._starts.append(self._file.seek(0, io.SEEK_END))
-            for array in (
-                spheres.thinned(truth, points[i]),
-                *others,
-                np.asarray(points[i], np.float32),
-            ):
+            pred = np.asarray(points[i], np.float32)
+            for array in (spheres.thinned(truth, pred), *others, pred):
                 np.save(self._file, array)
 
     def __len__(self) -> int:
@@ -100,7 +95,6 @@ def write_report(folder: str | pathlib.Path, runs: Sequence[Run]) -> pathlib.Pat
     """Writes the pages and the sheet; returns the path of `index.html`.
 
     Args:
-      folder: folder for the files; created if missing.
       runs: one run, or two runs on the same samples; cases are ranked by the errors of the first.
 
     Raises:

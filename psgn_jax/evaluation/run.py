@@ -43,9 +43,6 @@ def evaluate_run(
     """Evaluates an opened network and writes the tables.
 
     Args:
-      run: the network, from `weights.opening.open_network`. Its `config.data` names the records.
-      create_task: `tasks.create`.
-      split: name of the split; None: `data.eval_split` of the configuration.
       out: folder for the files; None: `eval_<split>_<checkpoint>` in the folder of the run, or
         `eval_<weights>_<split>` for weights. With `frame="place"`, `_placed` is appended, and
         with `refine` `_refine`.
@@ -53,7 +50,6 @@ def evaluate_run(
       frame: "keep": use the images of the records as they are. "place": crop and place every image
         like a photo, and move its true points accordingly (`data.framing`).
       refine: measure the clouds of `prediction.refine`.
-      on_batch: called with (index of the batch, batch, predictions).
 
     Raises:
       ConfigError: the task or the data do not fit; the message is one line.
@@ -112,16 +108,7 @@ def report_runs(
     """Evaluates one network, or two for a comparison, and writes the gallery (`evaluation.report`).
 
     Args:
-      folder: folder for the pages.
-      runs: one or two networks.
-      create_task: `tasks.create`.
       **options: options of `evaluate_run`; `out` applies to the first network only.
-
-    Returns:
-      The evaluation of the first network.
-
-    Raises:
-      ConfigError: the errors of `evaluate_run`, or the networks are evaluated on different samples.
     """
     for run in runs:
         require_points_task(run.config, "--report")

@@ -35,17 +35,11 @@ def evaluate_split(
     """Metrics of a network on a split.
 
     Args:
-      config: configuration of the run.
-      params: parameters of the network.
       eval_step: maps (params, batch on the host, index of the batch) to predictions and metrics
         with a row for each sample; see `compile_measure`.
-      split: name of the split; None = `config.data.eval_split`.
       max_samples: evaluate only this many samples, from the start of the split; 0 = all.
       on_batch: called with (index of the batch, batch, predictions); what it raises ends the
         evaluation.
-
-    Raises:
-      ConfigError: the split has no samples.
     """
     split = split or config.data.eval_split
     process, count = group.index_and_count()
@@ -123,8 +117,6 @@ def compile_measure(
     Args:
       measure: a pytree that is called with (params, batch) of one device's share.
       random_columns: (index of the batch, its size) -> random inputs, a row for each sample.
-      keys: arrays of a batch that `measure` needs.
-      batch_size: number of samples of a batch.
     """
     devices = jax.local_devices()
     mesh = Mesh(np.asarray(devices[: 1 if batch_size % len(devices) else None]), ("data",))

@@ -82,13 +82,10 @@ def write_network(
     Every file is run and compared with JAX before it is written.
 
     Args:
-      run: the network.
       out: folder, created if missing.
       weights: the types in which weights are stored, any of `ONNX_NAMES`; each gives one ONNX file.
         "int8" needs `data`.
-      stablehlo: whether to write the StableHLO program.
       data: folder of records for the check; "" = random images, which have no ground truth.
-      split: split of the records.
 
     Returns:
       the content of `network.json`.

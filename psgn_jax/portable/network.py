@@ -40,9 +40,6 @@ class PortableNetwork:
 
     Attributes:
       config: configuration of the training, with `compute_dtype` changed to float32.
-      params: parameters.
-      inputs: `image`, `mask` and, if the network has a random input, `r`.
-      num_points: number of points of a cloud.
     """
 
     def __init__(self, run: Run):

@@ -26,11 +26,9 @@ def to_onnx(network: PortableNetwork, stored: str, texts: Mapping[str, str]) -> 
     """The content of an ONNX file; its inputs and output are described in `portable.network`.
 
     Args:
-      network: the network.
       stored: the type in which kernels are stored; arithmetic is float32 in every case. "float16"
         halves the size of the file. "int8" reduces it to a quarter: integers with one scale for
         each output channel. Runtimes convert both to float32 once, at loading.
-      texts: metadata of the file.
     """
     graph = _Graph(network.params, stored, network.config)
     points = graph.points()

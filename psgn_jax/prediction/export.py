@@ -34,10 +34,6 @@ def colours_from_view(points: np.ndarray, view: Framed) -> tuple[np.ndarray, np.
     Each point is a disc of radius .04 that faces the camera. A point is visible if no disc is more
     than .08 in front of its centre and its pixel is on the mask.
 
-    Args:
-      points: [n, 3] in the project's frame.
-      view: the image with its camera.
-
     Returns:
       Colours uint8 [n, 3] and visibility bool [n]. A hidden point has the colour of the nearest
       visible one; if none is visible, all have the colour `UNSEEN`.
@@ -157,13 +153,9 @@ def write_clouds(
     `name.npz` contains `points`, `colours` and `arrays`.
 
     Args:
-      folder: created if missing.
-      name: name of the files, without suffix.
       points: float32 [k, n, 3].
       colours: uint8 [k, n, 3].
-      formats: any of `FORMATS`.
       drawn: bool [k, n], the points to write (the NPZ file has all); None = all.
-      **arrays: further arrays in the NPZ file.
     """
     files = {}
     for suffix in formats:

@@ -43,18 +43,12 @@ def predict_files(
     Args:
       open_predictor: returns the network. It is called once, when the first image and its mask
         have been read, so that wrong files are reported before a network is compiled.
-      images: image files, and folders, whose images are processed in order of their names.
-      out: folder for the results.
       mask: file of the mask (for one image), or folder of masks. There the mask of `NAME.jpg` is
         `NAME_mask.*`, or another file `NAME.*`.
       **options: arguments of `predict_photo`.
 
     Yields:
       The path of each image, with its prediction or the error.
-
-    Raises:
-      ConfigError: there is no image, or one mask file for several images.
-      OSError: the disk is full.
     """
     paths = _expand(images)
     if not paths:
@@ -114,18 +108,9 @@ def predict_photo(
     """Predicts clouds for a photo and writes the results to `out`.
 
     Args:
-      predictor: the network.
-      read: the photo.
       mask: bool [h, w] of the size of `read.image`, True on the object; None = automatic.
-      path: path of the photo, for `NAME.json`.
       name: NAME of the results.
-      out: folder for the results.
-      formats: any of `prediction.export.FORMATS`.
       seconds: times of earlier steps, for `NAME.json`.
-      **options: arguments of `Predictor.__call__`.
-
-    Raises:
-      ValueError: the errors of `Predictor.__call__`.
     """
     image = read.image if read.alpha is None else np.dstack([read.image, read.alpha])
     result = predictor(image, mask, **options)

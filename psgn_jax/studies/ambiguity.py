@@ -118,7 +118,6 @@ def measured_depth(points: np.ndarray, scale: float) -> float:
 
     Args:
       points: points in the frame of a sample of the kind `front`.
-      scale: scale of the cabinet, which does not depend on the hidden depth.
     """
     above = points[points[:, 2] > 0.1, 0]
     if not len(above):
@@ -163,12 +162,7 @@ def of_draws(draws: np.ndarray, truth: np.ndarray, scale: float) -> dict[str, fl
 
 
 def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]:
-    """The results [samples] of `of_draws`, for each kind of images, and spreads over all samples.
-
-    Args:
-      each: arrays of all samples.
-      front: bool [samples]: which images are ambiguous.
-    """
+    """The results [samples] of `of_draws` for each kind of images, and spreads over all samples."""
     result: dict[str, Any] = {}
     total = []
     for kind, of in (("front", front), ("turned", ~front)):

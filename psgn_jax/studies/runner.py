@@ -93,7 +93,6 @@ def evaluate(
     """The metrics of the run's task on every sample of its evaluation split, last checkpoint.
 
     Args:
-      run: the run.
       of_sample: maps `keys` and `pred` of a sample to further metrics.
       keys: arrays of a sample that are kept, if the batch contains them.
     """
@@ -168,15 +167,7 @@ class Study:
         steps: int = 0,
         eval_data: str = "",
     ) -> list[Run]:
-        """The runs of all configurations with one seed.
-
-        Args:
-          workdir: folder of the study.
-          data: folders of records, as in `data.path`.
-          seed: seed of the runs.
-          steps: steps of the base configuration; 0 = the study's own number.
-          eval_data: folders of records for evaluation; "" = `data`.
-        """
+        """The runs of all configurations with one seed."""
         tree = {**_INTERVALS, **self.base, "seed": seed, "data.path": data}
         tree["data.eval_path"] = eval_data
         tree |= {"train.steps": steps} if steps else {}
@@ -222,16 +213,10 @@ def run(
     """Trains, measures and writes the results; returns the tables as text.
 
     Args:
-      study: the study.
-      workdir: folder of the runs and the results.
-      data: folders of records.
-      seeds: number of runs of each configuration, with the seeds 0, 1, ...
-      steps: see `Study.runs`.
       only: CONFIG:SEED: train only this run, and measure nothing. Several machines can share a
         study in this way; a call without it joins the results.
       finished: folders of finished runs that are measured instead. If there are two, their
         difference, second minus first, is shown.
-      eval_data: folders of records for evaluation, also during training; "" = `data`.
       measure: FOLDER:SPLIT: splits on which the runs are measured too. Their results get names with
         both, such as `networks-authors-test.md`.
 

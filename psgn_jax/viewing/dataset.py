@@ -33,14 +33,14 @@ class Check(NamedTuple):
       inside: fraction of the points that project into the mask.
       near: fraction of the points within `NEAR_PIXELS` pixels of the mask.
       depth_median: median distance from back-projected pixels to the nearest point, unit of the
-        frame; None without depth.
+        frame; NaN without depth.
       reach: largest distance of a point from the origin, unit of the frame.
       lowest: smallest z of a point.
     """
 
     inside: float
     near: float
-    depth_median: float | None
+    depth_median: float
     reach: float
     lowest: float
 
@@ -49,7 +49,7 @@ def check(sample: schema.Sample) -> Check:
     """Compares the projected points with the mask, and the back-projected depth with the points."""
     pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
     pixels = np.where(depth[:, None] > 0, pixels, np.inf)
-    median = None
+    median = float("nan")
     if sample.depth is not None and (sample.depth > 0).any():
         surface = camera.back_project(sample.depth, sample.intrinsics, sample.extrinsics)
         some = surface[:: max(1, len(surface) // _DEPTH_PIXELS)]
@@ -118,32 +118,26 @@ def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
 
 def _summary(checks: Sequence[Check]) -> list[str]:
     """Lines about the samples that were checked."""
-    inside = np.array([c.inside for c in checks])
-    near = np.array([c.near for c in checks])
+    inside, near, depth, reach, lowest = np.array(checks).T
     lines = [
         f"  {len(checks)} samples checked: points strictly inside the mask {inside.mean():.2%}"
         f" on average (lowest {inside.min():.2%}); {(near >= FLAG_BELOW).sum()} samples have"
         f" at least {FLAG_BELOW:.0%} of their points within {NEAR_PIXELS} pixels"
     ]
-    if medians := [c.depth_median for c in checks if c.depth_median is not None]:
+    if not np.isnan(depth).all():
         lines.append(
-            f"  depth to the cloud: median {np.median(medians):.4f} of the samples' medians,"
-            f" largest {max(medians):.4f} (unit: radius of the bounding hemisphere)"
+            f"  depth to the cloud: median {np.nanmedian(depth):.4f} of the samples' medians,"
+            f" largest {np.nanmax(depth):.4f} (unit: radius of the bounding hemisphere)"
         )
-    reach, lowest = [c.reach for c in checks], [c.lowest for c in checks]
     lines.append(
-        f"  farthest point {min(reach):.3f} to {max(reach):.3f} from the origin, lowest z"
-        f" {min(lowest):.3f} to {max(lowest):.3f}"
+        f"  farthest point {reach.min():.3f} to {reach.max():.3f} from the origin, lowest z"
+        f" {lowest.min():.3f} to {lowest.max():.3f}"
     )
     return lines
 
 
 def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str], bool]:
     """Describes and checks a data set.
-
-    Args:
-      path: folder of records.
-      num_checked: maximum number of samples to decode in each split, evenly spaced.
 
     Returns:
       Lines of text, and True if no damage was found.

@@ -66,10 +66,8 @@ def write_pages(
     """Writes one page, or several that link to each other: `page.html`, `page-2.html`, ...
 
     Args:
-      path: path of the first page.
       cases: at least one case; names must be unique. Only one case and one page are in memory at a
         time.
-      title: title of the pages.
       max_bytes: maximum size of a page, unless a single case is larger.
 
     Returns:

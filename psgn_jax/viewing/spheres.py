@@ -137,9 +137,7 @@ def panels(
 
     Args:
       case: `image` uint8 [h, w, 3] and its camera, `intrinsics` and `extrinsics`.
-      clouds: the clouds.
       turns: angles about the vertical axis in degrees.
-      height: height of a picture in pixels.
       radius: title -> radius of the spheres; the default is `RADIUS`.
 
     Returns:
@@ -201,10 +199,7 @@ def turntable(
     """Writes an animation of a cloud that rotates about the vertical axis, 12.5 frames a second.
 
     Args:
-      points: [n, 3] in the project's frame.
-      colours: uint8 [n, 3].
       path: file to write, ending in `.gif` or `.mp4` (H.264, needs the extra `video`).
-      frames: number of frames of one turn.
       size: (height, width); must be even for an MP4, which stores colours at half the resolution.
 
     Raises:

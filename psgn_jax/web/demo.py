@@ -98,10 +98,7 @@ class Demo:
         """Predicts the points of a photo with the painted mask.
 
         Args:
-          path: path of the photo.
           edited: value of the editor, see `open_photo`; its layers cover the object.
-          samples: number of clouds.
-          seed: seed of the random input.
           frame: "auto", "place" or "keep" (`Predictor.__call__`).
 
         Returns:

@@ -66,12 +66,9 @@ class Weights:
     """The parameters of a network with metadata.
 
     Attributes:
-      config: configuration of the training.
-      params: nested dict of float32 arrays.
       figures: `step`, `samples_seen`, `parameters`, `averaged`, `metrics` and `data`, described in
         the module's docstring.
       sources: the data and their licences, a row for each source; () = not stated.
-      dtype: dtype in the file.
     """
 
     config: Config
@@ -113,11 +110,7 @@ def write_arrays(
     texts: Mapping[str, str],
     dtype: str,
 ) -> None:
-    """Writes arrays and texts as a file of this format, atomically.
-
-    Raises:
-      WeightsError: see `write_weights`.
-    """
+    """Writes arrays and texts as a file of this format, atomically."""
     path = pathlib.Path(path)
     if path.suffix != SUFFIX:
         raise WeightsError(f"{path}: accepted: a name with the suffix {SUFFIX}")

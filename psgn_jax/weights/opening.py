@@ -66,10 +66,8 @@ def open_network(
     """Opens a trained network from a run or from weights.
 
     Args:
-      workdir: folder of a run.
       weights: name or file of weights (`weights_path`); used if there is no `workdir`. The `scores`
         of the opened run are then the metrics in the file.
-      checkpoint: checkpoint of the run, see `weights.run_folder.open_run`.
 
     Raises:
       ConfigError: both are given, or the network does not exist.
@@ -125,10 +123,8 @@ def open_initial(config: Config) -> Run:
 
 def _open(config: Config, init: str) -> Run:
     path = pathlib.Path(init)
-    if path.is_dir():
-        run = open_network(path)
-    elif path.is_file() or init in shipped():
-        run = open_network(weights=init)
+    if path.exists() or init in shipped():
+        run = open_network(path) if path.is_dir() else open_network(weights=init)
     else:
         names = ", ".join(shipped()) or "none in this version"
         raise ConfigError(

@@ -51,11 +51,9 @@ def open_run(
     """Opens a run at its best or last checkpoint.
 
     Args:
-      workdir: folder of the run.
       checkpoint: "last", or "best" on the validation metric. If no checkpoint was evaluated or the
         best one is damaged, "best" is the last one, with a warning. If `config.json` is damaged,
         the copy in the checkpoint is used, with a warning.
-      averaged: whether to use the averaged parameters if the run has them.
 
     Raises:
       ConfigError: there is no run, or its configuration does not fit the checkpoint.

@@ -67,9 +67,7 @@ class Answer:
     """The model of one case.
 
     Attributes:
-      case: name of the case.
       seconds: time that the person spent on it.
-      done: whether the person marked it as done.
       parts: number of parts; each has up to three mirrored copies.
       solids: corners of all convex parts and copies, in the project's frame.
       model: the model as the page reads it back.
@@ -100,17 +98,6 @@ def build_study(
 
     The page contains the images and the cameras. It contains neither points nor the names and
     categories of the objects.
-
-    Args:
-      data: folders of records, separated by commas.
-      out: folder, created if missing.
-      split: split of the records.
-      cases: number of cases, evenly spaced over the split.
-
-    Raises:
-      ConfigError: the split has fewer records, or `cases` is out of range.
-      UserError: `out` is not a folder for files.
-      RecordError: the records cannot be read.
     """
     out = pathlib.Path(out)
     check_folder(out, "--out")

@@ -125,10 +125,6 @@ def score(
     """Points and metrics of every case that has a model.
 
     Args:
-      study: the study.
-      answers: a model for each case of the study.
-      samples: the record of each case.
-      networks: name -> network.
       num_points: number of points of a model. The networks must have as many, because the EMD
         depends on the number.
 

@@ -32,15 +32,9 @@ def build_page(
     """Writes the page; returns its size in bytes.
 
     Args:
-      run: the network.
       out: folder, created if missing; files of an earlier page are replaced.
       weights: how weights are stored, see `portable.folder.write_network`.
       runtime: source of the runtime, see `browser_runtime.runtime_files`.
-      data: folder of records for the check, see `portable.folder.write_network`.
-      split: split of the records.
-
-    Raises:
-      ConfigError, ExportError: see `portable.folder.write_network` and `runtime_files`.
     """
     out = pathlib.Path(out)
     files = {f"runtime/{name}": content for name, content in runtime_files(runtime).items()}
