@@ -61,6 +61,29 @@ def page(browser):
 
 
 @pytest.fixture
+def opened(browser):
+    """Opens pages; at the end they must have logged nothing, and asked no other host."""
+    complaints, requests, contexts = [], [], []
+
+    def open_page(address, *, complain=True, **options):
+        contexts.append(browser.new_context(**options))
+        page = contexts[-1].new_page()
+        if complain:
+            page.on("console", lambda message: complaints.append(message.text))
+            page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(address)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert complaints == []
+    own = ("file:", "data:", "blob:", "http://127.0.0.1:")
+    assert [url for url in requests if not url.startswith(own)] == []
+
+
+@pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(0)
 

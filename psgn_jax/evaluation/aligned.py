@@ -11,7 +11,7 @@ from s = 1 and t = 0. The aligned EMD is that of the prediction moved by the sam
 distance is smaller without alignment, that value is used.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -30,16 +30,9 @@ ITERATIONS = 30
 _MOST_POINTS = 1024
 
 
-class Alignment(NamedTuple):
-    """The transformation `scale * points + shift`; `shift` is in the unit of the points."""
-
-    scale: Float[Array, ""]
-    shift: Float[Array, "3"]
-
-
 def align(
-    pred: Float[Array, "n 3"], gt: Float[Array, "m 3"], *, iterations: int = ITERATIONS
-) -> Alignment:
+    pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]
+) -> tuple[Float[Array, ""], Float[Array, "3"]]:
     """The scale in [0.8, 1.25] and the shift of pred that minimise the distance to gt.
 
     Iterated nearest neighbours (Besl, McKay, "A Method for Registration of 3-D Shapes", PAMI 1992)
@@ -55,8 +48,8 @@ def align(
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     gt = subset(gt, max(len(pred), _MOST_POINTS))
 
-    def step(_: Any, current: Alignment) -> Alignment:
-        to_gt, to_pred = nearest_both(current.scale * pred + current.shift[None], gt)
+    def step(_: Any, current: tuple[Array, Array]) -> tuple[Array, Array]:
+        to_gt, to_pred = nearest_both(current[0] * pred + current[1][None], gt)
         sides = ((pred, gt[to_gt.index]), (pred[to_pred.index], gt))
         mean_p = (sides[0][0].mean(axis=0) + sides[1][0].mean(axis=0)) / 2
         mean_g = (sides[0][1].mean(axis=0) + sides[1][1].mean(axis=0)) / 2
@@ -69,10 +62,10 @@ def align(
         # A non-finite point makes the distances NaN, but has no effect on the indices. This term
         # makes the scale NaN too.
         scale = scale + 0 * to_gt.distance_sq.sum()
-        return Alignment(scale, mean_g - scale * mean_p)
+        return scale, mean_g - scale * mean_p
 
-    start = Alignment(jnp.ones((), pred.dtype), jnp.zeros(3, pred.dtype))
-    return jax.lax.fori_loop(0, iterations, step, start)
+    start = jnp.ones((), pred.dtype), jnp.zeros(3, pred.dtype)
+    return jax.lax.fori_loop(0, ITERATIONS, step, start)
 
 
 def aligned_metrics(
@@ -92,12 +85,12 @@ def aligned_metrics(
       `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s, or 1 if alignment does not reduce the
       CD) and, with `emd_tolerance`, `aligned_emd_radius` (unit, a mean over the points).
     """
-    transform = align(pred, gt)
-    moved = transform.scale * pred + transform.shift[None]
+    scale, shift = align(pred, gt)
+    moved = scale * pred + shift[None]
     before, after = chamfer_sq_mean(pred, gt), chamfer_sq_mean(moved, gt)
     metrics = {
         "aligned_cd_sq_radius2": jnp.minimum(before, after),
-        "aligned_scale": jnp.where(after < before, transform.scale, 1),
+        "aligned_scale": jnp.where(after < before, scale, 1),
     }
     if emd_tolerance is not None:
         if known_emd is None:

@@ -1,4 +1,4 @@
-"""Writes an evaluation as HTML pages and a picture.
+"""Writes an evaluation as HTML pages.
 
     psgn evaluate --workdir=W --report=DIR [--compare=W2]
 
@@ -7,8 +7,6 @@ Files in DIR:
 - `index.html`: the gallery, with a table per category, a histogram of errors, the best, median and
   worst cases, and all cases, sortable by error and category, with links to the viewer.
 - `viewer.html`, `viewer-2.html`, ...: the clouds in the interactive viewer (`viewing.page`).
-- `sheet.png`: up to 160 cases drawn as spheres: image, prediction, prediction of the second run (if
-  there is one), ground truth.
 
 No page needs an internet connection. A split of any size can be shown: cases are read one at a
 time, the viewer is divided into pages of 5 MB, and the gallery lists 120 cases at a time. The error
@@ -33,8 +31,6 @@ from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import page, spheres
 
 ERROR = "cd_sq_radius2"
-SHEET_CASES = 160
-"""Maximum number of cases on `sheet.png`; the gallery of the paper has as many."""
 
 _TEMPLATE = pathlib.Path(__file__).with_name("report.html")
 _TABLE = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
@@ -92,7 +88,7 @@ class Run:
 
 
 def write_report(folder: str | pathlib.Path, runs: Sequence[Run]) -> pathlib.Path:
-    """Writes the pages and the sheet; returns the path of `index.html`.
+    """Writes the pages; returns the path of `index.html`.
 
     Args:
       runs: one run, or two runs on the same samples; cases are ranked by the errors of the first.
@@ -147,11 +143,6 @@ def write_report(folder: str | pathlib.Path, runs: Sequence[Run]) -> pathlib.Pat
         "cases": cases,
     }
     write_atomic(folder / "index.html", page.document(_TEMPLATE, page.to_json(data)))
-    shown = np.unique(np.linspace(0, len(names) - 1, SHEET_CASES).astype(int)).tolist()
-    sheet = spheres.sheet([_sheet_row(i, runs, errors) for i in shown], columns=4)
-    buffer = io.BytesIO()
-    sheet.save(buffer, "png")
-    write_atomic(folder / "sheet.png", buffer.getvalue())
     return folder / "index.html"
 
 
@@ -170,18 +161,6 @@ def _viewer_case(
         about=runs[0].evaluation.names[i].category,
         metrics=tuple(f"{runs[k].label}: CD squared {errors[k][i]:.5f} radius^2" for k in same),
     )
-
-
-def _sheet_row(
-    i: int, runs: Sequence[Run], errors: Sequence[np.ndarray]
-) -> tuple[str, dict[str, np.ndarray]]:
-    case, name = runs[0].cases[i], runs[0].evaluation.names[i]
-    clouds = {
-        f"{run.label[:18]} {error[i]:.4f}": run.cases[i]["pred"]
-        for run, error in zip(runs, errors, strict=True)
-    }
-    painted = spheres.by_height(clouds | {"truth": case["points"]})
-    return f"{name.record} {name.category}"[:22], spheres.panels(case, painted, (0,), height=84)
 
 
 def _thumbs(case: Mapping[str, np.ndarray]) -> list[str]:

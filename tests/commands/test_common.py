@@ -1,16 +1,14 @@
 import errno
 import os
-import pathlib
 import subprocess
 import sys
 
 import jax
 import pytest
+from helpers.commands import ROOT, psgn
 
 from psgn_jax.commands.common import exit_on_user_error
 from psgn_jax.system.errors import UserError
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def test_terminal_shows_own_progress_and_others_warnings():
@@ -71,9 +69,7 @@ def test_a_file_in_place_of_a_folder_ends_in_one_line(arguments, tmp_path):
     file = tmp_path / "file"
     file.touch()
     arguments = [argument.replace("FILE", str(file)) for argument in arguments]
-    command = [sys.executable, "-m", "psgn_jax.commands.psgn", *arguments]
-    environment = os.environ | {"JAX_PLATFORMS": "cpu"}
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment)
+    done = psgn(*arguments)
     assert done.returncode == 2, done.stderr
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: ")

@@ -16,7 +16,6 @@ from psgn_jax.commands.evaluate import open_with_records
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation import table as table_lib
-from psgn_jax.evaluation.report import Collector
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.split import evaluate_split
 from psgn_jax.tasks.points import Points
@@ -55,12 +54,6 @@ def test_every_sample_counts_once(batch_size, count):
     ]
     assert result.num_points == (2, 64)
     assert seen == list(range(-(-count // batch_size)))
-
-
-def test_every_sample_is_collected_for_the_gallery(tmp_path):
-    collector = Collector(tmp_path)
-    evaluate_split(standin.config(eval__batch_size=4), {}, fake_step, on_batch=collector)
-    assert len(collector) == standin.SIZES["validation"]
 
 
 def test_emd_is_measured_where_there_are_points_enough():
@@ -175,18 +168,9 @@ def test_records_with_depth_have_the_columns_whatever_the_network_sees(monkeypat
     assert ((share > 0.1) & (share < 0.9)).all()
     assert "hidden [radius^2]" in table_lib.text(result)
 
-    def shares(config):
-        """What reaches the compiled step: the share of visible points, or None."""
-        seen = []
-
-        def step(params, batch, index):
-            seen.append(batch.get("visible"))
-            return fake_step(params, batch, index)
-
-        evaluate_split(config, {}, step)
-        return None if seen[0] is None else np.concatenate(seen)[:5].mean(axis=1)
-
-    seen = shares(configured("deep", data__inputs=("rgb", "depth"), data__image_size=(24, 40)))
+    other = configured("deep", data__inputs=("rgb", "depth"), data__image_size=(24, 40))
+    seen = Points(other, pathlib.Path()).evaluate(random_params(other)).metrics["visible_share"]
     np.testing.assert_allclose(seen, share, rtol=1e-6)
-    assert shares(configured("deep", eval__visible_tolerance=0)) is None
-    assert shares(configured("bare")) is None
+    for without in (configured("deep", eval__visible_tolerance=0), configured("bare")):
+        found = Points(without, pathlib.Path()).evaluate(random_params(without))
+        assert "visible_share" not in found.metrics

@@ -3,21 +3,13 @@
 import importlib.util
 import pathlib
 import re
-import subprocess
-import sys
 
 import pytest
+from helpers.commands import ROOT, psgn
 
 from psgn_jax.commands import psgn as cli
 from psgn_jax.config import recipes as config_files
 from psgn_jax.config.experiment import ConfigError
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-
-
-def run(*arguments):
-    command = [sys.executable, "-m", "psgn_jax.commands.psgn", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=400)
 
 
 def test_help_lists_each_command_and_each_is_a_module_that_runs(capsys):
@@ -41,19 +33,19 @@ def test_an_unknown_command_ends_in_one_line(capsys):
 
 def test_arguments_and_exit_codes_are_those_of_the_command():
     for name, flag in (("inspect", "--sheet"), ("train", "--workdir")):
-        shown = run(name, "--help")
+        shown = psgn(name, "--help")
         assert shown.returncode == 0
         assert flag in shown.stdout
-    done = run("study", "losss")
+    done = psgn("study", "losss")
     assert done.returncode == 2
     assert done.stderr.startswith("error: psgn study losss: no such study; did you mean 'losses'?")
-    done = run("train", "--config=quickstart", "--config.train.steps=-1")
+    done = psgn("train", "--config=quickstart", "--config.train.steps=-1")
     assert done.returncode == 2
     assert done.stderr == "error: train.steps=-1: accepted: a number >= 1 and <= 2147483647\n"
 
 
 def test_training_without_a_configuration_lists_them():
-    done = run("train", "--workdir=runs/none")
+    done = psgn("train", "--workdir=runs/none")
     assert done.returncode == 2
     first, *lines = done.stderr.splitlines()
     assert first == "error: --config is missing: a file, or one of these names"
@@ -61,13 +53,12 @@ def test_training_without_a_configuration_lists_them():
     assert "the default data set" in next(line for line in lines if "quickstart" in line)
 
 
-def test_records_are_checked_before_a_network_is_made(monkeypatch):
-    monkeypatch.setenv("JAX_PLATFORMS", "none")
+def test_records_are_checked_before_a_network_is_made():
     for command in (
         ("train", "--config=quickstart", "--config.data.path=tests"),
         ("evaluate", "--weights=none", "--data=tests"),
     ):
-        done = run(*command)
+        done = psgn(*command, JAX_PLATFORMS="none")
         assert done.returncode == 2
         assert done.stderr.startswith("error: data set 'tests': not a data set of this project")
 
@@ -88,11 +79,8 @@ def test_a_configuration_is_a_path_or_a_name():
         (b"root:x:0:0:root:/root:/bin/bash\n", "SyntaxError"),
         (b"\x89PNG\r\n\x1a\n\0\0", "null bytes"),
         (b"x = 1", "it has no function get_config"),
-        (b"import no_such_module", "No module named 'no_such_module'"),
         (b"def get_config(): raise RuntimeError('what')", "RuntimeError: what"),
-        (b"def get_config(): return get_config()", "RecursionError"),
         (b"def get_config(): return 5", "get_config returns int"),
-        (b"def get_config(text): return 5", "missing 1 required positional"),
         (b"#" * 1_000_001, "more than 1000000 bytes"),
     ],
 )

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from helpers import drawn_solids
 from helpers import weights as helper
+from helpers.commands import psgn
 from PIL import Image
 
 onnx = pytest.importorskip("onnx")
@@ -205,12 +206,8 @@ def test_wrong_arguments(tmp_path):
 def test_the_command(tmp_path):
     weights = helper.weights(helper.config())
     write_weights(tmp_path / "tiny.safetensors", weights)
-    command = [sys.executable, "-m", "psgn_jax.commands.export", "--nostablehlo"]
-    flags = ["--weights=tiny.safetensors", "--out=out", "--weights_as=float16"]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    done = subprocess.run(
-        [*command, *flags], cwd=tmp_path, env=environment, capture_output=True, text=True
-    )
+    flags = ["--weights=tiny.safetensors", "--out=out", "--weights_as=float16", "--nostablehlo"]
+    done = psgn("export", *flags, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     about = json.loads((tmp_path / "out" / "network.json").read_text())
     assert about["name"] == "tiny"

@@ -31,14 +31,6 @@ def test_paths_images_and_arrays_give_the_same_cloud(model):
     np.testing.assert_array_equal(model(np.array(image), mask=given).points, cloud.points)
 
 
-def test_without_a_mask_it_is_found(model):
-    cloud = model(PHOTOS / "chair.jpg")
-    assert cloud.mask_from == "network"
-    np.testing.assert_array_equal(model(PHOTOS / "chair.jpg").points, cloud.points)
-    given = model(PHOTOS / "chair.jpg", mask=cloud.mask)
-    np.testing.assert_array_equal(given.points, cloud.points)
-
-
 def test_a_cloud_is_saved_and_read(model, tmp_path):
     cloud = model(PHOTOS / "car.jpg", mask=PHOTOS / "car_mask.png")
     cloud.save(tmp_path / "car.ply")

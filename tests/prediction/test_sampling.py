@@ -4,7 +4,6 @@ import functools
 import pathlib
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import reference, standin
@@ -88,25 +87,9 @@ def test_distances_of_sets(clouds, cross):
     assert float(sampling.coverage(cross)) == pytest.approx(reference.coverage(draws, truths))
 
 
-def test_best_and_mean(clouds):
-    draws, truths = clouds
-    gt = truths[0]
-    found = quick_jit(lambda d, g: sampling.summarise_draws(d, g, {"cd": chamfer_sq_mean}))(
-        draws, gt
-    )
-    want = reference.cross_chamfer(draws, truths[:1])[:, 0]
-    np.testing.assert_allclose(found["cd_best_of_4"], want.min(), rtol=1e-5)
-    np.testing.assert_allclose(found["cd_mean_of_4"], want.mean(), rtol=1e-5)
-
-
 def test_mutual_difference(clouds):
     draws, _ = clouds
     matrix = quick_jit(sampling.mutual_distances)(draws)
     np.testing.assert_allclose(matrix, reference.cross_chamfer(draws, draws), rtol=1e-5, atol=1e-7)
     want = reference.total_mutual_difference(draws)
     np.testing.assert_allclose(sampling.total_mutual_difference(matrix), want, rtol=1e-5)
-
-
-def test_coverage_counts_truths_that_a_draw_is_nearest_to():
-    matrix = jnp.array([[0.1, 0.5, 0.9], [0.2, 0.3, 0.9], [0.4, 0.1, 0.8]], jnp.float32)
-    assert float(sampling.coverage(matrix)) == pytest.approx(2 / 3)

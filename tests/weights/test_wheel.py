@@ -1,6 +1,5 @@
 """A wheel built from a tree with weights predicts and trains without a clone."""
 
-import os
 import pathlib
 import shutil
 import subprocess
@@ -9,12 +8,11 @@ import zipfile
 
 import numpy as np
 import pytest
+from helpers.commands import ROOT, psgn
 from helpers.small_runs import write_solids
 from PIL import Image
 
 from psgn_jax.weights.file import write_weights
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.slow
@@ -40,27 +38,18 @@ def test_a_wheel_has_weights_and_examples_predicts_and_trains(weights, tmp_path)
     (entry_points,) = packages.glob("*.dist-info/entry_points.txt")
     assert "psgn = psgn_jax.commands.psgn:main" in entry_points.read_text()
 
-    def run(*arguments):
-        return subprocess.run(
-            [sys.executable, "-m", "psgn_jax.commands.psgn", *arguments],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(packages), "PYTHONSAFEPATH": "1"},
-            capture_output=True,
-            text=True,
-            timeout=400,
-        )
-
+    options = {"cwd": tmp_path, "PYTHONPATH": str(packages), "PYTHONSAFEPATH": "1"}
     image = np.full((90, 120, 3), 230, np.uint8)
     image[30:60, 40:90] = (200, 60, 20)
     Image.fromarray(image).save(tmp_path / "photo.png")
-    done = run("predict", "photo.png", "--out=out")
+    done = psgn("predict", "photo.png", "--out=out", **options)
     assert done.returncode == 0, done.stderr
     assert "8 points, mask plain" in done.stdout
     with np.load(tmp_path / "out" / "photo.npz") as archive:
         assert archive["points"].shape == (1, 8, 3)
     write_solids(tmp_path / "records")
-    options = ["data.path=records", "train.steps=2", "train.eval_every=0", "train.batch_size=4"]
-    flags = [f"--config.{option}" for option in [*options, "optim.warmup_steps=0"]]
-    done = run("train", "--config=debug", *flags)
+    fields = ["data.path=records", "train.steps=2", "train.eval_every=0", "train.batch_size=4"]
+    flags = [f"--config.{field}" for field in [*fields, "optim.warmup_steps=0"]]
+    done = psgn("train", "--config=debug", *flags, **options)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "runs" / "debug" / "config.json").is_file()

@@ -11,21 +11,9 @@ from psgn_jax.web.human.files import read_answers, read_study
 
 
 @pytest.fixture
-def page(browser, study_folder):
-    """The page, opened as a file; it must log nothing and send no requests."""
-    complaints, requests = [], []
-    context = browser.new_context(viewport={"width": 1200, "height": 700})
-    context.on("request", lambda request: requests.append(request.url))
-    page = context.new_page()
-    page.on("console", lambda message: complaints.append(message.text))
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.goto((study_folder / "index.html").as_uri())
-    yield page
-    context.close()
-    assert complaints == []
-    assert {url for url in requests if not url.startswith(("data:", "blob:"))} == {
-        (study_folder / "index.html").as_uri()
-    }
+def page(opened, study_folder):
+    size = {"width": 1200, "height": 700}
+    return opened((study_folder / "index.html").as_uri(), viewport=size)
 
 
 def model_of(page):

@@ -3,13 +3,11 @@
 import copy
 import dataclasses
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from helpers import weights as helper
+from helpers.commands import psgn
 from helpers.human_study import LEG, LEGS, TOP, TURN, corners, table_points, turn
 from PIL import Image
 from scipy.spatial import ConvexHull
@@ -193,21 +191,15 @@ def test_what_cannot_be_compared_is_refused(study, answers):
 
 
 def test_the_commands(records, tmp_path):
-    environment = os.environ | {"JAX_PLATFORMS": "cpu", "PSGN_CACHE": str(tmp_path / "cache")}
-
-    def run(*arguments):
-        command = [sys.executable, "-m", "psgn_jax.commands.human", *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, env=environment)
-
     out = tmp_path / "study"
-    done = run(f"--data={records}", "--cases=2", f"--out={out}")
+    done = psgn("human", f"--data={records}", "--cases=2", f"--out={out}")
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"{out / 'index.html'}: 2 cases; open it in a browser\n"
     for arguments, message in [
         (["score", out], f"error: {out / 'human.json'}: no such file; press `Save all`"),
         (["skore", out], "expected no arguments, or `score STUDY`"),
     ]:
-        done = run(*arguments)
+        done = psgn("human", *arguments)
         assert (done.returncode, done.stdout) == (2, "")
         (line,) = done.stderr.splitlines()
         assert message in line
