@@ -10,8 +10,7 @@ import urllib.request
 
 import numpy as np
 import pytest
-from helpers import standin
-from helpers.weights import random_params
+from helpers import weights as helper
 from PIL import Image
 
 from psgn_jax.config import ConfigError
@@ -25,15 +24,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def predictor():
-    config = standin.config(
-        model__name="vanilla",
-        model__widths=(4, 6, 8),
-        model__fc_points=50,
-        model__fc_widths=(8,),
-        model__random_size=3,
-        data__image_size=(24, 32),
-    )
-    return Predictor(Run(config, 0, random_params(config), {}))
+    config = helper.config(model__fc_points=50, model__random_size=3, data__image_size=(24, 32))
+    return Predictor(Run(config, 0, helper.random_params(config), {}))
 
 
 @pytest.fixture
