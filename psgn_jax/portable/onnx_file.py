@@ -150,11 +150,11 @@ class _Graph:
     def relu6(self, x: str) -> str:
         return self.node("Clip", x, self.constant(0), self.constant(6))
 
-    def per_draw(self, x: str, rank: int) -> str:
-        """Repeats the rows of a tensor of this rank for each draw."""
+    def per_draw(self, x: str) -> str:
+        """Repeats the rows of feature maps for each draw."""
         if x in self._drawn:
             return x
-        ones = self.integers(*[1] * (rank - 1))
+        ones = self.integers(1, 1, 1)
         draws = self.node("Shape", "r", start=1, end=2)
         sizes = self.node("Concat", self.integers(1), draws, ones, axis=0)
         x = self.node("Expand", self.node("Unsqueeze", x, self.integers(1)), sizes)
@@ -167,16 +167,10 @@ class _Graph:
         shape = self.node("Shape", x, start=2)
         return self.node("Reshape", x, self.node("Concat", self.integers(-1), shape, axis=0))
 
-    def add(self, x: str, y: str, rank: int) -> str:
+    def add(self, x: str, y: str) -> str:
         if self._drawn.intersection((x, y)):
-            x, y = self.per_draw(x, rank), self.per_draw(y, rank)
+            x, y = self.per_draw(x), self.per_draw(y)
         return self.node("Add", x, y)
-
-    def random(self, layer: Mapping[str, Any]) -> str:
-        """The dense layer of r: one row per image and draw."""
-        name = self.dense(self.rows("r"), layer)
-        self._drawn.add(name)
-        return name
 
     # --- parts of the network -----------------------------------------------------------------
 
@@ -187,8 +181,10 @@ class _Graph:
             sides = networks.build(model).padded_size
             height, width = (side >> (len(model.widths) - 1) for side in sides)
             shape = self.integers(-1, height, width, params["down"]["bias"].size)
-            r = self.node("Reshape", self.random(params["random"]), shape)
-            x = self.add(x, self.node("Transpose", r, perm=[0, 3, 1, 2]), 4)
+            r = self.node("Reshape", self.dense(self.rows("r"), params["random"]), shape)
+            r = self.node("Transpose", r, perm=[0, 3, 1, 2])
+            self._drawn.add(r)
+            x = self.add(x, r)
         return self.relu(x)
 
     def encoder(self, x: str, params: Mapping[str, Any]) -> tuple[list[str], str]:
@@ -232,7 +228,7 @@ class _Graph:
 
     def merge(self, x: str, skip: str, params: Mapping[str, Any]) -> str:
         moved = self.up(x, params["up"]) if "up" in params else self.conv(x, params["down"], 2)
-        x = self.relu(self.add(moved, self.conv(skip, params["skip"]), 4))
+        x = self.relu(self.add(moved, self.conv(skip, params["skip"])))
         return self.relu(self.conv(x, params["conv"]))
 
     def decoder(
@@ -249,9 +245,7 @@ class _Graph:
         x = self.dense(last, params["hidden0"])
         for flat in first:
             y = self.relu(self.dense(flat, params["first_pass"]))
-            x = self.add(x, self.dense(y, params["carry"]), 2)
-        if "random" in params:
-            x = self.add(x, self.random(params["random"]), 2)
+            x = self.node("Add", x, self.dense(y, params["carry"]))
         x = self.relu(x)
         for i in range(1, len(self.config.model.fc_widths)):
             x = self.relu(self.dense(x, params[f"hidden{i}"]))
@@ -323,8 +317,6 @@ class _Graph:
             offset = layers.grid_offset(*networks.build(model).grid)
             x = self.node("Add", x, self.constant(offset))
             clouds.append(self.node("Reshape", x, self.integers(0, -1, 3)))
-        if self._drawn:
-            clouds = [self.per_draw(cloud, 3) for cloud in clouds]
         cloud = self.node("Concat", *clouds, axis=1)
         if not self._drawn:
             return cloud
