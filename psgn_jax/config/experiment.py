@@ -59,7 +59,7 @@ class ModelConfig:
     The default sizes are those of the authors' published network.
 
     Attributes:
-      name: version of the network, see `models.point_out_net`, or `lite0` (`models.photo_encoder`).
+      name: version of the network, see `models.point_out_net`, or `lite0` (`models.efficientnet`).
       widths: number of feature maps at each resolution level, full size first; each level halves
         the size. `lite0` has seven levels, of which the decoder reads those from `deconv_level` on.
       width_multiplier: factor of all hidden widths, except those of the posterior network. If it is

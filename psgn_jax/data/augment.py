@@ -59,9 +59,9 @@ def stretch(view: View, factor: float) -> View:
     column, column - cx = fx (+-y + t0) / z, and t0 is multiplied by the same factor. Colours are
     interpolated between columns, mask and depth take the nearest column. Columns without source
     pixels become background: grey if the image's background is grey, otherwise an extension of the
-    image (`resample`). The occupancy grid is not transformed.
+    image (`resample`). The occupancy grid is not transformed; `config.experiment` allows no such
+    augmentation in the tasks that read it.
     """
-    _check_no_occupancy("stretch", view)
     width = view.image.shape[1]
     centre = float(view.intrinsics[0, 2])
     # Source coordinate of each column's centre; a column i has its centre at i + 0.5.
@@ -77,11 +77,6 @@ def stretch(view: View, factor: float) -> View:
         points=view.points * np.array([1, factor, 1], np.float32),
         extrinsics=extrinsics,
     )
-
-
-def _check_no_occupancy(name: str, view: View) -> None:
-    if view.occupancy is not None:
-        raise ValueError(f"{name}: the view has an occupancy grid, which is not transformed")
 
 
 def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
@@ -121,7 +116,6 @@ def follow(view: View, move: framing.Move) -> View:
 
     The background becomes grey. A view without an object is returned unchanged.
     """
-    _check_no_occupancy("follow", view)
     if not view.mask.any():
         return view
     size = view.mask.shape[0], view.mask.shape[1]
@@ -164,8 +158,8 @@ def reframe(
     unless `place_share` is 0 or the view shows too little of its object. The points of such a view
     do not move with its image: they are placed by the rule as if the object were seen by the
     authors' camera, which becomes the camera of the result. So the points of an object have nearly
-    the same scale and position for every angle of the camera. Views with depth or occupancy are not
-    treated in this way.
+    the same scale and position for every angle of the camera. Views with depth are not treated in
+    this way.
 
     Args:
       view: the sample.
@@ -180,8 +174,7 @@ def reframe(
     size, down, right = np.clip(rng.standard_normal(3), -2, 2).tolist()
     if not view.mask.any():
         return view
-    has_grids = view.depth is not None or view.occupancy is not None
-    other_angle = not has_grids and not framing.has_authors_angle(view.extrinsics)
+    other_angle = view.depth is None and not framing.has_authors_angle(view.extrinsics)
     placed |= place_share > 0 and other_angle
     rule = framing.rule_move_within(view.mask) if placed else None
     scale = math.exp(scale_deviation * size)

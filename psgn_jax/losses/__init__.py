@@ -4,8 +4,14 @@ from psgn_jax.losses.auction import Assignment, assign
 from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.chamfer import Nearest, chamfer_sq, chamfer_sq_mean, nearest_both
 from psgn_jax.losses.chamfer_forms import chamfer_authors, chamfer_l1_mean
-from psgn_jax.losses.emd import MatchedDistances, emd_mean, emd_sum, matched_distances
-from psgn_jax.losses.emd_exact import ExactAssignment, emd_exact
+from psgn_jax.losses.emd import (
+    ExactAssignment,
+    MatchedDistances,
+    emd_exact,
+    emd_mean,
+    emd_sum,
+    matched_distances,
+)
 from psgn_jax.losses.farthest_points import farthest_point_indices, farthest_points
 from psgn_jax.losses.iou import iou, iou_sweep, soft_iou, soft_iou_loss
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n

@@ -6,7 +6,7 @@ normalisation is folded into kernels and biases, and the head of the classifier 
 2.9 M parameters remain. `tests/bench/encoder.py` converts them.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from flax import linen as nn
@@ -15,6 +15,7 @@ from jax import lax
 from psgn_jax.array_types import Array, Float
 from psgn_jax.models import layers
 from psgn_jax.models.convolution import convolve_depthwise
+from psgn_jax.models.point_out_net import Bottleneck
 
 NAME = "lite0"
 """Name of the module, and of its parameters, in a network that contains it."""
@@ -112,3 +113,29 @@ class EfficientNetLite0(nn.Module):
         if not self.trained:
             features = lax.stop_gradient(features)
         return [SCALES[stride] * x for stride, x in features.items()]
+
+
+class PhotoEncoder(nn.Module):
+    """An encoder for `PointOutNet`: EfficientNet-Lite0, and a bottleneck below its last map.
+
+    It is **ours**. The features of EfficientNet-Lite0 take the place of the encoder's levels 1 to 5
+    of `two_branch`; the bottleneck is level 6. The maps that the branches read also have the other
+    inputs (mask, depth) as channels, averaged over their cells.
+
+    Attributes:
+      width: feature maps of the bottleneck.
+      trained: blocks of the EfficientNet that training changes, see there.
+    """
+
+    width: int
+    trained: int
+    dtype: Any
+
+    @nn.compact
+    def __call__(self, x: Array, r: Array | None) -> tuple[list[Array], Array]:
+        """Returns the input and five feature maps, and the bottleneck, like `Encoder`."""
+        features, others = [x], x[..., 3:]
+        for maps in EfficientNetLite0(self.trained, name=NAME)(x[..., :3]):
+            others = nn.avg_pool(others, (2, 2), (2, 2))
+            features.append(jnp.concatenate([maps, others], axis=-1))
+        return features, Bottleneck(self.width, self.dtype, name="bottleneck")(features[-1], r)

@@ -130,9 +130,6 @@ def test_reframe_is_a_function_of_its_generator_and_places_a_share():
     assert 0.15 < share < 0.45
     empty = dataclasses.replace(view, mask=np.zeros_like(view.mask))
     assert augment.reframe(empty, np.random.default_rng(0), **options) is empty
-    solid = dataclasses.replace(view, occupancy=np.zeros((32, 32, 32), bool))
-    with pytest.raises(ValueError, match="occupancy grid, which is not transformed"):
-        augment.place(solid)
 
 
 def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():

@@ -5,7 +5,7 @@ import pytest
 from helpers import drawn_solids, javascript
 
 from psgn_jax.data import camera, framing, resize
-from psgn_jax.losses.emd_exact import emd_exact
+from psgn_jax.losses.emd import emd_exact
 from psgn_jax.losses.silhouette import into_silhouette
 from psgn_jax.portable import folder
 from psgn_jax.prediction import export

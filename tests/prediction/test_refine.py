@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from psgn_jax.data import camera
-from psgn_jax.losses.emd_exact import emd_exact
+from psgn_jax.losses.emd import emd_exact
 from psgn_jax.losses.silhouette import into_silhouette
 from psgn_jax.prediction.refine import mean_of_matched, refined
 

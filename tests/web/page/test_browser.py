@@ -15,7 +15,7 @@ from helpers import drawn_solids
 from PIL import Image
 
 import psgn_jax
-from psgn_jax.losses.emd_exact import emd_exact
+from psgn_jax.losses.emd import emd_exact
 from psgn_jax.prediction import export, masks
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.opening import open_network
