@@ -129,6 +129,20 @@ def test_a_study_trains_and_measures_on_other_records(records, tmp_path):
             lib.run(STUDY, tmp_path, data=records, measure=measure)
 
 
+@pytest.mark.parametrize(("split", "measured"), [("train", "train"), ("test", "validation")])
+def test_the_split_of_a_study_is_measured_if_there_is_one(split, measured, records, tmp_path):
+    study = dataclasses.replace(
+        STUDY,
+        split=split,
+        metrics={},
+        pairs=(),
+        train=lambda run: None,
+        figure=lambda results: figures.blank(90, 90),
+        measure=lambda run: lib.Measured([], {"n": np.ones(1)}, None, run.config.data.eval_split),
+    )
+    assert f"{measured}. +-:" in lib.run(study, tmp_path, data=records)
+
+
 def test_learning_curves_are_read_from_the_logs_of_the_runs(tmp_path):
     runs = []
     for name, seed, offset in (("rgb", 0, 0.0), ("rgb", 1, 0.2), ("rgbd", 0, 0.5)):
