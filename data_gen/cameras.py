@@ -61,31 +61,6 @@ class CameraSettings:
     off_centre: Fraction = 0.0
 
 
-PRESETS: dict[str, Mapping[str, Any]] = {
-    "authors": {},
-    # Choy et al. 2016: 137 x 137 pixels, elevation 25 to 30 degrees, a 35 mm lens on a 32 mm
-    # sensor. The distance is 0.65 to 1 times 1.75, for objects with a longest side of 1.
-    "r2n2": {
-        "image_size": (137, 137),
-        "elevation": (25.0, 30.0),
-        "distance": (2.0, 3.07),
-        "focal": (210.0, 210.0),
-        "aim": (0.3, 0.3),
-    },
-    # Like hand-held photographs: lenses of 28 to 105 mm on 35 mm film, a wide range of elevations,
-    # a slight roll, the object off centre.
-    "photo": {
-        "elevation": (-5.0, 60.0),
-        "distance": (3.5, 4.8),
-        "focal": (230.0, 840.0),
-        "roll": (-4.0, 4.0),
-        "keep_size": True,
-        "off_centre": 0.7,
-    },
-}
-"""Named sets of `CameraSettings`' fields."""
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class Camera:
     """One camera.

@@ -1,12 +1,11 @@
 """Rendering on a Dask cluster. Only this module imports Dask.
 
-The cluster's workers need this package with its `render` extra, the catalogue's files under the
-same path (nothing for procedural models), and the folder of background pictures if
-`image.background` is "folder". They need no access to the output folder: samples are returned
-through Dask and written by the process that runs the job. Each thread of a Dask worker keeps one
-rendering process, with the limits of the job's settings, so workers are best started with one
-thread per processor. If a Dask worker dies, Dask gives its models to other workers. A model with
-which more workers die than the scheduler's `allowed-failures` is reported as crashed.
+The cluster's workers need this package with its `render` extra, and the catalogue's files under the
+same path (nothing for procedural models). They need no access to the output folder: samples are
+returned through Dask and written by the process that runs the job. Each thread of a Dask worker
+keeps one rendering process, with the limits of the job's settings, so workers are best started with
+one thread per processor. If a Dask worker dies, Dask gives its models to other workers. A model
+with which more workers die than the scheduler's `allowed-failures` is reported as crashed.
 """
 
 import contextlib

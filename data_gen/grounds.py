@@ -32,7 +32,6 @@ class Ground:
     """A horizontal plane, or a rectangle of it.
 
     Attributes:
-      kind: one of `KINDS`.
       levels: float32 [T, T, 3] each, the repeating texture at full, half, ... resolution.
       size: side length of the texture, in units of the frame.
       turn: rotation of texture and edges about the vertical axis, degrees.
@@ -42,7 +41,6 @@ class Ground:
         background, like the paper of product photographs; 0 = it stays flat.
     """
 
-    kind: str
     levels: tuple[Float[np.ndarray, "t t 3"], ...]
     size: float
     turn: float
@@ -249,4 +247,4 @@ def draw(rng: np.random.Generator, kind: str, around: Surroundings) -> Ground:
             half = (float(rng.uniform(1.3, 3.5)), float(rng.uniform(1.3, 2.5)))
     elif around.kind == "map" and kind in ("wood", "cloth") and rng.random() < 0.5:
         half = (float(rng.uniform(1.3, 3.5)), float(rng.uniform(1.3, 2.5)))
-    return Ground(kind, levels, float(size), turn, half, float(gloss), sweep)
+    return Ground(levels, float(size), turn, half, float(gloss), sweep)

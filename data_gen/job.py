@@ -48,7 +48,6 @@ from data_gen.catalogues.entry import (
 from data_gen.engine import choose_variant
 from data_gen.environment_maps import load_maps
 from data_gen.render_model import Context
-from data_gen.scene import list_pictures
 from data_gen.settings import Settings
 from psgn_jax.config import structured
 from psgn_jax.data.codec import decode, unpack
@@ -156,6 +155,7 @@ def _job_of(
     """Everything that determines the bytes of the data set, except the contents of model files."""
     values = structured.to_dict(options)
     del values["job"]
+    values["image"]["background_folder"] = ""  # a former setting; part of the names of shards
     statement = {"format": _FORMAT, "source": name, "settings": values, "variant": variant}
     return Job(
         statement=json.loads(json.dumps(statement)),
@@ -302,7 +302,7 @@ def render_catalogue(
     started = time.monotonic()
     out = pathlib.Path(out)
     choice = choice or Choice()
-    entries = choosing.choose(list(catalogue.entries()), choice)[: limit or None]
+    entries = choosing.choose(catalogue.models, choice)[: limit or None]
     if not entries:
         raise ValueError(f"catalogue {catalogue.name!r}: it has no models")
     variant, message = choose_variant(options.job.variant)
@@ -316,10 +316,8 @@ def render_catalogue(
     rendered, complete = 0, _check(out, job)
     if not complete:
         # Read before anything is written, so that an error here leaves the folder unchanged.
-        folder = options.image.background == "folder"
-        pictures = list_pictures(options.image.background_folder) if folder else []
         maps = load_maps(options.light, variant, detail=options.image.shading == "photo")
-        context = Context(options, catalogue.name, variant, maps, pictures)
+        context = Context(options, catalogue.name, variant, maps)
         with claim(out / WORK, part):
             complete = _check(out, job)  # another process may have completed it meanwhile
             if not complete:

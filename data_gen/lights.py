@@ -145,11 +145,6 @@ def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
     return result
 
 
-def turned(radiance: Float[np.ndarray, "h w 3"], turns: float) -> Float[np.ndarray, "h w 3"]:
-    """The map rotated about the vertical axis by `turns` full turns, rounded to a column."""
-    return np.roll(radiance, round(turns * radiance.shape[1]), axis=1)
-
-
 @functools.lru_cache(maxsize=2)
 def _neighbours(size: tuple[int, int]) -> Float[np.ndarray, "n n"]:
     """For all pairs of pixels of a map: 1 if they are within 35 degrees of each other, else 0."""

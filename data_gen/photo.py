@@ -24,7 +24,7 @@ from data_gen.cameras import Camera, turn_about_vertical
 from data_gen.grounds import Ground
 from data_gen.mesh import row_dots
 from data_gen.picture import Mesh, Picture, follow_rays, sample_rays, window_of
-from data_gen.scene import RayHits, Scene, Surfaces
+from data_gen.scene import BACKGROUND, RayHits, Scene, Surfaces
 from data_gen.settings import FilmSettings, ImageSettings
 from data_gen.surroundings import Surroundings
 
@@ -672,7 +672,7 @@ def photograph(
         behind = backdrop(light, around, ground, camera, hidden, blur=blur)
     else:
         level = light.in_the_open(np.array([[1.0, 0, 0]], np.float32))[0].mean()
-        behind = linear(np.asarray(scene.background, np.float32)) * level
+        behind = linear(np.asarray(BACKGROUND, np.float32)) * level
     radiance = full[..., :3] + (1 - full[..., 3:]) * behind
     weight = 0.3 + 2.0 * picture.mask * (height * width / max(picture.mask.sum(), 1)) * 0.3
     illuminant = light.in_the_open(np.array([[0.5, 0, 0.866]], np.float32))[0]

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from data_gen import cameras, engine, shading
 from data_gen.cameras import Camera
-from data_gen.scene import RayHits, Scene, Surfaces
+from data_gen.scene import BACKGROUND, RayHits, Scene, Surfaces
 
 # Largest number of surfaces that a ray passes through (holes and glass).
 _MAX_LAYERS = 8
@@ -205,11 +205,9 @@ class Picture(NamedTuple):
     opacity: Float[np.ndarray, "h w"]
 
 
-def compose(
-    premultiplied: Float[np.ndarray, "h w 4"], background: Float[np.ndarray, "..."] | float
-) -> UInt8[np.ndarray, "h w 3"]:
-    """Premultiplied colours over a background in [0, 1], as an 8-bit image."""
-    full = premultiplied[..., :3] + (1 - premultiplied[..., 3:]) * background
+def compose(premultiplied: Float[np.ndarray, "h w 4"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Premultiplied colours over the grey background, as an 8-bit image."""
+    full = premultiplied[..., :3] + (1 - premultiplied[..., 3:]) * BACKGROUND
     return np.rint(255 * np.clip(full, 0, 1)).astype(np.uint8)
 
 
@@ -252,7 +250,7 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
 
     premultiplied = whole(total)
     return Picture(
-        image=compose(premultiplied, scene.background),
+        image=compose(premultiplied),
         mask=whole(centre.hit),
         depth=whole(np.where(centre.hit, centre.z, 0)),
         normals=whole(centre.normal),

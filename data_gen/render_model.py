@@ -63,7 +63,6 @@ class Context:
     source: str
     variant: Variant
     maps: np.ndarray | None
-    pictures: list[str]
 
 
 def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str, Any]]:
@@ -108,10 +107,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             rng = np.random.default_rng([seed, view])
             camera = cameras.draw(rng, settings.camera, extremes)
             light, around = surroundings.draw(rng, settings.light, context.maps)
-            behind = scene.draw_background(
-                rng, settings.image.background, camera.image_size, context.pictures
-            )
-            shown = scene.Scene(surfaces, camera, light, behind)
+            shown = scene.Scene(surfaces, camera, light)
             lap("light")
             picture = _picture_of(mesh, shown, around, settings, rng, seed + view)
             lap("render")
@@ -187,7 +183,7 @@ def _picture_of(
             colours = np.concatenate(
                 [colours[..., :3] / np.maximum(colours[..., 3:], 1e-3) * opacity, opacity], axis=-1
             )
-        return picture._replace(image=compose(colours, shown.background))
+        return picture._replace(image=compose(colours))
     if image.shading == "photo":
         # There is no ground if the camera is below it.
         above = image.ground != "none" and shown.camera.position[2] >= 0.03

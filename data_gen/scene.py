@@ -5,13 +5,10 @@ model are made once; each view adds a camera and lights.
 """
 
 import dataclasses
-import pathlib
 from typing import NamedTuple
 
 import numpy as np
-import scipy.ndimage
 from jaxtyping import Float, Int, UInt32
-from PIL import Image
 
 from data_gen.cameras import Camera
 from data_gen.lights import Lights
@@ -63,15 +60,11 @@ class Surfaces:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that determines an image: surfaces, camera, lights and background.
-
-    `background` is a grey value, a colour [3] or an image [H, W, 3], in [0, 1].
-    """
+    """Everything that determines an image of local shading: surfaces, camera and lights."""
 
     surfaces: Surfaces
     camera: Camera
     lights: Lights
-    background: Float[np.ndarray, "..."] | float = BACKGROUND
 
 
 def flatten(model: Model) -> Surfaces:
@@ -112,58 +105,3 @@ class RayHits(NamedTuple):
     face: Int[np.ndarray, " n"]
     weights: Float[np.ndarray, "n 3"]
     t: Float[np.ndarray, " n"]
-
-
-def draw_background(
-    rng: np.random.Generator, kind: str, size: tuple[int, int], pictures: list[str]
-) -> Float[np.ndarray, "..."] | float:
-    """A random background: a grey value, or an image of `size` (H, W) in [0, 1].
-
-    "random" = noise in two random colours; "folder" = a part of one of the pictures; other kinds =
-    grey.
-    """
-    height, width = size
-    if kind == "folder":
-        with Image.open(pictures[int(rng.integers(len(pictures)))]) as opened:
-            whole = opened.convert("RGB")
-        scale = max(height / whole.height, width / whole.width) * rng.uniform(1, 1.5)
-        shape = max(width, round(whole.width * scale)), max(height, round(whole.height * scale))
-        array = np.asarray(whole.resize(shape), np.float32) / 255
-        top = int(rng.integers(shape[1] - height + 1))
-        left = int(rng.integers(shape[0] - width + 1))
-        return array[top : top + height, left : left + width]
-    if kind != "random":
-        return BACKGROUND
-    # Two colours mixed by noise at several scales.
-    low, high = rng.random((2, 3))
-    noise = np.zeros((height, width))
-    for cells in (2, 4, 8, 16):
-        grid = rng.random((cells + 1, cells + 1))
-        zoomed = scipy.ndimage.zoom(grid, (height / cells, width / cells), order=1)
-        noise += zoomed[:height, :width] / cells
-    noise = (noise - noise.min()) / max(float(np.ptp(noise)), 1e-9)
-    return (low + noise[..., None] * (high - low)).astype(np.float32)
-
-
-def list_pictures(folder: str) -> list[str]:
-    """The images below a folder, sorted by name.
-
-    Raises:
-      ValueError: there is no image, or a file is not an image.
-    """
-    paths = sorted(
-        str(p.resolve()) for p in pathlib.Path(folder).rglob("*")
-        if p.suffix.lower() in (".png", ".jpg", ".jpeg")
-    )  # fmt: skip
-    if not paths:
-        raise ValueError(
-            f"image.background_folder: got {folder!r}, expected a folder of .png or .jpg files"
-        )
-    for path in paths:
-        try:
-            Image.open(path).close()
-        except (OSError, Image.DecompressionBombError) as error:
-            raise ValueError(
-                f"image.background_folder: {path} is not readable as an image: {error}"
-            ) from None
-    return paths

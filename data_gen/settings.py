@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
-from data_gen import cameras, grounds
+from data_gen import grounds
 from data_gen.cameras import CameraSettings, Range
 from data_gen.lights import LightSettings
 from psgn_jax.config import structured
@@ -22,10 +22,8 @@ class ImageSettings:
       samples: samples along the edge of a pixel, 0 = only its centre.
       soft_edges: whether edges are antialiased. The authors' images have hard edges.
       path_samples: samples per pixel of a path-traced image.
-      background: "grey" as in the authors' images; "random", noise in two random colours; "folder",
-        a random image of `background_folder`; "surroundings", the environment map (for "photo"
+      background: "grey" as in the authors' images; "surroundings", the environment map (for "photo"
         shading).
-      background_folder: folder of .png and .jpg files.
       ground: the ground under the object, for "photo" shading: "none", one of `grounds.KINDS`, or
         "random" = one that fits the surroundings. It appears only in the image, not in mask and
         depth. It is left out if the camera is below it.
@@ -38,8 +36,7 @@ class ImageSettings:
     samples: Annotated[int, Bounds(0, 16)] = 3
     soft_edges: bool = False
     path_samples: Annotated[int, Bounds(1, 65536)] = 64
-    background: Literal["grey", "random", "folder", "surroundings"] = "grey"
-    background_folder: str = ""
+    background: Literal["grey", "surroundings"] = "grey"
     ground: Literal[("none", "random", *grounds.KINDS)] = "none"  # type: ignore[valid-type]
     rays: Annotated[int, Bounds(4, 1024)] = 16
     missing: Fraction = 0.0
@@ -142,9 +139,6 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Refuses settings that have no effect with the others, by `EFFECTS`."""
-        image = self.image
-        if image.background == "folder" and not image.background_folder:
-            raise ValueError("image.background_folder: got '', expected a folder of pictures")
         if self.light.source == "folder" and not self.light.folder:
             raise ValueError("light.folder: got '', expected a folder of .hdr and .exr files")
         for names, condition, needed in EFFECTS:
@@ -159,7 +153,7 @@ class Settings:
                         f"{name}: it has no effect without {needed}; got {value!r}, expected "
                         f"{default!r}"
                     )
-        if image.background == "surroundings" and image.shading != "photo":
+        if self.image.background == "surroundings" and self.image.shading != "photo":
             raise ValueError("image.background='surroundings': it needs image.shading=photo")
 
 
@@ -175,8 +169,6 @@ EFFECTS: tuple[tuple[Sequence[str], Callable[[Settings], bool], str], ...] = (
      "image.shading=local"),
     (["image.soft_edges"], lambda s: s.image.samples > 0 or s.image.shading != "local",
      "image.samples"),
-    (["image.background_folder"], lambda s: s.image.background == "folder",
-     "image.background=folder"),
     (["light.folder"], lambda s: s.light.source in ("folder", "mixed"),
      "light.source=folder or mixed"),
     (["camera.keep_size"], lambda s: s.camera.focal != (400.0, 400.0),
@@ -188,16 +180,30 @@ With another value than the default, they are refused if the condition does not 
 """
 
 
+# Like hand-held photographs: lenses of 28 to 105 mm on 35 mm film, a wide range of elevations, a
+# slight roll, the object off centre.
+_HAND_HELD: dict[str, Any] = {
+    "elevation": (-5.0, 60.0), "distance": (3.5, 4.8), "focal": (230.0, 840.0),
+    "roll": (-4.0, 4.0), "keep_size": True, "off_centre": 0.7,
+}  # fmt: skip
+
+# Choy et al. 2016: 137 x 137 pixels, elevation 25 to 30 degrees, a 35 mm lens on a 32 mm sensor.
+# The distance is 0.65 to 1 times 1.75, for objects with a longest side of 1.
+_R2N2: dict[str, Any] = {
+    "image_size": (137, 137), "elevation": (25.0, 30.0), "distance": (2.0, 3.07),
+    "focal": (210.0, 210.0), "aim": (0.3, 0.3),
+}  # fmt: skip
+
 PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {
-    **{name: {"camera": camera} for name, camera in cameras.PRESETS.items()},
-    "angles": {"camera": cameras.PRESETS["photo"]},
-    "level": {"camera": {**cameras.PRESETS["photo"], "elevation": (-8.0, 10.0)}},
+    "authors": {},
+    "r2n2": {"camera": _R2N2},
+    "angles": {"camera": _HAND_HELD},
+    "level": {"camera": {**_HAND_HELD, "elevation": (-8.0, 10.0)}},
     "photo": {
-        "camera": cameras.PRESETS["photo"],
+        "camera": _HAND_HELD,
         "light": {"source": "mixed"},
         "image": {
             "shading": "photo",
-            "samples": 3,
             "soft_edges": True,
             "background": "surroundings",
             "ground": "random",

@@ -285,7 +285,7 @@ def draw(
             radiance = lights.procedural_sky(rng)
         else:
             radiance = np.asarray(maps[int(rng.integers(len(maps)))], np.float64)
-        chosen = Surroundings(lights.turned(radiance, float(rng.random())))
+        chosen = Surroundings(_turned(radiance, rng))
     else:
         chosen = _mixed(rng, maps)
     ambient = float(rng.uniform(*settings.ambient))
@@ -294,6 +294,11 @@ def draw(
     if small.shape[:2] != lights.MAP_SIZE:
         small = lights.shrink(small)
     return lights.reduce(small, settings, ambient=ambient, exposure=exposure), chosen
+
+
+def _turned(radiance: Array, rng: np.random.Generator) -> Array:
+    """The map, rotated about the vertical axis by a random angle."""
+    return np.roll(radiance, round(float(rng.random()) * radiance.shape[1]), axis=1)
 
 
 def _mixed(rng: np.random.Generator, maps: Array | None) -> Surroundings:
@@ -314,6 +319,6 @@ def _mixed(rng: np.random.Generator, maps: Array | None) -> Surroundings:
             chosen = outdoors(rng, skies[int(rng.integers(len(skies)))] if clear else None)
     radiance = chosen.radiance
     if chosen.room is None:
-        radiance = lights.turned(radiance, float(rng.random()))
+        radiance = _turned(radiance, rng)
     tint = 1 + rng.uniform(-0.05, 0.05, 3)
     return dataclasses.replace(chosen, radiance=(radiance * tint).astype(np.float32))
