@@ -25,7 +25,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 import psgn_jax
 from data_gen import job
 from data_gen.sets import free
-from data_gen.sets.sources import select
+from data_gen.sets.free import select
 from psgn_jax.config.data import PhotoEffects
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.framing import normal_form
@@ -46,7 +46,7 @@ class TestModels:
 
     def __init__(self, selection):
         self.name = selection.name
-        self._entries = [entry for entry in selection.entries() if entry.split == "test"]
+        self._entries = [entry for entry in selection.models if entry.split == "test"]
 
     def __len__(self):
         """Number of models."""

@@ -14,7 +14,7 @@ from data_gen.catalogues import torcs
 from data_gen.catalogues.by_name import open_catalogue
 from data_gen.mesh import UnusableModelError
 from data_gen.readers.ac3d import find_assimp
-from data_gen.sets import free, sources
+from data_gen.sets import free
 
 needs_assimp = pytest.mark.skipif(not find_assimp(), reason="assimp is not installed")
 
@@ -51,8 +51,7 @@ def aircraft(tmp_path):
 @needs_assimp
 def test_aircraft_wear_some_of_their_liveries(aircraft):
     catalogue = open_catalogue("flightgear", aircraft, liveries=2)
-    first, second, plain = catalogue.entries()
-    assert len(catalogue) == 3
+    first, second, plain = catalogue.models
     assert first.model_id == "A320/Models/A320.ac:Alfa"
     assert second.model_id == "A320/Models/A320.ac:Charlie"
     assert first.split == second.split
@@ -108,7 +107,7 @@ def make_cars(root, parameters=PARAMETERS):
 
 @needs_assimp
 def test_cars_stand_on_their_wheels(tmp_path):
-    (entry,) = open_catalogue("torcs", make_cars(tmp_path)).entries()
+    (entry,) = open_catalogue("torcs", make_cars(tmp_path)).models
     assert (entry.model_id, entry.category) == ("cars/a/a.acc", "car")
     model = entry.load()
     assert len(model.faces) == 60
@@ -131,7 +130,7 @@ def test_cars_stand_on_their_wheels(tmp_path):
     "parameters", ["", "<params>", CAR.format(wheels=""), CAR.replace("1.5", "x")]
 )
 def test_a_car_without_its_parameters_has_no_wheels(tmp_path, parameters):
-    (entry,) = open_catalogue("torcs", make_cars(tmp_path, parameters)).entries()
+    (entry,) = open_catalogue("torcs", make_cars(tmp_path, parameters)).models
     model = entry.load()
     assert len(model.faces) == 12
     assert any("no wheels" in w for w in model.warnings)
@@ -185,36 +184,36 @@ def test_objects_that_an_exporter_left_out_are_a_warning(tmp_path):
     ],
 )  # fmt: skip
 def test_families_of_near_duplicates(names, family):
-    assert {sources.family_of(n) for n in names} == {family}
+    assert {free.family_of(n) for n in names} == {family}
 
 
 def small(name="chairs", **changes):
     values = {
         "catalogue": "procedural", "views": 2, "place": "chair=30,lamp=10",
-        "licences": (sources.Licence("CC0-1.0", "^lamp", "L"), sources.Licence("MIT", "", "M")),
+        "licences": (free.Licence("CC0-1.0", "^lamp", "L"), free.Licence("MIT", "", "M")),
         **changes,
     }  # fmt: skip
-    return sources.Source(name, **values)
+    return free.Source(name, **values)
 
 
 def test_a_larger_part_holds_a_smaller_one():
-    whole = sources.select(small(), "")
-    assert len(whole) == 40
-    parts = [{e.model_id for e in sources.select(small(), "", f).entries()} for f in (0, 0.1, 0.5)]
+    whole = free.select(small(), "")
+    assert len(whole.models) == 40
+    parts = [{e.model_id for e in free.select(small(), "", f).models} for f in (0, 0.1, 0.5)]
     assert [len(p) for p in parts] == [3, 4, 20]
     assert parts[0] < parts[1] < parts[2]
-    rest = sources.select(small(exclude="^lamp"), "")
-    assert len(rest) == 30
+    rest = free.select(small(exclude="^lamp"), "")
+    assert len(rest.models) == 30
     # All chairs are in one family and therefore in one split, unlike in the catalogue's own splits.
-    assert len({e.split for e in rest.entries()}) == 1
-    assert len({e.split for e in sources.select(small(families=""), "").entries()}) == 3
+    assert len({e.split for e in rest.models}) == 1
+    assert len({e.split for e in free.select(small(families=""), "").models}) == 3
     with pytest.raises(ValueError, match="no model is left"):
-        sources.select(small(exclude=""".*"""), "")
+        free.select(small(exclude=""".*"""), "")
 
 
 def test_missing_packages_are_said_with_the_commands(tmp_path):
     known = list(free.SOURCES.values())
-    lines = sources.missing(known, tmp_path)
+    lines = free.missing(known, tmp_path)
     assert "apt-get download torcs-data" in lines
     assert f"dpkg-deb -x torcs-data_*.deb {tmp_path / 'torcs-data'}" in lines
     for source in known:
@@ -222,7 +221,7 @@ def test_missing_packages_are_said_with_the_commands(tmp_path):
             path = pathlib.Path(source.path(tmp_path))
             path.parent.mkdir(parents=True, exist_ok=True)
             path.touch()
-    assert sources.missing(known, tmp_path) == []
+    assert free.missing(known, tmp_path) == []
 
 
 def test_all_sources_have_licences_with_holders():
