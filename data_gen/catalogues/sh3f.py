@@ -16,8 +16,8 @@ import numpy as np
 from absl import logging
 
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of, unique_names
-from data_gen.mesh import MAX_FACES, Model, UnusableModelError
-from data_gen.readers import archives
+from data_gen.mesh import Model, UnusableModelError
+from data_gen.readers.files import ZipFiles, open_archive
 from data_gen.readers.load import load_model
 from data_gen.readers.mtl import floats
 
@@ -74,7 +74,7 @@ def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
       ValueError: the file is not such a library; the message gives its name and the reason.
     """
     try:
-        files = archives.ZipFiles(path)
+        files = ZipFiles(path)
         stored = files.find(PROPERTIES)
         if stored is None:
             raise ValueError(f"expected a member {PROPERTIES}")
@@ -127,9 +127,9 @@ def _place(model: Model, rotation: tuple[float, ...], size: tuple[float, float, 
     return model.transformed(np.concatenate([matrix, np.zeros((3, 1))], axis=1))
 
 
-def _load(path: str, piece: Furniture, max_faces: int) -> Model:
+def _load(path: str, piece: Furniture) -> Model:
     try:
-        files = archives.open_files(path)
+        files = open_archive(path)
     except (zipfile.BadZipFile, OSError, ValueError) as error:
         raise UnusableModelError(f"library {path!r} cannot be read: {error}"[:200]) from error
     return load_model(
@@ -140,16 +140,12 @@ def _load(path: str, piece: Furniture, max_faces: int) -> Model:
         category=piece.category,
         model_id=piece.model_id,
         parameters={"name": piece.name, "size_cm": piece.size},
-        max_faces=max_faces,
         turn=functools.partial(_place, rotation=piece.rotation, size=piece.size),
     )
 
 
 def sweet_home(
-    source: str | os.PathLike[str],
-    *,
-    fractions: tuple[float, float, float] = FRACTIONS,
-    max_faces: int = MAX_FACES,
+    source: str | os.PathLike[str], *, fractions: tuple[float, float, float] = FRACTIONS
 ) -> Catalogue:
     """The pieces of a `.sh3f` library, or of all libraries in a folder.
 
@@ -159,7 +155,6 @@ def sweet_home(
     Args:
       source: the file or folder.
       fractions: fractions of the models for training, validation and test, see `split_of`.
-      max_faces: models with more faces are refused.
 
     Raises:
       ValueError: no library can be read. If only some cannot be read, they are left out with a
@@ -182,8 +177,6 @@ def sweet_home(
     names = unique_names([piece.model_id for _, piece in pieces])
     entries = []
     for (library, piece), name in zip(pieces, names, strict=True):
-        load = functools.partial(
-            _load, str(library), dataclasses.replace(piece, model_id=name), max_faces
-        )
+        load = functools.partial(_load, str(library), dataclasses.replace(piece, model_id=name))
         entries.append(Entry(name, piece.category, split_of(name, fractions), load))
     return Catalogue("sh3f", entries, fractions)
