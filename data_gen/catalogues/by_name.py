@@ -54,7 +54,7 @@ def variants_of(models: Catalogue, variants: int = 0, deviation: float = DEVIATI
         )
     if not variants:
         return models
-    entries = [e.variant(n, deviation) for e in models.entries() for n in range(variants)]
+    entries = [e.variant(n, deviation) for e in models.models for n in range(variants)]
     return Catalogue(models.name, entries, models.fractions)
 
 

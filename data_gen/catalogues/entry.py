@@ -8,7 +8,7 @@ import functools
 import hashlib
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from data_gen.catalogues.proportions import vary
 from data_gen.mesh import Model
@@ -33,8 +33,8 @@ class Entry:
       model_id: name, unique in the catalogue.
       category: name of the category, "" if unknown.
       split: one of `SPLITS`. All views of a model are in the same split.
-      loader: reads the model and normalises it to the project's frame; can be pickled. It raises
-        `mesh.UnusableModelError` if no sample can be made from the model.
+      load: reads the model, with this name and category, and normalises it to the project's frame;
+        can be pickled. It raises `mesh.UnusableModelError` if no sample can be made from the model.
       variant_loader: returns the variant with a name and a deviation, see `variant`; None = the
         model with moved vertices, `proportions.vary`.
     """
@@ -42,17 +42,13 @@ class Entry:
     model_id: str
     category: str
     split: str
-    loader: Callable[[], Model]
+    load: Callable[[], Model]
     variant_loader: Callable[[str, float], Model] | None = None
 
     def __post_init__(self) -> None:
         """Makes both names printable."""
         object.__setattr__(self, "model_id", printable(self.model_id))
         object.__setattr__(self, "category", printable(self.category))
-
-    def load(self) -> Model:
-        """The model, with the name and category of the entry."""
-        return self.loader()
 
     def variant(self, number: int, deviation: float) -> "Entry":
         """The object with other proportions, drawn for its new name; it keeps the split.
@@ -62,7 +58,7 @@ class Entry:
           deviation: see `proportions.random_proportions`.
         """
         name = f"{self.model_id}{_VARIANT}{number}"
-        load = self.variant_loader or functools.partial(_load_variant, self.loader)
+        load = self.variant_loader or functools.partial(_load_variant, self.load)
         return Entry(name, self.category, self.split, functools.partial(load, name, deviation))
 
 
@@ -91,14 +87,6 @@ class Catalogue:
     name: str
     models: Sequence[Entry]
     fractions: tuple[float, float, float] | None = None
-
-    def __len__(self) -> int:
-        """Number of models."""
-        return len(self.models)
-
-    def entries(self) -> Iterator[Entry]:
-        """All models."""
-        return iter(self.models)
 
 
 def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -> str:
@@ -164,16 +152,11 @@ def moved_to_empty_splits(
 
 def unique_names(names: list[str]) -> list[str]:
     """The names, with `-2`, `-3` ... appended to repeated names."""
-    seen: dict[str, int] = {}
-    taken = set(names)
-    result = []
+    result: dict[str, None] = {}
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        fresh = name
-        while seen[name] > 1 and (fresh in taken or fresh == name):
-            fresh = f"{name}-{seen[name]}"
-            if fresh in taken:
-                seen[name] += 1
-        taken.add(fresh)
-        result.append(fresh)
-    return result
+        fresh, number = name, 1
+        while fresh in result or (number > 1 and fresh in names):
+            number += 1
+            fresh = f"{name}-{number}"
+        result[fresh] = None
+    return list(result)

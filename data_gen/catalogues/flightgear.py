@@ -15,7 +15,6 @@ import xml.etree.ElementTree as ElementTree
 from data_gen.catalogues import non_objects
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.catalogues.folder import find_meshes
-from data_gen.mesh import MAX_FACES
 from data_gen.readers.ac3d import check_assimp, read_ac3d
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
@@ -74,7 +73,6 @@ def flightgear(
     *,
     liveries: int = 3,
     fractions: tuple[float, float, float] = FRACTIONS,
-    max_faces: int = MAX_FACES,
 ) -> Catalogue:
     """Aircraft below a folder, each with some of its liveries.
 
@@ -86,7 +84,6 @@ def flightgear(
       source: the folder `AI/Aircraft` of FlightGear's data.
       liveries: largest number of liveries per file, chosen at equal distances in the sorted list.
       fractions: fractions of the models for training, validation and test, see `split_of`.
-      max_faces: models with more faces are refused.
 
     Raises:
       ValueError: the folder is missing or contains no such file, or assimp is not installed.
@@ -112,7 +109,7 @@ def flightgear(
             category = next((c for p, c in _CATEGORIES if re.search(p, name)), "aircraft")
             load = functools.partial(
                 load_model, name, LiveryFiles(root, livery), up="+y", front="-x",
-                category=category, model_id=model_id, max_faces=max_faces, reader=read_ac3d,
+                category=category, model_id=model_id, reader=read_ac3d,
             )  # fmt: skip
             entries.append(Entry(model_id, category, split_of(name, fractions), load))
     return Catalogue("flightgear", entries, fractions)

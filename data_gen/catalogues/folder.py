@@ -3,7 +3,6 @@
 import functools
 import os
 import pathlib
-from collections.abc import Sequence
 from typing import Any
 
 from absl import logging
@@ -74,7 +73,6 @@ def folder(
     front: str = "auto",
     fractions: tuple[float, float, float] = FRACTIONS,
     max_faces: int = MAX_FACES,
-    leave_out: Sequence[str] = (),
 ) -> Catalogue:
     """All mesh files below a folder.
 
@@ -90,13 +88,12 @@ def folder(
         up, -y if z is up.
       fractions: fractions of the models for training, validation and test, see `split_of`.
       max_faces: models with more faces are refused.
-      leave_out: names of folders at any depth whose files are left out.
 
     Raises:
       ValueError: the folder is missing or contains no mesh, or an axis is unknown.
     """
-    return _meshes("folder", source, extensions(), up, front, fractions, leave_out,
-                   max_faces=max_faces)  # fmt: skip
+    names = find_meshes(source, extensions())
+    return _meshes("folder", source, names, up, front, fractions, max_faces=max_faces)
 
 
 def ac3d(
@@ -105,15 +102,13 @@ def ac3d(
     up: str = "+y",
     front: str = "-x",
     fractions: tuple[float, float, float] = FRACTIONS,
-    max_faces: int = MAX_FACES,
-    leave_out: Sequence[str] = non_objects.FOLDERS,
-    objects_only: bool = True,
 ) -> Catalogue:
     """All AC3D files below a folder, the models of flight and racing simulators.
 
     `Maritime/Civilian/ferry.ac` is a model with this name and the category "Maritime". Files
     directly in the folder have no category. Textures may be anywhere below the folder, but not
-    outside.
+    outside. Files without an object (`non_objects`) are refused, and those in FlightGear's folders
+    of clouds, the sky, lights and smoke are left out.
 
     Args:
       source: the folder.
@@ -121,56 +116,41 @@ def ac3d(
       front: axis of the files toward which the fronts of the objects point. The default is that of
         FlightGear's models; for the cars of TORCS it is +x.
       fractions: fractions of the models for training, validation and test, see `split_of`.
-      max_faces: models with more faces are refused.
-      leave_out: names of folders at any depth whose files are left out. By default, these are
-        FlightGear's folders of clouds, the sky, lights and smoke.
-      objects_only: whether to refuse files in other folders that contain no object, see
-        `non_objects`.
 
     Raises:
       ValueError: the folder is missing or contains no such file, an axis is unknown, or assimp is
         not installed.
     """
     check_assimp("ac3d")
-    return _meshes(
-        "ac3d", source, {".ac", ".acc"}, up, front, fractions, leave_out, max_faces=max_faces,
-        reader=read_ac3d, objection=non_objects.objection if objects_only else None,
-    )  # fmt: skip
+    names = find_meshes(source, {".ac", ".acc"})
+    kept = [n for n in names if not set(n.split("/")[:-1]) & set(non_objects.FOLDERS)]
+    if len(kept) < len(names):
+        folders = ", ".join(non_objects.FOLDERS)
+        logging.info("%d files in folders named %s: left out", len(names) - len(kept), folders)
+    return _meshes("ac3d", source, kept, up, front, fractions, reader=read_ac3d,
+                   objection=non_objects.objection)  # fmt: skip
 
 
 def _meshes(
     name: str,
     source: str | os.PathLike[str],
-    endings: set[str],
+    files: list[str],
     up: str,
     front: str,
     fractions: tuple[float, float, float],
-    leave_out: Sequence[str],
     **options: Any,
 ) -> Catalogue:
     for axis in {up, front} - {"auto"}:
         axis_vector(axis)
-    names = find_meshes(source, endings)
-    kept = [n for n in names if not set(n.split("/")[:-1]) & set(leave_out)]
-    if not kept:
-        raise ValueError(
-            f"source {str(source)!r}: all of its {len(names)} meshes are in folders that are "
-            f"left out (leave_out={','.join(leave_out)}), expected at least one mesh elsewhere"
-        )
-    if len(kept) < len(names):
-        logging.info(
-            "%d files in folders named %s: left out, see the option leave_out",
-            len(names) - len(kept), ", ".join(leave_out),
-        )  # fmt: skip
-    files = FolderFiles(source)
+    root = FolderFiles(source)
     entries = []
-    for file in kept:
+    for file in files:
         category = file.split("/")[0] if "/" in file else ""
         z_up = pathlib.PurePosixPath(file).suffix.lower() in _Z_UP
         here = ("+z" if z_up else "+y") if up == "auto" else up
         toward = ("-y" if here[1] == "z" else "+z") if front == "auto" else front
         load = functools.partial(
-            load_model, file, files, up=here, front=toward, category=category, **options,
+            load_model, file, root, up=here, front=toward, category=category, **options,
         )  # fmt: skip
         entries.append(Entry(file, category, split_of(file, fractions), load))
     return Catalogue(name, entries, fractions)

@@ -12,6 +12,7 @@ to have more shapes than objects.
 
 import dataclasses
 import hashlib
+from collections.abc import Callable
 
 import numpy as np
 import scipy.spatial
@@ -26,39 +27,14 @@ DEVIATION = 0.25
 _PIECES = 3  # linear pieces of each function
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Proportions:
-    """Coordinates along the axes before (`knots`) and after (`values`) the change.
-
-    Attributes:
-      axes: [2, 2], unit vectors along the sides of the footprint, as rows.
-      middle: [2], the middle of the footprint along these axes.
-      knots: [3, pieces + 1], ascending from 0. Those of the horizontal axes are distances from the
-        middle, those of the vertical axis are heights above the lowest point.
-      values: like `knots`.
-      lowest: smallest z.
-    """
-
-    axes: np.ndarray
-    middle: np.ndarray
-    knots: np.ndarray
-    values: np.ndarray
-    lowest: float
-
-    def __call__(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """The changed points; their lowest is at z = 0, and the middle of the footprint stays."""
-        across = points[:, :2] @ self.axes.T - self.middle
-        for axis in range(2):
-            distance = np.interp(np.abs(across[:, axis]), self.knots[axis], self.values[axis])
-            across[:, axis] = np.sign(across[:, axis]) * distance
-        height = np.interp(points[:, 2] - self.lowest, self.knots[2], self.values[2])
-        return np.column_stack([(across + self.middle) @ self.axes, height])
+Change = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n 3"]]
+"""Moves points; the lowest is then at z = 0, and the middle of the footprint stays."""
 
 
 def random_proportions(
-    points: Float[np.ndarray, "n 3"], rng: np.random.Generator, deviation: float
-) -> Proportions:
-    """Proportions with random slopes.
+    points: Float[np.ndarray, "n 3"], name: str, deviation: float
+) -> tuple[Change, Float[np.ndarray, "2 2"]]:
+    """A random change of proportions, and unit vectors along the sides of the footprint.
 
     The slope of a piece is exp(a + b): `a` is drawn once for each axis, `b` once for each piece,
     both from a normal distribution with standard deviation `deviation`, clipped at twice this
@@ -66,12 +42,14 @@ def random_proportions(
 
     Args:
       points: the object, z upwards; its footprint must have an area.
-      rng: source of the random numbers.
+      name: name of the variant, from which the seed is computed.
       deviation: standard deviation of `a` and of `b`, 0 for no change.
 
     Raises:
-      ValueError: the points lie in a vertical plane.
+      UnusableModelError: the points lie in a vertical plane.
     """
+    seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+    rng = np.random.default_rng(seed)
     axes, middle, half = _footprint(points[:, :2])
     low, high = points[:, 2].min(), points[:, 2].max()
     extents = np.array([*half, high - low])
@@ -79,24 +57,20 @@ def random_proportions(
     shares = np.concatenate([np.zeros((3, 1)), inner, np.ones((3, 1))], axis=1)
     drawn = rng.standard_normal((3, _PIECES + 1)).clip(-2, 2) * deviation
     slopes = np.exp(drawn[:, :1] + drawn[:, 1:])
+    # Distances from the middle along the horizontal axes, and heights, before and after.
     knots = shares * extents[:, None]
-    values = np.concatenate(
-        [np.zeros((3, 1)), np.cumsum(slopes * np.diff(knots, axis=1), axis=1)], axis=1
-    )
-    return Proportions(axes, middle, knots, values, float(low))
+    values = np.cumsum(slopes * np.diff(knots, axis=1), axis=1)
+    values = np.concatenate([np.zeros((3, 1)), values], axis=1)
 
+    def change(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        across = points[:, :2] @ axes.T - middle
+        for axis in range(2):
+            distance = np.interp(np.abs(across[:, axis]), knots[axis], values[axis])
+            across[:, axis] = np.sign(across[:, axis]) * distance
+        height = np.interp(points[:, 2] - low, knots[2], values[2])
+        return np.column_stack([(across + middle) @ axes, height])
 
-def named_proportions(points: Float[np.ndarray, "n 3"], name: str, deviation: float) -> Proportions:
-    """`random_proportions` with random numbers that depend only on the name of the variant.
-
-    Raises:
-      UnusableModelError: the points lie in a vertical plane.
-    """
-    seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
-    try:
-        return random_proportions(points, np.random.default_rng(seed), deviation)
-    except ValueError as error:
-        raise UnusableModelError(str(error)) from None
+    return change, axes
 
 
 def vary(model: Model, name: str, deviation: float) -> Model:
@@ -108,9 +82,9 @@ def vary(model: Model, name: str, deviation: float) -> Model:
     Raises:
       UnusableModelError: the model lies in a vertical plane.
     """
-    change = named_proportions(model.vertices, name, deviation)
+    change, axes = random_proportions(model.vertices, name, deviation)
     turn = np.eye(3)
-    turn[:2, :2] = change.axes
+    turn[:2, :2] = axes
     vertices = change(model.vertices)
     before, after = ((v @ turn.T)[model.faces] for v in (model.vertices, vertices))
     span = np.ptp(before, axis=1)
@@ -129,11 +103,11 @@ def _footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     One side of this rectangle lies along an edge of the convex hull.
 
     Raises:
-      ValueError: the points lie on a line, up to a thousandth of their extent.
+      UnusableModelError: the points lie on a line, up to a thousandth of their extent.
     """
     spread = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)
     if not spread[1] > 1e-3 * spread[0]:
-        raise ValueError("the points lie in a vertical plane, expected a volume")
+        raise UnusableModelError("the points lie in a vertical plane, expected a volume")
     hull = flat[scipy.spatial.ConvexHull(flat).vertices]
     along = np.roll(hull, -1, axis=0) - hull
     along /= np.linalg.norm(along, axis=1, keepdims=True)

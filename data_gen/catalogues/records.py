@@ -23,7 +23,7 @@ import numpy as np
 import scipy.spatial
 
 from data_gen.catalogues.entry import SPLITS, Catalogue, Entry
-from data_gen.catalogues.proportions import named_proportions
+from data_gen.catalogues.proportions import random_proportions
 from data_gen.mesh import Model, UnusableModelError, build_model, unit_vectors
 from data_gen.readers.by_trimesh import palette
 from psgn_jax.data.dataset import RecordReader
@@ -93,7 +93,7 @@ def _load_variant(source: str, split: str, index: int, name: str, deviation: flo
 
 
 def _varied(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
-    change = named_proportions(points, name, deviation)
+    change, _ = random_proportions(points, name, deviation)
     changed = change(points)
     changed[:, :2] -= change(np.zeros((1, 3)))[:, :2]
     return changed / np.linalg.norm(changed, axis=1).max()

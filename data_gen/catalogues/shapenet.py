@@ -8,9 +8,8 @@ both, +y is up.
 import functools
 import os
 import pathlib
-from collections.abc import Sequence
 
-from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
+from data_gen.catalogues.entry import Catalogue, Entry, split_of
 from data_gen.mesh import MAX_FACES
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
@@ -23,56 +22,32 @@ _R2N2_TRAIN = 0.8
 
 
 def shapenet(
-    source: str | os.PathLike[str],
-    *,
-    categories: Sequence[str] = (),
-    split: str = "r2n2",
-    validation: float = 0.0,
-    fractions: tuple[float, float, float] = FRACTIONS,
-    max_faces: int = MAX_FACES,
+    source: str | os.PathLike[str], *, validation: float = 0.0, max_faces: int = MAX_FACES
 ) -> Catalogue:
     """An unpacked ShapeNetCore of either version, complete or in part.
 
+    In each category, the first 80 % of the models by name are for training and the others for
+    testing, as in 3D-R2N2. The split is that of 3D-R2N2 only if the categories are complete.
+
     Args:
       source: the folder that contains the folders of the synsets.
-      categories: names or synset numbers to keep; () = all in the folder.
-      split: "r2n2": in each category, the first 80 % of the models by name are for training and the
-        others for testing, as in 3D-R2N2. The split is that of 3D-R2N2 only if the categories are
-        complete. "hash": see `split_of`.
-      validation: with "r2n2", the fraction of the training models that becomes the validation
-        split, by a hash of the name. 0 = as published.
-      fractions: with "hash", fractions of the models for training, validation and test.
+      validation: fraction of the training models that becomes the validation split, by a hash of
+        the name. 0 = as published.
       max_faces: models with more faces are refused.
 
     Raises:
-      ValueError: the folder contains no model, or a category or the split is unknown.
+      ValueError: the folder contains no model, or a number is out of range.
     """
     root = pathlib.Path(source)
     if not root.is_dir():
         raise ValueError(f"source {str(source)!r}: expected the folder of ShapeNetCore")
-    if split not in ("r2n2", "hash"):
-        raise ValueError(f"split {split!r}: expected 'r2n2' or 'hash'")
     if not 0 <= validation < 1:
         raise ValueError(f"validation: got {validation}, expected 0 or more and less than 1")
-    if split == "hash" and validation:
-        raise ValueError(f"validation: got {validation}, which has no effect with split 'hash'")
-    if split == "r2n2" and tuple(fractions) != FRACTIONS:
-        raise ValueError(f"fractions: got {list(fractions)}, which has no effect with split 'r2n2'")
-    names = {name: synset for synset, name in synsets.SHAPENET.items()}
-    wanted = {names.get(c, c) for c in categories}
     there = sorted(
         f.name for f in root.iterdir() if f.is_dir() and f.name.isdigit() and len(f.name) == 8
     )
-    unknown = wanted - set(there)
-    if unknown:
-        raise ValueError(
-            f"categories {sorted(unknown)}: expected some of "
-            f"{[synsets.SHAPENET.get(s, s) for s in there]}, which are in {str(source)!r}"
-        )
     entries = []
     for synset in there:
-        if wanted and synset not in wanted:
-            continue
         category = synsets.SHAPENET.get(synset, synset)
         found = [
             (folder, next(layout for layout in _LAYOUTS if (folder / layout[0]).is_file()))
@@ -81,20 +56,16 @@ def shapenet(
         ]
         for index, (folder, (file, front)) in enumerate(found):
             model_id = f"{synset}/{folder.name}"
-            if split == "hash":
-                place = split_of(model_id, fractions)
-            elif index >= int(_R2N2_TRAIN * len(found)):
-                place = "test"
-            else:
-                place = split_of(model_id, (1 - validation, validation, 0.0))
+            train = index < int(_R2N2_TRAIN * len(found))
+            split = split_of(model_id, (1 - validation, validation, 0.0)) if train else "test"
             load = functools.partial(
                 load_model, file, FolderFiles(folder), up="+y", front=front,
                 category=category, model_id=model_id, max_faces=max_faces,
             )  # fmt: skip
-            entries.append(Entry(model_id, category, place, load))
+            entries.append(Entry(model_id, category, split, load))
     if not entries:
         raise ValueError(
             f"source {str(source)!r}: it contains no model, expected "
             "<synset>/<model>/models/model_normalized.obj or <synset>/<model>/model.obj"
         )
-    return Catalogue("shapenet", entries, fractions if split == "hash" else None)
+    return Catalogue("shapenet", entries)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
-from data_gen.mesh import MAX_FACES, UnusableModelError
+from data_gen.mesh import UnusableModelError
 from data_gen.readers.ac3d import check_assimp, read_ac3d
 from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
@@ -112,17 +112,13 @@ def read_car(data: bytes, assets: Assets) -> dict[str, Any]:
 
 
 def torcs(
-    source: str | os.PathLike[str],
-    *,
-    fractions: tuple[float, float, float] = FRACTIONS,
-    max_faces: int = MAX_FACES,
+    source: str | os.PathLike[str], *, fractions: tuple[float, float, float] = FRACTIONS
 ) -> Catalogue:
     """The cars in the data folder of TORCS: `cars/<name>/<name>.acc`.
 
     Args:
       source: the folder that contains `cars` and `wheels`.
       fractions: fractions of the models for training, validation and test, see `split_of`.
-      max_faces: models with more faces are refused.
 
     Raises:
       ValueError: the folder contains no such car, or assimp is not installed.
@@ -139,8 +135,7 @@ def torcs(
     entries = []
     for name in names:
         load = functools.partial(
-            load_model, name, files, up="+y", front="+x", category="car", max_faces=max_faces,
-            reader=read_car,
-        )  # fmt: skip
+            load_model, name, files, up="+y", front="+x", category="car", reader=read_car
+        )
         entries.append(Entry(name, "car", split_of(name, fractions), load))
     return Catalogue("torcs", entries, fractions)

@@ -33,11 +33,10 @@ def main():
     variant, message = choose_variant(arguments.variant)
     print(variant.name, message)
     engine.start(*variant)
-    entries = list(open_catalogue(arguments.catalogue, arguments.source).entries())
+    entries = list(open_catalogue(arguments.catalogue, arguments.source).models)
     chosen = entries[:: max(1, len(entries) // arguments.models)][: arguments.models]
-    context = Context(
-        settings.Settings(views=arguments.views), arguments.catalogue, variant, None, []
-    )
+    options = settings.Settings(views=arguments.views)
+    context = Context(options, arguments.catalogue, variant, None)
     render_model(chosen[0], context)  # not timed: the first model also compiles and loads modules
     parts, models, images = {}, [], 0
     wall, cpu = time.perf_counter(), time.process_time()
