@@ -107,7 +107,7 @@ def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
 
 
 def test_renderers_are_told_apart_from_models_that_cannot_start(tmp_path):
-    context = Context(OPTIONS, "procedural", Variant("no such variant"), None, [])
-    entry = next(iter(open_catalogue("procedural", "table=1").entries()))
+    context = Context(OPTIONS, "procedural", Variant("no such variant"), None)
+    entry = open_catalogue("procedural", "table=1").models[0]
     with pytest.raises(RuntimeError, match="before they were ready"):
         pool.Renderer(context).render(0, entry)

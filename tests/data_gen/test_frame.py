@@ -36,13 +36,6 @@ def test_orient_turns_up_to_z_and_front_to_x(up, front):
     assert volume == pytest.approx(1)
 
 
-def test_orient_names_a_wrong_axis():
-    with pytest.raises(ValueError, match="axis 'y'"):
-        orient(model_of(cube()), up="y")
-    with pytest.raises(ValueError, match="perpendicular"):
-        orient(model_of(cube()), up="+y", front="-y")
-
-
 def test_normalize(rng):
     shift = rng.normal(size=3) * 100
     model = normalize(model_of(solids.box(3, 2, 1).at(*shift)))
@@ -76,17 +69,6 @@ def test_normalize_counts_only_what_is_drawn(size):
     ground = 3 - 4 * row / size[0]
     np.testing.assert_allclose(
         got.vertices[-4, 2] * radius, corners[0, 2] - min(ground, -0.25), atol=0.01
-    )
-
-
-def test_normalize_of_a_model_without_alpha_keeps_its_bits():
-    texture = np.full((8, 8, 4), 255, np.uint8)
-    corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
-    model = with_sheet(texture, corners, model_of(cube(0.5)))
-    low, high = model.vertices.min(axis=0), model.vertices.max(axis=0)
-    moved = model.vertices - [*(low + high)[:2] / 2, low[2]]
-    np.testing.assert_array_equal(
-        normalize(model).vertices, moved / np.linalg.norm(moved, axis=1).max()
     )
 
 

@@ -161,28 +161,6 @@ def test_models_that_come_between_the_old_ones(tmp_path):
     assert contents(tmp_path / "grown") == contents(tmp_path / "once")
 
 
-def test_readers_see_the_old_state_until_the_new_one_is_there(tmp_path):
-    out = tmp_path / "grown"
-    make(out, TEN[:5])
-    seen = []
-    make(out, TEN, between=lambda: seen.append(models_of(out)))
-    assert seen == [TEN[:5]] * 5
-    assert models_of(out) == TEN
-
-
-def test_parts_let_a_data_set_grow_together(tmp_path):
-    make(tmp_path / "once", TEN)
-    out = tmp_path / "parts"
-    make(out, TEN[:4])
-    first, made = make(out, TEN, part=(1, 2))
-    assert first.exit_code == 3
-    assert models_of(out) == TEN[:4]
-    second, rest = make(out, TEN, part=(0, 2))
-    assert second.exit_code == 0
-    assert sorted(made + rest) == TEN[4:]
-    assert contents(out) == contents(tmp_path / "once")
-
-
 def test_a_job_that_was_begun_grows(tmp_path):
     make(tmp_path / "once", TEN)
     out = tmp_path / "begun"
@@ -198,21 +176,6 @@ def test_a_job_that_was_begun_grows(tmp_path):
     assert make(out, more)[1] == ["n1", "n2"]
     make(tmp_path / "more", more)
     assert contents(out) == contents(tmp_path / "more")
-
-
-def test_what_killed_jobs_left_goes_at_the_end(tmp_path):
-    make(tmp_path / "once", TEN)
-    out = tmp_path / "out"
-    with pytest.raises(KeyboardInterrupt):
-        make(out, TEN, stop_after=4)
-    for name in ("train-00000-0123abcd.arrayrecord", "manifest.json", "models.jsonl", "job.json"):
-        (out / f".{name}.99999.tmp").write_text("half")
-    make(out, TEN)
-    assert contents(out) == contents(tmp_path / "once")
-    # Killed as the very last step.
-    (out / job.WORK).mkdir()
-    make(out, TEN)
-    assert contents(out) == contents(tmp_path / "once")
 
 
 def test_two_processes_do_not_do_the_same_part(tmp_path):
@@ -242,7 +205,7 @@ def test_a_small_set_has_all_splits_and_keeps_them_when_it_grows(tmp_path, caplo
     def splits_of(folder):
         return {line["model_id"]: line["split"] for line in job.read_report(folder)}
 
-    assert {e.split for e in hashed(5).entries()} == {"train"}
+    assert {e.split for e in hashed(5).models} == {"train"}
     before = {}
     for count in (1, 2, 5, 40):
         _, rendered = make(tmp_path / "grown", hashed(count))

@@ -1,15 +1,7 @@
 import numpy as np
-import pytest
 
-from data_gen import environment_maps, lights, surroundings
+from data_gen import lights, surroundings
 from data_gen.lights import LightSettings
-
-
-def test_solid_angles_sum_to_the_sphere():
-    np.testing.assert_allclose(lights.solid_angles(lights.MAP_SIZE).sum(), 4 * np.pi)
-    up = lights.directions_of(lights.MAP_SIZE)
-    np.testing.assert_allclose(np.linalg.norm(up, axis=-1), 1)
-    assert up[0, 0, 2] > 0.99
 
 
 def test_shrink_keeps_the_mean(rng):
@@ -44,11 +36,6 @@ def test_black_map_still_lights():
     found = lights.reduce(np.zeros((*lights.MAP_SIZE, 3)), LightSettings(), ambient=0.3, exposure=1)
     assert np.isfinite(found.colours).all()
     assert found.colours.max() > 0
-
-
-def test_folder_without_maps(tmp_path):
-    with pytest.raises(ValueError, match=r"expected a folder of \.hdr and \.exr"):
-        environment_maps.list_maps(str(tmp_path))
 
 
 def test_draw_is_deterministic_and_takes_a_map(rng):

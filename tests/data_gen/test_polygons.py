@@ -2,21 +2,6 @@ import numpy as np
 import pytest
 
 from data_gen.polygons import cut_ears
-from data_gen.polygons import triangles as triangulate
-
-
-def test_ears_of_a_star():
-    angle = np.arange(10) / 10 * 2 * np.pi
-    star = (
-        np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        * np.where(np.arange(10) % 2, 0.4, 1)[:, None]
-    )
-    triangles = star[cut_ears(star[None])[0]]
-    a, b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    area = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
-    assert (area > 0).all()
-    x, y = star.T
-    assert area.sum() == pytest.approx((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
 
 
 def cut_one_by_one(outline):
@@ -53,13 +38,3 @@ def test_many_polygons_at_once_are_cut_as_each_alone(rng, kind):
             outlines = np.rint(outlines * 3)
         expected = [cut_one_by_one(outline) for outline in outlines]
         np.testing.assert_array_equal(cut_ears(outlines), expected)
-
-
-def test_large_stars_are_cut_together():
-    angle = np.arange(190) / 190 * 2 * np.pi
-    radius = np.where(np.arange(190) % 2, 0.4, 1)
-    star = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], axis=1)
-    vertices = np.tile(star, (300, 1))
-    result, polygon = triangulate(np.full(300, 190), np.arange(len(vertices)), vertices)
-    assert np.bincount(polygon).tolist() == [188] * 300
-    np.testing.assert_array_equal(result.reshape(300, -1) % 190, [result[:188].ravel()] * 300)

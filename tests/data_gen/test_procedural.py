@@ -1,7 +1,5 @@
 """Procedural models: sound meshes, the same everywhere, of many shapes; the catalogue of them."""
 
-import pickle
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ from data_gen.catalogues import procedural, solids
 from data_gen.catalogues.by_name import open_catalogue
 from data_gen.catalogues.families import kit, materials
 from data_gen.mesh import face_normals
-from data_gen.solid import solid_occupancy
 
 EVERY = pytest.mark.parametrize("category", procedural.CATEGORIES)
 
@@ -45,7 +42,7 @@ def test_every_part_is_closed_and_faces_outward(category):
 
 
 def assert_closed(part):
-    """Every edge is used once in each direction, and the volume is positive; returns it."""
+    """Every edge is used once in each direction, and the volume is positive."""
     vertices, faces = part
     # Tips are rings of radius 0. They count as one vertex; `build_model` drops their empty faces.
     _, first, place = np.unique(
@@ -61,23 +58,6 @@ def assert_closed(part):
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     volume = (np.cross(a, b) * c).sum() / 6
     assert volume > 0
-    return volume
-
-
-def test_the_same_seed_makes_the_same_model():
-    one, two = (procedural.generate("lamp", 7) for _ in range(2))
-    assert pickle.dumps(one) == pickle.dumps(two)
-    other = procedural.generate("lamp", 8)
-    assert other.vertices.shape != one.vertices.shape or (other.vertices != one.vertices).any()
-
-
-def test_solid_volumes_are_filled():
-    # A closed cabinet is solid throughout: its volume is that of its bounding box.
-    models = [procedural.generate("cabinet", seed) for seed in range(40)]
-    model = next(m for m in models if m.parameters["kind"] in ("drawers", "filing"))
-    filled = solid_occupancy(model, np.eye(3))
-    low, high = np.argwhere(filled).min(axis=0), np.argwhere(filled).max(axis=0) + 1
-    assert filled.sum() > 0.7 * np.prod(high - low)
 
 
 def test_errors_name_the_value():
@@ -100,65 +80,17 @@ def test_errors_name_the_value():
 
 def test_the_catalogue_lists_its_models():
     catalogue = open_catalogue("procedural", "200")
-    entries = list(catalogue.entries())
-    assert len(entries) == len(catalogue) == 13 * 200
+    entries = catalogue.models
+    assert len(entries) == 13 * 200
     assert len({e.model_id for e in entries}) == len(entries)
     assert {e.category for e in entries[:13]} == set(procedural.CATEGORIES)
     train = np.mean([e.split == "train" for e in entries])
     assert train == pytest.approx(0.8, abs=0.03)
-    some = list(open_catalogue("procedural", "chair=3, lamp=1", first_seed=5).entries())
+    some = list(open_catalogue("procedural", "chair=3, lamp=1", first_seed=5).models)
     assert [e.model_id for e in some] == ["chair-5", "lamp-5", "chair-6", "chair-7"]
     splits = {e.model_id: e.split for e in entries}
     assert all(e.split == splits[e.model_id] for e in some)
     assert some[0].load().model_id == "chair-5"
-
-
-PARTS = {
-    "box": (solids.box(1, 2, 3), 6),
-    "bevelled": (solids.box(1, 2, 3, 0.1), None),
-    "block": (solids.block((1, 2), (-3, -1), (0, 3)), 6),
-    "pillow": (solids.pillow(1, 2, 3, 0.3), None),
-    "cylinder": (solids.cylinder(1, 2, 80), 2 * np.pi),
-    "ball": (solids.ball(1, 2, 3, 80), np.pi),
-    "ring": (solids.lathe([(1, 0), (2, 0), (2, 1), (1, 1)], 80, loop=True), 3 * np.pi),
-    "tube": (solids.tube(solids.smooth_path([(0, 0, 0), (1, 0, 1), (1, 1, 2)]), 0.1), None),
-    "prism": (solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5), 1.5),
-    "bevelled prism": (
-        solids.prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 0.5, 0.05), None),
-    "hull": (solids.hull([(2, 0.1, 0.1, 0, 2), (1, 1, 0.8, 0.2, 3), (-1, 1, 1, 0, 4)]), None),
-    "sheet": (solids.sheet(np.stack([*np.mgrid[:3.0, :4.0], np.zeros((3, 4))], axis=-1), 0.1), 0.6),
-    "wing": (solids.wing([(0, 0, 0, 2), (-1, 3, 0.2, 1)]), None),
-    "fin": (solids.wing([(0, 0, 0, 2), (-1, 0.3, 3, 1)], fin=True), None),
-    "mirrored": (solids.box(1, 2, 3).mirrored(), 6),
-    "turned": (solids.prism([(0, 0), (2, 0), (0, 1)], 0.5).turned("x", 50).turned("z", 200), 0.5),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", PARTS)
-def test_solids_are_closed(name):
-    part, volume = PARTS[name]
-    found = assert_closed(part)
-    assert volume is None or found == pytest.approx(volume, rel=0.01)
-
-
-def test_superellipses_go_from_diamonds_to_boxes():
-    for power, area in ((1, 2 * 3 * 4 / 4), (2, np.pi * 3), (40, 4 * 3)):
-        x, y = solids.superellipse(4, 3, power, 400).T
-        found = abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()) / 2
-        assert found == pytest.approx(area, rel=0.02)
-
-
-def test_textures_repeat_without_seams():
-    for kind, sorts in materials.SHADES.items():
-        for sort in sorts:
-            image = materials.shade(kind, sort, 0)
-            assert image.dtype == np.uint8
-            assert image.shape[2] == 4
-            assert image[..., :3].std() > 0.5
-            assert not image.flags.writeable
-    grain = materials.shade("stone", "concrete", 1)[..., :3].astype(float)
-    inside = np.abs(np.diff(grain, axis=1)).mean()
-    assert np.abs(grain[:, 0] - grain[:, -1]).mean() < 1.5 * inside
 
 
 def test_a_screen_is_upright_for_a_viewer_in_front():
@@ -174,12 +106,3 @@ def test_a_screen_is_upright_for_a_viewer_in_front():
     assert np.corrcoef(corners[:, 2], uv[:, 1])[0, 1] > 0.99
     assert uv.min() == pytest.approx(0.005)
     assert uv.max() == pytest.approx(0.995)
-
-
-def test_greys_outnumber_colours_and_warm_hues_outnumber_cold_ones():
-    rng = np.random.default_rng(0)
-    drawn = np.array([materials.lacquer(rng).diffuse for _ in range(400)])
-    saturated = np.ptp(drawn, axis=1) > 0.1
-    assert saturated.mean() < 0.5
-    red, _, blue = drawn[saturated].T
-    assert (red > blue).mean() > 0.6

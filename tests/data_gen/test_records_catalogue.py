@@ -77,14 +77,13 @@ def test_models_keep_their_split_frame_and_place(tmp_path):
     splits = {"train": [first, again], "validation": [other]}
     write_dataset(tmp_path, splits, source="solids")
     catalogue = open_catalogue("records", tmp_path)
-    entries = list(catalogue.entries())
+    entries = catalogue.models
     assert [(e.model_id, e.split) for e in entries] == [
         ("a box", "train"), ("another box", "validation"),
     ]  # fmt: skip
-    assert len(catalogue) == 2
     engine.start("scalar_rgb")
     values = {"views": 1, "num_points": 2000, "camera": {"azimuth": (0.0, 0.0)}}
-    context = Context(settings.parse(values), catalogue.name, Variant("scalar_rgb"), None, [])
+    context = Context(settings.parse(values), catalogue.name, Variant("scalar_rgb"), None)
     (data,), line = render_model(entries[0], context)
     assert line["status"] == "ok"
     view = decode(data)
@@ -102,7 +101,7 @@ def test_a_folder_without_records_is_named(tmp_path):
 def test_duplicates_of_held_out_objects_are_not_rendered(tmp_path):
     sample = box_sample(200)
     write_dataset(tmp_path, {"train": [sample], "duplicate": [sample]}, source="solids")
-    assert [entry.split for entry in open_catalogue("records", tmp_path).entries()] == ["train"]
+    assert [entry.split for entry in open_catalogue("records", tmp_path).models] == ["train"]
 
 
 @pytest.mark.parametrize("wrong", ["no name", "two splits", "a split of another name"])
@@ -129,8 +128,8 @@ def test_variants_replace_their_models(tmp_path):
     write_dataset(tmp_path, {"train": [sample, flat]}, source="solids")
     options = parse_options("records", ["variants=3", "deviation=0.2"])
     catalogue = open_catalogue("records", tmp_path, **options)
-    entries = list(catalogue.entries())
-    assert len(catalogue) == len(entries) == 6
+    entries = catalogue.models
+    assert len(entries) == 6
     assert [e.model_id for e in entries[:3]] == [f"a box variant {i}" for i in range(3)]
     assert {e.split for e in entries} == {"train"}
     models = [e.load() for e in entries[:3]]

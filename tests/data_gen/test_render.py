@@ -16,7 +16,7 @@ from helpers.outcomes import outcomes
 from data_gen import cameras, engine, job, lights, scene, settings
 from data_gen.catalogues.by_name import open_catalogue
 from data_gen.catalogues.entry import Catalogue, Entry
-from data_gen.engine import Variant, _smoke, choose_variant, has_mitsuba, llvm_candidates
+from data_gen.engine import Variant, choose_variant, has_mitsuba
 from data_gen.environment_maps import load_maps
 from data_gen.mesh import Material, build_model
 from data_gen.picture import Mesh, path_trace, render
@@ -84,10 +84,9 @@ def flat_light():
     )
 
 
-def shot(model, camera, behind=scene.BACKGROUND, **options):
+def shot(model, camera, **options):
     surfaces = scene.flatten(model)
-    shown = scene.Scene(surfaces, camera, flat_light(), behind)
-    return render(Mesh(surfaces.corners), shown, **options)
+    return render(Mesh(surfaces.corners), scene.Scene(surfaces, camera, flat_light()), **options)
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 70.0])
@@ -155,8 +154,8 @@ def test_holes_show_what_is_behind_and_glass_is_part_of_the_object(started):
 
 def test_soft_edges_blend_with_the_background(started):
     black = build(square(0, 0.37, Material(diffuse=(0, 0, 0))))
-    hard = shot(black, view(), behind=np.full((48, 64, 3), [0, 1, 0], np.float32))
-    assert (hard.image[~hard.mask] == [0, 255, 0]).all()
+    hard = shot(black, view())
+    assert (hard.image[~hard.mask] == 191).all()
     assert (hard.image[hard.mask] == 0).all()
     picture = shot(black, view(), soft_edges=True)
     values = np.unique(picture.image)
@@ -274,7 +273,7 @@ def test_data_set_is_sound(whole):
             assert project_camera.inside_mask(pixels, sample.mask, 1).mean() > 0.94
             extra = json.loads(sample.extra)
             # The rotation is from the model's frame to the sample's frame.
-            model = {e.model_id: e for e in open_catalogue("procedural", "3").entries()}[
+            model = {e.model_id: e for e in open_catalogue("procedural", "3").models}[
                 sample.model_id
             ].load()
             turned = model.vertices @ np.array(extra["rotation"]).T
@@ -345,10 +344,6 @@ def test_a_wrong_light_marks_no_folder(tmp_path):
     with pytest.raises(ValueError, match="none"):
         job.render_catalogue(source, tmp_path / "out", options(light=wrong))
     assert not (tmp_path / "out").exists()
-    (tmp_path / "wall.png").write_text("no")
-    picture = {"background": "folder", "background_folder": str(tmp_path)}
-    with pytest.raises(ValueError, match=r"wall\.png is not readable as an image"):
-        job.render_catalogue(source, tmp_path / "out", options(image=picture))
 
 
 # Executed in the worker: a loader must be importable there.
@@ -363,12 +358,12 @@ time.sleep(60)
 @pytest.mark.slow
 def test_crash_timeout_and_memory_end_with_their_model(tmp_path):
     limits = {**SMALL["job"], "seconds_per_model": 12.0, "megabytes_per_worker": 700}
-    (good,) = open_catalogue("procedural", "table=1").entries()
+    (good,) = open_catalogue("procedural", "table=1").models
     loaders = {
         "abort": os.abort,
         "sleep": functools.partial(time.sleep, 60),
         "hoard": functools.partial(exec, HOARD),
-        "good": good.loader,
+        "good": good.load,
     }
     source = Catalogue("hostile", [Entry(name, "", "train", x) for name, x in loaders.items()])
     summary = job.render_catalogue(source, tmp_path / "out", options(job=limits))
@@ -380,9 +375,6 @@ def test_crash_timeout_and_memory_end_with_their_model(tmp_path):
 def test_choice_of_the_variant(monkeypatch, tmp_path):
     bogus = tmp_path / "libLLVM-19.so"
     bogus.write_bytes(b"no library")
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(bogus))
-    assert llvm_candidates()[0] == str(bogus)
-    assert not _smoke(str(bogus), "llvm_ad_rgb")
     monkeypatch.setattr(engine, "llvm_candidates", lambda: [str(bogus)])
     variant, message = choose_variant("auto")
     assert variant == Variant("scalar_rgb")
@@ -396,18 +388,12 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     no_effect = "it has no effect without"
     cases = (
         ("--shard=2/2", "--shard: got '2/2'"),
-        ("--config.views=0", "views=0: accepted: a number >= 1"),
-        ("--option=nonsense=1", "--option"),
         ("--config.vews=3", "--config.vews=3: no such setting; did you mean 'views'?"),
         ("--config.views=abc", "abc"),
         ("--catalogue=nonsense", "catalogue"),
-        ("--limit=-1", "limit"),
         ("--config=nowhere.py", "--config=nowhere.py: there is no such file"),
         (f"--config={CONFIG}:nobody", "preset 'nobody': expected one of"),
-        # Flags without effect are refused.
-        ("--config.image.path_samples=9", f"image.path_samples: {no_effect} image.shading=path"),
         ("--config.image.rays=9", f"image.rays: {no_effect} image.shading=photo"),
-        ("--config.film.grain=(0.,.1)", f"film.grain: {no_effect} image.shading=photo"),
         ("--seed=3", f"--seed=3: {no_effect} --sample"),
         (
             "--exclude=lmap",
@@ -432,7 +418,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     text = " ".join(first[1].split())
     for part in (
         "source: a folder of records.",
-        "--option=leave_out=Weather,Astro,Effects",
+        "--option=liveries=3",
         "deviation: how much the variants differ",
         "views: number of images of each model.",
         "--config.camera.roll='(0.0, 0.0)'",

@@ -21,10 +21,6 @@ def model():
     return generate("chair", 3)
 
 
-def test_nothing_is_missing_by_default(model):
-    assert render_model.without_faces(model, Settings(), 7) == (model, Settings())
-
-
 def test_faces_are_missing_and_vertices_are_not(model):
     shares = []
     for seed in range(40):
@@ -41,18 +37,6 @@ def test_faces_are_missing_and_vertices_are_not(model):
         assert dataclasses.replace(settings, checks=ALL.checks) == ALL
     assert min(shares) < 0.2
     assert shares.count(1.0) < 10
-
-
-def test_the_same_seed_draws_the_same_part(model):
-    first, again = (render_model.without_faces(model, ALL, 5)[0] for _ in range(2))
-    assert np.array_equal(first.faces, again.faces)
-
-
-def test_a_fraction_of_the_models_loses_faces(model):
-    settings = Settings(image=ImageSettings(missing=0.25))
-    parts = [render_model.without_faces(model, settings, seed)[0] for seed in range(200)]
-    changed = sum(part is not model for part in parts)
-    assert 30 <= changed <= 70
 
 
 def test_an_empty_view_is_refused_and_its_line_can_be_read(rng):

@@ -6,14 +6,14 @@ import scipy.ndimage
 from helpers.solid_models import cube, joined, model_of
 
 from data_gen import cameras
-from data_gen.catalogues import procedural, solids
+from data_gen.catalogues import solids
 from data_gen.frame import normalize
 from data_gen.mesh import UnusableModelError, build_model, face_normals
 from data_gen.solid import mark_surface, peel, solid_occupancy
 from data_gen.surface import sample_surface
 
 SIDE = 5  # points along the edge of a cell
-ANGLES = (0.0, 20.0, 45.0, 77.0)
+ANGLES = (0.0, 20.0)
 
 
 def winding_occupancy(model, rotation, size=32):
@@ -95,14 +95,6 @@ def test_thick_bodies_agree_with_winding_numbers(name, angle):
     assert (got & want).sum() / (got | want).sum() >= 0.95
 
 
-@pytest.mark.parametrize(("category", "seed"), [("bench", 0), ("couch", 2), ("speaker", 4)])
-def test_thick_models_agree_with_winding_numbers(category, seed):
-    """Models of many closed bodies that touch or overlap."""
-    model, rotation = procedural.generate(category, seed), cameras.turn_about_vertical(37)
-    want, got = winding_occupancy(model, rotation), solid_occupancy(model, rotation)
-    assert (got & want).sum() / (got | want).sum() >= 0.95
-
-
 @pytest.mark.parametrize("angle", ANGLES)
 @pytest.mark.parametrize("name", JUNCTIONS)
 def test_a_solid_falls_apart_no_more_than_its_surface(name, angle):
@@ -170,34 +162,6 @@ def test_no_step_of_air_crosses_a_marked_sliver(rng):
             cells = np.argwhere(marked) + 0.5
             assert np.abs(points[:100, None] - cells).max(axis=2).min(axis=1).max() < 1.5
             assert np.abs(cells[:, None] - points).max(axis=2).min(axis=1).max() < 2
-
-
-@pytest.mark.parametrize("angle", ANGLES)
-def test_a_body_of_slivers_is_solid(angle):
-    # A flat cushion whose lid is a fan of slivers, which is common in furniture models.
-    around = np.linspace(0, 2 * np.pi, 240, endpoint=False)
-    rim = np.stack([np.cos(around), 0.6 * np.sin(around), np.zeros(240)], axis=1)
-    vertices = np.concatenate([rim, rim + np.array([0, 0, 0.25]), [[0.9, 0, 0], [0.9, 0, 0.32]]])
-    here, there = np.arange(240), np.roll(np.arange(240), -1)
-    faces = [
-        np.stack([there, here, np.full(240, 480)], axis=1),
-        np.stack([here + 240, there + 240, np.full(240, 481)], axis=1),
-        np.stack([here, there, there + 240], axis=1),
-        np.stack([here, there + 240, here + 240], axis=1),
-    ]
-    model = normalize(build_model(vertices, np.concatenate(faces)))
-    rotation = cameras.turn_about_vertical(angle)
-    want, got = winding_occupancy(model, rotation), solid_occupancy(model, rotation)
-    assert (got & want).sum() / (got | want).sum() > 0.95
-
-
-def test_thin_walls_close_a_room():
-    outer, inner = solids.box(1.0, 1.0, 0.8), solids.box(0.996, 0.996, 0.796)
-    vertices, faces = joined(outer, inner)
-    faces[len(outer.faces) :] = faces[len(outer.faces) :, ::-1]
-    model = normalize(build_model(vertices, faces))
-    full = solid_occupancy(normalize(model_of(outer)), np.eye(3))
-    np.testing.assert_array_equal(solid_occupancy(model, np.eye(3)), full)
 
 
 def test_the_volume_of_a_flat_box_has_no_bias():

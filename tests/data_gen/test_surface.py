@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from helpers.solid_models import joined, model_of, sphere
+from helpers.solid_models import joined, model_of
 
 from data_gen.catalogues import solids
 from data_gen.frame import normalize
@@ -20,15 +20,6 @@ def test_samples_are_uniform_by_area():
         np.testing.assert_allclose(points.mean(0), model.corners()[face].mean(0), atol=0.08)
     np.testing.assert_allclose(np.linalg.norm(sample.normals, axis=1), 1, atol=1e-5)
     assert sample.points.dtype == sample.normals.dtype == np.float32
-
-
-def test_samples_are_the_seeds():
-    model = model_of(sphere())
-    one, two, other = (sample_surface(model, 500, s) for s in (1, 1, 2))
-    np.testing.assert_array_equal(one.points, two.points)
-    assert not np.array_equal(one.points, other.points)
-    with pytest.raises(ValueError, match="number of points: got 0"):
-        sample_surface(model, 0, 1)
 
 
 def square(texture, opacity=1.0):
@@ -59,20 +50,6 @@ def test_glass_has_points_and_a_clear_texture_has_none():
     texture[..., 3] = 0
     with pytest.raises(UnusableModelError, match="almost all"):
         sample_surface(square(texture), 100, 0)
-
-
-@pytest.mark.parametrize("back", [False, True])
-def test_doubled_faces_have_one_density(back):
-    # A box and, next to it, a box with every face twice.
-    here, there = solids.box(1, 1, 1), solids.box(1, 1, 1).at(1.5, 0, 0)
-    vertices, faces = joined(here, there)
-    again = faces[12:, ::-1] if back else faces[12:]
-    model = normalize(build_model(vertices, np.concatenate([faces, again])))
-    sample = sample_surface(model, 20_000, 0)
-    right = (sample.points[:, 0] > 0).mean()
-    assert right / (1 - right) == pytest.approx(1, abs=0.05)
-    same = sample_surface(model, 20_000, 0)
-    np.testing.assert_array_equal(same.points, sample.points)
 
 
 def test_surfaces_that_lie_on_one_another_have_one_density():

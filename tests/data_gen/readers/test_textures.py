@@ -13,14 +13,6 @@ from data_gen.readers.load import load_model
 from data_gen.readers.textures import Assets, decode_texture
 
 
-def test_textures_are_reduced():
-    stream = io.BytesIO()
-    Image.new("RGB", (3000, 100), (9, 8, 7)).save(stream, "PNG")
-    texture = decode_texture(stream.getvalue(), 1000)
-    assert texture.shape == (33, 1000, 4)
-    assert texture[5, 5].tolist() == [9, 8, 7, 255]
-
-
 def huge_png(side):
     """A PNG of some kilobytes whose header states side x side pixels."""
 
