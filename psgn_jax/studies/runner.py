@@ -259,7 +259,7 @@ def run(
             _check_data(config)
     if not finished:
         for i, one in enumerate(runs):
-            logging.info("run %d of %d: %s", i + 1, len(runs), one.folder)
+            logging.info("run %d of %d: %s%s", i + 1, len(runs), one.folder, _time_left(runs, i))
             study.train(one)
         if only:
             return ""
@@ -517,6 +517,17 @@ def cost(run: Run) -> tuple[float, float]:
     if not steps:
         return math.nan, math.nan
     return float(np.median(seconds)), float(np.dot(steps, seconds))
+
+
+def _time_left(runs: Sequence[Run], start: int) -> str:
+    """The time for the runs from `start` on, from the logs of those before it."""
+    known = {run.name: cost(run)[1] for run in runs[:start]}
+    known = {name: seconds for name, seconds in known.items() if not math.isnan(seconds)}
+    if not known:
+        return ""
+    mean = sum(known.values()) / len(known)
+    left = sum(known.get(run.name, mean) for run in runs[start:])
+    return f", about {left / 60:.0f} min left in all"
 
 
 def _costs(runs: Sequence[Run]) -> list[Lines]:

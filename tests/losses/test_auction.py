@@ -5,9 +5,12 @@ import pytest
 from helpers import reference
 
 from psgn_jax import losses
+from psgn_jax.data.sources import authors
 from psgn_jax.losses import auction
 
+KINDS = ["near", "far", "init", "dup", "grid"]
 solve = losses.assign  # without `jit`, it is compiled once per size
+solve_map = jax.jit(losses.map_pairs(losses.assign, platform="cpu"))
 
 
 def check(a, b, found, tolerance=0.01, *, converged=True):
@@ -28,6 +31,44 @@ def clouds(rng, n, scale=1.0, offset=0.0):
     a = rng.normal(size=(n, 3)) * scale + offset
     b = (rng.normal(size=(n, 3)) + 0.3) * scale + offset
     return a.astype(np.float32), b.astype(np.float32)
+
+
+def pairs_of(whole, kind, n, rng):
+    """Pairs like those during a training, drawn from complete clouds [pairs, 16384, 3]."""
+    a, b = [], []
+    for cloud in whole:
+        order = rng.permutation(len(cloud))
+        a.append(cloud[order[:n]])
+        b.append(cloud[order[n : 2 * n]])
+    a, b = np.stack(a), np.stack(b)
+    if kind != "near":
+        a = np.roll(a, 1, axis=0)
+    if kind == "init":
+        a = rng.normal(0, 3e-4, a.shape)
+    if kind == "dup":
+        few = rng.integers(0, n // 8, (2, n))
+        a, b = a[:, few[0]], b[:, few[1]]
+    if kind == "grid":
+        a, b = np.round(a * 8) / 8, np.round(b * 8) / 8
+    return a.astype(np.float32), b.astype(np.float32)
+
+
+def real_clouds(folder, pairs):
+    whole = []
+    for path in sorted(folder.glob("*.gz")):
+        whole.extend(entry.sample.points for entry in authors.read_batch(path))
+        if len(whole) >= pairs:
+            break
+    return np.stack(whole[:pairs])
+
+
+@pytest.mark.parametrize(("n", "pairs"), [(384, 6), pytest.param(1024, 64, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", KINDS)
+def test_real_pairs(authors_batches, rng, kind, n, pairs):
+    a, b = pairs_of(real_clouds(authors_batches, pairs), kind, n, rng)
+    found = solve_map(a, b)
+    for i in range(len(a)):
+        check(a[i], b[i], jax.tree.map(lambda x, i=i: x[i], found))
 
 
 def test_any_tolerance_and_budget(rng):

@@ -7,7 +7,7 @@ from helpers.disk import without_room
 
 from psgn_jax.commands import convert
 from psgn_jax.data import conversion, schema
-from psgn_jax.data.codec import _lattice_keys, decode_stored
+from psgn_jax.data.codec import PointLattice, _lattice_keys, decode_stored
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 from psgn_jax.data.sources import authors, duplicates
@@ -36,6 +36,18 @@ def test_own_batch_file(authors_file, make):
     )
     np.testing.assert_array_equal(stored.depth.codes, content["depth"][3])
     np.testing.assert_array_equal(stored.image, entry.sample.image)
+
+
+def test_points_follow_the_reference(make):
+    """The authors' target p, computed by their formula, on the project's axes."""
+    content = make.content(2)
+    rotation, codes = content["rotation"][0].astype(np.float64), content["points"][0]
+    b = np.deg2rad(20)
+    tilt = np.array([[np.cos(b), 0, -np.sin(b)], [0, 1, 0], [np.sin(b), 0, np.cos(b)]])
+    p = (codes / 255 - [0.7, 0.5, 0.5]) / 0.4 @ (rotation @ np.linalg.inv(tilt)) + [1, 0, 0]
+    want = np.stack([p[:, 2], p[:, 1], 1 - p[:, 0]], axis=1)
+    got = PointLattice(codes, authors.lattice_matrix(rotation)).points()
+    np.testing.assert_allclose(got, want, atol=1e-6)
 
 
 def hostile_files(make):

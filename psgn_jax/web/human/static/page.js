@@ -87,7 +87,7 @@ function project({ k, rotation: turn, shift }, point) {
 
 // --- the models ------------------------------------------------------------------------------------
 
-const emptyEntry = () => ({ seconds: 0, done: false, model: { turn: 0, x: 0, y: 0, parts: [] }, undo: [] });
+const emptyEntry = () => ({ seconds: 0, done: false, model: { turn: 0, x: 0, y: 0, parts: [] }, undo: [], redo: [] });
 const state = { entries: data.cases.map(emptyEntry), at: 0, selected: -1, mode: "move", active: -Infinity };
 const entry = () => state.entries[state.at], model = () => entry().model, selected = () => model().parts[state.selected];
 
@@ -104,6 +104,14 @@ function edit(change, begun = false) {
 
 function begin() {
   entry().undo = [...entry().undo, JSON.stringify(model())].slice(-HISTORY);
+  entry().redo = [];
+}
+
+function step(from, to) {
+  if (!entry()[from].length) return;
+  entry()[to].push(JSON.stringify(model()));
+  entry().model = JSON.parse(entry()[from].pop());
+  show();
 }
 
 function insert(part) {
@@ -116,11 +124,8 @@ const newPart = kind => ({
 });
 
 const actions = {
-  undo: () => {
-    if (!entry().undo.length) return;
-    entry().model = JSON.parse(entry().undo.pop());
-    show();
-  },
+  undo: () => step("undo", "redo"),
+  redo: () => step("redo", "undo"),
   duplicate: () => selected() && insert({ ...copy(selected()), at: add(selected().at, [0.05, 0.05, 0]) }),
   delete: () => selected() && edit(({ parts }) => { parts.splice(state.selected, 1); state.selected = -1; }),
   ground: () => selected() && edit(() => {
@@ -285,14 +290,17 @@ class View {
       context.stroke(outline(path, closed));
     };
     const ground = (points, colour, width) => line(points.map(p => project(camera, p)), colour, width);
-    for (let i = -5; i <= 5; i++) {
-      for (const ends of [[[i / 5, -1, 0], [i / 5, 1, 0]], [[-1, i / 5, 0], [1, i / 5, 0]]]) ground(ends.map(p => toWorld(model(), p)), "rgba(80, 92, 120, .35)");
+    if ($("grid").checked) {
+      for (let i = -5; i <= 5; i++) {
+        for (const ends of [[[i / 5, -1, 0], [i / 5, 1, 0]], [[-1, i / 5, 0], [1, i / 5, 0]]]) ground(ends.map(p => toWorld(model(), p)), "rgba(80, 92, 120, .35)");
+      }
+      UNITS.forEach((unit, k) => ground([[0, 0, 0], unit.map(v => v * [1.15, 1.15, 0.25][k])].map(p => toWorld(model(), p)), AXES[k], 2));
+      ground(Array.from({ length: 73 }, (_, i) => [Math.cos(i * Math.PI / 36), Math.sin(i * Math.PI / 36), 0]), "rgba(80, 92, 120, .6)");
     }
-    UNITS.forEach((unit, k) => ground([[0, 0, 0], unit.map(v => v * [1.15, 1.15, 0.25][k])].map(p => toWorld(model(), p)), AXES[k], 2));
-    ground(Array.from({ length: 73 }, (_, i) => [Math.cos(i * Math.PI / 36), Math.sin(i * Math.PI / 36), 0]), "rgba(80, 92, 120, .6)");
-    for (const { number, path, shade, round } of this.faces(camera)) {
+    const style = this.overImage ? $("overlay").value : "solid";
+    for (const { number, path, shade, round } of style === "off" ? [] : this.faces(camera)) {
       const chosen = number === state.selected, colour = COLOURS[number % COLOURS.length].map(c => Math.round(c * shade)).join();
-      context.fillStyle = `rgba(${colour}, ${this.overImage ? 0.12 : 1})`;
+      context.fillStyle = `rgba(${colour}, ${style === "lines" ? 0.12 : this.overImage ? 0.75 : 1})`;
       context.fill(outline(path));
       line(path, chosen ? "#ff9800" : `rgba(30, 41, 66, ${round ? 0.25 : 0.8})`, chosen && !round ? 2 : 1, true);
     }
@@ -354,14 +362,16 @@ for (const [name, text, low, high] of [["at", "Position", -4, 4], ["size", "Size
     field($("numbers"), `${text}, ${direction}`, () => selected()?.[name][k], v => { selected()[name][k] = v; }, { min: low, max: high });
   });
 }
-title($("numbers"), "Top");
+title($("numbers"), "Top, sides");
 field($("numbers"), "Size of the top, 0 to 1", () => selected()?.taper, v => { selected().taper = v; }, { min: 0, max: 1 });
+field($("numbers"), "Sides of a prism", () => selected()?.sides, v => { selected().sides = v; }, { min: 3, max: 12, step: 1 });
 
 function show() {
   const { cases } = data, { at, entries } = state, part = selected();
   for (const [input, read] of fields) if (input !== document.activeElement || !input.value) input.value = +(read() ?? 0).toFixed(4);
   $("case-name").textContent = `${cases[at].name} of ${cases.length}`;
   $("undo").disabled = !entry().undo.length;
+  $("redo").disabled = !entry().redo.length;
   $("done").textContent = entry().done ? "Mark as not done" : at < cases.length - 1 ? "Done, next case" : "Done";
   $("part").hidden = !part;
   each("[data-mode]", button => button.setAttribute("aria-pressed", button.dataset.mode === state.mode));
@@ -408,6 +418,7 @@ each("[data-mode]", button => button.addEventListener("click", () => { state.mod
 each("[data-mirror]", box => box.addEventListener("change", () => edit(() => {
   selected().mirror = ["x", "y"].filter(axis => document.querySelector(`[data-mirror=${axis}]`).checked).join("");
 })));
+for (const id of ["overlay", "grid"]) $(id).addEventListener("change", show);
 $("open").addEventListener("change", async () => {
   try {
     restore(await $("open").files[0].text());
@@ -427,7 +438,7 @@ addEventListener("keydown", event => {
   if (event.target.matches("input[type=number], select")) return;
   const letter = event.key.toLowerCase(), mode = { m: "move", t: "turn", s: "size" }[letter];
   const act = event.ctrlKey || event.metaKey
-    ? { z: actions.undo, d: actions.duplicate, s: actions.save }[letter]
+    ? { z: event.shiftKey ? actions.redo : actions.undo, d: actions.duplicate, s: actions.save }[letter]
     : mode ? () => { state.mode = mode; show(); } : { g: actions.ground, delete: actions.delete, escape: () => { state.selected = -1; show(); } }[letter];
   if (!act) return;
   event.preventDefault();
