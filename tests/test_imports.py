@@ -7,7 +7,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 
-# From the bottom to the top. A package imports only itself and packages above it in this list.
+# A package imports only itself and packages listed before it.
 LAYERS = [
     "system", "config", "data", "losses", "models", "viewing", "weights", "prediction",
     "evaluation", "tasks", "training", "studies", "web", "commands",
@@ -36,8 +36,8 @@ def test_packages_import_downward_only():
             continue
         for name in imports_of(path):
             first, second, *_ = [*name.split("."), ""]
-            above = second in LAYERS and LAYERS.index(second) > LAYERS.index(package)
-            if (first == "psgn_jax" and above) or (first == "data_gen" and package != "commands"):
+            later = second in LAYERS and LAYERS.index(second) > LAYERS.index(package)
+            if (first == "psgn_jax" and later) or (first == "data_gen" and package != "commands"):
                 wrong.append(f"{path.relative_to(ROOT)} imports {name}")
     for path in (ROOT / "data_gen").rglob("*.py"):
         for name in imports_of(path):

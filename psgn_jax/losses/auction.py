@@ -169,7 +169,7 @@ class _Phase(NamedTuple):
     epsilon: Array  # 0 marks the end
     prices: Array  # [n]
     owner: Array  # [n]
-    waiting: Array  # number of bidders without an object; > 0 at the end: the budget ran out
+    waiting: Array  # number of bidders without an object; > 0 if the loop ended within a phase
     stack: Array
     bids: Array
     raises: Array
@@ -260,7 +260,7 @@ def _solve(
         gap=gap_of(first.cost, first.lower, n),
     )
     state = lax.while_loop(unfinished, phase, state)
-    # If the budget ran out within a phase, the matching is incomplete. `end_phase` completes it and
+    # If the loop ended within a phase, the matching is incomplete. `end_phase` completes it and
     # keeps the result if it is better than the best bijection so far.
     state = lax.cond(state.waiting > 0, end_phase, lambda s: s, state)
     gap = jnp.where(problem.finite, state.gap, jnp.nan)

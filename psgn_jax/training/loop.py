@@ -138,7 +138,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         def save() -> None:
             log.drain()
             losses = {"loss_sum": float(log.loss_sum), "loss_count": log.loss_count}
-            meta = {"config": to_dict(config), "seed": config.seed, "data_position": step, **losses}
+            meta = {"config": to_dict(config), **losses}
             if first:
                 checkpoints.save(step, named_leaves(state), meta)
 
@@ -228,7 +228,7 @@ def _restored(
     config: Config, task: Task, checkpoint: Checkpoint, workdir: pathlib.Path
 ) -> TrainState:
     template = jax.eval_shape(lambda: state_lib.create(config, task.init_params()))
-    # Earlier versions had the numbers of the log in the state.
+    # Earlier versions had the numbers of the log among the leaves, not in the metadata.
     of_the_log = ("loss_sum", "loss_count", "bad_step", "bad_metric")
     leaves = {name: leaf for name, leaf in checkpoint.leaves.items() if name not in of_the_log}
     try:
@@ -244,7 +244,7 @@ def _losses(config: Config, checkpoint: Checkpoint | None) -> tuple[float, int]:
     """Sum and number of the losses since the last line of metrics."""
     if checkpoint is None or checkpoint.step % config.train.log_every == 0:
         return 0.0, 0
-    return checkpoint.meta["loss_sum"], checkpoint.meta["loss_count"]
+    return checkpoint.meta.get("loss_sum", 0.0), checkpoint.meta.get("loss_count", 0)
 
 
 def _open_initial(config: Config, task: Task) -> Run | None:
