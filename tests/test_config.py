@@ -37,7 +37,7 @@ def test_fields_of_removed_features_are_read_with_their_old_default():
     assert parse({"data": {"on_device": False, "cache": True}}) == Config()
     assert parse({"eval": {"silhouette": False}}) == Config()
     assert parse({"data": {"photo": {"holes": 0.0}}}) == Config()
-    with pytest.raises(ConfigError, match=r"data.on_device is not a field"):
+    with pytest.raises(ConfigError, match=r"data.on_device=True: this feature was removed"):
         parse({"data": {"on_device": True}})
 
 

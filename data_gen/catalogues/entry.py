@@ -152,11 +152,16 @@ def moved_to_empty_splits(
 
 def unique_names(names: list[str]) -> list[str]:
     """The names, with `-2`, `-3` ... appended to repeated names."""
-    result: dict[str, None] = {}
+    seen: dict[str, int] = {}
+    taken = set(names)
+    result = []
     for name in names:
-        fresh, number = name, 1
-        while fresh in result or (number > 1 and fresh in names):
-            number += 1
-            fresh = f"{name}-{number}"
-        result[fresh] = None
-    return list(result)
+        seen[name] = seen.get(name, 0) + 1
+        fresh = name
+        while seen[name] > 1 and (fresh in taken or fresh == name):
+            fresh = f"{name}-{seen[name]}"
+            if fresh in taken:
+                seen[name] += 1
+        taken.add(fresh)
+        result.append(fresh)
+    return result

@@ -34,6 +34,8 @@ def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
         start = stop
 
 
+_MOST_LIBRARIES = 1000  # largest number of material files of a model; others are ignored
+
 _COLUMNS = {"v": 3, "vt": 2, "vn": 3}
 
 
@@ -97,11 +99,11 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
                 owners_of_faces.append(owner)
             elif key == "usemtl":
                 owner = names.setdefault(line.split(None, 1)[1].strip(), len(names))
-            elif key == "mtllib":
+            elif key == "mtllib" and len(libraries) < _MOST_LIBRARIES:
                 # Either one name, which may contain spaces, or several names.
                 rest = line.split(None, 1)[1].strip()
                 for name in [rest] if _exists(assets, rest) else words:
-                    if name in libraries:
+                    if name in libraries or len(libraries) == _MOST_LIBRARIES:
                         continue
                     libraries.add(name)
                     try:

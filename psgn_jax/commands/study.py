@@ -96,6 +96,8 @@ def _main(argv: list[str]) -> None:
             raise ConfigError(f"psgn study {name}: no such study; {hint}{accepted}")
         if values.runs and name not in ("branches", "losses"):
             raise ConfigError(f"--runs={','.join(values.runs)}: accepted by branches and losses")
+        if values.measure and name == "ambiguity":
+            raise ConfigError(f"--measure={','.join(values.measure)}: not accepted by {name}")
         if values.runs and values.eval_data:
             raise ConfigError(f"--eval_data={values.eval_data}: with --runs, give --data instead")
         keep_compiled()

@@ -337,11 +337,14 @@ def _without_removed(node: Any, prefix: str = "") -> Any:
     node = node.to_dict() if hasattr(node, "to_dict") else node
     if not isinstance(node, Mapping):
         return node
-    return {
-        key: _without_removed(value, f"{prefix}{key}.")
-        for key, value in node.items()
-        if value not in _REMOVED.get(f"{prefix}{key}", ())
-    }
+    kept = {}
+    for key, value in node.items():
+        if (name := f"{prefix}{key}") not in _REMOVED:
+            kept[key] = _without_removed(value, f"{name}.")
+        elif value not in _REMOVED[name]:
+            accepted = " or ".join(map(repr, _REMOVED[name]))
+            raise ConfigError(f"{name}={value!r}: this feature was removed; accepted: {accepted}")
+    return kept
 
 
 def check_paths(config: Config) -> None:

@@ -19,7 +19,7 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 
 Batch = dict[str, Any]
-Others = dict[int, list[int]]
+Others = dict[int, list[int]]  # for each record, all views of its model: one list a model
 
 # Each purpose of random numbers has its own stream.
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
@@ -129,7 +129,7 @@ class Items:
 
 
 def other_views(reader: RecordReader, wanted: int, name: str) -> Others:
-    """For each record, the other views of its model, beginning with those after it.
+    """For each record, the views of its model.
 
     The manifest does not name models. Therefore every record is read once, which takes one or two
     milliseconds each.
@@ -145,7 +145,13 @@ def other_views(reader: RecordReader, wanted: int, name: str) -> Others:
                 f"data set {folder!r}: model {model!r} has {len(views)} views, expected at least "
                 f"{wanted}, as set by {name}"
             )
-    return {n: v[at + 1 :] + v[:at] for v in members.values() for at, n in enumerate(v)}
+    return {index: views for views in members.values() for index in views}
+
+
+def _after(views: list[int], index: int) -> list[int]:
+    """The other views, beginning with those after `index`."""
+    at = views.index(index)
+    return views[at + 1 :] + views[:at]
 
 
 def _stack(rows: Iterable[Sequence[View]], count: int, *, several: bool) -> Batch:
@@ -199,7 +205,7 @@ class TrainBatch:
         index = int(self.order[step * self.batch_size + row])
         views = [self.items[index].view_with_points(rng, cfg.num_points)]
         if self.others and num_views > 1:
-            chosen = rng.permutation(self.others[index])[: num_views - 1]
+            chosen = rng.permutation(_after(self.others[index], index))[: num_views - 1]
             views += [_further_view(self.items[int(i)]) for i in chosen]
         # All views of a model get the same random numbers, so that all or none are mirrored.
         seeds = [self.seed, _PHOTO, step, row]
@@ -232,7 +238,8 @@ class EvalBatch:
         for index in range(start, start + filled):
             rng = np.random.default_rng([self.seed, _EVAL, index])
             item = self.items[index]
-            others = self.others[index][: cfg.eval_views - 1] if self.others else []
+            others = _after(self.others[index], index) if self.others else []
+            others = others[: cfg.eval_views - 1]
             view = item.view_with_points(rng, cfg.num_eval_points)
             if item.measured:
                 # Visibility is computed before the move, which does not change it.

@@ -266,6 +266,8 @@ def run(
     folders = runs[0].config.data.eval_folders if study.split else ()
     if any(study.split in load_manifest(path).splits() for path in folders):
         places[""] = _on_split(runs, study.split)
+    elif study.split:
+        logging.warning("no split %r: thresholds are chosen on the measured one", study.split)
     texts = []
     for place, several in places.items():
         results: dict[str, list[Measured]] = {}

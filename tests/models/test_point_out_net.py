@@ -8,6 +8,7 @@ import pytest
 
 from psgn_jax.config.experiment import ModelConfig
 from psgn_jax.models import layers
+from psgn_jax.models.cpu_convolution import plain_convolutions
 from psgn_jax.models.networks import build, scaled_widths
 
 # Most of the time of these tests is compilation.
@@ -279,6 +280,41 @@ def test_several_draws_are_as_many_separate_calls(name):
     np.testing.assert_allclose(clouds, separate, rtol=1e-4, atol=1e-5)
     shapes = jax.eval_shape(build(config).init, jax.random.key(0), x, r)["params"]
     assert jax.tree.map(jnp.shape, shapes) == jax.tree.map(jnp.shape, params)
+
+
+def multiplications(function, *args) -> int:
+    """Number of multiplications in all convolutions and matrix products of a function."""
+
+    def count(jaxpr):
+        total = 0
+        for eqn in jaxpr.eqns:
+            shapes = [v.aval.shape for v in (*eqn.invars, *eqn.outvars)]
+            if eqn.primitive.name == "dot_general":
+                (contracted, _), _ = eqn.params["dimension_numbers"]
+                total += np.prod(shapes[2]) * np.prod([shapes[0][i] for i in contracted])
+            elif eqn.primitive.name == "conv_general_dilated":
+                out_features = eqn.params["dimension_numbers"].rhs_spec[0]
+                products = np.prod(shapes[2]) * np.prod(np.delete(shapes[1], out_features))
+                total += products // np.prod(eqn.params["lhs_dilation"])  # without inserted zeros
+            inner = (getattr(param, "jaxpr", param) for param in eqn.params.values())
+            total += sum(count(jaxpr) for jaxpr in inner if hasattr(jaxpr, "eqns"))
+        return int(total)
+
+    return count(jax.make_jaxpr(function)(*args).jaxpr)
+
+
+@pytest.mark.parametrize(
+    ("name", "most"), [("vanilla", 1.1), ("two_branch", 1.85), ("hourglass", 3.3)]
+)
+def test_eight_draws_cost_no_eight_encoders(name, most):
+    """Counts at full size. The hourglass repeats all layers after its first bottleneck."""
+    config = full_config(name, random_size=128)
+    network, x = build(config), jax.ShapeDtypeStruct((1, 192, 256, 4), jnp.float32)
+    one, eight = (jax.ShapeDtypeStruct((1, *n, 128), jnp.float32) for n in ((), (8,)))
+    variables = jax.eval_shape(network.init, jax.random.key(0), x, one)
+    count = functools.partial(multiplications, network.apply, variables, x)
+    with plain_convolutions():  # calls of oneDNN are not counted
+        assert count(eight) < most * count(one)
 
 
 def test_first_clouds_are_around_the_object_and_repeat_with_the_key():

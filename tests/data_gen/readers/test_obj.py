@@ -177,3 +177,23 @@ def test_textures_are_not_decoded_without_end(write, monkeypatch):
     assert "the model has too many textures; plain colours are used for some of them" in (
         model.warnings
     )
+
+
+def test_each_material_file_is_read_once_and_not_too_many(write, tmp_path, monkeypatch):
+    read, asked = [], []
+    find = FolderFiles.find
+    monkeypatch.setattr(
+        FolderFiles, "read", lambda self, name: read.append(name) or (self.root / name).read_bytes()
+    )
+    monkeypatch.setattr(
+        FolderFiles, "find", lambda self, name: asked.append(name) or find(self, name)
+    )
+    write("m.mtl", "newmtl a\nKd 1 0 0\n")
+    body = f"{CUBE}usemtl a\n{FACES}"
+    model = load_model(write("a.obj", "mtllib m.mtl\n" * 20_000 + body))
+    assert read == ["a.obj", "m.mtl"]
+    assert model.materials[0].diffuse == (1, 0, 0)
+    many = "".join(f"mtllib {i}.mtl\n" for i in range(20_000))
+    asked.clear()
+    load_model(write("b.obj", many + body))
+    assert len(asked) < 4000
