@@ -1,16 +1,21 @@
 """Shared fixtures. Strict promotion is set before anything is traced.
 
-On a CPU, programs are compiled without LLVM's optimisation, because the tests mostly compile.
-With an empty `XLA_FLAGS=` they run the compiled code that users run.
+On a CPU, programs are compiled without LLVM's optimisation and, before jaxlib 0.11, without MLIR,
+because the tests mostly compile. With an empty `XLA_FLAGS=` they run the compiled code that users
+run.
 """
 
+import importlib.metadata
 import os
 import pathlib
 import shutil
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 if os.environ["JAX_PLATFORMS"] == "cpu":
-    os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+    flags = ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1"]
+    if importlib.metadata.version("jaxlib").startswith("0.10."):  # jaxlib 0.11 lacks the flag
+        flags.append("--xla_cpu_use_fusion_emitters=false")
+    os.environ.setdefault("XLA_FLAGS", " ".join(flags))
 
 import jax
 import numpy as np

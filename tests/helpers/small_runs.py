@@ -27,13 +27,12 @@ def write_config(path, config):
 
 
 def quick_environment(folder):
-    """An environment in which commands compile fast, for tests of files, signals and processes."""
+    """An environment in which each program is compiled once, with the flags of `conftest`."""
     return os.environ | {
         "JAX_PLATFORMS": "cpu",
         "JAX_COMPILATION_CACHE_DIR": str(folder / "cache"),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
-        "XLA_FLAGS": "--xla_backend_optimization_level=0",
         # XLA warns that cached programs might be for another machine, even on the same machine.
         "TF_CPP_MIN_LOG_LEVEL": "3",
     }

@@ -9,8 +9,16 @@ from psgn_jax.models.mask_net import MaskNet
 
 @pytest.fixture(scope="module")
 def params():
-    drawn = jax.jit(MaskNet().init)(jax.random.key(0), np.zeros((1, 32, 32, 3), np.float32))
-    return jax.tree.map(np.asarray, drawn["params"])
+    """Drawn by NumPy, because compiling the initialisation of the network takes long."""
+    image = np.zeros((1, 32, 32, 3), np.float32)
+    shapes = jax.eval_shape(MaskNet().init, jax.random.key(0), image)["params"]
+    rng = np.random.default_rng(0)
+
+    def draw(leaf):
+        scale = 0.05 if len(leaf.shape) == 1 else np.sqrt(2 / np.prod(leaf.shape[:-1]))
+        return (scale * rng.standard_normal(leaf.shape)).astype(np.float32)
+
+    return jax.tree.map(draw, shapes)
 
 
 def test_the_onnx_file_gives_the_same_probabilities(params, rng):
