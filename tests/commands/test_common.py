@@ -5,7 +5,7 @@ import sys
 
 import jax
 import pytest
-from helpers.commands import ROOT, psgn
+from helpers.commands import ROOT, psgn_each
 
 from psgn_jax.commands.common import exit_on_user_error
 from psgn_jax.system.errors import UserError
@@ -55,25 +55,28 @@ def test_errors_of_the_program_keep_their_traceback():
         raise ValueError("ours")
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["train", "--config=configs/debug.py", "--config.data.path=tests", "--workdir=FILE"],
-        ["evaluate", "--workdir=run", "--report=FILE"],
-        ["evaluate", "--workdir=FILE"],
-        ["predict", "docs/renders.png", "--workdir=run", "--out=FILE"],
-        ["convert", "authors", "docs", "FILE"],
-    ],
-)
-def test_a_file_in_place_of_a_folder_ends_in_one_line(arguments, tmp_path):
+def test_wrong_arguments_end_in_one_line_before_a_network_is_made(tmp_path):
     file = tmp_path / "file"
     file.touch()
-    arguments = [argument.replace("FILE", str(file)) for argument in arguments]
-    done = psgn(*arguments)
-    assert done.returncode == 2, done.stderr
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("error: ")
-    assert str(file) in line
+    predict = ["predict", f"--workdir={tmp_path}", f"--out={tmp_path}"]
+    cases = (
+        (["train", "--config=debug", "--config.data.path=tests", f"--workdir={file}"], file),
+        (["evaluate", "--workdir=run", f"--report={file}"], file),
+        (["evaluate", f"--workdir={file}"], file),
+        (["predict", "docs/renders.png", "--workdir=run", f"--out={file}"], file),
+        (["convert", "authors", "docs", file], file),
+        (["train", "--config=quickstart", "--config.data.path=tests"], "'tests': not a data set"),
+        (["evaluate", "--weights=none", "--data=tests"], "'tests': not a data set"),
+        (predict, "no image: name files or folders"),
+        ([*predict, "a.png", "--formats=stl"], "accepted: any of ply, xyz, obj, glb, npz"),
+        ([*predict, "a.png", "--invert_mask"], "accepted only with --mask=FILE|FOLDER"),
+    )
+    found = psgn_each(*(arguments for arguments, _ in cases), JAX_PLATFORMS="none")
+    for done, (_, message) in zip(found, cases, strict=True):
+        assert done.returncode == 2, done.stderr
+        (line,) = done.stderr.splitlines()
+        assert line.startswith("error: ")
+        assert str(message) in line
 
 
 def test_a_second_start_reads_compiled_programs_without_a_word(tmp_path):

@@ -5,7 +5,7 @@ import pathlib
 import re
 
 import pytest
-from helpers.commands import ROOT, psgn
+from helpers.commands import ROOT, psgn_each
 
 from psgn_jax.commands import psgn as cli
 from psgn_jax.config import recipes as config_files
@@ -32,35 +32,27 @@ def test_an_unknown_command_ends_in_one_line(capsys):
 
 
 def test_arguments_and_exit_codes_are_those_of_the_command():
-    for name, flag in (("inspect", "--sheet"), ("train", "--workdir")):
-        shown = psgn(name, "--help")
+    inspect, train, study, steps, missing = psgn_each(
+        ["inspect", "--help"],
+        ["train", "--help"],
+        ["study", "losss"],
+        ["train", "--config=quickstart", "--config.train.steps=-1"],
+        ["train", "--workdir=runs/none"],
+        imports=["psgn_jax.data.dataset"],
+    )
+    for shown, flag in ((inspect, "--sheet"), (train, "--workdir")):
         assert shown.returncode == 0
         assert flag in shown.stdout
-    done = psgn("study", "losss")
-    assert done.returncode == 2
-    assert done.stderr.startswith("error: psgn study losss: no such study; did you mean 'losses'?")
-    done = psgn("train", "--config=quickstart", "--config.train.steps=-1")
-    assert done.returncode == 2
-    assert done.stderr == "error: train.steps=-1: accepted: a number >= 1 and <= 2147483647\n"
-
-
-def test_training_without_a_configuration_lists_them():
-    done = psgn("train", "--workdir=runs/none")
-    assert done.returncode == 2
-    first, *lines = done.stderr.splitlines()
+    assert study.returncode == 2
+    assert study.stderr.startswith("error: psgn study losss: no such study; did you mean 'losses'?")
+    assert steps.returncode == 2
+    assert steps.stderr == "error: train.steps=-1: accepted: a number >= 1 and <= 2147483647\n"
+    # Without a configuration, they are listed.
+    assert missing.returncode == 2
+    first, *lines = missing.stderr.splitlines()
     assert first == "error: --config is missing: a file, or one of these names"
     assert [line.split()[0] for line in lines] == config_files.names()
     assert "the default data set" in next(line for line in lines if "quickstart" in line)
-
-
-def test_records_are_checked_before_a_network_is_made():
-    for command in (
-        ("train", "--config=quickstart", "--config.data.path=tests"),
-        ("evaluate", "--weights=none", "--data=tests"),
-    ):
-        done = psgn(*command, JAX_PLATFORMS="none")
-        assert done.returncode == 2
-        assert done.stderr.startswith("error: data set 'tests': not a data set of this project")
 
 
 def test_a_configuration_is_a_path_or_a_name():

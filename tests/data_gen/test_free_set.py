@@ -7,7 +7,7 @@ import pathlib
 import numpy as np
 import pytest
 from ac3d_files import CUBE, MATERIALS, SIDES, cube, obj, read, write
-from helpers.outcomes import outcomes
+from helpers.commands import psgn_each
 from PIL import Image
 
 from data_gen.catalogues import torcs
@@ -290,8 +290,9 @@ def test_what_is_wrong_is_said_before_the_work(tmp_path):
         (["--packages=.", "--out=x", "--fraction=2"], "fraction"),
         (["--packages=.", "--out=x", "cats"], "unexpected argument 'cats'"),
     )
-    found = outcomes("data_gen.sets.free", [arguments for arguments, _ in cases], tmp_path)
-    for (code, out, err), (_, message) in zip(found, cases, strict=True):
-        assert (code, out, message in err) == (2, "", True), err
-        assert "Traceback" not in err
+    arguments = [["free-set", *arguments] for arguments, _ in cases]
+    found = psgn_each(*arguments, cwd=tmp_path, imports=["data_gen.catalogues.by_name"])
+    for done, (_, message) in zip(found, cases, strict=True):
+        assert (done.returncode, done.stdout, message in done.stderr) == (2, "", True), done.stderr
+        assert "Traceback" not in done.stderr
     assert not (tmp_path / "x").exists()

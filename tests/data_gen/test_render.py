@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 import pytest
-from helpers.outcomes import outcomes
+from helpers.commands import psgn_each
 
 from data_gen import cameras, engine, job, lights, scene, settings
 from data_gen.catalogues.by_name import open_catalogue
@@ -406,16 +406,20 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
         ),
     )
     arguments = [
-        [*command, *wrong.replace("{CONFIG}", str(CONFIG)).split(" ")] for wrong, _ in cases
+        ["render", *command, *wrong.replace("{CONFIG}", str(CONFIG)).split(" ")]
+        for wrong, _ in cases
     ]
-    first, *found = outcomes("data_gen.render", [["--help"], *arguments], tmp_path)
-    for (code, _, said), (_, message) in zip(found, cases, strict=True):
-        assert (code, message in said) == (2, True), said
+    first, *found = psgn_each(
+        ["render", "--help"], *arguments, cwd=tmp_path, imports=["data_gen.catalogues.by_name"]
+    )
+    for done, (_, message) in zip(found, cases, strict=True):
+        said = done.stderr
+        assert (done.returncode, message in said) == (2, True), said
         assert said.startswith("error: "), said
         assert said.count("\n") == 1, said
     assert not (tmp_path / "out").exists()
-    assert first[0] == 0
-    text = " ".join(first[1].split())
+    assert first.returncode == 0
+    text = " ".join(first.stdout.split())
     for part in (
         "source: a folder of records.",
         "--option=liveries=3",

@@ -274,21 +274,6 @@ def test_the_command(config, params, tmp_path):
     assert list((tmp_path / "compiled").rglob("*"))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((), "no image: name files or folders"),
-        (("a.png", "--formats=stl"), "--formats=stl: accepted: any of ply, xyz, obj, glb, npz"),
-        (("a.png", "--invert_mask"), "--invert_mask: accepted only with --mask=FILE|FOLDER"),
-    ],
-)
-def test_wrong_commands_end_in_one_line(arguments, message, tmp_path):
-    ended = psgn("predict", f"--workdir={tmp_path}", f"--out={tmp_path}", *arguments)
-    assert ended.returncode == 2
-    assert message in ended.stderr
-    assert len(ended.stderr.splitlines()) == 1
-
-
 def share(points, intrinsics, extrinsics, mask, pixels):
     """The fraction of the points that project onto the mask, with a tolerance in pixels."""
     seen, _ = camera.project(points, intrinsics, extrinsics)

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from helpers import weights as helper
-from helpers.commands import psgn
+from helpers.commands import psgn_each
 from helpers.human_study import LEG, LEGS, TOP, TURN, corners, table_points, turn
 from PIL import Image
 from scipy.spatial import ConvexHull
@@ -189,14 +189,19 @@ def test_what_cannot_be_compared_is_refused(study, answers):
 
 def test_the_commands(records, tmp_path):
     out = tmp_path / "study"
-    done = psgn("human", f"--data={records}", "--cases=2", f"--out={out}")
+    done, *failed = psgn_each(
+        ["human", f"--data={records}", "--cases=2", f"--out={out}"],
+        ["human", "score", out],
+        ["human", "skore", out],
+        imports=["psgn_jax.web.human.score"],
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"{out / 'index.html'}: 2 cases; open it in a browser\n"
-    for arguments, message in [
-        (["score", out], f"error: {out / 'human.json'}: no such file; press `Save all`"),
-        (["skore", out], "expected no arguments, or `score STUDY`"),
-    ]:
-        done = psgn("human", *arguments)
+    messages = (
+        f"error: {out / 'human.json'}: no such file; press `Save all`",
+        "expected no arguments, or `score STUDY`",
+    )
+    for done, message in zip(failed, messages, strict=True):
         assert (done.returncode, done.stdout) == (2, "")
         (line,) = done.stderr.splitlines()
         assert message in line
