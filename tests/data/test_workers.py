@@ -11,15 +11,16 @@ import pytest
 from helpers import processes
 
 SCRIPT = """
-import sys, time
-from psgn_jax.config.experiment import DataConfig
-from psgn_jax.data import loader
 from psgn_jax.system import signals
-from psgn_jax.system.signals import StopSignal
 
 signals.GRACE_SECONDS = 60.0  # on busy cores, workers take longer to start than the usual time
 
 if __name__ == "__main__":
+    import sys, time
+    from psgn_jax.config.experiment import DataConfig
+    from psgn_jax.data import loader
+    from psgn_jax.system.signals import StopSignal
+
     cfg = DataConfig(path=sys.argv[1], image_size=(24, 32), num_points=50,
                      num_workers=int(sys.argv[2]))
     batches = loader.train_batches(cfg, batch_size=4, seed=0, start_step=0)

@@ -36,5 +36,5 @@ def wait_until(condition, seconds=60.0):
     while not condition():
         if time.monotonic() > deadline:
             return False
-        time.sleep(0.005)
+        time.sleep(0.02)
     return True
