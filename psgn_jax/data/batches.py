@@ -19,7 +19,7 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 
 Batch = dict[str, Any]
-Others = dict[int, list[int]]  # for each record, all views of its model: one list a model
+ModelViews = dict[int, list[int]]  # for each record, all views of its model: one list a model
 
 # Each purpose of random numbers has its own stream.
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
@@ -128,8 +128,8 @@ class Items:
         return Item(view, stored.points, labels, measured)
 
 
-def other_views(reader: RecordReader, wanted: int, name: str) -> Others:
-    """For each record, the views of its model.
+def model_views(reader: RecordReader, wanted: int, name: str) -> ModelViews:
+    """For each record, all views of its model, itself included.
 
     The manifest does not name models. Therefore every record is read once, which takes one or two
     milliseconds each.
@@ -185,13 +185,13 @@ class TrainBatch:
     batch_size: int
     seed: int
     rows: range
-    others: Others | None
+    model_views: ModelViews | None
 
     def __call__(self, step: int) -> Batch:
         """The rows of one step."""
         cfg = self.cfg
         num_views = 0
-        if self.others:
+        if self.model_views:
             # One number for the whole batch, so it must be the same in all processes.
             rng = np.random.default_rng([self.seed, _VIEWS, step])
             num_views = int(rng.integers(1, cfg.train_views + 1))
@@ -204,8 +204,8 @@ class TrainBatch:
         rng = np.random.default_rng([self.seed, _TRAIN, step, row])
         index = int(self.order[step * self.batch_size + row])
         views = [self.items[index].view_with_points(rng, cfg.num_points)]
-        if self.others and num_views > 1:
-            chosen = rng.permutation(_after(self.others[index], index))[: num_views - 1]
+        if self.model_views and num_views > 1:
+            chosen = rng.permutation(_after(self.model_views[index], index))[: num_views - 1]
             views += [_further_view(self.items[int(i)]) for i in chosen]
         # All views of a model get the same random numbers, so that all or none are mirrored.
         seeds = [self.seed, _PHOTO, step, row]
@@ -225,7 +225,7 @@ class EvalBatch:
     batch_size: int
     seed: int
     visible_tolerance: float
-    others: Others | None
+    model_views: ModelViews | None
 
     def __call__(self, number: int) -> Batch:
         """The batch of that number."""
@@ -238,7 +238,7 @@ class EvalBatch:
         for index in range(start, start + filled):
             rng = np.random.default_rng([self.seed, _EVAL, index])
             item = self.items[index]
-            others = _after(self.others[index], index) if self.others else []
+            others = _after(self.model_views[index], index) if self.model_views else []
             others = others[: cfg.eval_views - 1]
             view = item.view_with_points(rng, cfg.num_eval_points)
             if item.measured:
@@ -256,7 +256,7 @@ class EvalBatch:
             items.append(item)
         for values in (rows, visible, items):
             values += values[-1:] * (self.batch_size - filled)
-        batch = _stack(rows, self.batch_size, several=self.others is not None)
+        batch = _stack(rows, self.batch_size, several=self.model_views is not None)
         if visible:
             batch["visible"] = np.stack(visible)
         batch["valid"] = np.arange(self.batch_size) < filled

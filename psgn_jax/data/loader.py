@@ -22,7 +22,7 @@ from grain.multiprocessing import SharedMemoryArray
 
 from psgn_jax.config.experiment import DataConfig
 from psgn_jax.data import workers
-from psgn_jax.data.batches import ORDER, Batch, EvalBatch, Items, TrainBatch, other_views
+from psgn_jax.data.batches import ORDER, Batch, EvalBatch, Items, TrainBatch, model_views
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.cores import num_cores
@@ -147,9 +147,9 @@ def train_batches(
     local = batch_size // process_count
     rows = range(process_index * local, (process_index + 1) * local)
     views = cfg.train_views
-    others = other_views(reader, views, "voxels.max_views") if views else None
+    several = model_views(reader, views, "voxels.max_views") if views else None
     items = Items(cfg, reader, repeatedly=True)
-    make = TrainBatch(cfg, items, order, batch_size, seed, rows, others)
+    make = TrainBatch(cfg, items, order, batch_size, seed, rows, several)
     return _iterate(cfg, range(start_step, sys.maxsize // batch_size), make)
 
 
@@ -187,7 +187,7 @@ def eval_batches(
     if any("depth" not in s.fields for s in reader.shards):
         visible_tolerance = 0.0
     views = cfg.eval_views
-    others = other_views(reader, views, "voxels.eval_views") if views else None
+    several = model_views(reader, views, "voxels.eval_views") if views else None
     items = Items(cfg, reader, visibility=bool(visible_tolerance), repeatedly=views > 0)
-    make = EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance, others)
+    make = EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance, several)
     return _iterate(cfg, choose(-(-len(reader) // batch_size)), make)

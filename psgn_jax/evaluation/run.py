@@ -58,6 +58,8 @@ def evaluate_run(
     split = split or config.data.eval_split
     if draws:
         require_points_task(config, "--draws")
+    if frame not in FRAMES:
+        raise ConfigError(f"--frame={frame}: accepted: {', '.join(FRAMES)}")
     if frame != "keep":
         require_points_task(config, f"--frame={frame}")
     if refine:
