@@ -10,7 +10,6 @@ import pathlib
 
 from absl import logging
 
-from data_gen import default
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
@@ -38,6 +37,8 @@ def default_dataset() -> str:
     Raises:
       ConfigError: the data set does not exist and cannot be rendered; the message says what to do.
     """
+    from data_gen import default  # imports the loader and the renderer
+
     folder = cache_folder() / default.NAME
     if _is_complete(folder):
         return str(folder)
