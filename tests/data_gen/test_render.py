@@ -375,6 +375,8 @@ def test_crash_timeout_and_memory_end_with_their_model(tmp_path):
 def test_choice_of_the_variant(monkeypatch, tmp_path):
     bogus = tmp_path / "libLLVM-19.so"
     bogus.write_bytes(b"no library")
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(bogus))
+    assert engine.llvm_candidates()[0] == str(bogus)
     monkeypatch.setattr(engine, "llvm_candidates", lambda: [str(bogus)])
     variant, message = choose_variant("auto")
     assert variant == Variant("scalar_rgb")

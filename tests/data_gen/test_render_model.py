@@ -37,6 +37,9 @@ def test_faces_are_missing_and_vertices_are_not(model):
         assert dataclasses.replace(settings, checks=ALL.checks) == ALL
     assert min(shares) < 0.2
     assert shares.count(1.0) < 10
+    half = Settings(image=ImageSettings(missing=0.5))
+    parts = [render_model.without_faces(model, half, seed)[0] for seed in range(40)]
+    assert 10 <= sum(part is not model for part in parts) <= 30
 
 
 def test_an_empty_view_is_refused_and_its_line_can_be_read(rng):
