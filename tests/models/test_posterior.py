@@ -11,13 +11,14 @@ from psgn_jax.config.experiment import ModelConfig
 from psgn_jax.models import networks, posterior
 
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
+occupied = jax.jit(posterior.occupied)
 
 
 def test_volume_marks_the_cells_of_the_points():
     points = np.array(
         [[-1, -1, 0], [0.999, 0.999, 1.999], [0.01, -0.01, 0.0626], [0.01, -0.01, 0.0626]], "f4"
     )
-    volume = np.asarray(posterior.occupied(points))
+    volume = np.asarray(occupied(points))
     assert volume.shape == (32, 32, 32)
     want = {(0, 0, 0), (31, 31, 31), (16, 15, 1)}
     assert {tuple(map(int, c)) for c in np.argwhere(volume)} == want
@@ -26,16 +27,16 @@ def test_volume_marks_the_cells_of_the_points():
 
 def test_points_outside_count_for_the_nearest_cell():
     points = np.array([[-1.3, 0.01, -1e-3], [1.0, 1.2, 2.0]], np.float32)
-    volume = np.asarray(posterior.occupied(points))
+    volume = np.asarray(occupied(points))
     assert {tuple(map(int, c)) for c in np.argwhere(volume)} == {(0, 16, 0), (31, 31, 31)}
 
 
 def test_volume_is_mirrored_with_the_points_and_ignores_their_order(rng):
     points = rng.uniform(-1, 1, (300, 3)).astype(np.float32) + np.array([0, 0, 1], np.float32)
-    volume = np.asarray(posterior.occupied(points))
-    flipped = np.asarray(posterior.occupied(points * np.array([1, -1, 1], np.float32)))
+    volume = np.asarray(occupied(points))
+    flipped = np.asarray(occupied(points * np.array([1, -1, 1], np.float32)))
     np.testing.assert_array_equal(flipped, volume[:, ::-1])
-    np.testing.assert_array_equal(np.asarray(posterior.occupied(points[::-1].copy())), volume)
+    np.testing.assert_array_equal(np.asarray(occupied(points[::-1].copy())), volume)
 
 
 @pytest.mark.parametrize(("mean", "log_variance"), [(0.0, 0.0), (1.5, -1.0), (-0.3, 0.7)])
@@ -63,7 +64,7 @@ def test_shapes_start_and_gradients(rng):
     config = ModelConfig(random_size=5, posterior=True, posterior_widths=(4, 6), posterior_hidden=8)
     net = networks.build_posterior(config)
     points = rng.uniform(-0.9, 0.9, (3, 200, 3)).astype(np.float32)
-    volumes = jax.vmap(posterior.occupied)(points + np.array([[[0, 0, 0.95]]], np.float32))
+    volumes = jax.jit(jax.vmap(posterior.occupied))(points + np.array([[[0, 0, 0.95]]], np.float32))
     params = quick_jit(net.init)(jax.random.key(0), volumes)["params"]
     assert params["conv0"]["kernel"].shape == (5, 5, 5, 1, 4)
     assert params["conv1"]["kernel"].shape == (3, 3, 3, 4, 6)

@@ -79,11 +79,12 @@ def test_cell_against_the_equations(rng):
     cell = r2n2.VolumeCell(jnp.float32)
     x = rng.normal(size=(1, 6)).astype(np.float32)
     hidden = rng.normal(size=(1, 4, 4, 4, 5)).astype(np.float32)
-    params = cell.init(jax.random.key(0), x, hidden)
-    centre = jnp.zeros((3, 3, 3, 1, 1)).at[1, 1, 1].set(1)
+    params = jax.jit(cell.init)(jax.random.key(0), x, hidden)
+    centre = np.zeros((3, 3, 3, 1, 1), np.float32)
+    centre[1, 1, 1] = 1
     for gate in params["params"].values():
         gate["grid"]["kernel"] = gate["grid"]["kernel"] * centre
-    got = cell.apply(params, x, hidden)
+    got = jax.jit(cell.apply)(params, x, hidden)
 
     def gate(name, h):
         p = jax.tree.map(np.asarray, params["params"][name])
