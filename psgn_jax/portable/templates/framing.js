@@ -161,10 +161,14 @@ const squaredGap = (points, i, j) =>
 
 /** Which points lie apart from all others: their fourth nearest neighbour is at more than 5 times the median of this distance. */
 export function strayPoints(points) {
-  const count = points.length / 3, squares = new Float64Array(count);
+  const count = points.length / 3, least = new Float64Array(5); // squared distances to the point itself and four neighbours
   const gaps = Float64Array.from({ length: count }, (_, i) => {
-    for (let j = 0; j < count; j++) squares[j] = squaredGap(points, i, j);
-    return Math.sqrt(squares.slice().sort()[4] ?? 0);
+    least.fill(Infinity);
+    for (let j = 0; j < count; j++) {
+      const square = squaredGap(points, i, j);
+      if (square < least[4]) least.fill(square, 4).sort();
+    }
+    return Math.sqrt(least[4]);
   });
   const sorted = gaps.slice().sort(), median = (sorted[(count - 1) >> 1] + sorted[count >> 1]) / 2;
   return Array.from(gaps, gap => gap > 5 * median);
