@@ -1,8 +1,115 @@
-// Draws clouds as shaded spheres, the nearest last. Used by the page of psgn_jax.viewing and by the
-// browser page.
+// Views that a user turns, and clouds in them: shaded spheres, the nearest last. Used by the pages of
+// psgn_jax.viewing and psgn_jax.web.
 
-const START = { turn: 0, tilt: 20 * Math.PI / 180, zoom: 1 }, SPRITE = 48, RADIUS = 0.028;
+const START = { turn: 0, tilt: 20, zoom: 1 }, RADIUS = 0.028, SPRITE = 48; // degrees; radius of a sphere, pixels of its picture
 const DISTANCE = 3.6, MIDDLE = 0.27, FOCAL = 400 / 192; // the camera of the training images, which looks at this height
+
+const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+/** The three rows [a, b, c, shift] of a DOMMatrix, and the point to which they map a point. */
+const rowsOf = m => [[m.m11, m.m21, m.m31, m.m41], [m.m12, m.m22, m.m32, m.m42], [m.m13, m.m23, m.m33, m.m43]];
+const apply = (rows, v) => rows.map(row => dot(row, v) + row[3]);
+
+/** [column, row, depth] of a point; a camera is { k: [fx, skew, cx, fy, cy], rows }. */
+function project({ k, rows }, point) {
+  const [x, y, z] = apply(rows, point);
+  return [(k[0] * x + k[1] * y) / z + k[2], k[3] * y / z + k[4], z];
+}
+
+/** Canvases that show their scenes from the same side; subclasses have `draw(canvas, index)`. */
+class TurnedView {
+  constructor(canvases, start = START) {
+    Object.assign(this, { canvases, start, view: { ...start } });
+    for (const canvas of canvases) {
+      new ResizeObserver(() => this.redraw()).observe(canvas);
+      this.listen(canvas);
+    }
+  }
+
+  reset() {
+    this.spin(false);
+    Object.assign(this.view, this.start);
+    this.redraw();
+  }
+
+  /** Turns slowly, or no longer. */
+  spin(on) {
+    clearInterval(this.timer);
+    if (on) this.timer = setInterval(() => this.change(0.5, 0), 17);
+  }
+
+  redraw() {
+    this.waiting ??= requestAnimationFrame(() => {
+      this.waiting = null;
+      this.canvases.forEach((canvas, i) => this.draw(canvas, i));
+    });
+  }
+
+  /** The context of a canvas, emptied, with the resolution of the screen; its unit is the CSS pixel. */
+  cleared(canvas) {
+    const dense = window.devicePixelRatio || 1, context = canvas.getContext("2d");
+    canvas.width = Math.round(canvas.clientWidth * dense);
+    canvas.height = Math.round(canvas.clientHeight * dense);
+    context.scale(dense, dense);
+    return context;
+  }
+
+  /** The camera that sees points of the project's frame (+x to the viewer, +y right, +z up) from the side of this view. */
+  camera(canvas) {
+    const { clientWidth: w, clientHeight: h } = canvas, { turn, tilt, zoom } = this.view, focal = Math.min(h, 0.75 * w) * FOCAL * zoom;
+    const turned = new DOMMatrix().rotate(0, tilt, 0).rotate(0, 0, turn).translate(0, 0, -MIDDLE);
+    const matrix = new DOMMatrix().translate(0, 0, DISTANCE).rotate(90, 90, 0).multiply(turned); // to right, down and forward
+    return { k: [focal, 0, w / 2, focal, h / 2], rows: rowsOf(matrix) };
+  }
+
+  /** Turns and tilts by angles in degrees, and enlarges by a factor. */
+  change(turn, tilt, factor = 1) {
+    const { view } = this;
+    view.turn += turn;
+    view.tilt = clamp(view.tilt + tilt, -90, 90);
+    view.zoom = clamp(view.zoom * factor, 0.3, 8);
+    this.redraw();
+  }
+
+  /** What the moves of a pointer do that has just been pressed. */
+  grab() {
+    return (right, down) => this.change(0.6 * right, 0.6 * down);
+  }
+
+  /** A pointer turns, two fingers or the wheel zoom; keys do both. */
+  listen(canvas) {
+    const pointers = new Map(), spread = () => {
+      const [a, b] = [...pointers.values()];
+      return b ? Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) : 0;
+    };
+    let drag;
+    canvas.addEventListener("pointerdown", event => {
+      canvas.setPointerCapture(event.pointerId);
+      pointers.set(event.pointerId, event);
+      drag = this.grab(event);
+    });
+    canvas.addEventListener("pointermove", event => {
+      const before = pointers.get(event.pointerId), old = spread();
+      if (!before) return;
+      pointers.set(event.pointerId, event);
+      if (old) this.change(0, 0, spread() / old);
+      else drag(event.clientX - before.clientX, event.clientY - before.clientY);
+    });
+    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, event => pointers.delete(event.pointerId));
+    canvas.addEventListener("wheel", event => {
+      event.preventDefault();
+      this.change(0, 0, Math.exp(-event.deltaY * 0.001));
+    }, { passive: false });
+    const keys = { ArrowLeft: [-6, 0], ArrowRight: [6, 0], ArrowUp: [0, -6], ArrowDown: [0, 6], "+": [0, 0, 1.1], "-": [0, 0, 1 / 1.1] };
+    canvas.addEventListener("keydown", event => {
+      if (event.ctrlKey || event.metaKey || event.key !== "Home" && !keys[event.key]) return;
+      event.preventDefault();
+      if (event.key === "Home") this.reset();
+      else this.change(...keys[event.key]);
+    });
+  }
+}
 
 const sprites = new Map();
 /** A sphere of a colour, paler the larger `fog` is. */
@@ -22,108 +129,23 @@ function sprite(colour, fog) {
   return made;
 }
 
-export class CloudView {
-  /** Shows a cloud on each canvas, all from the same side. */
-  constructor(canvases) {
-    Object.assign(this, { canvases, clouds: [], view: { ...START }, spinning: false });
-    for (const canvas of canvases) {
-      new ResizeObserver(() => this.redraw()).observe(canvas);
-      this.listen(canvas);
-    }
-  }
-
+export class CloudView extends TurnedView {
   /** clouds: { points, colours } for each canvas, three numbers for each point; null = nothing. */
   show(clouds) {
     this.clouds = clouds;
     this.redraw();
   }
 
-  reset() {
-    Object.assign(this, { view: { ...START }, spinning: false });
-    this.redraw();
-  }
-
-  /** Turns slowly, or no longer. */
-  spin(on) {
-    let last = performance.now();
-    const step = now => {
-      if (!this.spinning) return;
-      this.view.turn += Math.min(now - last, 100) * 0.0005;
-      last = now;
-      this.redraw();
-      requestAnimationFrame(step);
-    };
-    if (on && !this.spinning) requestAnimationFrame(step);
-    this.spinning = on;
-  }
-
-  redraw() {
-    this.waiting ??= requestAnimationFrame(() => {
-      this.waiting = null;
-      this.canvases.forEach((canvas, i) => this.draw(canvas, this.clouds[i]));
-    });
-  }
-
-  draw(canvas, cloud) {
-    const dense = window.devicePixelRatio || 1, context = canvas.getContext("2d");
-    const w = canvas.width = Math.round(canvas.clientWidth * dense), h = canvas.height = Math.round(canvas.clientHeight * dense);
+  draw(canvas, index) {
+    const context = this.cleared(canvas), cloud = this.clouds?.[index], camera = this.camera(canvas);
     if (!cloud) return;
-    const { points, colours } = cloud, count = points.length / 3, focal = h * FOCAL * this.view.zoom;
-    const size = RADIUS * Math.sqrt(1024 / Math.max(count, 256)) * focal, { turn, tilt } = this.view;
-    const balls = Array.from({ length: count }, (_, i) => { // +x to the viewer, +y right, +z up
-      const [x, y, z] = [points[3 * i], points[3 * i + 1], points[3 * i + 2] - MIDDLE];
-      const near = Math.cos(turn) * x - Math.sin(turn) * y, right = Math.sin(turn) * x + Math.cos(turn) * y;
-      const depth = DISTANCE - near * Math.cos(tilt) - z * Math.sin(tilt);
-      return { i, depth, x: w / 2 + focal * right / depth, y: h / 2 - focal * (z * Math.cos(tilt) - near * Math.sin(tilt)) / depth };
-    }).filter(({ depth }) => depth > 0.3).sort((a, b) => b.depth - a.depth);
-    const far = balls[0]?.depth, span = Math.max(far - balls.at(-1)?.depth, 1e-6);
-    for (const { i, depth, x, y } of balls) {
+    const { points, colours } = cloud, count = points.length / 3, size = RADIUS * Math.sqrt(1024 / Math.max(count, 256)) * camera.k[0];
+    const balls = Array.from({ length: count }, (_, i) => [i, ...project(camera, points.subarray(3 * i, 3 * i + 3))])
+      .filter(ball => ball[3] > 0.3).sort((a, b) => b[3] - a[3]);
+    const far = balls[0]?.[3], span = Math.max(far - balls.at(-1)?.[3], 1e-6);
+    for (const [i, x, y, depth] of balls) {
       const reach = size / depth, fog = 4 - Math.round(4 * (far - depth) / span), colour = [0, 1, 2].map(k => colours[3 * i + k]);
       context.drawImage(sprite(colour, fog), x - reach, y - reach, 2 * reach, 2 * reach);
     }
-  }
-
-  rotate(turn, tilt) {
-    this.view.turn += turn;
-    this.view.tilt = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, this.view.tilt + tilt));
-    this.redraw();
-  }
-
-  zoom(factor) {
-    this.view.zoom = Math.min(8, Math.max(0.3, this.view.zoom * factor));
-    this.redraw();
-  }
-
-  /** A pointer turns, two fingers or the wheel zoom; keys do both. */
-  listen(canvas) {
-    const pointers = new Map(), spread = () => {
-      const [a, b] = [...pointers.values()];
-      return b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
-    };
-    canvas.addEventListener("pointerdown", event => {
-      canvas.setPointerCapture(event.pointerId);
-      pointers.set(event.pointerId, [event.clientX, event.clientY]);
-    });
-    canvas.addEventListener("pointermove", event => {
-      const before = pointers.get(event.pointerId), old = spread();
-      if (!before) return;
-      pointers.set(event.pointerId, [event.clientX, event.clientY]);
-      if (old) this.zoom(spread() / old);
-      else this.rotate((event.clientX - before[0]) * 0.01, (event.clientY - before[1]) * 0.01);
-    });
-    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, event => pointers.delete(event.pointerId));
-    canvas.addEventListener("wheel", event => {
-      event.preventDefault();
-      this.zoom(Math.exp(-event.deltaY * 0.001));
-    }, { passive: false });
-    const keys = {
-      ArrowLeft: () => this.rotate(-0.1, 0), ArrowRight: () => this.rotate(0.1, 0), ArrowUp: () => this.rotate(0, -0.1),
-      ArrowDown: () => this.rotate(0, 0.1), "+": () => this.zoom(1.1), "-": () => this.zoom(1 / 1.1), Home: () => this.reset(),
-    };
-    canvas.addEventListener("keydown", event => {
-      if (!keys[event.key] || event.ctrlKey || event.metaKey) return;
-      event.preventDefault();
-      keys[event.key]();
-    });
   }
 }

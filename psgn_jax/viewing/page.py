@@ -77,8 +77,7 @@ def write_pages(
       ValueError: a name occurs twice.
     """
     path = pathlib.Path(path)
-    drawing = CLOUD_SCRIPT.read_text(encoding="utf-8").replace("export class", "class")
-    room = max_bytes - len(document(_TEMPLATE, "", CLOUD=drawing)) - 4096
+    room = max_bytes - len(document(_TEMPLATE, "")) - 4096
     pages: dict[str, pathlib.Path] = {}
     texts: list[str] = []
     number = 1
@@ -95,7 +94,7 @@ def write_pages(
             "pages": [{"file": _numbered(path, n).name, "label": t} for n, t in links.items()],
         }
         data = f'{to_json(head)[:-1]},"cases":[{",".join(texts)}]}}'
-        write_atomic(_numbered(path, number), document(_TEMPLATE, data, CLOUD=drawing))
+        write_atomic(_numbered(path, number), document(_TEMPLATE, data))
 
     for case in cases:
         if case.name in pages:
@@ -114,10 +113,11 @@ def write_pages(
 def document(template: pathlib.Path, data: str, **pieces: str) -> str:
     """A page that makes no requests: a template with its pieces and its data, a text of JSON.
 
-    A template begins with `/*HEAD*/`, the place of `head.html`, which holds the data. `/*NAME*/` is
-    the place of the piece NAME.
+    A template begins with `/*HEAD*/`, the place of `head.html`, which holds the data. `/*CLOUD*/` is
+    the place of `cloud.js`, and `/*NAME*/` that of the piece NAME.
     """
     pieces["HEAD"] = _HEAD.read_text(encoding="utf-8")
+    pieces["CLOUD"] = CLOUD_SCRIPT.read_text(encoding="utf-8").replace("export ", "")
     text = template.read_text(encoding="utf-8")
     for name, piece in pieces.items():
         text = text.replace(f"/*{name}*/", piece, 1)
