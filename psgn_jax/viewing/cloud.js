@@ -20,7 +20,7 @@ function project({ k, rows }, point) {
 /** Canvases that show their scenes from the same side; subclasses have `draw(canvas, index)`. */
 class TurnedView {
   constructor(canvases, start = START) {
-    Object.assign(this, { canvases, start, view: { ...start } });
+    Object.assign(this, { canvases, start, view: { ...start }, last: 0 });
     for (const canvas of canvases) {
       new ResizeObserver(() => this.redraw()).observe(canvas);
       this.listen(canvas);
@@ -28,20 +28,21 @@ class TurnedView {
   }
 
   reset() {
-    this.spin(false);
     Object.assign(this.view, this.start);
     this.redraw();
   }
 
   /** Turns slowly, or no longer. */
   spin(on) {
-    clearInterval(this.timer);
-    if (on) this.timer = setInterval(() => this.change(0.5, 0), 17);
+    this.spinning = on;
+    this.redraw();
   }
 
   redraw() {
-    this.waiting ??= requestAnimationFrame(() => {
-      this.waiting = null;
+    this.waiting ??= requestAnimationFrame(now => {
+      const passed = Math.min(now - this.last, 100); // milliseconds
+      Object.assign(this, { waiting: null, last: now });
+      if (this.spinning) this.change(0.03 * passed, 0); // asks for the next frame
       this.canvases.forEach((canvas, i) => this.draw(canvas, i));
     });
   }

@@ -9,10 +9,17 @@ const SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", ED
 const MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
 const $ = id => document.getElementById(id);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
-const canvasOf = (width, height) => Object.assign(document.createElement("canvas"), { width, height });
-const contextOf = canvas => canvas.getContext("2d", { willReadFrequently: true });
+const make = (tag, fields) => Object.assign(document.createElement(tag), fields);
+const sum = values => values.reduce((a, b) => a + b, 0);
 
-/** photo: { rgb, width, height, bitmap }; mask: a canvas that is opaque on the object; clouds: one for each guess. */
+/** The context of a new canvas, and the pixels of a context. */
+const contextOf = (width, height) => make("canvas", { width, height }).getContext("2d", { willReadFrequently: true });
+const pixelsOf = context => context.getImageData(0, 0, context.canvas.width, context.canvas.height).data;
+
+/** 1 where an image of four bytes per pixel is opaque. */
+const opaqueIn = rgba => Uint8Array.from({ length: rgba.length / 4 }, (_, i) => rgba[4 * i + 3] > 127);
+
+/** photo: { rgb, width, height, bitmap }; mask: the context of a canvas that is opaque on the object; clouds: one for each guess. */
 const page = { photo: null, mask: null, history: [], clouds: [], sample: 0, name: "" };
 const viewer = new CloudView([$("cloud")]);
 let maskSession = null; // of the mask network, once a photo needs it
@@ -37,19 +44,18 @@ const guarded = step => async (...values) => {
 // --- photo and mask files ------------------------------------------------------------------------
 
 /** Decodes an image, turned upright and reduced to MAX_SIDE: { bitmap, width, height, rgba }. */
-async function decode(file, resize = {}) {
+async function decode(file) {
   if (file.size > MAX_BYTES) throw new PhotoError(`This file has ${Math.round(file.size / 1e6)} MB; up to ${MAX_BYTES / 1e6} MB can be read.`);
-  const bitmap = await createImageBitmap(file, { imageOrientation: "from-image", resizeQuality: "high", ...resize }).catch(() => {
-    throw new PhotoError(`${file.name ?? "This file"} is not an image that this browser can read; expected JPEG, PNG or WebP.`);
+  const whole = await createImageBitmap(file, { imageOrientation: "from-image" }).catch(() => {
+    throw new PhotoError(`${file.name} is not an image that this browser can read; expected JPEG, PNG or WebP.`);
   });
-  const { width, height } = bitmap, scale = MAX_SIDE / Math.max(width, height);
-  if (Math.min(width, height) < MIN_SIDE) throw new PhotoError(`This image has ${width} x ${height} pixels; at least ${MIN_SIDE} per side are needed.`);
-  if (scale < 1 && !resize.resizeWidth) {
-    return decode(file, { resizeWidth: Math.max(MIN_SIDE, Math.round(width * scale)), resizeHeight: Math.max(MIN_SIDE, Math.round(height * scale)) });
-  }
-  const context = contextOf(canvasOf(width, height));
+  const sides = [whole.width, whole.height], scale = Math.min(1, MAX_SIDE / Math.max(...sides));
+  if (Math.min(...sides) < MIN_SIDE) throw new PhotoError(`This image has ${sides.join(" x ")} pixels; at least ${MIN_SIDE} per side are needed.`);
+  const [width, height] = sides.map(side => Math.max(MIN_SIDE, Math.round(side * scale)));
+  const bitmap = await createImageBitmap(whole, { resizeWidth: width, resizeHeight: height, resizeQuality: "high" });
+  const context = contextOf(width, height);
   context.drawImage(bitmap, 0, 0);
-  return { bitmap, width, height, rgba: context.getImageData(0, 0, width, height).data };
+  return { bitmap, width, height, rgba: pixelsOf(context) };
 }
 
 const withoutAlpha = rgba => Uint8Array.from({ length: 3 * rgba.length / 4 }, (_, i) => rgba[4 * Math.floor(i / 3) + i % 3]);
@@ -61,14 +67,13 @@ const open = guarded(async files => {
   if (!file) throw new PhotoError("What you dropped is not a file; save the picture first, then drop the file.");
   say("Reading the photo");
   const { bitmap, width, height, rgba } = await decode(file);
-  page.name = (file.name ?? "photo").replace(/\.[^.]*$/, "").replace(/[^\w-]+/g, "_");
+  page.name = file.name.replace(/\.[^.]*$/, "").replace(/[^\w-]+/g, "_");
   page.photo = { bitmap, width, height, rgb: withoutAlpha(rgba) };
-  page.mask = canvasOf(width, height);
+  page.mask = contextOf(width, height);
   page.history = [];
   Object.assign($("photo"), { width, height }).style.setProperty("--ratio", width / height);
   document.body.classList.add("has-photo");
-  const opaque = Uint8Array.from({ length: width * height }, (_, i) => rgba[4 * i + 3] > 127);
-  const share = opaque.reduce((a, b) => a + b, 0) / opaque.length;
+  const opaque = opaqueIn(rgba), share = sum(opaque) / opaque.length;
   if (masked >= 0) await openMask(files[masked]);
   else if (share > 0.0005 && share < 0.97) setMask(opaque);
   else setMask(await findMask(page.photo));
@@ -80,16 +85,15 @@ const openMask = guarded(async file => {
   if (!sameProportions(read.width, read.height, width, height)) {
     throw new PhotoError(`The mask has ${read.width} x ${read.height} pixels; expected the photo's ${width} x ${height} or the same proportions.`);
   }
-  const context = contextOf(canvasOf(width, height));
+  const context = contextOf(width, height);
   context.drawImage(bitmap, 0, 0, width, height);
-  const { data } = context.getImageData(0, 0, width, height), levels = new Uint8Array(width * height);
-  const transparent = data.some((v, i) => i % 4 === 3 && v < 255);
-  levels.forEach((_, i) => {
-    levels[i] = transparent ? data[4 * i + 3] : Math.round(0.299 * data[4 * i] + 0.587 * data[4 * i + 1] + 0.114 * data[4 * i + 2]);
-  });
-  const half = transparent ? 127 : levels.reduce((a, b) => Math.max(a, b)) / 2;
+  const data = pixelsOf(context), transparent = data.some((v, i) => i % 4 === 3 && v < 255);
+  const luma = Uint8Array.from({ length: width * height }, (_, i) => Math.round(
+    0.299 * data[4 * i] + 0.587 * data[4 * i + 1] + 0.114 * data[4 * i + 2],
+  ));
+  const half = luma.reduce((a, b) => Math.max(a, b)) / 2;
   remember();
-  setMask(levels.map(level => level > half));
+  setMask(transparent ? opaqueIn(data) : luma.map(level => level > half));
 });
 
 /** The mask that the mask network finds, like `find_mask` in Python; empty if it is not certain. */
@@ -97,20 +101,19 @@ async function findMask({ bitmap, width, height }) {
   const { about } = await network, { file, side, least_certainty: least } = about.mask_network, half = side / 2;
   say("Looking for the object");
   maskSession ??= await startSession(new Uint8Array(await (await fetched(file)).arrayBuffer()));
-  const small = contextOf(canvasOf(side, side));
+  const small = contextOf(side, side);
   small.imageSmoothingQuality = "high";
   small.drawImage(bitmap, 0, 0, side, side);
-  const rgb = withoutAlpha(small.getImageData(0, 0, side, side).data), sum = values => values.reduce((a, b) => a + b, 0);
+  const rgb = withoutAlpha(pixelsOf(small));
   const run = async pixels => (await maskSession.run({ image: new ort.Tensor("uint8", pixels, [1, side, side, 3]) })).probabilities.data;
   const one = await run(rgb), other = mirrored(await run(mirrored(rgb, side, 3)), half, 1), p = one.map((v, i) => (v + other[i]) / 2);
   const inside = p.filter(v => v > 0.5), certainty = sum(inside) / (inside.length + sum(p) - sum(inside));
   if (!(certainty >= least)) return new Uint8Array(width * height);
-  const levels = new ImageData(half, half), coarse = canvasOf(half, half), large = contextOf(canvasOf(width, height));
+  const levels = new ImageData(half, half), coarse = contextOf(half, half), large = contextOf(width, height);
   p.forEach((v, i) => { levels.data[4 * i + 3] = Math.round(255 * v); });
-  contextOf(coarse).putImageData(levels, 0, 0);
-  large.drawImage(coarse, 0, 0, width, height);
-  const { data } = large.getImageData(0, 0, width, height);
-  return Uint8Array.from({ length: width * height }, (_, i) => data[4 * i + 3] > 127);
+  coarse.putImageData(levels, 0, 0);
+  large.drawImage(coarse.canvas, 0, 0, width, height);
+  return opaqueIn(pixelsOf(large));
 }
 
 // --- the mask --------------------------------------------------------------------------------------
@@ -119,25 +122,13 @@ async function findMask({ bitmap, width, height }) {
 function setMask(mask) {
   const image = new ImageData(page.photo.width, page.photo.height);
   mask.forEach((on, i) => { image.data[4 * i + 3] = on ? 255 : 0; });
-  contextOf(page.mask).putImageData(image, 0, 0);
+  page.mask.putImageData(image, 0, 0);
   changed();
 }
 
-function maskArray() {
-  const { width, height } = page.mask, { data } = contextOf(page.mask).getImageData(0, 0, width, height);
-  return Uint8Array.from({ length: width * height }, (_, i) => data[4 * i + 3] > 127);
-}
-
-function remember() {
-  const copy = canvasOf(page.mask.width, page.mask.height);
-  contextOf(copy).drawImage(page.mask, 0, 0);
-  page.history = [...page.history, copy].slice(-HISTORY);
-}
-
-function undo() {
-  page.mask = page.history.pop() ?? page.mask;
-  changed();
-}
+const maskArray = () => opaqueIn(pixelsOf(page.mask));
+const remember = () => { page.history = [...page.history, maskArray()].slice(-HISTORY); };
+const undo = () => setMask(page.history.pop() ?? maskArray());
 
 let timer = 0;
 function changed() {
@@ -149,42 +140,40 @@ function changed() {
 
 /** Draws the photo, dark outside the mask, and the mask's edge. */
 function draw(path = []) {
-  const { photo, mask } = page, { width, height } = photo, context = $("photo").getContext("2d");
-  const over = canvasOf(width, height), layer = over.getContext("2d"), reach = Math.max(1, width / 400);
+  const { photo: { bitmap, width, height }, mask: { canvas: mask } } = page, context = $("photo").getContext("2d");
+  const layer = contextOf(width, height), reach = Math.max(1, width / 400);
   layer.drawImage(mask, 0, 0);
   for (const [x, y] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) layer.drawImage(mask, x * reach, y * reach);
-  layer.globalCompositeOperation = "source-in";
-  layer.fillStyle = EDGE;
-  layer.fillRect(0, 0, width, height);
-  layer.globalCompositeOperation = "destination-over";
-  layer.fillStyle = VEIL;
-  layer.fillRect(0, 0, width, height);
+  for (const [globalCompositeOperation, fillStyle] of [["source-in", EDGE], ["destination-over", VEIL]]) {
+    Object.assign(layer, { globalCompositeOperation, fillStyle }).fillRect(0, 0, width, height);
+  }
   layer.globalCompositeOperation = "destination-out";
   layer.drawImage(mask, 0, 0);
-  context.drawImage(photo.bitmap, 0, 0);
-  context.drawImage(over, 0, 0);
-  context.strokeStyle = "#fff";
-  context.lineWidth = 2 * reach;
-  context.beginPath();
-  path.forEach(([x, y]) => context.lineTo(x, y));
-  context.stroke();
+  context.drawImage(bitmap, 0, 0);
+  context.drawImage(layer.canvas, 0, 0);
+  Object.assign(context, { strokeStyle: "#fff", lineWidth: 2 * reach }).stroke(pathThrough(path));
+}
+
+function pathThrough(places) {
+  const path = new Path2D();
+  places.forEach(([x, y]) => path.lineTo(x, y));
+  return path;
 }
 
 const checked = name => document.querySelector(`input[name=${name}]:checked`).value;
 let path = [], removing = false;
-function extend(event) {
+
+/** The mask's context, which adds what is drawn or removes it. */
+const pen = () => Object.assign(page.mask, { globalCompositeOperation: removing ? "destination-out" : "source-over" });
+
+function extend({ clientX, clientY }) {
   const { width, height } = page.photo, box = $("photo").getBoundingClientRect();
-  path.push([(event.clientX - box.left) / box.width * width, (event.clientY - box.top) / box.height * height]);
-  if (checked("tool") === "brush") {
-    const context = contextOf(page.mask);
-    context.globalCompositeOperation = removing ? "destination-out" : "source-over";
-    Object.assign(context, { lineWidth: +$("brush").value * width / box.width, lineCap: "round", lineJoin: "round" });
-    context.beginPath();
-    path.slice(-3).forEach(([x, y]) => context.lineTo(x, y));
-    if (path.length === 1) context.lineTo(path[0][0] + 0.01, path[0][1]);
-    context.stroke();
-  }
-  draw(checked("tool") === "outline" ? path : []);
+  path.push([(clientX - box.left) / box.width * width, (clientY - box.top) / box.height * height]);
+  if (checked("tool") === "outline") return draw(path);
+  const [x, y] = path[0];
+  const style = { lineWidth: +$("brush").value * width / box.width, lineCap: "round", lineJoin: "round" };
+  Object.assign(pen(), style).stroke(pathThrough(path.length > 1 ? path.slice(-3) : [[x, y], [x + 0.01, y]]));
+  draw();
 }
 
 $("photo").addEventListener("contextmenu", event => event.preventDefault());
@@ -197,15 +186,10 @@ $("photo").addEventListener("pointerdown", event => {
 });
 $("photo").addEventListener("pointermove", event => { if (path.length) extend(event); });
 for (const name of ["pointerup", "pointercancel"]) $("photo").addEventListener(name, () => {
-  if (checked("tool") === "outline" && path.length) {
-    const context = contextOf(page.mask);
-    context.globalCompositeOperation = removing ? "destination-out" : "source-over";
-    context.beginPath();
-    path.forEach(([x, y]) => context.lineTo(x, y));
-    context.fill();
-  }
-  if (path.length) changed();
+  if (!path.length) return;
+  if (checked("tool") === "outline") pen().fill(pathThrough(path));
   path = [];
+  changed();
 });
 
 // --- points ----------------------------------------------------------------------------------------
@@ -296,22 +280,20 @@ for (const [name, on] of [["dragover", true], ["dragleave", false], ["drop", fal
 });
 addEventListener("paste", event => { if (event.clipboardData?.files.length) open([...event.clipboardData.files]); });
 each("[data-example]", button => button.addEventListener("click", guarded(async () => {
-  const name = `${button.dataset.example}.png`, response = await fetch(`examples/${name}`);
+  const name = `${button.dataset.example}.png`, response = await fetched(`examples/${name}`);
   await open([new File([await response.blob()], name)]);
 })));
 each("[data-format]", button => button.addEventListener("click", () => {
   const { points, colours } = shown(), suffix = page.clouds.length > 1 ? `_${page.sample}` : "";
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([FORMATS[button.dataset.format](points, colours)]));
-  link.download = `${page.name}${suffix}.${button.dataset.format}`;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  const { format } = button.dataset, href = URL.createObjectURL(new Blob([FORMATS[format](points, colours)]));
+  make("a", { href, download: `${page.name}${suffix}.${format}` }).click();
+  setTimeout(() => URL.revokeObjectURL(href), 10000);
 }));
 $("undo").addEventListener("click", undo);
 $("invert").addEventListener("click", () => { remember(); setMask(maskArray().map(m => 1 - m)); });
-$("clear").addEventListener("click", () => { remember(); setMask(new Uint8Array(page.mask.width * page.mask.height)); });
+$("clear").addEventListener("click", () => { remember(); setMask(maskArray().fill(0)); });
 $("sample").addEventListener("input", event => show(+event.target.value));
-$("reset").addEventListener("click", () => { $("turning").checked = false; viewer.reset(); });
+$("reset").addEventListener("click", () => { $("turning").checked = false; viewer.spin(false); viewer.reset(); });
 $("turning").addEventListener("change", event => viewer.spin(event.target.checked));
 addEventListener("keydown", event => {
   if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && page.photo) undo();
@@ -323,7 +305,7 @@ guarded(async () => {
   $("about").textContent = `Network "${about.name}": ${width} x ${height} pixels to ${about.num_points.toLocaleString("en")} points.`;
   for (const { source, licences } of about.sources) {
     const texts = Object.entries(licences).map(([name, row]) => name + (row.holders?.length ? ` (${row.holders.join(", ")})` : ""));
-    $("licences").append(Object.assign(document.createElement("li"), { textContent: `${source}: ${texts.join("; ") || "not stated"}` }));
+    $("licences").append(make("li", { textContent: `${source}: ${texts.join("; ") || "not stated"}` }));
   }
   if ($("status").textContent.startsWith("Starting")) say(""); // a message about a file stays
 })();
