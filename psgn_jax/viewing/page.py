@@ -113,8 +113,8 @@ def write_pages(
 def document(template: pathlib.Path, data: str, **pieces: str) -> str:
     """A page that makes no requests: a template with its pieces and its data, a text of JSON.
 
-    A template begins with `/*HEAD*/`, the place of `head.html`, which holds the data. `/*CLOUD*/` is
-    the place of `cloud.js`, and `/*NAME*/` that of the piece NAME.
+    A template begins with `/*HEAD*/`, the place of `head.html`, which holds the data. `/*CLOUD*/`
+    is the place of `cloud.js`, and `/*NAME*/` that of the piece NAME.
     """
     pieces["HEAD"] = _HEAD.read_text(encoding="utf-8")
     pieces["CLOUD"] = CLOUD_SCRIPT.read_text(encoding="utf-8").replace("export ", "")
