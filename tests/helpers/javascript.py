@@ -1,5 +1,6 @@
 """Runs functions of JavaScript modules in node."""
 
+import base64
 import json
 import shutil
 import subprocess
@@ -18,8 +19,10 @@ def node(body, modules, **values):
     """
 
     def plain(array):
-        kind = "Float32Array" if array.dtype.kind == "f" else "Uint8Array"
-        return {"kind": kind, "values": array.ravel().tolist()}
+        floats = array.dtype.kind == "f"
+        content = array.astype("<f4" if floats else "u1").tobytes()
+        kind = "Float32Array" if floats else "Uint8Array"
+        return {"kind": kind, "base64": base64.b64encode(content).decode()}
 
     imports = "\n".join(
         f"import * as {name} from {json.dumps(path.as_uri())};" for name, path in modules.items()
@@ -28,7 +31,9 @@ def node(body, modules, **values):
 {imports}
 import fs from "node:fs";
 const kinds = {{ Float32Array, Uint8Array }};
-const input = JSON.parse(fs.readFileSync(0), (_, v) => v?.kind ? kinds[v.kind].from(v.values) : v);
+const bytes = (text) => Uint8Array.from(Buffer.from(text, "base64"));
+const array = (v) => new kinds[v.kind](bytes(v.base64).buffer);
+const input = JSON.parse(fs.readFileSync(0), (_, v) => v?.base64 === undefined ? v : array(v));
 const result = await (async () => {{ {body} }})();
 process.stdout.write(JSON.stringify(result, (_, v) => ArrayBuffer.isView(v) ? Array.from(v) : v));
 """

@@ -13,6 +13,8 @@ N = 96
 # Without `jit`, all tests share the solver, which is compiled once per size.
 mean = losses.emd_mean
 mean_and_grad = jax.value_and_grad(losses.emd_mean, argnums=(0, 1))
+traced_mean = jax.jit(mean)
+traced_grads = jax.jit(jax.vmap(jax.grad(mean, argnums=(0, 1))))
 
 
 def clouds(rng, n=N):
@@ -87,10 +89,10 @@ def test_non_finite(rng, bad, argument):
     pair[argument][33, 1] = bad
     with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
         losses.emd_mean(**pair)
-    assert np.isnan(jax.jit(mean)(pair["pred"], pair["gt"]))
+    assert np.isnan(traced_mean(pair["pred"], pair["gt"]))
     # `grad` and `vmap` trace the values too. The other pairs of a batch are not affected.
     batch = [np.stack(x) for x in zip(pair.values(), clouds(rng), strict=True)]
-    for grad in jax.jit(jax.vmap(jax.grad(losses.emd_mean, (0, 1))))(*batch):
+    for grad in traced_grads(*batch):
         assert np.isnan(grad[0]).all()
         assert np.isfinite(grad[1]).all()
 

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from helpers import drawn_solids as solids
 from helpers import standin
-from helpers.commands import psgn
+from helpers.commands import psgn_each
 from helpers.weights import random_params
 from PIL import Image
 
@@ -258,7 +258,12 @@ def test_the_command(config, params, tmp_path):
     checkpoints.close()
     good = hostile(tmp_path / "in")
     flags = (f"--workdir={workdir}", f"--out={out}")
-    some = psgn("predict", tmp_path / "in", *flags, "--samples=2", PSGN_CACHE=str(tmp_path))
+    some, nothing = psgn_each(
+        ["predict", tmp_path / "in", *flags, "--samples=2"],
+        ["predict", tmp_path / "in" / "text.png", *flags],
+        imports=["psgn_jax.prediction.files", "psgn_jax.weights.opening"],
+        PSGN_CACHE=str(tmp_path),
+    )
     assert some.returncode == 1, some.stderr
     assert {p.stem for p in out.glob("*.json")} == good
     failed = [line for line in some.stderr.splitlines() if line.startswith("failed: ")]
@@ -268,7 +273,6 @@ def test_the_command(config, params, tmp_path):
     *lines, last = some.stdout.splitlines()
     assert len(lines) == 4
     assert last == f"results: {out}"
-    nothing = psgn("predict", tmp_path / "in" / "text.png", *flags, PSGN_CACHE=str(tmp_path))
     assert nothing.returncode == 2
     # Compiled programs are cached, so that later runs start quickly.
     assert list((tmp_path / "compiled").rglob("*"))

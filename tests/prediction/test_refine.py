@@ -12,6 +12,7 @@ from psgn_jax.prediction.refine import mean_of_matched, refined
 
 SIZE = (48, 64)
 MIRROR = np.array([1, -1, 1], np.float32)
+move = jax.jit(into_silhouette)
 
 
 @pytest.fixture
@@ -27,6 +28,7 @@ def batch(rng):
     }
 
 
+@jax.jit
 def predict(batch, r):
     """A cloud that depends on where the image is bright; one for each row of r."""
     columns = batch["image"].astype(jnp.float32).mean(axis=(1, 3))[:, :40, None] / 255
@@ -37,7 +39,7 @@ def predict(batch, r):
 def test_matched_points_are_averaged(rng):
     a = rng.normal(size=(40, 3)).astype(np.float32)
     b = a[rng.permutation(40)] + rng.normal(size=(40, 3)).astype(np.float32) * 1e-3
-    np.testing.assert_allclose(mean_of_matched(a, b), a, atol=3e-3)
+    np.testing.assert_allclose(jax.jit(mean_of_matched)(a, b), a, atol=3e-3)
 
 
 def test_a_mirrored_image_has_the_mirrored_cloud(batch):
@@ -48,7 +50,7 @@ def test_a_mirrored_image_has_the_mirrored_cloud(batch):
     for i in range(2):
         assert emd_exact(one[i], other[i]).cost / 40 < 1e-3
         middle = (plain[i] + back[i][emd_exact(plain[i], back[i]).index]) / 2
-        want = np.asarray(into_silhouette(middle, *(x[i] for x in cameras(batch))))
+        want = np.asarray(move(middle, *(x[i] for x in cameras(batch))))
         assert emd_exact(one[i], want).cost / 40 < 1e-3
 
 
@@ -57,10 +59,11 @@ def cameras(batch):
 
 
 def test_samples_of_a_random_input_are_not_averaged(batch, rng):
-    r = jnp.asarray(rng.normal(size=(2, 3, 1)) * 0.05, jnp.float32)
-    found, plain = refined(predict, batch, r), predict(batch, r)
+    r = (rng.normal(size=(2, 3, 1)) * 0.05).astype(np.float32)
+    found = jax.jit(lambda batch, r: refined(predict, batch, r))(batch, r)
+    plain = np.asarray(predict(batch, r))
     assert found.shape == (2, 3, 40, 3)
     for i in range(2):
         for k in range(3):
-            want = into_silhouette(plain[i, k], *(x[i] for x in cameras(batch)))
+            want = move(plain[i, k], *(x[i] for x in cameras(batch)))
             np.testing.assert_allclose(found[i, k], want, atol=1e-6)
