@@ -15,6 +15,7 @@ from psgn_jax.losses import auction
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 KINDS = ["near", "far", "init", "dup", "grid"]
 solve = losses.assign  # without `jit`, it is compiled once per size
+traced_solve = jax.jit(solve)
 solve_map = jax.jit(losses.map_pairs(losses.assign, platform="cpu"))
 
 
@@ -159,7 +160,7 @@ def test_non_finite(rng, bad, argument):
     pair[argument][33, 1] = bad
     with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
         losses.assign(**pair)
-    found = jax.jit(solve)(pair["a"], pair["b"])
+    found = traced_solve(pair["a"], pair["b"])
     np.testing.assert_array_equal(found.index, np.arange(128))
     assert not found.converged
     assert np.isnan(found.gap)

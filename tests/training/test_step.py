@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import standin
+from helpers.weights import random_params
 
 from psgn_jax.config.experiment import OptimConfig
 from psgn_jax.losses.batches import map_pairs
@@ -116,8 +117,7 @@ def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(vers
         data__num_points=136,
     )
     model = networks.build(config.model)
-    create, _, _ = compiled(config, None)
-    params = create().params
+    params = random_params(config)
     batch = next(standin.train_batches(config.data, batch_size=4, seed=0, start_step=0))
     batch = {key: batch[key] for key in networks.input_keys(config)}
     r = networks.random_input(config, 0, 4, train=True)

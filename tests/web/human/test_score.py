@@ -180,7 +180,7 @@ def test_what_cannot_be_compared_is_refused(study, answers):
     for solids, why in ((hollow, "almost all of its surface"), (([(0, 0, 0)] * 5,), "QH6")):
         bad = dataclasses.replace(first, solids=solids)
         with pytest.raises(ConfigError, match=f"Case 1: {why}.*expected a model with a surface"):
-            score.score(study, [bad, second], samples, {})
+            score.score(study, [bad, second], samples, {}, num_points=100)
     with pytest.raises(ConfigError, match="the name 'a' is already used"):
         score.label_networks([network("x/a"), network("y/a")])
     with pytest.raises(ConfigError, match="4 networks: accepted: at most 3"):
