@@ -1,5 +1,7 @@
 """Weights of a tiny network, made without compiling anything."""
 
+import functools
+
 import jax
 import numpy as np
 
@@ -20,12 +22,15 @@ def config(**changes):
     return standin.config(**{"loss__l2": "none", **tiny, **changes})
 
 
+@functools.cache
+def _shapes(config):
+    return jax.eval_shape(lambda: init_params(config, networks.build(config.model)))
+
+
 def random_params(config, seed=0):
     """Random parameters of a configuration's network."""
-    model = networks.build(config.model)
-    shapes = jax.eval_shape(lambda: init_params(config, model))
     rng = np.random.default_rng(seed)
-    return jax.tree.map(lambda s: rng.normal(0, 0.1, s.shape).astype("f4"), shapes)
+    return jax.tree.map(lambda s: rng.normal(0, 0.1, s.shape).astype("f4"), _shapes(config))
 
 
 def weights(config, dtype="float16"):
