@@ -30,10 +30,9 @@ from psgn_jax.system import group
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.signals import Stopped, StopSignal
 from psgn_jax.tasks import Task
-from psgn_jax.training import state as state_lib
+from psgn_jax.training.from_config import create_state, create_step
 from psgn_jax.training.log import MetricsWriter, TrainingLog
-from psgn_jax.training.state import TrainState
-from psgn_jax.training.step import data_mesh, make_train_step, put_batch, put_replicated
+from psgn_jax.training.step import TrainState, data_mesh, eval_params, put_batch, put_replicated
 from psgn_jax.weights.checkpoint import Checkpoint, Checkpoints
 from psgn_jax.weights.leaves import from_named_leaves, named_leaves
 from psgn_jax.weights.opening import initial_params, open_initial
@@ -100,7 +99,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
             f"{mesh.size} devices"
         )
     task = tasks.create(config, workdir)
-    train_step = make_train_step(task, config, mesh)
+    train_step = create_step(task, config, mesh)
     sizes = _check_data(config)
     # A wrong `train.init` is reported before there is a folder.
     trained = None if (workdir / "checkpoints").exists() else _open_initial(config, task)
@@ -145,7 +144,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         def evaluate() -> None:
             with log.pause(), contextlib.suppress(Stopped):  # a resumed run evaluates first
                 result = task.evaluate(
-                    _local(state_lib.eval_params(state)),
+                    _local(eval_params(state)),
                     max_samples=config.eval.max_samples,
                     on_batch=stop.check,
                 )
@@ -186,7 +185,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
                 evaluate()
             if _due(config.train.images_every, step, config) and writer and not stop.signal:
                 with log.pause():
-                    picture = task.picture(_local(state_lib.eval_params(state)))
+                    picture = task.picture(_local(eval_params(state)))
                     if picture is not None:
                         writer.image(step, "eval/clouds", picture)
         log.drain()
@@ -227,7 +226,7 @@ def _check_resumable(config: Config, checkpoint: Checkpoint, workdir: pathlib.Pa
 def _restored(
     config: Config, task: Task, checkpoint: Checkpoint, workdir: pathlib.Path
 ) -> TrainState:
-    template = jax.eval_shape(lambda: state_lib.create(config, task.init_params()))
+    template = jax.eval_shape(lambda: create_state(config, task.init_params()))
     # Earlier versions had the numbers of the log among the leaves, not in the metadata.
     of_the_log = ("loss_sum", "loss_count", "bad_step", "bad_metric")
     leaves = {name: leaf for name, leaf in checkpoint.leaves.items() if name not in of_the_log}
@@ -266,7 +265,7 @@ def _initialised(config: Config, task: Task, trained: Run | None) -> TrainState:
     # The code that samples the parameters runs once. On a CPU, compiling it with full
     # optimisation takes three times as long (23 s instead of 7 s) and gains nothing.
     quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
-    create = jax.jit(lambda: state_lib.create(config, task.init_params()), compiler_options=quick)
+    create = jax.jit(lambda: create_state(config, task.init_params()), compiler_options=quick)
     state = jax.tree.map(np.array, create())
     if trained is None:
         return state

@@ -6,7 +6,7 @@ therefore never has to partition the loops inside losses and convolutions.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,10 +16,34 @@ from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from psgn_jax.array_types import Array
-from psgn_jax.config.experiment import Config
 from psgn_jax.system.cores import compiler_options
-from psgn_jax.tasks.base import Batch, Task
-from psgn_jax.training.state import TrainState, optimizer, schedule
+
+Batch = Mapping[str, Any]
+
+
+class TrainState(NamedTuple):
+    """State of training, which is stored completely in a checkpoint.
+
+    The position in the data is not part of it, because the batch of a step and all random numbers
+    are functions of (seed, step).
+
+    Attributes:
+      step: int32, number of updates.
+      params: parameters of the network, float32; with `model.posterior` also those of the posterior
+        network, under the name "posterior", which the network itself ignores.
+      opt_state: state of the optimiser.
+      ema: averaged parameters, or `()`.
+    """
+
+    step: Array
+    params: Any
+    opt_state: Any
+    ema: Any
+
+
+def eval_params(state: TrainState) -> Any:
+    """The parameters for evaluation: the averaged ones if they exist."""
+    return state.ema if jax.tree.leaves(state.ema) else state.params
 
 
 def data_mesh(devices: list[jax.Device] | None = None) -> Mesh:
@@ -47,16 +71,25 @@ def put_replicated(tree: Any, mesh: Mesh) -> Any:
 
 
 def make_train_step(
-    task: Task, config: Config, mesh: Mesh
+    objective: Callable[[Any, Batch, Array], tuple[Array, dict[str, Array]]],
+    random_columns: Callable[[Array], Batch],
+    tx: optax.GradientTransformation,
+    rate: optax.Schedule,
+    ema_decay: float,
+    mesh: Mesh,
 ) -> Callable[[TrainState, Mapping[str, jax.Array]], tuple[TrainState, dict[str, Array]]]:
     """Compiled `(state, batch) -> (state, metrics)`; the state is donated.
 
-    The metrics are those of `task.objective`, averaged over the devices, and `objective`, the value
+    The metrics are those of the objective, averaged over the devices, and `objective`, the value
     that is minimised, `grad_norm`, the norm of the gradient before clipping, and `learning_rate`.
+
+    Args:
+      objective: (params, batch, step) -> (value to be minimised, metrics). It is a pytree; its
+        leaves are constants, such as the parameters of frozen networks.
+      random_columns: step -> further arrays of the batch, a row for each sample.
+      tx: the optimiser, which includes the schedule `rate`.
+      ema_decay: largest decay of the averaged parameters; 0 = they are not kept.
     """
-    tx = optimizer(config.optim, config.train.steps)
-    rate = schedule(config.optim, config.train.steps)
-    objective = task.objective()
     everywhere, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
 
     def gradients(objective: Any, params: Any, batch: Batch, step: Array) -> Any:
@@ -72,14 +105,14 @@ def make_train_step(
     )
 
     def train_step(objective: Any, state: TrainState, batch: Batch) -> Any:
-        columns = task.random_columns(state.step, config.train.batch_size, train=True)
-        value, metrics, grads = gradients(objective, state.params, {**batch, **columns}, state.step)
+        batch = {**batch, **random_columns(state.step)}
+        value, metrics, grads = gradients(objective, state.params, batch, state.step)
         updates, opt_state = tx.update(grads, state.opt_state, state.params)
         params = optax.apply_updates(state.params, updates)
         ema: Any = ()
-        if config.optim.ema_decay:
+        if ema_decay:
             # The averaging window grows with the run, so that the initial parameters lose weight.
-            decay = jnp.minimum(config.optim.ema_decay, (state.step + 1) / (state.step + 10))
+            decay = jnp.minimum(ema_decay, (state.step + 1) / (state.step + 10))
             ema = jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
         metrics |= {
             "objective": value,

@@ -63,8 +63,8 @@ def measure_steps(tiny):
 
     from psgn_jax import tasks
     from psgn_jax.config import parse
-    from psgn_jax.training import state as state_lib
-    from psgn_jax.training.step import data_mesh, make_train_step, put_batch, put_replicated
+    from psgn_jax.training.from_config import create_state, create_step
+    from psgn_jax.training.step import data_mesh, put_batch, put_replicated
 
     mesh = data_mesh()
     size, sizes = ((24, 32), (4,)) if tiny else ((192, 256), (32, 128, 256))
@@ -78,7 +78,7 @@ def measure_steps(tiny):
         data = {"image_size": size, "num_points": 64 if tiny else 4096}
         config = parse({"model": model, "data": data, "train": {"batch_size": batch}})
         task = tasks.create(config, "")
-        step = make_train_step(task, config, mesh)
+        step = create_step(task, config, mesh)
         arrays = {
             "image": rng.integers(0, 256, (batch, *size, 3), np.uint8),
             "mask": rng.random((batch, *size)) < 0.3,
@@ -86,7 +86,7 @@ def measure_steps(tiny):
         }
         on_device = put_batch(arrays, mesh, task.keys)
         state = put_replicated(
-            jax.jit(lambda c=config, t=task: state_lib.create(c, t.init_params()))(), mesh
+            jax.jit(lambda c=config, t=task: create_state(c, t.init_params()))(), mesh
         )
         held = [state]
 

@@ -5,7 +5,7 @@ import pytest
 
 from psgn_jax.config.experiment import ConfigError, OptimConfig, parse
 from psgn_jax.models import efficientnet
-from psgn_jax.training.state import optimizer
+from psgn_jax.training.from_config import optimizer
 
 BLOCKS = len(efficientnet.BLOCKS)
 

@@ -18,7 +18,7 @@ from psgn_jax.evaluation import table as table_lib
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.run import evaluate_run, report_runs
 from psgn_jax.tasks import refiner
-from psgn_jax.training import state, step
+from psgn_jax.training import from_config, step
 from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.run_folder import open_run
@@ -252,14 +252,14 @@ def test_a_step_of_3d_r2n2_takes_any_number_of_views(data, tmp_path, count, monk
     monkeypatch.setattr(step, "compiler_options", lambda: None)
     settings = config(data, task="views")
     task = tasks.create(settings, tmp_path)
-    before = jax.eval_shape(lambda: state.create(settings, task.init_params()))
+    before = jax.eval_shape(lambda: from_config.create_state(settings, task.init_params()))
     batch = {
         "image": jax.ShapeDtypeStruct((2, count, 16, 32, 3), np.uint8),
         "mask": jax.ShapeDtypeStruct((2, count, 16, 32), np.bool_),
         "occupancy": jax.ShapeDtypeStruct((2, 32, 32, 32), np.bool_),
     }
     assert set(batch) == set(task.keys)
-    train_step = step.make_train_step(task, settings, step.data_mesh(jax.devices()[:1]))
+    train_step = from_config.create_step(task, settings, step.data_mesh(jax.devices()[:1]))
     after, metrics = jax.eval_shape(train_step, before, batch)
     assert jax.tree.map(lambda leaf: leaf.shape, after) == jax.tree.map(
         lambda leaf: leaf.shape, before

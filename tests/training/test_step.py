@@ -18,7 +18,7 @@ from psgn_jax.losses.by_name import configured_loss
 from psgn_jax.losses.min_of_n import min_of_n
 from psgn_jax.models import networks
 from psgn_jax.tasks import points
-from psgn_jax.training import state, step
+from psgn_jax.training import from_config, step
 from psgn_jax.weights.leaves import from_named_leaves, named_leaves, params_from_named_leaves
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -32,8 +32,10 @@ def compiled(config, devices):
     """The function that creates the state, the training step (both compiled once), and the mesh."""
     mesh = step.data_mesh(list(devices) if devices else None)
     task = points.Points(config, "")
-    create = jax.jit(lambda: state.create(config, task.init_params()), compiler_options=QUICK)
-    return create, step.make_train_step(task, config, mesh), mesh
+    create = jax.jit(
+        lambda: from_config.create_state(config, task.init_params()), compiler_options=QUICK
+    )
+    return create, from_config.create_step(task, config, mesh), mesh
 
 
 def run(config, steps, devices=None):
@@ -64,7 +66,7 @@ def trained(tiny):
 def test_golden_metrics(trained):
     final, history = trained
     assert final.step == 4
-    assert state.eval_params(final) is final.ema
+    assert step.eval_params(final) is final.ema
     have = [(h["loss_step"], h["l2"], h["grad_norm"]) for h in history[:2]]
     np.testing.assert_allclose(
         have,
@@ -194,9 +196,9 @@ def test_l2_of_the_authors_by_layer_type():
 
 
 def test_schedules():
-    constant = state.schedule(OptimConfig(learning_rate=2.0, warmup_steps=4), 100)
+    constant = from_config.schedule(OptimConfig(learning_rate=2.0, warmup_steps=4), 100)
     assert [float(constant(s)) for s in (0, 2, 4, 99)] == [0, 1, 2, 2]
-    cosine = state.schedule(
+    cosine = from_config.schedule(
         OptimConfig(learning_rate=2.0, schedule="cosine", warmup_steps=10, final_fraction=0.1), 110
     )
     np.testing.assert_allclose([cosine(5), cosine(10), cosine(60), cosine(110)], [1, 2, 1.1, 0.2])

@@ -1,46 +1,34 @@
-"""The state of training and its optimiser.
+"""The optimiser, the first state and the training step of a configuration."""
 
-The state is a pytree, which is stored completely in a checkpoint. The position in the data is not
-part of it, because the batch of a step and all random numbers are functions of (seed, step).
-"""
-
-from typing import Any, NamedTuple
+import functools
+from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import optax
+from jax.sharding import Mesh
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, OptimConfig
 from psgn_jax.models import efficientnet
+from psgn_jax.tasks.base import Task
+from psgn_jax.training.step import TrainState, make_train_step
 
 
-class TrainState(NamedTuple):
-    """State of training.
-
-    Attributes:
-      step: int32, number of updates.
-      params: parameters of the network, float32; with `model.posterior` also those of the posterior
-        network, under the name "posterior", which the network itself ignores.
-      opt_state: state of the optimiser.
-      ema: averaged parameters, or `()` if `optim.ema_decay` is 0.
-    """
-
-    step: Array
-    params: Any
-    opt_state: Any
-    ema: Any
-
-
-def create(config: Config, params: Any) -> TrainState:
+def create_state(config: Config, params: Any) -> TrainState:
     """The state before the first step."""
     opt_state = optimizer(config.optim, config.train.steps).init(params)
     return TrainState(jnp.int32(0), params, opt_state, params if config.optim.ema_decay else ())
 
 
-def eval_params(state: TrainState) -> Any:
-    """The parameters for evaluation: the averaged ones if they exist."""
-    return state.ema if jax.tree.leaves(state.ema) else state.params
+def create_step(task: Task, config: Config, mesh: Mesh) -> Callable[..., Any]:
+    """`step.make_train_step` for a task."""
+    optim, steps = config.optim, config.train.steps
+    size = config.train.batch_size
+    columns = functools.partial(task.random_columns, batch_size=size, train=True)
+    tx, rate = optimizer(optim, steps), schedule(optim, steps)
+    return make_train_step(task.objective(), columns, tx, rate, optim.ema_decay, mesh)
 
 
 def schedule(config: OptimConfig, steps: int) -> optax.Schedule:
