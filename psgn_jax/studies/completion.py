@@ -29,7 +29,6 @@ METRICS = {
     "cd_l1_gt_to_pred_hidden_radius": "hidden true points to prediction [radius]",
     "recall_visible": "recall of visible points [%]",
     "recall_hidden": "recall of hidden points [%]",
-    "visible_share": "visible true points [%]",
 }
 VISIBLE, HIDDEN = (40, 95, 190), (225, 120, 30)
 

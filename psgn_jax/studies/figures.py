@@ -84,9 +84,11 @@ def curves(charts: Mapping[str, Mapping[str, Curve]]) -> Figure:
     """
     from matplotlib import ticker
 
-    figure = blank(640 * len(charts), 460)
-    axes_of = figure.subplots(1, len(charts), squeeze=False)[0]
-    for axes, (title, several) in zip(axes_of, charts.items(), strict=True):
+    columns = min(4, len(charts))
+    rows = -(-len(charts) // columns)
+    figure = blank(640 * columns, 460 * rows)
+    for number, (title, several) in enumerate(charts.items(), 1):
+        axes = figure.add_subplot(rows, columns, number)
         for i, (name, (samples, values)) in enumerate(several.items()):
             colour, mean = COLOURS[i % len(COLOURS)], values.mean(axis=0)
             dash, marker = ("-", "--", ":", "-.")[i // len(COLOURS) % 4], "osv^DPX*"[i % 8]
