@@ -16,8 +16,12 @@ const sum = values => values.reduce((a, b) => a + b, 0);
 const contextOf = (width, height) => make("canvas", { width, height }).getContext("2d", { willReadFrequently: true });
 const pixelsOf = context => context.getImageData(0, 0, context.canvas.width, context.canvas.height).data;
 
-/** 1 where an image of four bytes per pixel is opaque. */
-const opaqueIn = rgba => Uint8Array.from({ length: rgba.length / 4 }, (_, i) => rgba[4 * i + 3] > 127);
+/** 1 where an image of four bytes per pixel is opaque; a loop, because every stroke begins with it. */
+function opaqueIn(rgba) {
+  const mask = new Uint8Array(rgba.length / 4);
+  for (let i = 0; i < mask.length; i++) mask[i] = rgba[4 * i + 3] > 127;
+  return mask;
+}
 
 /** photo: { rgb, width, height, bitmap }; mask: the context of a canvas that is opaque on the object; clouds: one for each guess. */
 const page = { photo: null, mask: null, history: [], clouds: [], sample: 0, name: "" };
@@ -58,7 +62,7 @@ async function decode(file) {
   return { bitmap, width, height, rgba: pixelsOf(context) };
 }
 
-const withoutAlpha = rgba => Uint8Array.from({ length: 3 * rgba.length / 4 }, (_, i) => rgba[4 * Math.floor(i / 3) + i % 3]);
+const withoutAlpha = rgba => new Uint8Array(3 * rgba.length / 4).map((_, i) => rgba[4 * Math.floor(i / 3) + i % 3]);
 
 /** Opens a photo, and its mask if there is a second file: the one called NAME_mask. */
 const open = guarded(async files => {
