@@ -123,7 +123,12 @@ def test_handles_move_resize_and_turn(page):
           human.views[1].camera(), human.toWorld(human.model(), human.model().parts[0].at))"""
     )
     page.mouse.click(box["x"] + x, box["y"] + y)
-    assert page.evaluate("human.state.selected") in (0, 1)
+    chosen = page.evaluate("human.state.selected")
+    assert chosen in (0, 1)
+    # A number that is being typed is of the part that was selected.
+    page.get_by_label("Size, up", exact=True).fill("0.7")
+    page.mouse.click(box["x"] + 5, box["y"] + 5)
+    assert model_of(page)["parts"][chosen]["size"][2] == 0.7
 
 
 CIRCLE = 24 * np.sin(2 * np.pi / 24) / 8  # area of 24 corners in a circle of diameter 1

@@ -203,6 +203,7 @@ class View extends TurnedView {
 
   /** A pointer drags a handle, or selects a part, or selects none and turns the view. */
   grab(event) {
+    document.activeElement.blur(); // a number that is being typed is of the part selected so far
     const pixel = [event.offsetX, event.offsetY], camera = this.camera(), reach = event.pointerType === "touch" ? 22 : 12;
     const handle = this.handles(camera).find(({ to }) => Math.hypot(to[0] - pixel[0], to[1] - pixel[1]) < reach);
     if (handle) return dragged(handle);
