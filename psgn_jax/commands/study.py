@@ -2,7 +2,7 @@
 
 mean_shape: mean shapes under CD and EMD. networks: vanilla, two-branch and hourglass networks.
 branches: the points of each branch. losses: training by CD against training by EMD. completion: RGB
-against RGB-D input. ambiguity: several predictions for one image by Mo2, Mo8 and the cVAE.
+against RGB-D input. ambiguity: several predictions for one image by Mo2, Mo4, Mo8, the cVAE.
 comparison: predicted volumes, compared with 3D-R2N2. cd_factor: the factor of the CD in the sum of
 EMD and CD.
 
