@@ -30,7 +30,7 @@ from psgn_jax.data.sources import shapenet
 from psgn_jax.system.files import check_folder, exit_code_of
 from psgn_jax.system.untrusted import message_line, one_line
 
-LARGEST = {"views": 1000, "points": 1_000_000}
+LARGEST = {"views": shapenet.NUM_VIEWS, "points": 1_000_000}
 """Largest values of the options."""
 
 
@@ -47,7 +47,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         command = commands.add_parser(layout, help=reader.SOURCE)
         command.add_argument("source", metavar="SRC", help=reader.SOURCE)
         command.add_argument("destination", metavar="DST", help="folder for the records")
-        command.add_argument("--views", type=int, default=24, help="views per model, at most")
+        command.add_argument(
+            "--views", type=int, default=shapenet.NUM_VIEWS, help="views per model, at most"
+        )
         command.add_argument(
             "--points", type=int, default=shapenet.NUM_POINTS, help="points per sample, at most"
         )

@@ -52,7 +52,7 @@ TOLERANCE = 0.01
 # per point for a gap of 1 %.
 BIDS_PER_POINT = 2000
 
-_START = 0.1  # first epsilon, relative to the extent of the clouds
+_START = 0.1  # first epsilon; the extent of the scaled clouds is 0.5 to 1
 _FACTOR = 8.0  # epsilon is divided by at most this from phase to phase
 _AIM = 0.8  # epsilon is chosen so that the next gap is about _AIM times the tolerance
 _FLOOR = 2.0**-20  # smallest epsilon: a few units in the last place of the prices
@@ -298,7 +298,7 @@ def assign(
 ) -> Assignment:
     """A bijection between a and b with a nearly minimal sum of Euclidean distances, and its gap.
 
-    The solver stops as soon as `gap` <= tolerance. When half of the budget is spent, it raises
+    The solver stops after the first phase with `gap` <= tolerance. When half of the budget is spent, it raises
     epsilon step by step, so that the auction ends. The paper does this too. The result is always a
     bijection, and `gap` is always valid for it. It has no gradient; the module `emd` has the
     distance and its gradient. On a GPU every bid launches several kernels, which is slow.
