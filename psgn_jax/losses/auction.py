@@ -298,10 +298,11 @@ def assign(
 ) -> Assignment:
     """A bijection between a and b with a nearly minimal sum of Euclidean distances, and its gap.
 
-    The solver stops after the first phase with `gap` <= tolerance. When half of the budget is spent, it raises
-    epsilon step by step, so that the auction ends. The paper does this too. The result is always a
-    bijection, and `gap` is always valid for it. It has no gradient; the module `emd` has the
-    distance and its gradient. On a GPU every bid launches several kernels, which is slow.
+    The solver stops after the first phase with `gap` <= tolerance. When half of the budget is
+    spent, it raises epsilon step by step, so that the auction ends. The paper does this too. The
+    result is always a bijection, and `gap` is always valid for it. It has no gradient; the module
+    `emd` has the distance and its gradient. On a GPU every bid launches several kernels, which is
+    slow.
 
     Args:
       a: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
