@@ -87,8 +87,8 @@ class TurnedView {
     let drag;
     canvas.addEventListener("pointerdown", event => {
       canvas.setPointerCapture(event.pointerId);
+      if (!pointers.size) drag = this.grab(event);
       pointers.set(event.pointerId, event);
-      drag = this.grab(event);
     });
     canvas.addEventListener("pointermove", event => {
       const before = pointers.get(event.pointerId), old = spread();

@@ -36,8 +36,11 @@ def add_box(page, middle, size):
         fill(page, f"Size, {axis}", extent)
 
 
-def drag_handle(page, view, axis, by):
-    """Drags the handle of an axis in a view; returns how a unit along the axis looks there."""
+def drag_handle(page, view, axis, by, key=None):
+    """Drags the handle of an axis in a view; returns how a unit along the axis looks there.
+
+    `key` is pressed before the pointer moves.
+    """
     handle = page.evaluate(
         """([view, axis]) => {
           const { canvas } = human.views[view], box = canvas.getBoundingClientRect();
@@ -48,6 +51,8 @@ def drag_handle(page, view, axis, by):
     )
     page.mouse.move(*handle[:2])
     page.mouse.down()
+    if key:
+        page.keyboard.press(key)
     page.mouse.move(handle[0] + by[0], handle[1] + by[1], steps=4)
     page.mouse.up()
     return np.array(handle[2:])
@@ -111,7 +116,8 @@ def test_handles_move_resize_and_turn(page):
     assert abs(turn[2]) == pytest.approx(20, abs=2)
     page.keyboard.press("Control+d")
     assert len(model_of(page)["parts"]) == 2
-    page.keyboard.press("Delete")
+    drag_handle(page, 1, 0, (30, 0), key="Delete")  # what moved is no longer there
+    assert len(model_of(page)["parts"]) == 1
     page.keyboard.press("Control+z")
     assert len(model_of(page)["parts"]) == 2
     # A click selects the part that is nearest to the viewer; one beside it, none.

@@ -249,10 +249,11 @@ class View extends TurnedView {
 
 /** Drags a handle: moves along its axis, resizes the part and leaves its other side, or turns it by the way across the axis. */
 function dragged({ axis, own, way }) {
-  const before = structuredClone(selected()), length = Math.hypot(...way), { mode } = state;
+  const before = structuredClone(selected()), length = Math.hypot(...way), { mode, selected: number } = state;
   let right = 0, down = 0;
   begin();
   return (moreRight, moreDown) => {
+    if (state.selected !== number || !selected()) return; // deleted or let go by a key
     right += moreRight;
     down += moreDown;
     const along = (right * way[0] + down * way[1]) / Math.max(length, 30) ** 2, unit = length > 15 ? way.map(v => v / length) : [0, 1];
