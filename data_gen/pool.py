@@ -121,7 +121,7 @@ class Renderer:
             process.kill()
 
     def _start(self) -> None:
-        code = None
+        why = ""
         for _ in range(_FAILED_STARTS):
             if self._killed:
                 raise RuntimeError("the renderer was ended")
@@ -136,18 +136,20 @@ class Renderer:
                 )
             if self._killed:
                 self._process.kill()
-            self._connection, self._done = ours, 0
+            self._connection, self._done, late = ours, 0, False
             with contextlib.suppress(EOFError, OSError):
                 ours.send(self._context)
                 if ours.poll(_SECONDS_TO_START):
                     ours.recv()
                     return
                 self._process.kill()
+                late = True
             code = self._discard()
-        raise RuntimeError(
-            f"{_FAILED_STARTS} worker processes ended before they were ready (exit code {code}); "
-            "try --config.job.variant=scalar"
-        )
+            why = f"ended before they were ready (exit code {code}); psgn render has "
+            why += "--config.job.variant=scalar, which needs no LLVM"
+            if late:
+                why = f"were not ready after {_SECONDS_TO_START:g} s; is the machine busy?"
+        raise RuntimeError(f"{_FAILED_STARTS} worker processes {why}")
 
     def _discard(self) -> int | None:
         """Waits for the process to end, kills it if it does not, and returns its exit code."""

@@ -65,7 +65,10 @@ def default_dataset() -> str:
                 ", names other records; folder: %s",
                 default.NUM_MODELS, minutes, num_cores(), folder,
             )  # fmt: skip
-            default.build(folder)
+            try:
+                default.build(folder)
+            except (RuntimeError, ValueError) as error:
+                raise ConfigError(f"the default data set could not be rendered: {error}") from error
     return str(folder)
 
 

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.untrusted import message_line, one_line
+from psgn_jax.viewing import spheres
 from psgn_jax.viewing.dataset import make_sheet, report
 
 
@@ -29,7 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--samples", type=int, default=12, help="samples on the sheet")
     parser.add_argument("--check", type=int, default=256, help="samples to check in each split")
     arguments = parser.parse_args(argv)
+    target = pathlib.Path(arguments.sheet or pathlib.Path(arguments.path) / "sheet.png")
     try:
+        spheres.check_picture(target, "--sheet")
         lines, whole = report(arguments.path, max(1, arguments.check))
         sys.stdout.write("".join(f"{one_line(line)}\n" for line in lines))
     except (ValueError, OSError) as error:
@@ -40,9 +43,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except RecordError as error:
         sys.stderr.write(f"no contact sheet: {message_line(error)}\n")
         return 1
-    target = pathlib.Path(arguments.sheet or pathlib.Path(arguments.path) / "sheet.png")
     try:
-        sheet.save(target)
+        spheres.write_picture(sheet, target)
     except (OSError, ValueError) as error:
         sys.stderr.write(f"error: --sheet={one_line(target)}: {message_line(error)}\n")
         return 2

@@ -13,6 +13,7 @@ from absl import app, flags
 
 from psgn_jax.commands.common import define_network_flags, flags_only, keep_compiled, parse_flags
 from psgn_jax.portable.folder import require_packages
+from psgn_jax.system.files import check_folder
 from psgn_jax.web.page.build import build_page
 from psgn_jax.weights.opening import open_network
 
@@ -20,6 +21,7 @@ from psgn_jax.weights.opening import open_network
 def _main(argv: Sequence[str]) -> None:
     with flags_only(argv) as values:
         require_packages()
+        check_folder(values.out, "--out")
         keep_compiled()
         network = open_network(values.workdir, values.weights, values.checkpoint)
         options = {name: getattr(values, name) for name in ("runtime", "data", "split")}

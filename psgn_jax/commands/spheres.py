@@ -27,6 +27,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     fields = ("points", "branch", "image", "intrinsics", "extrinsics")
     rows, first = [], None
     try:
+        spheres.check_picture(arguments.out, "--out")
         if arguments.turntable:
             spheres.check_turntable(arguments.turntable)
         for path in arguments.predictions:
@@ -39,7 +40,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 colours = spheres.colours_by_branch(arrays["branch"])
                 clouds["by branch"] = arrays["points"][0], colours
             rows.append((pathlib.Path(path).stem, spheres.panels(arrays, clouds, height=144)))
-        spheres.sheet(rows, columns=max(1, arguments.columns)).save(arguments.out)
+        sheet = spheres.sheet(rows, columns=max(1, arguments.columns))
+        spheres.write_picture(sheet, arguments.out)
         if arguments.turntable and first:
             spheres.turntable(*first, arguments.turntable)
     except (OSError, ValueError) as error:

@@ -216,19 +216,25 @@ def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:
 
 
 def _to_bytes(values: np.ndarray) -> np.ndarray:
-    """Grey values as 8 bits; full scale is 1, 255 or 65535, or the largest value beyond that."""
-    values = np.nan_to_num(values.astype(np.float64))
-    top = values.max()
-    full = next((scale for scale in (1.0, 255.0, 65535.0) if top <= scale), top)
-    return np.rint(np.clip(values / full, 0, 1) * 255).astype(np.uint8)
+    """Grey values as 8 bits; full scale is 1, 255 or 65535, or the largest value beyond that.
+
+    Floats may exceed the full scale by a tenth, as they do after resampling.
+    """
+    slack = 1.1 if values.dtype.kind == "f" else 1
+    top = values.max(initial=0, where=np.isfinite(values))
+    full = next((scale for scale in (1.0, 255.0, 65535.0) if top <= slack * scale), top)
+    levels = np.clip(values / np.float64(full), 0, 1)
+    return np.rint(np.nan_to_num(levels) * 255).astype(np.uint8)
 
 
 def _upright_size(size: tuple[int, int], orientation: int) -> tuple[int, int]:
     return size[::-1] if 5 <= orientation <= 8 else size
 
 
-def as_photo(image: str | os.PathLike[str] | Image.Image | np.ndarray) -> Photo:
+def as_photo(image: str | os.PathLike[str] | Image.Image | np.ndarray | Photo) -> Photo:
     """A photo from a file, a PIL image, or an array uint8 [h, w], [h, w, 3] or [h, w, 4].
+
+    EXIF's orientation of a PIL image is honoured. A `Photo` is returned as it is.
 
     Raises:
       PhotoError: the image is too small or too large, or see `read_photo`.
@@ -236,11 +242,15 @@ def as_photo(image: str | os.PathLike[str] | Image.Image | np.ndarray) -> Photo:
     """
     if isinstance(image, str | os.PathLike):
         return read_photo(image)
+    if isinstance(image, Photo):
+        return image
     if isinstance(image, Image.Image):
-        picture, alpha = _to_rgb(image)
+        upright = ImageOps.exif_transpose(image)
+        size = upright.height, upright.width
+        picture, alpha = _to_rgb(upright)
         array = np.asarray(picture)
     else:
-        array, alpha = image, None
+        array, alpha = np.asarray(image), None
         if array.dtype != np.uint8 or array.ndim < 2 or array.shape[2:] not in ((), (3,), (4,)):
             raise ValueError(
                 f"image is {array.dtype} {list(array.shape)}: accepted: uint8 [h, w], [h, w, 3] "
@@ -249,7 +259,7 @@ def as_photo(image: str | os.PathLike[str] | Image.Image | np.ndarray) -> Photo:
         if array.ndim == 2:
             array = np.repeat(array[..., None], 3, axis=2)
         array, alpha = array[..., :3], array[..., 3] if array.shape[2] == 4 else None
-    size = array.shape[0], array.shape[1]
+        size = array.shape[0], array.shape[1]
     if min(size) < MIN_SIDE or math.prod(size) > MAX_PIXELS:
         raise PhotoError(
             f"the image is {size[1]}x{size[0]}: accepted: at least {MIN_SIDE} pixels a side and up "
@@ -259,19 +269,21 @@ def as_photo(image: str | os.PathLike[str] | Image.Image | np.ndarray) -> Photo:
 
 
 def as_mask(mask: str | os.PathLike[str] | Image.Image | np.ndarray, photo: Photo) -> np.ndarray:
-    """The mask of a photo, bool [h, w], from a file, a PIL image or an array [h, w].
+    """The mask of a photo, bool [h, w] as `photo.image`, from a file, a PIL image or an array.
 
-    Pixels above half of the largest value belong to the object, whatever the dtype.
+    A PIL image or an array has the size of `photo.size` or of `photo.image`. Pixels above half of
+    the largest value belong to the object, whatever the dtype.
 
     Raises:
       PhotoError: see `read_mask`.
     """
     if isinstance(mask, str | os.PathLike):
         return read_mask(mask, photo)
-    levels = np.asarray(mask.convert("L") if isinstance(mask, Image.Image) else mask)
-    if levels.shape != photo.image.shape[:2]:
+    if isinstance(mask, Image.Image):
+        mask = ImageOps.exif_transpose(mask).convert("L")
+    levels, size = np.asarray(mask), photo.image.shape[:2]
+    if levels.shape not in (size, photo.size):
         raise PhotoError(
-            f"the mask is {list(levels.shape)}: accepted: {list(photo.image.shape[:2])}, as the "
-            "image"
+            f"the mask is {list(levels.shape)}: accepted: {list(photo.size)}, as the image"
         )
-    return _bright(levels.astype(np.float32), "the mask")
+    return resize.smooth_mask(_bright(levels.astype(np.float32), "the mask"), size)

@@ -1,8 +1,9 @@
 """Intersection over union of two volumes: soft for training, at a threshold for evaluation.
 
-Volumes are occupancies in [0, 1] on the same grid, of any shape; different shapes raise a
-ValueError. All functions take one pair. IoU has no unit. The grid of this project (`data.schema`)
-is [32, 32, 32], indexed [x, y, z], over [-1, 1] x [-1, 1] x [0, 2].
+Volumes are occupancies in [0, 1] on the same grid, of any shape; bool counts as 0 and 1. Different
+shapes and other dtypes than stated raise a ValueError. All functions take one pair. IoU has no
+unit. The grid of this project (`data.schema`) is [32, 32, 32], indexed [x, y, z], over [-1, 1] x
+[-1, 1] x [0, 2].
 """
 
 import jax.numpy as jnp
@@ -21,8 +22,8 @@ def soft_iou(pred: Float[Array, "*cells"], gt: Float[Array, "*cells"]) -> Float[
     The paper says only that its post-processing network "is trained by IoU" (implementation
     details); this form is **ours**.
     """
-    _check_shapes(pred, gt)
-    pred, gt = jnp.asarray(pred), jnp.asarray(gt)
+    # Sums over a grid exceed the range of float16.
+    pred, gt = (v.astype(jnp.promote_types(v.dtype, "float32")) for v in _volumes(pred, gt))
     both = (pred * gt).sum()
     either = pred.sum() + gt.sum() - both
     empty = either == 0
@@ -51,18 +52,25 @@ def iou_sweep(
     thresholds: Float[Array, " t"] | tuple[float, ...] = PREDICTION_THRESHOLDS,
 ) -> Float[Array, " t"]:
     """`iou` at each threshold."""
-    _check_shapes(pred, gt)
-    pred, gt = jnp.asarray(pred).reshape(-1), jnp.asarray(gt).reshape(-1)
-    inside = pred[None, :] >= jnp.asarray(thresholds, pred.dtype)[:, None]
-    both = (inside & gt[None, :]).sum(axis=1)
-    either = (inside | gt[None, :]).sum(axis=1)
+    pred, gt = (volume.reshape(1, -1) for volume in _volumes(pred, gt))
+    if gt.dtype != bool:
+        raise ValueError(f"gt: got {gt.dtype}, expected bool")
+    inside = pred >= jnp.asarray(thresholds, pred.dtype)[:, None]
+    both = (inside & gt).sum(axis=1)
+    either = (inside | gt).sum(axis=1)
     score = jnp.where(either == 0, 1.0, both / jnp.where(either == 0, 1, either))
     # NaN >= threshold is False: without this, NaN would count as an empty cell.
     return jnp.where(jnp.isnan(pred).any(), jnp.nan, score)
 
 
-def _check_shapes(pred: Array, gt: Array) -> None:
-    if pred.shape != gt.shape:
+def _volumes(pred: Array, gt: Array) -> tuple[Array, Array]:
+    """Both as arrays of the same shape, of floats or bool."""
+    volumes = jnp.asarray(pred), jnp.asarray(gt)
+    if volumes[0].shape != volumes[1].shape:
         raise ValueError(
-            f"pred has the shape {tuple(pred.shape)}, gt {tuple(gt.shape)}: expected the same grid"
+            f"pred has the shape {volumes[0].shape}, gt {volumes[1].shape}: expected the same grid"
         )
+    for name, volume in zip(("pred", "gt"), volumes, strict=True):
+        if volume.dtype != bool and not jnp.issubdtype(volume.dtype, jnp.floating):
+            raise ValueError(f"{name}: got {volume.dtype}, expected floats in [0, 1] or bool")
+    return volumes

@@ -29,7 +29,8 @@ def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
                 f"{name}: point {bad[0]} of {len(points)} is {np.asarray(points[bad[0]]).tolist()},"
                 f" expected finite coordinates ({len(bad)} points are not)"
             )
-    return jnp.asarray(points).astype(jnp.promote_types(points.dtype, jnp.float32))
+    array = jnp.asarray(points)
+    return array.astype(jnp.promote_types(array.dtype, jnp.float32))
 
 
 def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:

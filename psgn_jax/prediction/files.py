@@ -112,8 +112,7 @@ def predict_photo(
       name: NAME of the results.
       seconds: times of earlier steps, for `NAME.json`.
     """
-    image = read.image if read.alpha is None else np.dstack([read.image, read.alpha])
-    result = predictor(image, mask, **options)
+    result = predictor(read, mask, **options)
     clock = Clock()
     view = result.view
     arrays = {n: getattr(result, n) for n in ("stray", "seen", "branch", "spread", "mutual")}
@@ -144,8 +143,6 @@ def _record(
 ) -> dict[str, Any]:
     """The contents of `NAME.json`."""
     view = result.view
-    (height, width), (full_height, full_width) = read.image.shape[:2], read.size
-    enlarged = np.diag([full_width / width, full_height / height, 1.0])
     return {
         "image": str(path),
         "image_size": list(read.size),
@@ -173,7 +170,7 @@ def _record(
             "extrinsics": view.extrinsics.tolist(),
             "view_size": list(view.mask.shape),
             "intrinsics": view.intrinsics.tolist(),
-            "image_intrinsics": (enlarged @ result.photo_intrinsics).tolist(),
+            "image_intrinsics": result.photo_intrinsics.tolist(),
         },
         "checkpoint": {
             predictor.source_kind: predictor.source,

@@ -66,7 +66,7 @@ def find_mask(
       WeightsError: the network's parameters cannot be read.
     """
     if method not in METHODS:
-        raise ValueError(f"method={method!r}: accepted: {', '.join(METHODS)}")
+        raise ValueError(f"mask_from={method!r}: accepted: {', '.join(METHODS)}")
     if alpha is not None and method in ("auto", "alpha"):
         if (alpha > 127).mean() < _SMALLEST:
             raise PhotoError("the image is transparent all over, expected an object")

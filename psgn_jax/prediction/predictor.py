@@ -51,12 +51,14 @@ class Prediction:
       branch: uint8 [n], the branch that predicts a point, `FC` or `DECONV`.
       view: the framed view of the object, which is resized to the input of the network, with the
         camera that projects `points` to it (`data.framing.Framed`).
-      photo_intrinsics: float64 [3, 3], for the original image (with the extrinsics of the view).
+      photo_intrinsics: float64 [3, 3], for the image in its original size, upright (with the
+        extrinsics of the view).
       r: float32 [k, random_size], the random inputs; None for a network without random input.
       spread: float32 [n, 3], standard deviation over the clouds of each point along x, y, z (points
         with the same index correspond; unit = radius of the bounding hemisphere).
       mutual: float32 [k, k], `losses.chamfer_sq_mean` between the clouds (unit^2).
-      mask: bool [h, w], the given or found mask of the image.
+      mask: bool [h, w], the given or found mask of the image, which is reduced if it is large
+        (`photo.MAX_SIDE`).
       mask_from: the method that produced the mask.
       warnings: probable problems, a line each.
       seconds: duration of each step.
@@ -128,7 +130,7 @@ class Predictor:
 
     def __call__(
         self,
-        image: str | os.PathLike[str] | Image.Image | np.ndarray,
+        image: str | os.PathLike[str] | Image.Image | np.ndarray | photo.Photo,
         mask: str | os.PathLike[str] | Image.Image | np.ndarray | None = None,
         *,
         samples: int = 1,
@@ -142,8 +144,8 @@ class Predictor:
         """Predicts the points of the object in an image.
 
         Args:
-          image: path of an image file, PIL image, or uint8 [h, w, 3] RGB, [h, w, 4] RGBA or
-            [h, w] grey; any size.
+          image: path of an image file, PIL image, uint8 [h, w, 3] RGB, [h, w, 4] RGBA or [h, w]
+            grey, or what `photo.read_photo` has read; any size.
           mask: path of a mask file, PIL image, or array [h, w], positive on the object; None =
             automatic.
           samples: number of clouds; more than one needs a network with a random input.
@@ -196,6 +198,8 @@ class Predictor:
         clock.lap("network")
         if not np.isfinite(points).all():
             raise ConfigError("the network's points are not finite; expected intact weights")
+        height, width = rgb.shape[:2]
+        enlarged = np.diag([read.size[1] / width, read.size[0] / height, 1.0])
         coloured = [export.colours_from_view(cloud, view) for cloud in points]
         stray = np.stack([export.stray_points(cloud) for cloud in points])
         scale, shift = 1.0, np.zeros(3)
@@ -219,7 +223,7 @@ class Predictor:
             stray=stray,
             branch=branch,
             view=view,
-            photo_intrinsics=np.linalg.inv(view.to_view) @ view.intrinsics,
+            photo_intrinsics=enlarged @ np.linalg.inv(view.to_view) @ view.intrinsics,
             r=r,
             spread=points.std(axis=0),
             mutual=np.asarray(mutual),

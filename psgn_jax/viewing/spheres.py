@@ -215,6 +215,19 @@ def turntable(
     write_atomic(path, make(pictures), sync=False)
 
 
+def check_picture(path: str | pathlib.Path, flag: str) -> None:
+    """Raises a ValueError if `write_picture` does not know the format of a file."""
+    if pathlib.Path(path).suffix.lower() not in Image.registered_extensions():
+        raise ValueError(f"{flag}={path}: accepted: a name that ends with .png or .jpg")
+
+
+def write_picture(picture: Image.Image, path: str | pathlib.Path) -> None:
+    """Writes a picture atomically, in the format of the suffix."""
+    buffer = io.BytesIO()
+    picture.save(buffer, Image.registered_extensions()[pathlib.Path(path).suffix.lower()])
+    write_atomic(path, buffer.getvalue(), sync=False)
+
+
 def check_turntable(path: str | pathlib.Path) -> None:
     """Raises the errors of `turntable` for this path, before anything is drawn."""
     suffix = pathlib.Path(path).suffix.lower()

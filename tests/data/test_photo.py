@@ -31,6 +31,27 @@ def saved(tmp_path, image, name="photo.png", **options):
 # --- reading ---------------------------------------------------------------------------------
 
 
+def test_floats_may_exceed_the_full_scale_a_little(tmp_path):
+    levels = np.linspace(0, 1, 1600, dtype=np.float32).reshape(40, 40)
+    whole = photo.read_photo(saved(tmp_path, levels, "whole.tiff")).image
+    levels[0, :3] = 1.02, np.inf, np.nan
+    beyond = photo.read_photo(saved(tmp_path, levels, "beyond.tiff")).image
+    np.testing.assert_array_equal(beyond[1:], whole[1:])
+    assert beyond[0, :3, 0].tolist() == [255, 255, 0]
+
+
+def test_a_large_image_accepts_masks_of_its_own_and_of_the_reduced_size():
+    mask = np.zeros((4100, 40), bool)
+    mask[500:900, 10:30] = True
+    read = photo.as_photo(Image.fromarray(np.repeat(mask[..., None] * np.uint8(200), 3, axis=2)))
+    assert read.size == (4100, 40)
+    assert read.image.shape == (2050, 20, 3)
+    for given in (mask, mask[::2, ::2], Image.fromarray(mask)):
+        np.testing.assert_array_equal(photo.as_mask(given, read), mask[::2, ::2])
+    with pytest.raises(photo.PhotoError, match=r"\[10, 40\]: accepted: \[4100, 40\]"):
+        photo.as_mask(mask[:10], read)
+
+
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_exif_orientation_is_honoured_for_image_and_mask(tmp_path, orientation):
     image, mask = scene()
@@ -48,6 +69,11 @@ def test_exif_orientation_is_honoured_for_image_and_mask(tmp_path, orientation):
     read = photo.read_photo(path)
     np.testing.assert_array_equal(read.image, image)
     assert read.size == (120, 160)
+    opened = Image.open(path)
+    np.testing.assert_array_equal(photo.as_photo(opened).image, image)
+    turned = as_stored(mask)
+    turned.getexif()[0x0112] = orientation
+    np.testing.assert_array_equal(photo.as_mask(turned, read), mask)
     upright = saved(tmp_path, mask, "upright.png")
     np.testing.assert_array_equal(photo.read_mask(upright, read), mask)
     if orientation > 4:  # a mask drawn over the pixels as stored

@@ -104,6 +104,13 @@ def test_vmap_map_and_shard_map_agree(rng):
         np.testing.assert_allclose(grads, want_grads, rtol=1e-4, atol=1e-7)
 
 
+@pytest.mark.filterwarnings("error")
+def test_float64_of_numpy_needs_no_warning(rng):
+    pred, gt = rng.random((20, 3)), rng.random((30, 3))
+    single = losses.chamfer_sq(pred.astype(np.float32), gt.astype(np.float32))
+    assert losses.chamfer_sq(pred, gt) == single
+
+
 def test_bfloat16_is_computed_in_float32(rng):
     a, b = (jnp.asarray(x, jnp.bfloat16) for x in clouds(rng, 70, 33))
     value, grad = jax.value_and_grad(losses.chamfer_sq_mean)(a, b)

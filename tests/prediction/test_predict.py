@@ -96,6 +96,15 @@ def test_known_cloud_lies_where_the_image_shows_it(predictor, monkeypatch):
     np.testing.assert_allclose(mapped[:, :2], pixels, atol=1e-4)
 
 
+def test_the_photos_camera_is_that_of_its_original_size(predictor):
+    small = photo_of_a_box(450, 600)
+    large = Image.fromarray(small).resize((4200, 3150), Image.Resampling.NEAREST)
+    assert predictor(large).mask.shape == (1575, 2100)
+    np.testing.assert_allclose(
+        predictor(large).photo_intrinsics[:2] / 7, predictor(small).photo_intrinsics[:2], atol=3
+    )
+
+
 def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
     image = photo_of_a_box()
     raw = predictor(image, frame="place", samples=2, normal_form="no")
