@@ -121,7 +121,7 @@ class Renderer:
             process.kill()
 
     def _start(self) -> None:
-        why = ""
+        code, late = None, False
         for _ in range(_FAILED_STARTS):
             if self._killed:
                 raise RuntimeError("the renderer was ended")
@@ -145,10 +145,12 @@ class Renderer:
                 self._process.kill()
                 late = True
             code = self._discard()
-            why = f"ended before they were ready (exit code {code}); psgn render has "
-            why += "--config.job.variant=scalar, which needs no LLVM"
-            if late:
-                why = f"were not ready after {_SECONDS_TO_START:g} s; is the machine busy?"
+        why = (
+            f"were not ready after {_SECONDS_TO_START:g} s; is the machine busy?"
+            if late
+            else f"ended before they were ready (exit code {code}); psgn render has "
+            "--config.job.variant=scalar, which needs no LLVM"
+        )
         raise RuntimeError(f"{_FAILED_STARTS} worker processes {why}")
 
     def _discard(self) -> int | None:
