@@ -48,6 +48,18 @@ def records(source: str | os.PathLike[str]) -> Catalogue:
         names are empty or ambiguous.
     """
     source = os.fspath(source)
+    entries = [  # in the order of the records
+        Entry(
+            name, category, split, functools.partial(_load, source, split, index),
+            functools.partial(_load_variant, source, split, index),
+        )
+        for name, (category, split, index) in first_records(source).items()
+    ]  # fmt: skip
+    return Catalogue("records", entries)
+
+
+def first_records(source: str) -> dict[str, tuple[str, str, int]]:
+    """Category, split and index of the first record of each model, by name; see `records`."""
     splits = load_manifest(source).splits()
     splits.pop(DUPLICATES, None)
     unknown = sorted(set(splits) - set(SPLITS))
@@ -57,9 +69,9 @@ def records(source: str | os.PathLike[str]) -> Catalogue:
         )
     found: dict[str, tuple[str, str, int]] = {}
     for split in (s for s in SPLITS if s in splits):
-        reader = _reader(source, split)
-        for index in range(len(reader)):
-            stored = reader.stored(index, ())
+        stream = reader(source, split)
+        for index in range(len(stream)):
+            stored = stream.stored(index, ())
             name = stored.model_id
             first = found.setdefault(name, (stored.category, split, index))
             if not name or first[:2] != (stored.category, split):
@@ -68,31 +80,26 @@ def records(source: str | os.PathLike[str]) -> Catalogue:
                     f"{name!r}, expected a name that belongs to one model, in one category and "
                     "one split"
                 )
-    entries = [  # in the order of the records
-        Entry(
-            name, category, split, functools.partial(_load, source, split, index),
-            functools.partial(_load_variant, source, split, index),
-        )
-        for name, (category, split, index) in found.items()
-    ]  # fmt: skip
-    return Catalogue("records", entries)
+    return found
 
 
 @functools.lru_cache(maxsize=4)
-def _reader(source: str, split: str) -> RecordReader:
+def reader(source: str, split: str) -> RecordReader:
+    """The records of a split; the last four readers are kept."""
     return RecordReader(source, split)
 
 
 def _load(source: str, split: str, index: int) -> Model:
-    return surfels(_reader(source, split)[index])
+    return surfels(reader(source, split)[index])
 
 
 def _load_variant(source: str, split: str, index: int, name: str, deviation: float) -> Model:
-    sample = dataclasses.replace(_reader(source, split)[index], model_id=name)
-    return surfels(sample, functools.partial(_varied, name=name, deviation=deviation))
+    sample = dataclasses.replace(reader(source, split)[index], model_id=name)
+    return surfels(sample, functools.partial(varied, name=name, deviation=deviation))
 
 
-def _varied(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
+def varied(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
+    """Points [n, 3] with other proportions (`proportions`), the farthest at distance 1."""
     change, _ = random_proportions(points, name, deviation)
     changed = change(points)
     changed[:, :2] -= change(np.zeros((1, 3)))[:, :2]
@@ -109,12 +116,38 @@ def surfels(sample: Sample, change: Callable[[np.ndarray], np.ndarray] | None = 
     Raises:
       UnusableModelError: there are too few different points.
     """
+    points = distinct_points(sample)
+    colours = np.full((len(points), 4), 255, np.uint8)
+    colours[:, :3], _ = appearance(sample, points)
+    corners, normals = rectangles(points if change is None else change(points))
+    first = 4 * np.arange(len(corners))[:, None]
+    faces = np.concatenate([first + corner for corner in (0, 1, 2, 0, 2, 3)], axis=1).reshape(-1, 3)
+    material, uv = palette(colours.repeat(2, axis=0))
+    return build_model(
+        corners.reshape(-1, 3),
+        faces,
+        materials=(material,),
+        normals=normals[:, None].repeat(6, axis=1).reshape(-1, 3, 3),
+        uv=uv,
+        category=sample.category,
+        model_id=sample.model_id,
+    )
+
+
+def distinct_points(sample: Sample) -> np.ndarray:
+    """The different points of a sample, float64 [n, 3].
+
+    Raises:
+      UnusableModelError: there are too few.
+    """
     points = np.unique(sample.points.astype(np.float64), axis=0)
     if len(points) < _FEWEST:
         raise UnusableModelError(f"{len(points)} different points, expected {_FEWEST} or more")
-    colours = np.full((len(points), 4), 255, np.uint8)
-    colours[:, :3] = _colours(sample, points)
-    points = points if change is None else change(points)
+    return points
+
+
+def rectangles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The corners [n, 4, 3] of the surfels of points [n, 3], in order, and their unit normals."""
     distance, nearest = scipy.spatial.cKDTree(points).query(points, k=_NEIGHBOURS + 1)
     around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
     # Ascending: across the surface, then the short and the long axis.
@@ -130,19 +163,7 @@ def surfels(sample: Sample, change: Callable[[np.ndarray], np.ndarray] | None = 
     # No surfel extends below the ground or out of the unit ball.
     corners[..., 2] = np.maximum(corners[..., 2], 0)
     corners /= np.maximum(np.linalg.norm(corners, axis=2, keepdims=True), 1)
-    normals = _smoothed(axes[:, :, 0], nearest)
-    first = 4 * np.arange(len(points))[:, None]
-    faces = np.concatenate([first + corner for corner in (0, 1, 2, 0, 2, 3)], axis=1).reshape(-1, 3)
-    material, uv = palette(colours.repeat(2, axis=0))
-    return build_model(
-        corners.reshape(-1, 3),
-        faces,
-        materials=(material,),
-        normals=normals[:, None].repeat(6, axis=1).reshape(-1, 3, 3),
-        uv=uv,
-        category=sample.category,
-        model_id=sample.model_id,
-    )
+    return corners, _smoothed(axes[:, :, 0], nearest)
 
 
 def _smoothed(normals: np.ndarray, nearest: np.ndarray) -> np.ndarray:
@@ -152,9 +173,14 @@ def _smoothed(normals: np.ndarray, nearest: np.ndarray) -> np.ndarray:
     return unit_vectors(around.sum(axis=1))
 
 
-def _colours(sample: Sample, points: np.ndarray) -> np.ndarray:
-    """uint8 [n, 3]: the colours of points; grey if the sample has no depth."""
-    grey = np.full((len(points), 3), 150, np.uint8)
+def appearance(sample: Sample, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The colours of points [n, 3], and where they are from.
+
+    Returns:
+      Colours, uint8 [n, 3], and for each point the index of the visible point that has this colour
+      in the image. Without depth, or if no point is visible, all are grey, each with its own index.
+    """
+    grey = np.full((len(points), 3), 150, np.uint8), np.arange(len(points))
     if sample.depth is None:
         return grey
     inside = points @ sample.extrinsics[:, :3].T + sample.extrinsics[:, 3]
@@ -168,4 +194,5 @@ def _colours(sample: Sample, points: np.ndarray) -> np.ndarray:
     if not shown.any():
         return grey
     _, nearest = scipy.spatial.cKDTree(points[shown]).query(points)
-    return sample.image[rows, columns][shown][nearest]
+    origin = np.flatnonzero(shown)[nearest]
+    return sample.image[rows, columns][origin], origin

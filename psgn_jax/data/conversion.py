@@ -40,14 +40,14 @@ LAYOUTS = {"r2n2": r2n2, "occnet": occnet}
 _WORK = ".work"  # holds the lock of the process that converts
 
 # What is read from an input: split, bytes and sample of a record, or a message for a damaged one.
-_Record = tuple[str, bytes, schema.Sample] | str
+ConvertedRecord = tuple[str, bytes, schema.Sample] | str
 
 
-class _Input(NamedTuple):
+class Input(NamedTuple):
     """A file or a model that is converted as a whole; the tag identifies it and its version."""
 
     tag: str
-    read: Callable[[], Iterator[_Record]]
+    read: Callable[[], Iterator[ConvertedRecord]]
 
 
 def _natural(path: pathlib.Path) -> tuple[int | str, ...]:
@@ -98,7 +98,7 @@ def convert_authors(
                         clouds.append(entry.sample.points)
         return duplicates.HeldOut(clouds)
 
-    def read(path: pathlib.Path) -> Iterator[_Record]:
+    def read(path: pathlib.Path) -> Iterator[ConvertedRecord]:
         for entry in authors.read_batch(path):
             split = authors.split_of(path, entry.sample.model_id)
             if split == "train" and held_out().has(entry.sample.points):
@@ -107,10 +107,8 @@ def convert_authors(
 
     # The splits of a file's samples depend on all files.
     files = zlib.crc32("".join(f"{p.name}:{_state(p)}" for p in paths).encode())
-    inputs = [
-        _Input(f"{p.name}:{_state(p)}:{files:08x}", functools.partial(read, p)) for p in paths
-    ]
-    return _convert("authors", source, inputs, destination, FILES_PER_SHARD)
+    inputs = [Input(f"{p.name}:{_state(p)}:{files:08x}", functools.partial(read, p)) for p in paths]
+    return convert_inputs("authors", source, inputs, destination, FILES_PER_SHARD)
 
 
 def convert_models(
@@ -148,7 +146,7 @@ def convert_models(
     if strict and messages:
         raise ValueError(messages[0])
 
-    def read(split: str, synset: str, name: str) -> Iterator[_Record]:
+    def read(split: str, synset: str, name: str) -> Iterator[ConvertedRecord]:
         view_of = reader.open_model(source, synset, name, num_points)
         for view in range(min(max_views, shapenet.NUM_VIEWS)):
             try:
@@ -161,15 +159,17 @@ def convert_models(
     for split, synset, name in models:
         states = (_state(p) for p in reader.input_files(source, synset, name))
         tag = f"{split}/{synset}/{name}:{num_points}:{max_views}:" + ":".join(states)
-        inputs.append(_Input(tag, functools.partial(read, split, synset, name)))
-    manifest, refused = _convert(layout, source, inputs, destination, MODELS_PER_SHARD, strict)
+        inputs.append(Input(tag, functools.partial(read, split, synset, name)))
+    manifest, refused = convert_inputs(
+        layout, source, inputs, destination, MODELS_PER_SHARD, strict
+    )
     return manifest, messages + refused
 
 
-def _convert(
+def convert_inputs(
     kind: str,
     source: pathlib.Path,
-    inputs: Sequence[_Input],
+    inputs: Sequence[Input],
     destination: pathlib.Path,
     per_shard: int,
     strict: bool = False,
@@ -251,14 +251,14 @@ def _finished(
 
 
 def _convert_group(
-    group: Sequence[_Input], folder: pathlib.Path, number: int, strict: bool
+    group: Sequence[Input], folder: pathlib.Path, number: int, strict: bool
 ) -> tuple[list[Shard], list[str]]:
     """Converts inputs to at most one shard per split; returns messages for what is left out."""
     writers: dict[str, ShardWriter] = {}
     refused: list[str] = []
     whole: list[str] = []
 
-    def write(item: _Input) -> Iterator[str]:
+    def write(item: Input) -> Iterator[str]:
         """Writes the samples of an input; yields a message for each that is left out."""
         for result in item.read():
             if isinstance(result, str):

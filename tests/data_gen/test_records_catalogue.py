@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy.ndimage
 from helpers import drawn_solids as solids
 
 from data_gen import engine, settings
@@ -12,8 +13,10 @@ from data_gen.catalogues.records import surfels
 from data_gen.engine import Variant, has_mitsuba
 from data_gen.mesh import UnusableModelError, face_areas
 from data_gen.render_model import Context, render_model
+from data_gen.sets import variants
 from psgn_jax.data.codec import decode
-from psgn_jax.data.dataset import write_dataset
+from psgn_jax.data.dataset import RecordReader, write_dataset
+from psgn_jax.data.schema import validate
 
 HALF = np.array([0.3, 0.45, 0.25])
 
@@ -142,3 +145,55 @@ def test_variants_replace_their_models(tmp_path):
     np.testing.assert_array_equal(again.vertices, models[1].vertices)
     with pytest.raises(UnusableModelError, match="in a vertical plane, expected a volume"):
         entries[3].load()
+
+
+def test_quick_variants_keep_image_points_and_camera_together():
+    sample = box_sample()
+    surface = variants.Surface(sample)
+    seen = [surface.variant(f"box~{n}", 0.25, np.random.default_rng(n)) for n in range(6)]
+    for drawn in seen:
+        validate(drawn)
+        inside = drawn.points @ drawn.extrinsics[:, :3].T + drawn.extrinsics[:, 3]
+        column, row = ((inside @ drawn.intrinsics[:2].T) / inside[:, 2:]).T.astype(int)
+        near = scipy.ndimage.binary_dilation(drawn.mask, iterations=2)
+        assert near[row, column].mean() > 0.999  # and the mask is covered by the points
+        spots = np.zeros_like(drawn.mask)
+        spots[row, column] = True
+        spots = scipy.ndimage.binary_dilation(spots, iterations=3)
+        assert spots[drawn.mask].mean() > 0.99
+        assert scipy.ndimage.label(~drawn.mask)[1] == 1  # no holes in a box
+        assert 0.95 < np.linalg.norm(drawn.points, axis=1).max() <= 1.0001
+        assert (drawn.image[~drawn.mask] == 191).all()
+    extents = np.array([np.ptp(drawn.points, axis=0) for drawn in seen])
+    assert (extents.std(axis=0) > 0.02).all()
+
+
+def test_a_variant_without_change_shows_the_image(monkeypatch):
+    monkeypatch.setattr(variants, "_TURN", 0.0)
+    monkeypatch.setattr(variants, "_LIGHT_DEVIATION", 0.0)
+    sample = box_sample()
+    rng = np.random.default_rng(0)  # its first number is above .5: a small turn
+    drawn = variants.Surface(sample).variant("box", 0.0, rng)
+    both = drawn.mask & sample.mask
+    assert both.sum() / (drawn.mask | sample.mask).sum() > 0.9
+    difference = np.abs(drawn.image[both].astype(int) - sample.image[both])
+    assert np.median(difference) <= 2
+
+
+def test_quick_variants_resume_and_leave_damaged_models_out(tmp_path, capsys):
+    few = box_sample(50, "few")
+    samples = [box_sample(2000, "a"), few, box_sample(2000, "b")]
+    splits = {"train": samples, "validation": [box_sample(200, "c")]}
+    write_dataset(tmp_path / "src", splits, source="solids")
+    arguments = [str(tmp_path / "src"), str(tmp_path / "dst"), "--variants=3"]
+    assert variants.main(arguments) == 1
+    assert "50 different points, expected 100 or more" in capsys.readouterr().err
+    reader = RecordReader(tmp_path / "dst", "train")
+    names = [reader[i].model_id for i in range(len(reader))]
+    assert names == [f"{name}~0.{n}" for name in "ab" for n in range(3)]
+    before = [reader[i].image.tobytes() for i in range(6)]
+    assert variants.main(arguments) == 1
+    again = RecordReader(tmp_path / "dst", "train")
+    assert [again[i].image.tobytes() for i in range(6)] == before
+    assert variants.main([*arguments[:2], "--variants=0"]) == 2
+    assert "--variants=0" in capsys.readouterr().err
