@@ -4,8 +4,8 @@
 
 Renders the test models of free packages (`psgn free-set`) twice: with the preset `authors`, and
 with the preset `photo`, whose cameras, light and surroundings vary more. The photo-like images are
-disturbed by `data.photo_effects`: noise, blur, JPEG compression, and masks that are eroded or
-dilated, ragged, and sometimes incomplete. Images of both sets are placed by the rule for photos,
+disturbed by `data.photo_effects`: noise, blur, JPEG compression, occluders, and masks that are
+eroded or dilated, ragged, and sometimes incomplete. Images of both sets are placed by the rule for photos,
 and predicted and true clouds are compared in normal form, as `psgn predict` writes clouds of
 photos. The command prints the metrics of both sets, those of the plain set with the same
 disturbances, and the aligned CD of the photo-like set divided by that of the undisturbed plain set.
@@ -24,6 +24,7 @@ from absl import logging
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 import psgn_jax
 from data_gen import job
+from data_gen.catalogues.entry import Catalogue
 from data_gen.sets import free
 from data_gen.sets.free import select
 from psgn_jax.config.data import PhotoEffects
@@ -37,24 +38,8 @@ SOURCES = ("furniture", "scenery", "aircraft")
 METRICS = ("cd_sq_radius2", "aligned_cd_sq_radius2", "aligned_emd_radius")
 NUM_TRUE = 4096
 EFFECTS = PhotoEffects(
-    erode=1.5, dilate=1.5, ragged=1.5, holes=0.1, corners=0.05, blur=0.7, noise=0.02, jpeg=0.5
+    erode=1.5, dilate=1.5, ragged=1.5, occluders=0.1, blur=0.7, noise=0.02, jpeg=0.5
 )
-
-
-class TestModels:
-    """The test models of a selection."""
-
-    def __init__(self, selection):
-        self.name = selection.name
-        self._entries = [entry for entry in selection.models if entry.split == "test"]
-
-    def __len__(self):
-        """Number of models."""
-        return len(self._entries)
-
-    def entries(self):
-        """The models."""
-        return iter(self._entries)
 
 
 def render(packages, work, views, workers):
@@ -62,7 +47,8 @@ def render(packages, work, views, workers):
     folders = {"authors": [], "photo": []}
     for name in SOURCES:
         source = dataclasses.replace(free.SOURCES[name], views=views)
-        models = TestModels(select(source, packages))
+        models = select(source, packages)
+        models = Catalogue(models.name, [each for each in models.models if each.split == "test"])
         for preset, made in folders.items():
             part = free.Part(source, preset, f"{preset}/{name}", views)
             options = free.settings_of(part, workers=workers)
