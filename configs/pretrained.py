@@ -12,6 +12,7 @@ Command: python data_gen/sets/free.py --packages FOLDER --out records/free
          python data_gen/render.py --config=data_gen/config.py:level --catalogue=records
              --source=records/authors --out=records/variants_level --option variants=8
              --sample=700 --seed=5 --config.views=4 --config.image.samples=2
+         psgn variants records/authors records/drawn --variants=16
          python -m psgn_jax.main --config=configs/pretrained.py --workdir=runs/pretrained
          psgn weights export --workdir=runs/pretrained --out=pretrained.safetensors
              --sources=records/free/sources.json
@@ -23,7 +24,7 @@ Expect: the goals on the authors' validation split are a CD of .0085 (cd_sq_radi
 trained in several shorter runs.
 
 Data: 1.6 million samples from the free set, from new views of the authors' training objects and of
-variants of them with other proportions, and from the authors' training batches.
+variants of them with other proportions, rendered and drawn, and from the authors' training batches.
 `records/authors*12` counts each sample of this folder 12 times. Only the authors' validation
 batches are used for evaluation (`data.eval_path`). To leave out data sets, list the others:
 `--config.data.path=records/free/furniture,records/authors`. To start from the weights in the
@@ -67,6 +68,7 @@ OTHERS = (
     "records/views*2",
     "records/variants*5",
     "records/variants_level*3",
+    "records/drawn",
     "records/others/photo/furniture*4",
     "records/others/photo/aircraft*4",
     "records/others/angles/furniture*3",
