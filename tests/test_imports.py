@@ -62,3 +62,12 @@ def test_the_losses_and_the_records_are_light():
         code = f"import sys, {module}; sys.exit(' '.join({heavy} & set(sys.modules)))"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert done.stderr.strip() == "", f"{module} imports {done.stderr}"
+
+
+def test_commands_hide_the_warning_of_xla_before_jaxlib_is_loaded():
+    code = (
+        "import os; os.environ.pop('TF_CPP_MIN_LOG_LEVEL', None); import psgn_jax.commands.evaluate"
+        "; print(os.environ['TF_CPP_MIN_LOG_LEVEL'])"  # JAX would have set it to 1
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert done.stdout == "3\n"

@@ -18,11 +18,6 @@ from psgn_jax.system.cores import features_line
 from psgn_jax.system.files import cache_folder, exit_code_of
 from psgn_jax.system.untrusted import message_line, one_line
 
-# This setting hides a wrong warning of XLA, see `keep_compiled`. It has no effect once jaxlib has
-# been imported. It is made here because the commands import this module before any other that
-# imports JAX.
-os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-
 # The processes that multiprocessing and other libraries start inherit it.
 os.environ.update(processes.environment())
 
@@ -116,8 +111,8 @@ def keep_compiled() -> None:
     The cache has one folder per type of processor, because a program that was compiled for one may
     not run on another. When XLA loads a cached program on a CPU, it wrongly warns, in 3,000
     characters, that the processor lacks two features. These are tuning flags of XLA, not features
-    of a processor. Therefore this module sets TF_CPP_MIN_LOG_LEVEL to 3, unless it is set already:
-    native code then logs only fatal errors.
+    of a processor. Therefore `psgn_jax.commands` sets TF_CPP_MIN_LOG_LEVEL to 3, unless it is set
+    already: native code then logs only fatal errors.
     """
     import jax  # imported here so that wrong flags are reported before JAX is loaded
 
