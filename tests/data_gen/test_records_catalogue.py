@@ -181,6 +181,27 @@ def test_a_variant_without_change_shows_the_image(monkeypatch):
     assert np.median(difference) <= 2
 
 
+def test_quick_variants_of_records_without_depth_have_light_and_shade():
+    sample = dataclasses.replace(box_sample(), depth=None, category="box")
+    drawn = variants.Surface(sample).variant("box", 0.25, np.random.default_rng(0))
+    assert np.ptp(drawn.image[drawn.mask]) > 20
+    assert drawn.category == "box"
+
+
+def test_quick_variants_keep_what_is_done_and_refuse_other_arguments(tmp_path, capsys):
+    samples = [box_sample(2000, name) for name in "ab"]
+    write_dataset(tmp_path / "src", {"train": samples}, source="solids")
+    arguments = [str(tmp_path / "src"), str(tmp_path / "dst"), "--variants=1"]
+    assert variants.main(arguments) == 0
+    (shard,) = (tmp_path / "dst").glob("*.arrayrecord")
+    before = shard.stat().st_mtime_ns
+    assert variants.main(arguments) == 0
+    assert shard.stat().st_mtime_ns == before
+    assert variants.main([*arguments, "--seed=1"]) == 2
+    assert "with other arguments; give another folder" in capsys.readouterr().err
+    assert shard.stat().st_mtime_ns == before
+
+
 def test_quick_variants_resume_and_leave_damaged_models_out(tmp_path, capsys):
     few = box_sample(50, "few")
     samples = [box_sample(2000, "a"), few, box_sample(2000, "b")]
@@ -191,7 +212,7 @@ def test_quick_variants_resume_and_leave_damaged_models_out(tmp_path, capsys):
     assert "50 different points, expected 100 or more" in capsys.readouterr().err
     reader = RecordReader(tmp_path / "dst", "train")
     names = [reader[i].model_id for i in range(len(reader))]
-    assert names == [f"{name}~0.{n}" for name in "ab" for n in range(3)]
+    assert names == [f"{name} variant {n}" for name in "ab" for n in range(3)]
     before = [reader[i].image.tobytes() for i in range(6)]
     assert variants.main(arguments) == 1
     again = RecordReader(tmp_path / "dst", "train")
