@@ -17,13 +17,12 @@ farthest point is at distance 1 again.
 import dataclasses
 import functools
 import os
-from collections.abc import Callable
 
 import numpy as np
 import scipy.spatial
 
 from data_gen.catalogues.entry import SPLITS, Catalogue, Entry
-from data_gen.catalogues.proportions import random_proportions
+from data_gen.catalogues.proportions import Change, random_proportions
 from data_gen.mesh import Model, UnusableModelError, build_model, unit_vectors
 from data_gen.readers.by_trimesh import palette
 from psgn_jax.data.dataset import RecordReader
@@ -95,18 +94,21 @@ def _load(source: str, split: str, index: int) -> Model:
 
 def _load_variant(source: str, split: str, index: int, name: str, deviation: float) -> Model:
     sample = dataclasses.replace(reader(source, split)[index], model_id=name)
-    return surfels(sample, functools.partial(varied, name=name, deviation=deviation))
+    return surfels(sample, lambda points: variation(points, name, deviation)(points))
 
 
-def varied(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
-    """Points [n, 3] with other proportions (`proportions`), the farthest at distance 1."""
+def variation(points: np.ndarray, name: str, deviation: float) -> Change:
+    """Other proportions of a model (`proportions`), which keep the origin on its vertical axis.
+
+    The farthest of `points` [n, 3] is then at distance 1.
+    """
     change, _ = random_proportions(points, name, deviation)
-    changed = change(points)
-    changed[:, :2] -= change(np.zeros((1, 3)))[:, :2]
-    return changed / np.linalg.norm(changed, axis=1).max()
+    middle = change(np.zeros((1, 3))) * [1, 1, 0]
+    radius = np.linalg.norm(change(points) - middle, axis=1).max()
+    return lambda others: (change(others) - middle) / radius
 
 
-def surfels(sample: Sample, change: Callable[[np.ndarray], np.ndarray] | None = None) -> Model:
+def surfels(sample: Sample, change: Change | None = None) -> Model:
     """A mesh of rectangles, one for each point of a sample, in the frame of the sample.
 
     Args:
@@ -173,14 +175,14 @@ def _smoothed(normals: np.ndarray, nearest: np.ndarray) -> np.ndarray:
     return unit_vectors(around.sum(axis=1))
 
 
-def appearance(sample: Sample, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def appearance(sample: Sample, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
     """The colours of points [n, 3], and where they are from.
 
     Returns:
       Colours, uint8 [n, 3], and for each point the index of the visible point that has this colour
-      in the image. Without depth, or if no point is visible, all are grey, each with its own index.
+      in the image. Without depth, or if no point is visible, all are grey, and the indices None.
     """
-    grey = np.full((len(points), 3), 150, np.uint8), np.arange(len(points))
+    grey = np.full((len(points), 3), 150, np.uint8), None
     if sample.depth is None:
         return grey
     inside = points @ sample.extrinsics[:, :3].T + sample.extrinsics[:, 3]

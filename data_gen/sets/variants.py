@@ -34,8 +34,8 @@ import numpy as np
 from absl import logging
 
 from data_gen.catalogues import records
-from data_gen.catalogues.proportions import DEVIATION, random_proportions
-from psgn_jax.data.camera import default_camera
+from data_gen.catalogues.proportions import DEVIATION
+from psgn_jax.data.camera import default_camera, project
 from psgn_jax.data.codec import encode
 from psgn_jax.data.conversion import ConvertedRecord, Input, convert_inputs
 from psgn_jax.data.framing import VIEW_SIZE
@@ -55,7 +55,7 @@ _TURN = 0.15  # standard deviation in radians of the small turns
 _AMBIENT, _DIFFUSE = 0.55, 0.6
 _LIGHT = np.array([0.5, 0.0, 0.8])  # direction to the light
 _LIGHT_DEVIATION = np.array([0.1, 0.3, 0.1])
-_LEAST, _MOST = 0.5, 1.7  # limits of the ratio of two shadings
+_RATIOS = 0.5, 1.7  # limits of the ratio of two shadings
 
 
 class Surface:
@@ -72,38 +72,34 @@ class Surface:
         eye = -sample.extrinsics[:, :3].T @ sample.extrinsics[:, 3]
         self.points, self.corners, self._colours = points, corners, colours.astype(np.float32)
         self._category = sample.category
+        shading = _shading(_facing(normals, points, eye), _LIGHT)
         # Grey includes no shading.
-        grey = sample.depth is None or len(np.unique(origin)) == len(points)
-        shading = _shading(_facing(normals, points, eye), _LIGHT)[origin]
-        self._shading = np.ones(len(points)) if grey else shading
+        self._shading = np.ones(len(points)) if origin is None else shading[origin]
 
     def variant(self, name: str, deviation: float, rng: np.random.Generator) -> Sample:
         """An image of a variant, and `_POINTS` of its points.
 
         Args:
           name: `model_id` of the variant, from which its proportions are drawn.
-          deviation: how much it differs, see `random_proportions`.
+          deviation: how much it differs, see `catalogues.proportions`.
           rng: source of its turn, light and points.
 
         Raises:
           UnusableModelError: the points lie in a vertical plane.
         """
-        change, _ = random_proportions(self.points, name, deviation)
-        middle = change(np.zeros((1, 3))) * [1, 1, 0]
-        points = change(self.points) - middle
-        corners = change(self.corners.reshape(-1, 3)) - middle
+        move = records.variation(self.points, name, deviation)
         angle = rng.uniform(-np.pi, np.pi) if rng.random() < 0.5 else _TURN * rng.normal()
         cosine, sine = np.cos(angle), np.sin(angle)
         turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]).T
-        turn /= np.linalg.norm(points, axis=1).max()
-        points, corners = points @ turn, (corners @ turn).reshape(-1, 4, 3)
+        points = move(self.points) @ turn
+        corners = (move(self.corners.reshape(-1, 3)) @ turn).reshape(-1, 4, 3)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
         area = np.linalg.norm(across, axis=1)
         intrinsics, extrinsics = default_camera(VIEW_SIZE)
         eye = -extrinsics[:, :3].T @ extrinsics[:, 3]
         normals = _facing(across / (area[:, None] + 1e-12), points, eye)
         light = _LIGHT + rng.normal(size=3) * _LIGHT_DEVIATION
-        ratio = np.clip(_shading(normals, light) / self._shading, _LEAST, _MOST)
+        ratio = np.clip(_shading(normals, light) / self._shading, *_RATIOS)
         colours = np.clip(self._colours * ratio[:, None], 0, 255).astype(np.uint8)
         image, mask = _drawn(corners, colours, intrinsics, extrinsics)
         # The largest of log(area) + Gumbel noise: a sample without replacement.
@@ -139,13 +135,13 @@ def _drawn(
     u, v = (x.reshape(-1, 1) for x in np.meshgrid(at, at))
     weights = np.concatenate([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=1)
     samples = (weights.astype(np.float32) @ corners.astype(np.float32)).reshape(-1, 3)
-    inside = samples @ extrinsics[:, :3].T + extrinsics[:, 3]
-    pixels = np.floor((inside @ intrinsics[:2].T) / inside[:, 2:]).astype(np.int64)
+    places, depth = project(samples, intrinsics, extrinsics)
+    pixels = np.floor(places).astype(np.int64)
     shown = ((pixels >= 0) & (pixels < [width, height])).all(axis=1)
     # The smallest code of a pixel belongs to the nearest sample; its low bits are the surfel.
     bits = len(corners).bit_length()
     surfel = np.arange(len(samples)) // _GRID**2
-    codes = (inside[:, 2] * 65536).astype(np.int64) << bits | surfel
+    codes = (depth * 65536).astype(np.int64) << bits | surfel
     nearest = np.full(height * width, np.iinfo(np.int64).max)
     np.minimum.at(nearest, (pixels @ [1, width])[shown], codes[shown])
     mask = nearest < np.iinfo(np.int64).max
