@@ -50,7 +50,7 @@ def random_proportions(
     """
     seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
     rng = np.random.default_rng(seed)
-    axes, middle, half = _footprint(points[:, :2])
+    axes, middle, half = footprint(points[:, :2])
     low, high = points[:, 2].min(), points[:, 2].max()
     extents = np.array([*half, high - low])
     inner = np.sort(rng.uniform(0.1, 0.9, (3, _PIECES - 1)), axis=1)
@@ -97,7 +97,7 @@ def vary(model: Model, name: str, deviation: float) -> Model:
     return normalize(changed)
 
 
-def _footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Axes [2, 2], middle and half sides [2] of the smallest rectangle around points [n, 2].
 
     One side of this rectangle lies along an edge of the convex hull.

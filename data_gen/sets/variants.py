@@ -1,11 +1,14 @@
 """Draws variants of the objects in records, fast and without a renderer.
 
-    python data_gen/sets/variants.py SRC DST [--variants 8] [--deviation 0.25] [--seed 0]
+    python data_gen/sets/variants.py SRC DST [--variants 8] [--hybrids 0] [--seed 0] [...]
     psgn variants SRC DST [...]
 
 For each model in the split `train` of the records SRC, the command draws images of variants with
 other proportions (`catalogues.proportions`), for training. `psgn render --catalogue=records` with
-`--option variants=8` does the same with more accurate edges and lights, in 13 times the time.
+`--option variants=8` does the same with more accurate edges and lights, in 13 times the time. With
+`--hybrids 6`, there are also 6 images of hybrids of each model (`sets.hybrids`): a part of it,
+joined with a part of one of its 12 most similar models, with other proportions. A hybrid is left
+out if five cuts in turn left too little of one of both.
 
 Half of the variants are turned about the vertical by an angle that is uniform, the others by a
 normally distributed one of .15 radians. The camera is that of the authors. An image is drawn from
@@ -21,6 +24,8 @@ Shards from which a model was left out are drawn again.
 """
 
 import argparse
+import contextlib
+import dataclasses
 import functools
 import pathlib
 import sys
@@ -32,12 +37,16 @@ if __package__ in (None, ""):  # run as a file: `data_gen` is two folders above
 
 import numpy as np
 from absl import logging
+from jaxtyping import Float
 
 from data_gen.catalogues import records
 from data_gen.catalogues.proportions import DEVIATION
+from data_gen.mesh import UnusableModelError
+from data_gen.sets import hybrids
 from psgn_jax.data.camera import default_camera, project
 from psgn_jax.data.codec import encode
 from psgn_jax.data.conversion import ConvertedRecord, Input, convert_inputs
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.framing import VIEW_SIZE
 from psgn_jax.data.manifest import MANIFEST, Manifest, load_manifest
 from psgn_jax.data.schema import BACKGROUND_GREY, RecordError, Sample
@@ -49,6 +58,9 @@ MOST = 1000
 """Largest number of variants of a model with one seed."""
 
 _FEWEST_PIXELS = 200
+_KEPT = 400  # surfaces in memory: a model is the partner of several others
+_ATTEMPTS = 5  # to cut a hybrid
+_NEARER = 1.5  # a larger power prefers more similar partners
 _POINTS = 4096  # of a variant, drawn with probabilities proportional to the areas of the surfels
 _GRID = 4  # samples along each side of a surfel
 _TURN = 0.15  # standard deviation in radians of the small turns
@@ -58,23 +70,57 @@ _LIGHT_DEVIATION = np.array([0.1, 0.3, 0.1])
 _RATIOS = 0.5, 1.7  # limits of the ratio of two shadings
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class Surface:
-    """The surfels of a sample, with their colours.
+    """Surfels of an object, with their colours."""
 
-    Raises:
-      UnusableModelError: the sample has too few different points.
-    """
+    points: Float[np.ndarray, "n 3"]
+    corners: Float[np.ndarray, "n 4 3"]
+    colours: Float[np.ndarray, "n 3"]  # 0 to 255
+    shading: Float[np.ndarray, "n"]  # which the colours include
+    category: str
 
-    def __init__(self, sample: Sample) -> None:
+    @classmethod
+    def of(cls, sample: Sample) -> "Surface":
+        """The surface of a sample.
+
+        Raises:
+          UnusableModelError: the sample has too few different points.
+        """
         points = records.distinct_points(sample)
         colours, origin = records.appearance(sample, points)
         corners, normals = records.rectangles(points)
         eye = -sample.extrinsics[:, :3].T @ sample.extrinsics[:, 3]
-        self.points, self.corners, self._colours = points, corners, colours.astype(np.float32)
-        self._category = sample.category
         shading = _shading(_facing(normals, points, eye), _LIGHT)
         # Grey includes no shading.
-        self._shading = np.ones(len(points)) if origin is None else shading[origin]
+        shading = np.ones(len(points)) if origin is None else shading[origin]
+        return cls(points, corners, colours.astype(np.float32), shading, sample.category)
+
+    def hybrid(self, other: "Surface", turn: int, rng: np.random.Generator) -> "Surface | None":
+        """A part of this surface joined with one of another, see `hybrids`; None if one is small.
+
+        Args:
+          other: a similar object.
+          turn: how it is turned, from `hybrids.similar`.
+          rng: source of the cut.
+
+        Raises:
+          UnusableModelError: the points of one of them lie in a vertical plane.
+        """
+        cut = hybrids.cut(self.points, other.points, turn, rng)
+        if cut is None:
+            return None
+
+        def join(mine: np.ndarray, others: np.ndarray) -> np.ndarray:
+            return np.concatenate([mine[cut.first], others[cut.second]])
+
+        return Surface(
+            join(self.points, cut.moved(other.points)),
+            join(self.corners, cut.moved(other.corners)),
+            join(self.colours, other.colours),
+            join(self.shading, other.shading),
+            self.category,
+        )
 
     def variant(self, name: str, deviation: float, rng: np.random.Generator) -> Sample:
         """An image of a variant, and `_POINTS` of its points.
@@ -99,8 +145,8 @@ class Surface:
         eye = -extrinsics[:, :3].T @ extrinsics[:, 3]
         normals = _facing(across / (area[:, None] + 1e-12), points, eye)
         light = _LIGHT + rng.normal(size=3) * _LIGHT_DEVIATION
-        ratio = np.clip(_shading(normals, light) / self._shading, *_RATIOS)
-        colours = np.clip(self._colours * ratio[:, None], 0, 255).astype(np.uint8)
+        ratio = np.clip(_shading(normals, light) / self.shading, *_RATIOS)
+        colours = np.clip(self.colours * ratio[:, None], 0, 255).astype(np.uint8)
         image, mask = _drawn(corners, colours, intrinsics, extrinsics)
         # The largest of log(area) + Gumbel noise: a sample without replacement.
         order = np.argsort(-np.log(area + 1e-12) - rng.gumbel(size=len(area)), kind="stable")
@@ -110,7 +156,7 @@ class Surface:
             points=points[order[:_POINTS]].astype(np.float32),
             intrinsics=intrinsics,
             extrinsics=extrinsics,
-            category=self._category,
+            category=self.category,
             model_id=name,
             source="variants",
         )
@@ -152,7 +198,7 @@ def _drawn(
 
 def draw_variants(
     source: str | pathlib.Path, destination: str | pathlib.Path, *,
-    variants: int = 8, deviation: float = DEVIATION, seed: int = 0,
+    variants: int = 8, num_hybrids: int = 0, deviation: float = DEVIATION, seed: int = 0,
 ) -> tuple[Manifest, list[str]]:  # fmt: skip
     """Draws variants of the training models in `source` into the records `destination`.
 
@@ -160,6 +206,7 @@ def draw_variants(
       source: a folder of records.
       destination: folder of the new records; created if missing.
       variants: number of variants of each model.
+      num_hybrids: number of hybrids of each model, after its variants.
       deviation: how much they differ, see `catalogues.proportions`.
       seed: of all random choices; other seeds give other variants.
 
@@ -171,31 +218,60 @@ def draw_variants(
       RecordError: `destination` contains other records, or variants of other records, or with
         other arguments.
     """
-    if not 1 <= variants <= MOST or seed < 0 or not 0 < deviation <= 1:
+    wrong = not 0 <= variants <= MOST or not 0 <= num_hybrids <= MOST or variants + num_hybrids == 0
+    if wrong or seed < 0 or not 0 < deviation <= 1:
         raise ValueError(
-            f"--variants={variants} --seed={seed} --deviation={deviation}: expected 1 to {MOST}, 0 "
-            "or more, and a number above 0, at most 1"
+            f"--variants={variants} --hybrids={num_hybrids} --seed={seed} --deviation={deviation}: "
+            f"expected 0 to {MOST} variants and hybrids, not 0 of both, a seed of 0 or more, and a "
+            "deviation above 0, at most 1"
         )
     source = pathlib.Path(source)
+    stream = records.reader(str(source), "train")
+
+    @functools.lru_cache(_KEPT)
+    def surface(index: int) -> Surface:
+        return Surface.of(stream[index])
+
+    @functools.cache
+    def partners() -> dict[int, list[tuple[int, int]]]:
+        logging.info("comparing %d models", len(indices))
+        return _partners(stream, indices)
+
+    def hybrid(index: int, rng: np.random.Generator) -> Surface | None:
+        for _ in range(_ATTEMPTS if partners().get(index) else 0):
+            nearby = partners()[index]
+            other, turn = nearby[int(len(nearby) * rng.random() ** _NEARER)]
+            with contextlib.suppress(UnusableModelError):
+                joined = surface(index).hybrid(surface(other), turn, rng)
+                if joined is not None:
+                    return joined
+        return None
 
     def read(index: int, name: str) -> Iterator[ConvertedRecord]:
-        surface = Surface(records.reader(str(source), "train")[index])
-        for number in range(variants):
+        own = surface(index)
+        for number in range(variants + num_hybrids):
             rng = np.random.default_rng([seed, index, number])
-            drawn = surface.variant(f"{name} variant {MOST * seed + number}", deviation, rng)
-            if drawn.mask.sum() >= _FEWEST_PIXELS:
-                yield "train", encode(drawn), drawn
+            drawn_from: Surface | None = own
+            title = f"{name} variant {MOST * seed + number}"
+            if number >= variants:
+                drawn_from = hybrid(index, rng)
+                title = f"{name} hybrid {MOST * seed + number - variants}"
+            if drawn_from is not None:
+                drawn = drawn_from.variant(title, deviation, rng)
+                if drawn.mask.sum() >= _FEWEST_PIXELS:
+                    yield "train", encode(drawn), drawn
 
     models = records.first_records(str(source))
     shards = load_manifest(source).shards
     version = zlib.crc32("".join(f"{s.file}:{s.size}:{s.crc32};" for s in shards).encode())
+    training = {name: index for name, (_, split, index) in models.items() if split == "train"}
+    indices = sorted(training.values())
     inputs = [
         Input(
-            f"{name}:{index}:{variants}:{deviation}:{seed}:{version:08x}",
+            f"{name}:{index}:{variants}:{num_hybrids}:{deviation}:{seed}:{version:08x}",
             functools.partial(read, index, name),
         )
-        for name, (_, split, index) in models.items()
-        if split == "train"
+        for name, index in training.items()
     ]
     if not inputs:
         raise ValueError(f"SRC {str(source)!r}: the split 'train' is missing")
@@ -211,6 +287,24 @@ def draw_variants(
     return convert_inputs("variants", source, inputs, destination, MODELS_PER_SHARD)
 
 
+def _partners(stream: RecordReader, indices: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
+    """Similar models of each usable model, and how they are turned, nearest first."""
+    usable, clouds = [], []
+    for index in indices:
+        with contextlib.suppress(UnusableModelError):
+            points = records.distinct_points(stream[index])
+            hybrids.Box.around(points)
+            usable.append(index)
+            clouds.append(points)
+    if len(usable) < 2:
+        return {}
+    found = hybrids.similar(clouds)
+    return {
+        each: [(usable[i], int(turn)) for i, turn in zip(row, turns, strict=True)]
+        for each, row, turns in zip(usable, found.index, found.turn, strict=True)
+    }
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(
@@ -219,6 +313,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("source", metavar="SRC", help="folder of records")
     parser.add_argument("destination", metavar="DST", help="folder for the new records")
     parser.add_argument("--variants", type=int, default=8, help="variants of each model")
+    parser.add_argument("--hybrids", type=int, default=0, help="hybrids of each model")
     parser.add_argument("--deviation", type=float, default=DEVIATION, help="how much they differ")
     parser.add_argument("--seed", type=int, default=0, help="other seeds give other variants")
     given = parser.parse_args(argv)
@@ -227,8 +322,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         check_folder(given.destination, "DST")
         manifest, refused = draw_variants(
-            given.source, given.destination, variants=given.variants, deviation=given.deviation,
-            seed=given.seed,
+            given.source, given.destination, variants=given.variants, num_hybrids=given.hybrids,
+            deviation=given.deviation, seed=given.seed,
         )  # fmt: skip
     except (ValueError, OSError) as error:
         sys.stderr.write(f"error: {message_line(error)}\n")

@@ -149,7 +149,7 @@ def test_variants_replace_their_models(tmp_path):
 
 def test_quick_variants_keep_image_points_and_camera_together():
     sample = box_sample()
-    surface = variants.Surface(sample)
+    surface = variants.Surface.of(sample)
     seen = [surface.variant(f"box~{n}", 0.25, np.random.default_rng(n)) for n in range(6)]
     for drawn in seen:
         validate(drawn)
@@ -174,7 +174,7 @@ def test_a_variant_without_change_shows_the_image(monkeypatch):
     monkeypatch.setattr(variants, "_LIGHT_DEVIATION", 0.0)
     sample = box_sample()
     rng = np.random.default_rng(0)  # its first number is above .5: a small turn
-    drawn = variants.Surface(sample).variant("box", 0.0, rng)
+    drawn = variants.Surface.of(sample).variant("box", 0.0, rng)
     both = drawn.mask & sample.mask
     assert both.sum() / (drawn.mask | sample.mask).sum() > 0.9
     difference = np.abs(drawn.image[both].astype(int) - sample.image[both])
@@ -183,7 +183,7 @@ def test_a_variant_without_change_shows_the_image(monkeypatch):
 
 def test_quick_variants_of_records_without_depth_have_light_and_shade():
     sample = dataclasses.replace(box_sample(), depth=None, category="box")
-    drawn = variants.Surface(sample).variant("box", 0.25, np.random.default_rng(0))
+    drawn = variants.Surface.of(sample).variant("box", 0.25, np.random.default_rng(0))
     assert np.ptp(drawn.image[drawn.mask]) > 20
     assert drawn.category == "box"
 
