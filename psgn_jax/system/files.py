@@ -63,6 +63,8 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
       OSError: the disk is full.
     """
     path = pathlib.Path(folder)
+    if not os.fspath(folder):
+        raise UserError(f"{name}=: the name is empty; expected a folder for files")
     try:
         try:
             _try_folder(path)

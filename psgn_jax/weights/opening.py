@@ -68,15 +68,18 @@ def open_network(
     Args:
       weights: name or file of weights (`weights_path`); used if there is no `workdir`. The `scores`
         of the opened run are then the metrics in the file.
+      checkpoint: "best" or "last", of a run; weights have only one.
 
     Raises:
-      ConfigError: both are given, or the network does not exist.
+      ConfigError: both are given, or "last" without `workdir`, or the network does not exist.
       CheckpointError, WeightsError: the network cannot be read.
     """
     if workdir and weights:
         raise ConfigError(f"--weights={weights}: accepted only without --workdir")
     if workdir:
         return open_run(workdir, checkpoint)
+    if checkpoint != "best":
+        raise ConfigError(f"--checkpoint={checkpoint}: accepted only with --workdir=RUN")
     path = weights_path(weights or "")
     read = read_weights(path)
     scores = {k: float(v) for k, v in read.figures["metrics"].items() if v is not None}

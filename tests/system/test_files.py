@@ -43,6 +43,7 @@ def test_a_write_that_fails_names_its_file(tmp_path):
         ("/proc/a/b", "No such file or directory"),
         ("a" * 300, "File name too long"),
         ("new/" + "a" * 300, "File name too long"),
+        ("", "the name is empty"),
     ],
 )
 def test_folders_that_cannot_be_written(folder, why, tmp_path, monkeypatch):

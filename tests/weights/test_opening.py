@@ -52,6 +52,8 @@ def test_names_of_shipped_weights(shipped, file):
         open_network(weights="smal-1")
     with pytest.raises(ConfigError, match="accepted only without --workdir"):
         open_network("runs/x", "small-1")
+    with pytest.raises(ConfigError, match="--checkpoint=last: accepted only with --workdir"):
+        open_network(weights="small-1", checkpoint="last")
 
 
 def test_a_predictor_of_weights_is_that_of_the_run(run, shipped, tmp_path, capsys):
