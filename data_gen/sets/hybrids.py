@@ -8,7 +8,8 @@ may be turned by quarter turns about the vertical, and mirrored.
 
 A hybrid is cut by a plane that is horizontal or perpendicular to the longer side of the rectangle.
 On one side of the plane is the first object, on the other side the second object, stretched to the
-box of the first one. Both may have a gap or an overlap there: similar objects have small ones.
+box of the first one. The parts need not fit at the plane; the more similar the objects are, the
+better they do.
 """
 
 import dataclasses
@@ -103,7 +104,7 @@ def similar(clouds: Sequence[Float[np.ndarray, "n 3"]], neighbours: int = NEIGHB
         rows = slice(start, start + _BLOCK)
         found = np.full((len(_TURNS), len(flat[rows]), len(clouds)), -np.inf, np.float32)
         for number, (swap, along, across) in enumerate(_TURNS):
-            # The first objects are turned back, not the others: the histograms agree the same way.
+            # The rows are turned back instead of all objects being turned.
             grid, size = grids[rows], sizes[rows]
             grid = grid[:, :: int(along), :: int(across)]
             if swap:
@@ -125,10 +126,10 @@ def _histogram(points: np.ndarray) -> np.ndarray:
 
 
 class Cut(NamedTuple):
-    """How two objects are joined: which points of each are kept, and where the second's come to."""
+    """How two objects are joined."""
 
-    first: np.ndarray  # bool [n]
-    second: np.ndarray  # bool [m]
+    first: np.ndarray  # bool [n], points of the first object that are kept
+    second: np.ndarray  # bool [m], points of the second object that are kept
     boxes: tuple[Box, Box]
     turn: Turn
 
@@ -144,19 +145,18 @@ def cut(
     turn: int,
     rng: np.random.Generator,
 ) -> Cut | None:
-    """A random cut of two objects, or None if it leaves less than a part of each.
+    """A random cut of two objects, or None if it leaves too little of one of them.
 
     Raises:
-      UnusableModelError: one of them lies in a vertical plane.
+      UnusableModelError: the points of one of them lie in a vertical plane.
     """
     boxes = Box.around(first), Box.around(second)
     level = rng.random() < _LEVEL
     axis = 2 if level else int(boxes[0].size[1] > boxes[0].size[0])
     place = rng.uniform(*(_HEIGHTS if level else _PLACES))
     above = rng.random() < 0.5  # whether the first object is above the plane
-    join = Cut(np.empty(0), np.empty(0), boxes, _TURNS[turn])
     keep_first = (boxes[0].inside(first)[:, axis] > place) == above
-    keep_second = (boxes[0].inside(join.moved(second))[:, axis] > place) != above
+    keep_second = (turned(boxes[1].inside(second), _TURNS[turn])[:, axis] > place) != above
     if min(keep_first.sum(), keep_second.sum()) < _FEWEST:
         return None
-    return join._replace(first=keep_first, second=keep_second)
+    return Cut(keep_first, keep_second, boxes, _TURNS[turn])
