@@ -7,8 +7,9 @@ For each model in the split `train` of the records SRC, the command draws images
 other proportions (`catalogues.proportions`), for training. `psgn render --catalogue=records` with
 `--option variants=8` does the same with more accurate edges and lights, in 13 times the time. With
 `--hybrids 6`, there are also 6 images of hybrids of each model (`sets.hybrids`): a part of it,
-joined with a part of one of its 12 most similar models, with other proportions. A hybrid is left
-out if five cuts in turn left too little of one of both.
+joined with a part of one of its 12 most similar models of any category, more often of a more
+similar one, with other proportions. It has the category of the model. If five cuts in turn leave
+too little of either, the hybrid is left out.
 
 Half of the variants are turned about the vertical by an angle that is uniform, the others by a
 normally distributed one of .15 radians. The camera is that of the authors. An image is drawn from
@@ -17,10 +18,10 @@ pixel shows the nearest sample that is projected into it. A sample has the colou
 multiplied by the ratio of the Lambertian shading of the turned surface under a random light to that
 of the original surface under a fixed light, because the colours in the record include the shading.
 
-Objects of records without depth are grey. The images have no depth. Variants that cover fewer than
-200 pixels are left out. A model that cannot be drawn is reported and left out; the exit code is
-then 1. If the command is started again, it keeps the complete shards and continues after them.
-Shards from which a model was left out are drawn again.
+Objects of records without depth are grey. The images have no depth. Images with fewer than 200
+pixels of the object are left out. A model that cannot be drawn is reported and left out; the exit
+code is then 1. If the command is started again, it keeps the complete shards and continues after
+them. Shards from which a model was left out are drawn again.
 """
 
 import argparse
@@ -55,10 +56,10 @@ from psgn_jax.system.untrusted import message_line, one_line
 
 MODELS_PER_SHARD = 200
 MOST = 1000
-"""Largest number of variants of a model with one seed."""
+"""Largest number of variants, and of hybrids, of a model with one seed."""
 
 _FEWEST_PIXELS = 200
-_KEPT = 400  # surfaces in memory: a model is the partner of several others
+_KEPT = 200  # surfaces in memory, each up to 2.3 MB: models are partners of several others
 _ATTEMPTS = 5  # to cut a hybrid
 _NEARER = 1.5  # a larger power prefers more similar partners
 _POINTS = 4096  # of a variant, drawn with probabilities proportional to the areas of the surfels
@@ -96,18 +97,27 @@ class Surface:
         shading = np.ones(len(points)) if origin is None else shading[origin]
         return cls(points, corners, colours.astype(np.float32), shading, sample.category)
 
+    @functools.cached_property
+    def box(self) -> hybrids.Box:
+        """The box of the object; raises `UnusableModelError` if it lies in a vertical plane."""
+        return hybrids.Box.around(self.points)
+
     def hybrid(self, other: "Surface", turn: int, rng: np.random.Generator) -> "Surface | None":
-        """A part of this surface joined with one of another, see `hybrids`; None if one is small.
+        """A part of this surface joined with one of another, see `hybrids`.
 
         Args:
           other: a similar object.
-          turn: how it is turned, from `hybrids.similar`.
+          turn: how it is turned, from `hybrids.most_similar`.
           rng: source of the cut.
+
+        Returns:
+          The hybrid, with the category of this surface; None if too little of either was left.
 
         Raises:
           UnusableModelError: the points of one of them lie in a vertical plane.
         """
-        cut = hybrids.cut(self.points, other.points, turn, rng)
+        boxes = self.box, other.box
+        cut = hybrids.random_cut(self.points, other.points, boxes, turn, rng)
         if cut is None:
             return None
 
@@ -222,42 +232,44 @@ def draw_variants(
     if wrong or seed < 0 or not 0 < deviation <= 1:
         raise ValueError(
             f"--variants={variants} --hybrids={num_hybrids} --seed={seed} --deviation={deviation}: "
-            f"expected 0 to {MOST} variants and hybrids, not 0 of both, a seed of 0 or more, and a "
+            f"expected 0 to {MOST} variants and hybrids, not both 0, a seed of 0 or more, and a "
             "deviation above 0, at most 1"
         )
     source = pathlib.Path(source)
-    stream = records.reader(str(source), "train")
 
     @functools.lru_cache(_KEPT)
     def surface(index: int) -> Surface:
-        return Surface.of(stream[index])
+        return Surface.of(records.reader(str(source), "train")[index])
 
     @functools.cache
     def partners() -> dict[int, list[tuple[int, int]]]:
-        logging.info("comparing %d models", len(indices))
-        return _partners(stream, indices)
+        logging.info("comparing %d models", len(training))
+        return _partners(records.reader(str(source), "train"), list(training.values()))
 
     def hybrid(index: int, rng: np.random.Generator) -> Surface | None:
-        for _ in range(_ATTEMPTS if partners().get(index) else 0):
-            nearby = partners()[index]
+        own = surface(index)
+        nearby = partners().get(index)
+        if nearby is None:
+            raise UnusableModelError("no hybrids: there is no other model that can be used")
+        for _ in range(_ATTEMPTS):
             other, turn = nearby[int(len(nearby) * rng.random() ** _NEARER)]
-            with contextlib.suppress(UnusableModelError):
-                joined = surface(index).hybrid(surface(other), turn, rng)
-                if joined is not None:
-                    return joined
+            joined = own.hybrid(surface(other), turn, rng)
+            if joined is not None:
+                return joined
         return None
 
     def read(index: int, name: str) -> Iterator[ConvertedRecord]:
         own = surface(index)
-        for number in range(variants + num_hybrids):
+        for number in range(variants):
             rng = np.random.default_rng([seed, index, number])
-            drawn_from: Surface | None = own
-            title = f"{name} variant {MOST * seed + number}"
-            if number >= variants:
-                drawn_from = hybrid(index, rng)
-                title = f"{name} hybrid {MOST * seed + number - variants}"
-            if drawn_from is not None:
-                drawn = drawn_from.variant(title, deviation, rng)
+            drawn = own.variant(f"{name} variant {MOST * seed + number}", deviation, rng)
+            if drawn.mask.sum() >= _FEWEST_PIXELS:
+                yield "train", encode(drawn), drawn
+        for number in range(num_hybrids):
+            rng = np.random.default_rng([seed, index, MOST + number])
+            joined = hybrid(index, rng)
+            if joined is not None:
+                drawn = joined.variant(f"{name} hybrid {MOST * seed + number}", deviation, rng)
                 if drawn.mask.sum() >= _FEWEST_PIXELS:
                     yield "train", encode(drawn), drawn
 
@@ -265,10 +277,10 @@ def draw_variants(
     shards = load_manifest(source).shards
     version = zlib.crc32("".join(f"{s.file}:{s.size}:{s.crc32};" for s in shards).encode())
     training = {name: index for name, (_, split, index) in models.items() if split == "train"}
-    indices = sorted(training.values())
+    hybrid_tag = f"{num_hybrids} hybrids:" if num_hybrids else ""
     inputs = [
         Input(
-            f"{name}:{index}:{variants}:{num_hybrids}:{deviation}:{seed}:{version:08x}",
+            f"{name}:{index}:{variants}:{hybrid_tag}{deviation}:{seed}:{version:08x}",
             functools.partial(read, index, name),
         )
         for name, index in training.items()
@@ -288,20 +300,18 @@ def draw_variants(
 
 
 def _partners(stream: RecordReader, indices: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
-    """Similar models of each usable model, and how they are turned, nearest first."""
-    usable, clouds = [], []
+    """The most similar models of each usable model, and how they are turned."""
+    shapes = {}
     for index in indices:
-        with contextlib.suppress(UnusableModelError):
-            points = records.distinct_points(stream[index])
-            hybrids.Box.around(points)
-            usable.append(index)
-            clouds.append(points)
-    if len(usable) < 2:
+        with contextlib.suppress(UnusableModelError, RecordError):  # reported when it is drawn
+            shapes[index] = hybrids.Shape.of(records.distinct_points(stream[index]))
+    if len(shapes) < 2:
         return {}
-    found = hybrids.similar(clouds)
+    usable = list(shapes)
+    others, turns = hybrids.most_similar(list(shapes.values()))
     return {
-        each: [(usable[i], int(turn)) for i, turn in zip(row, turns, strict=True)]
-        for each, row, turns in zip(usable, found.index, found.turn, strict=True)
+        index: [(usable[other], int(turn)) for other, turn in zip(*row, strict=True)]
+        for index, *row in zip(usable, others, turns, strict=True)
     }
 
 

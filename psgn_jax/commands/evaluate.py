@@ -69,7 +69,7 @@ def _baselines(run: Run, split: str | None, out: str | None) -> str:
 def _main(argv: Sequence[str]) -> None:
     with flags_only(argv) as values:
         # Wrong folders are reported before a network is read or records are rendered.
-        if values.out:
+        if values.out is not None:
             check_folder(values.out, "--out")
         for folder in DataConfig(path=values.data or "").folders:
             load_manifest(folder)
@@ -87,7 +87,7 @@ def _main(argv: Sequence[str]) -> None:
             raise ConfigError(
                 "--baselines: accepted without --report, --draws, --frame, --refine and processes"
             )
-        if values.report:
+        if values.report is not None:
             check_folder(values.report, "--report")
         options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
         with group.joined(values.coordinator, values.num_processes, values.process_id):

@@ -55,7 +55,8 @@ def _score(folder: pathlib.Path, values: Any) -> None:
     figures.check_installed()
     samples = lib.open_cases(study, values.data)
     runs = [open_network(workdir, None, values.checkpoint) for workdir in values.workdir]
-    runs += [open_network(None, weights) for weights in values.weights]
+    only_runs = "best" if runs else values.checkpoint  # weights alone have no checkpoints
+    runs += [open_network(None, weights, only_runs) for weights in values.weights]
     networks = score.label_networks(runs)
     scored = score.score(study, answers, samples, networks, num_points=values.points)
     text = score.write_scores(out, study, scored, networks, values.points)

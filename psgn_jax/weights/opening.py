@@ -71,7 +71,8 @@ def open_network(
       checkpoint: "best" or "last", of a run; weights have only one.
 
     Raises:
-      ConfigError: both are given, or "last" without `workdir`, or the network does not exist.
+      ConfigError: both are given, or another checkpoint than "best" without `workdir`, or the
+        network does not exist.
       CheckpointError, WeightsError: the network cannot be read.
     """
     if workdir and weights:

@@ -41,11 +41,13 @@ def test_the_turn_moves_a_turned_copy_onto_the_object(angle, mirrored):
     copy = 0.7 * turn_about_z(cloud_of(CHAIR, seed=1), angle, mirrored) + [0.2, -0.1, 0.3]
     plate = cloud_of([((-0.5, -0.5, 0), (0.5, 0.5, 0.1))])
     pole = cloud_of([((-0.1, -0.1, 0), (0.1, 0.1, 1.0)), ((-0.3, -0.2, 0.9), (0.3, 0.2, 1.0))])
-    found = hybrids.similar([plate, chair, pole, copy], neighbours=2)
-    assert found.index.shape == (4, 2)
-    assert found.index[1, 0] == 3
-    assert found.index[3, 0] == 1
-    join = hybrids.cut(chair, copy, int(found.turn[1, 0]), np.random.default_rng(0))
+    shapes = [hybrids.Shape.of(each) for each in (plate, chair, pole, copy)]
+    index, turn = hybrids.most_similar(shapes, neighbours=2)
+    assert index.shape == turn.shape == (4, 2)
+    assert index[1, 0] == 3
+    assert index[3, 0] == 1
+    boxes = shapes[1].box, shapes[3].box
+    join = hybrids.random_cut(chair, copy, boxes, turn[1, 0], np.random.default_rng(0))
     assert join is not None
     distance, _ = scipy.spatial.cKDTree(chair).query(join.moved(copy))
     assert np.quantile(distance, 0.99) < 0.06
@@ -54,9 +56,10 @@ def test_the_turn_moves_a_turned_copy_onto_the_object(angle, mirrored):
 def test_a_cut_keeps_one_object_on_each_side_of_a_plane():
     stool = cloud_of([((-0.4, -0.2, 0.4), (0.4, 0.2, 0.5)), ((-0.3, -0.2, 0), (0.3, 0.2, 0.4))])
     crate = cloud_of([((-0.6, -0.3, 0), (0.6, 0.3, 0.6))], seed=1)
+    boxes = hybrids.Box.around(stool), hybrids.Box.around(crate)
     axes = set()
     for seed in range(30):
-        join = hybrids.cut(stool, crate, 0, np.random.default_rng(seed))
+        join = hybrids.random_cut(stool, crate, boxes, 0, np.random.default_rng(seed))
         assert join is not None
         first, second = stool[join.first], join.moved(crate)[join.second]
         # Stretched to the box of the first object, whose longer side is that of x.
@@ -73,14 +76,22 @@ def test_a_cut_keeps_one_object_on_each_side_of_a_plane():
 
 
 def test_a_cut_that_leaves_too_little_is_none():
-    bar = cloud_of([((-0.4, -0.2, 0), (0.4, 0.2, 0.6))], num_points=200)
-    assert hybrids.cut(bar, bar, 0, np.random.default_rng(0)) is None
+    ends = cloud_of([((-0.4, -0.2, 0), (-0.3, 0.2, 0.1)), ((0.3, -0.2, 0), (0.4, 0.2, 0.1))])
+    plate = np.array([[-0.5, -0.2, 0.6], [0.5, 0.2, 0.6]])  # two points above the plane
+    points = np.concatenate([ends, plate])
+    boxes = hybrids.Box.around(points), hybrids.Box.around(points)
+    cuts = [
+        hybrids.random_cut(points, points, boxes, 0, np.random.default_rng(seed))
+        for seed in range(30)
+    ]
+    assert None in cuts
+    assert any(cuts)
 
 
 def test_points_in_a_vertical_plane_are_refused():
     wall = cloud_of([((0, 0, 0), (1, 0, 1))])
     with pytest.raises(UnusableModelError, match="in a vertical plane"):
-        hybrids.similar([wall, wall])
+        hybrids.Shape.of(wall)
 
 
 def a_box(name, half, num_points=3000):
@@ -101,16 +112,23 @@ def test_hybrids_are_drawn_after_the_variants(tmp_path, capsys):
     assert [sample.model_id for sample in drawn] == names
     for sample in drawn:
         validate(sample)
-    again = [*arguments[:1], str(tmp_path / "again"), "--variants=1"]
-    assert variants.main(again) == 1
-    alone = RecordReader(tmp_path / "again", "train")
-    assert alone[0].image.tobytes() == drawn[0].image.tobytes()  # the variants stay the same
+    # Variants and hybrids of one seed do not depend on each other.
+    for name, kind in (("variants", "variant"), ("hybrids", "hybrid")):
+        others = {"variants": 0, "hybrids": 0} | {name: 1}
+        to = tmp_path / name
+        flags = [f"--{flag}={number}" for flag, number in others.items()]
+        assert variants.main([arguments[0], str(to), *flags]) == 1
+        alone = RecordReader(to, "train")[0]
+        (same,) = (each for each in drawn if each.model_id == f"a {kind} 0")
+        assert alone.model_id == same.model_id
+        assert alone.image.tobytes() == same.image.tobytes()
 
 
-def test_an_object_without_others_has_no_hybrids(tmp_path):
+def test_an_object_without_others_has_no_hybrids(tmp_path, capsys):
     sample = dataclasses.replace(a_box("a", (0.3, 0.45, 0.25)), category="box")
     write_dataset(tmp_path / "src", {"train": [sample]}, source="solids")
     arguments = [str(tmp_path / "src"), str(tmp_path / "dst"), "--variants=1", "--hybrids=2"]
-    assert variants.main(arguments) == 0
+    assert variants.main(arguments) == 1
+    assert "no hybrids: there is no other model that can be used" in capsys.readouterr().err
     assert len(RecordReader(tmp_path / "dst", "train")) == 1
     assert variants.main([*arguments[:2], "--variants=0", "--hybrids=0"]) == 2
