@@ -260,16 +260,13 @@ def draw_variants(
 
     def read(index: int, name: str) -> Iterator[ConvertedRecord]:
         own = surface(index)
-        for number in range(variants):
-            rng = np.random.default_rng([seed, index, number])
-            drawn = own.variant(f"{name} variant {MOST * seed + number}", deviation, rng)
-            if drawn.mask.sum() >= _FEWEST_PIXELS:
-                yield "train", encode(drawn), drawn
-        for number in range(num_hybrids):
-            rng = np.random.default_rng([seed, index, MOST + number])
-            joined = hybrid(index, rng)
-            if joined is not None:
-                drawn = joined.variant(f"{name} hybrid {MOST * seed + number}", deviation, rng)
+        for kind, count, offset in (("variant", variants, 0), ("hybrid", num_hybrids, MOST)):
+            for number in range(count):
+                rng = np.random.default_rng([seed, index, offset + number])
+                changed = own if kind == "variant" else hybrid(index, rng)
+                if changed is None:
+                    continue
+                drawn = changed.variant(f"{name} {kind} {MOST * seed + number}", deviation, rng)
                 if drawn.mask.sum() >= _FEWEST_PIXELS:
                     yield "train", encode(drawn), drawn
 
