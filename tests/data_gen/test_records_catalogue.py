@@ -147,10 +147,12 @@ def test_variants_replace_their_models(tmp_path):
         entries[3].load()
 
 
-def test_quick_variants_keep_image_points_and_camera_together():
-    sample = box_sample()
-    surface = variants.Surface.of(sample)
-    seen = [surface.variant(f"box~{n}", 0.25, np.random.default_rng(n)) for n in range(6)]
+@pytest.mark.parametrize("preset", variants.CAMERAS)
+def test_quick_variants_keep_image_points_and_camera_together(preset):
+    surface = variants.Surface.of(box_sample())
+    seen = [surface.variant(f"box~{n}", 0.25, np.random.default_rng(n), preset) for n in range(6)]
+    moved = np.ptp([drawn.extrinsics for drawn in seen], axis=0).max() > 0.1
+    assert moved == (preset != "authors")
     for drawn in seen:
         validate(drawn)
         inside = drawn.points @ drawn.extrinsics[:, :3].T + drawn.extrinsics[:, 3]
@@ -197,7 +199,7 @@ def test_quick_variants_keep_what_is_done_and_refuse_other_arguments(tmp_path, c
     before = shard.stat().st_mtime_ns
     assert variants.main(arguments) == 0
     assert shard.stat().st_mtime_ns == before
-    assert variants.main([*arguments, "--seed=1"]) == 2
+    assert variants.main([*arguments, "--cameras=level"]) == 2
     assert "with other arguments; give another folder" in capsys.readouterr().err
     assert shard.stat().st_mtime_ns == before
 
@@ -219,3 +221,5 @@ def test_quick_variants_resume_and_leave_damaged_models_out(tmp_path, capsys):
     assert [again[i].image.tobytes() for i in range(6)] == before
     assert variants.main([*arguments[:2], "--variants=0"]) == 2
     assert "--variants=0" in capsys.readouterr().err
+    assert variants.main([*arguments[:2], "--cameras=photo"]) == 2
+    assert "one of authors, angles, level" in capsys.readouterr().err
