@@ -192,7 +192,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         if saved < step:  # a signal has ended the loop
             save()
         checkpoints.wait()
-    _report_end(config, workdir, step, stop.signal)
+    _report_end(workdir, step, stop.signal)
     return Outcome(state, stop.signal)
 
 
@@ -307,10 +307,10 @@ def _describe(
     )
 
 
-def _report_end(config: Config, workdir: pathlib.Path, step: int, stopped_by: int | None) -> None:
+def _report_end(workdir: pathlib.Path, step: int, stopped_by: int | None) -> None:
     if stopped_by:
         when = f"after step {step}, checkpoint saved" if step else "before step 1"
         name = signal.Signals(stopped_by).name
         logging.info("stopped by %s %s; run the same command again to resume", name, when)
     else:
-        logging.info("done: step %d of %d, results in %s", step, config.train.steps, workdir)
+        logging.info("done: step %d, results in %s", step, workdir)

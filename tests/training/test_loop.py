@@ -347,7 +347,7 @@ def test_two_processes_train_and_evaluate_as_one_and_a_signal_stops_both(
     for mine, theirs in zip(lines(workdir), lines(run[0]), strict=True):
         assert mine.pop("kind") == theirs.pop("kind")
         assert mine == pytest.approx(theirs, rel=1e-4, abs=1e-6)
-    assert log_of(workdir).count("done: step 12 of 12") == 1
+    assert log_of(workdir).count("done: step 12, results in") == 1
 
     both = start(workdir, "--config.train.steps=100000", "--config.train.eval_every=0")
     assert wait_until(lambda: newest_step(workdir) > 14, 120), log_of(workdir)
