@@ -80,10 +80,13 @@ def find_mask(
         mask, certain = enlarged(p, image.shape[:2]), certainty(p)
         if certain >= LEAST_CERTAINTY and _SMALLEST <= mask.mean() <= _LARGEST:
             return FoundMask(mask, "network")
+        # Rounded down, so that a certainty that is refused never reads like one that is accepted.
+        reason = f"{int(100 * certain)}%, expected at least {LEAST_CERTAINTY:.0%}"
+        if certain >= LEAST_CERTAINTY:
+            reason = f"it would cover {mask.mean():.2%} of the image"
         raise PhotoError(
-            f"it is not certain which part is the object ({certain:.0%}, expected at least "
-            f"{LEAST_CERTAINTY:.0%}); give its mask, white on the object, with --mask=FILE, or "
-            "paint it in `psgn demo`"
+            f"it is not certain which part is the object ({reason}); give its mask, white on the "
+            "object, with --mask=FILE, or paint it in `psgn demo`"
         )
     raise PhotoError(f"no object found ({method}); give its mask with --mask=FILE")
 

@@ -2,6 +2,7 @@
 
 import io
 import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -56,6 +57,16 @@ def test_without_certainty_a_mask_is_asked_for(rng):
         masks.find_mask(np.zeros((64, 64, 3), np.uint8), np.zeros((64, 64), np.uint8))
     with pytest.raises(ValueError, match="accepted: auto, alpha, plain, network"):
         masks.find_mask(np.zeros((64, 64, 3), np.uint8), method="magic")
+
+
+@pytest.mark.parametrize(("p", "reason"), [
+    (0.7996, "79%, expected at least 80%"),
+    (1.0, "it would cover 100.00% of the image"),
+])  # fmt: skip
+def test_the_reason_for_asking_is_stated(monkeypatch, p, reason):
+    monkeypatch.setattr(masks, "probabilities", lambda image: np.full((8, 8), p, np.float32))
+    with pytest.raises(photo.PhotoError, match=re.escape(reason)):
+        masks.find_mask(np.zeros((16, 16, 3), np.uint8), method="network")
 
 
 def test_certainty_is_the_expected_overlap():
