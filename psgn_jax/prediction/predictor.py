@@ -159,8 +159,8 @@ class Predictor:
             the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
             not show the size of its object. "no" returns the output of the network. "auto"
             normalises if the image was placed.
-          refine: whether to average the cloud with that of the mirror image, and to move points
-            that project outside the mask into it (`prediction.refine`).
+          refine: whether to average the cloud with that of the mirror image and, if the framing is
+            kept, to move points that project outside the mask into it (`prediction.refine`).
 
         Raises:
           ValueError: an argument is wrong; `photo.PhotoError` if there is no object.
@@ -188,9 +188,10 @@ class Predictor:
         batch = {
             "image": resize.resize_image(view.image, size)[None],
             "mask": resize.resize_mask(view.mask, size)[None],
-            "intrinsics": camera.scale_intrinsics(view.intrinsics, view.mask.shape, size)[None],
-            "extrinsics": view.extrinsics[None],
         }
+        if not view.placed:  # the elevation of the camera of a photo is not known
+            scaled = camera.scale_intrinsics(view.intrinsics, view.mask.shape, size)
+            batch |= {"intrinsics": scaled[None], "extrinsics": view.extrinsics[None]}
         points = np.asarray(
             self._network(self._params, batch, None if r is None else r[None], refine=refine)
         ).reshape(samples, -1, 3)

@@ -4,6 +4,10 @@ The world mirrored at y = 0 has the mirrored image, so a network has two predict
 Their mean has a smaller error than each: on the authors' 64 validation samples, the CD squared of
 `small-3` falls from .0078 to .0073 (journal, 2026-11-23). The order of the points differs between
 the two, so they are matched by the auction of the EMD first.
+
+Points outside the mask are moved into it only if the camera is known. It is not known for a photo:
+with the authors' elevation, which the network's clouds are framed for, the aligned CD squared of
+photo-like renders rises from .0096 to .0101 (journal, 2026-11-24).
 """
 
 from collections.abc import Callable, Mapping
@@ -33,15 +37,16 @@ def refined(
     r: Array | None,
     points: Array | None = None,
 ) -> Array:
-    """Points [B, N, 3], or [B, draws, N, 3], with the mirror image and moved into the mask.
+    """Points [B, N, 3], or [B, draws, N, 3], with the mirror image and, if known, the camera.
 
     A network with a random input or with depth as an input only gets the second step: each of its
     samples is a shape of its own, and a depth image has a camera that would have to be mirrored.
 
     Args:
       predict: maps a batch and r to the points of the network.
-      batch: `image`, `mask`, `intrinsics` (for images of the size of the mask) and `extrinsics`,
-        each with the leading axis B; `depth` if it is an input.
+      batch: `image` and `mask`, each with the leading axis B; `depth` if it is an input. If it has
+        `intrinsics` (for images of the size of the mask) and `extrinsics`, points that project
+        outside the mask are moved into it.
       r: random input, or None.
       points: `predict(batch, r)` if it is known.
     """
@@ -50,6 +55,8 @@ def refined(
         mirrored = {**batch, "image": batch["image"][:, :, ::-1], "mask": batch["mask"][:, :, ::-1]}
         other = predict(mirrored, r) * jnp.array([[[1, -1, 1]]], points.dtype)
         points = map_pairs(mean_of_matched)(points, other)
+    if "intrinsics" not in batch:
+        return points
     clouds = points.reshape(len(points), -1, *points.shape[-2:])
     camera = batch["mask"], batch["intrinsics"], batch["extrinsics"]
     moved = jax.vmap(jax.vmap(into_silhouette, (0, None, None, None)))(clouds, *camera)

@@ -10,6 +10,7 @@ import trimesh
 from PIL import Image
 
 import psgn_jax
+from psgn_jax.data.camera import inside_mask, project
 
 PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
 
@@ -29,6 +30,19 @@ def test_paths_images_and_arrays_give_the_same_cloud(model):
     for other in (given, given.astype(np.uint8), pixels, Image.open(mask)):
         np.testing.assert_array_equal(model(image, mask=other).points, cloud.points)
     np.testing.assert_array_equal(model(np.array(image), mask=given).points, cloud.points)
+
+
+def test_points_are_moved_into_the_mask_if_the_camera_is_known(model):
+    def outside(cloud):
+        pixels, _ = project(cloud.points[0], cloud.view.intrinsics, cloud.view.extrinsics)
+        return (~inside_mask(pixels, cloud.view.mask, 2)).mean()
+
+    placed = model(PHOTOS / "aeroplane.jpg", PHOTOS / "aeroplane_mask.png", normal_form="no")
+    kept = model(placed.view.image, placed.view.mask, normal_form="no")
+    assert placed.view.placed
+    assert not kept.view.placed
+    assert outside(kept) == 0
+    assert outside(placed) > 0
 
 
 def test_a_cloud_is_saved_and_read(model, tmp_path):
