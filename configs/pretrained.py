@@ -13,6 +13,8 @@ Command: python data_gen/sets/free.py --packages FOLDER --out records/free
              --source=records/authors --out=records/variants_level --option variants=8
              --sample=700 --seed=5 --config.views=4 --config.image.samples=2
          psgn variants records/authors records/drawn --variants=16
+         psgn variants records/authors records/drawn_angles --variants=6 --cameras=angles --seed=5
+         psgn variants records/authors records/drawn_level --variants=4 --cameras=level --seed=6
          python -m psgn_jax.main --config=configs/pretrained.py --workdir=runs/pretrained
          psgn weights export --workdir=runs/pretrained --out=pretrained.safetensors
              --sources=records/free/sources.json
@@ -69,6 +71,8 @@ OTHERS = (
     "records/variants*5",
     "records/variants_level*3",
     "records/drawn",
+    "records/drawn_angles",
+    "records/drawn_level",
     "records/others/photo/furniture*4",
     "records/others/photo/aircraft*4",
     "records/others/angles/furniture*3",

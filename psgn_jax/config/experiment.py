@@ -217,7 +217,7 @@ class EvalConfig:
         shift of each prediction (`evaluation.aligned`, about 35 ms of a CPU core per sample). The
         command `evaluate` always does.
       refine: whether to measure the clouds as `psgn predict` gives them: averaged with those of the
-        mirror image and, unless they are placed, moved into the mask (`prediction.refine`).
+        mirror image, and moved into the mask (`prediction.refine`).
     """
 
     batch_size: Size = 32

@@ -136,9 +136,7 @@ def init_params(config: Config, model: nn.Module) -> Any:
 def input_keys(config: Config) -> tuple[str, ...]:
     """Keys of the arrays of a batch that the network, its loss and its evaluation read."""
     depth = ("depth", "extrinsics") if "depth" in config.data.inputs else ()
-    # As in `prediction.predictor`, placed samples are refined without a camera.
-    known = config.eval.refine and config.data.eval_frame == "keep"
-    camera = ("intrinsics", "extrinsics") if known else ()
+    camera = ("intrinsics", "extrinsics") if config.eval.refine else ()
     return tuple(dict.fromkeys(("image", "mask", "points", *depth, *camera)))
 
 

@@ -18,6 +18,7 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, require_points_task
 from psgn_jax.data import camera, framing, photo, resize
+from psgn_jax.losses.silhouette import MOST_OUTSIDE, MOST_OUTSIDE_PLACED
 from psgn_jax.models import networks
 from psgn_jax.prediction import export, masks, sampling
 from psgn_jax.prediction.refine import refined
@@ -121,9 +122,11 @@ class Predictor:
         model = networks.build(config.model)
         self._deconv = list(model.branches.deconv)
 
-        def network(params: Any, batch: Any, r: Any, refine: bool) -> Any:
+        def network(params: Any, batch: Any, r: Any, most_outside: Any, refine: bool) -> Any:
             predict = functools.partial(networks.predict, config, model, params)
-            return refined(predict, batch, r) if refine else predict(batch, r)
+            if not refine:
+                return predict(batch, r)
+            return refined(predict, batch, r, most_outside=most_outside)
 
         self._network = jax.jit(network, static_argnames="refine")
         self._mutual = jax.jit(sampling.mutual_distances)
@@ -159,8 +162,9 @@ class Predictor:
             the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
             not show the size of its object. "no" returns the output of the network. "auto"
             normalises if the image was placed.
-          refine: whether to average the cloud with that of the mirror image and, if the framing is
-            kept, to move points that project outside the mask into it (`prediction.refine`).
+          refine: whether to average the cloud with that of the mirror image, and to move points
+            that project outside the mask into it (`prediction.refine`); none is moved if more than
+            half of them are outside, or in an image that was placed more than a tenth.
 
         Raises:
           ValueError: an argument is wrong; `photo.PhotoError` if there is no object.
@@ -188,12 +192,14 @@ class Predictor:
         batch = {
             "image": resize.resize_image(view.image, size)[None],
             "mask": resize.resize_mask(view.mask, size)[None],
+            "intrinsics": camera.scale_intrinsics(view.intrinsics, view.mask.shape, size)[None],
+            "extrinsics": view.extrinsics[None],
         }
-        if not view.placed:  # the elevation of the camera of a photo is not known
-            scaled = camera.scale_intrinsics(view.intrinsics, view.mask.shape, size)
-            batch |= {"intrinsics": scaled[None], "extrinsics": view.extrinsics[None]}
+        most_outside = np.float32(MOST_OUTSIDE_PLACED if view.placed else MOST_OUTSIDE)
         points = np.asarray(
-            self._network(self._params, batch, None if r is None else r[None], refine=refine)
+            self._network(
+                self._params, batch, None if r is None else r[None], most_outside, refine=refine
+            )
         ).reshape(samples, -1, 3)
         mutual = self._mutual(points) if samples > 1 else np.zeros((1, 1), np.float32)
         clock.lap("network")

@@ -4,12 +4,9 @@ The world mirrored at y = 0 has the mirrored image, so a network has two predict
 Their mean has a smaller error than each: on the authors' 64 validation samples, the CD squared of
 `small-3` falls from .0078 to .0073 (journal, 2026-11-23). The order of the points differs between
 the two, so they are matched by the auction of the EMD first.
-
-Points outside the mask are moved into it only if the camera is known. It is not known for a photo:
-with the authors' elevation, which the network's clouds are framed for, the aligned CD squared of
-photo-like renders rises from .0096 to .0101 (journal, 2026-11-24).
 """
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -19,7 +16,7 @@ import jax.numpy as jnp
 from psgn_jax.array_types import Array, Float
 from psgn_jax.losses.auction import assign
 from psgn_jax.losses.batches import map_pairs
-from psgn_jax.losses.silhouette import into_silhouette
+from psgn_jax.losses.silhouette import MOST_OUTSIDE, into_silhouette
 
 # Less than the auction can prove in float32: it goes on to its last epsilon, and on the photos in
 # docs/photos finds the optimal bijection. That takes 5 % more time than a tolerance of .001.
@@ -36,28 +33,28 @@ def refined(
     batch: Mapping[str, Any],
     r: Array | None,
     points: Array | None = None,
+    most_outside: float | Array = MOST_OUTSIDE,
 ) -> Array:
-    """Points [B, N, 3], or [B, draws, N, 3], with the mirror image and, if known, the camera.
+    """Points [B, N, 3], or [B, draws, N, 3], with the mirror image and moved into the mask.
 
     A network with a random input or with depth as an input only gets the second step: each of its
     samples is a shape of its own, and a depth image has a camera that would have to be mirrored.
 
     Args:
       predict: maps a batch and r to the points of the network.
-      batch: `image` and `mask`, each with the leading axis B; `depth` if it is an input. If it has
-        `intrinsics` (for images of the size of the mask) and `extrinsics`, points that project
-        outside the mask are moved into it.
+      batch: `image`, `mask`, `intrinsics` (for images of the size of the mask) and `extrinsics`,
+        each with the leading axis B; `depth` if it is an input.
       r: random input, or None.
       points: `predict(batch, r)` if it is known.
+      most_outside: largest share of points that is moved into the mask (`losses.silhouette`).
     """
     points = predict(batch, r) if points is None else points
     if r is None and "depth" not in batch:
         mirrored = {**batch, "image": batch["image"][:, :, ::-1], "mask": batch["mask"][:, :, ::-1]}
         other = predict(mirrored, r) * jnp.array([[[1, -1, 1]]], points.dtype)
         points = map_pairs(mean_of_matched)(points, other)
-    if "intrinsics" not in batch:
-        return points
     clouds = points.reshape(len(points), -1, *points.shape[-2:])
     camera = batch["mask"], batch["intrinsics"], batch["extrinsics"]
-    moved = jax.vmap(jax.vmap(into_silhouette, (0, None, None, None)))(clouds, *camera)
+    move = functools.partial(into_silhouette, most_outside=most_outside)
+    moved = jax.vmap(jax.vmap(move, (0, None, None, None)))(clouds, *camera)
     return moved.reshape(points.shape)

@@ -115,16 +115,18 @@ return [framing.normalForm(input.points, stray), stray, colours];
     assert (own != expected).any(axis=1).mean() < 0.02  # points on a pixel's border
 
 
-@pytest.mark.parametrize("share", [0.4, 0.7])
-def test_points_move_into_the_mask(share):
+@pytest.mark.parametrize(("share", "most_outside"), [(0.4, 0.5), (0.4, 0.1), (0.7, 0.5)])
+def test_points_move_into_the_mask(share, most_outside):
     rng = np.random.default_rng(2)
     points = rng.uniform(-share, share, (300, 3)).astype(np.float32)
     mask = np.zeros((96, 128), bool)
     mask[30:75, 45:90] = rng.random((45, 45)) < 0.9
-    body = "return framing.intoSilhouette(input.points, input.mask, input.about);"
-    own = np.reshape(run_node(body, points=points, mask=mask, about=about()), (-1, 3))
-    expected = np.asarray(into_silhouette(points, mask, *camera.default_camera(mask.shape)))
-    assert (own != points).any() == (share < 0.5)
+    body = "return framing.intoSilhouette(input.points, input.mask, input.most, input.about);"
+    given = {"points": points, "mask": mask, "most": most_outside, "about": about()}
+    own = np.reshape(run_node(body, **given), (-1, 3))
+    view = camera.default_camera(mask.shape)
+    expected = np.asarray(into_silhouette(points, mask, *view, most_outside))
+    assert (own != points).any() == (share < most_outside)
     np.testing.assert_allclose(own, expected, atol=1e-5)
 
 

@@ -54,13 +54,6 @@ def test_a_mirrored_image_has_the_mirrored_cloud(batch):
         assert emd_exact(one[i], want).cost / 40 < 1e-3
 
 
-def test_without_a_camera_no_point_is_moved_into_the_mask(batch, rng):
-    r = np.zeros((2, 1, 1), np.float32)
-    unknown = {"image": batch["image"], "mask": np.roll(batch["mask"], 20, axis=2)}
-    found = jax.jit(lambda batch: refined(predict, batch, r))(unknown)
-    np.testing.assert_array_equal(found, predict(unknown, r))
-
-
 def cameras(batch):
     return batch["mask"], batch["intrinsics"], batch["extrinsics"]
 

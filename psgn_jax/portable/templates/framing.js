@@ -93,9 +93,9 @@ export function networkInputs(view, { view_size: [height, width], image_size: [o
 
 /**
  * Points moved, at their depth, into the mask of the network's input, as by psgn_jax.losses.silhouette.
- * All points stay if more than half of them are outside.
+ * All points stay if a larger share than mostOutside is outside.
  */
-export function intoSilhouette(points, mask, { camera: { intrinsics, extrinsics: e }, view_size: [viewHeight, viewWidth], image_size: [height, width] }) {
+export function intoSilhouette(points, mask, mostOutside, { camera: { intrinsics, extrinsics: e }, view_size: [viewHeight, viewWidth], image_size: [height, width] }) {
   const result = Float32Array.from(points), inside = [];
   const k = intrinsics.map((row, i) => row.map(v => v * [width / viewWidth, height / viewHeight, 1][i]));
   mask.forEach((on, i) => { if (on) inside.push([i % width, Math.floor(i / width)]); });
@@ -112,7 +112,7 @@ export function intoSilhouette(points, mask, { camera: { intrinsics, extrinsics:
     const move = pixel.map((p, axis) => (Math.min(Math.max(p, nearest[axis] + 0.01), nearest[axis] + 0.99) - p) * z / k[axis][axis]);
     for (let axis = 0; axis < 3; axis++) result[i + axis] += e[0][axis] * move[0] + e[1][axis] * move[1];
   }
-  return outside > points.length / 6 ? Float32Array.from(points) : result;
+  return outside > mostOutside * (points.length / 3) ? Float32Array.from(points) : result;
 }
 
 /** The values of an array whose rows have this many elements, with the elements of each row in reverse order. */

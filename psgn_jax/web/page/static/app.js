@@ -241,10 +241,9 @@ const predict = guarded(async () => {
   let predicted = await run(image, small);
   if (predicted.length !== count * length || !predicted.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
   if (!about.random_size) predicted = meanWithMirror(predicted, await run(mirrored(image, w, 3), mirrored(small, w, 1)));
-  const parts = Array.from({ length: count }, (_, k) => {
-    const part = predicted.slice(k * length, (k + 1) * length);
-    return view.placed ? part : intoSilhouette(part, small, about); // the camera of a photo is not known
-  });
+  const mostOutside = view.placed ? 0.1 : 0.5; // as psgn_jax.losses.silhouette
+  const parts = Array.from({ length: count }, (_, k) =>
+    intoSilhouette(predicted.slice(k * length, (k + 1) * length), small, mostOutside, about));
   const points = Float32Array.from(parts.flatMap(part => [...part])), stray = parts.map(strayPoints);
   const { points: normal } = view.placed ? normalForm(points, stray.flat()) : { points };
   page.clouds = parts.map((part, k) => ({
