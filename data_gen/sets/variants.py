@@ -114,7 +114,7 @@ class Surface:
         corners = (move(self.corners.reshape(-1, 3)) @ turn).reshape(-1, 4, 3)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
         area = np.linalg.norm(across, axis=1)
-        intrinsics, extrinsics = _camera(preset, points, rng)
+        intrinsics, extrinsics = _camera(preset, corners.reshape(-1, 3), rng)
         eye = -extrinsics[:, :3].T @ extrinsics[:, 3]
         normals = _facing(across / (area[:, None] + 1e-12), points, eye)
         light = _LIGHT + rng.normal(size=3) * _LIGHT_DEVIATION

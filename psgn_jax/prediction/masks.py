@@ -81,12 +81,16 @@ def find_mask(
         if certain >= LEAST_CERTAINTY and _SMALLEST <= mask.mean() <= _LARGEST:
             return FoundMask(mask, "network")
         # Rounded down, so that a certainty that is refused never reads like one that is accepted.
-        reason = f"{int(100 * certain)}%, expected at least {LEAST_CERTAINTY:.0%}"
-        if certain >= LEAST_CERTAINTY:
-            reason = f"it would cover {mask.mean():.2%} of the image"
+        reason = (
+            f"it is not certain which part is the object ({int(100 * certain)}%, expected at least "
+            f"{LEAST_CERTAINTY:.0%})"
+            if certain < LEAST_CERTAINTY
+            else f"the mask that was found covers {mask.mean():.3%} of the image (expected "
+            f"{_SMALLEST:.2%} to {_LARGEST:.0%})"
+        )
         raise PhotoError(
-            f"it is not certain which part is the object ({reason}); give its mask, white on the "
-            "object, with --mask=FILE, or paint it in `psgn demo`"
+            f"{reason}; give the mask of the object, white on it, with --mask=FILE, or paint it in "
+            "`psgn demo`"
         )
     raise PhotoError(f"no object found ({method}); give its mask with --mask=FILE")
 

@@ -41,6 +41,17 @@ def test_points_outside_move_at_their_depth_to_the_nearest_pixel(mask):
     assert (np.abs(after - before)[~inside] <= np.abs(cells) + 1).all()
 
 
+@pytest.mark.parametrize("outside", [9, 11])
+def test_a_limit_of_a_tenth(mask, outside):
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-0.4, 0.4, (2000, 3)).astype("f4") + np.float32([0, 0, 0.3])
+    pixels, _ = camera.project(points, INTRINSICS, EXTRINSICS)
+    inside = camera.inside_mask(pixels, mask)
+    points = np.concatenate([points[~inside][:outside], points[inside][: 100 - outside]])
+    result = np.asarray(into_silhouette(points, mask, INTRINSICS, EXTRINSICS, 0.1))
+    assert (result != points).any(axis=1).sum() == (outside if outside < 10 else 0)
+
+
 def test_nothing_moves_if_the_mask_or_the_camera_is_wrong(mask):
     points = np.random.default_rng(1).uniform(-1, 1, (50, 3)).astype("f4")
     np.testing.assert_array_equal(moved(points, np.zeros_like(mask)), points)

@@ -49,7 +49,7 @@ def test_the_network_finds_objects_in_photographs(name):
 
 def test_without_certainty_a_mask_is_asked_for(rng):
     for image in (np.full((64, 64, 3), 90, np.uint8), rng.integers(0, 255, (64, 90, 3), np.uint8)):
-        with pytest.raises(photo.PhotoError, match=r"not certain .* give its mask.* --mask=FILE"):
+        with pytest.raises(photo.PhotoError, match=r"not certain .* give the mask.* --mask=FILE"):
             masks.find_mask(image)
     with pytest.raises(photo.PhotoError, match=r"no object found \(plain\); give its mask"):
         masks.find_mask(rng.integers(0, 255, (64, 64, 3), np.uint8), method="plain")
@@ -61,7 +61,7 @@ def test_without_certainty_a_mask_is_asked_for(rng):
 
 @pytest.mark.parametrize(("p", "reason"), [
     (0.7996, "79%, expected at least 80%"),
-    (1.0, "it would cover 100.00% of the image"),
+    (1.0, "covers 100.000% of the image (expected 0.05% to 97%); give the mask"),
 ])  # fmt: skip
 def test_the_reason_for_asking_is_stated(monkeypatch, p, reason):
     monkeypatch.setattr(masks, "probabilities", lambda image: np.full((8, 8), p, np.float32))

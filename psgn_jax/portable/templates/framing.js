@@ -91,11 +91,14 @@ export function networkInputs(view, { view_size: [height, width], image_size: [o
   return { image: Uint8Array.from(image, Math.round), mask: Uint8Array.from(mask, level => +(level > 0.5 - 1e-6)) };
 }
 
+/** The largest share of points outside the mask that are moved: the elevation of a placed photo's camera is not known. */
+export const mostOutside = view => view.placed ? 0.1 : 0.5;
+
 /**
  * Points moved, at their depth, into the mask of the network's input, as by psgn_jax.losses.silhouette.
- * All points stay if a larger share than mostOutside is outside.
+ * All points stay if a larger share than most is outside.
  */
-export function intoSilhouette(points, mask, mostOutside, { camera: { intrinsics, extrinsics: e }, view_size: [viewHeight, viewWidth], image_size: [height, width] }) {
+export function intoSilhouette(points, mask, most, { camera: { intrinsics, extrinsics: e }, view_size: [viewHeight, viewWidth], image_size: [height, width] }) {
   const result = Float32Array.from(points), inside = [];
   const k = intrinsics.map((row, i) => row.map(v => v * [width / viewWidth, height / viewHeight, 1][i]));
   mask.forEach((on, i) => { if (on) inside.push([i % width, Math.floor(i / width)]); });
@@ -112,7 +115,7 @@ export function intoSilhouette(points, mask, mostOutside, { camera: { intrinsics
     const move = pixel.map((p, axis) => (Math.min(Math.max(p, nearest[axis] + 0.01), nearest[axis] + 0.99) - p) * z / k[axis][axis]);
     for (let axis = 0; axis < 3; axis++) result[i + axis] += e[0][axis] * move[0] + e[1][axis] * move[1];
   }
-  return outside > mostOutside * (points.length / 3) ? Float32Array.from(points) : result;
+  return outside > most * (points.length / 3) ? Float32Array.from(points) : result;
 }
 
 /** The values of an array whose rows have this many elements, with the elements of each row in reverse order. */

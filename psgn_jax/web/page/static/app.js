@@ -3,7 +3,7 @@
 import * as ort from "./runtime/ort.wasm.min.mjs";
 import { CloudView } from "./cloud.js";
 import { FORMATS } from "./files.js";
-import { coloursFromView, intoSilhouette, meanWithMirror, mirrored, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
+import { coloursFromView, intoSilhouette, meanWithMirror, mirrored, mostOutside, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
 
 const SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
 const MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
@@ -241,9 +241,8 @@ const predict = guarded(async () => {
   let predicted = await run(image, small);
   if (predicted.length !== count * length || !predicted.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
   if (!about.random_size) predicted = meanWithMirror(predicted, await run(mirrored(image, w, 3), mirrored(small, w, 1)));
-  const mostOutside = view.placed ? 0.1 : 0.5; // as psgn_jax.losses.silhouette
   const parts = Array.from({ length: count }, (_, k) =>
-    intoSilhouette(predicted.slice(k * length, (k + 1) * length), small, mostOutside, about));
+    intoSilhouette(predicted.slice(k * length, (k + 1) * length), small, mostOutside(view), about));
   const points = Float32Array.from(parts.flatMap(part => [...part])), stray = parts.map(strayPoints);
   const { points: normal } = view.placed ? normalForm(points, stray.flat()) : { points };
   page.clouds = parts.map((part, k) => ({
