@@ -28,10 +28,9 @@ trained in several shorter runs.
 Data: 1.6 million samples from the free set, from new views of the authors' training objects and of
 variants of them with other proportions, rendered and drawn, also as seen from other heights, and
 from the authors' training batches. `records/authors*12` counts each sample of this folder 12 times.
-Only the authors' validation
-batches are used for evaluation (`data.eval_path`). To leave out data sets, list the others:
-`--config.data.path=records/free/furniture,records/authors`. To start from the weights in the
-package, add `--config.train.init=NAME` (`psgn weights list`).
+Only the authors' validation batches are used for evaluation (`data.eval_path`). To leave out data
+sets, list the others: `--config.data.path=records/free/furniture,records/authors`. To start from
+the weights in the package, add `--config.train.init=NAME` (`psgn weights list`).
 
 Photos: 30 % of the samples from the authors' angle are cropped and placed like photos
 (`data.place`), as are all samples from other angles. All samples are scaled and shifted a little,

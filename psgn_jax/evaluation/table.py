@@ -11,7 +11,7 @@ import numpy as np
 
 from psgn_jax.evaluation.aligned import ITERATIONS, LARGEST_SCALE, LEAST_SCALE
 from psgn_jax.evaluation.results import OVER_CATEGORIES, OVER_SAMPLES, Evaluation, SampleName
-from psgn_jax.losses.silhouette import MOST_OUTSIDE, MOST_OUTSIDE_PLACED
+from psgn_jax.losses.silhouette import largest_share
 from psgn_jax.system.files import finite_or_none
 from psgn_jax.system.untrusted import one_line
 
@@ -152,7 +152,7 @@ each prediction that bring it nearest to its truth ({ITERATIONS} nearest-neighbo
 Images were cropped and placed like photos, and the true points were moved accordingly. The unit is
 that of the frame; an object has radius 1 before it is placed and about 0.8 to 1.2 afterwards."""
     if evaluation.refined:
-        most = MOST_OUTSIDE_PLACED if evaluation.frame == "place" else MOST_OUTSIDE
+        most = largest_share(evaluation.frame == "place")
         frame += f"""
 Predicted clouds were averaged with those of the mirror image, and points that projected outside the
 image's mask were moved into it, at their depth, if they were at most {most:.0%} of a cloud."""

@@ -9,16 +9,20 @@ import jax.numpy as jnp
 
 from psgn_jax.array_types import Array, Bool, Float
 
-MOST_OUTSIDE, MOST_OUTSIDE_PLACED = 0.5, 0.1
-"""Largest share of points outside the mask: of a known camera, and of an image that was placed.
-
-The camera of a photo that is placed by the rule of `data.framing` may have another elevation than
-the authors'. Then more points are outside, and moving them makes the cloud worse: on photo-like
-renders, limits of 0, .1 and .5 have an aligned EMD of .1250, .1247 and .1261 (journal, 2026-11-24).
-"""
-
+MOST_OUTSIDE = 0.5
 _FAR = 1 << 14  # pixels; larger than any image, and its square fits into 32 bits
 _HALF = 0.49  # of a pixel; a point moves to within this distance of a pixel's centre
+
+
+def largest_share(placed: bool) -> float:
+    """Largest share of points outside the mask that is moved: .5, of a placed image .1.
+
+    The camera of a photo that is placed by the rule of `data.framing` may have another elevation
+    than the authors'. Then more points are outside, and moving them makes the cloud worse: on
+    photo-like renders, limits of 0, .1 and .5 have an aligned EMD of .1250, .1247 and .1261
+    (journal, 2026-11-24).
+    """
+    return 0.1 if placed else MOST_OUTSIDE
 
 
 def into_silhouette(

@@ -18,7 +18,7 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, require_points_task
 from psgn_jax.data import camera, framing, photo, resize
-from psgn_jax.losses.silhouette import MOST_OUTSIDE, MOST_OUTSIDE_PLACED
+from psgn_jax.losses.silhouette import largest_share
 from psgn_jax.models import networks
 from psgn_jax.prediction import export, masks, sampling
 from psgn_jax.prediction.refine import refined
@@ -195,7 +195,7 @@ class Predictor:
             "intrinsics": camera.scale_intrinsics(view.intrinsics, view.mask.shape, size)[None],
             "extrinsics": view.extrinsics[None],
         }
-        most_outside = np.float32(MOST_OUTSIDE_PLACED if view.placed else MOST_OUTSIDE)
+        most_outside = np.float32(largest_share(view.placed))
         points = np.asarray(
             self._network(
                 self._params, batch, None if r is None else r[None], most_outside, refine=refine

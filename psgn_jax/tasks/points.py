@@ -21,7 +21,7 @@ from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.by_name import configured_loss, parse_terms
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
-from psgn_jax.losses.silhouette import MOST_OUTSIDE, MOST_OUTSIDE_PLACED
+from psgn_jax.losses.silhouette import largest_share
 from psgn_jax.models import networks, posterior
 from psgn_jax.prediction import sampling
 from psgn_jax.prediction.refine import refined
@@ -110,9 +110,8 @@ class Points(Task):
         predict = functools.partial(networks.predict, self.config, self._model, params)
         r = batch.get("r")
         if self.config.eval.refine:
-            placed = self.config.data.eval_frame == "place"
-            most_outside = MOST_OUTSIDE_PLACED if placed else MOST_OUTSIDE
-            pred = refined(predict, batch, r, most_outside=most_outside)
+            share = largest_share(self.config.data.eval_frame == "place")
+            pred = refined(predict, batch, r, most_outside=share)
         else:
             pred = predict(batch, r)
         visible = [batch["visible"]] if "visible" in batch else []
