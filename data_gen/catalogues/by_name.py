@@ -13,6 +13,7 @@ from typing import Any
 from data_gen.catalogues.entry import Catalogue
 from data_gen.catalogues.flightgear import flightgear
 from data_gen.catalogues.folder import ac3d, folder
+from data_gen.catalogues.indexed import indexed
 from data_gen.catalogues.procedural import procedural
 from data_gen.catalogues.proportions import DEVIATION
 from data_gen.catalogues.records import records
@@ -23,6 +24,7 @@ from data_gen.catalogues.torcs import torcs
 CATALOGUES: dict[str, Callable[..., Catalogue]] = {
     "procedural": procedural,
     "folder": folder,
+    "indexed": indexed,
     "shapenet": shapenet,
     "sh3f": sweet_home,
     "ac3d": ac3d,

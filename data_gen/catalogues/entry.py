@@ -119,6 +119,33 @@ def _place(model_id: str) -> float:
     return int.from_bytes(digest[:8], "big") / 2**64
 
 
+_COLOURS = (
+    "white|black|red|green|blue|yellow|grey|gray|brown|beige|orange|pink|purple|gold|silver|dark"
+    "|light|clear"
+)
+
+_ENDINGS = re.compile(
+    rf"([-_ .]?(lod[-_]?\d*|(low|high|hi)[-_]?(poly|res)|{_COLOURS})"
+    r"|[-_ .]+(\d{1,3}|[a-z])|(?<=[a-z]{3})\d{1,2}|\(\d+\))$"
+)
+
+
+def family_of(model_id: str) -> str:
+    """The common part of the names of near-duplicates.
+
+    It is the name without folders, suffix and livery (after a colon), and without numbers, colours
+    and levels of detail at its end: `Models/farmhouse2-white.ac` and `farmhouse4.ac` are in the
+    family "farmhouse", `A320/Models/A320.ac:AirFrance` is in the family "a320".
+    """
+    name = model_id.rpartition("/")[2].rpartition("#")[2].split(":")[0].casefold()
+    stem = re.sub(r"\.[a-z]{1,4}$", "", name)
+    while True:
+        shorter = _ENDINGS.sub("", stem)
+        if len(shorter) < 2 or shorter == stem:
+            return stem
+        stem = shorter
+
+
 def moved_to_empty_splits(
     splits: Mapping[str, str], wanted: Sequence[str], fixed: Collection[str] = ()
 ) -> dict[str, str]:

@@ -45,37 +45,10 @@ from absl import app, flags, logging
 from data_gen import config, job, settings
 from data_gen.catalogues import non_objects
 from data_gen.catalogues.by_name import open_catalogue, variants_of
-from data_gen.catalogues.entry import Catalogue, original_name, split_of
+from data_gen.catalogues.entry import Catalogue, family_of, original_name, split_of
 from psgn_jax.system.files import write_atomic
 from psgn_jax.system.signals import exit_on_signals
 from psgn_jax.system.untrusted import message_line
-
-_COLOURS = (
-    "white|black|red|green|blue|yellow|grey|gray|brown|beige|orange|pink|purple|gold|silver|dark"
-    "|light|clear"
-)
-
-_ENDINGS = re.compile(
-    rf"([-_ .]?(lod[-_]?\d*|(low|high|hi)[-_]?(poly|res)|{_COLOURS})"
-    r"|[-_ .]+(\d{1,3}|[a-z])|(?<=[a-z]{3})\d{1,2}|\(\d+\))$"
-)
-
-
-def family_of(model_id: str) -> str:
-    """The common part of the names of near-duplicates.
-
-    It is the name without folders, suffix and livery (after a colon), and without numbers, colours
-    and levels of detail at its end: `Models/farmhouse2-white.ac` and `farmhouse4.ac` are in the
-    family "farmhouse", `A320/Models/A320.ac:AirFrance` is in the family "a320".
-    """
-    name = model_id.rpartition("/")[2].rpartition("#")[2].split(":")[0].casefold()
-    stem = re.sub(r"\.[a-z]{1,4}$", "", name)
-    while True:
-        shorter = _ENDINGS.sub("", stem)
-        if len(shorter) < 2 or shorter == stem:
-            return stem
-        stem = shorter
-
 
 @dataclasses.dataclass(frozen=True)
 class Licence:

@@ -84,14 +84,14 @@ class Kit:
         number = {id(material): k for k, material in enumerate(materials)}
         owner = np.array([number[id(material)] for _, material in self.parts])
         part_of = np.repeat(np.arange(len(starts)), [len(part.faces) for part, _ in self.parts])
-        uv = _texture_coordinates(vertices, faces, starts, part_of, materials, owner)
+        uv = texture_coordinates(vertices, faces, starts, part_of, materials, owner)
         model = build_model(vertices, faces, materials=materials, face_material=owner[part_of],
                             uv=uv, category=category, model_id=model_id, parameters=parameters)
         # Caps with collinear points have triangles without area; no warning is needed.
         return dataclasses.replace(normalize(model), warnings=())
 
 
-def _texture_coordinates(
+def texture_coordinates(
     vertices: np.ndarray, faces: np.ndarray, starts: np.ndarray, part_of: np.ndarray,
     materials: Sequence[Material], owner: np.ndarray,
 ) -> np.ndarray:

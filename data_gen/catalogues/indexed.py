@@ -1,0 +1,134 @@
+"""Catalogue of a folder of meshes with an index, a CSV file that has a line for each model."""
+
+import csv
+import dataclasses
+import functools
+import hashlib
+import io
+import os
+import pathlib
+from collections.abc import Callable
+
+import numpy as np
+
+from data_gen.catalogues.entry import Catalogue, Entry, family_of, split_of
+from data_gen.catalogues.families import kit, materials
+from data_gen.mesh import Material, Model
+from data_gen.readers.files import FolderFiles
+from data_gen.readers.load import load_model
+from psgn_jax.system.untrusted import one_line
+
+INDEX = "index.csv"
+
+_MAX_INDEX_BYTES = 64 << 20
+
+_MAKERS: dict[str, tuple[Callable[[np.random.Generator], Material], ...]] = {
+    "wood": (materials.wood,),
+    "metal": (materials.metal,),
+    "plastic": (materials.plastic, materials.paint),
+    "cloth": (materials.fabric, materials.fabric, materials.leather),
+    "stone": (materials.stone,),
+    "colour": (materials.lacquer, materials.paint),
+}
+
+_KINDS = {
+    "wood": "bed bench box cabinet chair frame instrument shelf table toy",
+    "metal": "airplane bicycle bus can car cart cookware cutlery helicopter kettle lamp rifle "
+    "tank tool train truck weapon wheel",
+    "plastic": "appliance bathroom bottle box camera computer display drone headphones medical "
+    "speaker sport stationery telephone toy",
+    "cloth": "bag bed clothing pillow sofa tent",
+    "stone": "bathroom bowl mug planet plate rock vase",
+    "colour": "airplane animal book bottle bowl candle car chair clock figure food lamp mug other "
+    "plant plate sign spaceship table toy tool vase watercraft weapon",
+}
+"""Categories of which some objects are made of each kind of material."""
+
+
+def indexed(
+    source: str | os.PathLike[str], *, fractions: tuple[float, float, float] = (0.9, 0.05, 0.05)
+) -> Catalogue:
+    """The meshes that a file `index.csv` in a folder lists.
+
+    The index is a CSV file with a heading. Its column `file` has the path of each mesh, relative to
+    the folder, which is also the name of the model. A column `category` is optional. Further
+    columns, such as `licence` and `author`, are copied into the records as parameters of the model.
+    Glb and glTF files have +y up and their front toward +z.
+
+    A model of one grey material gets a material that fits its category, drawn for its name. Models
+    whose names differ only in numbers, colours or levels of detail are in the same split.
+
+    Args:
+      source: the folder.
+      fractions: fractions of the models for training, validation and test, see `split_of`.
+
+    Raises:
+      ValueError: the index is missing or damaged; the message names the line.
+    """
+    rows = read_index(source)
+    files = FolderFiles(source)
+    entries = []
+    for row in rows:
+        name, category = row["file"], row.get("category", "")
+        about = {k: v for k, v in row.items() if k not in ("file", "category") and v}
+        load = functools.partial(_load, name, files, category, about)
+        entries.append(Entry(name, category, split_of(family_of(name), fractions), load))
+    return Catalogue("indexed", entries, fractions)
+
+
+def read_index(source: str | os.PathLike[str]) -> list[dict[str, str]]:
+    """The lines of the index of a folder, as mappings from the columns of its heading.
+
+    Raises:
+      ValueError: the index is missing or damaged; the message names the line.
+    """
+    path = pathlib.Path(source) / INDEX
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(_MAX_INDEX_BYTES + 1)
+        if len(data) > _MAX_INDEX_BYTES:
+            raise ValueError(f"it is larger than {_MAX_INDEX_BYTES >> 20} MB")
+        reader = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
+        if "file" not in (reader.fieldnames or ()):
+            raise ValueError("line 1: expected a heading with a column `file`")
+        rows: dict[str, dict[str, str]] = {}
+        for row in reader:
+            if None in row or None in row.values() or not row["file"]:
+                raise ValueError(f"line {reader.line_num}: expected {len(reader.fieldnames or ())} "
+                                 "values, the first of them the path of a mesh")  # fmt: skip
+            if row["file"] in rows:
+                raise ValueError(f"line {reader.line_num}: {row['file']!r} is listed twice")
+            rows[row["file"]] = row
+    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+        raise ValueError(f"index {str(path)!r}: {one_line(error)}") from error
+    if not rows:
+        raise ValueError(f"index {str(path)!r}: it lists no model, expected at least one")
+    return list(rows.values())
+
+
+def _load(name: str, files: FolderFiles, category: str, about: dict[str, str]) -> Model:
+    model = load_model(name, files, category=category, parameters=about)
+    return _clothed(model) if _is_grey(model) else model
+
+
+def _is_grey(model: Model) -> bool:
+    """Whether all of the model has the same grey and no texture."""
+    colours = {m.diffuse for m in model.materials}
+    plain = all(m.texture is None for m in model.materials)
+    return plain and len(colours) == 1 and np.ptp(min(colours)) < 0.02
+
+
+def _clothed(model: Model) -> Model:
+    """The model with a material that fits its category, drawn for its name."""
+    digest = hashlib.sha256(f"material {model.model_id}".encode()).digest()
+    rng = np.random.default_rng(int.from_bytes(digest[:8], "big"))
+    fitting = [k for k, names in _KINDS.items() if model.category in names.split()]
+    kind = str(rng.choice(fitting or list(_MAKERS)))
+    makers = _MAKERS[kind]
+    material = makers[int(rng.integers(len(makers)))](rng)
+    uv = kit.texture_coordinates(
+        model.vertices, model.faces, np.zeros(1, np.int64), np.zeros(len(model.faces), np.int64),
+        [material], np.zeros(1, np.int64),
+    )  # fmt: skip
+    owner = np.zeros(len(model.faces), np.int64)
+    return dataclasses.replace(model, materials=(material,), face_material=owner, uv=uv)
