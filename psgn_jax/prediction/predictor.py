@@ -18,10 +18,10 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, require_points_task
 from psgn_jax.data import camera, framing, photo, resize
-from psgn_jax.losses.silhouette import largest_share
 from psgn_jax.models import networks
 from psgn_jax.prediction import export, masks, sampling
 from psgn_jax.prediction.refine import refined
+from psgn_jax.prediction.silhouette import largest_share
 from psgn_jax.system.files import write_atomic
 from psgn_jax.weights.leaves import checksum, named_leaves
 from psgn_jax.weights.run_folder import Run

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from psgn_jax.array_types import Array, Float
 from psgn_jax.losses.auction import assign
 from psgn_jax.losses.batches import map_pairs
-from psgn_jax.losses.silhouette import MOST_OUTSIDE, into_silhouette
+from psgn_jax.prediction.silhouette import MOST_OUTSIDE, into_silhouette
 
 # Less than the auction can prove in float32: it goes on to its last epsilon, and on the photos in
 # docs/photos finds the optimal bijection. That takes 5 % more time than a tolerance of .001.
@@ -46,7 +46,7 @@ def refined(
         each with the leading axis B; `depth` if it is an input.
       r: random input, or None.
       points: `predict(batch, r)` if it is known.
-      most_outside: largest share of points that is moved into the mask (`losses.silhouette`).
+      most_outside: largest share of points that is moved into the mask (`prediction.silhouette`).
     """
     points = predict(batch, r) if points is None else points
     if r is None and "depth" not in batch:

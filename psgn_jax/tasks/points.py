@@ -21,10 +21,10 @@ from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.by_name import configured_loss, parse_terms
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
-from psgn_jax.losses.silhouette import largest_share
 from psgn_jax.models import networks, posterior
 from psgn_jax.prediction import sampling
 from psgn_jax.prediction.refine import refined
+from psgn_jax.prediction.silhouette import largest_share
 from psgn_jax.tasks.base import Batch, Task
 from psgn_jax.viewing import spheres
 

@@ -6,10 +6,10 @@ from helpers import drawn_solids, javascript
 
 from psgn_jax.data import camera, framing, resize
 from psgn_jax.losses.emd import emd_exact
-from psgn_jax.losses.silhouette import into_silhouette
 from psgn_jax.portable import folder
 from psgn_jax.prediction import export
 from psgn_jax.prediction.refine import mean_of_matched
+from psgn_jax.prediction.silhouette import into_silhouette
 
 MODULES = {
     "framing": folder.TEMPLATES / "framing.js",

@@ -7,8 +7,8 @@ import pytest
 
 from psgn_jax.data import camera
 from psgn_jax.losses.emd import emd_exact
-from psgn_jax.losses.silhouette import into_silhouette
 from psgn_jax.prediction.refine import mean_of_matched, refined
+from psgn_jax.prediction.silhouette import into_silhouette
 
 SIZE = (48, 64)
 MIRROR = np.array([1, -1, 1], np.float32)

@@ -4,7 +4,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from psgn_jax.data import camera
-from psgn_jax.losses.silhouette import into_silhouette
+from psgn_jax.prediction.silhouette import into_silhouette
 
 SIZE = (48, 64)
 INTRINSICS, EXTRINSICS = camera.default_camera(SIZE)
